@@ -68,6 +68,16 @@ def covariance_with_prior(information: Array) -> Array:
     return covariance
 
 
+def moved_covariance(derivative: Array, covariance: Array) -> Array:
+    """`J S J'` of derivatives J (N, K, P) by parameters with a covariance S (P, P).  # (N, K, K)
+
+    One product for all: hundreds of parameters take a hundred times as long point by point.
+    """
+    half = (derivative.reshape(-1, len(covariance)) @ covariance).reshape(derivative.shape)
+    moved: Array = half @ derivative.transpose(0, 2, 1)
+    return moved
+
+
 def solve_square(matrix: Array, right: Array) -> Array:
     """`A^-1 B` of general matrices (..., N, N) and columns (..., N, K); nan where A is singular or not finite.
 

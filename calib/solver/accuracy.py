@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from calib.cameras import linearise, parameter_names, rays
 from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
-from calib.core.linear_algebra import least_squares, worse_sigma
+from calib.core.linear_algebra import least_squares, moved_covariance, worse_sigma
 from calib.core.types import Observations
 from calib.solver.levenberg import Minimum
 from calib.solver.linear_pose import FLAT
@@ -117,9 +117,7 @@ def projected_change(camera: Camera, pixel: Array, over: Array | None = None) ->
 
 def projected_covariance_px2(camera: Camera, param_covariance: Array, pixel: Array) -> Array:
     """Covariances (N, 2, 2) of where the camera shows the directions it has at pixels (N, 2); nan where it has none."""
-    change = projected_change(camera, pixel)
-    covariance: Array = change @ param_covariance @ change.transpose(0, 2, 1)
-    return covariance
+    return moved_covariance(projected_change(camera, pixel), param_covariance)
 
 
 def projected_sigma_px(camera: Camera, param_covariance: Array, pixel: Array) -> Array:

@@ -1,12 +1,13 @@
 """A solved camera, with what is known of its accuracy."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
+from calib.cameras.surface import surface_model
 from calib.core.types import Observations, freeze
 from calib.solver.plane_bend import PlaneBend
 from designer.base.marks import PACKED, AtLeast, AtMost, Length, Shape
@@ -108,3 +109,17 @@ class Calibration:
     def __post_init__(self) -> None:
         freeze(self, "is_outlier", dtype=np.bool_)
         freeze(self, "cam_from_target", "residual_px", "param_covariance", "pose_covariance")
+
+
+def without_surface(calibration: Calibration) -> Calibration:
+    """The calibration with the camera's base alone, as sure as that is; as it was of a camera without a surface."""
+    model = surface_model(calibration.camera.model)
+    if model is None:
+        return calibration
+    own, error = slice(model.first_control), calibration.target_error
+    return replace(
+        calibration,
+        camera=model.base_camera(calibration.camera),
+        param_covariance=calibration.param_covariance[own, own],
+        target_error=error and replace(error, param_covariance=error.param_covariance[own, own]),
+    )

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import linearise
+from calib.cameras.surface import surface_model
 from calib.solver.calibration import Calibration
 from calib.solver.problem import whiteners
 
@@ -84,6 +85,19 @@ def free_directions(param_covariance: Array) -> Array:
     able = value > SINGULAR * value.max()
     free: Array = sigma[:, None] * axis[:, able] * np.sqrt(value[able])
     return free
+
+
+def camera_directions(calibration: Calibration) -> Array:
+    """The directions (P, Q) in which a camera was estimated; of one with a surface those of its base.
+
+    What a target's errors do to hundreds of control points is taken to be what they do to the few numbers of the base.
+    """
+    surface, covariance = surface_model(calibration.camera.model), calibration.param_covariance
+    if surface is None:
+        return free_directions(covariance)
+    base = surface.first_control
+    directions = free_directions(covariance[:base, :base])
+    return np.concatenate([directions, np.zeros((len(covariance) - base, directions.shape[1]))])
 
 
 def shape_equations(calibration: Calibration, basis: Array, modes_mm: Array, own_mm: Array) -> ShapeEquations:

@@ -89,6 +89,28 @@ def surface_equations(
 
 
 @jit_sums
+def _fill(turned: Array, row: Array, residual: Array, factor: Array, x: Array, y: Array) -> None:
+    """Whitened derivatives of a sighting by pose and base, and its residual; y: times the whitener's transpose.
+
+    The second is what they share with control points, whose derivatives are the whitener's columns.
+    """
+    a, b, c, base, dense = factor[0], factor[1], factor[2], len(row) // 2 - 4, x.shape[1]
+    for axis in range(2):
+        p, q, r = row[2 + 3 * axis], row[3 + 3 * axis], row[4 + 3 * axis]
+        x[axis, 0] = turned[1] * r - turned[2] * q
+        x[axis, 1] = turned[2] * p - turned[0] * r
+        x[axis, 2] = turned[0] * q - turned[1] * p
+        x[axis, 3], x[axis, 4], x[axis, 5] = p, q, r
+        for k in range(base):
+            x[axis, 6 + k] = row[8 + axis * base + k]
+        x[axis, dense - 1] = residual[axis]
+    for k in range(dense):
+        x[1, k] = b * x[0, k] + c * x[1, k]
+        x[0, k] = a * x[0, k]
+        y[0, k], y[1, k] = a * x[0, k] + b * x[1, k], c * x[1, k]
+
+
+@jit_sums
 def _accumulate(
     view: NDArray[np.int64],
     turned: Array,
@@ -127,19 +149,7 @@ def _accumulate(
         a, b, c = factor[0, n], factor[1, n], factor[2, n]
         if a == 0:
             continue
-        for axis in range(2):
-            p, q, r = rows[2 + 3 * axis, n], rows[3 + 3 * axis, n], rows[4 + 3 * axis, n]
-            x[axis, 0] = turned[1, n] * r - turned[2, n] * q
-            x[axis, 1] = turned[2, n] * p - turned[0, n] * r
-            x[axis, 2] = turned[0, n] * q - turned[1, n] * p
-            x[axis, 3], x[axis, 4], x[axis, 5] = p, q, r
-            for k in range(base):
-                x[axis, 6 + k] = rows[8 + axis * base + k, n]
-            x[axis, dense - 1] = residual[axis, n]
-        for k in range(dense):
-            x[1, k] = b * x[0, k] + c * x[1, k]
-            x[0, k] = a * x[0, k]
-            y[0, k], y[1, k] = a * x[0, k] + b * x[1, k], c * x[1, k]  # on the surface's own axes
+        _fill(turned[:, n], rows[:, n], residual[:, n], factor[:, n], x, y)
         own = pose[view[n]]
         for k in range(dense):
             for m in range(dense):

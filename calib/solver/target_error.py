@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.solver.calibration import Calibration, MadeWith, TargetError
-from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations
+from calib.solver.free_shape import ShapeEquations, camera_directions, shape_equations
 from designer.target import TargetGeometry
 from designer.tolerance.made import Made, prior_of
 from designer.tolerance.prior import ShapePrior
@@ -91,7 +91,7 @@ def left_open(calibration: Calibration, prior: ShapePrior | None) -> LeftOpen | 
 
 def _equations(calibration: Calibration, prior: ShapePrior | None) -> tuple[ShapeEquations, Array] | None:
     """The normal equations with a prior's numbers, and those of its modes that move a point that was seen."""
-    basis = free_directions(calibration.param_covariance)
+    basis = camera_directions(calibration)
     if prior is None or not basis.size or calibration.camera.learned is not None:
         return None
     used = np.unique(calibration.observations.point[~calibration.is_outlier])

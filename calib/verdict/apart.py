@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from calib.cameras import linearise, project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
-from calib.core.linear_algebra import least_squares, worse_sigma
+from calib.core.linear_algebra import least_squares, moved_covariance, worse_sigma
 from calib.core.types import frozen_array
 from calib.solver.accuracy import SHARE_PERCENT
 from calib.verdict.coverage import Coverage
@@ -112,7 +112,7 @@ def apart(a: Known, b: Known, coverage: Coverage) -> Apart | None:
     covariance = np.full((len(flat), 2, 2), np.nan)
     changes, difference[seen] = _less_turn(b.camera, ray[seen] @ turn.T, off[seen])
     own, _ = _less_turn(a.camera, ray[seen], off[seen])
-    covariance[seen] = _moved(own, a.param_covariance) + _moved(changes, b.param_covariance)
+    covariance[seen] = moved_covariance(own, a.param_covariance) + moved_covariance(changes, b.param_covariance)
     shape = pixel.shape[:2]
     return Apart(pixel, difference.reshape(*shape, 2), covariance.reshape(*shape, 2, 2), covered)
 
@@ -126,12 +126,6 @@ def _less_turn(camera: Camera, ray: Array, off: Array) -> tuple[Array, Array]:
     turn = least_squares(by_turn.reshape(-1, 3), fields.reshape(-1, fields.shape[2]))
     rest = fields - by_turn @ turn
     return rest[:, :, :-1], rest[:, :, -1]
-
-
-def _moved(by_params: Array, param_covariance: Array) -> Array:
-    """The covariances (N, 2, 2) of pixels whose parameters have a covariance."""
-    covariance: Array = by_params @ param_covariance @ by_params.transpose(0, 2, 1)
-    return covariance
 
 
 def sigma_over(known: Known, coverage: Coverage) -> Array:
@@ -149,7 +143,7 @@ def moved_over(camera: Camera, step: Array, covariance: Array, coverage: Coverag
     if len(ray) < LEAST_PIXELS:
         return np.zeros((0, 2)), np.zeros((0, 2, 2))
     by_params, _ = _less_turn(camera, ray, np.zeros((len(ray), 2)))
-    return by_params @ step, _moved(by_params, covariance)
+    return by_params @ step, moved_covariance(by_params, covariance)
 
 
 def in_sigmas(field_px: Array, covariance_px2: Array) -> float:

@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import sums_by
 from calib.core.parallel import one_thread
 from calib.core.types import Observations, keep_sightings, keep_views
@@ -159,7 +160,7 @@ PER_RIGHT_ANGLE = 0.35
 
 
 def splits(calibration: Calibration) -> tuple[NDArray[np.bool_], ...]:
-    """Up to four ways: which views (V,) belong to the first half.
+    """Up to four ways, one of a camera with a surface: which views (V,) belong to the first half.
 
     Each orders the views along another direction in which they differ (where in the image, how large, from which side,
     how rolled; the principal axes of these) and takes them in turns: first, second, second, first. So the halves are
@@ -172,7 +173,9 @@ def splits(calibration: Calibration) -> tuple[NDArray[np.bool_], ...]:
     # An axis may point either way; which one must not depend on the order of the views.
     axes *= np.sign(np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1))
     found: dict[bytes, NDArray[np.bool_]] = {}
-    for axis in axes[:MOST_SPLITS]:
+    # Of hundreds of parameters a split takes megabytes to keep, and tells much by itself.
+    most = MOST_SPLITS if surface_model(calibration.camera.model) is None else 1
+    for axis in axes[:most]:
         rank = np.argsort(np.argsort(feature @ axis, kind="stable"))
         is_first = np.isin(rank % 4, (0, 3))
         # A half and its complement are the same split.

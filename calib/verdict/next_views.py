@@ -13,14 +13,14 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import fitted_models, project
+from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
 from calib.core.linear_algebra import covariance_with_prior
 from calib.core.se3 import rigid_fault, transform
 from calib.core.types import frozen_array
 from calib.solver.accuracy import NO_FIT, SHARE_PERCENT, share_px
-from calib.solver.calibration import Calibration
+from calib.solver.calibration import Calibration, without_surface
 from calib.verdict.candidate_views import CandidateViews, faces_seen
 from calib.verdict.choose_views import (
     CandidatePhoto,
@@ -96,7 +96,7 @@ NEXT_VIEWS = FileKind(NextViews, "next_views", "a next_views.json", "run again",
 
 def why_no_next_views(calibration: Calibration) -> str:
     """Why nothing can be proposed, in a line; empty if it can."""
-    if calibration.camera.model not in fitted_models():  # a learned map's covariance takes it as exact
+    if calibration.camera.learned is not None:  # a learned map's covariance takes it as exact
         return (
             f"the {calibration.camera.model} model's accuracy takes its learned map as exact; "
             "see the next photos of another model"
@@ -132,6 +132,7 @@ def next_views(
         factor: that halves of the photos enlarge the standard deviations of the noise by.
         prior: of how the target was made; None: not known, or no matter.
     """
+    calibration = without_surface(calibration)  # what tells most of the base tells most of what lies around it
     scene = None if why_no_next_views(calibration) else scene_of(calibration, face_share, factor, prior)
     if scene is None:
         return ()

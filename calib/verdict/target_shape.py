@@ -19,7 +19,7 @@ from calib.core.parallel import one_thread
 from calib.core.types import KnownPoints
 from calib.solver.accuracy import SHARE_PERCENT
 from calib.solver.calibration import Calibration
-from calib.solver.free_shape import free_directions, shape_equations
+from calib.solver.free_shape import camera_directions, shape_equations
 from calib.solver.target_error import extended
 from calib.verdict.apart import in_sigmas, moved_over
 from calib.verdict.coverage import Coverage
@@ -44,7 +44,7 @@ def shape_effect(calibration: Calibration, coverage: Coverage) -> ShapeEffect | 
     """The effect; None if it cannot be told: a learned map, points on no known face, or too few sightings."""
     seen = calibration.observations
     used = np.unique(seen.point[~calibration.is_outlier])
-    basis = free_directions(calibration.param_covariance)
+    basis = camera_directions(calibration)
     if calibration.camera.learned is not None or not basis.size or not len(used) or (seen.points.face[used] < 0).any():
         return None
     deformation = deformation_of(seen.points, used)
