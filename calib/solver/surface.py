@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.__init__ import is_allowed
 from calib.cameras.camera import Camera
 from calib.cameras.surface import SurfaceModel
 from calib.core.linear_algebra import symmetric_inverse
@@ -20,7 +21,7 @@ from calib.solver.accuracy import Accuracy, UndeterminedError
 from calib.solver.blocks import Blocks, Misfit, RobustLoss, view_misfit
 from calib.solver.costs import IMAGE
 from calib.solver.descend import Descended, is_robust, lost_views
-from calib.solver.levenberg import FIRST_DAMPING, Minimum, is_allowed, move_poses, turn_of_centre
+from calib.solver.levenberg import FIRST_DAMPING, Minimum, move_poses, turn_of_centre
 from calib.solver.options import Loss, SolveOptions, Tie
 from calib.solver.outliers import deviations, robust_covariance_factor, robust_sigma, whitened
 from calib.solver.problem import Problem
