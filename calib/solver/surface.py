@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras.__init__ import is_allowed
+from calib.cameras import is_allowed
 from calib.cameras.camera import Camera
 from calib.cameras.surface import SurfaceModel
 from calib.core.linear_algebra import symmetric_inverse

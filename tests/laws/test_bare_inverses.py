@@ -47,6 +47,7 @@ ALLOWED = {
     "calib/studies/tolerance/map_error.py map_error_px": "three turns, seen over a whole image",
     "calib/studies/tolerance/setting.py _setting": "Cholesky of the detector's covariances, as its noise is drawn",
     "calib/virtual/learn_views.py _combined": "shortest steps with a cut-off that is meant to forget",
+    "designer/base/packed.py _root": "Cholesky, which tells whether there is a root, and is asked",
     "designer/make/assembly.py _tiles": "a turn and a shift",
     "designer/make/bed.py against_skew_along": "a skew of a printer's axes, which is small",
     "designer/tolerance/shape.py target_of": "a stretch within bounds that are checked before",
