@@ -51,13 +51,13 @@ def solve(
     begin = time.perf_counter()
     options = options or SolveOptions()
     _check(options)
+    surface = surface_model(model)
+    if surface is not None:
+        require_image(surface, options)
     if options.free_bend:
         flat = replace(options, free_bend=False)
         return solve_bent(observations, lambda seen: solve(seen, model, flat, noise_px2=noise_px2), options)
     require_planes(options.minimise, observations.points, observations.point)
-    surface = surface_model(model)
-    if surface is not None:
-        require_image(surface, options)
     lens = model if surface is None else surface.base.name
     tie = tie_parameters(model, options)
     noise = observations.cov_px2 if noise_px2 is None else noise_px2

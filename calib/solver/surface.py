@@ -56,7 +56,7 @@ class _State:
 
 
 @dataclass(frozen=True, eq=False)
-class _Task:
+class _Bending:
     """What stays the same during the descent."""
 
     problem: Problem
@@ -107,6 +107,11 @@ def require_image(model: SurfaceModel, options: SolveOptions) -> None:
             f"minimise {options.minimise}: with the {model.name} model distances in the image are minimised; leave it "
             f"out, or solve another model, such as {model.base.name}"
         )
+    if options.free_bend:
+        raise InputError(
+            f"--free-bend: not with the {model.name} model; find the bend with another model, such as "
+            f"{model.base.name}, and give the points where they are"
+        )
 
 
 def require_points(problem: Problem, model: SurfaceModel) -> None:
@@ -153,14 +158,14 @@ def bend(
         model.scale(problem.image_size), (model.control_rows, model.control_columns),
         0.5 * float(np.hypot(*problem.image_size)),
     )  # fmt: skip
-    task = _Task(problem, model, spread, parts)
+    task = _Bending(problem, model, spread, parts)
     is_beyond = problem.is_used & ~np.isfinite(task.misfit_of(state, RobustLoss()).residual_px).all(axis=0)
     task = replace(task, problem=replace(problem, is_used=problem.is_used & ~is_beyond))
     return _forgiving(task, state, is_beyond, options, cov_px2)
 
 
 def _forgiving(
-    task: _Task, state: _State, is_beyond: Flags, options: SolveOptions, cov_px2: Array | None
+    task: _Bending, state: _State, is_beyond: Flags, options: SolveOptions, cov_px2: Array | None
 ) -> tuple[Descended, Accuracy]:
     """Descend, and weigh down or leave out what lies far off, until nothing changes."""
     limit, is_used, loss = options.reject_sigma, task.problem.is_used, RobustLoss()
@@ -183,7 +188,7 @@ def _forgiving(
     )
 
 
-def _weights(task: _Task, state: _State, loss: RobustLoss) -> Array:
+def _weights(task: _Bending, state: _State, loss: RobustLoss) -> Array:
     """By which the squares of the residuals count (M,): the loss' derivative."""
     if loss.kind == "squares":
         return np.ones(len(task.problem.is_used))
@@ -193,12 +198,12 @@ def _weights(task: _Task, state: _State, loss: RobustLoss) -> Array:
     return np.asarray(1 / (1 + (length / loss.knee) ** 2))
 
 
-def _equations(task: _Task, state: _State, loss: RobustLoss) -> SurfaceEquations:
+def _equations(task: _Bending, state: _State, loss: RobustLoss) -> SurfaceEquations:
     weight = _weights(task, state, loss)
     return surface_equations(task.problem, task.model, state.camera, state.cam_from_target, weight)
 
 
-def _descended(task: _Task, state: _State, loss: RobustLoss, *, learns: bool) -> _State:
+def _descended(task: _Bending, state: _State, loss: RobustLoss, *, learns: bool) -> _State:
     """Find how smooth the surface is, if it is to be learned, and go down from there."""
     equations = _equations(task, state, loss)
     surface = _surface_problem(task, state, equations)
@@ -208,7 +213,7 @@ def _descended(task: _Task, state: _State, loss: RobustLoss, *, learns: bool) ->
     return _lowest(task, replace(state, smoothness=smoothness), loss, _prior(task, surface, smoothness))
 
 
-def _surface_problem(task: _Task, state: _State, equations: SurfaceEquations) -> SurfaceProblem:
+def _surface_problem(task: _Bending, state: _State, equations: SurfaceEquations) -> SurfaceProblem:
     """The problem of the control points alone, counted from zero."""
     free, control = task.free, state.camera.params[task.model.first_control :]
     found = eliminated(equations)
@@ -224,7 +229,7 @@ def _surface_problem(task: _Task, state: _State, equations: SurfaceEquations) ->
     return SurfaceProblem(inner, at_zero, square, freedom, pinned, task.parts)
 
 
-def _prior(task: _Task, surface: SurfaceProblem, smoothness: Smoothness) -> Array:
+def _prior(task: _Bending, surface: SurfaceProblem, smoothness: Smoothness) -> Array:
     """The precision of all P parameters: that of the control points."""
     first = task.model.first_control
     size = len(task.model.parameters)
@@ -233,7 +238,7 @@ def _prior(task: _Task, surface: SurfaceProblem, smoothness: Smoothness) -> Arra
     return prior
 
 
-def _lowest(task: _Task, state: _State, loss: RobustLoss, prior: Array) -> _State:
+def _lowest(task: _Bending, state: _State, loss: RobustLoss, prior: Array) -> _State:
     """Levenberg-Marquardt: the sum of the losses, and the control points by their prior."""
     from scipy.linalg.lapack import dpotrf, dpotrs
 
@@ -275,7 +280,7 @@ def _inverse(normal: Array) -> Array:
 
 
 def _bent(
-    task: _Task, state: _State, loss: RobustLoss, is_beyond: Flags, options: SolveOptions, cov_px2: Array | None
+    task: _Bending, state: _State, loss: RobustLoss, is_beyond: Flags, options: SolveOptions, cov_px2: Array | None
 ) -> tuple[Descended, Accuracy]:
     """What came of it."""
     problem, misfit = task.problem, task.misfit_of(state, loss)
@@ -297,7 +302,9 @@ def _bent(
     return descended, accuracy
 
 
-def _accuracy(task: _Task, state: _State, equations: SurfaceEquations, robust: tuple[float, float] | None) -> Accuracy:
+def _accuracy(
+    task: _Bending, state: _State, equations: SurfaceEquations, robust: tuple[float, float] | None
+) -> Accuracy:
     """Covariances of all parameters and of the poses, given the photos and the prior.
 
     With S the normal matrix without the poses, it is `(S + Q)^-1` times the noise's variance, which is the sum of
