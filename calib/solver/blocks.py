@@ -377,7 +377,7 @@ def view_blocks(
         rows, lever, measured = _linearised(problem, camera, pose, (first, last), turned, point, of_poses=of_poses)
         if modes_mm is not None:
             among = slice(problem.view_start[first], problem.view_start[last])
-            rows = _with_modes(rows, pose[problem.view[among], :3, :3], modes_mm[:, :, among])
+            rows = with_modes(rows, pose[problem.view[among], :3, :3], modes_mm[:, :, among])
         _view_products(
             problem.view_start, first, last, lever, rows, measured, problem.whitener,
             problem.is_used, LOSSES[loss.kind], loss.knee, blocks.residual_px, products, blocks.cost,
@@ -386,7 +386,7 @@ def view_blocks(
     return blocks
 
 
-def _with_modes(rows: Array, rotation: Array, modes_mm: Array) -> Array:
+def with_modes(rows: Array, rotation: Array, modes_mm: Array) -> Array:
     """The rows (8 + 2 P, N) with derivatives by displacements (S, 3, N) of the points before those by parameters."""
     by_point, by_params = rows[2:8].reshape(2, 3, -1), rows[8:].reshape(2, -1, rows.shape[1])
     by_modes = np.einsum("kin,nij,sjn->ksn", by_point, rotation, modes_mm)

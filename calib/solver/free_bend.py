@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.surface import surface_model
 from calib.core.types import Observations
 from calib.solver.accuracy import Accuracy, UndeterminedError, accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
@@ -22,6 +23,7 @@ from calib.solver.outliers import robust_covariance_factor, robust_sigma, whiten
 from calib.solver.plane_bend import PlaneBend, plane_bend
 from calib.solver.problem import origin_poses, pack, target_covariance
 from calib.solver.schur import damped_step
+from calib.solver.surface import step_of_points
 from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
@@ -99,16 +101,20 @@ def _step(found: Calibration, bend: PlaneBend, options: SolveOptions) -> _Step:
         length = np.hypot(*standard)[problem.is_used]
         robust = loss.sigma, robust_covariance_factor(length[np.isfinite(length)], loss)
     modes = np.ascontiguousarray(bend.modes_mm(seen.points.position_mm)[:, seen.point].transpose(0, 2, 1))
-    blocks = view_blocks(problem, found.camera, poses, loss, modes_mm=modes)
-    row = tie_parameters(found.camera.model, options).row
-    row = np.concatenate([np.arange(MODES), np.where(row >= 0, row + MODES, -1)])
-    step = damped_step(blocks.products, row, 0.0)
-    accuracy = accuracy_of(blocks.products, row, int(problem.is_used.sum()), robust)
+    tie = tie_parameters(found.camera.model, options)
+    if surface_model(found.camera.model) is None:
+        blocks = view_blocks(problem, found.camera, poses, loss, modes_mm=modes)
+        row = np.concatenate([np.arange(MODES), np.where(tie.row >= 0, tie.row + MODES, -1)])
+        damped = damped_step(blocks.products, row, 0.0)
+        height = damped.free[:MODES] if damped.solvable else np.full(MODES, np.nan)
+        accuracy = accuracy_of(blocks.products, row, int(problem.is_used.sum()), robust)
+    else:
+        height, accuracy = step_of_points(problem, found.camera, poses, tie, loss, modes, robust)
     sigma = np.sqrt(np.diagonal(accuracy.param_covariance)[:MODES])
-    if not (step.solvable and np.isfinite(sigma).all()):
+    if not (np.isfinite(height).all() and np.isfinite(sigma).all()):
         raise _untold()
     moved = target_covariance(problem, poses, accuracy.pose_covariance)
-    return _Step(step.free[:MODES], sigma, replace(accuracy, pose_covariance=moved))
+    return _Step(height, sigma, replace(accuracy, pose_covariance=moved))
 
 
 def _told(found: Calibration, bend: PlaneBend, step: _Step) -> Calibration:

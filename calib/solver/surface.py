@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import is_allowed
 from calib.cameras.camera import Camera
-from calib.cameras.surface import SurfaceModel
+from calib.cameras.surface import SurfaceModel, surface_model
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread_with_scipy
 from calib.solver.accuracy import Accuracy, UndeterminedError
@@ -63,6 +63,12 @@ class _Bending:
     model: SurfaceModel
     spread: Array  # (B, F) of the base's free parameters; control points are all free
     parts: Array  # see `roughness`
+    modes_mm: Array | None = None  # (S, 3, M) displacements of the points, whose numbers stand before all parameters
+
+    @property
+    def extra(self) -> int:
+        """Numbers of displacements of the points; the first of `spread`."""
+        return 0 if self.modes_mm is None else len(self.modes_mm)
 
     @property
     def free(self) -> int:
@@ -107,11 +113,6 @@ def require_image(model: SurfaceModel, options: SolveOptions) -> None:
             f"minimise {options.minimise}: with the {model.name} model distances in the image are minimised; leave it "
             f"out, or solve another model, such as {model.base.name}"
         )
-    if options.free_bend:
-        raise InputError(
-            f"--free-bend: not with the {model.name} model; find the bend with another model, such as "
-            f"{model.base.name}, and give the points where they are"
-        )
 
 
 def require_points(problem: Problem, model: SurfaceModel) -> None:
@@ -153,15 +154,59 @@ def bend(
     minimum, straight = base.minimum, np.zeros(2 * model.control_rows * model.control_columns)
     camera = Camera(model.name, np.concatenate([minimum.camera.params, straight]), problem.image_size)
     state = _State(camera, minimum.cam_from_target, iterations=minimum.iterations)
+    task = _bending(problem, model, tie)
+    is_beyond = problem.is_used & ~np.isfinite(task.misfit_of(state, RobustLoss()).residual_px).all(axis=0)
+    task = replace(task, problem=replace(problem, is_used=problem.is_used & ~is_beyond))
+    return _forgiving(task, state, is_beyond, options, cov_px2)
+
+
+def _bending(problem: Problem, model: SurfaceModel, tie: Tie, modes_mm: Array | None = None) -> _Bending:
+    """What stays the same during a descent."""
     spread: Array = (tie.row[:, None] == np.arange(int(tie.row.max(initial=-1)) + 1)).astype(np.float64)
+    if modes_mm is not None:
+        extra = len(modes_mm)
+        spread = np.pad(spread, ((extra, 0), (extra, 0)))
+        spread[:extra, :extra] = np.eye(extra)
     parts = roughness(
         model.scale(problem.image_size), (model.control_rows, model.control_columns),
         0.5 * float(np.hypot(*problem.image_size)),
     )  # fmt: skip
-    task = _Bending(problem, model, spread, parts)
-    is_beyond = problem.is_used & ~np.isfinite(task.misfit_of(state, RobustLoss()).residual_px).all(axis=0)
-    task = replace(task, problem=replace(problem, is_used=problem.is_used & ~is_beyond))
-    return _forgiving(task, state, is_beyond, options, cov_px2)
+    return _Bending(problem, model, spread, parts, modes_mm)
+
+
+@one_thread_with_scipy
+def step_of_points(
+    problem: Problem,
+    camera: Camera,
+    cam_from_target: Array,
+    tie: Tie,
+    loss: RobustLoss,
+    modes_mm: Array,
+    robust: tuple[float, float] | None,
+) -> tuple[Array, Accuracy]:
+    """What the equations at a minimum ask of displacements of the points (S,), and how sure all unknowns are there.
+
+    Args:
+        problem: what was seen.
+        camera: with a surface.
+        cam_from_target: poses (V, 4, 4) from the problem's origin.
+        tie: of the base's parameters.
+        loss: of the minimum.
+        modes_mm: displacements (S, 3, M).
+        robust: see `calib.solver.accuracy.accuracy_of`.
+    """
+    model = surface_model(camera.model)
+    if model is None:
+        raise ValueError(f"model {camera.model} has no surface")
+    task, state = _bending(problem, model, tie, modes_mm), _State(camera, cam_from_target)
+    equations = _equations(task, state, loss)
+    surface, found = _surface_problem(task, state, equations), eliminated(equations)
+    smoothness = likeliest(surface)
+    accuracy = _accuracy(task, replace(state, smoothness=smoothness), equations, robust)
+    prior, values = _prior(task, surface, smoothness), np.concatenate([np.zeros(task.extra), camera.params])
+    inverse = _inverse(task.normal_of_free(found.normal + prior))
+    step: Array = -inverse @ task.gradient_of_free(found.gradient + prior @ values)
+    return step[: task.extra], accuracy
 
 
 def _forgiving(
@@ -200,7 +245,7 @@ def _weights(task: _Bending, state: _State, loss: RobustLoss) -> Array:
 
 def _equations(task: _Bending, state: _State, loss: RobustLoss) -> SurfaceEquations:
     weight = _weights(task, state, loss)
-    return surface_equations(task.problem, task.model, state.camera, state.cam_from_target, weight)
+    return surface_equations(task.problem, task.model, state.camera, state.cam_from_target, weight, task.modes_mm)
 
 
 def _descended(task: _Bending, state: _State, loss: RobustLoss, *, learns: bool) -> _State:
@@ -225,14 +270,15 @@ def _surface_problem(task: _Bending, state: _State, equations: SurfaceEquations)
     at_zero = slope - inner @ control
     square = found.square - float(gradient[:free] @ pull) - float((slope + at_zero) @ control)
     freedom = 2 * int(task.problem.is_used.sum()) - POSE * task.problem.view_count - free
-    pinned = free_motions(equations, state.cam_from_target, task.spread)
+    of_base = task.spread[task.extra :, task.extra :]
+    pinned = free_motions(equations, state.cam_from_target, of_base, task.extra)
     return SurfaceProblem(inner, at_zero, square, freedom, pinned, task.parts)
 
 
 def _prior(task: _Bending, surface: SurfaceProblem, smoothness: Smoothness) -> Array:
     """The precision of all P parameters: that of the control points."""
-    first = task.model.first_control
-    size = len(task.model.parameters)
+    first = len(task.spread)
+    size = first + 2 * len(task.parts[0])
     prior = np.zeros((size, size))
     prior[first:, first:] = surface.prior(precision(task.parts, smoothness))
     return prior

@@ -15,6 +15,7 @@ from calib.cameras.surface import SurfaceModel
 from calib.core.jit import jit_sums
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import skew
+from calib.solver.blocks import with_modes
 from calib.solver.problem import Problem
 
 Array = NDArray[np.float64]
@@ -60,10 +61,19 @@ def places(problem: Problem, cam_from_target: Array) -> tuple[Array, Array]:
 
 
 def surface_equations(
-    problem: Problem, model: SurfaceModel, camera: Camera, cam_from_target: Array, weight: Array
+    problem: Problem,
+    model: SurfaceModel,
+    camera: Camera,
+    cam_from_target: Array,
+    weight: Array,
+    modes_mm: Array | None = None,
 ) -> SurfaceEquations:
-    """The equations of the sightings that count, by their whiteners and by weights (M,)."""
-    size, base, views = len(camera.params), model.first_control, problem.view_count
+    """The equations of the sightings that count, by their whiteners and by weights (M,).
+
+    With displacements of the points (S, 3, M), the S numbers of these stand before the parameters.
+    """
+    extra = 0 if modes_mm is None else len(modes_mm)
+    size, base, views = len(camera.params) + extra, model.first_control + extra, problem.view_count
     normal, by_pose = np.zeros((size, size)), np.zeros((views, POSE, size))
     pose = np.zeros((views, POSE + base + 1, POSE + base + 1))
     gradient = np.zeros(size)
@@ -72,10 +82,13 @@ def surface_equations(
     for begin in range(0, len(view), RUN):
         part = slice(begin, begin + RUN)
         local = model.linearise_locally(camera, np.ascontiguousarray(point[:, part]))
-        residual = local.rows[:2] - problem.measured_px[:, part]
+        rows = local.rows
+        if modes_mm is not None:
+            rows = with_modes(rows, cam_from_target[view[part], :3, :3], modes_mm[:, :, part])
+        residual = rows[:2] - problem.measured_px[:, part]
         factor = problem.whitener[:, part] * np.where(problem.is_used[part], np.sqrt(weight[part]), 0.0)
         _accumulate(
-            view[part], np.ascontiguousarray(turned[:, part]), local.rows, residual, local.first, local.weight,
+            view[part], np.ascontiguousarray(turned[:, part]), rows, residual, local.first, local.weight,
             factor, grid, normal, gradient, by_pose, pose,
         )  # fmt: skip
     dense = pose.sum(axis=0)
@@ -192,15 +205,15 @@ def eliminated(equations: SurfaceEquations, damping: float = 0.0) -> Eliminated:
     )  # fmt: skip
 
 
-def free_motions(equations: SurfaceEquations, cam_from_target: Array, spread: Array) -> Array:
+def free_motions(equations: SurfaceEquations, cam_from_target: Array, spread: Array, extra: int = 0) -> Array:
     """Orthonormal directions (2 R C, F + 3) of control points that do what the base or a turn of the camera would do.
 
-    The base by its F free parameters, `spread` (B, F). A turn by w of the camera moves a point p + t of a view by w x p
-    and by the shift w x t.
+    The base by its F free parameters, `spread` (B, F); `extra` unknowns before these are none of its. A turn by w of
+    the camera moves a point p + t of a view by w x p and by the shift w x t.
     """
-    base = len(spread)
+    base = len(spread) + extra
     by_turn = equations.by_pose[:, :3] + skew(cam_from_target[:, :3, 3]) @ equations.by_pose[:, 3:]
-    motions = np.concatenate([spread.T @ equations.normal[:base, base:], by_turn.sum(axis=0)[:, base:]])
+    motions = np.concatenate([spread.T @ equations.normal[extra:base, base:], by_turn.sum(axis=0)[:, base:]])
     length = np.linalg.norm(motions, axis=1)
     unit = motions[length > 0] / length[length > 0, None]
     basis: Array = np.linalg.qr(unit.T)[0]

@@ -55,7 +55,7 @@ def less_turn(found: Calibration, pixel: np.ndarray, off: np.ndarray) -> tuple[n
 
 
 def test_equations_are_those_of_all_derivatives() -> None:
-    """Products that leave out the zeros are those of the dense derivatives, with covariances and weights."""
+    """Products that leave out the zeros are those of the dense derivatives, with covariances, weights and a bend."""
     rng, camera = np.random.default_rng(1), wavy()
     poses = poses_around(3, rng, distance_mm=250)
     seen = observe(camera, board(5, 4), poses, rng, noise_px=1.0)
@@ -63,7 +63,8 @@ def test_equations_are_those_of_all_derivatives() -> None:
     moved = np.array(poses)
     moved[:, :3, 3] += poses[:, :3, :3] @ problem.origin_mm
     weight = rng.uniform(0, 1, len(seen.view))
-    found = surface_equations(problem, MODEL, camera, moved, weight)
+    modes_mm = rng.standard_normal((2, 3, len(seen.view)))
+    found = surface_equations(problem, MODEL, camera, moved, weight, modes_mm)
 
     turned, point = places(problem, moved)
     linear = linearise(camera, np.ascontiguousarray(point))
@@ -75,9 +76,10 @@ def test_equations_are_those_of_all_derivatives() -> None:
     a, b, c = problem.whitener * np.sqrt(weight)
     whitener = np.stack([a, np.zeros_like(a), b, c], axis=1).reshape(-1, 2, 2)
     residual = (linear.pixel - problem.measured_px).T[:, :, None]
-    rows = whitener @ np.concatenate([linear.by_params.transpose(2, 0, 1), pose, residual], axis=2)
+    by_modes = by_point @ poses[problem.view, :3, :3] @ modes_mm.transpose(2, 1, 0)
+    rows = whitener @ np.concatenate([by_modes, linear.by_params.transpose(2, 0, 1), pose, residual], axis=2)
     flat = rows.reshape(-1, rows.shape[2])
-    product, size = flat.T @ flat, len(camera.params)
+    product, size = flat.T @ flat, 2 + len(camera.params)
 
     assert np.abs(found.normal - product[:size, :size]).max() < 1e-9 * np.abs(product).max()
     assert np.abs(found.gradient - product[:size, -1]).max() < 1e-9 * np.abs(product[:, -1]).max()
