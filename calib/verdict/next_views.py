@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import project
+from calib.cameras import learned_models, project
 from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
 from calib.core.linear_algebra import covariance_with_prior
@@ -96,7 +96,7 @@ NEXT_VIEWS = FileKind(NextViews, "next_views", "a next_views.json", "run again",
 
 def why_no_next_views(calibration: Calibration) -> str:
     """Why nothing can be proposed, in a line; empty if it can."""
-    if calibration.camera.learned is not None:  # a learned map's covariance takes it as exact
+    if calibration.camera.model in learned_models():  # a learned map's covariance takes it as exact
         return (
             f"the {calibration.camera.model} model's accuracy takes its learned map as exact; "
             "see the next photos of another model"

@@ -128,7 +128,7 @@ def test_the_prior_has_the_amplitude_that_it_is_given() -> None:
 def test_a_lens_of_no_formula_is_solved_with_honest_covariances() -> None:
     """Held-out pixels are off by what the covariance states, far less than the base leaves; the fixed stays fixed."""
     truth = wavy()
-    seen = scene(truth, 16)
+    seen = scene(truth, 12)
     base, found = solve(seen, MODEL.base.name), solve(seen, MODEL.name)
     assert found.status == "converged"
     assert found.scale == pytest.approx(NOISE_PX, rel=0.05)
