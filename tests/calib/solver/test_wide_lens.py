@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 import calib
-from calib.cameras import MODELS, models_of_all_wide, project, rays
+from calib.cameras import MODELS, project, rays, wide_models
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, look_at, make_pose, rotation_between, transform
 from calib.core.types import Observations
@@ -193,7 +193,7 @@ def test_all_models_are_those_that_suit_the_lens() -> None:
     """Without an option a wide lens is solved by wide models, said in a line; the best has least in photos held out."""
     truth, seen = seen_all_around("half space")
     run = calib.solve(seen)
-    assert {one.model for one in run.solutions} == set(models_of_all_wide())
+    assert {one.model for one in run.solutions} == set(wide_models())
     left_px = {one.model: one.held_out_px for one in run.solutions if one.held_out_px is not None}
     assert run.best.model == truth.model == min(left_px, key=lambda name: left_px[name])
     assert sum(remark.startswith("the lens is a wide one") for remark in run.remarks) == 1
