@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from calib.cameras import LINEAR, Picture, pictures, project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.field_of_view import field_of_view
+from calib.cameras.linear_part import linear_part
 from calib.core.number_text import figure as digits
 from calib.observe.photos import PhotoFile
 from calib.show.parts.folder_blocks import some_of
@@ -208,7 +209,7 @@ def _facts(made: UndistortedFiles, change: Change, camera_name: str) -> tuple[tu
         ),
         *(
             (name, f"{value:.3f} px; before {old:.3f} px")
-            for name, value, old in zip(("fx", "fy", "cx", "cy"), new.params, taken.params, strict=False)
+            for name, value, old in zip(("fx", "fy", "cx", "cy"), new.params, linear_part(taken).params, strict=True)
         ),
         ("field of view", f"{field_of_view_words(new)}; before {field_of_view_words(taken)}"),
         *((("moved farthest", change.shift_words),) if new.model == LINEAR and not made.is_turned else ()),
