@@ -99,7 +99,8 @@ def evaluate(
         InputError: a file that cannot be read, a truth of other photos, photos too few to hold some out, or sightings
             of another camera.
     """
-    _check(held_out, on, target, truth)
+    told = {"--target": target, "--image-size": image_size, "--grid": grid}
+    _check(held_out, on, truth, [name for name, value in told.items() if value is not None])
     known = truth_from(truth)
     if isinstance(calibration, RunResult):
         best = calibration.best
@@ -121,13 +122,11 @@ def evaluate(
     return EvaluationResult(every, held, evaluate_on(solved, seen, name))
 
 
-def _check(
-    held_out: int, on: Observed | None, target: TargetGeometry | Place | None, truth: Truth | Place | None
-) -> None:
+def _check(held_out: int, on: Observed | None, truth: Truth | Place | None, of_on: list[str]) -> None:
     """Refuse what does not go together."""
     if on is None:
-        if target is not None:
-            raise InputError("--target: is of the detections that --on names; give both, or leave it out")
+        if of_on:
+            raise InputError(f"{of_on[0]}: is of the sightings that --on names; give both, or leave it out")
         return
     if held_out:
         raise InputError(

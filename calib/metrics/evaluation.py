@@ -11,6 +11,7 @@ from calib.core.types import Observations, keep_sightings, keep_views
 from calib.metrics import METRICS, OF_TRUTH
 from calib.metrics.errors import Errors, ErrorSummary, is_known, predict, summarise, summarise_groups
 from calib.renderer.truth import Truth
+from calib.solver.accuracy import NO_FIT
 from calib.solver.calibration import Calibration
 from calib.solver.start import solve_poses
 from designer.base.errors import InputError
@@ -204,8 +205,21 @@ def evaluate_on(calibration: Calibration, observations: Observations, name: str)
         f"{observations.view_names[view]}: not evaluated: no pose shows its points where they were seen"
         for view in np.flatnonzero(~has_pose).tolist()
     ]
-    remarks = [*observations.remarks, *remarks, *_again(calibration, one)]
-    return Evaluation(one, errors_of(one, None), on=name, remarks=tuple(remarks))
+    found = Evaluation(one, errors_of(one, None), on=name)
+    remarks = [*observations.remarks, *remarks, *_far_off(found), *_again(calibration, one)]
+    return replace(found, remarks=tuple(remarks))
+
+
+def _far_off(found: Evaluation) -> list[str]:
+    """A word on views whose points and pixels do not belong together."""
+    seen, errors = found.calibration.observations, found.of("reprojection")
+    told = None if errors is None else by_view(found, errors)
+    return [
+        f"{name}: its points are off by {one.median:.3g} px (median): they and the pixels do not belong together; "
+        "check their names"
+        for name, one in zip(seen.view_names, told or (), strict=False)
+        if one.median > NO_FIT * max(seen.image_size)
+    ]
 
 
 def _again(calibration: Calibration, other: Calibration) -> tuple[str, ...]:

@@ -208,7 +208,8 @@ def test_bad_input_is_one_line(tmp_path: Path) -> None:
         ([folder, "--on", seen, "--held-out", 4], "choose one"),
         ([folder, "--on", seen, "--truth", truth], "leave it out with --on"),
         ([folder, "--on", seen, "--image-size", "10x20"], "leave one out"),
-        ([folder, "--target", truth], "--target: is of the detections that --on names"),
+        ([folder, "--target", truth], "--target: is of the sightings that --on names"),
+        ([folder, "--image-size", "10x20"], "--image-size: is of the sightings that --on names"),
     ):
         result = run(*arguments)
         assert isinstance(result.exception, InputError), result.output

@@ -348,6 +348,9 @@ def test_views_that_are_not_evaluated_and_sightings_that_are_known_are_told() ->
     assert found.remarks[0].startswith(f"{seen.view_names[2]}: not evaluated: ")
     count = int((~lost).sum())
     assert found.remarks[1] == f"the camera was solved from {count} of these {count} observations"
+    others = np.random.default_rng(7).permutation(seen.center_px)
+    mixed = replace(seen, center_px=np.where(lost[:, None], others, seen.center_px))
+    assert f"{seen.view_names[2]}: its points are off by " in " ".join(evaluate_on(solved, mixed, "b").remarks)
     with pytest.raises(InputError, match="photos of 10 x 20 px, but the camera's have 1200 x 900"):
         evaluate_on(solved, replace(seen, image_size=(10, 20)), "b")
 
