@@ -5,7 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib.cameras import MODELS
 from calib.cameras.linear_part import focal_px
+from calib.cameras.surface import surface_model
 from calib.core.number_text import figure as digits
 from calib.core.number_text import with_digits
 from calib.core.types import UNMEASURABLE_WORDS
@@ -38,7 +40,10 @@ def parameters_table(metrics: Metrics) -> Table:
     if has_truth:
         columns += [Column("true"), Column("off by", note="value - true, in standard deviations")]
     rows = tuple(_parameter(name, one, has_truth=has_truth) for name, one in metrics.parameters.items())
-    return Table(f"Parameters of model {printable(metrics.model)}", tuple(columns), rows, visible_rows=20)
+    title = f"Parameters of model {printable(metrics.model)}"
+    if metrics.model in MODELS and (surface := surface_model(metrics.model)) is not None:
+        title += f", without the {len(surface.parameters) - surface.first_control} control points of its surface"
+    return Table(title, tuple(columns), rows, visible_rows=20)
 
 
 def _parameter(name: str, one: FoundParameter, *, has_truth: bool) -> tuple[Cell, ...]:
