@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import MODELS, models_of_all, models_of_all_wide, solved_models, told_parameters
+from calib.cameras import ABILITIES, MODELS, models_of_all, models_of_all_wide, solved_models, told_parameters
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
 from calib.metrics.evaluation import Evaluation, evaluate, held_out_px
@@ -283,8 +283,8 @@ def compared(solutions: Sequence[Solution], plan: SolvePlan) -> Sequence[Solutio
 
 
 def _with_image_circle(calibration: Calibration, task: SolveTask) -> Calibration:
-    """With the end of a wide lens's light, if there are photos that show it."""
-    if not calibration.camera.has_dark_corners or task.brightest is None:
+    """With the end of the light, if the lens may be a wide one and there are photos that show it."""
+    if not any(ABILITIES[model].is_wide for model in task.plan.models) or task.brightest is None:
         return calibration
     found = with_image_circle(calibration.camera, task.brightest)
     camera = found.camera

@@ -73,14 +73,12 @@ def brightest_of(photos: Sequence[Path], image_size: tuple[int, int]) -> Array |
 def with_image_circle(camera: Camera, brightest: Array) -> EndOfLight:
     """The camera of a wide lens with the angle across its image circle, to about a degree.
 
-    Where no part of the image is dark it is that of the farthest pixel. Other cameras stay as they are.
+    Where no part of the image is dark it is that of the farthest pixel; cameras of other models stay as they are then.
 
     Args:
         camera: as it was solved.
         brightest: of `brightest_of`.
     """
-    if not camera.has_dark_corners:
-        return EndOfLight(camera)
     rows, columns = brightest.shape
     size = np.array(camera.image_size)
     cell = np.stack(np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5), axis=-1)
@@ -92,6 +90,8 @@ def with_image_circle(camera: Camera, brightest: Array) -> EndOfLight:
     light, dark = float(np.median(middle)), float(np.percentile(brightest, 1))
     is_lit = brightest > dark + LIT * (light - dark) if dark < DARK * light else np.ones(brightest.shape, dtype=bool)
     end = _end_rad(angle, is_lit)
+    if end is None and not camera.has_dark_corners:
+        return EndOfLight(camera)
     unseen = np.isnan(angle)
     if end is None and (is_lit & unseen).mean() > FEW_CELLS:
         part = f"{100 * (is_lit & unseen).mean():.0f} % of the image"
