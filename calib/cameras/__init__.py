@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Picture:
+class PictureKind:
     """A picture without a lens, which photos are resampled to."""
 
     words: str  # what would have taken it, with its article
@@ -38,14 +38,14 @@ class Abilities:
     is_surface: bool = False  # a base of few parameters, and hundreds that bend its image: `calib.cameras.surface`
     is_in_all: bool = False  # one of those that `--model all` solves and compares
     is_in_all_wide: bool = False  # likewise, where the lens is a wide one
-    picture: Picture | None = None  # photos are resampled to it: `calib undistort --to`
+    picture: PictureKind | None = None  # photos are resampled to it: `calib undistort --to`
 
 
 ABILITIES: dict[str, Abilities] = {
     "luhmann": Abilities(is_in_all=True),
     "opencv": Abilities(is_in_all=True),
     "virtual": Abilities(is_in_all=True, is_learned=True),
-    "pinhole": Abilities(picture=Picture("a pinhole", "u = fx X / Z + cx, v = fy Y / Z + cy")),
+    "pinhole": Abilities(picture=PictureKind("a pinhole", "u = fx X / Z + cx, v = fy Y / Z + cy")),
     "opencv8": Abilities(is_in_all_wide=True),
     "opencv12": Abilities(),
     "fisheye": Abilities(is_wide=True, is_in_all_wide=True),
@@ -59,14 +59,16 @@ ABILITIES: dict[str, Abilities] = {
     "cylinder": Abilities(
         is_solved=False,
         is_wide=True,
-        picture=Picture(
+        picture=PictureKind(
             "a cylindrical camera", "u = fx atan2(X, Z) + cx, v = fy Y / sqrt(X^2 + Z^2) + cy", highest_deg=60.0
         ),
     ),
     "equirectangular": Abilities(
         is_solved=False,
         is_wide=True,
-        picture=Picture("an equirectangular camera", "u = fx atan2(X, Z) + cx, v = fy atan2(Y, sqrt(X^2 + Z^2)) + cy"),
+        picture=PictureKind(
+            "an equirectangular camera", "u = fx atan2(X, Z) + cx, v = fy atan2(Y, sqrt(X^2 + Z^2)) + cy"
+        ),
     ),
 }
 """The models, in the order in which they are offered."""
@@ -152,7 +154,7 @@ def wide_models() -> tuple[str, ...]:
     return tuple(name for name in models_of_all_wide() if ABILITIES[name].is_wide)
 
 
-def pictures() -> "dict[str, Picture]":
+def pictures() -> "dict[str, PictureKind]":
     """The models of pictures without a lens, which photos are resampled to."""
     return {name: model.picture for name, model in ABILITIES.items() if model.picture is not None}
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import LINEAR, Picture, pictures, project, rays
+from calib.cameras import LINEAR, PictureKind, pictures, project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.field_of_view import field_of_view
 from calib.cameras.linear_part import linear_part
@@ -173,7 +173,7 @@ def _headline(made: UndistortedFiles, change: Change) -> Headline:
     return Headline("note", "undistorted", sentence)
 
 
-def _picture(made: UndistortedFiles) -> Picture:
+def _picture(made: UndistortedFiles) -> PictureKind:
     """What the undistorted photos are."""
     return pictures()[made.new_camera.model]
 
