@@ -27,7 +27,7 @@ from calib.solver.solve import solve
 from designer.base.errors import InputError
 
 FOLDER = Path(__file__).parents[2].parent / "shared" / "real"
-WIDE = ("fisheye", "thin_prism_fisheye", "ds", "eucm", "omni", "division", "opencv8", "opencv12")
+WIDE = ("fisheye", "thin_prism_fisheye", "ds", "eucm", "omni", "division", "opencv8", "opencv12", "splined")
 
 
 def sets() -> tuple[tuple[str, Observations, Observations, bool], ...]:
