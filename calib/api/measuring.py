@@ -407,6 +407,7 @@ def _chosen(plan: SolvePlan, items: Sequence[_Item], sets: Sequence[Observations
     models = [model for model in plan.models if model in fitted_models()]
     if len(plan.models) == 1:
         return models[0], ()
+    models = [model for model in plan.suited(sets[0])[0].models if model in fitted_models()]
     best = {model for path in _paths(items) if (model := _best_of_run(path.parent))}
     if len(best) == 1 and (model := best.pop()) in models:
         return model, (f"cameras are solved as {model}, the model of the run's best camera; another with --model",)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,10 +63,12 @@ def first_camera(model: str, image_size: tuple[int, int], focal_px: float) -> Ca
     return Camera(model, params, image_size)
 
 
+@lru_cache(maxsize=64)
 def wide_camera(model: str, image_size: tuple[int, int], field_rad: float) -> Camera:
     """The camera of a wide model whose angles are as even as can be, so far from corner to corner of the image.
 
-    Nearly all wide lenses are made so that the distance from the centre grows in proportion to the angle.
+    Nearly all wide lenses are made so that the distance from the centre grows in proportion to the angle. Cameras are
+    kept, as halves and parts of the same photos begin with the same.
     """
     even = first_camera(WIDE, image_size, float(np.hypot(*image_size)) / field_rad)
     return even if model == WIDE else _in_words_of(even, model, image_grid(image_size, WIDE_GRID).reshape(-1, 2))

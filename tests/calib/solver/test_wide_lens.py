@@ -9,7 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-import calib
+from calib.api.run_result import best_of
+from calib.api.solving import ALL, SolveTask, plan_from_words, solve_models
 from calib.cameras import MODELS, project, rays, wide_models
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, look_at, make_pose, rotation_between, transform
@@ -192,9 +193,12 @@ def test_a_wide_lens_is_told_from_an_ordinary_one() -> None:
 def test_all_models_are_those_that_suit_the_lens() -> None:
     """Without an option a wide lens is solved by wide models, said in a line; the best has least in photos held out."""
     truth, seen = seen_all_around("half space")
-    run = calib.solve(seen)
-    assert {one.model for one in run.solutions} == set(wide_models())
-    left_px = {one.model: one.held_out_px for one in run.solutions if one.held_out_px is not None}
-    assert run.best.model == truth.model == min(left_px, key=lambda name: left_px[name])
-    assert sum(remark.startswith("the lens is a wide one") for remark in run.remarks) == 1
-    assert any(f"{truth.model} leaves the least over" in remark for remark in run.remarks)
+    asked = plan_from_words(ALL, fix=(), share=(), focal_px=None, loss="squares", reject=None, weighted=True)
+    plan, seen = asked.suited(seen)
+    solutions = list(solve_models(SolveTask(seen, plan)))
+    assert {one.model for one in solutions} == set(wide_models())
+    left_px = {one.model: one.held_out_px for one in solutions if one.held_out_px is not None}
+    best = best_of(solutions)
+    assert best.model == truth.model == min(left_px, key=lambda name: left_px[name])
+    assert sum(remark.startswith("the lens is a wide one") for remark in best.calibration.remarks) == 1
+    assert any(f"{truth.model} leaves the least over" in remark for remark in best.calibration.remarks)
