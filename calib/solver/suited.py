@@ -24,6 +24,8 @@ KEPT_SHARE = 0.98
 """Of the observations, those with the least residuals: a few wrong ones say nothing of the lens."""
 CLEARLY = 1.3
 """Times that residuals are larger where a kind of model does not fit."""
+FINE_PX = 1e-3
+"""Residuals of perfect data are nothing but rounding."""
 LOST_SHARE = 0.005
 """Of the observations, more of which a model that suits does not leave out."""
 FORWARD_RAD = np.radians(80.0)
@@ -55,7 +57,7 @@ def lens_kind(observations: Observations, options: SolveOptions | None = None) -
     """Whether a lens is a wide one: `lens_kind(observations).is_wide`.
 
     It is if a wide model determines a camera that shows the points, and each ordinary model leaves points out that
-    this one shows, determines none, or leaves residuals that are clearly larger.
+    this one shows, finds none, or leaves residuals that are clearly larger.
 
     Args:
         observations: of any lens.
@@ -109,9 +111,12 @@ def _solved(observations: Observations, model: str, options: SolveOptions) -> Ca
 
 
 def _suits(ordinary: Calibration, wide: Calibration, few: Observations) -> bool:
-    """Whether an ordinary model does as well as a wide one."""
+    """Whether an ordinary model does as well as a wide one: also where photos determine the wide one alone.
+
+    Photos from one side may do so, by what the formula of the wide one supposes, which says nothing of the lens.
+    """
     more = _lost_share(ordinary, few) - _lost_share(wide, few)
-    return ordinary.status != "degenerate" and more <= LOST_SHARE and _left_px(ordinary) <= CLEARLY * _left_px(wide)
+    return more <= LOST_SHARE and _left_px(ordinary) <= CLEARLY * _left_px(wide) + FINE_PX
 
 
 def _left_px(calibration: Calibration) -> float:

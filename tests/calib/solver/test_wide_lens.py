@@ -187,6 +187,9 @@ def test_a_wide_lens_is_told_from_an_ordinary_one() -> None:
     assert not ruled_out("fisheye", None, seen, SolveOptions())
     ordinary = observe(CAMERAS["opencv"], BOARD, poses_around(8, np.random.default_rng(2)), np.random.default_rng(2))
     assert not lens_kind(ordinary).is_wide
+    head_on = np.tile(np.diag([1.0, -1, -1, 1]), (6, 1, 1))
+    head_on[:, 2, 3] = np.linspace(400, 600, 6)  # determines no focal length but that of a formula
+    assert not lens_kind(observe(CAMERAS["opencv"], BOARD, head_on, np.random.default_rng(2))).is_wide
     assert not ruled_out("opencv", None, ordinary, SolveOptions())
 
 
