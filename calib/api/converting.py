@@ -11,15 +11,14 @@ from calib.cameras import LINEAR, fitted_models, parameter_names
 from calib.cameras.camera import Camera
 from calib.cameras.refit import FOCAL_AND_CENTRE, Refit
 from calib.core.files import write_files
+from calib.interop.choosing import LARGE_PX
 from calib.interop.format import CameraFormat
-from calib.interop.reading import OpenedCamera, find_format, fit_to_format
+from calib.interop.holding import Held, fit_to_format
+from calib.interop.reading import OpenedCamera, find_format
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours, signed
 from designer.base.small_file import place_of
 from designer.base.words import several, shown
-
-LARGE_PX = 0.05
-"""A larger residual is worth a warning: calibrations are good to some hundredths of a pixel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,14 +26,30 @@ class Conversion:
     """A camera as another tool's file has it: `converted.text`, `converted.max_px`, `converted.save("camera.yaml")`."""
 
     opened: OpenedCamera  # as it was
-    camera: Camera  # as the file holds it
+    held: Held  # as the file holds it, and by which of the format's lenses
     format: CameraFormat  # of the file
-    fits: tuple[Refit, ...]  # that it took, of reading and of writing; none: it is exact
+
+    @property
+    def camera(self) -> Camera:
+        """The camera as the file holds it."""
+        return self.held.camera
+
+    @property
+    def fits(self) -> tuple[Refit, ...]:
+        """What it took, of reading and of writing; none: it is exact."""
+        return tuple(one for _, one in self.named_fits)
+
+    @property
+    def named_fits(self) -> tuple[tuple[str, Refit], ...]:
+        """What was fitted, with its fit, of reading and of writing; none: it is exact."""
+        names = self.opened.read.camera.model, self.held.fitted
+        both = zip(names, (self.opened.read.refit, self.held.refit), strict=True)
+        return tuple((name, one) for name, one in both if one is not None)
 
     @property
     def text(self) -> str:
         """What the file holds."""
-        return self.format.write(self.camera)
+        return self.format.write(self.camera, self.held.lens)
 
     @property
     def max_px(self) -> float:
@@ -56,10 +71,16 @@ class Conversion:
         """What the file does not say that the camera knew, a line each."""
         camera, lost = self.opened.read.camera, []
         values = dict(zip(parameter_names(camera.model), camera.params.tolist(), strict=True))
-        gone = [name for name in self.format.cannot_hold if values.get(name)]
-        if gone:
+        lens = self.held.lens
+        gone = [name for name in lens.cannot_hold if lens.model == camera.model and values.get(name)]
+        if gone and self.held.refit is not None:
             others = "the others make up for what they can"
             lost.append(f"{' '.join(gone)}, for which {self.format.title} has no place; {others}")
+        if camera.field_rad is not None and lens.numbers:
+            lost.append(
+                f"where the image circle ends, {np.degrees(camera.field_rad) / 2:.1f} degrees off the axis; "
+                "the file's lens goes on, untried"
+            )
         if camera.learned is not None and self.camera.learned is None:
             lost.append("where the map is known; the file's lens goes on to the edges of the image, untried")
         elif self.camera.model == LINEAR and np.any(camera.params[FOCAL_AND_CENTRE:]):
@@ -84,23 +105,27 @@ def convert(
     *,
     source: str | None = None,
     model: str | None = None,
+    lens: str | None = None,
     without: Iterable[str] = (),
     out: Place | None = None,
 ) -> Conversion:
     """Express a camera as a file of another tool does: `convert("camera.json", "opencv").save("camera.yaml")`.
 
-    What the file cannot hold is fitted over the whole image by what it can; the residual is told in pixels.
+    It is written by the camera's own lens where the format has it. Else the format's lenses that suit the field of view
+    are fitted over the whole image, the closest is written, and the residual is told in pixels.
 
     Args:
         camera: a camera, a file of any kind, a folder with one, or a template.
         to: the kind of file.
         source: the kind of the file to read; None: found out.
         model: the camera model to write; None: what the file can hold.
+        lens: one of the format's lenses, by the format's own name, such as `ds-none`; None: chosen as told above.
         without: lens parameters to leave out, such as `k3`.
         out: where it is to go, refused before any work is done if it cannot; `save` writes it.
 
     Raises:
-        InputError: a file that cannot be read, or a format, model or parameter that is none.
+        InputError: a file that cannot be read, a format, model, lens or parameter that is none, or a camera that sees
+            more than the format's lenses can.
     """
     target = find_format(to)
     opened = opened_camera(camera, source)
@@ -108,11 +133,11 @@ def convert(
         check_converted(place_of(out, "a file to write"), target, opened)
     zero = _lens_parameters(several("--without", without))
     try:
-        written, refit = fit_to_format(opened.read.camera, target, model, zero)
+        held = fit_to_format(opened.read.camera, target, model, zero, lens)
     except InputError as error:
         name = "the camera" if isinstance(camera, Camera) else camera
         raise InputError(f"{name}: {error}") from None
-    return Conversion(opened, written, target, tuple(one for one in (opened.read.refit, refit) if one is not None))
+    return Conversion(opened, held, target)
 
 
 def check_converted(out: Path, target: CameraFormat, source: OpenedCamera) -> None:

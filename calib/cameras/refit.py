@@ -15,7 +15,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import ABILITIES, LINEAR, MODELS, is_allowed, linearise, neutral, parameter_names, project, rays
+from calib.cameras import (
+    ABILITIES,
+    MODELS,
+    fitted_models,
+    is_allowed,
+    linearise,
+    neutral,
+    parameter_names,
+    project,
+    rays,
+)
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import least_squares
 from calib.core.se3 import angles_between, exp_rotation, log_rotation
@@ -33,6 +43,8 @@ MAX_STEPS = 200
 MAX_DAMPING = 1e12
 CONVERGED = 1e-12
 """A step that lowers the sum of squares by less than this part is the last."""
+NEARLY, NEARLY_PX = 1e-3, 1e-4
+"""Likewise on the way out to the whole image, where the next stage goes on; and a distance that will do there."""
 FEWEST_PIXELS = 3
 TURN_STEPS = 10
 SAME_RAYS = 1e-12
@@ -83,33 +95,37 @@ def refit(camera: Camera, model: str, *, zero: Collection[str] = (), turn: bool 
     Raises:
         InputError: the first camera has no rays, or the second cannot take them.
     """
-    same = _in_other_words(camera, model, zero)
+    same = in_other_words(camera, model, zero=zero)
     if same is not None:
         return Refit(same, np.eye(3), 0.0, 0.0, 1.0)
     pixel = image_grid(camera.image_size).reshape(-1, 2)
-    return fit_rays(pixel, rays(camera, pixel), camera.image_size, model, zero=zero, turn=turn)
+    result = fit_rays(pixel, rays(camera, pixel), camera.image_size, model, zero=zero, turn=turn)
+    return replace(result, camera=replace(result.camera, field_rad=camera.field_rad))  # the light ends where it did
 
 
-def _in_other_words(camera: Camera, model: str, zero: Collection[str]) -> Camera | None:
-    """The same camera in another model, where that takes no fit: the model is the same, holds it, or there is no lens.
+def in_other_words(camera: Camera, model: str, *, zero: Collection[str] = ()) -> Camera | None:
+    """The same camera in another model, where that takes no fit; None where it does.
 
-    Of the models whose lenses OpenCV's functions take, one with more parameters holds one with fewer. Whether a lens
-    that does nothing is none depends on the model: of a fisheye the angle is left, not its tangent.
+    So it is where parameters of the same names show every pixel the same light, and what only one of the two models has
+    does nothing: a lens of a family that the other goes on from, or no lens. Whether a lens that does nothing is none
+    depends on the model: of a fisheye the angle is left, not its tangent.
     """
     if camera.learned is not None:
         return None
-    own, at_rest = camera.parameters, _at_rest(camera.model)
-    if camera.model == model:
-        return None if any(value for name, value in own.items() if name in zero) else camera
-    lenses = MODELS[camera.model].opencv_lens, MODELS[model].opencv_lens
-    held = parameter_names(LINEAR) if None in lenses else parameter_names(model)
-    if any(value != at_rest[name] and (name not in held or name in zero) for name, value in own.items()):
+    own, at_rest, other = camera.parameters, _at_rest(camera.model), _at_rest(model)
+    if any(value != at_rest[name] and (name not in other or name in zero) for name, value in own.items()):
         return None
-    params = [own.get(name, value) if name in held else value for name, value in _at_rest(model).items()]
-    same = Camera(model, np.array(params), camera.image_size)
-    pixel = image_grid(camera.image_size)
-    difference = np.abs(rays(same, pixel) - rays(camera, pixel)).max()
-    return same if difference < SAME_RAYS else None  # not where one has rays and the other none
+    if camera.model == model:
+        return camera
+    same = replace(camera, model=model, params=np.array([own.get(name, value) for name, value in other.items()]))
+    return same if is_allowed(same) and _is_same(camera, same) else None
+
+
+def _is_same(a: Camera, b: Camera) -> bool:
+    """Whether two cameras see alike wherever one of them does."""
+    pixel = image_grid(a.image_size)
+    of_a, of_b = rays(a, pixel), rays(b, pixel)
+    return np.allclose(of_a, of_b, rtol=0, atol=SAME_RAYS, equal_nan=True)
 
 
 def _at_rest(model: str) -> dict[str, float]:
@@ -137,7 +153,10 @@ def fit_rays(
     rotation = _frame_of_image(seen, direction, image_size) if turn else np.eye(3)
     direction = direction @ rotation.T
     if not ABILITIES[model].is_wide and not (direction[:, 2] > 0).all():
-        raise InputError("the camera sees more than a half space; no model with a focal plane can hold it")
+        wide = ", ".join(name for name in fitted_models() if ABILITIES[name].is_wide)
+        raise InputError(
+            f"the camera sees more than a half space, which model {model} with its focal plane cannot; there are {wide}"
+        )
     camera, last = _without_lens(seen, direction, image_size, model), np.eye(3)
     is_free = np.array([name not in zero for name in parameter_names(model)])
     off_centre = _off_centre(seen, image_size)
@@ -145,8 +164,13 @@ def fit_rays(
     for part in np.linspace(FIRST_RADIUS, 1, STAGES):
         inner = off_centre <= part * off_centre.max()
         camera = _unfolded(camera, seen[inner], direction[inner] @ last.T)
-        camera, last = _adjust(camera, last, is_free, turn, seen[inner], direction[inner])
+        enough, good = (NEARLY, inner.sum() * NEARLY_PX**2) if part < 1 else (CONVERGED, 0.0)
+        camera, last = _adjust(camera, last, is_free, turn, seen[inner], direction[inner], enough, good)
     error = np.linalg.norm(project(camera, direction @ last.T) - seen, axis=1)
+    if not np.isfinite(error).all():
+        raise InputError(
+            f"no lens of model {model} sees as far off the axis as the camera does: {MODELS[model].remedy}"
+        )
     return Refit(camera, last @ rotation, float(np.sqrt(np.mean(error**2))), float(error.max()), float(known.mean()))
 
 
@@ -199,9 +223,19 @@ def _unfolded(camera: Camera, pixel: Array, ray: Array) -> Camera:
 
 
 def _adjust(
-    camera: Camera, rotation: Array, is_free: NDArray[np.bool_], turn: bool, pixel: Array, ray: Array
+    camera: Camera,
+    rotation: Array,
+    is_free: NDArray[np.bool_],
+    turn: bool,
+    pixel: Array,
+    ray: Array,
+    enough: float,
+    good: float,
 ) -> tuple[Camera, Array]:
-    """Levenberg-Marquardt on the free parameters and, if asked for, the rotation."""
+    """Levenberg-Marquardt on the free parameters and, if asked for, the rotation.
+
+    It ends with a step that lowers the sum of squares by less than the part that is enough, or at one that is good.
+    """
     damping = 1e-6
     cost = _cost(camera, rotation, pixel, ray)
     for _ in range(MAX_STEPS):
@@ -222,13 +256,13 @@ def _adjust(
                 camera, rotation, cost, damping = moved, turned, new_cost, max(damping / 10, 1e-14)
                 break
             damping *= 10
-        if not cost < before * (1 - CONVERGED):
+        if cost <= good or not cost < before * (1 - enough):
             break
     return camera, rotation
 
 
 def _cost(camera: Camera, rotation: Array, pixel: Array, ray: Array) -> float:
-    """Sum of squares in px^2; infinite where a ray cannot be projected, so that no step leads there."""
+    """Sum of squares in px^2; infinite where no step must lead: beyond bounds, or a ray cannot be projected."""
     if not is_allowed(camera):
         return np.inf
     total = float(np.sum((project(camera, ray @ rotation.T) - pixel) ** 2))

@@ -57,3 +57,22 @@ def refit_answer(refit: "Refit") -> "dict[str, Value]":
         "image_share": refit.known,
         "turn_rad": refit.turn_rad,
     }
+
+
+def camera_line(camera: "Camera", lens: str | None = None) -> str:
+    """The lens, the model if none is given, the image size and the linear part."""
+    fx, fy, cx, cy = camera.params[:4]
+    width, height = camera.image_size
+    return f"{lens or camera.model}, {width} x {height} px, f {fx:.2f} {fy:.2f}, centre {cx:.2f} {cy:.2f} px"
+
+
+def refit_line(fitted: str, refit: "Refit") -> str:
+    """The residual of a fit, over how much of the image it was made, and that poses are not those of before."""
+    import numpy as np
+
+    known = "the whole image" if refit.known == 1 else f"the {100 * refit.known:.0f} % of the image that is known"
+    line = f"fitted {fitted} over {known}: RMS {refit.rms_px:.4f} px, max {refit.max_px:.4f} px"
+    if not refit.turn_rad:
+        return line
+    turn = f"turned its frame by {np.degrees(refit.turn_rad):.3f} deg"
+    return f"{line}\n{turn}: poses found with the old camera are not in it"

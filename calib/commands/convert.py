@@ -2,21 +2,17 @@
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from calib.cameras import fitted_models
-from calib.commands.camera_argument import camera_answer, refit_answer
+from calib.commands.camera_argument import camera_answer, camera_line, refit_answer, refit_line
 from calib.interop import FORMATS
 from designer.base.answer import Summary
 from designer.base.words import printable
 from designer.kinds.presets import camera_templates, one_of
 from designer.page.terminal import quoted
-
-if TYPE_CHECKING:
-    from calib.cameras.camera import Camera
-    from calib.cameras.refit import Refit
 
 
 def convert(
@@ -50,27 +46,37 @@ def convert(
             autocompletion=one_of(fitted_models()),
         ),
     ] = None,
+    lens: Annotated[
+        str | None,
+        typer.Option(
+            help="lens of the file, by its own name for it, such as OPENCV (default: the closest)", metavar="LENS"
+        ),
+    ] = None,
     without: Annotated[
         list[str] | None, typer.Option(help="lens parameter to leave out, such as k3", metavar="NAME")
     ] = None,
 ) -> Summary:
     """Write a camera as a file of another tool, or read one of its files.
 
-    What a file cannot hold is fitted over the whole image by what it can, and the residual is told in pixels.
+    Of the file's lenses the camera's own is written, or the closest one: it is fitted over the whole image, and the
+    residual is told in pixels.
     Of a file with several cameras one is named as in chain.yaml#cam1.
     """
-    from calib.api.converting import LARGE_PX
     from calib.api.converting import convert as converted
+    from calib.interop.choosing import LARGE_PX
 
-    done = converted(camera, to, source=source, model=model, without=without or (), out=out)
+    done = converted(camera, to, source=source, model=model, lens=lens, without=without or (), out=out)
     done.save(out)
-    opened, written, target = done.opened, done.camera, done.format
-    print(f"read   {printable(camera)}: {opened.format.title}, {_described(opened.read.camera)}")
+    opened, held, target = done.opened, done.held, done.format
+    print(f"read   {printable(camera)}: {opened.format.title}, {camera_line(opened.read.camera)}")
     for remark in opened.read.remarks:
         print(f"       {remark}")
-    for one in done.fits:
-        _say_refit(one)
-    print(f"wrote  {printable(str(out))}: {target.title}, {_described(written)}")
+    for fitted, one in done.named_fits:
+        print(refit_line(fitted, one))
+    print(f"wrote  {printable(str(out))}: {target.title}, {camera_line(held.camera, held.called)}")
+    if len(held.tried) > 1:
+        others = ", ".join(f"{one.name} {fit.rms_px:.4f}" for one, fit in held.tried)
+        print(f"chosen {held.lens.name}, the closest of (RMS in px) {others}; another with --lens")
     for loss in done.lost:
         print(f"lost   {loss}")
     if not done.fits:
@@ -81,33 +87,15 @@ def convert(
     return Summary(
         {
             "read": {"file": camera, "format": opened.format.name, **camera_answer(opened.read.camera)},
-            "written": {"file": str(out), "format": target.name, **camera_answer(written)},
+            "written": {"file": str(out), "format": target.name, "lens": held.lens.name, **camera_answer(held.camera)},
             "is_exact": not done.fits,
             "rms_px": done.rms_px,
             "max_px": done.max_px,
             "fits": [refit_answer(one) for one in done.fits],
+            "tried": [{"lens": one.name, **refit_answer(fit)} for one, fit in held.tried],
             "lost": done.lost,
         },
         (out,),
         (f"calib diff {shlex.quote(printable(camera))} {quoted(out)}",) if done.is_far else (),
         opened.read.remarks,
     )
-
-
-def _described(camera: "Camera") -> str:
-    """Model, image size and the linear part."""
-    fx, fy, cx, cy = camera.params[:4]
-    width, height = camera.image_size
-    return f"{camera.model}, {width} x {height} px, f {fx:.2f} {fy:.2f}, centre {cx:.2f} {cy:.2f} px"
-
-
-def _say_refit(refit: "Refit") -> None:
-    """The residual of a fit, and over how much of the image it was made."""
-    import numpy as np
-
-    known = "the whole image" if refit.known == 1 else f"the {100 * refit.known:.0f} % of the image that is known"
-    print(f"fitted {refit.camera.model} over {known}: RMS {refit.rms_px:.4f} px, max {refit.max_px:.4f} px")
-    if refit.turn_rad:
-        print(
-            f"turned its frame by {np.degrees(refit.turn_rad):.3f} deg: poses found with the old camera are not in it"
-        )

@@ -10,7 +10,7 @@ from calib.core.registry import Registry
 if TYPE_CHECKING:
     from calib.interop.format import CameraFormat
 
-NAMES = ["json", "mrcal", "metashape", "kalibr", "ros", "opencv", "colmap"]
+NAMES = ["json", "basalt", "mrcal", "metashape", "kalibr", "ros", "opencv", "colmap"]
 """In the order in which a file of unknown kind is tried, the more particular first."""
 OWN = "json"
 """The program's own, which holds a camera of any model."""

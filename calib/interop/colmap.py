@@ -1,48 +1,52 @@
 """COLMAP's cameras.txt. Its pixel (0, 0) is the corner of the image, so that cx and cy are larger by half a pixel."""
 
 import re
+from dataclasses import replace
 
-from calib.cameras import LINEAR
+import numpy as np
+
 from calib.cameras.camera import Camera
-from calib.interop.format import CameraFormat, ReadCamera
-from calib.interop.lens import brown_camera
-from calib.interop.parsing import image_size, make_camera, number, pick, real
+from calib.interop.format import CameraFormat, Lens, ReadCamera
+from calib.interop.lens import lens_camera, lens_named
+from calib.interop.parsing import image_size, number, pick, real
 from designer.base.errors import InputError
 from designer.base.words import shown
 
 CORNER = 0.5
 """A position counted from the image's corner, of a pixel whose centre is 0."""
 
-MODELS = {
-    "SIMPLE_PINHOLE": "f cx cy",
-    "PINHOLE": "fx fy cx cy",
-    "SIMPLE_RADIAL": "f cx cy k1",
-    "RADIAL": "f cx cy k1 k2",
-    "OPENCV": "fx fy cx cy k1 k2 p1 p2",
-    "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6",
-}
-"""Models that can be read, and their parameters (COLMAP's sensor/models.h)."""
-
-LENS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+LENSES = (
+    Lens("PINHOLE", "pinhole", "fx fy cx cy"),
+    Lens("OPENCV", "opencv", "fx fy cx cy k1 k2 p1 p2"),
+    Lens("FULL_OPENCV", "opencv8", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
+    Lens("OPENCV_FISHEYE", "fisheye", "fx fy cx cy k1 k2 k3 k4"),
+    Lens("EUCM", "eucm", "fx fy cx cy alpha beta"),
+    Lens("DIVISION", "division", "fx fy cx cy k1"),
+    Lens("THIN_PRISM_FISHEYE", "thin_prism_fisheye", "fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1"),
+    Lens("FISHEYE", "fisheye", "fx fy cx cy"),
+    Lens("SIMPLE_PINHOLE", "pinhole", "f cx cy"),
+    Lens("SIMPLE_RADIAL", "opencv", "f cx cy k1"),
+    Lens("RADIAL", "opencv", "f cx cy k1 k2"),
+    Lens("SIMPLE_FISHEYE", "fisheye", "f cx cy"),
+    Lens("SIMPLE_RADIAL_FISHEYE", "fisheye", "f cx cy k1"),
+    Lens("RADIAL_FISHEYE", "fisheye", "f cx cy k1 k2"),
+    Lens("SIMPLE_DIVISION", "division", "f cx cy k1"),
+)
+"""Its camera models, with the numbers that it gives them (COLMAP's sensor/models.h)."""
 
 _RECOGNISED = re.compile(r"^\s*[0-9]+[ \t]+[A-Z][A-Z_0-9]*[ \t]+[0-9]+[ \t]+[0-9]+[ \t]+[-+.0-9]", re.MULTILINE)
 
 
-def write(camera: Camera) -> str:
-    """The text for a camera of model `opencv` or `pinhole`; the smallest of COLMAP's models that holds it."""
-    fx, fy, cx, cy, *lens = camera.params.tolist()
-    linear, width, height = [fx, fy, cx + CORNER, cy + CORNER], *camera.image_size
-    if not any(lens):
-        model, params = "PINHOLE", linear
-    elif not lens[4]:
-        model, params = "OPENCV", [*linear, *lens[:4]]
-    else:
-        model, params = "FULL_OPENCV", [*linear, *lens, 0.0, 0.0, 0.0]
+def write(camera: Camera, lens: Lens) -> str:
+    """The text for a camera of the lens's model."""
+    width, height = camera.image_size
+    fx, fy, cx, cy, *rest = camera.params
+    from_corner = replace(camera, params=np.array([fx, fy, cx + CORNER, cy + CORNER, *rest]))
     return (
         "# Camera list with one line of data per camera:\n"
         "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
         "# Number of cameras: 1\n"
-        f"1 {model} {width} {height} {' '.join(map(real, params))}\n"
+        f"1 {lens.name} {width} {height} {' '.join(map(real, lens.values(from_corner)))}\n"
     )
 
 
@@ -62,23 +66,20 @@ def read(text: str, origin: str, name: str | None = None) -> ReadCamera:
 def _camera(words: list[str], origin: str) -> ReadCamera:
     if len(words) < 4:
         raise InputError(f"{origin}: must be CAMERA_ID MODEL WIDTH HEIGHT PARAMS")
-    model = words[1]
-    if model not in MODELS:
+    lens = lens_named(LENSES, words[1])
+    if lens is None:
+        known = ", ".join(one.name for one in LENSES if one.is_written)
+        raise InputError(f"{origin}: camera model {shown(words[1])}: not supported; in COLMAP use one of {known}")
+    if len(words) != 4 + len(lens.names):
         raise InputError(
-            f"{origin}: camera model {shown(model)}: not supported; in COLMAP use one of {', '.join(MODELS)}"
-        )
-    names = MODELS[model].split()
-    if len(words) != 4 + len(names):
-        raise InputError(
-            f"{origin}: {model} has {len(words) - 4} parameters; it must have {len(names)}: {MODELS[model]}"
+            f"{origin}: {lens.name} has {len(words) - 4} parameters; it must have {len(lens.names)}: {lens.numbers}"
         )
     size = image_size(words[2:4], origin)
-    values = {key: number(word, key, origin) for key, word in zip(names, words[4:], strict=True)}
-    fx, fy = (values[key] if key in values else values["f"] for key in ("fx", "fy"))
-    linear = [fx, fy, values["cx"] - CORNER, values["cy"] - CORNER]
-    if model.endswith("PINHOLE"):
-        return ReadCamera(make_camera(LINEAR, linear, size, origin))
-    return brown_camera(linear, [values.get(key, 0.0) for key in LENS], size, origin)
+    values = [number(word, name, origin) for name, word in zip(lens.names, words[4:], strict=True)]
+    from_corner = [
+        value - CORNER if name in ("cx", "cy") else value for name, value in zip(lens.names, values, strict=True)
+    ]
+    return lens_camera(lens, from_corner, size, origin)
 
 
 FORMAT = CameraFormat(
@@ -88,6 +89,7 @@ FORMAT = CameraFormat(
     opens_with="beside images.txt and points3D.txt in a model folder; or its numbers after "
     "colmap feature_extractor --ImageReader.camera_params",
     recognised=_RECOGNISED,
+    lenses=LENSES,
     write=write,
     read=read,
     holds_many=True,

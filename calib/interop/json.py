@@ -3,9 +3,14 @@
 import re
 from pathlib import Path
 
-from calib.cameras.camera import CAMERA, camera_from_mapping, camera_to_json
-from calib.interop.format import CameraFormat, ReadCamera
+from calib.cameras.camera import CAMERA, Camera, camera_from_mapping, camera_to_json
+from calib.interop.format import CameraFormat, Lens, ReadCamera
 from designer.base.small_file import parse_json
+
+
+def write(camera: Camera, _: Lens) -> str:
+    """The text for a camera of any model."""
+    return camera_to_json(camera)
 
 
 def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
@@ -19,8 +24,8 @@ FORMAT = CameraFormat(
     file_name="camera.json",
     opens_with="calib undistort {file} PHOTOS... -o DIR",
     recognised=re.compile(rf'\A\s*\{{(?s:.*?)"{re.escape(CAMERA.format)}"'),
-    write=camera_to_json,
+    lenses=(Lens("camera.json", None),),
+    write=write,
     read=read,
-    model=None,
     max_bytes=CAMERA.largest_bytes,
 )

@@ -1,14 +1,15 @@
-"""Kalibr's camchain files: pinhole cameras with its `radtan` lens, which is Brown's with k1 k2 p1 p2 and no k3."""
+"""Kalibr's camchain files: its `radtan` distortion is Brown's without k3, its `equi` that of Kannala and Brandt."""
 
 import re
+from dataclasses import replace
 
-from calib.cameras import LINEAR
+import numpy as np
+
 from calib.cameras.camera import Camera
-from calib.interop.format import CameraFormat, ReadCamera
-from calib.interop.lens import brown_camera
+from calib.interop.format import CameraFormat, Lens, ReadCamera
+from calib.interop.lens import Array, brown, fit_foreign, invert, lens_camera, lens_named, slopes_of
 from calib.interop.parsing import (
     image_size,
-    make_camera,
     mapping,
     numbers,
     parse_yaml,
@@ -24,17 +25,35 @@ _RECOGNISED = re.compile(
 )
 
 
-def write(camera: Camera) -> str:
-    """The text for a camera of model `opencv` without k3, or `pinhole`."""
-    lens = camera.params.tolist()[4:8] or [0.0] * 4
+SPHERE = Lens("omni-none", "omni", "xi fx fy cx cy")
+DISTORTED_SPHERE = Lens("omni-radtan", "omni", "xi fx fy cx cy 0 0 0 0")
+LENSES = (
+    Lens("pinhole-radtan", "opencv", "fx fy cx cy k1 k2 p1 p2"),
+    Lens("pinhole-equi", "fisheye", "fx fy cx cy k1 k2 k3 k4"),
+    Lens("ds-none", "ds", "xi alpha fx fy cx cy"),
+    Lens("eucm-none", "eucm", "alpha beta fx fy cx cy"),
+    SPHERE,
+    DISTORTED_SPHERE,
+    Lens("pinhole-none", "pinhole", "fx fy cx cy"),
+)
+"""A camera model and a distortion model, with the numbers of both (Kalibr's wiki, Supported models)."""
+DISTORTED = {"radtan": 4, "equi": 4, "none": 0}
+"""How many numbers a distortion model has."""
+
+
+def write(camera: Camera, lens: Lens) -> str:
+    """The text for a camera of the lens's model."""
+    projection, distortion = lens.name.split("-")
+    values = list(map(real, lens.values(camera)))
+    count = len(values) - DISTORTED[distortion]
     width, height = camera.image_size
     return (
         "cam0:\n"
         "  cam_overlaps: []\n"
-        "  camera_model: pinhole\n"
-        f"  distortion_coeffs: [{', '.join(map(real, lens))}]\n"
-        "  distortion_model: radtan\n"
-        f"  intrinsics: [{', '.join(map(real, camera.params[:4]))}]\n"
+        f"  camera_model: {projection}\n"
+        f"  distortion_coeffs: [{', '.join(values[count:])}]\n"
+        f"  distortion_model: {distortion}\n"
+        f"  intrinsics: [{', '.join(values[:count])}]\n"
         f"  resolution: [{width}, {height}]\n"
         "  rostopic: /cam0/image_raw\n"
     )
@@ -45,18 +64,33 @@ def read(text: str, origin: str, name: str | None = None) -> ReadCamera:
     tree = mapping(parse_yaml(text, origin), "the file", origin)
     chain = {"cam0": tree} if "intrinsics" in tree else {key: one for key, one in tree.items() if isinstance(one, dict)}
     values = mapping(pick(chain, name, origin), "a camera", origin)
-    for key, known in (("camera_model", ("pinhole",)), ("distortion_model", ("radtan", "none"))):
-        found = required(values, (key,), origin)
-        if found not in known:
-            raise InputError(
-                f"{origin}: {key} {shown_plain(found)}: not supported; calibrate with Kalibr's pinhole-radtan"
-            )
+    models = [required(values, (key,), origin) for key in ("camera_model", "distortion_model")]
+    lens = lens_named(LENSES, "-".join(map(str, models))) if all(isinstance(one, str) for one in models) else None
+    if lens is None:
+        known = ", ".join(one.name for one in LENSES if one.is_written)
+        found = " and ".join(map(shown_plain, models))
+        raise InputError(f"{origin}: camera_model and distortion_model {found}: not supported; calibrate with {known}")
     size = image_size(required(values, ("resolution",), origin), origin)
-    linear = numbers(required(values, ("intrinsics",), origin), "intrinsics", origin, (4,))
-    if values["distortion_model"] == "none":
-        return ReadCamera(make_camera(LINEAR, linear, size, origin))
-    lens = numbers(required(values, ("distortion_coeffs",), origin), "distortion_coeffs", origin, (4,))
-    return brown_camera(linear, lens, size, origin)
+    count = DISTORTED[str(models[1])]
+    numbers_of = numbers(required(values, ("intrinsics",), origin), "intrinsics", origin, (len(lens.names) - count,))
+    if count:
+        coefficients = required(values, ("distortion_coeffs",), origin)
+        numbers_of += numbers(coefficients, "distortion_coeffs", origin, (count,))
+    if lens == DISTORTED_SPHERE and any(numbers_of[-count:]):
+        return _distorted_sphere(numbers_of, size, origin)
+    return lens_camera(lens, numbers_of, size, origin)
+
+
+def _distorted_sphere(numbers_of: list[float], size: tuple[int, int], origin: str) -> ReadCamera:
+    """The unified camera with Brown's distortion behind it, (X, Y) / (Z + xi d) in place of (X, Y) / Z."""
+    sphere, coefficients = numbers_of[:5], numbers_of[5:]
+    camera = lens_camera(SPHERE, sphere, size, origin).camera
+    unit = replace(camera, params=np.array([1.0, 1.0, 0.0, 0.0, *camera.params[4:]]))
+
+    def rays(pixel: Array) -> Array:
+        return unit.rays(np.column_stack(invert(brown(coefficients), *slopes_of(pixel, sphere[1:]))))
+
+    return fit_foreign(rays, sphere[1:], size, f"its {DISTORTED_SPHERE.name} lens", origin)
 
 
 FORMAT = CameraFormat(
@@ -65,8 +99,8 @@ FORMAT = CameraFormat(
     file_name="camchain.yaml",
     opens_with="kalibr_calibrate_imu_camera --cams {file} ...; set rostopic in it to your camera's",
     recognised=_RECOGNISED,
+    lenses=LENSES,
     write=write,
     read=read,
-    cannot_hold=("k3",),
     holds_many=True,
 )

@@ -1,9 +1,7 @@
-"""Lenses of other tools: Brown's as it is, its relatives by a fit over the image.
+"""Lenses of other tools: those that are a model of ours as they are, their relatives by a fit over the image.
 
-OpenCV's lens of up to 12 coefficients k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 takes (x, y), r^2 = x^2 + y^2, to
-`(x, y) (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
-+ (2 p1 xy + p2 (r^2 + 2x^2) + s1 r^2 + s2 r^4, p1 (r^2 + 2y^2) + 2 p2 xy + s3 r^2 + s4 r^4)`
-(OpenCV's documentation of calib3d). With k4 and all that follow at zero it is the model `opencv`.
+OpenCV's lens of up to 12 coefficients k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 is one of three models, the smallest that has
+those that are not zero.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,9 +9,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import COMMON, LINEAR
-from calib.cameras.refit import fit_rays, image_grid
-from calib.interop.format import ReadCamera
+from calib.cameras import ABILITIES, COMMON, LINEAR, fitted_models, neutral, parameter_names
+from calib.cameras.refit import fit_rays, image_grid, in_other_words
+from calib.interop.choosing import by_field, closest, try_fits
+from calib.interop.format import NOTHING, Lens, ReadCamera
 from calib.interop.parsing import make_camera
 from designer.base.errors import InputError
 
@@ -22,8 +21,16 @@ Array = NDArray[np.float64]
 
 Distort = Callable[[Complex, Complex], tuple[Complex, Complex]]
 """A lens in normalised coordinates; built of `+ - * /` only, so that it takes complex numbers."""
+Rays = Callable[[Array], Array]
+"""Directions (N, 3) at pixels (N, 2), of any length; nan where there are none."""
 
-BROWN = 5
+OF_OPENCV = {5: COMMON, 8: "opencv8", 12: "opencv12"}
+"""Its models by the number of their coefficients."""
+QUICK_OF_OPENCV = (COMMON, "opencv8")
+"""Those that are fitted in a moment."""
+PLAINER = {"thin_prism_fisheye": "fisheye"}
+"""What a camera of a model is where the numbers beyond are zero."""
+OPENCV_ORDER = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4")
 STEP = 1e-30
 MAX_STEPS = 100
 TOLERANCE = 1e-12
@@ -33,37 +40,83 @@ def brown_camera(
     linear: Sequence[float], coefficients: Sequence[float], image_size: tuple[int, int], origin: str
 ) -> ReadCamera:
     """A camera with fx fy cx cy and up to 12 of OpenCV's coefficients."""
-    given = [*coefficients, *[0.0] * (12 - len(coefficients))]
-    camera = make_camera(COMMON, [*linear, *given[:BROWN]], image_size, origin)
-    if not any(given[BROWN:]):
-        return ReadCamera(camera)
-    what = "rational" if not any(given[8:]) else "thin-prism"
+    last = max((count for count, value in enumerate(coefficients, start=1) if value), default=0)
+    count = next(one for one in OF_OPENCV if one >= last)
+    lens = [*coefficients, *[0.0] * count][:count]
+    return ReadCamera(make_camera(OF_OPENCV[count], [*linear, *lens], image_size, origin))
+
+
+def brown(coefficients: Sequence[float]) -> Distort:
+    """Brown's distortion by k1 k2 p1 p2, as in `calib.cameras.brown`."""
+    k1, k2, p1, p2 = coefficients
 
     def distort(x: Complex, y: Complex) -> tuple[Complex, Complex]:
-        k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = given
         s = x * x + y * y
-        radial = (1 + s * (k1 + s * (k2 + s * k3))) / (1 + s * (k4 + s * (k5 + s * k6)))
-        return (
-            x * radial + 2 * p1 * x * y + p2 * (s + 2 * x * x) + s * (s1 + s * s2),
-            y * radial + p1 * (s + 2 * y * y) + 2 * p2 * x * y + s * (s3 + s * s4),
-        )
+        radial = 1 + s * (k1 + s * k2)
+        a = x * radial + 2 * p1 * x * y + p2 * (s + 2 * x * x)
+        return a, y * radial + p1 * (s + 2 * y * y) + 2 * p2 * x * y
 
-    return fit_lens(distort, linear, image_size, f"its {what} lens", origin)
+    return distort
+
+
+def lens_camera(lens: Lens, values: Sequence[float], image_size: tuple[int, int], origin: str) -> ReadCamera:
+    """The camera of a file's numbers, which are in the lens's order.
+
+    Raises:
+        InputError: a number that is none of ours is not zero, or there is no such camera.
+    """
+    known = dict(zip(lens.names, values, strict=True))
+    if any(value for name, value in zip(lens.names, values, strict=True) if name == NOTHING):
+        raise InputError(
+            f"{origin}: {lens.name} with numbers that are zero in a camera that can be held; not supported"
+        )
+    linear = [known[name] if name in known else known["f"] for name in ("fx", "fy")] + [known["cx"], known["cy"]]
+    model = str(lens.model)
+    if model in OF_OPENCV.values():
+        return brown_camera(linear, [known.get(name, 0.0) for name in OPENCV_ORDER], image_size, origin)
+    none = dict(zip(parameter_names(model), neutral(model).tolist(), strict=True))
+    rest = [known.get(name, value) for name, value in list(none.items())[4:]]
+    camera = make_camera(model, [*linear, *rest], image_size, origin)
+    return ReadCamera((in_other_words(camera, PLAINER[model]) if model in PLAINER else None) or camera)
+
+
+def lens_named(lenses: Sequence[Lens], name: str) -> Lens | None:
+    """The lens of that name, if there is one."""
+    return next((lens for lens in lenses if lens.name == name), None)
 
 
 def fit_lens(
     distort: Distort, linear: Sequence[float], image_size: tuple[int, int], what: str, origin: str
 ) -> ReadCamera:
-    """The camera of model `opencv` nearest to one with another lens, behind fx fy cx cy."""
-    fx, fy, cx, cy = make_camera(LINEAR, linear, image_size, origin).params
+    """The camera nearest to one with a focal plane and another lens, behind fx fy cx cy."""
+
+    def rays(pixel: Array) -> Array:
+        x, y = invert(distort, *slopes_of(pixel, linear))
+        return np.column_stack([x, y, np.ones_like(x)])
+
+    return fit_foreign(rays, linear, image_size, what, origin)
+
+
+def slopes_of(pixel: Array, linear: Sequence[float]) -> tuple[Array, Array]:
+    """Pixels (N, 2) less the centre, in focal lengths: (N,) and (N,)."""
+    fx, fy, cx, cy = linear
+    return (pixel[:, 0] - cx) / fx, (pixel[:, 1] - cy) / fy
+
+
+def fit_foreign(rays: Rays, linear: Sequence[float], image_size: tuple[int, int], what: str, origin: str) -> ReadCamera:
+    """The camera nearest to one that sees such rays: of OpenCV's models, or of the wide ones if it sees far."""
+    make_camera(LINEAR, linear, image_size, origin)  # held to the same rules
     pixel = image_grid(image_size).reshape(-1, 2)
     with np.errstate(all="ignore"):  # where the lens has no inverse the numbers run away, and are left out
-        x, y = invert(distort, (pixel[:, 0] - cx) / fx, (pixel[:, 1] - cy) / fy)
+        ray = rays(pixel)
+        ray = ray / np.linalg.norm(ray, axis=1, keepdims=True)
+    wide = [name for name in fitted_models() if ABILITIES[name].is_wide]
+    groups = by_field(wide, QUICK_OF_OPENCV, ray)
     try:
-        refit = fit_rays(pixel, np.column_stack([x, y, np.ones_like(x)]), image_size, COMMON)
+        _, refit = closest(try_fits(groups, lambda model: fit_rays(pixel, ray, image_size, model)))
     except InputError as error:
         raise InputError(f"{origin}: {error}") from None
-    return ReadCamera(refit.camera, refit, (f"{what} was fitted by the 5 coefficients of the model {COMMON}",))
+    return ReadCamera(refit.camera, refit, (f"{what} was fitted by the model {refit.camera.model}",))
 
 
 def invert(distort: Distort, x: Array, y: Array) -> tuple[Array, Array]:

@@ -4,16 +4,20 @@ Metashape's frame camera takes x = X/Z, y = Y/Z with r^2 = x^2 + y^2 to
 `x' = x (1 + K1 r^2 + K2 r^4 + K3 r^6 + K4 r^8) + (P1 (r^2 + 2x^2) + 2 P2 xy) (1 + P3 r^2 + P4 r^4)`,
 `y' = y (1 + K1 r^2 + K2 r^4 + K3 r^6 + K4 r^8) + (P2 (r^2 + 2y^2) + 2 P1 xy) (1 + P3 r^2 + P4 r^4)`,
 `u = w/2 + cx + x' f + x' B1 + y' B2`, `v = h/2 + cy + y' f` (its manual, appendix on camera models), counted from the
-image's corner. So P1 and P2 are OpenCV's p2 and p1, and u and v are larger by half a pixel.
+image's corner. So P1 and P2 are OpenCV's p2 and p1, and u and v are larger by half a pixel. Its fisheye cameras do the
+same with x and y that are as far apart as the angle theta off the axis, r = theta, or r = 2 sin(theta / 2) of the
+equisolid ones.
 """
 
 import re
 from collections.abc import Mapping
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 from calib.cameras.camera import Camera
-from calib.interop.format import CameraFormat, ReadCamera
-from calib.interop.lens import Complex, brown_camera, fit_lens
+from calib.interop.format import CameraFormat, Lens, ReadCamera
+from calib.interop.lens import Array, Complex, Distort, fit_foreign, fit_lens, invert, lens_camera, slopes_of
 from calib.interop.parsing import image_size, number, parse_xml, pick, real
 from designer.base.errors import InputError
 from designer.base.words import shown
@@ -24,29 +28,32 @@ CORNER = 0.5
 MAX_FILE_BYTES = 2**24
 """Exported cameras come with the poses of all photos."""
 
+FOREIGN = ("b2", "p3", "p4")
+"""What no model of ours has."""
+SWAPPED = {"p1": "p2", "p2": "p1"}
 NUMBERS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4")
 _RECOGNISED = re.compile(r"\A\s*(?=<)(?s:.*?)<calibration\b")
 
 
-def write(camera: Camera) -> str:
-    """The text of a calibration for a camera of model `opencv` or `pinhole`."""
-    fx, fy, cx, cy, k1, k2, p1, p2, k3 = [*camera.params.tolist(), *[0.0] * 5][:9]
+LENSES = (
+    Lens("frame", "opencv", "fx fy cx cy k1 k2 k3 p2 p1"),
+    Lens("fisheye", "thin_prism_fisheye", "fx fy cx cy k1 k2 k3 k4 p2 p1"),
+)
+"""Its camera types, with the numbers of ours in its order."""
+EQUIDISTANT = ("fisheye", "equidistant_fisheye")
+EQUISOLID = "equisolid_fisheye"
+
+
+def write(camera: Camera, lens: Lens) -> str:
+    """The text of a calibration for a camera of the lens's model."""
+    fx, fy, cx, cy, *rest = lens.values(camera)
     width, height = camera.image_size
-    values = {
-        "f": fy,
-        "cx": cx + CORNER - width / 2,
-        "cy": cy + CORNER - height / 2,
-        "b1": fx - fy,
-        "b2": 0.0,
-        "k1": k1,
-        "k2": k2,
-        "k3": k3,
-        "p1": p2,
-        "p2": p1,
-    }
+    *radial, p1, p2 = rest
+    values = {"f": fy, "cx": cx + CORNER - width / 2, "cy": cy + CORNER - height / 2, "b1": fx - fy, "b2": 0.0}
+    values |= {f"k{k}": value for k, value in enumerate(radial, start=1)} | {"p1": p1, "p2": p2}
     lines = "".join(f"  <{name}>{real(value)}</{name}>\n" for name, value in values.items())
     return (
-        '<?xml version="1.0" encoding="UTF-8"?>\n<calibration>\n  <projection>frame</projection>\n'
+        f'<?xml version="1.0" encoding="UTF-8"?>\n<calibration>\n  <projection>{lens.name}</projection>\n'
         f"  <width>{width}</width>\n  <height>{height}</height>\n{lines}</calibration>\n"
     )
 
@@ -74,30 +81,47 @@ def _sensors(root: Element) -> Mapping[str, Element]:
 
 
 def _camera(calibration: Element, origin: str) -> ReadCamera:
-    kind = calibration.findtext("projection") or calibration.get("type") or "frame"
-    if kind.strip() != "frame":
-        raise InputError(f"{origin}: {shown(kind.strip())} camera: not supported; only Metashape's frame cameras are")
+    kind = (calibration.findtext("projection") or calibration.get("type") or "frame").strip()
+    if kind not in ("frame", *EQUIDISTANT, EQUISOLID):
+        known = ", ".join(("frame", *EQUIDISTANT, EQUISOLID))
+        raise InputError(f"{origin}: {shown(kind)} camera: not supported; of Metashape's cameras {known} are")
     if calibration.find("fx") is not None:
         raise InputError(f"{origin}: a calibration of an old PhotoScan; save it again with Metashape")
     size = _image_size(calibration, origin)
     values = {name: number(calibration.findtext(name, "0"), name, origin) for name in NUMBERS}
     f, b1 = values["f"], values["b1"]
     linear = [f + b1, f, size[0] / 2 + values["cx"] - CORNER, size[1] / 2 + values["cy"] - CORNER]
-    foreign = [name for name in ("b2", "k4", "p3", "p4") if values[name]]
-    if not foreign:
-        lens = [values[name] for name in ("k1", "k2", "p2", "p1", "k3")]
-        return brown_camera(linear, lens, size, origin)
-    skew = values["b2"] / linear[0] if linear[0] else 0.0
+    wide = kind != "frame"
+    foreign = [name for name in (*FOREIGN, *(() if wide else ("k4",))) if values[name]]
+    if kind != EQUISOLID and not foreign:
+        lens = LENSES[wide]
+        return lens_camera(lens, [*linear, *(values[SWAPPED.get(name, name)] for name in lens.names[4:])], size, origin)
+    what = f"its {kind} lens" + (f" with {' '.join(foreign)}" if foreign else "")
+    distort = _distortion(values, values["b2"] / linear[0] if linear[0] else 0.0)
+    if not wide:
+        return fit_lens(distort, linear, size, what, origin)
+
+    def rays(pixel: Array) -> Array:
+        x, y = invert(distort, *slopes_of(pixel, linear))
+        radius = np.hypot(x, y)
+        theta = radius if kind != EQUISOLID else 2 * np.arcsin(radius / 2)
+        aside = np.sinc(theta / np.pi) if kind != EQUISOLID else np.cos(theta / 2)  # sin(theta) / r
+        return np.where((theta < np.pi)[:, None], np.column_stack([aside * x, aside * y, np.cos(theta)]), np.nan)
+
+    return fit_foreign(rays, linear, size, what, origin)
+
+
+def _distortion(values: Mapping[str, float], skew: float) -> Distort:
+    k1, k2, k3, k4, p1, p2, p3, p4 = (values[name] for name in ("k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4"))
 
     def distort(x: Complex, y: Complex) -> tuple[Complex, Complex]:
-        k1, k2, k3, k4, p1, p2, p3, p4 = (values[name] for name in ("k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4"))
         s = x * x + y * y
         radial, outer = 1 + s * (k1 + s * (k2 + s * (k3 + s * k4))), 1 + s * (p3 + s * p4)
         a = x * radial + (p1 * (s + 2 * x * x) + 2 * p2 * x * y) * outer
         b = y * radial + (p2 * (s + 2 * y * y) + 2 * p1 * x * y) * outer
         return a + skew * b, b
 
-    return fit_lens(distort, linear, size, f"its lens with {' '.join(foreign)}", origin)
+    return distort
 
 
 def _image_size(calibration: Element, origin: str) -> tuple[int, int]:
@@ -117,6 +141,7 @@ FORMAT = CameraFormat(
     file_name="calibration.xml",
     opens_with="in Metashape: Tools, Camera Calibration, Initial, the folder symbol; then fix the calibration",
     recognised=_RECOGNISED,
+    lenses=LENSES,
     write=write,
     read=read,
     holds_many=True,

@@ -3,22 +3,29 @@
 import ast
 import re
 
-from calib.cameras import LINEAR
 from calib.cameras.camera import Camera
-from calib.interop.format import CameraFormat, ReadCamera
-from calib.interop.lens import brown_camera
-from calib.interop.parsing import image_size, make_camera, mapping, numbers, real, required, shown_plain
+from calib.interop.format import CameraFormat, Lens, ReadCamera
+from calib.interop.lens import lens_camera, lens_named
+from calib.interop.mrcal_cahvore import CAHVOR, CAHVORE, read_cahvore
+from calib.interop.mrcal_surface import SPLINED, nearest_surface, read_surface, surface_of
+from calib.interop.parsing import image_size, mapping, numbers, real, required, shown_plain
 from designer.base.errors import InputError
 from designer.base.words import shown
 
-MODELS = {
-    "LENSMODEL_PINHOLE": 0,
-    "LENSMODEL_OPENCV4": 4,
-    "LENSMODEL_OPENCV5": 5,
-    "LENSMODEL_OPENCV8": 8,
-    "LENSMODEL_OPENCV12": 12,
-}
-"""Models that can be read, and how many coefficients follow fx fy cx cy."""
+LENSES = (
+    Lens("LENSMODEL_PINHOLE", "pinhole", "fx fy cx cy"),
+    Lens("LENSMODEL_OPENCV5", "opencv", "fx fy cx cy k1 k2 p1 p2 k3"),
+    Lens("LENSMODEL_OPENCV8", "opencv8", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
+    Lens("LENSMODEL_OPENCV12", "opencv12", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4"),
+    Lens(f"{CAHVORE}0.0", "fisheye", "fx fy cx cy 0 0 0 k1 k2 0 0 0"),
+    Lens(SPLINED, None, approximate=nearest_surface),
+    Lens("LENSMODEL_OPENCV4", "opencv", "fx fy cx cy k1 k2 p1 p2"),
+    Lens(CAHVOR, "opencv", "fx fy cx cy 0 0 0 k1 k2"),
+)
+"""Its lens models, with the numbers that it gives them (its documentation, Camera models).
+
+CAHVORE with a linearity of 0 takes angles where CAHVOR takes their tangents.
+"""
 
 MAX_FILE_BYTES = 2**26
 """A model may hold all observations it was made from."""
@@ -35,15 +42,15 @@ _TOKEN = re.compile(
 _RECOGNISED = re.compile(r"""["'](?:lensmodel|lens_model|distortion_model)["']\s*:""")
 
 
-def write(camera: Camera) -> str:
-    """The text for a camera of model `opencv` or `pinhole`, at the origin."""
-    model = "LENSMODEL_PINHOLE" if camera.model == LINEAR else "LENSMODEL_OPENCV5"
+def write(camera: Camera, lens: Lens) -> str:
+    """The text for a camera of the lens's model, at the origin."""
+    name, values = (lens.name, lens.values(camera)) if lens.approximate is None else surface_of(camera).numbers
     width, height = camera.image_size
     return (
         "{\n"
-        f"    'lensmodel':  '{model}',\n\n"
+        f"    'lensmodel':  '{name}',\n\n"
         "    # intrinsics are fx,fy,cx,cy,distortion0,distortion1,....\n"
-        f"    'intrinsics': [ {', '.join(map(real, camera.params))} ],\n\n"
+        f"    'intrinsics': [ {', '.join(map(real, values))} ],\n\n"
         "    # extrinsics are rt_fromref\n"
         "    'extrinsics': [ 0., 0., 0., 0., 0., 0. ],\n\n"
         f"    'imagersize': [ {width}, {height} ]\n"
@@ -56,14 +63,18 @@ def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
     values = mapping(_literal(text, origin), "the file", origin)
     model = required(values, ("lensmodel", "lens_model", "distortion_model"), origin)
     name = model.replace("DISTORTION_", "LENSMODEL_") if isinstance(model, str) else ""
-    if name not in MODELS:
-        hint = "first run mrcal-convert-lensmodel LENSMODEL_OPENCV5"
-        raise InputError(f"{origin}: lens model {shown_plain(model)}: not supported; {hint}")
     size = image_size(required(values, ("imagersize",), origin), origin)
-    params = numbers(required(values, ("intrinsics",), origin), "intrinsics", origin, (4 + MODELS[name],))
-    if not MODELS[name]:
-        return ReadCamera(make_camera(LINEAR, params, size, origin))
-    return brown_camera(params[:4], params[4:], size, origin)
+    given = required(values, ("intrinsics",), origin)
+    if name.startswith(SPLINED):
+        return read_surface(name, given, size, origin)
+    if name == CAHVOR or name.startswith(CAHVORE):
+        return read_cahvore(name, given, size, origin)
+    lens = lens_named(LENSES, name)
+    if lens is None:
+        known = ", ".join(one.name.partition("_linearity")[0] for one in LENSES)
+        hint = f"first run mrcal-convert-lensmodel with one of {known}"
+        raise InputError(f"{origin}: lens model {shown_plain(model)}: not supported; {hint}")
+    return lens_camera(lens, numbers(given, "intrinsics", origin, (len(lens.names),)), size, origin)
 
 
 def _literal(text: str, origin: str) -> object:
@@ -96,6 +107,7 @@ FORMAT = CameraFormat(
     file_name="camera.cameramodel",
     opens_with='mrcal-show-projection-diff {file} OTHER.cameramodel; in Python: mrcal.cameramodel("{file}")',
     recognised=_RECOGNISED,
+    lenses=LENSES,
     write=write,
     read=read,
     max_bytes=MAX_FILE_BYTES,

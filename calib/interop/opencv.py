@@ -4,8 +4,8 @@ import re
 from collections.abc import Mapping
 
 from calib.cameras.camera import Camera
-from calib.interop.format import CameraFormat, ReadCamera
-from calib.interop.lens import brown_camera
+from calib.interop.format import CameraFormat, Lens, ReadCamera
+from calib.interop.lens import brown_camera, lens_camera
 from calib.interop.parsing import image_size, mapping, numbers, only_keys, parse_yaml, real, required
 from designer.base.errors import InputError
 
@@ -13,6 +13,14 @@ MATRIX = ("camera_matrix", "cameraMatrix", "K")
 LENS = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D")
 SIZE = ("image_size", "imageSize", "image_width", "image_height", "width", "height")
 FISHEYE = "fisheye_model"
+LENSES = (
+    Lens("standard", "opencv", "fx fy cx cy k1 k2 p1 p2 k3"),
+    Lens("rational", "opencv8", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
+    Lens("thin_prism", "opencv12", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4"),
+    Lens("fisheye", "fisheye", "fx fy cx cy k1 k2 k3 k4"),
+)
+"""What its functions of calib3d take, by the names of their flags; those of `cv2.fisheye` are the last."""
+WIDE = LENSES[-1]
 COUNTS = (4, 5, 8, 12, 14)
 TILT = slice(12, 14)
 MAX_FILE_BYTES = 2**22
@@ -21,15 +29,15 @@ MAX_FILE_BYTES = 2**22
 _RECOGNISED = re.compile(rf"^(?:{'|'.join(MATRIX)})\s*:|!!opencv-matrix", re.MULTILINE)
 
 
-def write(camera: Camera) -> str:
-    """The text for a camera of model `opencv` or `pinhole`."""
-    fx, fy, cx, cy, *lens = camera.params.tolist()
+def write(camera: Camera, lens: Lens) -> str:
+    """The text for a camera of the lens's model."""
+    fx, fy, cx, cy, *rest = lens.values(camera)
     width, height = camera.image_size
     matrix = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
     return (
-        f"%YAML:1.0\n---\nimage_width: {width}\nimage_height: {height}\n"
+        f"%YAML:1.0\n---\nimage_width: {width}\nimage_height: {height}\n{FISHEYE}: {int(lens == WIDE)}\n"
         f"camera_matrix: {_matrix(3, 3, matrix)}"
-        f"distortion_coefficients: {_matrix(1, 5, lens or [0.0] * 5)}"
+        f"distortion_coefficients: {_matrix(1, len(rest), rest)}"
     )
 
 
@@ -48,7 +56,9 @@ def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
     if any(lens[TILT]):
         raise InputError(f"{origin}: a tilted sensor (tau) is not supported; calibrate without CALIB_TILTED_MODEL")
     if values.get(FISHEYE) not in (None, "", "0", "false"):
-        raise InputError(f"{origin}: a fisheye lens is not supported; calibrate without the fisheye model")
+        if len(lens) != len(WIDE.names) - len(linear):
+            raise InputError(f"{origin}: {LENS[0]} has {len(lens)} numbers; those of a fisheye lens are k1 k2 k3 k4")
+        return lens_camera(WIDE, [*linear, *lens], size, origin)
     return brown_camera(linear, lens[: TILT.start], size, origin)
 
 
@@ -81,8 +91,10 @@ FORMAT = CameraFormat(
     name="opencv",
     title="OpenCV YAML",
     file_name="camera.yaml",
-    opens_with='in Python: cv2.FileStorage("{file}", cv2.FILE_STORAGE_READ).getNode("camera_matrix").mat()',
+    opens_with='in Python: cv2.FileStorage("{file}", cv2.FILE_STORAGE_READ).getNode("camera_matrix").mat(); '
+    "where fisheye_model is 1 the functions of cv2.fisheye take it",
     recognised=_RECOGNISED,
+    lenses=LENSES,
     write=write,
     read=read,
     max_bytes=MAX_FILE_BYTES,

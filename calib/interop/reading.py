@@ -1,13 +1,10 @@
-"""Camera files of any kind that is known, found out by their content; and cameras made to fit one."""
+"""Camera files of any kind that is known, found out by their content."""
 
 import os
-from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-from calib.cameras import LINEAR, fitted_models
-from calib.cameras.camera import Camera, camera_or_preset
-from calib.cameras.refit import Refit, refit
+from calib.cameras.camera import camera_or_preset
 from calib.interop import FORMATS, OWN
 from calib.interop.format import CameraFormat, ReadCamera
 from designer.base.errors import InputError
@@ -106,31 +103,3 @@ def _why_unknown(text: str) -> str:
     if '"ringsolid.' in head:
         return "no camera file; name the camera.json beside it"
     return "not a camera file of a known kind"
-
-
-def fit_to_format(
-    camera: Camera, target: CameraFormat, model: str | None = None, zero: Collection[str] = ()
-) -> tuple[Camera, Refit | None]:
-    """The camera as the format can hold it, and the fit that took, if any.
-
-    It stays of its own model where the format holds that, unless another is given. Lens parameters in `zero` are left
-    out besides those that the format cannot hold.
-    """
-    model = model or _own_or_nearest(camera, target)
-    if target.model is None and model == camera.model and not zero:
-        return camera, None  # of a learned map too, which cannot be fitted
-    if model not in fitted_models():
-        hint = suggestion(model, list(fitted_models())) or f"; there are {', '.join(fitted_models())}"
-        raise InputError(f"model {shown(model)} cannot be fitted to a camera{hint}")
-    if target.model is not None and model not in (target.model, LINEAR):
-        holds = f"{target.title} holds model {target.model} or {LINEAR}"
-        raise InputError(f"{holds}, not {shown(model)}; leave out --model, or use --to {OWN}")
-    result = refit(camera, model, zero=(*zero, *target.cannot_hold), turn=camera.learned is not None)
-    return result.camera, None if result.is_exact else result
-
-
-def _own_or_nearest(camera: Camera, target: CameraFormat) -> str:
-    """The camera's model where the format holds it, else the one it holds."""
-    if target.model is None or camera.model in (target.model, LINEAR):
-        return camera.model
-    return target.model

@@ -3,32 +3,39 @@
 import re
 
 from calib.cameras.camera import Camera
-from calib.interop.format import CameraFormat, ReadCamera
-from calib.interop.lens import brown_camera
+from calib.interop.format import CameraFormat, Lens, ReadCamera
+from calib.interop.lens import lens_camera, lens_named
 from calib.interop.opencv import linear_part
 from calib.interop.parsing import image_size, mapping, numbers, only_keys, parse_yaml, real, required, shown_plain
 from designer.base.errors import InputError
 
-BROWN = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,)}
-"""Lens models that can be read, and how many coefficients they may have."""
+LENSES = (
+    Lens("plumb_bob", "opencv", "fx fy cx cy k1 k2 p1 p2 k3"),
+    Lens("rational_polynomial", "opencv8", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
+    Lens("equidistant", "fisheye", "fx fy cx cy k1 k2 k3 k4"),
+)
+"""Its distortion models (sensor_msgs/distortion_models)."""
+SHORTER = {"plumb_bob": (0, 4)}
+"""Of these some numbers at the end may be missing."""
 
+COEFFICIENTS = ("distortion_coefficients", "D", "d")
 KEYS = (
-    *("image_width", "image_height", "camera_matrix", "distortion_model", "distortion_coefficients"),
-    *("width", "height", "K", "k", "D", "d"),
+    *("image_width", "image_height", "camera_matrix", "distortion_model", *COEFFICIENTS),
+    *("width", "height", "K", "k"),
 )
 
 _RECOGNISED = re.compile(r"\A(?=(?s:.*?)^distortion_model\s*:)(?=(?s:.*?)^(?:camera_matrix|K|k)\s*:)", re.MULTILINE)
 
 
-def write(camera: Camera) -> str:
-    """The text for a camera of model `opencv` or `pinhole`; rectified images keep its focal lengths and centre."""
-    fx, fy, cx, cy, *lens = camera.params.tolist()
+def write(camera: Camera, lens: Lens) -> str:
+    """The text for a camera of the lens's model; rectified images keep its focal lengths and centre."""
+    fx, fy, cx, cy, *rest = lens.values(camera)
     width, height = camera.image_size
     return (
         f"image_width: {width}\nimage_height: {height}\ncamera_name: camera\n"
         f"camera_matrix:{_matrix(3, 3, [fx, 0, cx, 0, fy, cy, 0, 0, 1])}"
-        "distortion_model: plumb_bob\n"
-        f"distortion_coefficients:{_matrix(1, 5, lens or [0.0] * 5)}"
+        f"distortion_model: {lens.name}\n"
+        f"distortion_coefficients:{_matrix(1, len(rest), rest)}"
         f"rectification_matrix:{_matrix(3, 3, [1, 0, 0, 0, 1, 0, 0, 0, 1])}"
         f"projection_matrix:{_matrix(3, 4, [fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0])}"
     )
@@ -44,13 +51,15 @@ def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
     values = mapping({} if tree is None else tree, "the file", origin)
     size = image_size([required(values, (f"image_{side}", side), origin) for side in ("width", "height")], origin)
     model = values.get("distortion_model", "plumb_bob")
-    if not isinstance(model, str) or model not in BROWN:
-        hint = "calibrate with plumb_bob or rational_polynomial"
+    lens = lens_named(LENSES, model) if isinstance(model, str) else None
+    if lens is None:
+        hint = f"calibrate with {' or '.join(one.name for one in LENSES)}"
         raise InputError(f"{origin}: distortion_model {shown_plain(model)}: not supported; {hint}")
     matrix = numbers(_data(required(values, ("camera_matrix", "K", "k"), origin)), "camera_matrix", origin, (9,))
-    lens = _data(required(values, ("distortion_coefficients", "D", "d"), origin))
-    coefficients = numbers(lens, "distortion_coefficients", origin, BROWN[model])
-    return brown_camera(linear_part(matrix, origin), coefficients, size, origin)
+    count = len(lens.names) - 4
+    counts = (*SHORTER.get(lens.name, ()), count)
+    found = numbers(_data(required(values, COEFFICIENTS, origin)), COEFFICIENTS[0], origin, counts)
+    return lens_camera(lens, [*linear_part(matrix, origin), *found, *[0.0] * (count - len(found))], size, origin)
 
 
 def _data(matrix: object) -> object:
@@ -64,6 +73,7 @@ FORMAT = CameraFormat(
     file_name="camera_info.yaml",
     opens_with="in the camera driver's parameters: camera_info_url: {url}",
     recognised=_RECOGNISED,
+    lenses=LENSES,
     write=write,
     read=read,
 )

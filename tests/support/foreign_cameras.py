@@ -2,16 +2,17 @@
 
 import json
 import subprocess
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from calib.cameras import rays
+from calib.cameras import neutral, parameter_names, rays
 from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
 from calib.interop import FORMATS
-from calib.interop.reading import fit_to_format
+from calib.interop.holding import fit_to_format
 
 SIZE = (1024, 768)
 CAMERAS = {
@@ -28,10 +29,55 @@ SYSTEM_PYTHON = "/usr/bin/python3"
 """Debian's mrcal is a package of the system's Python."""
 
 
+@cache
 def written(format_name: str, camera: str) -> tuple[Camera, str]:
     """A camera as a format can hold it, and its text."""
-    held, _ = fit_to_format(CAMERAS[camera], FORMATS[format_name])
-    return held, FORMATS[format_name].write(held)
+    held = fit_to_format(CAMERAS[camera], FORMATS[format_name])
+    return held.camera, FORMATS[format_name].write(held.camera, held.lens)
+
+
+WIDE_SIZE = (1000, 800)
+MODELS = {
+    "pinhole": (900.0, 880, 510, 390),
+    "opencv": (620.0, 600, 508.2, 391.7, -0.3, 0.1, 0.002, -0.0004, -0.012),
+    "opencv8": (600.0, 610, 500, 390, 0.3, 0.05, 0.001, -0.0005, 0.01, 0.5, 0.06, 0.004),
+    "opencv12": (600.0, 610, 500, 390, 0.3, 0.05, 0.001, -0.0005, 0.01, 0.5, 0.06, 0.004, 1e-3, -2e-3, 3e-3, 1e-3),
+    "fisheye": (330.0, 331.0, 505.0, 397.0, -0.01, 0.004, -0.006, 0.0012),
+    "thin_prism_fisheye": (330.0, 331.0, 505.0, 397.0, -0.01, 0.004, 0.002, -0.001, -0.006, 0.0012, 0.001, 0.002),
+    "ds": (260.0, 261.0, 495.0, 402.0, -0.25, 0.57),
+    "eucm": (310.0, 311.0, 495.0, 402.0, 0.6, 1.08),
+    "omni": (700.0, 701.0, 495.0, 402.0, 1.4),
+    "division": (400.0, 401.0, 495.0, 402.0, -0.2, 0.02, -0.004),
+}
+"""A camera of each model that a format holds, wide ones beyond the half space."""
+
+
+def lenses_of(format_name: str) -> list[str]:
+    """The names of the lenses that a format writes, of models that are ours."""
+    return [name for name, lens in FORMATS[format_name].written.items() if lens.model is not None]
+
+
+def lens_camera(format_name: str, name: str) -> Camera:
+    """A camera that a lens of a format holds; what the lens has no place for is as without a lens."""
+    lens = FORMATS[format_name].written[name]
+    assert lens.model is not None
+    names, none = parameter_names(lens.model), neutral(lens.model)
+    params = np.array(MODELS[lens.model])
+    return Camera(lens.model, np.where(np.isin(names, lens.cannot_hold), none, params), WIDE_SIZE)
+
+
+def text_of(format_name: str, camera: Camera, lens: str | None = None) -> str:
+    """A camera's file, by one of the format's lenses."""
+    held = fit_to_format(camera, FORMATS[format_name], lens=lens)
+    return FORMATS[format_name].write(held.camera, held.lens)
+
+
+def ahead(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """As `whole_image`, where light comes from well before the camera, as reference programs have it."""
+    pixel, ray = whole_image(camera)
+    front = ray[:, 2] > 0.1
+    assert front.sum() > 500
+    return pixel[front], ray[front]
 
 
 def whole_image(camera: Camera) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from calib.cameras.camera import Camera, LearnedMap
 from calib.cameras.refit import fit_rays, image_grid, refit
 from calib.core.se3 import exp_rotation
 from calib.interop import FORMATS
-from calib.interop.reading import fit_to_format
+from calib.interop.holding import fit_to_format
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE
 from tests.support.lenses import slight
@@ -138,11 +138,12 @@ def test_a_learned_map_is_turned() -> None:
     everywhere = LearnedMap(**nothing, trend=sensor @ TILT @ np.linalg.inv(linear), length_px=1e3, limit=2.0)
     camera = Camera("virtual", np.array([800.0, 800, 300, 200]), SIZE, everywhere)
     assert refit(camera, "opencv").max_px > 10
-    held, found = fit_to_format(camera, FORMATS["kalibr"])
+    held = fit_to_format(camera, FORMATS["kalibr"])
+    found = held.refit
     assert found is not None
     assert found.max_px < 1e-3
     assert found.turn_rad == pytest.approx(np.linalg.norm([0.25, -0.2, 0.5]), rel=1e-6)
-    assert np.allclose(held.params[:4], [900, 880, 510, 390], rtol=1e-4)
+    assert np.allclose(held.camera.params[:4], [900, 880, 510, 390], rtol=1e-4)
 
 
 def test_directions_that_are_not_known_are_left_out() -> None:

@@ -12,7 +12,7 @@ from calib.commands.convert import convert
 from calib.interop import FORMATS
 from calib.interop.reading import open_camera
 from designer.base.errors import InputError
-from tests.support.foreign_cameras import CAMERAS, SIZE, whole_image
+from tests.support.foreign_cameras import CAMERAS, SIZE, lens_camera, whole_image
 
 OTHERS = [name for name in FORMATS if name != "json"]
 
@@ -59,7 +59,9 @@ def test_the_family_can_be_changed(capsys: pytest.CaptureFixture[str]) -> None:
     assert "fitted opencv over the whole image" in capsys.readouterr().out
     convert("barrel.json", to="mrcal", out=Path("linear.cameramodel"), model="pinhole")
     assert "lost   the lens's distortion" in capsys.readouterr().out
-    with pytest.raises(InputError, match=r"COLMAP cameras\.txt holds model opencv or pinhole, not 'luhmann'"):
+    with pytest.raises(
+        InputError, match=r"COLMAP cameras\.txt holds models pinhole, opencv, opencv8, .*, not 'luhmann'"
+    ):
         convert("backward.json", to="colmap", out=Path("x"), model="luhmann")
     with pytest.raises(InputError, match="model 'virtual' cannot be fitted"):
         convert("backward.json", to="json", out=Path("x"), model="virtual")
@@ -75,12 +77,38 @@ def test_a_lens_parameter_can_be_left_out() -> None:
 
 
 def test_what_a_foreign_lens_cost_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    """A rational lens is fitted when it is read, with its residual."""
-    Path("cameras.txt").write_text("1 FULL_OPENCV 1024 768 900 880 510 390 0.15 0.03 0.002 -0.001 0.01 0.3 0.02 0\n")
-    convert("cameras.txt", to="json", out=Path("c.json"))
+    """A lens that is no model of ours is fitted when it is read, with its residual."""
+    convert("barrel.json", to="metashape", out=Path("c.xml"))
+    Path("c.xml").write_text(Path("c.xml").read_text().replace("<b2>0.0<", "<b2>1.5<"))
+    capsys.readouterr()
+    convert("c.xml", to="json", out=Path("c.json"))
     said = capsys.readouterr().out
-    assert "its rational lens was fitted by the 5 coefficients of the model opencv" in said
-    assert "fitted opencv over the whole image: RMS 0.0" in said
+    assert "its frame lens with b2 was fitted by the model opencv" in said
+    assert "fitted opencv over the whole image: RMS 0." in said
+
+
+def test_the_lens_is_chosen_and_can_be_named(capsys: pytest.CaptureFixture[str]) -> None:
+    """A camera's own lens is written as it is; another's is the closest, told with those it was taken from; or asked.
+
+    A lens that cannot show what the camera sees is refused with those that can.
+    """
+    Path("wide.json").write_text(camera_to_json(lens_camera("kalibr", "ds-none")))
+    convert("wide.json", to="kalibr", out=Path("k.yaml"))
+    said = capsys.readouterr().out
+    assert "Kalibr camchain, ds-none = ds, 1000 x 800 px" in said
+    assert "exact  no fit was needed" in said
+    convert("wide.json", to="kalibr", out=Path("k.yaml"), lens="EUCM-none")
+    assert re.search("fitted eucm over the whole image: RMS 0.1", capsys.readouterr().out)
+    answer = convert("wide.json", to="colmap", out=Path("c.txt")).answer
+    said = capsys.readouterr().out
+    assert "chosen OPENCV_FISHEYE, the closest of (RMS in px) OPENCV_FISHEYE 0.0058, EUCM 0.1" in said
+    assert answer["written"]["lens"] == "OPENCV_FISHEYE"  # type: ignore[index, call-overload]
+    with pytest.raises(InputError, match=r"more than a half space, which model opencv .*; there are fisheye, "):
+        convert("wide.json", to="colmap", out=Path("c.txt"), lens="OPENCV")
+    with pytest.raises(
+        InputError, match=r"COLMAP cameras\.txt has no lens 'OPENCV_FISHEY'; did you mean 'OPENCV_FISHEYE'"
+    ):
+        convert("wide.json", to="colmap", out=Path("c.txt"), lens="OPENCV_FISHEY")
 
 
 def test_places_that_must_not_be_written(folder: Path) -> None:

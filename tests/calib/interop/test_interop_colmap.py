@@ -8,8 +8,9 @@ import pytest
 
 from calib.cameras import project
 from calib.interop import FORMATS
+from calib.interop.holding import fit_to_format
 from designer.base.errors import InputError
-from tests.support.foreign_cameras import CAMERAS, SIZE, whole_image, written
+from tests.support.foreign_cameras import CAMERAS, SIZE, ahead, lens_camera, lenses_of, text_of, whole_image, written
 
 READABLE = {
     "SIMPLE_PINHOLE": [900.0, 510, 390],
@@ -46,7 +47,7 @@ def test_the_half_pixel() -> None:
     """A principal point in the middle pixel of an image of 1024 columns is 511.5 here and 512 in COLMAP."""
     camera = FORMATS["colmap"].read("1 PINHOLE 1024 768 900 900 512 384", "c", None).camera
     assert camera.params[2:4].tolist() == [511.5, 383.5]
-    assert FORMATS["colmap"].write(camera).splitlines()[-1] == "1 PINHOLE 1024 768 900.0 900.0 512.0 384.0"
+    assert text_of("colmap", camera).splitlines()[-1] == "1 PINHOLE 1024 768 900.0 900.0 512.0 384.0"
 
 
 @pytest.mark.parametrize("model", READABLE)
@@ -62,15 +63,31 @@ def test_what_colmap_writes_is_read(model: str, tmp_path: Path) -> None:
     assert np.abs(camera.img_from_cam(ray) - (pixel + 0.5)).max() < 1e-9
 
 
-def test_a_rational_lens_of_colmap_is_fitted() -> None:
-    """FULL_OPENCV with k4 is fitted, and its residual is what COLMAP's projection shows."""
-    params = [900.0, 880, 510, 390, 0.15, 0.03, 0.002, -0.001, 0.01, 0.3, 0.02, 0]
-    camera = pycolmap.Camera(model="FULL_OPENCV", width=SIZE[0], height=SIZE[1], params=params)
-    found = FORMATS["colmap"].read(f"1 FULL_OPENCV 1024 768 {' '.join(map(str, params))}", "c", None)
-    assert found.refit is not None
-    pixel, ray = whole_image(found.camera)
-    off = np.linalg.norm(camera.img_from_cam(ray) - (pixel + 0.5), axis=1)
-    assert off.max() == pytest.approx(found.refit.max_px, rel=1e-3)
+@pytest.mark.parametrize("name", lenses_of("colmap"))
+def test_colmap_sees_the_same_through_each_lens(name: str, tmp_path: Path) -> None:
+    """COLMAP reads each lens by its name, and sees what lies before it half a pixel farther right and down."""
+    camera = lens_camera("colmap", name)
+    found = colmap_reads(text_of("colmap", camera, name), tmp_path)
+    assert found.model_name == name
+    pixel, ray = ahead(camera)
+    assert np.abs(found.img_from_cam(ray) - (pixel + 0.5)).max() < 1e-9
+
+
+def test_the_residual_of_another_lens_is_what_colmap_shows(tmp_path: Path) -> None:
+    """A double sphere is none of COLMAP's: of its lenses the one told to be closest is, by as much as is told."""
+    camera = lens_camera("kalibr", "ds-none")
+    held = fit_to_format(camera, FORMATS["colmap"])
+    assert held.refit is not None
+    tried = {lens.name: fit.rms_px for lens, fit in held.tried}
+    assert {"OPENCV_FISHEYE", "EUCM"} <= set(tried)
+    assert "OPENCV" not in tried  # it sees too far for a focal plane
+    found = colmap_reads(FORMATS["colmap"].write(held.camera, held.lens), tmp_path)
+    pixel, ray = whole_image(camera)
+    front = ray[:, 2] > 0.05
+    off = np.linalg.norm(found.img_from_cam(ray[front]) - (pixel[front] + 0.5), axis=1)
+    assert off.max() <= held.refit.max_px + 1e-9
+    seen = project(held.camera, ray)
+    assert np.abs(np.linalg.norm(seen - pixel, axis=1).max() - held.refit.max_px) < 1e-9
 
 
 def test_the_smallest_model_that_holds_the_camera() -> None:
@@ -85,8 +102,8 @@ def test_lines_that_are_no_camera_of_ours() -> None:
     """Other models, a wrong count, a second camera of the same id: each is named with its line."""
     for text, rule in (
         (
-            "# a\n\n1 OPENCV_FISHEYE 10 10 1 1 5 5 0 0 0 0",
-            "line 3: camera model 'OPENCV_FISHEYE': not supported; in COLMAP",
+            "# a\n\n1 FOV 10 10 1 1 5 5 0.5",
+            "line 3: camera model 'FOV': not supported; in COLMAP use one of PINHOLE, OPENCV",
         ),
         ("1 OPENCV 10 10 1 1 5 5 0 0 0", "line 1: OPENCV has 7 parameters; it must have 8: fx fy cx cy k1 k2 p1 p2"),
         ("1 PINHOLE 10", "line 1: must be CAMERA_ID MODEL WIDTH HEIGHT PARAMS"),

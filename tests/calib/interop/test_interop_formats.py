@@ -1,14 +1,17 @@
 """What holds for every camera-file format."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
 
 from calib.cameras import project
-from calib.interop import FORMATS
+from calib.interop import FORMATS, OWN
+from calib.interop.holding import fit_to_format
 from calib.interop.reading import recognise
 from designer.base.errors import InputError
-from tests.support.foreign_cameras import CAMERAS, whole_image, written
+from tests.support.foreign_cameras import CAMERAS, lens_camera, lenses_of, whole_image, written
 
 EVERY = [(name, camera) for name in FORMATS for camera in CAMERAS]
 
@@ -23,6 +26,30 @@ def test_a_file_reads_back_as_it_was_written(name: str, camera: str) -> None:
     assert back.camera.image_size == held.image_size
     pixel, ray = whole_image(held)
     assert np.abs(project(back.camera, ray) - pixel).max() < 1e-9
+
+
+@pytest.mark.parametrize(("name", "lens"), [(name, lens) for name in FORMATS for lens in lenses_of(name)])
+def test_each_lens_reads_back_as_it_was_written(name: str, lens: str) -> None:
+    """A camera of a lens's model is held as it is, and the file, known by its content, has the same rays."""
+    camera = lens_camera(name, lens)
+    held = fit_to_format(camera, FORMATS[name], lens=lens)
+    assert held.refit is None
+    text = FORMATS[name].write(held.camera, held.lens)
+    kind = recognise(text)
+    assert kind is not None
+    assert kind.name == name
+    back = FORMATS[name].read(text, "file", None)
+    assert back.refit is None
+    pixel, ray = whole_image(camera)
+    assert np.abs(project(back.camera, ray) - pixel).max() < 1e-9
+
+
+@pytest.mark.parametrize(("name", "lens"), [(name, lens) for name in FORMATS for lens in lenses_of(name)])
+def test_a_camera_of_a_model_that_is_held_needs_no_choice(name: str, lens: str) -> None:
+    """Left to itself, a format writes such a camera as it is."""
+    held = fit_to_format(lens_camera(name, lens), FORMATS[name])
+    assert held.refit is None
+    assert held.tried == ()
 
 
 @pytest.mark.parametrize(("name", "camera"), EVERY)
@@ -62,3 +89,13 @@ def test_an_image_size_must_be_whole(name: str, wrong: str) -> None:
     _, text = written(name, "barrel")
     with pytest.raises(InputError, match=r"^f\.x: ."):
         FORMATS[name].read(text.replace("1024", wrong), "f.x", None)
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if name != OWN])
+def test_the_docs_say_what_a_format_holds(name: str) -> None:
+    """Each lens, and the model that it is, stands in the format's row of docs/calibrate.md."""
+    page = (Path(__file__).parents[3] / "docs/calibrate.md").read_text()
+    (row,) = (line for line in page.splitlines() if line.startswith(f"| `{name}` {FORMATS[name].title} |"))
+    for lens in FORMATS[name].lenses:
+        assert f"`{lens.name}`" in row
+        assert lens.model is None or not lens.is_written or lens.model in row

@@ -7,7 +7,7 @@ import pytest
 
 from calib.interop import FORMATS
 from designer.base.errors import InputError
-from tests.support.foreign_cameras import CAMERAS, whole_image, written
+from tests.support.foreign_cameras import CAMERAS, lens_camera, text_of, whole_image, written
 
 SENSORS = """<?xml version="1.0" encoding="UTF-8"?>
 <document version="2.0.0"><chunk label="Chunk 1" enabled="true"><sensors next_id="2">
@@ -23,7 +23,6 @@ SECOND</sensors></chunk></document>
 def metashape_projection(text: str, ray: np.ndarray) -> np.ndarray:
     """Pixels (N, 2), counted from the image's corner: the frame camera of Metashape's manual, appendix D."""
     root = ElementTree.fromstring(text)
-    assert root.findtext("projection") == "frame"
 
     def value(name: str) -> float:
         return float(root.findtext(name) or 0)
@@ -38,6 +37,35 @@ def metashape_projection(text: str, ray: np.ndarray) -> np.ndarray:
     u = w * 0.5 + value("cx") + xd * f + xd * value("b1") + yd * value("b2")
     v = h * 0.5 + value("cy") + yd * f
     return np.column_stack([u, v])
+
+
+def test_metashape_sees_the_same_through_a_fisheye() -> None:
+    """Its fisheye applies the same formula where x and y are the angle off the axis, along the direction about it."""
+    camera = lens_camera("metashape", "fisheye")
+    text = text_of("metashape", camera, "fisheye")
+    assert "<projection>fisheye</projection>" in text
+    pixel, ray = whole_image(camera)
+    angle, about = np.arccos(ray[:, 2]), np.arctan2(ray[:, 1], ray[:, 0])
+    on_plane = np.column_stack([angle * np.cos(about), angle * np.sin(about), np.ones(len(ray))])
+    assert np.abs(metashape_projection(text, on_plane) - (pixel + 0.5)).max() < 1e-9
+    newer = text.replace("<projection>fisheye<", "<projection>equidistant_fisheye<")
+    assert FORMATS["metashape"].read(newer, "c", None).camera.params.tolist() == camera.params.tolist()
+
+
+@pytest.mark.parametrize(("kind", "extra"), [("equisolid_fisheye", ""), ("fisheye", "<p3>0.3</p3>")])
+def test_other_fisheyes_of_metashape_are_fitted(kind: str, extra: str) -> None:
+    """Of equisolid ones x and y are 2 sin(theta / 2); these, and those with more terms, are off by what is told."""
+    text = text_of("metashape", lens_camera("metashape", "fisheye"), "fisheye")
+    text = text.replace(">fisheye<", f">{kind}<").replace("</calibration>", f"{extra}</calibration>")
+    found = FORMATS["metashape"].read(text, "c", None)
+    assert found.refit is not None
+    pixel, ray = whole_image(found.camera)
+    angle, about = np.arccos(ray[:, 2]), np.arctan2(ray[:, 1], ray[:, 0])
+    radius = angle if kind == "fisheye" else 2 * np.sin(angle / 2)
+    on_plane = np.column_stack([radius * np.cos(about), radius * np.sin(about), np.ones(len(ray))])
+    off = np.linalg.norm(metashape_projection(text, on_plane) - (pixel + 0.5), axis=1)
+    assert np.isfinite(off).mean() > 0.8
+    assert np.sqrt(np.nanmean(off**2)) == pytest.approx(found.refit.rms_px, rel=0.1)  # taken at our rays, not at its
 
 
 @pytest.mark.parametrize("camera", CAMERAS)
@@ -92,12 +120,12 @@ def test_the_adjusted_calibration_of_exported_cameras() -> None:
         0.0035,
         0.0363,
     ]
-    second = '<sensor id="1" label="b" type="frame"><calibration type="fisheye"><f>9</f></calibration></sensor>'
+    second = '<sensor id="1" label="b" type="frame"><calibration type="spherical"><f>9</f></calibration></sensor>'
     both = SENSORS.replace("SECOND", second)
     assert read(both, "cameras.xml", "FC550, DJI MFT 15mm").camera.params[0] == 4317.5
     with pytest.raises(InputError, match=r"holds 2 cameras \(FC550, DJI MFT 15mm, b\); name one"):
         read(both, "cameras.xml", None)
-    with pytest.raises(InputError, match="'fisheye' camera: not supported"):
+    with pytest.raises(InputError, match="'spherical' camera: not supported"):
         read(both, "cameras.xml", "b")
 
 

@@ -1,5 +1,6 @@
 """OpenCV, ROS and Kalibr files, all in OpenCV's conventions, against OpenCV's own reader and projection."""
 
+import json
 from pathlib import Path
 
 import cv2
@@ -11,7 +12,19 @@ from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.interop import FORMATS
 from designer.base.errors import InputError
-from tests.support.foreign_cameras import CAMERAS, CLOSE_PX, SIZE, whole_image, written
+from tests.support.foreign_cameras import (
+    CAMERAS,
+    CLOSE_PX,
+    SIZE,
+    WIDE_SIZE,
+    ahead,
+    lens_camera,
+    lenses_of,
+    text_of,
+    whole_image,
+    written,
+)
+from tests.support.published_lenses import published
 
 CALIBRATION_OUTPUT = """%YAML:1.0
 ---
@@ -91,11 +104,11 @@ def test_a_calibration_with_its_image_points_is_read_quickly() -> None:
 
 
 def test_lenses_that_opencv_has_and_this_program_has_not() -> None:
-    """A fisheye lens, a tilted sensor and skew are refused, each with its remedy."""
+    """A fisheye lens of five numbers, a tilted sensor and skew are refused, each with its remedy."""
     text = CALIBRATION_OUTPUT.replace("POINTS", "1.")
     tilted = text.replace("0., 0.,\n       -5.7843596847939704e-01", ", ".join(["0."] * 11 + ["0.02"]))
     for changed, rule in (
-        (text.replace("fisheye_model: 0", "fisheye_model: 1"), "without the fisheye model"),
+        (text.replace("fisheye_model: 0", "fisheye_model: 1"), "those of a fisheye lens are k1 k2 k3 k4"),
         (tilted, "without CALIB_TILTED_MODEL"),
         (text.replace("6.5746697810243404e+02, 0., 3", "6.5746697810243404e+02, 2.5, 3"), "skew 2.5"),
         (text.replace("image_width", "width_of_image"), "add image_width"),
@@ -105,41 +118,41 @@ def test_lenses_that_opencv_has_and_this_program_has_not() -> None:
             FORMATS["opencv"].read(changed, "c.yaml", None)
 
 
-@pytest.mark.parametrize("count", [8, 12])
-def test_a_longer_lens_is_fitted_and_the_residual_is_true(count: int) -> None:
-    """Coefficients k4 and on are fitted over the image; the stated residual is what OpenCV's projection shows."""
-    lens = np.array([0.2, -0.05, 0.001, -0.0005, 0.01, 0.25, 0.02, 0.003, 0.001, -0.0005, 0.0004, 0.0002])[:count]
-    matrix = np.array([[800.0, 0, 512], [0, 790, 380], [0, 0, 1]])
-    blank = FORMATS["opencv"].write(Camera("opencv", np.array([800.0, 790, 512, 380, 0, 0, 0, 0, 0]), SIZE))
-    zeros = ", ".join(["0.0"] * 5)
-    assert f"[ {zeros} ]" in blank
-    found = FORMATS["opencv"].read(blank.replace(f"[ {zeros} ]", str(lens.tolist())), "c", None)
-    assert found.refit is not None
-    assert found.remarks
-    pixel, ray = whole_image(found.camera)
-    off = np.linalg.norm(opencv_projection(ray, matrix, lens) - pixel, axis=1)
-    assert 1e-4 < off.max() < 1
-    assert off.max() == pytest.approx(found.refit.max_px, rel=1e-3)
-    assert np.sqrt(np.mean(off**2)) == pytest.approx(found.refit.rms_px, rel=1e-3)
+@pytest.mark.parametrize("name", lenses_of("opencv"))
+def test_opencv_sees_the_same_through_each_lens(name: str, tmp_path: Path) -> None:
+    """Rational lenses are those of `cv2.projectPoints`, a fisheye lens is that of `cv2.fisheye`; and they are told."""
+    camera = lens_camera("opencv", name)
+    (tmp_path / "c.yaml").write_text(text_of("opencv", camera, name))
+    storage = cv2.FileStorage(str(tmp_path / "c.yaml"), cv2.FILE_STORAGE_READ)
+    matrix, lens = (storage.getNode(key).mat() for key in ("camera_matrix", "distortion_coefficients"))
+    pixel, ray = ahead(camera)
+    is_fisheye = storage.getNode("fisheye_model").real() == 1
+    assert is_fisheye == (name == "fisheye")
+    projection = fisheye_projection if is_fisheye else opencv_projection
+    assert np.abs(projection(ray, matrix, lens) - pixel).max() < 1e-9
 
 
-def test_a_longer_lens_that_folds_over() -> None:
-    """Where such a lens folds over inside the image there is no light, on no branch of it; the fit leaves that out."""
-    text = FORMATS["opencv"].write(Camera("opencv", np.array([800.0, 800, 512, 380, -0.6, 0, 0, 0, 0.125]), SIZE))
-    found = FORMATS["opencv"].read(text.replace("0.125 ]", "0.0, 0.02, 0.0, 0.0 ]"), "c", None)
-    assert found.refit is not None
-    # r (1 - 0.6 r^2) / (1 + 0.02 r^2) is 0.4918 at most, at r = 0.738.
-    pixel, _ = whole_image(found.camera)
-    radius = np.hypot(*((pixel - [512, 380]) / 800).T)
-    assert found.refit.known == pytest.approx(np.mean(radius < 0.4918), abs=0.005)
-    assert found.refit.max_px < 0.05
+def fisheye_projection(ray: np.ndarray, matrix: np.ndarray, lens: np.ndarray) -> np.ndarray:
+    """Pixels (N, 2) that OpenCV's fisheye sees directions (N, 3) in."""
+    pixel, _ = cv2.fisheye.projectPoints(ray[:, None], np.zeros(3), np.zeros(3), matrix, lens)
+    return np.asarray(pixel[:, 0])
+
+
+@pytest.mark.parametrize("name", lenses_of("ros"))
+def test_ros_sees_the_same_through_each_lens(name: str) -> None:
+    """With the numbers of a file image_geometry sees, by OpenCV's projections, what the camera sees."""
+    camera = lens_camera("ros", name)
+    text = text_of("ros", camera, name)
+    assert yaml.safe_load(text)["distortion_model"] == name
+    pixel, ray = ahead(camera)
+    projection = fisheye_projection if name == "equidistant" else opencv_projection
+    assert np.abs(projection(ray, *image_geometry(text)) - pixel).max() < 1e-9
 
 
 def image_geometry(text: str) -> tuple[np.ndarray, np.ndarray]:
     """Camera matrix and coefficients as ROS' camera_calibration_parsers take them from a file (its parse_yml.cpp)."""
     tree = yaml.safe_load(text)
-    assert (tree["image_width"], tree["image_height"]) == SIZE
-    assert tree["distortion_model"] == "plumb_bob"
+    assert (tree["image_width"], tree["image_height"]) in (SIZE, WIDE_SIZE)
     for name, rows, columns in (("rectification_matrix", 3, 3), ("projection_matrix", 3, 4)):
         assert (tree[name]["rows"], tree[name]["cols"], len(tree[name]["data"])) == (rows, columns, rows * columns)
     projection = np.reshape(tree["projection_matrix"]["data"], (3, 4))
@@ -191,7 +204,11 @@ def test_a_printed_camera_info_message_is_read() -> None:
         camera = FORMATS["ros"].read(text, "info.yaml", None).camera
         assert camera.params.tolist() == expected
         assert camera.image_size == (640, 480)
-    with pytest.raises(InputError, match="'equidistant': not supported; calibrate with plumb_bob"):
+    with pytest.raises(
+        InputError, match="'fov': not supported; calibrate with plumb_bob or rational_polynomial or equid"
+    ):
+        FORMATS["ros"].read(MESSAGE.replace("MODEL", "fov"), "info.yaml", None)
+    with pytest.raises(InputError, match="distortion_coefficients has 5 numbers; it must have 4"):
         FORMATS["ros"].read(MESSAGE.replace("MODEL", "equidistant"), "info.yaml", None)
 
 
@@ -220,6 +237,76 @@ def test_kalibr_sees_the_same(camera: str) -> None:
     held, text = written("kalibr", camera)
     pixel, ray = whole_image(held)
     assert np.abs(kalibr_projection(ray, text) - pixel).max() < CLOSE_PX * 1e-6
+
+
+@pytest.mark.parametrize("name", [name for name in lenses_of("kalibr") if "radtan" not in name])
+def test_kalibr_sees_the_same_through_each_lens(name: str) -> None:
+    """Kalibr's formulas with the file's numbers, in its order, see in the camera's pixels also what lies behind it."""
+    camera = lens_camera("kalibr", name)
+    tree = yaml.safe_load(text_of("kalibr", camera, name))["cam0"]
+    projection, distortion = name.split("-")
+    assert (tree["camera_model"], tree["distortion_model"]) == (projection, distortion)
+    assert all(isinstance(value, float) for value in tree["intrinsics"])
+    before = {"omni": ("xi",), "ds": ("xi", "alpha"), "eucm": ("alpha", "beta")}.get(projection, ())
+    values = dict(zip((*before, "fx", "fy", "cx", "cy"), tree["intrinsics"], strict=True))
+    values |= {f"k{k}": value for k, value in enumerate(tree["distortion_coeffs"], start=1)}
+    pixel, ray = whole_image(camera)
+    assert np.abs(published(camera.model, ray, values) - pixel).max() < 1e-9
+
+
+def test_a_unified_camera_of_kalibr_with_distortion_is_fitted() -> None:
+    """Kalibr's omni-radtan is no model of ours: the residual that is told is the one of its formula."""
+    found = FORMATS["kalibr"].read(CHAIN, "chain.yaml", "cam2")
+    assert found.refit is not None
+    assert "omni-radtan" in found.remarks[0]
+    pixel, ray = whole_image(found.camera)
+    on_unit = published("omni", ray, {"fx": 1, "fy": 1, "cx": 0, "cy": 0, "xi": 0.8})
+    lens = np.array([-0.3, 0.1, 0, 0])
+    seen = opencv_projection(np.column_stack([on_unit, np.ones(len(ray))]), np.eye(3), lens)
+    off = np.linalg.norm(seen * [833, 830] + [373.5, 253.5] - pixel, axis=1)
+    assert off.max() == pytest.approx(found.refit.max_px, rel=0.1)  # taken at our rays, not at its
+
+
+@pytest.mark.parametrize("name", [name for name in lenses_of("basalt") if name != "pinhole-radtan8"])
+def test_basalt_sees_the_same_through_each_lens(name: str) -> None:
+    """Basalt's formulas with the file's numbers, by its names for them, see in the camera's pixels."""
+    camera = lens_camera("basalt", name)
+    tree = json.loads(text_of("basalt", camera, name))["value0"]
+    (one,) = tree["intrinsics"]
+    assert one["camera_type"] == name
+    assert tree["resolution"] == [list(camera.image_size)]
+    assert {len(tree[key]) for key in ("T_imu_cam", "resolution", "intrinsics")} == {1}
+    values = one["intrinsics"] if name != "ucm" else {**one["intrinsics"], "beta": 1.0}
+    pixel, ray = whole_image(camera)
+    assert np.abs(published(camera.model, ray, values) - pixel).max() < 1e-9
+
+
+def test_basalts_rational_lens_reaches_over_the_image() -> None:
+    """The numbers are OpenCV's by name, and rpmax is as far off the axis as the image shows."""
+    camera = lens_camera("basalt", "pinhole-radtan8")
+    values = json.loads(text_of("basalt", camera, "pinhole-radtan8"))["value0"]["intrinsics"][0]["intrinsics"]
+    _, ray = whole_image(camera)
+    assert values["rpmax"] == pytest.approx(np.hypot(ray[:, 0], ray[:, 1]).max() / ray[:, 2].min(), rel=0.05)
+    lens = np.array([values[key] for key in ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")])
+    matrix = np.array([[values["fx"], 0, values["cx"]], [0, values["fy"], values["cy"]], [0, 0, 1]])
+    pixel, ray = ahead(camera)
+    assert np.abs(opencv_projection(ray, matrix, lens) - pixel).max() < 1e-9
+
+
+def test_one_of_basalts_cameras() -> None:
+    """A camera is named by its number; lists that do not match and types that are none are refused."""
+    text = text_of("basalt", lens_camera("basalt", "ds"), "ds")
+    tree = json.loads(text)
+    values = tree["value0"]
+    values["intrinsics"].append(values["intrinsics"][0])
+    with pytest.raises(InputError, match="two lists, with an entry for each"):
+        FORMATS["basalt"].read(json.dumps(tree), "b", None)
+    values["resolution"].append([900, 700])
+    assert FORMATS["basalt"].read(json.dumps(tree), "b", "1").camera.image_size == (900, 700)
+    with pytest.raises(InputError, match="camera_type 'fov': not supported; in Basalt use one of pinhole"):
+        FORMATS["basalt"].read(text.replace('"ds"', '"fov"'), "b", None)
+    with pytest.raises(InputError, match="b: alpha is missing"):
+        FORMATS["basalt"].read(text.replace('"alpha"', '"other"'), "b", None)
 
 
 def test_kalibr_has_no_k3() -> None:
@@ -279,5 +366,7 @@ def test_one_camera_of_a_chain() -> None:
         read(CHAIN, "chain.yaml", None)
     with pytest.raises(InputError, match="holds no camera 'cam7'; there is cam0, cam1, cam2"):
         read(CHAIN, "chain.yaml", "cam7")
-    with pytest.raises(InputError, match="camera_model 'omni': not supported"):
-        read(CHAIN, "chain.yaml", "cam2")
+    with pytest.raises(
+        InputError, match="distortion_model 'ds' and 'radtan': not supported; calibrate with pinhole-rad"
+    ):
+        read(CHAIN.replace("omni", "ds"), "chain.yaml", "cam2")

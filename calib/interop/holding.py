@@ -1,0 +1,133 @@
+"""How a format holds a camera: by the camera's own lens, else by the one of its lenses that comes closest."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from calib.cameras import fitted_models, rays
+from calib.cameras.camera import Camera
+from calib.cameras.refit import Refit, image_grid, in_other_words, refit
+from calib.interop import OWN
+from calib.interop.choosing import by_field, closest, try_fits
+from calib.interop.format import CameraFormat, Lens
+from designer.base.errors import InputError
+from designer.base.words import shown, suggestion
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """A camera as a file has it."""
+
+    lens: Lens
+    camera: Camera  # of the lens's model; where that is none of ours, as it was
+    refit: Refit | None = None  # None: it is exact
+    tried: tuple[tuple[Lens, Refit], ...] = ()  # all that were fitted, in their order
+
+    @property
+    def fitted(self) -> str:
+        """What was fitted: the model, or a lens that is none of ours."""
+        return self.lens.name if self.lens.approximate is not None else self.camera.model
+
+    @property
+    def called(self) -> str:
+        """The lens by the file's name for it, and by ours where that is another."""
+        names = (self.fitted,) if _holds_every(self.lens) else (self.lens.name, self.fitted)
+        return " = ".join(dict.fromkeys(names))
+
+
+def fit_to_format(
+    camera: Camera,
+    target: CameraFormat,
+    model: str | None = None,
+    zero: Collection[str] = (),
+    lens: str | None = None,
+) -> Held:
+    """The camera as the format can hold it, and the fit that took, if any.
+
+    It stays as it is where the format has a lens for that, unless a model or a lens is given. Lens parameters in `zero`
+    are left out besides those that the format cannot hold.
+
+    Raises:
+        InputError: a model or a lens that is none or that the format has not, or none of its lenses takes the camera.
+    """
+    offered = tuple(target.written.values()) if lens is None else (find_lens(target, lens),)
+    if zero and model is None and any(one.model in (None, camera.model) for one in offered):
+        model = camera.model  # left out of the camera's own lens
+    if model is not None and (model != camera.model or zero):
+        _require_fitted(model)
+    mine = tuple(one for one in offered if model is None or one.model == model or _holds_every(one))
+    if not mine:
+        return _as_part_of(camera, target, offered, model or camera.model, zero)
+    for one in sorted(mine, key=lambda one: one.model != camera.model or one.is_plain):  # the camera's own model first
+        same = _exactly(camera, one, model, zero)
+        if same is not None:
+            return Held(one, same)
+    groups: Sequence[Sequence[Lens]] = [mine]
+    if model is None and lens is None:
+        groups = _suitable(camera, mine)
+    tried = try_fits(groups, lambda one: _fit(camera, one, model or one.model or camera.model, zero))
+    best, result = closest(tried)
+    return Held(best, result.camera, result, tuple(tried))
+
+
+def find_lens(target: CameraFormat, name: str) -> Lens:
+    """The format's lens of that name.
+
+    Raises:
+        InputError: it has none.
+    """
+    found = next((one for key, one in target.written.items() if key.lower() == name.lower()), None)
+    if found is None:
+        hint = suggestion(name, list(target.written)) or f"; there are {', '.join(target.written)}"
+        raise InputError(f"{target.title} has no lens {shown(name)}{hint}")
+    return found
+
+
+def _require_fitted(model: str) -> None:
+    if model not in fitted_models():
+        hint = suggestion(model, list(fitted_models())) or f"; there are {', '.join(fitted_models())}"
+        raise InputError(f"model {shown(model)} cannot be fitted to a camera{hint}")
+
+
+def _holds_every(lens: Lens) -> bool:
+    """Whether it holds a camera of any model as it is."""
+    return lens.model is None and lens.approximate is None
+
+
+def _as_part_of(
+    camera: Camera, target: CameraFormat, offered: Sequence[Lens], model: str, zero: Collection[str]
+) -> Held:
+    """The camera in a model that the format has as a part of another only, such as a lens without its last numbers."""
+    result = refit(camera, model, zero=zero, turn=camera.learned is not None)
+    for one in offered:
+        same = _exactly(result.camera, one, None, ())
+        if same is not None:
+            return Held(one, same, None if result.is_exact else result)
+    holds = ", ".join(dict.fromkeys(one.model for one in offered if one.model is not None))
+    what = target.title if len(offered) > 1 else f"{target.title}'s {offered[0].name}"
+    raise InputError(f"{what} holds models {holds}, not {shown(model)}; leave out --model, or use --to {OWN}")
+
+
+def _exactly(camera: Camera, lens: Lens, model: str | None, zero: Collection[str]) -> Camera | None:
+    """The camera as the lens has it, if that takes no fit."""
+    if lens.approximate is not None:
+        return None
+    if _holds_every(lens):
+        return camera if model in (None, camera.model) and not zero else None
+    return in_other_words(camera, str(lens.model), zero=(*zero, *lens.cannot_hold))
+
+
+def _suitable(camera: Camera, lenses: Sequence[Lens]) -> list[Sequence[Lens]]:
+    """The lenses worth a fit, those first that suit the camera: of one model the one that holds the most."""
+    most: dict[str | None, Lens] = {}
+    for one in lenses:
+        if one.model not in most or len(one.cannot_hold) < len(most[one.model].cannot_hold):
+            most[one.model] = one
+    worth = [one for one in most.values() if not one.is_plain] or list(most.values())
+    wide, narrow = ([one for one in worth if one.is_wide == is_wide] for is_wide in (True, False))
+    return by_field(wide, narrow, rays(camera, image_grid(camera.image_size).reshape(-1, 2)))
+
+
+def _fit(camera: Camera, lens: Lens, model: str, zero: Collection[str]) -> Refit:
+    if lens.approximate is not None:
+        return lens.approximate(camera)
+    return refit(camera, model, zero=(*zero, *lens.cannot_hold), turn=camera.learned is not None)
