@@ -76,12 +76,13 @@ class Conversion:
         if gone and self.held.refit is not None:
             others = "the others make up for what they can"
             lost.append(f"{' '.join(gone)}, for which {self.format.title} has no place; {others}")
-        if camera.field_rad is not None and lens.numbers:
+        is_foreign = bool(lens.numbers) or lens.approximate is not None
+        if camera.field_rad is not None and is_foreign:
             lost.append(
                 f"where the image circle ends, {np.degrees(camera.field_rad) / 2:.1f} degrees off the axis; "
                 "the file's lens goes on, untried"
             )
-        if camera.learned is not None and self.camera.learned is None:
+        if camera.learned is not None and (is_foreign or self.camera.learned is None):
             lost.append("where the map is known; the file's lens goes on to the edges of the image, untried")
         elif self.camera.model == LINEAR and np.any(camera.params[FOCAL_AND_CENTRE:]):
             lost.append("the lens's distortion")

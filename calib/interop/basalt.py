@@ -19,6 +19,7 @@ from calib.interop.parsing import image_size, mapping, number, pick, required, s
 from designer.base.errors import InputError
 from designer.base.file_kind import laid_out
 from designer.base.small_file import JsonValue, parse_json
+from designer.base.words import NAME
 
 LENSES = (
     Lens("pinhole", "pinhole", "fx fy cx cy"),
@@ -56,7 +57,7 @@ def write(camera: Camera, lens: Lens) -> str:
         "cam_time_offset_ns": 0,
         "vignette": [],
     }
-    return laid_out({"value0": document}) + "\n"
+    return laid_out({"value0": document, "format": f"{NAME}.basalt-json"}) + "\n"  # the last is ours; Basalt skips it
 
 
 def _farthest(camera: Camera) -> float:

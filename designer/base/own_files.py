@@ -31,6 +31,7 @@ _MARKS: tuple[tuple[re.Pattern[bytes], str | None], ...] = tuple(
         (r"\A\x89PNG.*?tEXtSoftware\0OURS(?![A-Za-z0-9])", _BARE),
         (r"\A\xff\xd8\xff\xfe\0\x0bOURS", _BARE),
         (r"PK\x05\x06.{18}OURS\Z", _BARE),
+        (r'"format"\s*:\s*"OURS\.([a-z]+-json)"\s*\}\s*\Z', None),
         (r"\n(?:# |% |<!-- |/\* )OURS\.([a-z]+-[a-z]+)(?: -->| \*/)?\s*\Z", None),
         (r"\n(?:# |% |<!-- |/\* )OURS(?: -->| \*/)?\s*\Z", _BARE),
     )
