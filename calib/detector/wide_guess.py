@@ -36,14 +36,14 @@ SMOOTH = 4.0
 """F statistic of what noise does not do in one of a thousand grids."""
 BETTER = 0.5
 """A wide lens must leave no more than this part of the distances."""
-HALF_FIELDS_RAD = np.radians([30.0, 45.0, 65.0, 90.0, 120.0, 150.0])
-"""From the middle of the image to its corners: where the fit starts."""
+HALF_FIELDS_RAD = np.radians([30.0, 42.0, 56.0, 75.0, 95.0, 120.0, 145.0, 170.0])
+"""From the middle of the image to its corners, of a circle within it far outside: where the fit starts."""
 FOCAL_SHARE, CENTRE_SHARE, LENS_SPREAD = 0.3, 0.02, 0.05
 """What is known beforehand of the focal length, as its part, of the centre, in half diagonals, and of the lens's
 numbers, so that few points do not run off."""
 USUAL_PX = 0.1
-STEPS = 30
-CONVERGED = 1e-4
+STEPS = 100
+CONVERGED = 1e-5
 FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e6
 TRIMMED = 6.0
 
