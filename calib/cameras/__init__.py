@@ -132,6 +132,12 @@ def learned_models() -> tuple[str, ...]:
     return tuple(name for name, model in ABILITIES.items() if model.is_learned)
 
 
+def free_form_models() -> tuple[str, ...]:
+    """The solved models that follow a lens of no formula, first those of any field of view."""
+    free = [name for name in solved_models() if ABILITIES[name].is_learned or ABILITIES[name].is_surface]
+    return tuple(sorted(free, key=lambda name: not ABILITIES[name].is_wide))
+
+
 def fitted_models() -> tuple[str, ...]:
     """The models of a few parameters, which can be fitted to another camera, and whose covariance tells all."""
     return tuple(

@@ -77,7 +77,7 @@ def _untold() -> UndeterminedError:
 
 
 @dataclass(frozen=True, eq=False)
-class _Step:
+class _BendStep:
     """A step of the bend, and how sure all is there."""
 
     height_mm: Array  # (2,)
@@ -85,7 +85,7 @@ class _Step:
     accuracy: Accuracy  # of the bend's two, the camera's parameters, and the poses
 
 
-def _step(found: Calibration, bend: PlaneBend, options: SolveOptions) -> _Step:
+def _step(found: Calibration, bend: PlaneBend, options: SolveOptions) -> _BendStep:
     """What the normal equations of all unknowns at a solution ask for.
 
     Raises:
@@ -114,10 +114,10 @@ def _step(found: Calibration, bend: PlaneBend, options: SolveOptions) -> _Step:
     if not (np.isfinite(height).all() and np.isfinite(sigma).all()):
         raise _untold()
     moved = target_covariance(problem, poses, accuracy.pose_covariance)
-    return _Step(height, sigma, replace(accuracy, pose_covariance=moved))
+    return _BendStep(height, sigma, replace(accuracy, pose_covariance=moved))
 
 
-def _told(found: Calibration, bend: PlaneBend, step: _Step) -> Calibration:
+def _told(found: Calibration, bend: PlaneBend, step: _BendStep) -> Calibration:
     """The calibration with its bend, and with the covariances of all unknowns together."""
     covariance = step.accuracy.param_covariance
     first, both, second = covariance[0, 0], covariance[0, 1], covariance[1, 1]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import learned_models
+from calib.cameras import free_form_models
 from calib.core.number_text import figure
 from calib.solver.calibration import Calibration
 from calib.solver.outliers import deviations
@@ -209,13 +209,14 @@ def _lens(evidence: CameraEvidence, criteria: Criteria, model: str, inputs: Inpu
     over_image, on_target = evidence.leftover.image_px, evidence.leftover.target_px or 0.0
     if over_image is None or over_image <= max(criteria["systematic"].good, on_target):
         return ""
-    without_formula = " or ".join(learned_models())
-    if model in learned_models():
+    free, done = free_form_models(), [one.model for one in evidence.models if one.model in free_form_models()]
+    if model in free:
         step = "try another camera model"
-    elif any(one.model in learned_models() for one in evidence.models):
-        step = f"compare with the {without_formula} camera, which was solved too"
+    elif free[0] in done:
+        step = f"compare with the {free[0]} camera, which was solved too"
     else:
-        step = f"try the {without_formula} model: `{inputs.solve} --model {without_formula}`"
+        step = f"try the {free[0]} model, which follows any lens: `{inputs.solve} --model {free[0]}`"
+        step += f", and compare with the {done[0]} camera, which was solved too" if done else ""
     may_bend = evidence.shape is not None and evidence.shape.ratio > BY_CHANCE
     return (
         f"{step}; residuals at the same place in the image agree in all photos, by {px(over_image)} "

@@ -33,7 +33,7 @@ ALLOWED = {
     "calib/cameras/refit.py _adjust": "damped: a diagonal of ones with more on it",
     "calib/solver/accuracy.py accuracy_of": "poses by Cholesky before, which tells whether they are determined",
     "calib/solver/linear_pose.py weak_perspective_poses": "of the views whose points were found to be solid",
-    "calib/studies/compare/scene.py take_photos": "Cholesky of the detector's covariances, as its noise is drawn",
+    "calib/studies/compare/scene.py photograph": "Cholesky of the detector's covariances, as its noise is drawn",
     "calib/studies/near.py expand": "Cholesky, which tells whether there is a root, and is asked",
     "calib/studies/near.py _solved": "what cannot be solved is caught, and solved from scratch",
     "calib/studies/tolerance/anchor.py factorise": "a camera that was found determined, by Cholesky",

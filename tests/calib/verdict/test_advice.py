@@ -156,15 +156,15 @@ def test_what_would_change_the_verdict_comes_first() -> None:
         "lens": replace(found, leftover=wrong),
         "halves": replace(found, halves=halves_apart_by(4.2, 0.1, 0.02, 0.2)),
     }
-    assert "--model virtual" in advice_of(calibration, faults["lens"], criteria())[0]
+    assert "--model splined" in advice_of(calibration, faults["lens"], criteria())[0]
     both = replace(faults["lens"], halves=halves_apart_by(4.2, 0.1, 0.02, 0.2))
     said = advice_of(calibration, both, criteria())
     assert judge(both, criteria()).sentence.startswith("the mean residual of a place")
-    assert ["--model virtual" in said[0], "two halves" in said[1]] == [True, True]
+    assert ["--model splined" in said[0], "two halves" in said[1]] == [True, True]
     worse = replace(found, leftover=replace(wrong, image_px=0.1), halves=halves_apart_by(6.0, 0.6, 0.1, 0.9))
     assert judge(worse, criteria()).sentence.startswith("cameras solved from halves")
     said = advice_of(calibration, worse, criteria())
-    assert ["two halves" in said[0], "--model virtual" in said[1]] == [True, True]
+    assert ["two halves" in said[0], "--model splined" in said[1]] == [True, True]
 
 
 def test_few_photos_and_one_distance_are_named() -> None:
@@ -239,7 +239,7 @@ def test_a_lens_that_the_model_does_not_fit_is_named() -> None:
     found = evidence(good())
     off = replace(found, leftover=replace(found.leftover, image_px=0.3, target_px=0.01))
     said = advice_of(good(), off, criteria())
-    assert any("--model virtual" in sentence and "0.30 px" in sentence for sentence in said)
+    assert any("--model splined" in sentence and "0.30 px" in sentence for sentence in said)
 
 
 def test_hostile_file_names_stay_one_line_of_text() -> None:
