@@ -59,8 +59,7 @@ def convert(
     """Write a camera as a file of another tool, or read one of its files.
 
     Of the file's lenses the camera's own is written, or the closest one: it is fitted over the whole image, and the
-    residual is told in pixels.
-    Of a file with several cameras one is named as in chain.yaml#cam1.
+    residual is told in pixels. Of a file with several cameras one is named as in chain.yaml#cam1.
     """
     from calib.api.converting import convert as converted
     from calib.interop.choosing import LARGE_PX

@@ -10,7 +10,7 @@ Any camera whose rays meet in a point is held by control points of least squares
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,6 +121,10 @@ def surface_of(camera: Camera) -> Surface:
     least = np.ones(len(u))
     (fx, cx), (fy, cy) = (least_squares(np.column_stack([u[:, axis], least]), pixel[:, axis]) for axis in range(2))
     reach = np.abs(u).max(axis=0)
+    if camera.field_rad is not None:  # beyond an image circle, as far as the surface reaches, its model goes on
+        pixel, u = _seen(replace(camera, field_rad=None), PER_CELL * COLUMNS)
+        is_near = (np.abs(u) <= reach).all(axis=1)
+        pixel, u = pixel[is_near], u[is_near]
     columns = _count(reach[0], 2 * reach.max() / (COLUMNS - ORDER))
     fov_x_deg = math.ceil(math.degrees(4 * math.atan(reach[0] / 2)))  # a whole number: mrcal takes no other
     spacing = spacing_of(columns, ORDER, fov_x_deg)

@@ -1,5 +1,6 @@
 """mrcal's camera models against mrcal."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -200,3 +201,11 @@ def test_lenses_of_mrcal_that_are_not_ours() -> None:
         FORMATS["mrcal"].read(moving, "m", None)
     with pytest.raises(InputError, match="intrinsics has 9 numbers; it must have 8"):
         FORMATS["mrcal"].read(OTHERS.replace("OPENCV5", "OPENCV4"), "m", None)
+
+
+def test_a_surface_goes_on_beyond_an_image_circle() -> None:
+    """As the camera's model does, as far as it reaches: what is read back is the camera, not how a spline runs away."""
+    camera = replace(lens_camera("ros", "equidistant"), field_rad=np.radians(150))
+    back = FORMATS["mrcal"].read(text_of("mrcal", camera, "LENSMODEL_SPLINED_STEREOGRAPHIC"), "m", None)
+    assert back.refit is not None
+    assert back.refit.max_px < 0.05
