@@ -13,7 +13,7 @@ import numpy as np
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import slopes
 from calib.cameras.refit import image_grid
-from calib.interop.format import CameraFormat, Lens, ReadCamera
+from calib.interop.format import CameraFormat, FileLens, ReadCamera
 from calib.interop.lens import lens_camera, lens_named
 from calib.interop.parsing import image_size, mapping, number, pick, required, shown_plain
 from designer.base.errors import InputError
@@ -22,12 +22,12 @@ from designer.base.small_file import JsonValue, parse_json
 from designer.base.words import NAME
 
 LENSES = (
-    Lens("pinhole", "pinhole", "fx fy cx cy"),
-    Lens("pinhole-radtan8", "opencv8", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
-    Lens("kb4", "fisheye", "fx fy cx cy k1 k2 k3 k4"),
-    Lens("ds", "ds", "fx fy cx cy xi alpha"),
-    Lens("eucm", "eucm", "fx fy cx cy alpha beta"),
-    Lens("ucm", "eucm", "fx fy cx cy alpha"),
+    FileLens("pinhole", "pinhole", "fx fy cx cy"),
+    FileLens("pinhole-radtan8", "opencv8", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
+    FileLens("kb4", "fisheye", "fx fy cx cy k1 k2 k3 k4"),
+    FileLens("ds", "ds", "fx fy cx cy xi alpha"),
+    FileLens("eucm", "eucm", "fx fy cx cy alpha beta"),
+    FileLens("ucm", "eucm", "fx fy cx cy alpha"),
 )
 """Its camera types, with their numbers."""
 LIMITED = "pinhole-radtan8"
@@ -37,7 +37,7 @@ MAX_FILE_BYTES = 2**22
 _RECOGNISED = re.compile(r'\A\s*\{(?s:.*?)"camera_type"')
 
 
-def write(camera: Camera, lens: Lens) -> str:
+def write(camera: Camera, lens: FileLens) -> str:
     """The text for a camera of the lens's model, with Basalt's usual numbers of an IMU."""
     values: dict[str, JsonValue] = dict(zip(lens.names, lens.values(camera), strict=True))
     if lens.name == LIMITED:

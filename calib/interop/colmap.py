@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.cameras.camera import Camera
-from calib.interop.format import CameraFormat, Lens, ReadCamera
+from calib.interop.format import CameraFormat, FileLens, ReadCamera
 from calib.interop.lens import lens_camera, lens_named
 from calib.interop.parsing import image_size, number, pick, real
 from designer.base.errors import InputError
@@ -16,28 +16,28 @@ CORNER = 0.5
 """A position counted from the image's corner, of a pixel whose centre is 0."""
 
 LENSES = (
-    Lens("PINHOLE", "pinhole", "fx fy cx cy"),
-    Lens("OPENCV", "opencv", "fx fy cx cy k1 k2 p1 p2"),
-    Lens("FULL_OPENCV", "opencv8", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
-    Lens("OPENCV_FISHEYE", "fisheye", "fx fy cx cy k1 k2 k3 k4"),
-    Lens("EUCM", "eucm", "fx fy cx cy alpha beta"),
-    Lens("DIVISION", "division", "fx fy cx cy k1"),
-    Lens("THIN_PRISM_FISHEYE", "thin_prism_fisheye", "fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1"),
-    Lens("FISHEYE", "fisheye", "fx fy cx cy"),
-    Lens("SIMPLE_PINHOLE", "pinhole", "f cx cy"),
-    Lens("SIMPLE_RADIAL", "opencv", "f cx cy k1"),
-    Lens("RADIAL", "opencv", "f cx cy k1 k2"),
-    Lens("SIMPLE_FISHEYE", "fisheye", "f cx cy"),
-    Lens("SIMPLE_RADIAL_FISHEYE", "fisheye", "f cx cy k1"),
-    Lens("RADIAL_FISHEYE", "fisheye", "f cx cy k1 k2"),
-    Lens("SIMPLE_DIVISION", "division", "f cx cy k1"),
+    FileLens("PINHOLE", "pinhole", "fx fy cx cy"),
+    FileLens("OPENCV", "opencv", "fx fy cx cy k1 k2 p1 p2"),
+    FileLens("FULL_OPENCV", "opencv8", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
+    FileLens("OPENCV_FISHEYE", "fisheye", "fx fy cx cy k1 k2 k3 k4"),
+    FileLens("EUCM", "eucm", "fx fy cx cy alpha beta"),
+    FileLens("DIVISION", "division", "fx fy cx cy k1"),
+    FileLens("THIN_PRISM_FISHEYE", "thin_prism_fisheye", "fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1"),
+    FileLens("FISHEYE", "fisheye", "fx fy cx cy"),
+    FileLens("SIMPLE_PINHOLE", "pinhole", "f cx cy"),
+    FileLens("SIMPLE_RADIAL", "opencv", "f cx cy k1"),
+    FileLens("RADIAL", "opencv", "f cx cy k1 k2"),
+    FileLens("SIMPLE_FISHEYE", "fisheye", "f cx cy"),
+    FileLens("SIMPLE_RADIAL_FISHEYE", "fisheye", "f cx cy k1"),
+    FileLens("RADIAL_FISHEYE", "fisheye", "f cx cy k1 k2"),
+    FileLens("SIMPLE_DIVISION", "division", "f cx cy k1"),
 )
 """Its camera models, with the numbers that it gives them (COLMAP's sensor/models.h)."""
 
 _RECOGNISED = re.compile(r"^\s*[0-9]+[ \t]+[A-Z][A-Z_0-9]*[ \t]+[0-9]+[ \t]+[0-9]+[ \t]+[-+.0-9]", re.MULTILINE)
 
 
-def write(camera: Camera, lens: Lens) -> str:
+def write(camera: Camera, lens: FileLens) -> str:
     """The text for a camera of the lens's model."""
     width, height = camera.image_size
     fx, fy, cx, cy, *rest = camera.params

@@ -24,7 +24,7 @@ class ReadCamera:
 
 
 @dataclass(frozen=True)
-class Lens:
+class FileLens:
     """A lens of a format: `Lens("OPENCV", "opencv", "fx fy cx cy k1 k2 p1 p2")`.
 
     Its numbers are parameters of a camera model, without their units and in the file's order; those that are not among
@@ -78,13 +78,13 @@ class CameraFormat:
     file_name: str  # what a file is usually called
     opens_with: str  # how to use the file in its tool; {file} is its path, {url} its address
     recognised: re.Pattern[str]  # is found in the beginning of such a file
-    lenses: tuple[Lens, ...]  # the first that holds a camera is written, so the more widely read first
-    write: Callable[[Camera, Lens], str]
+    lenses: tuple[FileLens, ...]  # the first that holds a camera is written, so the more widely read first
+    write: Callable[[Camera, FileLens], str]
     read: Callable[[str, str, str | None], ReadCamera]  # text, what messages name, which of several cameras
     holds_many: bool = False  # a file may hold several cameras, each with a name
     max_bytes: int = MAX_FILE_BYTES
 
     @property
-    def written(self) -> dict[str, Lens]:
+    def written(self) -> dict[str, FileLens]:
         """The lenses that cameras are written with, by name."""
         return {lens.name: lens for lens in self.lenses if lens.is_written}

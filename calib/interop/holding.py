@@ -8,7 +8,7 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import Refit, image_grid, in_other_words, refit
 from calib.interop import OWN
 from calib.interop.choosing import by_field, closest, try_fits
-from calib.interop.format import CameraFormat, Lens
+from calib.interop.format import CameraFormat, FileLens
 from designer.base.errors import InputError
 from designer.base.words import shown, suggestion
 
@@ -17,10 +17,10 @@ from designer.base.words import shown, suggestion
 class Held:
     """A camera as a file has it."""
 
-    lens: Lens
+    lens: FileLens
     camera: Camera  # of the lens's model; where that is none of ours, as it was
     refit: Refit | None = None  # None: it is exact
-    tried: tuple[tuple[Lens, Refit], ...] = ()  # all that were fitted, in their order
+    tried: tuple[tuple[FileLens, Refit], ...] = ()  # all that were fitted, in their order
 
     @property
     def fitted(self) -> str:
@@ -61,7 +61,7 @@ def fit_to_format(
         same = _exactly(camera, one, model, zero)
         if same is not None:
             return Held(one, same)
-    groups: Sequence[Sequence[Lens]] = [mine]
+    groups: Sequence[Sequence[FileLens]] = [mine]
     if model is None and lens is None:
         groups = _suitable(camera, mine)
     tried = try_fits(groups, lambda one: _fit(camera, one, model or one.model or camera.model, zero))
@@ -69,7 +69,7 @@ def fit_to_format(
     return Held(best, result.camera, result, tuple(tried))
 
 
-def find_lens(target: CameraFormat, name: str) -> Lens:
+def find_lens(target: CameraFormat, name: str) -> FileLens:
     """The format's lens of that name.
 
     Raises:
@@ -88,13 +88,13 @@ def _require_fitted(model: str) -> None:
         raise InputError(f"model {shown(model)} cannot be fitted to a camera{hint}")
 
 
-def _holds_every(lens: Lens) -> bool:
+def _holds_every(lens: FileLens) -> bool:
     """Whether it holds a camera of any model as it is."""
     return lens.model is None and lens.approximate is None
 
 
 def _as_part_of(
-    camera: Camera, target: CameraFormat, offered: Sequence[Lens], model: str, zero: Collection[str]
+    camera: Camera, target: CameraFormat, offered: Sequence[FileLens], model: str, zero: Collection[str]
 ) -> Held:
     """The camera in a model that the format has as a part of another only, such as a lens without its last numbers."""
     result = refit(camera, model, zero=zero, turn=camera.learned is not None)
@@ -107,7 +107,7 @@ def _as_part_of(
     raise InputError(f"{what} holds models {holds}, not {shown(model)}; leave out --model, or use --to {OWN}")
 
 
-def _exactly(camera: Camera, lens: Lens, model: str | None, zero: Collection[str]) -> Camera | None:
+def _exactly(camera: Camera, lens: FileLens, model: str | None, zero: Collection[str]) -> Camera | None:
     """The camera as the lens has it, if that takes no fit."""
     if lens.approximate is not None:
         return None
@@ -116,9 +116,9 @@ def _exactly(camera: Camera, lens: Lens, model: str | None, zero: Collection[str
     return in_other_words(camera, str(lens.model), zero=(*zero, *lens.cannot_hold))
 
 
-def _suitable(camera: Camera, lenses: Sequence[Lens]) -> list[Sequence[Lens]]:
+def _suitable(camera: Camera, lenses: Sequence[FileLens]) -> list[Sequence[FileLens]]:
     """The lenses worth a fit, those first that suit the camera: of one model the one that holds the most."""
-    most: dict[str | None, Lens] = {}
+    most: dict[str | None, FileLens] = {}
     for one in lenses:
         if one.model not in most or len(one.cannot_hold) < len(most[one.model].cannot_hold):
             most[one.model] = one
@@ -127,7 +127,7 @@ def _suitable(camera: Camera, lenses: Sequence[Lens]) -> list[Sequence[Lens]]:
     return by_field(wide, narrow, rays(camera, image_grid(camera.image_size).reshape(-1, 2)))
 
 
-def _fit(camera: Camera, lens: Lens, model: str, zero: Collection[str]) -> Refit:
+def _fit(camera: Camera, lens: FileLens, model: str, zero: Collection[str]) -> Refit:
     if lens.approximate is not None:
         return lens.approximate(camera)
     return refit(camera, model, zero=(*zero, *lens.cannot_hold), turn=camera.learned is not None)

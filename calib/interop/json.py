@@ -4,11 +4,11 @@ import re
 from pathlib import Path
 
 from calib.cameras.camera import CAMERA, Camera, camera_from_mapping, camera_to_json
-from calib.interop.format import CameraFormat, Lens, ReadCamera
+from calib.interop.format import CameraFormat, FileLens, ReadCamera
 from designer.base.small_file import parse_json
 
 
-def write(camera: Camera, _: Lens) -> str:
+def write(camera: Camera, _: FileLens) -> str:
     """The text for a camera of any model."""
     return camera_to_json(camera)
 
@@ -24,7 +24,7 @@ FORMAT = CameraFormat(
     file_name="camera.json",
     opens_with="calib undistort {file} PHOTOS... -o DIR",
     recognised=re.compile(rf'\A\s*\{{(?s:.*?)"{re.escape(CAMERA.format)}"'),
-    lenses=(Lens("camera.json", None),),
+    lenses=(FileLens("camera.json", None),),
     write=write,
     read=read,
     max_bytes=CAMERA.largest_bytes,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.cameras.camera import Camera
-from calib.interop.format import CameraFormat, Lens, ReadCamera
+from calib.interop.format import CameraFormat, FileLens, ReadCamera
 from calib.interop.lens import Array, brown, fit_foreign, invert, lens_camera, lens_named, slopes_of
 from calib.interop.parsing import (
     image_size,
@@ -25,23 +25,23 @@ _RECOGNISED = re.compile(
 )
 
 
-SPHERE = Lens("omni-none", "omni", "xi fx fy cx cy")
-DISTORTED_SPHERE = Lens("omni-radtan", "omni", "xi fx fy cx cy 0 0 0 0")
+SPHERE = FileLens("omni-none", "omni", "xi fx fy cx cy")
+DISTORTED_SPHERE = FileLens("omni-radtan", "omni", "xi fx fy cx cy 0 0 0 0")
 LENSES = (
-    Lens("pinhole-radtan", "opencv", "fx fy cx cy k1 k2 p1 p2"),
-    Lens("pinhole-equi", "fisheye", "fx fy cx cy k1 k2 k3 k4"),
-    Lens("ds-none", "ds", "xi alpha fx fy cx cy"),
-    Lens("eucm-none", "eucm", "alpha beta fx fy cx cy"),
+    FileLens("pinhole-radtan", "opencv", "fx fy cx cy k1 k2 p1 p2"),
+    FileLens("pinhole-equi", "fisheye", "fx fy cx cy k1 k2 k3 k4"),
+    FileLens("ds-none", "ds", "xi alpha fx fy cx cy"),
+    FileLens("eucm-none", "eucm", "alpha beta fx fy cx cy"),
     SPHERE,
     DISTORTED_SPHERE,
-    Lens("pinhole-none", "pinhole", "fx fy cx cy"),
+    FileLens("pinhole-none", "pinhole", "fx fy cx cy"),
 )
 """A camera model and a distortion model, with the numbers of both (Kalibr's wiki, Supported models)."""
 DISTORTED = {"radtan": 4, "equi": 4, "none": 0}
 """How many numbers a distortion model has."""
 
 
-def write(camera: Camera, lens: Lens) -> str:
+def write(camera: Camera, lens: FileLens) -> str:
     """The text for a camera of the lens's model."""
     projection, distortion = lens.name.split("-")
     values = list(map(real, lens.values(camera)))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from calib.cameras import ABILITIES, COMMON, LINEAR, fitted_models, neutral, parameter_names
 from calib.cameras.refit import fit_rays, image_grid, in_other_words
 from calib.interop.choosing import by_field, closest, try_fits
-from calib.interop.format import NOTHING, Lens, ReadCamera
+from calib.interop.format import NOTHING, FileLens, ReadCamera
 from calib.interop.parsing import make_camera
 from designer.base.errors import InputError
 
@@ -59,7 +59,7 @@ def brown(coefficients: Sequence[float]) -> Distort:
     return distort
 
 
-def lens_camera(lens: Lens, values: Sequence[float], image_size: tuple[int, int], origin: str) -> ReadCamera:
+def lens_camera(lens: FileLens, values: Sequence[float], image_size: tuple[int, int], origin: str) -> ReadCamera:
     """The camera of a file's numbers, which are in the lens's order.
 
     Raises:
@@ -80,7 +80,7 @@ def lens_camera(lens: Lens, values: Sequence[float], image_size: tuple[int, int]
     return ReadCamera((in_other_words(camera, PLAINER[model]) if model in PLAINER else None) or camera)
 
 
-def lens_named(lenses: Sequence[Lens], name: str) -> Lens | None:
+def lens_named(lenses: Sequence[FileLens], name: str) -> FileLens | None:
     """The lens of that name, if there is one."""
     return next((lens for lens in lenses if lens.name == name), None)
 

@@ -16,7 +16,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from calib.cameras.camera import Camera
-from calib.interop.format import CameraFormat, Lens, ReadCamera
+from calib.interop.format import CameraFormat, FileLens, ReadCamera
 from calib.interop.lens import Array, Complex, Distort, fit_foreign, fit_lens, invert, lens_camera, slopes_of
 from calib.interop.parsing import image_size, number, parse_xml, pick, real
 from designer.base.errors import InputError
@@ -36,15 +36,15 @@ _RECOGNISED = re.compile(r"\A\s*(?=<)(?s:.*?)<calibration\b")
 
 
 LENSES = (
-    Lens("frame", "opencv", "fx fy cx cy k1 k2 k3 p2 p1"),
-    Lens("fisheye", "thin_prism_fisheye", "fx fy cx cy k1 k2 k3 k4 p2 p1"),
+    FileLens("frame", "opencv", "fx fy cx cy k1 k2 k3 p2 p1"),
+    FileLens("fisheye", "thin_prism_fisheye", "fx fy cx cy k1 k2 k3 k4 p2 p1"),
 )
 """Its camera types, with the numbers of ours in its order."""
 EQUIDISTANT = ("fisheye", "equidistant_fisheye")
 EQUISOLID = "equisolid_fisheye"
 
 
-def write(camera: Camera, lens: Lens) -> str:
+def write(camera: Camera, lens: FileLens) -> str:
     """The text of a calibration for a camera of the lens's model."""
     fx, fy, cx, cy, *rest = lens.values(camera)
     width, height = camera.image_size

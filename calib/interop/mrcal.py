@@ -4,7 +4,7 @@ import ast
 import re
 
 from calib.cameras.camera import Camera
-from calib.interop.format import CameraFormat, Lens, ReadCamera
+from calib.interop.format import CameraFormat, FileLens, ReadCamera
 from calib.interop.lens import lens_camera, lens_named
 from calib.interop.mrcal_cahvore import CAHVOR, CAHVORE, read_cahvore
 from calib.interop.mrcal_surface import SPLINED, nearest_surface, read_surface, surface_of
@@ -13,14 +13,14 @@ from designer.base.errors import InputError
 from designer.base.words import shown
 
 LENSES = (
-    Lens("LENSMODEL_PINHOLE", "pinhole", "fx fy cx cy"),
-    Lens("LENSMODEL_OPENCV5", "opencv", "fx fy cx cy k1 k2 p1 p2 k3"),
-    Lens("LENSMODEL_OPENCV8", "opencv8", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
-    Lens("LENSMODEL_OPENCV12", "opencv12", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4"),
-    Lens(f"{CAHVORE}0.0", "fisheye", "fx fy cx cy 0 0 0 k1 k2 0 0 0"),
-    Lens(SPLINED, None, approximate=nearest_surface),
-    Lens("LENSMODEL_OPENCV4", "opencv", "fx fy cx cy k1 k2 p1 p2"),
-    Lens(CAHVOR, "opencv", "fx fy cx cy 0 0 0 k1 k2"),
+    FileLens("LENSMODEL_PINHOLE", "pinhole", "fx fy cx cy"),
+    FileLens("LENSMODEL_OPENCV5", "opencv", "fx fy cx cy k1 k2 p1 p2 k3"),
+    FileLens("LENSMODEL_OPENCV8", "opencv8", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
+    FileLens("LENSMODEL_OPENCV12", "opencv12", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4"),
+    FileLens(f"{CAHVORE}0.0", "fisheye", "fx fy cx cy 0 0 0 k1 k2 0 0 0"),
+    FileLens(SPLINED, None, approximate=nearest_surface),
+    FileLens("LENSMODEL_OPENCV4", "opencv", "fx fy cx cy k1 k2 p1 p2"),
+    FileLens(CAHVOR, "opencv", "fx fy cx cy 0 0 0 k1 k2"),
 )
 """Its lens models, with the numbers that it gives them (its documentation, Camera models).
 
@@ -42,7 +42,7 @@ _TOKEN = re.compile(
 _RECOGNISED = re.compile(r"""["'](?:lensmodel|lens_model|distortion_model)["']\s*:""")
 
 
-def write(camera: Camera, lens: Lens) -> str:
+def write(camera: Camera, lens: FileLens) -> str:
     """The text for a camera of the lens's model, at the origin."""
     name, values = (lens.name, lens.values(camera)) if lens.approximate is None else surface_of(camera).numbers
     width, height = camera.image_size

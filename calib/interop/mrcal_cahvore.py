@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib.core.se3 import rotation_between
-from calib.interop.format import Lens, ReadCamera
+from calib.interop.format import FileLens, ReadCamera
 from calib.interop.lens import Array, Complex, fit_foreign, invert, lens_camera, slopes_of
 from calib.interop.parsing import number, numbers
 from designer.base.errors import InputError
@@ -20,7 +20,7 @@ from designer.base.words import shown
 
 CAHVOR = "LENSMODEL_CAHVOR"
 CAHVORE = "LENSMODEL_CAHVORE_linearity="
-ON_AXIS = (Lens(CAHVOR, "opencv", "fx fy cx cy k1 k2"), Lens(CAHVORE, "fisheye", "fx fy cx cy k1 k2"))
+ON_AXIS = (FileLens(CAHVOR, "opencv", "fx fy cx cy k1 k2"), FileLens(CAHVORE, "fisheye", "fx fy cx cy k1 k2"))
 """Both with the optical axis across the image, by their linearity: 1, 0."""
 
 

@@ -42,7 +42,7 @@ PER_CELL = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class StereographicSurface:
     """A lens of mrcal."""
 
     order: int
@@ -111,7 +111,7 @@ def _weights(place: Complex, count: int, order: int) -> tuple[NDArray[np.int64],
     return before - 1, [s * s * s / 6, *inner, t * t * t / 6]
 
 
-def surface_of(camera: Camera) -> Surface:
+def surface_of(camera: Camera) -> StereographicSurface:
     """The surface that comes nearest to a camera.
 
     Raises:
@@ -134,7 +134,7 @@ def surface_of(camera: Camera) -> Surface:
     bend = SMOOTH * _second_differences(columns, rows)
     control = np.linalg.solve(design.T @ design + bend.T @ bend, design.T @ off)
     linear = (float(fx), float(fy), float(cx), float(cy))
-    return Surface(ORDER, fov_x_deg, linear, control.reshape(rows, columns, 2))
+    return StereographicSurface(ORDER, fov_x_deg, linear, control.reshape(rows, columns, 2))
 
 
 def nearest_surface(camera: Camera) -> Refit:
@@ -154,7 +154,7 @@ def read_surface(name: str, given: object, image_size: tuple[int, int], origin: 
     return fit_foreign(surface.rays, surface.linear, image_size, "its splined lens", origin)
 
 
-def surface_named(name: str, given: object, origin: str) -> Surface:
+def surface_named(name: str, given: object, origin: str) -> StereographicSurface:
     """The surface of a file's name and numbers, which are fx fy cx cy and the control points.
 
     Raises:
@@ -171,7 +171,7 @@ def surface_named(name: str, given: object, origin: str) -> Surface:
             f"{MOST_CONTROL_POINTS}, and fov_x_deg more than 0 and less than 360"
         )
     fx, fy, cx, cy, *rest = numbers(given, "intrinsics", origin, (4 + 2 * columns * rows,))
-    return Surface(order, fov_x_deg, (fx, fy, cx, cy), np.reshape(rest, (rows, columns, 2)))
+    return StereographicSurface(order, fov_x_deg, (fx, fy, cx, cy), np.reshape(rest, (rows, columns, 2)))
 
 
 def _seen(camera: Camera, columns: int) -> tuple[Array, Array]:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 
 from calib.cameras.camera import Camera
-from calib.interop.format import CameraFormat, Lens, ReadCamera
+from calib.interop.format import CameraFormat, FileLens, ReadCamera
 from calib.interop.lens import brown_camera, lens_camera
 from calib.interop.parsing import image_size, mapping, numbers, only_keys, parse_yaml, real, required
 from designer.base.errors import InputError
@@ -14,10 +14,10 @@ LENS = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D")
 SIZE = ("image_size", "imageSize", "image_width", "image_height", "width", "height")
 FISHEYE = "fisheye_model"
 LENSES = (
-    Lens("standard", "opencv", "fx fy cx cy k1 k2 p1 p2 k3"),
-    Lens("rational", "opencv8", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
-    Lens("thin_prism", "opencv12", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4"),
-    Lens("fisheye", "fisheye", "fx fy cx cy k1 k2 k3 k4"),
+    FileLens("standard", "opencv", "fx fy cx cy k1 k2 p1 p2 k3"),
+    FileLens("rational", "opencv8", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
+    FileLens("thin_prism", "opencv12", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4"),
+    FileLens("fisheye", "fisheye", "fx fy cx cy k1 k2 k3 k4"),
 )
 """What its functions of calib3d take, by the names of their flags; those of `cv2.fisheye` are the last."""
 WIDE = LENSES[-1]
@@ -29,7 +29,7 @@ MAX_FILE_BYTES = 2**22
 _RECOGNISED = re.compile(rf"^(?:{'|'.join(MATRIX)})\s*:|!!opencv-matrix", re.MULTILINE)
 
 
-def write(camera: Camera, lens: Lens) -> str:
+def write(camera: Camera, lens: FileLens) -> str:
     """The text for a camera of the lens's model."""
     fx, fy, cx, cy, *rest = lens.values(camera)
     width, height = camera.image_size

@@ -3,16 +3,16 @@
 import re
 
 from calib.cameras.camera import Camera
-from calib.interop.format import CameraFormat, Lens, ReadCamera
+from calib.interop.format import CameraFormat, FileLens, ReadCamera
 from calib.interop.lens import lens_camera, lens_named
 from calib.interop.opencv import linear_part
 from calib.interop.parsing import image_size, mapping, numbers, only_keys, parse_yaml, real, required, shown_plain
 from designer.base.errors import InputError
 
 LENSES = (
-    Lens("plumb_bob", "opencv", "fx fy cx cy k1 k2 p1 p2 k3"),
-    Lens("rational_polynomial", "opencv8", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
-    Lens("equidistant", "fisheye", "fx fy cx cy k1 k2 k3 k4"),
+    FileLens("plumb_bob", "opencv", "fx fy cx cy k1 k2 p1 p2 k3"),
+    FileLens("rational_polynomial", "opencv8", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
+    FileLens("equidistant", "fisheye", "fx fy cx cy k1 k2 k3 k4"),
 )
 """Its distortion models (sensor_msgs/distortion_models)."""
 SHORTER = {"plumb_bob": (0, 4)}
@@ -27,7 +27,7 @@ KEYS = (
 _RECOGNISED = re.compile(r"\A(?=(?s:.*?)^distortion_model\s*:)(?=(?s:.*?)^(?:camera_matrix|K|k)\s*:)", re.MULTILINE)
 
 
-def write(camera: Camera, lens: Lens) -> str:
+def write(camera: Camera, lens: FileLens) -> str:
     """The text for a camera of the lens's model; rectified images keep its focal lengths and centre."""
     fx, fy, cx, cy, *rest = lens.values(camera)
     width, height = camera.image_size

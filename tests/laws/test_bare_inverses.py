@@ -29,6 +29,7 @@ ALLOWED = {
     "calib/detector/lines.py fit_lines": "a covariance plus a floor",
     "calib/detector/naming.py _uprightness": "a shortest solution, which two columns always have",
     "calib/detector/where_expected.py _plane_map": "shortest solutions, whose points were found to span a plane",
+    "calib/interop/mrcal_surface.py surface_of": "smoothed by its bends, which leave no control point free",
     "calib/metrics/reconstruction.py reconstruction": "of the rings whose rays were found to meet in a point",
     "calib/cameras/refit.py _adjust": "damped: a diagonal of ones with more on it",
     "calib/solver/accuracy.py accuracy_of": "poses by Cholesky before, which tells whether they are determined",
