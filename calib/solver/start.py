@@ -145,10 +145,17 @@ def _first_cameras(few: Problem, model: str, focal_px: float | None, *, is_robus
     if ABILITIES[model].is_wide:
         if model != WIDE:
             yield _as_wide(few, model, is_robust=is_robust)
-        yield (wide_camera(model, few.image_size, np.radians(field)) for field in FIELDS_DEG)
+        yield _even_cameras(model, few.image_size)
     side = max(few.image_size)
     for focal in _focals(few, focal_px, side, is_robust=is_robust):
         yield (first_camera(model, few.image_size, focal),)
+
+
+def _even_cameras(model: str, image_size: tuple[int, int]) -> Iterator[Camera]:
+    """Wide cameras of all fields of view that the model has."""
+    for field in FIELDS_DEG:
+        with suppress(InputError):
+            yield wide_camera(model, image_size, np.radians(field))
 
 
 def _as_wide(few: Problem, model: str, *, is_robust: bool) -> Iterator[Camera]:

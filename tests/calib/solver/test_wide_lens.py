@@ -205,3 +205,13 @@ def test_all_models_are_those_that_suit_the_lens() -> None:
     assert best.model == truth.model == min(left_px, key=lambda name: left_px[name])
     assert sum(remark.startswith("the lens is a wide one") for remark in best.calibration.remarks) == 1
     assert any(f"{truth.model} leaves the least over" in remark for remark in best.calibration.remarks)
+
+
+@pytest.mark.parametrize("model", wide_models())
+def test_a_first_field_of_view_that_a_model_has_not_is_passed_over(model: str) -> None:
+    """Where outliers leave no start good, all fields of view are tried, of which some models reach not all."""
+    _, seen = seen_all_around("beyond the half space")
+    off = np.array(seen.center_px)
+    off[::20] += 40.0
+    solved = solve(replace(seen, center_px=off), model)
+    assert solved.observations.view_count == VIEWS
