@@ -30,6 +30,8 @@ LOST_SHARE = 0.005
 """Of the observations, more of which a model that suits does not leave out."""
 FORWARD_RAD = np.radians(80.0)
 """Off the axis, to which models of what is in front may reach: the tangent is 5.7 there, and grows without bounds."""
+SUSPECT_PX = 1.0
+"""Root mean square distance with which a model may squeeze into its field of view what is seen from the side."""
 FAR_OFF = 6.0
 """Robust standard deviations: farther off is not what it is taken for."""
 
@@ -88,12 +90,15 @@ def ruled_out(model: str, solved: Calibration | None, observations: Observations
         observations: that it was solved from.
         options: weights and losses.
     """
-    if ABILITIES[model].is_wide or (solved is not None and _lost_share(solved, observations) <= LOST_SHARE):
+    if ABILITIES[model].is_wide:
+        return ""
+    if solved is not None and _lost_share(solved, observations) <= LOST_SHARE and _left_px(solved) <= SUSPECT_PX:
         return ""
     kind = lens_kind(observations, options)
     if kind.wide is None or not kind.is_wide:
         return ""
-    if solved is not None and _lost_share(solved, observations) - kind.lost_share <= LOST_SHARE:
+    keeps_all = solved is not None and _lost_share(solved, observations) - kind.lost_share <= LOST_SHARE
+    if keeps_all and kind.off_axis_rad < 0.5 * np.pi:
         return ""
     return f"model {model} cannot show all that was seen: {kind.sentence}; give --model {' or '.join(wide_models())}"
 

@@ -184,6 +184,7 @@ def test_a_wide_lens_is_told_from_an_ordinary_one() -> None:
     assert kind.off_axis_rad == pytest.approx(farthest, abs=0.02)
     line = ruled_out("opencv", None, seen, SolveOptions())
     assert line == f"model opencv cannot show all that was seen: {kind.sentence}; give --model fisheye or ds or eucm"
+    assert ruled_out("luhmann", solve(seen, "luhmann"), seen, SolveOptions())  # squeezes all in, badly
     assert not ruled_out("fisheye", None, seen, SolveOptions())
     ordinary = observe(CAMERAS["opencv"], BOARD, poses_around(8, np.random.default_rng(2)), np.random.default_rng(2))
     assert not lens_kind(ordinary).is_wide
