@@ -14,9 +14,8 @@ from calib.core.se3 import exp_rotation
 from calib.figures.difference_picture import difference_picture
 from calib.figures.sigma_map import scale_end
 from calib.figures.style import WIDTH_PX
-from calib.interop import FORMATS
 from designer.base.errors import InputError
-from tests.support.foreign_cameras import CAMERAS, SIZE, ask_mrcal
+from tests.support.foreign_cameras import CAMERAS, SIZE, ask_mrcal, text_of
 
 A = Camera("opencv", np.array([900.0, 905, 510, 390, -0.12, 0.09, 0.0006, -0.0004, -0.02]), SIZE)
 B = Camera("opencv", np.array([902.0, 906, 514, 388, -0.125, 0.08, 0.0003, -0.0005, -0.005]), SIZE)
@@ -77,7 +76,7 @@ def test_mrcal_finds_the_same(tmp_path: Path) -> None:
     """
     paths = [tmp_path / f"{name}.cameramodel" for name in "ab"]
     for path, camera in zip(paths, (A, B), strict=True):
-        path.write_text(FORMATS["mrcal"].write(camera))
+        path.write_text(text_of("mrcal", camera))
     whole, none = camera_difference(A, B), camera_difference(A, B, radius_px=0)
     radius = min(SIZE) / 6
     centre = camera_difference(A, B, radius_px=radius)

@@ -9,9 +9,8 @@ import pytest
 from calib.cameras.camera import Camera, camera_to_json
 from calib.cameras.refit import camera_difference
 from calib.commands.diff import diff
-from calib.interop import FORMATS
 from designer.base.errors import InputError
-from tests.support.foreign_cameras import CAMERAS, SIZE
+from tests.support.foreign_cameras import CAMERAS, SIZE, text_of
 
 BARREL = CAMERAS["barrel"]
 MOVED = Camera("opencv", BARREL.params + np.array([1, 0.5, 3, -2, 0.001, 0, 0, 0, 0]), SIZE)
@@ -23,7 +22,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     Path("a").mkdir()
     Path("a/camera.json").write_text(camera_to_json(BARREL))
-    Path("b.cameramodel").write_text(FORMATS["mrcal"].write(MOVED))
+    Path("b.cameramodel").write_text(text_of("mrcal", MOVED))
     return tmp_path
 
 
