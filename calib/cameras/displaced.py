@@ -287,6 +287,7 @@ def _fill(
         by_square, by_depth = rows[3 * AT_ONCE + n], rows[4 * AT_ONCE + n]
         x, y = scale * px, scale * py
         s = x * x + y * y
+        # `_displaced` once more: as a call this loop takes a third longer. The laws hold the two alike.
         over = 1 + s * (c[0] + s * (c[1] + s * (c[2] + s * c[3])))
         inverse = 1 / (1 + s * (c[4] + s * (c[5] + s * c[6])))
         radial = over * inverse
