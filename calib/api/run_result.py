@@ -89,7 +89,7 @@ class RunResult(ShownAsPage):
         Raises:
             InputError: the folder takes no files, or holds somebody else's; the message names them.
         """
-        writer = RunWriter(folder_of(folder), self.task.plan.models)
+        writer = RunWriter(folder_of(folder), [one.model for one in self.solutions])
         writer.write_all(self)
         return tuple(writer.files)
 

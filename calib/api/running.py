@@ -235,7 +235,7 @@ def _solved(
     progress("solving", 0, total)
     for solution in solve_models(task):
         solutions.append(solution if writer is None else writer.write_solution(solution, task))
-        progress("solving", len(solutions), total)
+        progress("solving", len(solutions), max(len(solutions), total))
     _require_one(solutions)
     if writer is not None and (search is not None or is_whole):
         progress("drawing", 0, 0)
@@ -280,7 +280,7 @@ def _criteria(criteria: Criteria | Place) -> Criteria:
 def _writer(out: RunWriter | Place | None, plan: SolvePlan) -> RunWriter | None:
     if out is None or isinstance(out, RunWriter):
         return out
-    return RunWriter(folder_of(out), (*plan.models, *plan.wide_models))
+    return RunWriter(folder_of(out), plan.may_solve)
 
 
 def _checked_reference(reference: Reference | None, plan: SolvePlan, photos: Sequence[str]) -> Reference | None:

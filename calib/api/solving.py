@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import ABILITIES, MODELS, models_of_all, models_of_all_wide, solved_models, told_parameters
+from calib.cameras import ABILITIES, ANY_LENS, MODELS, models_of_all, models_of_all_wide, solved_models, told_parameters
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
 from calib.metrics.evaluation import Evaluation, evaluate, held_out_px
@@ -46,6 +46,11 @@ class SolvePlan:
     options: SolveOptions  # with the names of every model asked for
     wide_models: tuple[str, ...] = ()  # that are solved instead where the lens is a wide one
     is_compared: bool = False  # by photos held out
+
+    @property
+    def may_solve(self) -> tuple[str, ...]:
+        """All models that may be solved, whatever the lens."""
+        return (*self.models, *self.wide_models, ANY_LENS) if self.wide_models else self.models
 
     def suited(self, observations: Observations) -> tuple["SolvePlan", Observations]:
         """The plan for the lens that was photographed, and the observations with a word on it if it is a wide one."""
@@ -135,7 +140,7 @@ def plan_from_words(
 
 def models_of(model: str) -> tuple[str, ...]:
     """The models that may be solved for a name: itself, or of `all` those of ordinary lenses and of wide ones."""
-    return (*models_of_all(), *models_of_all_wide()) if model == ALL else (model,)
+    return (*models_of_all(), *models_of_all_wide(), ANY_LENS) if model == ALL else (model,)
 
 
 def _fixed(text: str, known: set[str]) -> tuple[str, float | None]:
@@ -242,7 +247,20 @@ class SolveTask:
 def solve_models(task: SolveTask) -> Iterator[Solution]:
     """Solve each model and evaluate it. One that cannot be solved does not stop the others."""
     solutions = (_solution(task, model) for model in task.plan.models)
-    yield from compared(list(solutions), task.plan) if task.plan.is_compared else solutions
+    if not task.plan.is_compared:
+        yield from solutions
+        return
+    formulas = list(solutions)
+    yield from compared([*formulas, *_beyond_formulas(task, formulas)], task.plan)
+
+
+def _beyond_formulas(task: SolveTask, formulas: Sequence[Solution]) -> Iterator[Solution]:
+    """The model of any lens, where errors that are fixed in the image are left over by all the others."""
+    fields = [one.calibration.image_field for one in formulas if one.evaluation is not None]
+    if fields and None not in fields:
+        free = _solution(task, ANY_LENS)
+        if free.evaluation is not None:  # else it is one more that takes more photos
+            yield free
 
 
 def _solution(task: SolveTask, model: str) -> Solution:
@@ -279,6 +297,8 @@ def compared(solutions: Sequence[Solution], plan: SolvePlan) -> Sequence[Solutio
     kept = min(left_px, key=lambda name: left_px[name])
     parts = ", ".join(f"{name} {px:.3g} px" for name, px in left_px.items())
     said = f"in photos held out of the solution {kept} leaves the least over ({parts}, RMS)"
+    if ANY_LENS in left_px:
+        said += f"; {ANY_LENS} was solved too, as the others leave errors that are fixed in the image"
     return [one.with_held_out(left_px[one.model], said) if one.model in left_px else one for one in solutions]
 
 

@@ -81,6 +81,8 @@ LINEAR = "pinhole"
 """The model without a lens: that of photos without distortion."""
 WIDE = "fisheye"
 """The model that is taken for wide lenses if none is asked for, and that solutions of others start from."""
+ANY_LENS = "splined"
+"""The model that follows a lens that no formula fits, whatever its field of view."""
 
 
 class CameraModel(Protocol):
@@ -133,9 +135,8 @@ def learned_models() -> tuple[str, ...]:
 
 
 def free_form_models() -> tuple[str, ...]:
-    """The solved models that follow a lens of no formula, first those of any field of view."""
-    free = [name for name in solved_models() if ABILITIES[name].is_learned or ABILITIES[name].is_surface]
-    return tuple(sorted(free, key=lambda name: not ABILITIES[name].is_wide))
+    """The solved models that follow a lens of no formula."""
+    return tuple(name for name in solved_models() if ABILITIES[name].is_learned or ABILITIES[name].is_surface)
 
 
 def fitted_models() -> tuple[str, ...]:

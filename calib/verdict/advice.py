@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import free_form_models
+from calib.cameras import ANY_LENS, free_form_models
 from calib.core.number_text import figure
 from calib.solver.calibration import Calibration
 from calib.solver.outliers import deviations
@@ -212,10 +212,10 @@ def _lens(evidence: CameraEvidence, criteria: Criteria, model: str, inputs: Inpu
     free, done = free_form_models(), [one.model for one in evidence.models if one.model in free_form_models()]
     if model in free:
         step = "try another camera model"
-    elif free[0] in done:
-        step = f"compare with the {free[0]} camera, which was solved too"
+    elif ANY_LENS in done:
+        step = f"compare with the {ANY_LENS} camera, which was solved too"
     else:
-        step = f"try the {free[0]} model, which follows any lens: `{inputs.solve} --model {free[0]}`"
+        step = f"try the {ANY_LENS} model, which follows any lens: `{inputs.solve} --model {ANY_LENS}`"
         step += f", and compare with the {done[0]} camera, which was solved too" if done else ""
     may_bend = evidence.shape is not None and evidence.shape.ratio > BY_CHANCE
     return (

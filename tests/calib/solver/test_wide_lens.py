@@ -9,14 +9,16 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from calib.api import solving
 from calib.api.run_result import best_of
-from calib.api.solving import ALL, SolveTask, plan_from_words, solve_models
+from calib.api.solving import ALL, Solution, SolvePlan, SolveTask, plan_from_words, solve_models
 from calib.cameras import MODELS, project, rays, wide_models
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, look_at, make_pose, rotation_between, transform
 from calib.core.types import Observations
+from calib.metrics.evaluation import evaluate
 from calib.solver.blocks import RobustLoss, view_blocks
-from calib.solver.calibration import Calibration
+from calib.solver.calibration import Calibration, ImageField
 from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.problem import pack
 from calib.solver.schur import damped_step
@@ -216,3 +218,24 @@ def test_a_first_field_of_view_that_a_model_has_not_is_passed_over(model: str) -
     off[::20] += 40.0
     solved = solve(replace(seen, center_px=off), model)
     assert solved.observations.view_count == VIEWS
+
+
+def test_what_no_formula_follows_is_solved_by_the_model_of_any_lens(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is tried where all formulas leave errors that are fixed in the image, and only there."""
+    truth, seen = seen_all_around("half space")
+    solved = solve(seen, truth.model)
+    field = ImageField(0.1, np.zeros((8, 8)))
+    asked: list[str] = []
+
+    def solution(task: SolveTask, model: str) -> Solution:
+        asked.append(model)
+        left = replace(solved, image_field=field if model in with_field else None)
+        return Solution(model, evaluate(left, None))
+
+    monkeypatch.setattr(solving, "_solution", solution)
+    monkeypatch.setattr(solving, "compared", lambda solutions, plan: solutions)
+    plan = SolvePlan(("ds", "eucm"), SolveOptions(), is_compared=True)
+    for with_field in (("ds", "eucm"), ("ds",), ()):
+        asked.clear()
+        found = [one.model for one in solve_models(SolveTask(seen, plan))]
+        assert found == asked == ["ds", "eucm", *(["splined"] if len(with_field) == 2 else [])]
