@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from calib.core.number_text import figure
 from calib.solver.calibration import Calibration
+from calib.solver.plane_bend import is_flat
 from calib.verdict.checks import SURE, px
 from calib.verdict.evidence import CameraEvidence
 from calib.verdict.next_views import NextView, photos_needed, why_no_next_views
@@ -15,6 +16,7 @@ HOPELESS_TIMES = 100
 """A number that large tells nobody anything."""
 LITTLE_PERCENT = 0.5
 """Of the image: next photos that add less have nothing to do with what is covered."""
+SOLID = "a solid target, as an icosahedron, has faces at every slant wherever it is held, and needs fewer photos"
 
 
 def photo_advice(
@@ -30,7 +32,7 @@ def photo_advice(
     """
     after = _after_them(evidence, criteria, views)
     return (
-        *_photos(calibration, evidence, criteria, views), *_uncovered(evidence, criteria, views),
+        *_photos(calibration, evidence, criteria, views), *_uncovered(calibration, evidence, criteria, views),
         *((after,) if after else ()),
     )  # fmt: skip
 
@@ -106,14 +108,17 @@ def _round_up(count: int) -> str:
     return f"about {-(-count // step) * step}"
 
 
-def _uncovered(evidence: CameraEvidence, criteria: Criteria, views: Sequence[NextView] | None) -> tuple[str, ...]:
+def _uncovered(
+    calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, views: Sequence[NextView] | None
+) -> tuple[str, ...]:
     """Parts of the image without the target, if the next photos do not show it there."""
     percent, wanted = 100 * evidence.coverage.share, criteria["coverage"].good
     missing = evidence.coverage.missing_words
     last = 100 * views[-1].covered_after if views else percent
     if views and last > percent + LITTLE_PERCENT:
         angles = evidence.coverage.missing_angles
-        aside = (f"show the target at other angles: hardly a photo has it {angles}",) if angles else ()
+        solid = f"; {SOLID}" if is_flat(calibration.observations.points) else ""
+        aside = (f"show the target at other angles: hardly a photo has it {angles}{solid}",) if angles else ()
         return *aside, *_again(views[-1], criteria)
     if percent >= wanted or not missing:
         return ()

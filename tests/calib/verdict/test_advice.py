@@ -14,6 +14,7 @@ from calib.solver.solve import solve
 from calib.verdict.advice import advice_of
 from calib.verdict.candidate_views import tilt_rotation
 from calib.verdict.checks import px
+from calib.verdict.coverage import Region
 from calib.verdict.criteria import read_criteria
 from calib.verdict.evidence import CameraEvidence, evidence_of
 from calib.verdict.halves import half_split
@@ -94,14 +95,19 @@ def test_a_board_on_the_left_is_asked_for_on_the_right() -> None:
     calibration = solved(shown_at(left, (420.0, 500.0), (35.0, 10.0, 45.0)))
     found = evidence(calibration)
     without = advice_of(calibration, found, criteria())
-    said = next(sentence for sentence in without if sentence.startswith("show the target in"))
-    assert "the right edge" in said
-    assert "left" not in said
-    assert f"{100 * found.coverage.share:.0f} % of the image" in said
-    first = next(sentence for sentence in advice(calibration) if sentence.startswith("next photo"))
+    missing = next(sentence for sentence in without if sentence.startswith("show the target in"))
+    assert "the right edge" in missing
+    assert "left" not in missing
+    assert f"{100 * found.coverage.share:.0f} % of the image" in missing
+    views = proposed(calibration)
+    at_side = replace(found, coverage=replace(found.coverage, bands=(Region("60-75", 0.2, 0.1),)))
+    said, aside = (advice_of(calibration, one, criteria(), views) for one in (found, at_side))
+    first = next(sentence for sentence in said if sentence.startswith("next photo"))
     assert "right" in first.split(",")[0]
     assert f"coverage {100 * found.coverage.share:.0f} -> " in first
-    assert not any(sentence.startswith("show the target in") for sentence in advice(calibration))
+    assert not any(sentence.startswith("show the target in") for sentence in said)
+    assert not any("solid target" in sentence for sentence in said)
+    assert any("60° to 75° off the axis" in sentence and "a solid target" in sentence for sentence in aside)
 
 
 def test_photos_without_tilt_are_to_be_tilted() -> None:
