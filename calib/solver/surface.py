@@ -4,7 +4,8 @@ The base, a model of few parameters, is solved first, from nothing; then all are
 `sum loss(r) + d' Q d` with the precision Q of the control points d that makes the photos likeliest
 (`calib.solver.surface_prior`). What the base's parameters and a turn of the camera do as well is theirs: the surface
 has no part in those directions. Where nothing was seen the prior carries on, and the covariance, that of the
-parameters given the photos, grows to its amplitude.
+parameters given the photos, grows to its amplitude. It supposes that the control points can be the lens: what is too
+rough for them is no part of it, and outweighs it where photos of little noise tell the rest that well.
 """
 
 from dataclasses import dataclass, replace
