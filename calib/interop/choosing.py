@@ -24,8 +24,12 @@ def by_field(wide: Sequence[Choice], narrow: Sequence[Choice], ray: NDArray[np.f
 
     Where it sees far off its axis the others are tried only if there are no wide ones.
     """
-    is_far = bool((ray[:, 2] < FAR_COSINE).any())
-    return [group for group in ([wide or narrow] if is_far else [narrow, wide]) if group]
+    return [group for group in ([wide or narrow] if sees_far(ray) else [narrow, wide]) if group]
+
+
+def sees_far(ray: NDArray[np.float64]) -> bool:
+    """Whether some of the rays (N, 3), of length one, come from so far off the axis that a wide lens suits."""
+    return bool((ray[:, 2] < FAR_COSINE).any())
 
 
 def try_fits(groups: Sequence[Sequence[Choice]], fit: Callable[[Choice], Refit]) -> list[tuple[Choice, Refit]]:

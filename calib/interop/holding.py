@@ -1,13 +1,16 @@
 """How a format holds a camera: by the camera's own lens, else by the one of its lenses that comes closest."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from calib.cameras import fitted_models, rays
 from calib.cameras.camera import Camera
 from calib.cameras.refit import Refit, image_grid, in_other_words, refit
 from calib.interop import OWN
-from calib.interop.choosing import by_field, closest, try_fits
+from calib.interop.choosing import by_field, closest, sees_far, try_fits
 from calib.interop.format import CameraFormat, FileLens
 from designer.base.errors import InputError
 from designer.base.words import shown, suggestion
@@ -64,7 +67,13 @@ def fit_to_format(
     groups: Sequence[Sequence[FileLens]] = [mine]
     if model is None and lens is None:
         groups = _suitable(camera, mine)
-    tried = try_fits(groups, lambda one: _fit(camera, one, model or one.model or camera.model, zero))
+    try:
+        tried = try_fits(groups, lambda one: _fit(camera, one, model or one.model or camera.model, zero))
+    except InputError as error:
+        wide = dict.fromkeys(one.name for one in _one_a_model(target.written.values()) if one.is_wide)
+        if not wide or any(one.is_wide for one in mine) or not sees_far(_rays_of(camera)):
+            raise
+        raise InputError(f"{error}; of {target.title} take --lens {', '.join(wide)}") from None
     best, result = closest(tried)
     return Held(best, result.camera, result, tuple(tried))
 
@@ -117,14 +126,24 @@ def _exactly(camera: Camera, lens: FileLens, model: str | None, zero: Collection
 
 
 def _suitable(camera: Camera, lenses: Sequence[FileLens]) -> list[Sequence[FileLens]]:
-    """The lenses worth a fit, those first that suit the camera: of one model the one that holds the most."""
+    """The lenses worth a fit, those first that suit the camera."""
+    most = _one_a_model(lenses)
+    worth = [one for one in most if not one.is_plain] or most
+    wide, narrow = ([one for one in worth if one.is_wide == is_wide] for is_wide in (True, False))
+    return by_field(wide, narrow, _rays_of(camera))
+
+
+def _rays_of(camera: Camera) -> NDArray[np.float64]:
+    return rays(camera, image_grid(camera.image_size).reshape(-1, 2))
+
+
+def _one_a_model(lenses: Iterable[FileLens]) -> list[FileLens]:
+    """Of the lenses of one model the one that holds the most."""
     most: dict[str | None, FileLens] = {}
     for one in lenses:
         if one.model not in most or len(one.cannot_hold) < len(most[one.model].cannot_hold):
             most[one.model] = one
-    worth = [one for one in most.values() if not one.is_plain] or list(most.values())
-    wide, narrow = ([one for one in worth if one.is_wide == is_wide] for is_wide in (True, False))
-    return by_field(wide, narrow, rays(camera, image_grid(camera.image_size).reshape(-1, 2)))
+    return list(most.values())
 
 
 def _fit(camera: Camera, lens: FileLens, model: str, zero: Collection[str]) -> Refit:

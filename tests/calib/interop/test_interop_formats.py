@@ -7,11 +7,12 @@ import pytest
 import yaml
 
 from calib.cameras import project
+from calib.cameras.camera import Camera
 from calib.interop import FORMATS, OWN
 from calib.interop.holding import fit_to_format
 from calib.interop.reading import recognise
 from designer.base.errors import InputError
-from tests.support.foreign_cameras import CAMERAS, lens_camera, lenses_of, whole_image, written
+from tests.support.foreign_cameras import CAMERAS, MODELS, WIDE_SIZE, lens_camera, lenses_of, whole_image, written
 
 EVERY = [(name, camera) for name in FORMATS for camera in CAMERAS]
 
@@ -99,3 +100,14 @@ def test_the_docs_say_what_a_format_holds(name: str) -> None:
     for lens in FORMATS[name].lenses:
         assert f"`{lens.name}`" in row
         assert lens.model is None or not lens.is_written or lens.model in row
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if lenses_of(name)])
+def test_a_refused_lens_is_answered_by_those_of_the_format_that_suit(name: str) -> None:
+    """A lens with a focal plane asked for a camera that sees behind: the format's own lenses that can are named."""
+    camera, lenses = Camera("fisheye", np.array(MODELS["fisheye"]), WIDE_SIZE), FORMATS[name].written
+    for narrow in (one for one in lenses.values() if not one.is_wide):
+        with pytest.raises(InputError, match=r"more than a half space.*; of .* take --lens ") as refused:
+            fit_to_format(camera, FORMATS[name], lens=narrow.name)
+        for advised in str(refused.value).rpartition("--lens ")[2].split(", "):
+            fit_to_format(camera, FORMATS[name], lens=advised)
