@@ -223,10 +223,10 @@ def _far_off(found: Evaluation) -> list[str]:
 
 
 def _again(calibration: Calibration, other: Calibration) -> tuple[str, ...]:
-    """A word on sightings that the camera was solved from after all."""
+    """A word on sightings that the camera was solved from after all: to the six digits that files write."""
     known, these = (
         {
-            (seen.view_names[view], *pixel)
+            (seen.view_names[view], *(round(x, 6) for x in pixel))
             for view, pixel in zip(seen.view.tolist(), seen.center_px.tolist(), strict=True)
         }
         for seen in (calibration.observations, other.observations)

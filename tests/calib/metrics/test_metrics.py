@@ -355,6 +355,16 @@ def test_views_that_are_not_evaluated_and_sightings_that_are_known_are_told() ->
         evaluate_on(solved, replace(seen, image_size=(10, 20)), "b")
 
 
+def test_sightings_read_from_a_file_are_known_again() -> None:
+    """A file rounds pixels to six digits, a solution keeps them whole: they are the same sightings."""
+    solved = example(BOARD, np.random.default_rng(6), views=4)
+    seen = solved.observations
+    count = len(seen.view)
+    read = replace(seen, center_px=np.array([[float(f"{x:.6f}") for x in pixel] for pixel in seen.center_px.tolist()]))
+    assert (read.center_px != seen.center_px).any()
+    assert f"the camera was solved from {count} of these {count} observations" in evaluate_on(solved, read, "b").remarks
+
+
 def test_views_without_truth_have_no_pose_error() -> None:
     """Truth is matched by file name; a view that it does not know is counted as such, and a remark says so."""
     calibration = example(BOARD, np.random.default_rng(9), views=4)
