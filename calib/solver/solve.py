@@ -83,6 +83,11 @@ def solve(
         problem = pack(observations, weighted=options.weighted)
         _require_equations(problem, tie)
         down = _down(observations, problem, camera, poses, tie, options, noise, surface)
+    if not down.descended.is_used.any():
+        raise InputError(
+            f"model {model} shows none of the {len(observations.view)} observations together with the others; check "
+            "that points and pixels belong together, or give another --model"
+        )
     return _calibration(observations, problem, down, tie, options, remarks, time.perf_counter() - begin)
 
 

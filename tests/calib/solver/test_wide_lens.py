@@ -24,6 +24,7 @@ from calib.solver.problem import pack
 from calib.solver.schur import damped_step
 from calib.solver.solve import solve
 from calib.solver.suited import lens_kind, ruled_out
+from designer.base.errors import InputError
 from tests.support.lenses import conventional
 from tests.support.solver_scenes import CAMERAS, board, observe, poses_around, rows_of
 
@@ -239,3 +240,23 @@ def test_what_no_formula_follows_is_solved_by_the_model_of_any_lens(monkeypatch:
         asked.clear()
         found = [one.model for one in solve_models(SolveTask(seen, plan))]
         assert found == asked == ["ds", "eucm", *(["splined"] if len(with_field) == 2 else [])]
+
+
+def test_views_that_are_all_behind_the_camera_are_refused_by_a_model_that_shows_none() -> None:
+    """Nothing of what was seen counts: one line, not a camera whose residuals are those of no observation."""
+    rng, view, pixel, views = np.random.default_rng(1), [], [], 8
+    for index in range(views):
+        off_axis, around = np.radians(rng.uniform(150, 170)), 2 * np.pi * index / views
+        aside = np.sin(off_axis) * np.array([np.cos(around), np.sin(around)])
+        ahead = np.array([*aside, np.cos(off_axis)])
+        turn = rotation_between(np.array([0.0, 0, -1]), -ahead) @ np.diag([1.0, -1, -1])
+        pose = make_pose(turn @ exp_rotation(rng.normal(0, 0.4, 3)), 250 * ahead)
+        x, y, z = transform(pose, BOARD.position_mm).T
+        shown = 500 * (np.arctan2(np.hypot(x, y), z) / np.hypot(x, y))[:, None] * np.stack([x, y], axis=1) + 1500
+        pixel.append(shown + rng.normal(0, 0.1, shown.shape))
+        view.append(np.full(len(shown), index))
+    names = tuple(f"{index}.png" for index in range(views))
+    point = np.tile(np.arange(len(BOARD.position_mm)), views)
+    seen = Observations((3000, 3000), names, np.concatenate(view), point, np.concatenate(pixel), None, BOARD)
+    with pytest.raises(InputError, match="fisheye shows none of the"):
+        solve(seen, "fisheye")
