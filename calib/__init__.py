@@ -11,30 +11,44 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from calib.api.bootstrapping import BootstrapResult, bootstrap
+    from calib.api.bootstrapping_rigs import RigBootstrapResult, rig_bootstrap
+    from calib.api.budgeting import BudgetResult, budget
     from calib.api.converting import Conversion, convert
+    from calib.api.converting_rigs import RigConversion
     from calib.api.costing import CostResult, study_cost
     from calib.api.coupon import CouponResult, coupon
     from calib.api.detecting import Detector, detect
     from calib.api.evaluating import EvaluationResult, evaluate
-    from calib.api.loading import load_camera, load_observations
+    from calib.api.hand_eye import hand_eye, turntable
+    from calib.api.loading import load_camera, load_observations, load_rig
     from calib.api.measuring import MeasureResult, RescaledTarget, measure, rescale
     from calib.api.posing import pose
     from calib.api.rendering import RenderedPhotos, render
+    from calib.api.rendering_rigs import RenderedRig, render_rig
+    from calib.api.rig_observing import load_rig_observations
+    from calib.api.rig_result import RigResult
+    from calib.api.rigging import rig
     from calib.api.run_result import RunResult
     from calib.api.running import NothingFoundError, run, solve
     from calib.api.tolerancing import ToleranceResult, tolerance, ways
+    from calib.api.tolerancing_rigs import RigToleranceResult, rig_tolerance
+    from calib.api.triangulating import TriangulationResult, triangulate
     from calib.api.undistorting import Undistorter, undistort
     from calib.cameras.camera import Camera
+    from calib.cameras.rig import Rig
     from calib.cameras.undistortion import Undistorted
-    from calib.core.types import Detections, Observations
+    from calib.core.types import Detections, Observations, RigObservations
     from calib.observe.target_poses import PoseResult
+    from calib.records.hand_eye_file import HandEye
     from calib.renderer.options import RenderOptions
     from calib.show.photos.undistorted_photos import UndistortedFiles
     from calib.solver.calibration import Calibration
+    from calib.space.sightings import PointSightings
     from designer.base.errors import InputError
 
 __all__ = [
     "BootstrapResult",
+    "BudgetResult",
     "Calibration",
     "Camera",
     "Conversion",
@@ -43,34 +57,54 @@ __all__ = [
     "Detections",
     "Detector",
     "EvaluationResult",
+    "HandEye",
     "InputError",
     "MeasureResult",
     "NothingFoundError",
     "Observations",
+    "PointSightings",
     "PoseResult",
     "RenderOptions",
     "RenderedPhotos",
+    "RenderedRig",
     "RescaledTarget",
+    "Rig",
+    "RigBootstrapResult",
+    "RigConversion",
+    "RigObservations",
+    "RigResult",
+    "RigToleranceResult",
     "RunResult",
     "ToleranceResult",
+    "TriangulationResult",
     "Undistorted",
     "UndistortedFiles",
     "Undistorter",
     "bootstrap",
+    "budget",
     "convert",
     "coupon",
     "detect",
     "evaluate",
+    "hand_eye",
     "load_camera",
     "load_observations",
+    "load_rig",
+    "load_rig_observations",
     "measure",
     "pose",
     "render",
+    "render_rig",
     "rescale",
+    "rig",
+    "rig_bootstrap",
+    "rig_tolerance",
     "run",
     "solve",
     "study_cost",
     "tolerance",
+    "triangulate",
+    "turntable",
     "undistort",
     "ways",
 ]
@@ -80,10 +114,19 @@ _HOMES = {
         "BootstrapResult",
         "bootstrap",
     ),
+    "calib.api.bootstrapping_rigs": (
+        "RigBootstrapResult",
+        "rig_bootstrap",
+    ),
+    "calib.api.budgeting": (
+        "BudgetResult",
+        "budget",
+    ),
     "calib.api.converting": (
         "Conversion",
         "convert",
     ),
+    "calib.api.converting_rigs": ("RigConversion",),
     "calib.api.costing": (
         "CostResult",
         "study_cost",
@@ -100,9 +143,14 @@ _HOMES = {
         "EvaluationResult",
         "evaluate",
     ),
+    "calib.api.hand_eye": (
+        "hand_eye",
+        "turntable",
+    ),
     "calib.api.loading": (
         "load_camera",
         "load_observations",
+        "load_rig",
     ),
     "calib.api.measuring": (
         "MeasureResult",
@@ -115,6 +163,13 @@ _HOMES = {
         "RenderedPhotos",
         "render",
     ),
+    "calib.api.rendering_rigs": (
+        "RenderedRig",
+        "render_rig",
+    ),
+    "calib.api.rig_observing": ("load_rig_observations",),
+    "calib.api.rig_result": ("RigResult",),
+    "calib.api.rigging": ("rig",),
     "calib.api.run_result": ("RunResult",),
     "calib.api.running": (
         "NothingFoundError",
@@ -126,20 +181,32 @@ _HOMES = {
         "tolerance",
         "ways",
     ),
+    "calib.api.tolerancing_rigs": (
+        "RigToleranceResult",
+        "rig_tolerance",
+    ),
+    "calib.api.triangulating": (
+        "TriangulationResult",
+        "triangulate",
+    ),
     "calib.api.undistorting": (
         "Undistorter",
         "undistort",
     ),
     "calib.cameras.camera": ("Camera",),
+    "calib.cameras.rig": ("Rig",),
     "calib.cameras.undistortion": ("Undistorted",),
     "calib.core.types": (
         "Detections",
         "Observations",
+        "RigObservations",
     ),
     "calib.observe.target_poses": ("PoseResult",),
+    "calib.records.hand_eye_file": ("HandEye",),
     "calib.renderer.options": ("RenderOptions",),
     "calib.show.photos.undistorted_photos": ("UndistortedFiles",),
     "calib.solver.calibration": ("Calibration",),
+    "calib.space.sightings": ("PointSightings",),
     "designer.base.errors": ("InputError",),
 }
 

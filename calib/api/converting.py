@@ -3,18 +3,21 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import overload
 
-import numpy as np
-
-from calib.api.loading import Place, opened_camera
-from calib.cameras import LINEAR, fitted_models, parameter_names
+from calib.api.converting_rigs import RigConversion, convert_rig
+from calib.api.loading import Place, opened_camera, opened_rig, rig_named
+from calib.cameras import fitted_models, parameter_names
 from calib.cameras.camera import Camera
 from calib.cameras.refit import FOCAL_AND_CENTRE, Refit
+from calib.cameras.rig import Rig
 from calib.core.files import write_files
 from calib.interop.choosing import LARGE_PX
 from calib.interop.format import CameraFormat
 from calib.interop.holding import Held, fit_to_format
+from calib.interop.losses import lost_of
 from calib.interop.reading import OpenedCamera, find_format
+from calib.interop.rigs.reading import OpenedRig
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours, signed
 from designer.base.small_file import place_of
@@ -69,24 +72,7 @@ class Conversion:
     @property
     def lost(self) -> tuple[str, ...]:
         """What the file does not say that the camera knew, a line each."""
-        camera, lost = self.opened.read.camera, []
-        values = dict(zip(parameter_names(camera.model), camera.params.tolist(), strict=True))
-        lens = self.held.lens
-        gone = [name for name in lens.cannot_hold if lens.model == camera.model and values.get(name)]
-        if gone and self.held.refit is not None:
-            others = "the others make up for what they can"
-            lost.append(f"{' '.join(gone)}, for which {self.format.title} has no place; {others}")
-        is_foreign = bool(lens.numbers) or lens.approximate is not None
-        if camera.field_rad is not None and is_foreign:
-            lost.append(
-                f"where the image circle ends, {np.degrees(camera.field_rad) / 2:.1f} degrees off the axis; "
-                "the file's lens goes on, untried"
-            )
-        if camera.learned is not None and (is_foreign or self.camera.learned is None):
-            lost.append("where the map is known; the file's lens goes on to the edges of the image, untried")
-        elif self.camera.model == LINEAR and np.any(camera.params[FOCAL_AND_CENTRE:]):
-            lost.append("the lens's distortion")
-        return tuple(lost)
+        return lost_of(self.opened.read.camera, self.held, self.format)
 
     def save(self, path: Place) -> Path:
         """Write the file, signed as one of its kind, whatever its name; return its place.
@@ -100,43 +86,83 @@ class Conversion:
         return place
 
 
+@overload
 def convert(
-    camera: Camera | Place,
+    camera: Camera, to: str, *, source: str | None = None, model: str | None = None, lens: str | None = None,
+    without: Iterable[str] = (), cameras: Iterable[str] = (), unit: str | None = None, source_unit: str | None = None,
+    out: Place | None = None,
+) -> Conversion: ...  # fmt: skip
+@overload
+def convert(
+    camera: Rig, to: str, *, source: str | None = None, model: str | None = None, lens: str | None = None,
+    without: Iterable[str] = (), cameras: Iterable[str] = (), unit: str | None = None, source_unit: str | None = None,
+    out: Place | None = None,
+) -> RigConversion: ...  # fmt: skip
+@overload
+def convert(
+    camera: Place, to: str, *, source: str | None = None, model: str | None = None, lens: str | None = None,
+    without: Iterable[str] = (), cameras: Iterable[str] = (), unit: str | None = None, source_unit: str | None = None,
+    out: Place | None = None,
+) -> Conversion | RigConversion: ...  # fmt: skip
+def convert(
+    camera: Camera | Rig | Place,
     to: str,
     *,
     source: str | None = None,
     model: str | None = None,
     lens: str | None = None,
     without: Iterable[str] = (),
+    cameras: Iterable[str] = (),
+    unit: str | None = None,
+    source_unit: str | None = None,
     out: Place | None = None,
-) -> Conversion:
+) -> Conversion | RigConversion:
     """Express a camera as a file of another tool does: `convert("camera.json", "opencv").save("camera.yaml")`.
 
     It is written by the camera's own lens where the format has it. Else the format's lenses that suit the field of view
-    are fitted over the whole image, the closest is written, and the residual is told in pixels.
+    are fitted over the whole image, the closest is written, and the residual is told in pixels. Likewise a rig:
+    `convert("rig.json", "kalibr").save("camchain.yaml")`.
 
     Args:
-        camera: a camera, a file of any kind, a folder with one, or a template.
+        camera: a camera or a rig, a file of any kind, a folder with one, or a template.
         to: the kind of file.
         source: the kind of the file to read; None: found out.
         model: the camera model to write; None: what the file can hold.
         lens: one of the format's lenses, by the format's own name, such as `ds-none`; None: chosen as told above.
         without: lens parameters to leave out, such as `k3`.
+        cameras: of a rig, those to write, in this order; (): all.
+        unit: of lengths in a rig's files, "mm" or "m", where their tool takes any; None: the usual one.
+        source_unit: likewise of the files to read; None: as they say, or as usual.
         out: where it is to go, refused before any work is done if it cannot; `save` writes it.
 
     Raises:
         InputError: a file that cannot be read, a format, model, lens or parameter that is none, or a camera that sees
             more than the format's lenses can.
     """
+    zero = _lens_parameters(several("--without", without))
+    place = None if out is None else place_of(out, "a file to write")
+
+    def of_rig(rig: OpenedRig, name: str) -> RigConversion:
+        return convert_rig(
+            rig, to, name=name, cameras=cameras, unit=unit, model=model, lens=lens, zero=zero, out=place
+        )  # fmt: skip
+
+    if isinstance(camera, Rig):
+        return of_rig(opened_rig(camera), "the rig")
+    rig = None if isinstance(camera, Camera) else rig_named(camera, source, source_unit)
+    if rig is not None:
+        return of_rig(rig, str(camera))
+    for option, value in (("--cameras", several("--cameras", cameras)), ("--unit", unit), ("--from-unit", source_unit)):
+        if value:
+            raise InputError(f"{option}: is for rigs, and this is one camera; leave it out")
     target = find_format(to)
     opened = opened_camera(camera, source)
-    if out is not None:
-        check_converted(place_of(out, "a file to write"), target, opened)
-    zero = _lens_parameters(several("--without", without))
+    if place is not None:
+        check_converted(place, target, opened)
     try:
         held = fit_to_format(opened.read.camera, target, model, zero, lens)
     except InputError as error:
-        name = "the camera" if isinstance(camera, Camera) else camera
+        name = "the camera" if isinstance(camera, Camera) else str(camera)
         raise InputError(f"{name}: {error}") from None
     return Conversion(opened, held, target)
 

@@ -9,10 +9,14 @@ from pathlib import Path
 from typing import TypeAlias
 
 from calib.cameras.camera import Camera
+from calib.cameras.rig import Rig
 from calib.core.types import Detections, Observations
 from calib.interop import FORMATS, OWN
 from calib.interop.format import ReadCamera
 from calib.interop.reading import OpenedCamera, open_camera
+from calib.interop.rigs import OWN_RIG, RIG_FORMATS
+from calib.interop.rigs.format import ReadRig
+from calib.interop.rigs.reading import OpenedRig, open_rig, rig_format_of
 from calib.observe.corners_vnl import PointGrid
 from calib.observe.correspondences import read_observations
 from calib.observe.observations import observations_from_detections
@@ -168,6 +172,48 @@ def opened_camera(camera: Camera | Place, kind: str | None = None) -> OpenedCame
         return OpenedCamera(FORMATS[OWN], ReadCamera(camera))
     place_of(camera, "a camera, its file, or a template")
     return open_camera(fspath(camera), kind)
+
+
+def load_rig(name: Place, *, unit: str | None = None) -> Rig:
+    """Read a rig: `load_rig("rig.json").cam_from_rig`.
+
+    Args:
+        name: a rig.json, a file of another tool, or a folder with one or with a file a camera.
+        unit: "mm" or "m", of lengths in a file of a tool that takes any and does not say; None: the usual one.
+
+    Raises:
+        InputError: no such file, of no known kind, or not valid.
+    """
+    return open_rig(place_of(name, "a rig.json"), unit=unit).read.rig
+
+
+def rig_of(rig: Rig | Place) -> Rig:
+    """A rig, or that of a file.
+
+    Raises:
+        InputError: neither, or a file that cannot be read.
+    """
+    return rig if isinstance(rig, Rig) else load_rig(place_of(rig, "a rig, or its file"))
+
+
+def opened_rig(rig: Rig) -> OpenedRig:
+    """A rig that comes from no file, with the kind that is ours."""
+    return OpenedRig(RIG_FORMATS[OWN_RIG], ReadRig(rig, (None,) * len(rig.cameras)))
+
+
+def rig_named(name: Place, kind: str | None = None, unit: str | None = None) -> OpenedRig | None:
+    """The rig of a file or a folder; None: it is a camera's, or nobody's.
+
+    Raises:
+        InputError: a rig's file that cannot be read.
+    """
+    place = place_of(name, "a camera, a rig, or the file of one")
+    if place.is_dir() and (place / FORMATS[OWN].file_name).exists():
+        return None
+    if kind in RIG_FORMATS and kind not in FORMATS:
+        return open_rig(place, kind, unit)
+    found = rig_format_of(place)
+    return None if found is None or kind not in (None, found.name) else open_rig(place, found.name, unit)
 
 
 def folder_of(folder: Place) -> Path:

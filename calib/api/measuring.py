@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from calib.api.loading import Place, Progress, load_observations, observations_of, target_of, unheard
+from calib.api.measuring_rigs import rig_to_measure_from, told_of
 from calib.api.page_shown import ShownAsPage
 from calib.api.solving import ALL, SolvePlan, plan_from_words
 from calib.as_built.back import tells_thickness, with_thickness
@@ -28,7 +29,7 @@ from calib.as_built.options import AsBuiltOptions
 from calib.as_built.result import AsBuilt
 from calib.as_built.seats import Seat
 from calib.as_built.solve import measure as measure_print
-from calib.as_built.solve import with_known_weights
+from calib.as_built.solve import measure_rig, with_known_weights
 from calib.cameras import fitted_models
 from calib.core.files import write_files
 from calib.core.types import Detections, Observations
@@ -38,6 +39,7 @@ from calib.observe.correspondences import is_detections
 from calib.observe.dataset import read_detections
 from calib.records.as_built_file import AsBuiltRecord, record_of
 from calib.renderer.quantities import number
+from calib.rigs.result import RigCalibration
 from calib.show.measured.files import TARGET_SUFFIX, check_places, measured_files, places_of
 from calib.show.measured.words import why_not
 from calib.solver.solve import solve
@@ -110,8 +112,9 @@ class MeasureResult(ShownAsPage):
 
 def measure(
     target: TargetGeometry | Place,
-    observed: Several,
+    observed: Several = (),
     *,
+    rig: RigCalibration | Place | None = None,
     lengths: str | CaliperLength | Iterable[str | CaliperLength] = (),
     model: str | None = None,
     one_camera: bool = False,
@@ -139,6 +142,8 @@ def measure(
         target: as designed: a geometry, or its file.
         observed: in photos of the print: a file, what was found in photos, or observations; several files or
             observations are of a camera each.
+        rig: instead: a solved rig, or its folder, whose cameras saw the print in frames; all faces are then measured at
+            once, with a pose a frame and not one a photo.
         lengths: of a caliper, which tell the size.
         model: of the cameras; None: that of the best camera of the run whose `detections.csv` is given, else the one
             with the smaller residuals, as `run` chooses. `remarks` say which and why.
@@ -187,19 +192,30 @@ def measure(
             f"--bed-turn {math.degrees(bed_turn_rad):g}deg: must be a full turn at most; give it in degrees"
         )
     shape = None if truth is None else _truth(truth, nominal, target)
-    items = _items(observed)
-    sets = _sets(items, nominal, target, image_size, one_camera=one_camera)
-    parts = _parts(held_out, min(one.view_count for one in sets))
+    items: tuple[_Item, ...] = ()
+    cameras, sets = None, list[Observations]()
+    if rig is None:
+        items = _items(observed)
+        sets = _sets(items, nominal, target, image_size, one_camera=one_camera)
+    else:
+        beside = (observed, model, one_camera, fix, share, image_size)
+        cameras = rig_to_measure_from(rig, nominal, is_alone=not any(beside))
+        sets = list(cameras.observations.sightings)
+    parts = _parts(held_out, min(one.view_count for one in sets) if cameras is None else len(cameras.rig_from_target))
     progress("measuring", 0, 0)
-    chosen, why = _chosen(plan, items, sets)
+    chosen, why = _chosen(plan, items, sets) if cameras is None else (cameras.cameras[0].model, told_of(cameras))
     options = AsBuiltOptions(made=way, bow=bow, solve=plan.options_of(chosen))
     options = with_known_weights(options if rings == "free" else replace(options, ring_sigma_mm=None), sets)
-    found = measure_print(sets, nominal, chosen, options, asked)
+    if cameras is None:
+        found = measure_print(sets, nominal, chosen, options, asked)
+    else:
+        found = measure_rig(cameras, nominal, options, asked)
     held = None
     if held_out != 0 and found.status != "degenerate":
         held = cross_validate(
-            found, chosen, options, parts, truth=shape, done=lambda part: progress("judging parts", part, parts)
-        )
+            found, chosen, options, parts, rig=cameras, truth=shape,
+            done=lambda part: progress("judging parts", part, parts),
+        )  # fmt: skip
     record = record_of(
         found, held, made_with, bed_turn_rad=bed_turn_rad, weighted=options.solve.weighted, program=program(),
         made=way.errors,
@@ -207,7 +223,9 @@ def measure(
         remarks=(*why, *_remarks(sets, way, asked, nominal)),
         settings={
             "target": _named(target), "detections": ", ".join(map(_named, _paths(items))),
-            "model": chosen, "rings": rings, "one-camera": str(one_camera), "weighted": str(options.solve.weighted),
+            **({} if rig is None else {"rig": _rig_name(rig)}),
+            "model": ", ".join(sorted({one.model for one in found.cameras})), "rings": rings,
+            "one-camera": str(one_camera), "weighted": str(options.solve.weighted),
             "reject": f"{reject_sigma or ''}", "bow": {None: "default", True: "bow", False: "flat"}[bow],
             "fix": " ".join(fix), "made": made or "", "share": " ".join(share),
             "shrink-compensation": f"{made_with.shrink_percent:g}%",
@@ -305,6 +323,11 @@ def _truth(truth: TargetGeometry | Place, nominal: TargetGeometry, name: TargetG
     if shape.layout_id != nominal.layout_id:
         raise InputError(f"--truth {_named(truth)}: has another layout than {_named(name)}; give the one rendered")
     return shape
+
+
+def _rig_name(rig: RigCalibration | Place) -> str:
+    """What the record calls a rig."""
+    return "a rig" if isinstance(rig, RigCalibration) else Path(rig).name
 
 
 def _named(place: TargetGeometry | Place) -> str:

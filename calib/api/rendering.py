@@ -141,9 +141,7 @@ def render(
     """
     geometry, taken = target_of(target, "marks"), camera_of(camera)
     light = RenderOptions() if options is None else options
-    if not isinstance(light, RenderOptions):
-        raise InputError(f"options {shown(light)}: is of type {type(light).__name__}; give calib.RenderOptions")
-    _check(light, file_format)
+    check_light(light, file_format)
     seed, looks_aside = whole("--seed", seed, 0, MAX_SEED), False
     if poses is None:
         grid = _grid(geometry, views, distance_mm, region, cap_rad, aim_offset_mm, random_roll=random_roll)
@@ -167,8 +165,10 @@ def _aside(camera: Camera, aside_rad: float | None) -> float:
     return real("--aside", aside_rad, 0, math.pi, " rad")
 
 
-def _check(options: RenderOptions, file_format: FileFormat) -> None:
+def check_light(options: RenderOptions, file_format: FileFormat) -> None:
     """Refuse what is out of its limits, or does not go together."""
+    if not isinstance(options, RenderOptions):
+        raise InputError(f"options {shown(options)}: is of type {type(options).__name__}; give calib.RenderOptions")
     for name, (low, high) in LIMITS.items():
         if (value := getattr(options, name)) is not None:
             real(f"--{name.removesuffix('_px').removesuffix('_mm').replace('_', '-')}", value, low, high)

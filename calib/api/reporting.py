@@ -9,7 +9,9 @@ from designer.base.errors import InputError
 from designer.base.words import printable
 from designer.page.blocks import Page
 
-CALIBRATION = "calibration"
+CALIBRATION, RIG = "calibration", "rig"
+VERDICTS = {CALIBRATION: "verdict.json", RIG: "rig_verdict.json"}
+"""Kinds of results that are judged, and the file that keeps what came of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +22,7 @@ class Reported:
     page: Page
     place: Path  # of the page
     verdict: Path | None = None  # that was written, as other limits were asked for
-    can_be_judged: bool = False  # a calibration without a verdict
+    can_be_judged: bool = False  # a calibration or a rig without a verdict
 
 
 def report(folder: Path, *, criteria: str | None = None, kinds: Collection[str] = ()) -> Reported:
@@ -28,29 +30,39 @@ def report(folder: Path, *, criteria: str | None = None, kinds: Collection[str] 
 
     Args:
         folder: of results.
-        criteria: to judge a calibration by other limits: a template, or a file.
+        criteria: to judge a calibration or a rig by other limits: a template, or a file.
         kinds: of results that were drawn again: the page of another kind, and somebody's own, stays as it is; (): any.
 
     Raises:
         InputError: nothing to report, limits of what is no calibration, or a page that stays; the message says why.
     """
-    from calib.records.run_folder import judge_again
-    from calib.verdict.criteria import read_criteria
-    from calib.verdict.judge import VERDICT_FILE
-
     origin = origin_in(folder)
     kind = origin.kind if not kinds or origin.kind in kinds else next(iter(kinds))
     if why := why_no_page(folder, kind):
         raise InputError(f"{why}; move it away to have one written")
     if criteria is not None:
-        if origin.kind != CALIBRATION:
+        if origin.kind not in VERDICTS:
             what = printable(origin.kind)
-            raise InputError(f"--criteria: limits are for calibrations, and {folder} holds another kind: {what}")
-        judge_again(folder, read_criteria(criteria))
+            raise InputError(
+                f"--criteria: limits are for calibrations and rigs, and {folder} holds another kind: {what}"
+            )
+        _judge_again(folder, origin.kind, criteria)
     page = build_page(folder, origin)
     place = write_page(folder, origin, page)[1]
-    verdict = folder / VERDICT_FILE
+    verdict = folder / VERDICTS.get(origin.kind, VERDICTS[CALIBRATION])
     return Reported(
         origin.kind, page, place, None if criteria is None else verdict,
-        can_be_judged=origin.kind == CALIBRATION and not verdict.exists(),
+        can_be_judged=origin.kind in VERDICTS and not verdict.exists(),
     )  # fmt: skip
+
+
+def _judge_again(folder: Path, kind: str, criteria: str) -> None:
+    """Judge what a folder holds by other limits."""
+    from calib.records.rig_folder import judge_rig_again
+    from calib.records.run_folder import judge_again
+    from calib.verdict.criteria import read_criteria, read_rig_criteria
+
+    if kind == RIG:
+        judge_rig_again(folder, read_rig_criteria(criteria))
+    else:
+        judge_again(folder, read_criteria(criteria))

@@ -50,7 +50,7 @@ class SolvePlan:
     @property
     def may_solve(self) -> tuple[str, ...]:
         """All models that may be solved, whatever the lens."""
-        return (*self.models, *self.wide_models, ANY_LENS) if self.wide_models else self.models
+        return _any_of(self.models, self.wide_models)
 
     def suited(self, observations: Observations) -> tuple["SolvePlan", Observations]:
         """The plan for the lens that was photographed, and the observations with a word on it if it is a wide one."""
@@ -103,7 +103,7 @@ def plan_from_words(
         InputError: a word that means nothing; the message says what may stand there.
     """
     fix, share = several("--fix", fix), several("--share", share)
-    models, wide = (models_of_all(), models_of_all_wide()) if model == ALL else ((str(model),), ())
+    models, wide = _told_models(str(model))
     choices = ", ".join(solved_models())
     for name in models:
         if name in MODELS and name not in solved_models():
@@ -140,7 +140,17 @@ def plan_from_words(
 
 def models_of(model: str) -> tuple[str, ...]:
     """The models that may be solved for a name: itself, or of `all` those of ordinary lenses and of wide ones."""
-    return (*models_of_all(), *models_of_all_wide(), ANY_LENS) if model == ALL else (model,)
+    return _any_of(*_told_models(model))
+
+
+def _told_models(model: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The models that a name means, of ordinary lenses (or whatever the lens) and of wide ones."""
+    return (models_of_all(), models_of_all_wide()) if model == ALL else ((model,), ())
+
+
+def _any_of(models: tuple[str, ...], wide_models: tuple[str, ...]) -> tuple[str, ...]:
+    """The models that may be solved, whatever the lens."""
+    return (*models, *wide_models, ANY_LENS) if wide_models else models
 
 
 def _fixed(text: str, known: set[str]) -> tuple[str, float | None]:

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.blocks import Normal
 from calib.as_built.datum import SeenParts, by_shared_dense, datum_rings, fit_rings, rigid_design, rigid_fit, scale_fit
-from calib.as_built.eliminate import Factor, covariance_factor
 from calib.as_built.outlying import motions_of_whole
 from calib.as_built.problem import Joint
 from calib.as_built.unknowns import RingPlaces, TargetUnknowns, Unknowns, place_rings, strain_matrix
+from calib.solver.eliminate import Factor, covariance_factor
+from calib.solver.normal import Normal
 
 Array = NDArray[np.float64]
 

@@ -4,37 +4,20 @@ An observation depends on its view's pose (6), its ring's offset (3), its camera
 unknowns. Blocks that stand on the diagonal are kept apart; all else is dense.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.as_built.held import chains_of, over_frames
 from calib.as_built.problem import CameraSightings, Joint, State
 from calib.as_built.unknowns import RingPlaces, place_rings, shared_values
 from calib.cameras import linearise
 from calib.core.jit import jit
+from calib.solver.normal import Normal
 
 Array = NDArray[np.float64]
 
 CHUNK = 4000
 """Observations at a time."""
-
-
-@dataclass(frozen=True, eq=False)
-class Normal:
-    """The normal equations `H x = -g` of V poses, R offsets (or none) and G others: cameras, then shared unknowns.
-
-    A row of the rings' couplings has the poses first, then the others, then the gradient.
-    """
-
-    pose: Array  # (V, 6, 6)
-    pose_row: Array  # (V, 6, G + 1)
-    ring: Array  # (R, 3, 3)
-    ring_row: Array  # (R, 3, 6 V + G + 1)
-    other: Array  # (G, G + 1)
-    cost: float  # squares of the whitened residuals, and of the priors; nan if an observation has no image
-    squares: float  # without the priors
-    residual_px: tuple[Array, ...]  # (2, M) of each camera, predicted - measured
 
 
 @jit
@@ -201,7 +184,10 @@ def normal_equations(joint: Joint, state: State) -> Normal:
     lower = np.tril(other[:, :-1], -1)
     other[:, :-1] = lower + lower.T + np.diag(np.diagonal(other))
     prior = _add_priors(joint, state, ring, ring_row, other)
-    return Normal(pose, pose_row, ring, ring_row, other, squares + prior, squares, tuple(residuals))
+    normal = Normal(pose, pose_row, ring, ring_row, other, squares + prior, squares, tuple(residuals))
+    if joint.held is None or state.held is None:
+        return normal
+    return over_frames(normal, chains_of(joint.held, state.held), joint.held.frame_count)
 
 
 def _add_set(

@@ -13,13 +13,24 @@ from calib.as_built.lengths import scaled
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.remarks import faces_words
 from calib.as_built.result import AsBuilt
-from calib.as_built.solve import measure, with_known_weights
+from calib.as_built.solve import measure, measure_rig, with_known_weights
 from calib.core.se3 import make_pose, transform
-from calib.core.types import Observations, keep_sightings, keep_views, sightings_per_view
+from calib.core.types import (
+    Observations,
+    RigObservations,
+    keep_frames,
+    keep_sightings,
+    keep_views,
+    sightings_per_view,
+)
 from calib.metrics import METRICS
 from calib.metrics.errors import Errors
 from calib.metrics.evaluation import errors_of
 from calib.observe.observations import known_points
+from calib.rigs.camera_alone import camera_alone
+from calib.rigs.options import CameraChoice, RigOptions
+from calib.rigs.result import RigCalibration
+from calib.rigs.solve import solve_rig
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
 from calib.solver.start import solve_poses
@@ -95,6 +106,7 @@ def cross_validate(
     options: AsBuiltOptions,
     parts: int,
     *,
+    rig: RigCalibration | None = None,
     truth: TargetGeometry | None = None,
     done: Callable[[float], None] = lambda part: None,
 ) -> CrossValidation:
@@ -109,6 +121,7 @@ def cross_validate(
         model: of the cameras.
         options: as it was measured.
         parts: how many.
+        rig: that it was measured from, of which frames are held out; None: photos of cameras by themselves.
         truth: the geometry that rendered photos show.
         done: told how many parts are finished.
 
@@ -121,12 +134,17 @@ def cross_validate(
     pairs: dict[_Key, list[_Pair]] = {}
     remarks: list[str] = []
     unmeasured, unjudged = np.zeros(found.nominal.face_count, dtype=bool), 0
+    together = None if rig is None else _used_frames(rig, found)
     for part in range(parts):
-        held = [np.arange(one.view_count) % parts == part for one in seen]
-        others = [keep_views(one, ~out) for one, out in zip(seen, held, strict=True)]
+        number = [np.arange(one.view_count) for one in seen] if together is None else together.frame
+        held = [rows % parts == part for rows in number]
         try:
-            measured = measure(others, found.nominal, model, options)
-            solved = [solve(one, model, options.solve) for one in others]
+            if rig is None or together is None:
+                others = [keep_views(one, ~out) for one, out in zip(seen, held, strict=True)]
+                measured = measure(others, found.nominal, model, options)
+                solved = [solve(one, model, options.solve) for one in others]
+            else:
+                measured, solved = _measured_from_frames(rig, together, (part, parts), found.nominal, options)
         except InputError as error:
             remarks.append(f"part {part + 1} of {parts}: {error}")
             continue
@@ -154,6 +172,30 @@ def cross_validate(
     validated = CrossValidation(parts, gains, true, tuple(remarks))
     judged = validated.judged_by
     return replace(validated, is_better=None if judged is None else judged.is_better)
+
+
+def _used_frames(rig: RigCalibration, found: AsBuilt) -> RigObservations:
+    """What of a rig's sightings was used, as `_usable` has it; all frames keep their numbers."""
+    seen, frames = [], []
+    for one, out, rows in zip(found.observations, found.is_outlier, rig.observations.frame, strict=True):
+        seen.append(_usable(one, out))
+        frames.append(rows[sightings_per_view(keep_sightings(one, ~out)) >= LEAST_POINTS])
+    return replace(rig.observations, sightings=tuple(seen), frame=tuple(frames), time_s=None)
+
+
+def _measured_from_frames(
+    rig: RigCalibration, used: RigObservations, part: tuple[int, int], nominal: TargetGeometry, options: AsBuiltOptions
+) -> tuple[AsBuilt, list[Calibration]]:
+    """The print as the frames of other parts show it, and their cameras as these are with the target as designed."""
+    number = np.arange(used.frame_count)
+    others = keep_frames(used, np.isin(number, np.concatenate(used.frame)) & (number % part[1] != part[0]))
+    choices = [
+        CameraChoice(camera.model, None if is_refined else camera, is_refined)
+        for camera, is_refined in zip(rig.cameras, rig.is_refined, strict=True)
+    ]
+    weighted, allows_slack = options.solve.weighted, rig.slack is not None
+    solved = solve_rig(others, choices, RigOptions(max(rig.reference, 0), weighted, allows_slack=allows_slack))
+    return measure_rig(solved, nominal, options), [camera_alone(solved, row) for row in range(len(rig.cameras))]
 
 
 def _is_measured(found: AsBuilt) -> Flags:

@@ -9,11 +9,12 @@ which acts about the target's origin: a print that is only shrunk has then no fa
 seen.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.as_built.held import HeldPoses
 from calib.as_built.problem import State
 from calib.as_built.unknowns import (
     RingPlaces,
@@ -78,8 +79,10 @@ def few_views(views: NDArray[np.int64]) -> Flags:
     return (views < FEW_VIEWS) & (len(views) > 1)
 
 
-def what_is_seen(unknowns: Unknowns, sets: list[tuple[Observations, Flags]]) -> SeenParts:
-    """Which rings and faces the used observations (M,) of some sets show."""
+def what_is_seen(
+    unknowns: Unknowns, sets: list[tuple[Observations, Flags]], frame: tuple[NDArray[np.int64], ...] | None = None
+) -> SeenParts:
+    """Which rings and faces the used observations (M,) of some sets show; photos of one frame join their faces."""
     target = unknowns.target
     ring, views = np.zeros(target.ring_count, dtype=bool), np.zeros(target.face_count, dtype=np.int64)
     shown: list[Flags] = []
@@ -90,8 +93,12 @@ def what_is_seen(unknowns: Unknowns, sets: list[tuple[Observations, Flags]]) -> 
         shown.extend(count >= LEAST_RINGS)
     for one in shown:
         views += one
+    joined = np.array(shown)
+    if frame is not None:
+        joined = np.zeros((max(int(rows.max(initial=-1)) for rows in frame) + 1, target.face_count), dtype=bool)
+        np.logical_or.at(joined, np.concatenate(frame), np.array(shown))
     # Faces that do not move against each other need no view that joins them.
-    group = _groups(np.array(shown)) if unknowns.has_motion else np.where(views > 0, 0, -1)
+    group = _groups(joined) if unknowns.has_motion else np.where(views > 0, 0, -1)
     return SeenParts(ring, views > 0, group, views, np.zeros_like(views, dtype=bool))
 
 
@@ -193,7 +200,7 @@ def laid_over(unknowns: Unknowns, seen: SeenParts, state: State) -> State:
         _, rotation, shift = best_motion(place_rings(unknowns, state.shape).unstrained_mm[which], nominal)
         strained = rotation @ (np.eye(3) + strain_matrix(state.shape.strain)) @ rotation.T
         state = moved_target(unknowns, state, 1.0, rotation, strained @ shift)
-    return State(state.cameras, state.poses, folded(unknowns, seen, state.shape))
+    return replace(state, shape=folded(unknowns, seen, state.shape))
 
 
 def moved_target(unknowns: Unknowns, state: State, scale: float, rotation: Array, shift_mm: Array) -> State:
@@ -207,12 +214,17 @@ def moved_target(unknowns: Unknowns, state: State, scale: float, rotation: Array
     change = make_pose(rotation, np.linalg.inv(affine) @ shift_mm)
     motion = invert(frame) @ change @ frame @ make_pose(exp_rotation(shape.motion[:, :3]), shape.motion[:, 3:])
     numbers = np.concatenate([log_rotation(motion[:, :3, :3]), motion[:, :3, 3]], axis=1)
-    poses = []
-    for pose in state.poses:
+
+    def follow(pose: Array) -> Array:
         turned = pose[:, :3, :3] @ rotation.T
-        poses.append(make_pose(turned, scale * pose[:, :3, 3] - turned @ shift_mm))
+        return make_pose(turned, scale * pose[:, :3, 3] - turned @ shift_mm)
+
     moved = TargetUnknowns(strain_numbers(affine - np.eye(3)), numbers, shape.bow, shape.offset_mm)
-    return State(state.cameras, tuple(poses), moved)
+    held = state.held
+    if held is not None:  # a larger target is seen by cameras that are farther apart
+        apart = make_pose(held.cam_from_rig[:, :3, :3], scale * held.cam_from_rig[:, :3, 3])
+        held = HeldPoses(apart, follow(held.rig_from_target))
+    return State(state.cameras, tuple(map(follow, state.poses)), moved, held)
 
 
 def fit_rings(unknowns: Unknowns, seen: SeenParts) -> list[NDArray[np.int64]]:

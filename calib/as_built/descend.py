@@ -1,25 +1,19 @@
-"""Levenberg-Marquardt over cameras, poses and the printed target, as `calib.solver.levenberg` does without the last."""
+"""The descent over cameras, poses and the printed target."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.blocks import Normal, normal_equations
-from calib.as_built.eliminate import TargetStep, damped_step
+from calib.as_built.blocks import normal_equations
+from calib.as_built.held import moved_poses
 from calib.as_built.problem import Joint, State
 from calib.as_built.unknowns import moved_shape
 from calib.cameras import is_allowed
-from calib.solver.levenberg import (
-    FIRST_DAMPING,
-    LARGEST_DAMPING,
-    PERFECT_PX,
-    ROUNDING,
-    SMALL_DECREASE,
-    SMALLEST_DAMPING,
-    move_poses,
-    turn_of_centre,
-)
+from calib.solver.descent import FIRST_DAMPING, PERFECT_PX, SMALL_DECREASE, levenberg_marquardt
+from calib.solver.eliminate import JointStep, damped_step
+from calib.solver.levenberg import move_poses, moved_camera, turn_of_centre
+from calib.solver.normal import Normal
 
 Array = NDArray[np.float64]
 
@@ -51,45 +45,56 @@ def minimise(
         damping: to begin with; little where the start is near the minimum.
         small_decrease: ends the descent when a step promises less, as a part of the cost.
     """
-    normal = normal_equations(joint, state)
-    perfect = (PERFECT_PX / joint.scale) ** 2 * sum(len(one.ring) for one in joint.sets)
-    growth = 2.0
-    for iteration in range(1, max_iterations + 1):
-        step = damped_step(normal, damping)
-        if step is not None:
-            if step.predicted <= small_decrease * normal.cost + perfect:
-                return TargetMinimum(state, normal, iteration, converged=True)
-            trial = moved_state(joint, state, step)
-            if all(is_allowed(camera) for camera in trial.cameras):
-                there = normal_equations(joint, trial)
-                if there.cost < normal.cost:
-                    gain = (normal.cost - there.cost) / step.predicted
-                    damping, growth = max(damping * _shrinkage(gain), SMALLEST_DAMPING), 2.0
-                    state, normal = trial, there
-                    continue
-                if step.predicted <= ROUNDING * normal.cost:
-                    return TargetMinimum(state, normal, iteration, converged=True)
-        damping, growth = damping * growth, growth * 2
-        if damping > LARGEST_DAMPING:
-            return TargetMinimum(state, normal, iteration, converged=False)
-    return TargetMinimum(state, normal, max_iterations, converged=False)
+    found = levenberg_marquardt(
+        _Printed(joint), state, max_iterations=max_iterations, small_decrease=small_decrease, damping=damping
+    )
+    return TargetMinimum(found.state, found.equations, found.iterations, found.converged)
 
 
-def _shrinkage(gain: float) -> float:
-    """Factor of the damping after a step that gained this part of what it promised; bolder than Nielsen 1999."""
-    return 1e-3 if gain > 0.9 else max(1 / 3, 1 - (2 * gain - 1) ** 3)
+class _Printed:
+    """Cameras, poses and the printed target, for `levenberg_marquardt`."""
+
+    def __init__(self, joint: Joint) -> None:
+        self.joint = joint
+        self.perfect = (PERFECT_PX / joint.scale) ** 2 * sum(len(one.ring) for one in joint.sets)
+
+    def equations(self, state: State) -> Normal:
+        """As `Solvable`."""
+        return normal_equations(self.joint, state)
+
+    def cost(self, equations: Normal) -> float:
+        """As `Solvable`."""
+        return equations.cost
+
+    def step(self, state: State, equations: Normal, damping: float) -> JointStep | None:
+        """As `Solvable`."""
+        return damped_step(equations, damping)
+
+    def trial(self, state: State, equations: Normal, step: JointStep) -> tuple[State, Normal] | None:
+        """As `Solvable`."""
+        moved = moved_state(self.joint, state, step)
+        if not all(is_allowed(camera) for camera in moved.cameras):
+            return None
+        return moved, normal_equations(self.joint, moved)
+
+    def gives_up(self, there: Normal) -> bool:
+        """As `Solvable`: smaller steps may have an image."""
+        return False
 
 
-def moved_state(joint: Joint, state: State, step: TargetStep) -> State:
+def moved_state(joint: Joint, state: State, step: JointStep) -> State:
     """The state after a step."""
-    cameras, poses = [], []
-    for one, camera, pose in zip(joint.sets, state.cameras, state.poses, strict=True):
-        free = np.append(step.other[one.first_param :], 0.0)
-        change = np.where(one.tie.row >= 0, free[np.where(one.tie.row >= 0, one.tie.row, -1)], 0.0)
-        moved = replace(camera, params=camera.params + change)
-        cameras.append(moved)
-        part = step.pose[one.first_view : one.first_view + len(pose)]
-        poses.append(move_poses(pose, part, turn_of_centre(camera, moved)))
+    cameras = tuple(
+        moved_camera(camera, one.tie.row, step.other[one.first_param :])
+        for one, camera in zip(joint.sets, state.cameras, strict=True)
+    )
     offset = step.ring if len(step.ring) else np.zeros_like(state.shape.offset_mm)
     shape = moved_shape(joint.unknowns, state.shape, step.other[joint.param_count :], offset)
-    return State(tuple(cameras), tuple(poses), shape)
+    if joint.held is not None and state.held is not None:
+        held = moved_poses(joint.held, state.held, step.pose, step.other)
+        return State(cameras, held.seen(joint.held), shape, held)
+    poses = []
+    for one, camera, moved, pose in zip(joint.sets, state.cameras, cameras, state.poses, strict=True):
+        part = step.pose[one.first_view : one.first_view + len(pose)]
+        poses.append(move_poses(pose, part, turn_of_centre(camera, moved)))
+    return State(cameras, tuple(poses), shape)

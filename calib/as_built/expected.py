@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.blocks import Normal
 from calib.as_built.datum import SeenParts, by_shared_dense, rigid_design
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.unknowns import TargetUnknowns, Unknowns, nominal_shape, place_rings, shared_values
 from calib.core.linear_algebra import pseudo_inverse
+from calib.solver.normal import Normal
 from designer.target import bounding_radius_mm
 from designer.tolerance.made import how_made
 from designer.tolerance.prior import ShapePrior

@@ -18,6 +18,7 @@ from calib.as_built.datum import (
 )
 from calib.as_built.descend import TargetMinimum, minimise
 from calib.as_built.expected import is_same_spread, with_expected_deviations, with_seen_deviations, with_seen_spread
+from calib.as_built.held import HeldPoses
 from calib.as_built.lengths import CaliperLength, Scale, scale_from
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.outlying import outlying_faces
@@ -29,8 +30,10 @@ from calib.cameras import linearise
 from calib.core.parallel import one_thread
 from calib.core.types import Observations
 from calib.observe.observations import known_points
+from calib.rigs.camera_alone import camera_alone
+from calib.rigs.result import RigCalibration
 from calib.solver.calibration import Calibration, Status
-from calib.solver.options import tie_parameters
+from calib.solver.options import Tie, tie_parameters
 from calib.solver.outliers import deviations
 from calib.solver.solve import solve
 from designer.base.errors import InputError
@@ -86,7 +89,74 @@ def measure(
         raise ValueError("observations of the target's own rings are needed")
     points = known_points(target)
     started = [solve(replace(one, points=points), model, options.solve) for one in sets]
-    descended = _descend(started, target, model, options)
+    ties = [tie_parameters(model, options.solve)] * len(started)
+    return _measured(_Start(started, ties), target, options, lengths, begin)
+
+
+@one_thread
+def measure_rig(
+    found: RigCalibration,
+    target: TargetGeometry,
+    options: AsBuiltOptions | None = None,
+    lengths: Sequence[CaliperLength] = (),
+) -> AsBuilt:
+    """Solve cameras that are held together, and the printed target, from frames that they took at once.
+
+    As `measure`, with a pose of the target a frame and one a camera instead of one a photo: faces that no camera sees
+    together are joined by cameras that see them at once.
+
+    Args:
+        found: the rig, solved with the target as designed; what it kept fixed of a camera stays so.
+        target: as designed.
+        options: which deviations to look for.
+        lengths: measured on the print.
+
+    Raises:
+        InputError: a rig whose photos were not taken at once, a board with a back, or lengths that contradict.
+        ValueError: a rig of another target.
+    """
+    begin = time.perf_counter()
+    if len(found.observations.points.face) != target.ring_count:
+        raise ValueError("a rig of the target's own rings is needed")
+    if found.delay_s is not None:
+        raise InputError("the cameras of this rig took their photos one after another, by delays that were estimated; "
+                         "measure from photos of a target that stands still")  # fmt: skip
+    if target.has_back:
+        raise InputError("a rig may see front and back of a board at once, which measuring takes for two boards; "
+                         "measure it from photos without a rig")  # fmt: skip
+    options = with_known_weights(options or AsBuiltOptions(), found.observations.sightings)
+    points, cameras = known_points(target), range(len(found.cameras))
+    alone = [camera_alone(found, camera) for camera in cameras]
+    started = [replace(one, observations=replace(one.observations, points=points)) for one in alone]
+    started[0] = replace(started[0], remarks=found.remarks)
+    fixed = [tuple((name, None) for name in one.fixed) for one in alone]
+    ties = [
+        tie_parameters(one.camera.model, replace(options.solve, fixed=held, shared=()) if held else options.solve)
+        for one, held in zip(alone, fixed, strict=True)
+    ]
+    held = HeldPoses(found.cam_from_rig, found.rig_from_target)
+    return _measured(
+        _Start(started, ties, found.observations.frame, held, max(found.reference, 0)), target, options, lengths, begin
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """Cameras solved with the target as designed, from which the descent begins."""
+
+    cameras: Sequence[Calibration]
+    ties: Sequence[Tie]
+    frame: tuple[NDArray[np.int64], ...] | None = None  # of each camera's views, if cameras are held together
+    held: HeldPoses | None = None
+    reference: int = -1
+
+
+def _measured(
+    start: _Start, target: TargetGeometry, options: AsBuiltOptions, lengths: Sequence[CaliperLength], begin: float
+) -> AsBuilt:
+    """From a start to the result."""
+    started = start.cameras
+    descended = _descend(start, target, options)
     joint, found, seen = descended.joint, descended.minimum, descended.seen
     joint, found, accuracy = _accurate(joint, found, seen, options)
     state = laid_over(joint.unknowns, seen, found.state)
@@ -99,8 +169,8 @@ def measure(
         unscaled = target_of(joint.unknowns, seen, state.shape, accuracy.face)
         scale = scale_from(unscaled, sizes, is_determined if is_determined.any() else None)
         state = moved_target(joint.unknowns, state, scale.value, np.eye(3), np.zeros(3))
-    measured = _Measured(joint, found, seen, accuracy, state, noise_mm, is_determined, scale)
-    built = _as_built(started, target, measured, descended.iterations, begin)
+    minimum = _Measured(joint, found, seen, accuracy, state, noise_mm, is_determined, scale)
+    built = _as_built(started, target, minimum, descended.iterations, begin)
     errors = None if options.made is None else options.made.errors
     return with_back(built, errors, [one for one in lengths if one not in sizes])
 
@@ -119,20 +189,23 @@ class _Descended:
     iterations: int
 
 
-def _descend(started: Sequence[Calibration], target: TargetGeometry, model: str, options: AsBuiltOptions) -> _Descended:
+def _descend(start: _Start, target: TargetGeometry, options: AsBuiltOptions) -> _Descended:
     """Down to the minimum at which the observations are worth what their residuals say."""
+    started = start.cameras
     unknowns = with_expected_deviations(unknowns_of(target, options), options)
     observations = [one.observations for one in started]
     keeps = [~one.is_outlier for one in started]
     if options.solve.reject_sigma is not None:
         keeps = [np.ones_like(keep) for keep in keeps]  # what looked far off may be the target's own deviation
-    ties = [tie_parameters(model, options.solve)] * len(started)
-    seen = what_is_seen(unknowns, list(zip(observations, keeps, strict=True)))
+    seen = what_is_seen(unknowns, list(zip(observations, keeps, strict=True)), start.frame)
     gauge = gauge_rows(unknowns, seen, bounding_radius_mm(target))
-    joint = joint_problem(observations, ties, unknowns, gauge, weighted=options.solve.weighted)
+    joint = joint_problem(
+        observations, start.ties, unknowns, gauge, weighted=options.solve.weighted, frame=start.frame,
+        reference=start.reference,
+    )  # fmt: skip
     joint = replace(without(joint, keeps), scale=1.0 if options.solve.weighted else 0.05)
     poses = tuple(one.cam_from_target for one in started)
-    state = State(tuple(one.camera for one in started), poses, nominal_shape(target))
+    state = State(tuple(one.camera for one in started), poses, nominal_shape(target), start.held)
     found = minimise(joint, state, max_iterations=options.solve.max_iterations, small_decrease=1e-4)
     iterations = found.iterations
     for number in range(ROUNDS):
@@ -182,12 +255,12 @@ def _posterior_scale(joint: Joint, found: TargetMinimum, seen: SeenParts, effect
     equations = 2 * sum(int(one.problem.is_used.sum()) for one in joint.sets)
     if effective is None:
         effective = _about_effective(joint, found, seen)
-        if equations - 6 * joint.view_count - effective < FEW * equations:
+        if equations - 6 * joint.pose_count - effective < FEW * equations:
             effective = _require(accuracy_of(joint, found.state.shape, seen, found.normal)).effective
-    redundancy = equations - 6 * joint.view_count - effective
+    redundancy = equations - 6 * joint.pose_count - effective
     if redundancy < 1:
         raise InputError(
-            f"{equations // 2} observations for {6 * joint.view_count + effective:.0f} unknowns: too few; take more "
+            f"{equations // 2} observations for {6 * joint.pose_count + effective:.0f} unknowns: too few; take more "
             "photos, or expect smaller deviations"
         )
     return max(joint.scale * float(np.sqrt(found.normal.squares / redundancy)), PERFECT)

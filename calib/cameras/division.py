@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.parameters import FOCAL_AND_CENTRE, Parameter
-from calib.cameras.radial import RadialModel, first_root, polynomial
+from calib.cameras.polynomial import first_change
+from calib.cameras.radial import RadialModel, polynomial
 from calib.core.jit import jit
 
 Array = NDArray[np.float64]
@@ -70,7 +71,7 @@ def _limits(lens: Array) -> tuple[float, float]:
     """The radius up to which the angle grows, and the cosine of the angle there."""
     k1, k2, k3 = lens.tolist()
     # The angle's tangent is r / m, which grows with r where m - 2 r^2 m' is above zero.
-    last = math.sqrt(first_root(-5 * k3, -3 * k2, -k1, 1.0))
+    last = math.sqrt(first_change(np.array([1.0, -k1, -3 * k2, -5 * k3])))
     if last == math.inf:
         highest = next((k for k in (k3, k2, k1) if k), 0.0)
         return last, (0.0 if highest == 0 else math.copysign(1.0, highest))

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.parameters import FOCAL_AND_CENTRE, Parameter
-from calib.cameras.radial import RadialModel, first_root, polynomial
+from calib.cameras.polynomial import first_change
+from calib.cameras.radial import RadialModel, polynomial
 from calib.core.jit import jit
 
 Array = NDArray[np.float64]
@@ -87,7 +88,7 @@ def _theta(lens: Array, last: float, radius: float) -> float:
 def _limits(lens: Array) -> tuple[float, float]:
     """The angle up to which the distance grows, half a turn at most, and the distance there."""
     k1, k2, k3, k4 = lens.tolist()
-    last = min(math.pi, math.sqrt(first_root(9 * k4, 7 * k3, 5 * k2, 3 * k1, 1.0)))
+    last = min(math.pi, math.sqrt(first_change(np.array([1.0, 3 * k1, 5 * k2, 7 * k3, 9 * k4]))))
     return last, float(_radius(lens, last)[0])
 
 

@@ -7,7 +7,6 @@ a depth `m` of `a^2 + b^2`, which is negative behind the camera. A model gives t
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,17 +94,6 @@ def _fill(params: Array, point: Array, scale: Array, rows: Array) -> None:
         by_lens, u, v = scale[3 + k], rows[8 + FIRST + k], rows[8 + every + FIRST + k]
         for n in range(point.shape[1]):
             u[n], v[n] = fx * x[n] * by_lens[n], fy * y[n] * by_lens[n]
-
-
-@lru_cache(maxsize=64)
-def first_root(*coefficients: float) -> float:
-    """The least s > 0 where a polynomial, its highest coefficient first, is zero; infinite if nowhere.
-
-    Kept, as points are projected in many small parts with one lens.
-    """
-    roots = np.roots(coefficients)
-    real = roots.real[(np.abs(roots.imag) <= 1e-9 * np.abs(roots)) & (roots.real > 0)]
-    return float(real.min(initial=np.inf))
 
 
 @jit

@@ -1,42 +1,46 @@
 """The command `calib convert`."""
 
-import shlex
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from calib.cameras import fitted_models
-from calib.commands.camera_argument import camera_answer, camera_line, refit_answer, refit_line
+from calib.commands.converted_camera import tell_camera
+from calib.commands.converted_rig import tell_rig
 from calib.interop import FORMATS
+from calib.interop.rigs import RIG_FORMATS
 from designer.base.answer import Summary
-from designer.base.words import printable
 from designer.kinds.presets import camera_templates, one_of
-from designer.page.terminal import quoted
+
+ALL_FORMATS = tuple(dict.fromkeys([*FORMATS, *RIG_FORMATS]))
 
 
 def convert(
     camera: Annotated[
         str,
         typer.Argument(
-            help="camera file of any of these kinds, a folder with one, or a template", autocompletion=camera_templates
+            help="file of a camera or a rig, of any of these kinds, a folder with one, or a camera template",
+            autocompletion=camera_templates,
         ),
     ],
     *,
     to: Annotated[
         str,
         typer.Option(
-            help=f"kind of file to write: {'|'.join(FORMATS)}", metavar="FORMAT", autocompletion=one_of(FORMATS)
+            help=f"kind of file to write: {'|'.join(FORMATS)}; of a rig {'|'.join(RIG_FORMATS)}",
+            metavar="FORMAT",
+            autocompletion=one_of(ALL_FORMATS),
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="file to write", metavar="FILE")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="file to write, or folder of several", metavar="FILE")],
     source: Annotated[
         str | None,
         typer.Option(
             "--from",
             help="kind of file to read (default: found out)",
             metavar="FORMAT",
-            autocompletion=one_of(FORMATS),
+            autocompletion=one_of(ALL_FORMATS),
         ),
     ] = None,
     model: Annotated[
@@ -55,46 +59,29 @@ def convert(
     without: Annotated[
         list[str] | None, typer.Option(help="lens parameter to leave out, such as k3", metavar="NAME")
     ] = None,
+    cameras: Annotated[
+        list[str] | None, typer.Option(help="of a rig, a camera to write, in this order (default: all)", metavar="NAME")
+    ] = None,
+    unit: Annotated[
+        str | None,
+        typer.Option(help="of lengths in a rig's files: mm or m (default: as their tool has it)", metavar="UNIT"),
+    ] = None,
+    from_unit: Annotated[
+        str | None, typer.Option(help="likewise of a rig's files to read (default: as they say)", metavar="UNIT")
+    ] = None,
 ) -> Summary:
-    """Write a camera as a file of another tool, or read one of its files.
+    """Write a camera or a rig as files of another tool, or read its files.
 
     Of the file's lenses the camera's own is written, or the closest one: it is fitted over the whole image, and the
-    residual is told in pixels. Of a file with several cameras one is named as in chain.yaml#cam1.
+    residual is told in pixels. Of a file with several cameras one is named as in chain.yaml#cam1; without a name they
+    are a rig, if the file says where they stand.
     """
     from calib.api.converting import convert as converted
-    from calib.interop.choosing import LARGE_PX
+    from calib.api.converting_rigs import RigConversion
 
-    done = converted(camera, to, source=source, model=model, lens=lens, without=without or (), out=out)
+    done = converted(
+        camera, to, source=source, model=model, lens=lens, without=without or (), cameras=cameras or (), unit=unit,
+        source_unit=from_unit, out=out,
+    )  # fmt: skip
     done.save(out)
-    opened, held, target = done.opened, done.held, done.format
-    print(f"read   {printable(camera)}: {opened.format.title}, {camera_line(opened.read.camera)}")
-    for remark in opened.read.remarks:
-        print(f"       {remark}")
-    for fitted, one in done.named_fits:
-        print(refit_line(fitted, one))
-    print(f"wrote  {printable(str(out))}: {target.title}, {camera_line(held.camera, held.called)}")
-    if len(held.tried) > 1:
-        others = ", ".join(f"{one.name} {fit.rms_px:.4f}" for one, fit in held.tried)
-        print(f"chosen {held.lens.name}, the closest of (RMS in px) {others}; another with --lens")
-    for loss in done.lost:
-        print(f"lost   {loss}")
-    if not done.fits:
-        print("exact  no fit was needed")
-    elif done.is_far:
-        print(f"warning: the two cameras differ by more than {LARGE_PX:g} px somewhere; see where with calib diff")
-    print(f"open   {target.opens_with.format(file=printable(str(out)), url=out.absolute().as_uri())}")
-    return Summary(
-        {
-            "read": {"file": camera, "format": opened.format.name, **camera_answer(opened.read.camera)},
-            "written": {"file": str(out), "format": target.name, "lens": held.lens.name, **camera_answer(held.camera)},
-            "is_exact": not done.fits,
-            "rms_px": done.rms_px,
-            "max_px": done.max_px,
-            "fits": [refit_answer(one) for one in done.fits],
-            "tried": [{"lens": one.name, **refit_answer(fit)} for one, fit in held.tried],
-            "lost": done.lost,
-        },
-        (out,),
-        (f"calib diff {shlex.quote(printable(camera))} {quoted(out)}",) if done.is_far else (),
-        opened.read.remarks,
-    )
+    return tell_rig(done, camera, out) if isinstance(done, RigConversion) else tell_camera(done, camera, out)

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from calib.commands.camera_argument import camera_answer
+from calib.commands.diffed_rigs import tell_compared_rigs
 from designer.base.answer import Summary, Value
+from designer.base.errors import InputError
 from designer.base.words import printable
 from designer.page.terminal import quoted, shown
 
@@ -17,8 +19,10 @@ if TYPE_CHECKING:
 
 
 def diff(
-    a: Annotated[str, typer.Argument(help="camera file of any kind that calib convert reads, or a folder with one")],
-    b: Annotated[str, typer.Argument(help="another camera of the same image size")],
+    a: Annotated[
+        str, typer.Argument(help="file of a camera or a rig, of any kind that calib convert reads, or a folder")
+    ],
+    b: Annotated[str, typer.Argument(help="another camera of the same image size, or rig of the same cameras")],
     *,
     radius: Annotated[
         float | None,
@@ -31,15 +35,22 @@ def diff(
     ] = None,
     picture: Annotated[Path | None, typer.Option(help="draw the map of differences", metavar="FILE.png")] = None,
 ) -> Summary:
-    """Compare two cameras: how far apart they see the same light, in px over the image, and as angles.
+    """Compare two cameras: how far apart they see the same light, in px over the image, and as angles; or two rigs.
 
-    The frames of two calibrations are never quite parallel, so the best rotation between them is removed first.
+    The frames of two calibrations are never quite parallel, so the best rotation between them is removed first. Of two
+    rigs of the same cameras it tells baselines, rotations, and how far apart they place the same points.
     """
     import numpy as np
 
     from calib.api.diffing import diff as compare
+    from calib.api.diffing_rigs import diff_rigs
     from designer.page.terminal import say_table
 
+    rigs = diff_rigs(a, b)
+    if rigs is not None:
+        if radius is not None or picture is not None:
+            raise InputError("--radius and --picture are of two cameras; leave them out, or name cameras: RIG#NAME")
+        return tell_compared_rigs(rigs)
     compared = compare(a, b, radius_px=radius, picture=picture)
     if picture is not None:
         compared.save_picture(picture)

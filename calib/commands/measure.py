@@ -33,6 +33,12 @@ def measure(
     ] = None,
     *,
     out: Annotated[Path, typer.Option("--out", "-o", help="the measured target: NAME.target.json")],
+    rig: Annotated[
+        Path | None,
+        typer.Option(
+            help="instead of detections: the folder of calib rig, whose cameras saw the print at once", metavar="FOLDER"
+        ),
+    ] = None,
     length: Annotated[
         list[str] | None,
         typer.Option(
@@ -109,27 +115,31 @@ def measure(
     check_places(places_of(out), target)
     percent = parsed("--shrink-compensation", shrink_compensation, parse_percent)
     if measured_length is not None:
-        if detections or length:
+        if detections or rig or length:
             raise InputError(
-                f"--measured-length rescales without photos, so {detections[0] if detections else '--length'} does not "
-                "belong there; with photos give the length with --length"
+                f"--measured-length rescales without photos, so {detections[0] if detections else rig or '--length'} "
+                "does not belong there; with photos give the length with --length"
             )
         return _rescale(target, measured_length, made, out, percent)
-    if not detections:
+    if not detections and rig is None:
         raise InputError(
-            "no detections: give the detections.csv of photos of the print, or --measured-length to rescale without"
+            "no detections: give the detections.csv of photos of the print, --rig with the folder of calib rig, or "
+            "--measured-length to rescale without"
         )
     with progress_bars() as progress:
         measured = measure_print(
-            target, detections, lengths=length or (), model=model, one_camera=one_camera, rings=rings, bow=bow,
-            made=made, weighted=weighted, reject_sigma=reject, fix=fix or (), share=share or (),
+            target, detections or (), rig=rig, lengths=length or (), model=model, one_camera=one_camera, rings=rings,
+            bow=bow, made=made, weighted=weighted, reject_sigma=reject, fix=fix or (), share=share or (),
             shrink_compensation_percent=percent,
             skew_compensation_rad=parsed("--skew-compensation", skew_compensation, parse_skew_rad),
             bed_turn_rad=parsed("--bed-turn", bed_turn, parse_angle_rad), image_size=image_size_of(image_size),
             held_out=held_out, truth=truth, progress=progress,
         )  # fmt: skip
     folder = quoted(out.with_name(out.name.removesuffix(".target.json")))
-    use = f"calib solve {quoted(detections[0])} --target {quoted(out)} -o {folder}"
+    if rig is None and detections:
+        use = f"calib solve {quoted(detections[0])} --target {quoted(out)} -o {folder}"
+    else:
+        use = f"calib rig {quoted(out)} --table {quoted(Path(f'{rig}/sightings.csv'))} -o {folder}"
     return _write_and_say(measured, out, use, verbose=verbose)
 
 

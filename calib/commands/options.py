@@ -9,7 +9,7 @@ from calib.cameras import learned_models, models_of_all, models_of_all_wide, sol
 from calib.solver.costs import COSTS
 from designer.base.errors import InputError
 from designer.base.words import shown
-from designer.kinds.presets import camera_templates, criteria_templates, error_templates, one_of
+from designer.kinds.presets import camera_templates, criteria_templates, error_templates, one_of, rig_templates
 
 TargetArgument = Annotated[Path, typer.Argument(help="the target file (NAME.target.json) of what the photos show")]
 PhotosArgument = Annotated[list[str], typer.Argument(help="images, folders of images, or patterns such as 'run/*.png'")]
@@ -21,6 +21,14 @@ CameraArgument = Annotated[
 ]
 CameraTemplateOption = Annotated[
     str, typer.Option(help="camera template, or a camera file", autocompletion=camera_templates)
+]
+RigOption = Annotated[
+    str | None,
+    typer.Option(
+        help="rig template (stereo-pair, ring-of-eight, ...), a TOML file of cameras, a rig.json, another tool's",
+        metavar="NAME|FILE",
+        autocompletion=rig_templates,
+    ),
 ]
 SeedOption = Annotated[int, typer.Option(help="of all that is random")]
 JobsOption = Annotated[int | None, typer.Option(help="processes (default: one per core)")]

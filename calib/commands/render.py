@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
-from calib.commands.options import CameraTemplateOption, JobsOption, SeedOption
+from calib.commands.options import CameraTemplateOption, JobsOption, RigOption, SeedOption
 from calib.show.screen import progress_bars
 from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError
@@ -25,8 +26,16 @@ def render(
     *,
     out: Annotated[Path, typer.Option("--out", "-o", help="folder for the images and truth.json")],
     camera: CameraTemplateOption = "machine-vision",
+    rig: RigOption = None,
     views: Annotated[int, typer.Option(help="how many photos")] = 20,
-    distance: Annotated[str, typer.Option(help="from the target's origin: 400mm, or 250mm..800mm")] = "400mm",
+    frames: Annotated[int, typer.Option(help="of a rig: how many times the target is shown to its cameras")] = 30,
+    unsynchronised: Annotated[
+        str, typer.Option(help="of a rig: the target moves, and the cameras' clocks differ by up to this: 30ms")
+    ] = "",
+    distance: Annotated[
+        str,
+        typer.Option(help="from the target's origin: 250mm..800mm (default: 400mm; of a rig as its template says)"),
+    ] = "",
     region: Annotated[
         str,
         typer.Option(
@@ -72,6 +81,7 @@ def render(
 
     Photos that a camera can be calibrated with come from several distances, with --random-roll, and with an
     --aim-offset that brings rings into the corners of the image; the page of a design has the line for its target.
+    With --rig several cameras take them, each into a folder of its own.
     """
     from calib.api.loading import processes_of
     from calib.api.rendering import render as photos_of
@@ -119,9 +129,22 @@ def render(
         gamma=bounded("--gamma", gamma, parse_number, *LIMITS["gamma"], ""),
         bits=cast("Bits", bits),
     )
+    if rig is not None or unsynchronised:
+        from calib.commands.render_rig import render_frames
+
+        of_one_camera: dict[str, object] = {
+            "camera": camera, "views": views, "region": region, "cap_angle": cap_angle, "random_roll": random_roll,
+            "aim_offset": aim_offset, "aside": aside, "poses": poses,
+        }  # fmt: skip
+        default = signature(render).parameters
+        return render_frames(
+            target, rig, out, frames, unsynchronised, distance, options,
+            unused=tuple(name for name, value in of_one_camera.items() if value != default[name].default),
+            seed=seed, file_format=file_format, quality=quality, jobs=jobs, overwrite=overwrite,
+        )  # fmt: skip
     named = read_camera(camera)
     photos = photos_of(
-        target, named.camera, views=views, distance_mm=length_range("--distance", distance, 1, 10_000),
+        target, named.camera, views=views, distance_mm=length_range("--distance", distance or "400mm", 1, 10_000),
         region=cast("Region", choice("--region", region, REGIONS)) if region else None,
         cap_rad=math.radians(bounded("--cap-angle", cap_angle, parse_degrees, 0, 180, "deg")),
         random_roll=random_roll, aim_offset_mm=length("--aim-offset", aim_offset, 0, 10_000),

@@ -16,14 +16,14 @@ NEGATIVE = 1
 def report(
     folder: Annotated[
         Path,
-        typer.Argument(help="folder of calib run, solve, measure or study, or of design tolerance", metavar="DIR"),
+        typer.Argument(help="folder of calib run, rig, solve, measure or study, or of design tolerance", metavar="DIR"),
     ],
     *,
     criteria: Annotated[
         str | None,
         typer.Option(
-            help="judge a calibration by other limits: a template (standard, metrology, robotics) or a TOML file of "
-            "one's own",
+            help="judge a calibration or a rig by other limits: a template (standard, metrology, robotics) or a TOML "
+            "file of one's own",
             metavar="NAME|FILE",
             autocompletion=criteria_templates,
         ),
@@ -31,7 +31,7 @@ def report(
 ) -> Summary:
     """Write a folder's page, index.html, again from the results it stores.
 
-    A calibration keeps its verdict, unless other limits are given. The exit code is 1 if the page's answer is
+    A calibration or a rig keeps its verdict, unless other limits are given. The exit code is 1 if the page's answer is
     negative, such as: do not use.
     """
     from calib.api.reporting import report as draw_again
@@ -48,7 +48,7 @@ def report(
     print(f"next  open {shown(done.place)} in a browser ({size_mb:.1f} MB, needs nothing beside it)")
     steps = (f"calib report {quoted(folder)} --criteria standard",) if done.can_be_judged else ()
     for step in steps:
-        print(f"      {step}   # says whether the camera is good")
+        print(f"      {step}   # says whether it is good")
     answer = {
         "kind": done.kind,
         "title": page.title,

@@ -12,10 +12,11 @@ from calib.cameras import DEFAULT, fitted_models, learned_models, solved_models
 from calib.commands import options
 from calib.commands.folder_page import say_next, with_page, with_page_again
 from calib.commands.solve import grid_of, image_size_of
+from calib.commands.study_rig import SAMPLES, bootstrap_of_rig
 from calib.show.screen import progress_bars, waiting
 from designer.base.answer import StoppedError, Summary, Value
 from designer.base.codec import encode
-from designer.base.command import command
+from designer.base.command import command, only_these
 from designer.base.errors import InputError
 from designer.kinds.presets import one_of
 from designer.page.terminal import quoted, say_findings, say_headline, say_line, say_table, say_written
@@ -47,14 +48,18 @@ def _commands(context: typer.Context) -> None:
 
 @command(app)
 def bootstrap(
+    context: typer.Context,
     *,
     target: Annotated[Path | None, typer.Option(help="the target file of detections.csv")] = None,
     detections: Annotated[
-        Path, typer.Option(help="detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl", metavar="FILE")
-    ],
+        Path | None, typer.Option(help="detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl", metavar="FILE")
+    ] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="instead: the folder of calib rig, of which frames are drawn", metavar="FOLDER")
+    ] = None,
     truth: Annotated[Path | None, typer.Option(help="truth.json of rendered photos: adds the error of poses")] = None,
     sizes: Annotated[str, typer.Option(help="views of a sample, drawn with replacement")] = "20,50,120",
-    samples: Annotated[int, typer.Option(help="of each size")] = 10_000,
+    samples: Annotated[int | None, typer.Option(help="of each size (default: 10000; of a rig 200)")] = None,
     model: Annotated[
         str,
         typer.Option(
@@ -79,12 +84,18 @@ def bootstrap(
     """Draw views with replacement, calibrate and measure, thousands of times: errors with their spread."""
     from calib.api.bootstrapping import bootstrap as find_spread
 
+    if rig is not None:
+        only_these(context, "--rig", {"rig", "samples", "out", "seed"})
+        return bootstrap_of_rig(rig, SAMPLES if samples is None else samples, seed, out)
+    if detections is None:
+        raise InputError("no detections: give --detections FILE, or --rig with the folder of calib rig")
     words = {"image_size": image_size, "grid": grid, "pitch": pitch}
     with kept_when_stopped():
         with progress_bars() as progress:
             found = find_spread(
-                detections, target, truth=truth, sizes=parse_sizes(sizes), samples=samples, model=model, fix=fix or (),
-                share=share or (), loss=loss, reject_sigma=reject, weighted=weighted,
+                detections, target, truth=truth, sizes=parse_sizes(sizes),
+                samples=10_000 if samples is None else samples, model=model, fix=fix or (), share=share or (),
+                loss=loss, reject_sigma=reject, weighted=weighted,
                 image_size=image_size_of(image_size), grid=grid_of(grid, pitch), seed=seed, jobs=jobs, dask=dask,
                 resume=resume, out=out, progress=progress,
                 settings=tuple((name, text) for name, text in words.items() if text is not None),

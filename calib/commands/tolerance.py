@@ -11,8 +11,10 @@ from calib.commands import options
 from calib.commands.camera_argument import read_camera
 from calib.commands.folder_page import say_next, with_page
 from calib.commands.study import answer_of, kept_when_stopped
+from calib.commands.tolerance_rig import DRAWS, tolerance_of_rig
 from calib.show.screen import progress_bars, waiting
 from designer.base.answer import Summary
+from designer.base.command import only_these
 from designer.kinds.presets import error_templates, one_of
 from designer.page.blocks import Finding
 from designer.page.terminal import quoted
@@ -21,9 +23,12 @@ if TYPE_CHECKING:
     from calib.api.tolerancing import ToleranceResult
 
 LIMIT_MISSED = 1
+OF_RIGS = {"target", "errors", "changes", "rig", "frames", "distance", "draws", "linear", "seed", "out"}
+"""Options of the study of a rig."""
 
 
 def tolerance(
+    context: typer.Context,
     target: Annotated[Path, typer.Argument(help="a target file (NAME.target.json)")],
     *,
     errors: Annotated[
@@ -36,8 +41,13 @@ def tolerance(
         list[str] | None,
         typer.Option("--set", help="another size of one error: face_tilt=0.1deg", metavar="ERROR=SIZE"),
     ] = None,
+    rig: options.RigOption = None,
+    frames: Annotated[int, typer.Option(help="of a rig: how many")] = 30,
     views: Annotated[int, typer.Option(help="how many photos")] = 90,
-    distance: Annotated[str, typer.Option(help="of the cameras from the target's origin")] = "400mm",
+    distance: Annotated[
+        str | None,
+        typer.Option(help="of the cameras from the target's origin (default: 400mm; of a rig: as its template says)"),
+    ] = None,
     camera: options.CameraTemplateOption = "machine-vision",
     model: Annotated[
         str,
@@ -47,7 +57,7 @@ def tolerance(
         ),
     ] = DEFAULT,
     weighted: options.WeightedOption = False,
-    draws: Annotated[int, typer.Option(help="how many made targets to draw")] = 200,
+    draws: Annotated[int | None, typer.Option(help="how many made targets to draw (default: 200; of a rig 20)")] = None,
     full: Annotated[
         bool, typer.Option("--full", help="render and detect real images in each draw: minutes a draw")
     ] = False,
@@ -82,6 +92,10 @@ def tolerance(
     from calib.api.tolerancing import tolerance as find_tolerance
     from calib.renderer.quantities import length
 
+    if rig is not None:
+        only_these(context, "--rig", OF_RIGS)
+        count = 0 if linear else DRAWS if draws is None else draws
+        return tolerance_of_rig(target, errors, rig, changes or (), frames, distance, count, seed, out)
     formats = options.figure_formats(figures)
     far = None if against_distance is None else length("--against-distance", against_distance, *DISTANCES_MM)
     read_camera(camera)
@@ -89,8 +103,9 @@ def tolerance(
         with progress_bars() as progress:
             found = find_tolerance(
                 target, errors, changes=changes or (), views=views,
-                distance_mm=length("--distance", distance, *DISTANCES_MM), camera=camera, model=model,
-                weighted=weighted, draws=draws, full=full, linear=linear, require=require or (), by=by,
+                distance_mm=length("--distance", distance or "400mm", *DISTANCES_MM), camera=camera, model=model,
+                weighted=weighted, draws=200 if draws is None else draws, full=full, linear=linear,
+                require=require or (), by=by,
                 against=against, against_errors=against_errors, against_changes=against_changes or (),
                 against_distance_mm=far, vary=vary, seed=seed, jobs=jobs, dask=dask, resume=resume,
                 out=out, progress=progress,

@@ -149,12 +149,11 @@ def rigid_fault(poses: NDArray[np.float64]) -> tuple[int, str] | None:
         product = rotation @ rotation.transpose(0, 2, 1)
         determinant = np.linalg.det(np.where(np.abs(rotation) < 2, rotation, 0))
         is_right_handed = np.abs(determinant - 1) < 10 * RIGID
+        is_orthogonal = np.abs(product - np.eye(3)).max(axis=(1, 2)) < RIGID
         faults = (
             (~np.isfinite(np.abs(poses).max(axis=(1, 2))), "holds a number that is not finite"),
-            (
-                ~(np.abs(product - np.eye(3)).max(axis=(1, 2)) < RIGID) | ~is_right_handed,
-                "has no rotation in it",
-            ),
+            (is_orthogonal & (determinant < 0), "has no rotation in it but a mirror: one of its axes is reversed"),
+            (~is_orthogonal | ~is_right_handed, "has no rotation in it"),
             (np.abs(poses[:, 3] - np.eye(4)[3]).max(axis=1) > 0, "must end with the row 0 0 0 1"),
             (np.abs(shift).max(axis=1) > MAX_DISTANCE_MM, f"lies more than {MAX_DISTANCE_MM:g} mm away"),
         )

@@ -164,6 +164,67 @@ class Observations:
         return len(self.view_names)
 
 
+@dataclass(frozen=True, eq=False)
+class RigObservations:
+    """What C cameras saw of one target in V frames, each camera in some of them: `calib.rig(observations)`."""
+
+    camera_names: tuple[str, ...]  # (C,) each another
+    frame_names: tuple[str, ...]  # (V,)
+    sightings: tuple[Observations, ...]  # (C,) of each camera, of the same points; its views are frames
+    frame: tuple[NDArray[np.int64], ...]  # (C,) of (V_c,): the frame of each view of a camera, ascending
+    time_s: tuple[NDArray[np.float64], ...] | None = None  # (C,) of (V_c,): time stamps; None: taken at once
+    remarks: tuple[str, ...] = ()  # what was left out, or should be known, one line each
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "frame", tuple(frozen_array(rows, np.int64) for rows in self.frame))
+        if self.time_s is not None:
+            object.__setattr__(self, "time_s", tuple(frozen_array(times) for times in self.time_s))
+        if not len(self.camera_names) == len(self.sightings) == len(self.frame):
+            raise ValueError("names, sightings and frames of as many cameras are needed")
+        if any(len(rows) != seen.view_count for rows, seen in zip(self.frame, self.sightings, strict=True)):
+            raise ValueError("each view of a camera is a frame")
+
+    @property
+    def camera_count(self) -> int:
+        """C."""
+        return len(self.camera_names)
+
+    @property
+    def frame_count(self) -> int:
+        """V."""
+        return len(self.frame_names)
+
+    @property
+    def points(self) -> KnownPoints:
+        """What was seen."""
+        return self.sightings[0].points
+
+    @property
+    def shared(self) -> NDArray[np.int64]:
+        """In how many frames cameras see the target together, on the diagonal at all.  # (C, C)"""
+        sees = np.zeros((self.camera_count, self.frame_count), dtype=np.int64)
+        for row, frames in zip(sees, self.frame, strict=True):
+            row[frames] = 1
+        together: NDArray[np.int64] = sees @ sees.T
+        return together
+
+
+def keep_frames(observations: RigObservations, keep: NDArray[np.bool_]) -> RigObservations:
+    """The sightings of some frames (V,), which are numbered anew."""
+    if keep.all():
+        return observations
+    number = np.cumsum(keep) - 1
+    rows = [keep[frames] for frames in observations.frame]
+    times = observations.time_s
+    return replace(
+        observations,
+        frame_names=tuple(name for name, ok in zip(observations.frame_names, keep.tolist(), strict=True) if ok),
+        sightings=tuple(keep_views(seen, ok) for seen, ok in zip(observations.sightings, rows, strict=True)),
+        frame=tuple(number[frames[ok]] for frames, ok in zip(observations.frame, rows, strict=True)),
+        time_s=None if times is None else tuple(one[ok] for one, ok in zip(times, rows, strict=True)),
+    )
+
+
 def keep_sightings(observations: Observations, rows: Rows) -> Observations:
     """Some sightings, by a mask (M,) or by their rows; all views stay, also empty ones."""
     return replace(

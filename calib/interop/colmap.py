@@ -37,21 +37,35 @@ LENSES = (
 _RECOGNISED = re.compile(r"^\s*[0-9]+[ \t]+[A-Z][A-Z_0-9]*[ \t]+[0-9]+[ \t]+[0-9]+[ \t]+[-+.0-9]", re.MULTILINE)
 
 
+HEAD = "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+
+
 def write(camera: Camera, lens: FileLens) -> str:
     """The text for a camera of the lens's model."""
+    return f"{HEAD}# Number of cameras: 1\n{camera_line('1', camera, lens)}"
+
+
+def camera_line(number_of: str, camera: Camera, lens: FileLens) -> str:
+    """The line of a camera, by its id."""
     width, height = camera.image_size
     fx, fy, cx, cy, *rest = camera.params
     from_corner = replace(camera, params=np.array([fx, fy, cx + CORNER, cy + CORNER, *rest]))
-    return (
-        "# Camera list with one line of data per camera:\n"
-        "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
-        "# Number of cameras: 1\n"
-        f"1 {lens.name} {width} {height} {' '.join(map(real, lens.values(from_corner)))}\n"
-    )
+    return f"{number_of} {lens.name} {width} {height} {' '.join(map(real, lens.values(from_corner)))}\n"
 
 
 def read(text: str, origin: str, name: str | None = None) -> ReadCamera:
     """The camera in a text, or the one of that id."""
+    row, words = pick(_lines(text, origin), name, origin)
+    return read_words(words, f"{origin}: line {row}")
+
+
+def read_lines(text: str, origin: str) -> dict[str, ReadCamera]:
+    """All cameras in a text, by their ids."""
+    return {name: read_words(words, f"{origin}: line {row}") for name, (row, words) in _lines(text, origin).items()}
+
+
+def _lines(text: str, origin: str) -> dict[str, tuple[int, list[str]]]:
+    """Number and words of each camera's line, by its id."""
     lines: dict[str, tuple[int, list[str]]] = {}
     for row, line in enumerate(text.splitlines(), start=1):
         words = line.split("#", 1)[0].split()
@@ -59,11 +73,11 @@ def read(text: str, origin: str, name: str | None = None) -> ReadCamera:
             if words[0] in lines:
                 raise InputError(f"{origin}: line {row}: camera {shown(words[0])} a second time; ids must differ")
             lines[words[0]] = row, words
-    row, words = pick(lines, name, origin)
-    return _camera(words, f"{origin}: line {row}")
+    return lines
 
 
-def _camera(words: list[str], origin: str) -> ReadCamera:
+def read_words(words: list[str], origin: str) -> ReadCamera:
+    """The camera of a line's words."""
     if len(words) < 4:
         raise InputError(f"{origin}: must be CAMERA_ID MODEL WIDTH HEIGHT PARAMS")
     lens = lens_named(LENSES, words[1])

@@ -1,6 +1,7 @@
 """Kalibr's camchain files: its `radtan` distortion is Brown's without k3, its `equi` that of Kannala and Brandt."""
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,23 +40,32 @@ LENSES = (
 """A camera model and a distortion model, with the numbers of both (Kalibr's wiki, Supported models)."""
 DISTORTED = {"radtan": 4, "equi": 4, "none": 0}
 """How many numbers a distortion model has."""
+IN_FILES = {"equi": "equidistant"}
+"""A distortion model that Kalibr's files call by another name than its command line does."""
+TYPED = {word: name for name, word in IN_FILES.items()}
 
 
 def write(camera: Camera, lens: FileLens) -> str:
     """The text for a camera of the lens's model."""
+    return entry("cam0", camera, lens, "cam0")
+
+
+def entry(key: str, camera: Camera, lens: FileLens, name: str, overlaps: Sequence[int] = (), pose: str = "") -> str:
+    """A camera's part of a chain, with its pose's lines if there are any."""
     projection, distortion = lens.name.split("-")
     values = list(map(real, lens.values(camera)))
     count = len(values) - DISTORTED[distortion]
     width, height = camera.image_size
     return (
-        "cam0:\n"
-        "  cam_overlaps: []\n"
+        f"{key}:\n"
+        f"{pose}"
+        f"  cam_overlaps: {list(overlaps)}\n"
         f"  camera_model: {projection}\n"
         f"  distortion_coeffs: [{', '.join(values[count:])}]\n"
-        f"  distortion_model: {distortion}\n"
+        f"  distortion_model: {IN_FILES.get(distortion, distortion)}\n"
         f"  intrinsics: [{', '.join(values[:count])}]\n"
         f"  resolution: [{width}, {height}]\n"
-        "  rostopic: /cam0/image_raw\n"
+        f"  rostopic: /{name}/image_raw\n"
     )
 
 
@@ -63,15 +73,20 @@ def read(text: str, origin: str, name: str | None = None) -> ReadCamera:
     """The camera in a text, or the one of that name."""
     tree = mapping(parse_yaml(text, origin), "the file", origin)
     chain = {"cam0": tree} if "intrinsics" in tree else {key: one for key, one in tree.items() if isinstance(one, dict)}
-    values = mapping(pick(chain, name, origin), "a camera", origin)
+    return read_entry(mapping(pick(chain, name, origin), "a camera", origin), origin)
+
+
+def read_entry(values: Mapping[str, object], origin: str) -> ReadCamera:
+    """The camera of its part of a chain."""
     models = [required(values, (key,), origin) for key in ("camera_model", "distortion_model")]
-    lens = lens_named(LENSES, "-".join(map(str, models))) if all(isinstance(one, str) for one in models) else None
+    words = [TYPED.get(one, one) for one in models if isinstance(one, str)]
+    lens = lens_named(LENSES, "-".join(words)) if len(words) == len(models) else None
     if lens is None:
         known = ", ".join(one.name for one in LENSES if one.is_written)
         found = " and ".join(map(shown_plain, models))
         raise InputError(f"{origin}: camera_model and distortion_model {found}: not supported; calibrate with {known}")
     size = image_size(required(values, ("resolution",), origin), origin)
-    count = DISTORTED[str(models[1])]
+    count = DISTORTED[words[1]]
     numbers_of = numbers(required(values, ("intrinsics",), origin), "intrinsics", origin, (len(lens.names) - count,))
     if count:
         coefficients = required(values, ("distortion_coeffs",), origin)

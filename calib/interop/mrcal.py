@@ -2,6 +2,7 @@
 
 import ast
 import re
+from collections.abc import Mapping, Sequence
 
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, FileLens, ReadCamera
@@ -44,6 +45,11 @@ _RECOGNISED = re.compile(r"""["'](?:lensmodel|lens_model|distortion_model)["']\s
 
 def write(camera: Camera, lens: FileLens) -> str:
     """The text for a camera of the lens's model, at the origin."""
+    return model_text(camera, lens, (0.0,) * 6)
+
+
+def model_text(camera: Camera, lens: FileLens, pose: Sequence[float]) -> str:
+    """The text for a camera whose pose from the reference is a rotation vector in rad and a shift in m."""
     name, values = (lens.name, lens.values(camera)) if lens.approximate is None else surface_of(camera).numbers
     width, height = camera.image_size
     return (
@@ -52,7 +58,7 @@ def write(camera: Camera, lens: FileLens) -> str:
         "    # intrinsics are fx,fy,cx,cy,distortion0,distortion1,....\n"
         f"    'intrinsics': [ {', '.join(map(real, values))} ],\n\n"
         "    # extrinsics are rt_fromref\n"
-        "    'extrinsics': [ 0., 0., 0., 0., 0., 0. ],\n\n"
+        f"    'extrinsics': [ {', '.join(map(real, pose))} ],\n\n"
         f"    'imagersize': [ {width}, {height} ]\n"
         "}\n"
     )
@@ -60,7 +66,11 @@ def write(camera: Camera, lens: FileLens) -> str:
 
 def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
     """The camera in a text."""
-    values = mapping(_literal(text, origin), "the file", origin)
+    return camera_of(literal(text, origin), origin)
+
+
+def camera_of(values: Mapping[str, object], origin: str) -> ReadCamera:
+    """The camera of a model's values."""
     model = required(values, ("lensmodel", "lens_model", "distortion_model"), origin)
     name = model.replace("DISTORTION_", "LENSMODEL_") if isinstance(model, str) else ""
     size = image_size(required(values, ("imagersize",), origin), origin)
@@ -77,14 +87,14 @@ def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
     return lens_camera(lens, numbers(given, "intrinsics", origin, (len(lens.names),)), size, origin)
 
 
-def _literal(text: str, origin: str) -> object:
-    """The value of a Python literal, read only after its tokens are known to be few and plain."""
+def literal(text: str, origin: str) -> Mapping[str, object]:
+    """The values of a Python literal, read only after its tokens are known to be few and plain."""
     _check_tokens(text, origin)
     try:
         value: object = ast.literal_eval(text.strip())
     except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
         raise InputError(f"{origin}: not a mrcal camera model: it must be one Python dict of plain values") from None
-    return value
+    return mapping(value, "the file", origin)
 
 
 def _check_tokens(text: str, origin: str) -> None:

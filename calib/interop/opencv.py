@@ -1,7 +1,7 @@
 """OpenCV's YAML files, as `cv2.FileStorage` writes and reads them."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, FileLens, ReadCamera
@@ -36,12 +36,13 @@ def write(camera: Camera, lens: FileLens) -> str:
     matrix = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
     return (
         f"%YAML:1.0\n---\nimage_width: {width}\nimage_height: {height}\n{FISHEYE}: {int(lens == WIDE)}\n"
-        f"camera_matrix: {_matrix(3, 3, matrix)}"
-        f"distortion_coefficients: {_matrix(1, len(rest), rest)}"
+        f"camera_matrix: {matrix_text(3, 3, matrix)}"
+        f"distortion_coefficients: {matrix_text(1, len(rest), rest)}"
     )
 
 
-def _matrix(rows: int, columns: int, values: list[float]) -> str:
+def matrix_text(rows: int, columns: int, values: Sequence[float]) -> str:
+    """The lines of a matrix, after its name."""
     data = ", ".join(map(real, values))
     return f"!!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: [ {data} ]\n"
 
@@ -50,19 +51,26 @@ def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
     """The camera in a text."""
     tree = parse_yaml(only_keys(text, (*MATRIX, *LENS, *SIZE, FISHEYE)), origin)
     values = mapping({} if tree is None else tree, "the file", origin)
-    size = _image_size(values, origin)
-    linear = linear_part(numbers(_data(required(values, MATRIX, origin)), MATRIX[0], origin, (9,)), origin)
-    lens = numbers(_data(required(values, LENS, origin)), LENS[0], origin, (0, *COUNTS))
+    return camera_of(values, MATRIX, LENS, size_of(values, origin), origin)
+
+
+def camera_of(
+    values: Mapping[str, object], matrix: Sequence[str], lenses: Sequence[str], size: tuple[int, int], origin: str
+) -> ReadCamera:
+    """The camera whose matrix and lens are called so."""
+    linear = linear_part(numbers(data_of(required(values, matrix, origin)), matrix[0], origin, (9,)), origin)
+    lens = numbers(data_of(required(values, lenses, origin)), lenses[0], origin, (0, *COUNTS))
     if any(lens[TILT]):
         raise InputError(f"{origin}: a tilted sensor (tau) is not supported; calibrate without CALIB_TILTED_MODEL")
     if values.get(FISHEYE) not in (None, "", "0", "false"):
         if len(lens) != len(WIDE.names) - len(linear):
-            raise InputError(f"{origin}: {LENS[0]} has {len(lens)} numbers; those of a fisheye lens are k1 k2 k3 k4")
+            raise InputError(f"{origin}: {lenses[0]} has {len(lens)} numbers; those of a fisheye lens are k1 k2 k3 k4")
         return lens_camera(WIDE, [*linear, *lens], size, origin)
     return brown_camera(linear, lens[: TILT.start], size, origin)
 
 
-def _image_size(values: Mapping[str, object], origin: str) -> tuple[int, int]:
+def size_of(values: Mapping[str, object], origin: str) -> tuple[int, int]:
+    """Width and height, however they are said."""
     both = values.get("image_size", values.get("imageSize"))
     if both is not None:
         return image_size(both, origin)
@@ -70,7 +78,7 @@ def _image_size(values: Mapping[str, object], origin: str) -> tuple[int, int]:
     return image_size([required(values, (f"image_{side}", side), origin, hint) for side in ("width", "height")], origin)
 
 
-def _data(matrix: object) -> object:
+def data_of(matrix: object) -> object:
     """The numbers of a matrix: under `data`, or a plain list."""
     return matrix.get("data") if isinstance(matrix, dict) else matrix
 
@@ -91,7 +99,8 @@ FORMAT = CameraFormat(
     name="opencv",
     title="OpenCV YAML",
     file_name="camera.yaml",
-    opens_with='in Python: cv2.FileStorage("{file}", cv2.FILE_STORAGE_READ).getNode("camera_matrix").mat(); '
+    opens_with='in Python: file = cv2.FileStorage("{file}", cv2.FILE_STORAGE_READ); '
+    'file.getNode("camera_matrix").mat(); '
     "where fisheye_model is 1 the functions of cv2.fisheye take it",
     recognised=_RECOGNISED,
     lenses=LENSES,

@@ -7,6 +7,9 @@ from pathlib import Path
 from calib.cameras.camera import camera_or_preset
 from calib.interop import FORMATS, OWN
 from calib.interop.format import CameraFormat, ReadCamera
+from calib.interop.parsing import pick
+from calib.interop.rigs.format import RigFormat
+from calib.interop.rigs.reading import largest_bytes, open_rig, recognise_rig
 from designer.base.errors import InputError
 from designer.base.small_file import read_small_text
 from designer.base.words import shown, suggestion
@@ -47,9 +50,12 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
     path, wanted = _split(name)
     if path.is_dir():
         path = _camera_in(path)
-    largest = max(one.max_bytes for one in FORMATS.values()) if known is None else known.max_bytes
+    largest = max(largest_bytes(), *(one.max_bytes for one in FORMATS.values())) if known is None else known.max_bytes
     text = read_small_text(path, largest, "a camera file")
     kind = known or recognise(text)
+    rig_kind = None if known is not None or (kind is not None and kind.holds_many) else recognise_rig(text)
+    if rig_kind is not None:
+        return _camera_of_rig(path, rig_kind, wanted)
     if kind is None:
         raise InputError(f"{path}: {_why_unknown(text)}; if you know, say --from {'|'.join(FORMATS)}")
     if len(text) > kind.max_bytes:
@@ -57,6 +63,13 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
     if wanted is not None and not kind.holds_many:
         raise InputError(f"{path}: {kind.title} holds one camera; leave out {shown('#' + wanted)}")
     return OpenedCamera(kind, kind.read(text, str(path), wanted), path)
+
+
+def _camera_of_rig(path: Path, kind: RigFormat, wanted: str | None) -> OpenedCamera:
+    """One of the cameras of a rig's file; where it stands is left behind."""
+    found = open_rig(path, kind.name).read
+    row = found.rig.names.index(pick({name: name for name in found.rig.names}, wanted, str(path)))
+    return OpenedCamera(FORMATS[OWN], ReadCamera(found.rig.cameras[row], found.refits[row]), path)
 
 
 def _camera_in(folder: Path) -> Path:

@@ -1,6 +1,7 @@
 """ROS camera_info files, as `camera_calibration` writes and drivers read them; and printed CameraInfo messages."""
 
 import re
+from collections.abc import Sequence
 
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, FileLens, ReadCamera
@@ -24,24 +25,34 @@ KEYS = (
     *("width", "height", "K", "k"),
 )
 
+IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
 _RECOGNISED = re.compile(r"\A(?=(?s:.*?)^distortion_model\s*:)(?=(?s:.*?)^(?:camera_matrix|K|k)\s*:)", re.MULTILINE)
 
 
 def write(camera: Camera, lens: FileLens) -> str:
     """The text for a camera of the lens's model; rectified images keep its focal lengths and centre."""
+    fx, fy, cx, cy = camera.params[:4].tolist()
+    return info_text(camera, lens, "camera", IDENTITY, (fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0))
+
+
+def info_text(
+    camera: Camera, lens: FileLens, name: str, rectification: Sequence[float], projection: Sequence[float]
+) -> str:
+    """The text for a camera with that name, whose rectified pictures are made with these 9 and 12 numbers."""
     fx, fy, cx, cy, *rest = lens.values(camera)
     width, height = camera.image_size
     return (
-        f"image_width: {width}\nimage_height: {height}\ncamera_name: camera\n"
+        f"image_width: {width}\nimage_height: {height}\ncamera_name: {name}\n"
         f"camera_matrix:{_matrix(3, 3, [fx, 0, cx, 0, fy, cy, 0, 0, 1])}"
         f"distortion_model: {lens.name}\n"
         f"distortion_coefficients:{_matrix(1, len(rest), rest)}"
-        f"rectification_matrix:{_matrix(3, 3, [1, 0, 0, 0, 1, 0, 0, 0, 1])}"
-        f"projection_matrix:{_matrix(3, 4, [fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0])}"
+        f"rectification_matrix:{_matrix(3, 3, rectification)}"
+        f"projection_matrix:{_matrix(3, 4, projection)}"
     )
 
 
-def _matrix(rows: int, columns: int, values: list[float]) -> str:
+def _matrix(rows: int, columns: int, values: Sequence[float]) -> str:
     return f"\n  rows: {rows}\n  cols: {columns}\n  data: [{', '.join(map(real, values))}]\n"
 
 

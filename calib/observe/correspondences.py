@@ -82,7 +82,7 @@ def read_observations(
             raise InputError(f"{path}: corners lie on their own grid; leave --target out")
         text = read_text(path, "a corners.vnl", MAX_FILE_BYTES)
         every = observations_from_corners(path, text, grid=grid, image_size=image_size)
-        _require_inside(every, path)
+        require_inside(every, str(path))
         return prepare(every, has_fronts=False, origin=str(path))
     if grid is not None:
         raise InputError(f"{path}: no corners.vnl, so its points have coordinates; leave --grid out")
@@ -117,8 +117,8 @@ def read_correspondences(
             f"{path}: the image size is not known; add a line '# image_size 2448 x 2048' at the top, or give "
             "--image-size 2448x2048"
         )
-    every = _all_rows(table, size, target)
-    _require_inside(every, path)
+    every = rows_of_table(table, size, target)
+    require_inside(every, str(path))
     used = (*REQUIRED, *OPTIONAL, *([ID] if of_target else []))
     unused = [name for name in table.cells if name not in used]
     if unused:
@@ -184,15 +184,18 @@ def _column_fault(columns: tuple[str, ...], *, of_target: bool) -> str:
     if len(columns) == 1 and re.search(r"[;\t]", columns[0]):
         return "values must be separated by commas"
     required = SEEN if of_target and ID in columns else REQUIRED
-    if fault := column_fault(columns, required, wanted):
-        return fault
+    return column_fault(columns, required, wanted) or accuracy_fault(columns)
+
+
+def accuracy_fault(columns: tuple[str, ...]) -> str:
+    """What is wrong with the columns that tell the accuracy; "" if nothing."""
     some = [name for name in COVARIANCE if name in columns]
     if len(some) % len(COVARIANCE) or bool(some) + ("sigma" in columns) + ("weight" in columns) > 1:
         return "the accuracy is sigma, weight, or suu,suv,svv: one of them, and not a part"
     return ""
 
 
-def _all_rows(table: CsvTable, size: Size, target: TargetGeometry | None) -> Observations:
+def rows_of_table(table: CsvTable, size: Size, target: TargetGeometry | None) -> Observations:
     """The table's rows in order, with remarks on its points."""
     u, v = table.reals("u"), table.reals("v")
     table.require(np.maximum(np.abs(u), np.abs(v)) <= MAX_SIDE_PX, f"u or v is beyond {MAX_SIDE_PX} px")
@@ -271,7 +274,7 @@ def _covariance(table: CsvTable) -> Array | None:
     return table.covariances()
 
 
-def _require_inside(every: Observations, path: Path) -> None:
+def require_inside(every: Observations, origin: str) -> None:
     """Refuse points far outside the image: its size is then another one."""
     if not len(every.view):
         return
@@ -281,6 +284,6 @@ def _require_inside(every: Observations, path: Path) -> None:
         row = int(np.argmax(outside.any(axis=1)))
         u, v = every.center_px[row]
         raise InputError(
-            f"{path}: {every.view_names[every.view[row]]}: a point at u {u:g}, v {v:g} is far outside an image "
+            f"{origin}: {every.view_names[every.view[row]]}: a point at u {u:g}, v {v:g} is far outside an image "
             f"of {size[0]} x {size[1]} px; check the image size"
         )

@@ -110,6 +110,15 @@ def is_real(cell: str) -> bool:
     return _REAL.fullmatch(cell) is not None
 
 
+def skip_comments(stream: io.StringIO) -> int:
+    """Leave the stream at the line of column names, and return its number, from 1."""
+    number, at = 1, stream.tell()
+    while (line := stream.readline()) and (not line.strip() or line.lstrip().startswith("#")):
+        number, at = number + 1, stream.tell()
+    stream.seek(at)
+    return number
+
+
 def read_table(
     path: Path,
     stream: io.StringIO,

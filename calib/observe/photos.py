@@ -115,7 +115,7 @@ def find_photos(arguments: Sequence[str]) -> FoundPhotos:
             raise InputError("'' is no photo; give files, folders or patterns, or '.' for the current folder")
         path = Path(argument)
         if _is(path, Path.is_dir):
-            inside = _images_in(path)
+            inside = images_in(path)
             if not inside:
                 failures.append(f"{path}: no images in this folder; they are known by suffixes such as .png or .jpg")
             paths += inside
@@ -123,7 +123,7 @@ def find_photos(arguments: Sequence[str]) -> FoundPhotos:
             matches = [Path(match) for match in glob.glob(argument, recursive=True) if Path(match).is_file()]
             if not matches:
                 failures.append(f"{argument}: no file matches this pattern; check the path")
-            paths += sorted(matches, key=_in_order)
+            paths += sorted(matches, key=in_order)
         else:
             paths.append(path)
     photos = [path for path in paths if not path.stem.endswith(OVERLAY_MARK)]
@@ -138,17 +138,17 @@ def _is(path: Path, test: Callable[[Path], bool]) -> bool:
         return False
 
 
-def _images_in(folder: Path) -> list[Path]:
+def images_in(folder: Path) -> list[Path]:
     """The images of a folder by their names' suffixes, without hidden files."""
     suffixes = {suffix for group in SUFFIXES_OF.values() for suffix in group}
     try:
         files = [path for path in folder.iterdir() if path.suffix.lower() in suffixes and not path.name.startswith(".")]
     except OSError:
         return []
-    return sorted((path for path in files if path.is_file()), key=_in_order)
+    return sorted((path for path in files if path.is_file()), key=in_order)
 
 
-def _in_order(path: Path) -> list[tuple[int, str]]:
+def in_order(path: Path) -> list[tuple[int, str]]:
     """Key that sorts img2 before img10."""
     parts = re.split(r"([0-9]+)", str(path))
     return [(int(part), "") if k % 2 else (0, part) for k, part in enumerate(parts)]

@@ -145,6 +145,15 @@ def write_calibration(
         InputError: they cannot be written, or hold what `read_calibration` refuses.
         ValueError: two views of one name.
     """
+    files, provenance = calibration_files(folder, calibration, provenance)
+    write_files(files)
+    return tuple(files), provenance
+
+
+def calibration_files(
+    folder: Path, calibration: Calibration, provenance: Provenance
+) -> tuple[dict[Path, bytes], Provenance]:
+    """What `write_calibration` writes, to be written with other files; errors as there."""
     if len(set(calibration.observations.view_names)) < calibration.observations.view_count:
         raise ValueError("two views have the same name")
     table = observations_to_csv(calibration)
@@ -154,8 +163,7 @@ def write_calibration(
         folder / OBSERVATIONS_FILE: table,
         folder / CAMERA_FILE: camera_to_json(calibration.camera).encode(),
     }
-    write_files(files)
-    return tuple(files), replace(provenance, observations_sha256=digest)
+    return files, replace(provenance, observations_sha256=digest)
 
 
 def _text(calibration: Calibration, provenance: Provenance, digest: str, folder: Path) -> bytes:

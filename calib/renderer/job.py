@@ -4,10 +4,11 @@ import json
 import multiprocessing
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -45,6 +46,10 @@ class RenderJob:
         return [f"view_{n:0{digits}d}{SUFFIX[self.file_format]}" for n in range(len(self.cam_from_target))]
 
 
+_Missing: TypeAlias = tuple[RenderJob, int, Path]
+"""A view that is to be rendered: of which set, its number, the folder."""
+
+
 @dataclass(frozen=True)
 class Rendered:
     """What a run did."""
@@ -72,36 +77,67 @@ def run_job(
     Raises:
         InputError: the folder holds another set, or images of unknown origin, and is not to be overwritten.
     """
+    return run_jobs({folder: job}, processes=processes, overwrite=overwrite, on_view=on_view)
+
+
+def run_jobs(
+    jobs: Mapping[Path, RenderJob], *, processes: int, overwrite: bool, on_view: Callable[[int, int], None]
+) -> Rendered:
+    """The same of several sets, each in a folder of its own; nothing is written if one of them is refused."""
     start = time.perf_counter()
-    missing = _claim(job, folder, overwrite)
-    kept = len(job.cam_from_target) - len(missing)
-    on_view(kept, len(job.cam_from_target))
+    require_free(jobs, overwrite=overwrite)
+    missing = [(job, index, folder) for folder, job in jobs.items() for index in _claim(job, folder, overwrite)]
+    total = sum(len(job.cam_from_target) for job in jobs.values())
+    kept = total - len(missing)
+    on_view(kept, total)
     processes = max(1, min(processes, len(missing)))
-    rendered = _render_here(job, missing, folder) if processes == 1 else _render(job, missing, folder, processes)
+    rendered = _render_here(missing) if processes == 1 else _render(missing, processes)
     for done, _ in enumerate(rendered, start=1):
-        on_view(kept + done, len(job.cam_from_target))
+        on_view(kept + done, total)
     return Rendered(len(missing), kept, time.perf_counter() - start, processes)
+
+
+def _old_truth(folder: Path) -> str | None:
+    """The truth that lies in a folder, if one does."""
+    path = folder / TRUTH_FILE
+    return path.read_text(encoding="utf-8", errors="replace") if path.exists() else None
+
+
+def require_free(jobs: Mapping[Path, RenderJob], *, overwrite: bool) -> None:
+    """Refuse folders with other images, or with images that are not ours to replace.
+
+    Raises:
+        InputError: one is.
+    """
+    for folder, job in jobs.items():
+        _require_free(job, folder, overwrite)
+
+
+def _require_free(job: RenderJob, folder: Path, overwrite: bool) -> None:
+    """Refuse a folder with other images, and one whose images are not ours to replace."""
+    old, path = _old_truth(folder), folder / TRUTH_FILE
+    if old is not None and _is_same(old, truth_text(job)) and not overwrite:
+        return
+    if old is not None and not overwrite:
+        raise InputError(f"{path}: holds another set of photos; choose another folder with -o, or add --overwrite")
+    paths = [folder / name for name in job.file_names]
+    found = next((image for image in paths if image.exists()), None)
+    if old is None and found is not None and not overwrite:
+        raise InputError(f"{found}: is there already, without a {TRUTH_FILE}; choose another folder with -o")
+    for one in (path, *(folder / name for name in _named_in(old)), *paths):
+        require_ours(one)
 
 
 def _claim(job: RenderJob, folder: Path, overwrite: bool) -> list[int]:
     """Write the truth, and find the views whose images are missing."""
     folder.mkdir(parents=True, exist_ok=True)
-    truth, path = truth_text(job), folder / TRUTH_FILE
-    old = path.read_text(encoding="utf-8", errors="replace") if path.exists() else None
+    truth, old = truth_text(job), _old_truth(folder)
     paths = [folder / name for name in job.file_names]
     if old is not None and _is_same(old, truth) and not overwrite:
         return [n for n, image in enumerate(paths) if not image.exists()]
-    if old is not None and not overwrite:
-        raise InputError(f"{path}: holds another set of photos; choose another folder with -o, or add --overwrite")
-    found = next((image for image in paths if image.exists()), None)
-    if old is None and found is not None and not overwrite:
-        raise InputError(f"{found}: is there already, without a {TRUTH_FILE}; choose another folder with -o")
-    replaced = [*(folder / name for name in _named_in(old)), *paths]
-    for one in (path, *replaced):
-        require_ours(one)
-    for image in replaced:
+    for image in (*(folder / name for name in _named_in(old)), *paths):
         image.unlink(missing_ok=True)
-    _replace(path, truth.encode())
+    _replace(folder / TRUTH_FILE, truth.encode())
     return list(range(len(paths)))
 
 
@@ -123,20 +159,20 @@ def _named_in(truth: str | None) -> list[str]:
     return [name for name in names if name.startswith("view_") and Path(name).name == name]
 
 
-def _render_here(job: RenderJob, views: list[int], folder: Path) -> Iterator[None]:
+def _render_here(views: Sequence[_Missing]) -> Iterator[None]:
     """Render views one by one, and say when each is done."""
-    for index in views:
-        render_file(job, index, folder)
+    for view in views:
+        render_file(*view)
         yield
 
 
-def _render(job: RenderJob, views: list[int], folder: Path, processes: int) -> Iterator[None]:
+def _render(views: Sequence[_Missing], processes: int) -> Iterator[None]:
     """Render views in several processes, and say when each is done."""
     context = multiprocessing.get_context("spawn")
     executor = ProcessPoolExecutor(processes, mp_context=context, initializer=_prepare_process, initargs=(os.getpid(),))
     try:
         with interrupts_held():  # processes start at the first
-            futures = [executor.submit(render_file, job, index, folder) for index in views]
+            futures = [executor.submit(render_file, *view) for view in views]
         for future in as_completed(futures):
             future.result()
             yield

@@ -1,4 +1,7 @@
-"""`truth.json` of rendered photos: the camera that took them, and where it stood: `TRUTH.read(path)`."""
+"""`truth.json` of rendered photos: the camera that took them, and where it stood: `TRUTH.read(path)`.
+
+Photos of a rig have one in each camera's folder, and one above them: how the target was held, frame by frame.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -10,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
+from calib.cameras.rig import MOST_CAMERAS
 from calib.core.se3 import rigid_fault
 from calib.core.types import freeze
 from calib.renderer.options import RenderOptions
 from designer.base.file_kind import FileKind
-from designer.base.marks import Length, Shape
+from designer.base.marks import LEFT_OUT, Length, Shape, Word
 from designer.base.words import shown
 
 TRUTH_FILE = "truth.json"
@@ -80,3 +84,31 @@ class Truth:
 
 
 TRUTH = FileKind(Truth, "truth", "the truth of rendered photos", "render again")
+
+
+@dataclass(frozen=True, eq=False)
+class TrueFrame:
+    """A moment, and how the target was held then."""
+
+    name: str  # of the photos, without suffix
+    rig_from_target: Annotated[NDArray[np.float64], Shape(4, 4)]
+    time_s: Annotated[float | None, LEFT_OUT] = None  # None: the target stood still
+
+    def __post_init__(self) -> None:
+        freeze(self, "rig_from_target")
+        if fault := rigid_fault(self.rig_from_target[None]):
+            raise ValueError(f"rig_from_target {fault[1]}; it must be a rigid motion")
+
+
+@dataclass(frozen=True, eq=False)
+class RigTruth:
+    """What is known of a rig's rendered photos, beside the rig itself, which is in `rig.json`."""
+
+    geometry_id: str  # of the target
+    layout_id: str
+    cameras: Annotated[tuple[Word, ...], Length(1, MOST_CAMERAS)]
+    frames: Annotated[tuple[TrueFrame, ...], Length(1, 100_000)]
+    seed: int
+
+
+RIG_TRUTH = FileKind(RigTruth, "rig_truth", "the truth of a rig's rendered photos", "render again")

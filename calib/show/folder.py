@@ -11,8 +11,11 @@ from pathlib import Path
 from typing import TypeAlias, cast
 
 from calib.core.files import write_files
+from calib.records.budget_file import BUDGET_FILE
 from calib.records.coupon import COUPON_FILE
+from calib.records.rig_file import is_rig_folder
 from calib.records.run_folder import is_run_folder
+from calib.records.triangulation_file import TRIANGULATION_FILE
 from calib.show.parts.gallery import OVERLAYS
 from calib.show.parts.origin import ORIGIN, ORIGIN_FILE, Origin, origin_of, read_origin
 from calib.show.photos.photos_file import PHOTOS_FILE, read_photos
@@ -31,21 +34,27 @@ KINDS: Mapping[str, str] = {
     "paper": "studies.study_page.paper_page",
     "tolerance": "studies.tolerance_page.tolerance_page",
     "ways": "studies.tolerance_page.ways_page",
+    "rig_bootstrap": "studies.rig_bootstrap_page.rig_bootstrap_page",
+    "rig_tolerance": "studies.rig_tolerance_page.rig_tolerance_page",
     "compare": "studies.compare_page.compare_page",
     "cost": "studies.cost_page.cost_page",
+    "rig": "rig.rig_page.rig_page",
     "measure": "measured.page.measure_page",
     "coupon": "coupon.page.coupon_page",
     "photos": "photos.photos_page.photos_page",
     "undistorted": "photos.photos_page.photos_page",
     "detections": "photos.photos_page.photos_page",
     "poses": "photos.photos_page.photos_page",
+    "triangulation": "space.triangulated.triangulation_page",
+    "budget": "space.budgeted.budget_page",
 }
 """What builds the page of each kind of folder: a function below `calib.show`, loaded when it is needed."""
 REPLACED = (("detections", "calibration"),)
 """Kinds that give way to another in the same folder: a run that found nothing, to one that found a camera."""
 BY_FORMAT: Mapping[str, str] = {
     "ringsolid.study_table": "bootstrap", "ringsolid.tolerance_table": "tolerance", "ringsolid.comparison": "compare",
-    "ringsolid.cost_table": "cost",
+    "ringsolid.cost_table": "cost", "ringsolid.rig_tolerance": "rig_tolerance",
+    "ringsolid.rig_bootstrap": "rig_bootstrap",
 }  # fmt: skip
 """Formats of table.json and what the folder then is."""
 OF_PAPER = "targets"
@@ -166,6 +175,8 @@ def origin_in(folder: Path) -> Origin:
 
 def _kind_in(folder: Path) -> str:
     """The kind of a folder's results, by the files in it; "" if there are none."""
+    if is_rig_folder(folder):
+        return "rig"
     if is_run_folder(folder):
         return "calibration"
     table = folder / TABLE_FILE
@@ -175,6 +186,7 @@ def _kind_in(folder: Path) -> str:
         return "paper" if kind == "bootstrap" and (folder / OF_PAPER).is_dir() else kind
     if any(folder.glob("*.as_built.json")):
         return "measure"
-    if (folder / COUPON_FILE).is_file():
-        return "coupon"
+    for name, kind in ((COUPON_FILE, "coupon"), (TRIANGULATION_FILE, "triangulation"), (BUDGET_FILE, "budget")):
+        if (folder / name).is_file():
+            return kind
     return read_photos(folder).kind if (folder / PHOTOS_FILE).is_file() else ""

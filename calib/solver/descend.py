@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from calib.cameras import neutral
 from calib.cameras.camera import Camera
 from calib.solver.blocks import RobustLoss, view_misfit
-from calib.solver.levenberg import FIRST_DAMPING, Minimum, minimise
+from calib.solver.descent import FIRST_DAMPING
+from calib.solver.levenberg import Minimum, minimise
 from calib.solver.options import Loss, SolveOptions, Tie
 from calib.solver.outliers import deviations, forgetful, robust_covariance_factor, robust_sigma, whitened
 from calib.solver.problem import Problem, few_per_view, select

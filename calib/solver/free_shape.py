@@ -9,7 +9,7 @@ with the derivatives G by the camera, P by the view's pose and T by a point's pl
 of each view by an orthonormal basis Q of P's columns: `A' A - (Q' A)' (Q' A)`, A being all other columns.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import linearise
 from calib.cameras.surface import surface_model
+from calib.core.types import Observations
 from calib.solver.calibration import Calibration
 from calib.solver.problem import whiteners
 
@@ -58,11 +59,10 @@ class ShapeEquations:
 
 
 @dataclass(frozen=True, eq=False)
-class WhitenedView:
-    """The M sightings of a view that count, to first order, times their weights."""
+class PosedSightings:
+    """The M sightings that count of what one pose moves, to first order, times their weights."""
 
-    row: NDArray[np.int64]  # (M,) of the observations
-    weight: Array  # (M, 2, 2) whitener of each, unity if the solution is not weighted
+    point: NDArray[np.int64]  # (M,)
     by_camera: Array  # (M, 2, Q)
     residual: Array  # (M, 2, 1)
     by_pose: Array  # (M, 2, 6)
@@ -73,6 +73,14 @@ class WhitenedView:
         flat = self.by_pose.reshape(-1, POSE)
         basis: Array = np.linalg.qr(flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-300))[0]
         return basis.reshape(self.by_pose.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class WhitenedView(PosedSightings):
+    """Those of a view."""
+
+    row: NDArray[np.int64]  # (M,) of the observations
+    weight: Array  # (M, 2, 2) whitener of each, unity if the solution is not weighted
 
 
 def free_directions(param_covariance: Array) -> Array:
@@ -101,21 +109,28 @@ def camera_directions(calibration: Calibration) -> Array:
 
 
 def shape_equations(calibration: Calibration, basis: Array, modes_mm: Array, own_mm: Array) -> ShapeEquations:
-    """The normal equations at a solution, for `free_directions` of the camera.
+    """The normal equations at a solution, for `free_directions` of the camera; see `equations_of`."""
+    used = np.unique(calibration.observations.point[~calibration.is_outlier])
+    return equations_of(whitened_views(calibration, basis), used, basis, modes_mm, own_mm)
+
+
+def equations_of(
+    posed: Iterable[PosedSightings], used: NDArray[np.int64], basis: Array, modes_mm: Array, own_mm: Array
+) -> ShapeEquations:
+    """The normal equations of sightings, pose by pose.
 
     The K points are displaced by numbers that they share, `modes_mm` (S, K, 3), and each by its own, `own_mm` (K, 3,
-    C); points that count in no view have no unknowns.
+    C); points that are not used, since they count in no view, have no unknowns.
     """
-    seen, each = calibration.observations, own_mm.shape[2]
-    used = np.unique(seen.point[~calibration.is_outlier])
+    each = own_mm.shape[2]
     dense, count = basis.shape[1] + len(modes_mm), each * len(used)
     slot = np.zeros(len(own_mm), dtype=np.int64)
     slot[used] = np.arange(len(used))
     # The residuals stand behind the other columns.
     products, block, cross = np.zeros((dense + 1,) * 2), np.zeros((len(used), each, each)), np.zeros((count, dense + 1))
     taken, taken_own, equations = [np.zeros((0, dense + 1))], [np.zeros((0, count))], 0
-    for view in whitened_views(calibration, basis):
-        point, by_place = seen.point[view.row], view.by_place
+    for view in posed:
+        point, by_place = view.point, view.by_place
         if 2 * len(point) <= POSE:
             continue
         by_modes = by_place @ modes_mm[:, point].transpose(1, 2, 0)
@@ -151,11 +166,17 @@ def whitened_views(calibration: Calibration, basis: Array) -> Iterator[WhitenedV
         by_place = linear.by_point.transpose(2, 0, 1)
         # A turn by w about the camera's axes moves a place p by w x p.
         by_pose = np.concatenate([np.cross(place[:, None, :], by_place), by_place], axis=2)
-        weight = np.tile(np.eye(2), (len(row), 1, 1))
-        if calibration.weighted and seen.cov_px2 is not None and len(row):
-            a, b, c = whiteners(seen.cov_px2[row])
-            weight = np.stack([a, np.zeros_like(a), b, c], axis=1).reshape(-1, 2, 2)
+        weight = weights(seen, row, weighted=calibration.weighted)
         yield WhitenedView(
-            row, weight, weight @ (linear.by_params.transpose(2, 0, 1) @ basis),
+            seen.point[row], weight @ (linear.by_params.transpose(2, 0, 1) @ basis),
             weight @ calibration.residual_px[row][:, :, None], weight @ by_pose, weight @ (by_place @ pose[:3, :3]),
+            row, weight,
         )  # fmt: skip
+
+
+def weights(seen: Observations, row: NDArray[np.int64], *, weighted: bool) -> Array:
+    """The whiteners of some observations (M, 2, 2), unity if they are not weighted."""
+    if not weighted or seen.cov_px2 is None or not len(row):
+        return np.tile(np.eye(2), (len(row), 1, 1))
+    a, b, c = whiteners(seen.cov_px2[row])
+    return np.stack([a, np.zeros_like(a), b, c], axis=1).reshape(-1, 2, 2)

@@ -10,23 +10,21 @@ from calib.cameras.camera import Camera
 from calib.core.jit import jit
 from calib.core.small_solve import cholesky_factor, substitute
 from calib.solver.blocks import Blocks, RobustLoss, view_blocks
+from calib.solver.descent import (
+    FIRST_DAMPING,
+    LARGEST_DAMPING,
+    PERFECT_PX,
+    SMALL_DECREASE,
+    levenberg_marquardt,
+)
 from calib.solver.problem import Problem
-from calib.solver.schur import damped_step
+from calib.solver.schur import Step, damped_step
 
 Array = NDArray[np.float64]
 
-FIRST_DAMPING = 1e-4
-LARGEST_DAMPING = 1e12
-SMALLEST_DAMPING = 1e-14
-SMALL_DECREASE = 1e-15
-"""Of the cost: with 100,000 observations the unknowns are then within 1e-5 standard deviations of the minimum."""
-ROUNDING = 1e-13
-"""Of the cost: a step that promises less and does not deliver is lost in rounding."""
 SHORT = 1e-4
 """Of the residuals, what a step moves the picture by: the normal matrix is then as it was, covariances to a millionth
 (of five views to five), and only the gradient is renewed, in half the time. The last step is nearly always one."""
-PERFECT_PX = 1e-11
-"""Root mean square of residuals that are nothing but rounding."""
 PATIENCE = 16
 """Steps refused because the model does not show all points there, all told, until the descent is given up.
 
@@ -71,61 +69,64 @@ def minimise(
         small_decrease: ends the descent when a step promises less, as a part of the cost.
         damping: to begin with; little where the start is near the minimum.
     """
-    blocks = view_blocks(problem, camera, cam_from_target, loss)
-    cost = float(blocks.cost.sum())
-    perfect = PERFECT_PX**2 * max(int(problem.is_used.sum()), 1)
-    growth = 2.0
-    barrier = _Barrier(problem.is_used)
-    if not np.isfinite(cost):
-        barrier.refuses(blocks)
-        return Minimum(camera, cam_from_target, blocks, 0, False, barrier.in_the_way)
-    for iteration in range(1, max_iterations + 1):
-        step = damped_step(blocks.products, tie, damping)
-        if step.solvable and step.predicted <= small_decrease * cost + perfect:
-            return Minimum(camera, cam_from_target, blocks, iteration, converged=True)
-        trial = _moved(camera, tie, step.free)
-        poses = move_poses(cam_from_target, step.pose, turn_of_centre(camera, trial))
-        if step.solvable and is_allowed(trial):
-            near = blocks.products if step.predicted <= SHORT**2 * cost else None
-            there = view_blocks(problem, trial, poses, loss, near=near)
-            trial_cost = float(there.cost.sum())
-            if trial_cost < cost:
-                gain = (cost - trial_cost) / step.predicted
-                bold = 1e-3 if growth == 2.0 else 0.2  # not at once where bolder steps have just failed
-                damping, growth = max(damping * _shrinkage(gain, bold), SMALLEST_DAMPING), 2.0
-                camera, cam_from_target, blocks, cost = trial, poses, there, trial_cost
-                continue
-            if not np.isfinite(trial_cost):
-                barrier.refuses(there)
-                if barrier.refused > PATIENCE:
-                    return Minimum(camera, cam_from_target, blocks, iteration, False, barrier.in_the_way)
-            elif step.predicted <= ROUNDING * cost:
-                return Minimum(camera, cam_from_target, blocks, iteration, converged=True)
-        damping, growth = damping * growth, growth * 2
-        if damping > LARGEST_DAMPING:
-            return Minimum(camera, cam_from_target, blocks, iteration, False, barrier.in_the_way)
-    return Minimum(camera, cam_from_target, blocks, max_iterations, False, barrier.in_the_way)
+    one = _OneCamera(problem, tie, loss)
+    found = levenberg_marquardt(
+        one, _CameraState(camera, cam_from_target), max_iterations=max_iterations, small_decrease=small_decrease,
+        damping=damping,
+    )  # fmt: skip
+    state, in_the_way = found.state, None if found.converged else one.in_the_way
+    return Minimum(state.camera, state.cam_from_target, found.equations, found.iterations, found.converged, in_the_way)
 
 
-class _Barrier:
-    """The steps to where a model no longer shows all points are counted, and the fewest that one would lose kept."""
+@dataclass(frozen=True, eq=False)
+class _CameraState:
+    """A camera and its poses (V, 4, 4)."""
 
-    def __init__(self, is_used: NDArray[np.bool_]) -> None:
-        self.is_used = is_used
+    camera: Camera
+    cam_from_target: Array
+
+
+class _OneCamera:
+    """One camera and its views, for `levenberg_marquardt`.
+
+    The steps to where a model no longer shows all points are counted, and the fewest that one would lose are kept.
+    """
+
+    def __init__(self, problem: Problem, tie: NDArray[np.int64], loss: RobustLoss) -> None:
+        self.problem, self.tie, self.loss = problem, tie, loss
+        self.perfect = PERFECT_PX**2 * max(int(problem.is_used.sum()), 1)
         self.refused = 0
         self.in_the_way: NDArray[np.bool_] | None = None
 
-    def refuses(self, there: Blocks) -> None:
-        """One more."""
-        hidden = self.is_used & ~np.isfinite(there.residual_px).all(axis=0)
+    def equations(self, state: _CameraState) -> Blocks:
+        """As `Solvable`."""
+        return view_blocks(self.problem, state.camera, state.cam_from_target, self.loss)
+
+    def cost(self, equations: Blocks) -> float:
+        """As `Solvable`."""
+        return float(equations.cost.sum())
+
+    def step(self, state: _CameraState, equations: Blocks, damping: float) -> Step | None:
+        """As `Solvable`."""
+        step = damped_step(equations.products, self.tie, damping)
+        return step if step.solvable else None
+
+    def trial(self, state: _CameraState, equations: Blocks, step: Step) -> tuple[_CameraState, Blocks] | None:
+        """As `Solvable`; after a short step the normal matrix is as it was, see `SHORT`."""
+        camera = moved_camera(state.camera, self.tie, step.free)
+        if not is_allowed(camera):
+            return None
+        poses = move_poses(state.cam_from_target, step.pose, turn_of_centre(state.camera, camera))
+        near = equations.products if step.predicted <= SHORT**2 * self.cost(equations) else None
+        return _CameraState(camera, poses), view_blocks(self.problem, camera, poses, self.loss, near=near)
+
+    def gives_up(self, there: Blocks) -> bool:
+        """As `Solvable`, see `PATIENCE`."""
+        hidden = self.problem.is_used & ~np.isfinite(there.residual_px).all(axis=0)
         self.refused += 1
         if self.in_the_way is None or hidden.sum() <= self.in_the_way.sum():
             self.in_the_way = hidden
-
-
-def _shrinkage(gain: float, bold: float) -> float:
-    """Factor of the damping after a step that gained this part of what it promised; bolder than Nielsen 1999."""
-    return bold if gain > 0.9 else max(1 / 3, 1 - (2 * gain - 1) ** 3)
+        return self.refused > PATIENCE
 
 
 def turn_of_centre(camera: Camera, trial: Camera) -> Array:
@@ -215,7 +216,7 @@ def _rotate(pose: Array, vector: Array, columns: int) -> None:
         pose[2, column] = c + first * r + second * (x * q - y * p)
 
 
-def _moved(camera: Camera, tie: NDArray[np.int64], free: Array) -> Camera:
+def moved_camera(camera: Camera, tie: NDArray[np.int64], free: Array) -> Camera:
     """The camera after a step of its free parameters."""
     if not len(free):
         return camera

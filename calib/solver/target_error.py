@@ -51,7 +51,7 @@ def with_target_error(calibration: Calibration, made: Made | None) -> Calibratio
     found = _equations(calibration, made.prior)
     if found is not None:
         equations, _ = found
-        covariance = equations.basis @ _added_covariance(equations) @ equations.basis.T
+        covariance = added_covariance(equations)
     return replace(
         calibration,
         target_error=TargetError(
@@ -99,14 +99,14 @@ def _equations(calibration: Calibration, prior: ShapePrior | None) -> tuple[Shap
     return shape_equations(calibration, basis, modes_mm, prior.ring_modes_mm), modes_mm
 
 
-def _added_covariance(equations: ShapeEquations) -> Array:
-    """The camera's mean square error by the target, in the equations' directions.  # (Q, Q)"""
-    settled = _settled(equations)
+def added_covariance(equations: ShapeEquations) -> Array:
+    """The parameters' mean square error by the target.  # (P, P)"""
+    basis, settled = equations.basis, _settled(equations)
     if settled is None:
-        return np.zeros((equations.basis.shape[1],) * 2)
+        return np.zeros((len(basis),) * 2)
     found, variance = settled
     step = found.mean[equations.camera]
-    added: Array = variance * found.more + np.outer(step, step)
+    added: Array = basis @ (variance * found.more + np.outer(step, step)) @ basis.T
     return added
 
 

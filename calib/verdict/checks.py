@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from calib.core.number_text import figure
 from calib.solver.calibration import TargetError
@@ -10,6 +11,8 @@ from calib.verdict.halves import HalvesApart, NoHalves
 from calib.verdict.target_shape import ShapeEffect
 from calib.verdict.verdict import Check, Criteria, Grade, Limits, measured_text
 from designer.tolerance.made import EXACT, MEASURED
+
+Evidence = TypeVar("Evidence")
 
 NOISY = 3.0
 """Residuals this many times the stated noise of the detector are said to be something else."""
@@ -43,13 +46,13 @@ class Found:
 
 
 @dataclass(frozen=True)
-class CheckKind:
-    """Something that is checked of each camera: what it is called, and how it is judged by given limits."""
+class CheckKind(Generic[Evidence]):
+    """Something that is checked of a camera or a rig: what it is called, and how it is judged by given limits."""
 
     name: str  # a key of a criteria file
     title: str
     unit: str  # of the value and of its limits
-    judge: Callable[[CameraEvidence, Criteria], Found | None]  # None: there is nothing to say
+    judge: Callable[[Evidence, Criteria], Found | None]  # None: there is nothing to say
     limits: Limits = NO_LIMITS  # where neither the criteria nor the template `standard` have some
     most: float = 1000.0  # that a limit may be
     is_at_least: bool = False  # the value must be at least the limits, not at most
@@ -60,8 +63,8 @@ class CheckKind:
         """Whether there is something to measure."""
         return bool(self.unit)
 
-    def check(self, evidence: CameraEvidence, criteria: Criteria) -> Check | None:
-        """What came of it for one camera."""
+    def check(self, evidence: Evidence, criteria: Criteria) -> Check | None:
+        """What came of it for one camera or rig."""
         found = self.judge(evidence, criteria)
         if found is None:
             return None
@@ -73,9 +76,14 @@ class CheckKind:
         )  # fmt: skip
 
 
-def _at_most(value: float, limits: Limits) -> Grade:
+def at_most(value: float, limits: Limits) -> Grade:
     """The grade of a value that is better if it is less."""
     return "good" if value <= limits.good else "usable" if value <= limits.usable else "bad"
+
+
+def at_least(value: float, limits: Limits) -> Grade:
+    """The grade of a value that is better if it is more."""
+    return "good" if value >= limits.good else "usable" if value >= limits.usable else "bad"
 
 
 def px(value: float) -> str:
@@ -125,13 +133,13 @@ def _uncertainty(evidence: CameraEvidence, criteria: Criteria) -> Found:
         return Found("bad", None, sentence)
     value = found.image_px
     sentence = f"the camera is uncertain by up to {px(value)} in 95 % of the {area} (1 sigma){inside}"
-    return Found(_at_most(value, limits), value, sentence)
+    return Found(at_most(value, limits), value, sentence)
 
 
 def _coverage(evidence: CameraEvidence, criteria: Criteria) -> Found:
     limits = criteria["coverage"]
     percent = 100 * evidence.coverage.share
-    grade: Grade = "good" if percent >= limits.good else "usable" if percent >= limits.usable else "bad"
+    grade = at_least(percent, limits)
     covered = evidence.coverage
     text = measured_text(percent, "%", (limits.good, limits.usable))
     sentence = f"the observations surround {text} % of the {covered.area}"
@@ -152,7 +160,7 @@ def _halves(evidence: CameraEvidence, criteria: Criteria) -> Found:
     found, limits = evidence.halves, criteria["halves"]
     if isinstance(found, NoHalves):
         return Found("unknown", None, found.reason)
-    grade = _at_most(found.ratio, limits)
+    grade = at_most(found.ratio, limits)
     if grade != "good" and found.percentile_95_px <= IRRELEVANT * criteria["models"].good:
         sentence = (
             f"cameras solved from halves of the photos differ {figure(found.ratio, 2)} times more than their standard "
@@ -195,7 +203,7 @@ def _residuals(evidence: CameraEvidence, criteria: Criteria) -> Found:
     limits = criteria["residuals"]
     found = evidence.leftover
     sentence = f"the residuals are {px(found.rmse_px)} (RMS of {found.count} observations)"
-    grade = _at_most(found.rmse_px, limits)
+    grade = at_most(found.rmse_px, limits)
     if found.stated_sigma_px and found.sigma_px > NOISY * found.stated_sigma_px:
         times = f"{figure(found.sigma_px / found.stated_sigma_px, 2)} times the noise that is stated"
         sentence += (
@@ -215,7 +223,7 @@ def _systematic(evidence: CameraEvidence, criteria: Criteria) -> Found:
     value = max(known)
     on_target = found.target_px is not None and found.target_px == value
     where = "of a point of the target in all photos" if on_target else "of a place in the image"
-    grade = _at_most(value, limits)
+    grade = at_most(value, limits)
     is_certain = grade != "good" and (not on_target or _is_other_shape(evidence))
     cause = (
         f"the target {'is not' if is_certain else 'may not be'} quite as given"
@@ -245,7 +253,7 @@ def _outliers(evidence: CameraEvidence, criteria: Criteria) -> Found:
     found = evidence.leftover
     percent = 100 * (found.far_share + found.left_out_share)
     usable = limits.usable + 100 * found.left_out_share
-    grade = _at_most(percent, Limits(limits.good, usable))
+    grade = at_most(percent, Limits(limits.good, usable))
     sentence = (
         f"{_percent(found.far_share)} of the observations are off by more than {FAR_OFF:g} robust standard deviations"
     )
@@ -275,7 +283,7 @@ def _target(evidence: CameraEvidence, criteria: Criteria) -> Found:
         return Found("unknown", None, why)
     if found.ratio <= BY_CHANCE:
         return _target_by_chance(evidence, found, limits)
-    grade, is_sure = _at_most(found.percentile_95_px, limits), found.ratio > SURE
+    grade, is_sure = at_most(found.percentile_95_px, limits), found.ratio > SURE
     blamed = "may not be" if not is_sure or evidence.may_be_lens else "is not"
     other = ", or the model does not fit the lens" if evidence.may_be_lens else ""
     sentence = (
@@ -365,11 +373,11 @@ def _models(evidence: CameraEvidence, criteria: Criteria) -> Found:
 
 
 def _models_grade(one: ModelApart, value: float, limits: Limits) -> Grade:
-    grade = _at_most(value, limits)
+    grade = at_most(value, limits)
     return "usable" if grade == "bad" and one.is_learned else grade
 
 
-CHECKS: Mapping[str, CheckKind] = {
+CHECKS: Mapping[str, CheckKind[CameraEvidence]] = {
     kind.name: kind
     for kind in (
         CheckKind("solution", "Solution", "", _solution),

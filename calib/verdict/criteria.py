@@ -6,7 +6,8 @@ A file of one's own needs to hold only what differs from the template `standard`
 import re
 from collections.abc import Mapping
 
-from calib.verdict.checks import CHECKS, CheckKind
+from calib.verdict.checks import CHECKS, CheckKind, Evidence
+from calib.verdict.rig_checks import RIG_CHECKS
 from calib.verdict.verdict import Criteria, Limits
 from designer.base.errors import InputError
 from designer.base.words import shown, suggestion
@@ -20,21 +21,31 @@ _KEYS = ("good", "usable", "source")
 
 
 def read_criteria(name_or_path: str = STANDARD) -> Criteria:
-    """The criteria of a template, or of a person's TOML file.
+    """The criteria of a template, or of a person's TOML file, that a camera is judged by.
 
     Raises:
         InputError: neither, or a key or value that breaks a rule; the message says which.
     """
+    return _read(name_or_path, CHECKS)
+
+
+def read_rig_criteria(name_or_path: str = STANDARD) -> Criteria:
+    """Likewise those that a rig is judged by; errors as `read_criteria`."""
+    return _read(name_or_path, RIG_CHECKS)
+
+
+def _read(name_or_path: str, checks: Mapping[str, CheckKind[Evidence]]) -> Criteria:
+    """The limits of some checks, of a file that may hold those of all."""
     path = preset_or_file("criteria", name_or_path)
     values = {**read_spec_file(preset_or_file("criteria", STANDARD)), **read_spec_file(path)}
     try:
-        _require_known(values, ("title", *CHECKS))
+        _require_known(values, ("title", *dict.fromkeys((*CHECKS, *RIG_CHECKS))))
         title = values["title"]
         if not isinstance(title, str) or not 0 < len(title) <= LONGEST_TITLE:
             raise ValueError(f"title {shown(title)}: must be a text of 1 to {LONGEST_TITLE} characters")
         limits = {
             name: _limits(kind, values[name]) if name in values else kind.limits
-            for name, kind in CHECKS.items()
+            for name, kind in checks.items()
             if kind.has_limits
         }
     except ValueError as error:
@@ -42,7 +53,7 @@ def read_criteria(name_or_path: str = STANDARD) -> Criteria:
     return Criteria(path.stem, title, limits)
 
 
-def _limits(kind: CheckKind, table: RawValue) -> Limits:
+def _limits(kind: CheckKind[Evidence], table: RawValue) -> Limits:
     """The limits of one check."""
     if not isinstance(table, dict):
         raise ValueError(f"{kind.name} {shown(table)}: must be a table with good and usable")
@@ -60,7 +71,7 @@ def _limits(kind: CheckKind, table: RawValue) -> Limits:
     return Limits(good, usable, source)
 
 
-def _quantity(key: str, value: RawValue, kind: CheckKind) -> float:
+def _quantity(key: str, value: RawValue, kind: CheckKind[Evidence]) -> float:
     """A number of a unit, with or without it."""
     number = value
     if isinstance(value, str):

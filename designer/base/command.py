@@ -7,7 +7,7 @@ import io
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from contextvars import ContextVar
 from dataclasses import replace
@@ -295,3 +295,21 @@ def people_on_stderr() -> Iterator[None]:
         if kept is not None:
             os.dup2(kept, OUT)
             os.close(kept)
+
+
+def only_these(context: typer.Context, option: str, parameters: Collection[str]) -> None:
+    """Refuse options on the command line that mean nothing beside one of them.
+
+    Args:
+        context: of the command.
+        option: that one.
+        parameters: those of the command's parameters that do mean something.
+
+    Raises:
+        InputError: another was given; the message names it.
+    """
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        source = context.get_parameter_source(name)
+        if name not in (*parameters, "as_json") and source is not None and source.name == "COMMANDLINE":
+            raise InputError(f"{option}: {parameter.opts[0]} is of studies of one camera; leave it out")

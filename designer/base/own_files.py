@@ -31,7 +31,7 @@ _MARKS: tuple[tuple[re.Pattern[bytes], str | None], ...] = tuple(
         (r"\A\x89PNG.*?tEXtSoftware\0OURS(?![A-Za-z0-9])", _BARE),
         (r"\A\xff\xd8\xff\xfe\0\x0bOURS", _BARE),
         (r"PK\x05\x06.{18}OURS\Z", _BARE),
-        (r'"format"\s*:\s*"OURS\.([a-z]+-json)"\s*\}\s*\Z', None),
+        (r'"format"\s*:\s*"OURS\.([a-z]+-json)"\s*\}\s*\]?\s*\Z', None),
         (r"\n(?:# |% |<!-- |/\* )OURS\.([a-z]+-[a-z]+)(?: -->| \*/)?\s*\Z", None),
         (r"\n(?:# |% |<!-- |/\* )OURS(?: -->| \*/)?\s*\Z", _BARE),
     )
@@ -39,7 +39,7 @@ _MARKS: tuple[tuple[re.Pattern[bytes], str | None], ...] = tuple(
 """Where files of ours say so, and what they are then; None: what stands there."""
 _NOTES = {
     ".md": "<!-- {} -->", ".svg": "<!-- {} -->", ".xml": "<!-- {} -->", ".pdf": "% {}", ".step": "/* {} */",
-    ".toml": "# {}", ".yaml": "# {}", ".yml": "# {}", ".txt": "# {}", ".cameramodel": "# {}",
+    ".urdf": "<!-- {} -->", ".toml": "# {}", ".yaml": "# {}", ".yml": "# {}", ".txt": "# {}", ".cameramodel": "# {}",
 }  # fmt: skip
 """The last line of files of a kind, which its readers skip."""
 _PNG, _JPEG, _TIFF, _ZIP_END = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", (b"II*\0", b"MM\0*"), b"PK\x05\x06"

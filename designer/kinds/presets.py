@@ -1,4 +1,4 @@
-"""The templates that travel with the program: targets, printers, cameras and error models as data.
+"""The templates that travel with the program: targets, printers, cameras, rigs and error models as data.
 
 And what a shell offers as the value of an option; where nothing fits, it offers files.
 """
@@ -15,7 +15,7 @@ from designer.base.words import shown, suggestion
 from designer.spec.build import BUILDS
 from designer.spec.spec import Lattice
 
-PresetKind = Literal["targets", "printers", "cameras", "errors", "criteria"]
+PresetKind = Literal["targets", "printers", "cameras", "errors", "criteria", "rigs"]
 Complete = Callable[[str], list[str]]
 
 
@@ -79,6 +79,7 @@ printer_templates = _templates_of("printers")
 error_templates = _templates_of("errors")
 camera_templates = _templates_of("cameras")
 criteria_templates = _templates_of("criteria")
+rig_templates = _templates_of("rigs")
 
 
 def one_of(words: Sequence[str]) -> Complete:

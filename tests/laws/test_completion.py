@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from calib.interop import FORMATS
+from calib.interop.rigs import RIG_FORMATS
 from designer.kinds.presets import preset_names
 
 ROOT = Path(__file__).parents[2]
@@ -43,9 +44,10 @@ def offered(line: str, shell: str = "bash") -> list[str]:
         ("design ico --printer ", preset_names("printers")),
         ("design board --lattice ", ["square", "triangular"]),
         ("design tolerance t.json --errors fdm", [name for name in preset_names("errors") if name.startswith("fdm")]),
-        ("calib convert c.json --to ", list(FORMATS)),
+        ("calib convert c.json --to ", list(dict.fromkeys([*FORMATS, *RIG_FORMATS]))),
         ("calib solve d.csv --model l", ["luhmann"]),
         ("calib render t.json --camera ", preset_names("cameras")),
+        ("calib render t.json --rig ", preset_names("rigs")),
         ("calib study pl", ["plot"]),
         ("calib run --js", ["--json"]),
     ],

@@ -58,6 +58,7 @@ DESIGN = (
     Case(("ways", "board.target.json", "--by", "beauty", "-o", "out"), 2),
     Case(("no-command",), 2),
 )
+RENDER_RIG = ("render", "board.target.json", "--rig", "pair.rig.json", "--frames", "1", "--jobs", "1", "-o", "o")
 CALIB = (
     Case(("target", "board.target.json"), 0),
     Case(("target", "camera.json"), 2),
@@ -65,6 +66,7 @@ CALIB = (
         ("render", "board.target.json", "--views", "1", "--camera", "camera.json", "--distance", "150mm", "-o", "o"), 0
     ),
     Case(("render", "board.target.json", "--views", "none", "-o", "o"), 2),
+    Case((*RENDER_RIG, "--distance", "15cm"), 0),
     Case(("detect", "board.target.json", "photos", "-o", "out.csv", "--overlay", "seen"), 0),
     Case(("detect", "board.target.json", "blank", "-o", "out.csv"), 1),
     Case(("detect", "board.target.json", "none.png", "-o", "out.csv"), 2),
@@ -83,6 +85,8 @@ CALIB = (
     Case(("evaluate", "photos"), 2),
     Case(("convert", "camera.json", "--to", "opencv", "-o", "new.yml"), 0),
     Case(("convert", "camera.json", "--to", "matlab", "-o", "new.yml"), 2),
+    Case(("convert", "pair.rig.json", "--to", "kalibr", "-o", "chain.yaml"), 0),
+    Case(("convert", "pair.rig.json", "--to", "basalt", "-o", "chain.yaml"), 2),
     Case(("undistort", "camera.json", "photos/view_0000.png", "-o", "out"), 0),
     Case(("undistort", "camera.json", "none.png", "-o", "out"), 2),
     Case((*FOR_POSES, "photos", "-o", "poses.json", "--overlay", "seen"), 0),
@@ -94,6 +98,16 @@ CALIB = (
     Case(("measure", "board.target.json", "squarely.csv", "--rings", "rigid", "--flat", "-o", "m.target.json"), 1),
     Case(("measure", "board.target.json", "-o", "m.target.json"), 2),
     Case(("coupon", "none.png"), 2),
+    Case(("triangulate", "pair.rig.json", "sightings.csv", "-o", "out"), 0),
+    Case(("triangulate", "pair.rig.json", "alone.csv", "-o", "out"), 1),
+    Case(("triangulate", "pair.rig.json", "detections.csv", "-o", "out"), 2),
+    Case(("budget", "pair.rig.json", "--distance", "15cm..40cm", "-o", "out"), 0),
+    Case(("budget", "pair.rig.json", "--volume", "0..1,0..1mm", "-o", "out"), 2),
+    Case(("rig", "--table", "rig.csv", "--model", "opencv", "-o", "out", "--no-page"), 0),
+    Case(("rig", "board.target.json", "photos", "blank", "-o", "out"), 2),
+    Case(("rig", "board.target.json", "--table", "blind.csv", "-o", "out", "--no-page"), 1),
+    Case(("hand-eye", "board.target.json", "photos", "--robot", "rig.csv", "-o", "out"), 2),
+    Case(("turntable", "board.target.json", "photos", "--step", "0deg", "-o", "out"), 2),
     Case(("report", "solved"), 0),
     Case(("report", "solved", "--criteria", "metrology"), 1),
     Case(("report", "photos"), 2),

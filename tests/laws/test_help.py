@@ -22,7 +22,7 @@ def test_name_and_version(name: str) -> None:
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_help_has_a_short_form_everywhere(name: str) -> None:
     """`-h` is `--help`, of the program and of each command."""
-    commands = re.findall(r"^  ([a-z]+)  ", PROGRAMS[name]("-h").out, re.MULTILINE)
+    commands = re.findall(r"^  ([a-z-]+)  ", PROGRAMS[name]("-h").out, re.MULTILINE)
     assert len(commands) >= 6
     for words in ([], *([one] for one in commands)):
         assert PROGRAMS[name](*words, "-h") == PROGRAMS[name](*words, "--help")
@@ -33,12 +33,12 @@ def test_commands_stand_under_what_they_are_for() -> None:
     said = calib("--help").out
     parts = re.split(r"^([A-Z][a-z]+(?: [a-z]+)*):$", said[said.index("Calibrate:") :], flags=re.MULTILINE)[1:]
     rows = zip(parts[::2], parts[1::2], strict=True)
-    listed = {title: re.findall(r"^  ([a-z]+)  ", text, re.MULTILINE) for title, text in rows}
-    assert listed["Calibrate"] == ["run", "detect", "solve", "measure"]
+    listed = {title: re.findall(r"^  ([a-z-]+)  ", text, re.MULTILINE) for title, text in rows}
+    assert listed["Calibrate"] == ["run", "rig", "hand-eye", "turntable", "detect", "solve", "measure"]
     names = [name for each in listed.values() for name in each]
     assert len(set(names)) == len(names)
     modules = {path.stem for path in (Path(__file__).parents[2] / "calib" / "commands").glob("*.py")}
-    assert set(names) <= modules
+    assert {name.replace("-", "_") for name in names} <= modules
 
 
 def test_step_without_the_cad_kernel_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

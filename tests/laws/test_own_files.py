@@ -13,6 +13,7 @@ from PIL import Image
 
 from calib.core.files import write_files
 from calib.interop import FORMATS
+from calib.interop.rigs import RIG_FORMATS
 from calib.renderer.job import SUFFIX
 from designer.base.errors import InputError
 from designer.base.own_files import kind_of, require_ours, signed
@@ -56,6 +57,10 @@ WRITING += [
 WRITING += [
     pytest.param(calib, Case(("convert", "camera.json", "--to", kind, "-o", "new"), 0), id=f"convert {kind}")
     for kind in FORMATS
+]
+WRITING += [
+    pytest.param(calib, Case(("convert", "pair.rig.json", "--to", kind, "-o", "new"), 0), id=f"convert a rig, {kind}")
+    for kind in RIG_FORMATS
 ]
 
 

@@ -9,10 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera, camera_to_json
+from calib.cameras.rig import Rig
 from calib.core.se3 import exp_rotation
 from calib.core.types import Detections, Observations
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
+from calib.observe.rig_sightings import rig_sightings_to_csv
 from calib.records.calibration_file import Provenance, write_calibration
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
@@ -21,6 +23,7 @@ from calib.solver.solve import solve
 from designer.target import TargetGeometry, target_to_json
 from tests.support.calibrations import board, camera, poses_around, seen_by
 from tests.support.command_line import PICTURE, detections_of
+from tests.support.rig_views import stereo_pair
 from tests.support.run_folders import BLANK, PANEL
 from tests.support.study_commands import named
 
@@ -82,6 +85,8 @@ def make_scene(folder: Path) -> None:
     other = Camera("opencv", CAMERA.params + np.eye(9)[2] * SHIFT_PX, SIZE)
     (folder / "other.json").write_text(camera_to_json(other))
     _write_squarely(folder)
+    _write_pair(folder)
+    _write_rig(folder)
     solved = solve(SEEN, "opencv", SolveOptions())
     write_calibration(folder / "solved", solved, Provenance("test"))
     lost = replace(solved, status="degenerate", remarks=("lost",), param_covariance=np.full((9, 9), np.nan))
@@ -99,3 +104,26 @@ def _write_squarely(folder: Path) -> None:
         seen = seen_by(CAMERA, known_points(BOARD), poses, names=PHOTOS[:6])
         noisy = replace(seen, center_px=seen.center_px + NOISE_PX * rng.standard_normal(seen.center_px.shape))
         write_detections(folder / f"{name}.csv", detections_of(noisy, BOARD), BOARD)
+
+
+def _write_rig(folder: Path) -> None:
+    """What two cameras saw of a board, and photos of which one camera's show nothing."""
+    (folder / "rig.csv").write_bytes(rig_sightings_to_csv(stereo_pair(frames=6).observations))
+    (folder / "blind.csv").write_text("camera,frame,file\nleft,0,photos/view_0000.png\nright,0,blank/none.png\n")
+
+
+def _write_pair(folder: Path) -> None:
+    """A rig of two cameras side by side, what both see, and what one alone sees."""
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[1, 0, 3] = -40.0
+    fixed = np.concatenate([np.zeros(9 + 6), np.zeros(9), np.full(3, 1e-4), np.full(3, 0.01)])
+    pair = Rig(("left", "right"), (CAMERA, CAMERA), poses, np.diag(fixed**2), np.full(2, NOISE_PX))
+    pair.save(folder / "pair.rig.json")
+    points = np.column_stack([np.linspace(-20, 40, 6), np.linspace(-15, 15, 6), np.linspace(200, 300, 6)])
+    lines = [
+        f"{name},a,{row},{u!r},{v!r}"
+        for name, pose in zip(pair.names, poses, strict=True)
+        for row, (u, v) in enumerate(CAMERA.project(points + pose[:3, 3]).tolist())
+    ]
+    (folder / "sightings.csv").write_text("\n".join(["camera,frame,point,u,v", *lines, ""]))
+    (folder / "alone.csv").write_text("\n".join(["camera,frame,point,u,v", lines[0], ""]))

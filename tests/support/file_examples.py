@@ -11,6 +11,7 @@ from calib.as_built.deviations import Compensation, Estimate, WholePrint
 from calib.as_built.lengths import FittedLength
 from calib.as_built.seats import Seat, SeatLimits, Seats
 from calib.cameras.camera import Camera, CameraDocument, LearnedMap
+from calib.cameras.rig import Rig
 from calib.core.types import FaceRecord
 from calib.coupons.ink_of_rings import InkBleed
 from calib.coupons.result import CouponMadeWith, NextPrint, PrinterFaults, Width
@@ -18,21 +19,39 @@ from calib.metrics.errors import ErrorSummary
 from calib.observe.records import ImageRecord, Records
 from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
 from calib.records.as_built_file import AsBuiltRecord, SolvedCamera
+from calib.records.budget_file import BudgetRecord, LengthErrors
 from calib.records.calibration_file import CalibrationRecord, Provenance, SolvedView
 from calib.records.coupon import CouponRecord, ReadPicture
 from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummary
+from calib.records.rig_file import HeldCamera, RigRecord, SolvedFrame
+from calib.records.triangulation_file import (
+    CameraArrows,
+    GrossSighting,
+    SeenByCamera,
+    TriangulationRecord,
+)
 from calib.renderer.options import RenderOptions
-from calib.renderer.truth import FileOptions, TrueView, Truth
+from calib.renderer.truth import FileOptions, RigTruth, TrueFrame, TrueView, Truth
+from calib.rigs.halves import PairApart, RigHalves, RigSplit
+from calib.rigs.result import CarrierFit
 from calib.show.parts.origin import Origin
 from calib.show.photos.photos_file import ToldPhoto, ToldPhotos, ToldSection
 from calib.solver.calibration import ImageField, MadeWith, TargetError
 from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import PlaneBend
+from calib.space.budget import KnownExactly
+from calib.space.budget_views import DepthCurve, ErrorSlice
+from calib.space.error_size import PointErrors
+from calib.space.known_lengths import LengthBin, LengthCheck
+from calib.space.volume import WorkingVolume
+from calib.space.what_if import ChangedRig
 from calib.studies.compare.cases import Plan
 from calib.studies.compare.results import CaseRow, ComparisonTable, Explanation
 from calib.studies.cost.cases import CostPlan
 from calib.studies.cost.results import CostRatio, CostTable, StartRow
 from calib.studies.findings import Fall, HeldClaim, Ratio
+from calib.studies.rig_bootstrap import PairSpread
+from calib.studies.rig_bootstrap_record import RigBootstrapStudy
 from calib.studies.statistics import Case, CaseSummary, Distribution
 from calib.studies.study_table import CameraSpread, SpreadParameter, StrongestTie, StudyTable
 from calib.studies.tolerance.quantities import NAMES as QUANTITY_NAMES
@@ -48,11 +67,15 @@ from calib.studies.tolerance.record import (
     Together,
     ToleranceStudy,
 )
+from calib.studies.tolerance.rig_costs import RigCost
+from calib.studies.tolerance.rig_record import RigToleranceStudy
 from calib.studies.tolerance.what_if import SetError, Way, WhatIfTable
 from calib.verdict.apart import Known
 from calib.verdict.halves import Half
 from calib.verdict.judge import Judged
 from calib.verdict.next_views import NextView, NextViews
+from calib.verdict.rig_judge import JudgedRig
+from calib.verdict.rig_next_frames import NextFrame
 from calib.verdict.verdict import Check, Criteria, Limits, Verdict
 from designer.base.square_law import SquareLaw
 from designer.page.blocks import (
@@ -100,6 +123,11 @@ def _records() -> Records:
 def _truth() -> Truth:
     views = (TrueView("view_0000.png", POSE), TrueView("view_0001.png", np.eye(4)))
     return Truth("g1", PINHOLE, views, 7, "l1", RenderOptions(blur_px=0.7), FileOptions("png", 95))
+
+
+def _rig_truth() -> RigTruth:
+    """One frame in motion, one that stands still."""
+    return RigTruth("g1", "l1", ("left", "right"), (TrueFrame("view_0000", POSE, 1 / 3), TrueFrame("b", POSE)), 7)
 
 
 def _metrics() -> Metrics:
@@ -199,6 +227,35 @@ def _calibration() -> CalibrationRecord:
     )  # fmt: skip
 
 
+def _rig() -> Rig:
+    covariance = np.diag(np.arange(20.0)) / 7
+    return Rig(("a b", "c/d"), (PINHOLE, PINHOLE), np.stack([np.eye(4), POSE]), covariance, np.array([0.1, 1 / 3]))
+
+
+def _rig_calibration() -> RigRecord:
+    """Two cameras on a turntable, one of them late; some of it is not determined."""
+    rows, gaps = np.array([0, 2]), np.full((6, 6), math.nan)
+    held = HeldCamera("left", "left", POSE, True, "abc", rows, np.array([0.0, 1 / 3]), 1e-3, 1e-5)
+    frames = (
+        SolvedFrame("f 0", POSE, np.eye(6) / 3),
+        SolvedFrame("f1", np.eye(4), gaps),
+        SolvedFrame("f2", POSE, gaps),
+    )
+    carrier = CarrierFit("turntable", POSE, gaps, math.nan, 0.1, np.full((3, 6), math.nan), np.arange(3) / 3, ("tilt",))
+    return RigRecord(
+        provenance=Provenance("test 1"), status="stopped", remarks=("a remark",), observed=("another",), iterations=5,
+        seconds=0.1, weighted=True, reference=-1, rig_frame="table",
+        cameras=(held, replace(held, name="a/b", folder="camera_1", is_refined=False, delay_s=-0.0)),
+        frames=frames, covariance=np.diag([1.0, math.nan, 1 / 3]), target_covariance=np.eye(3) / 7, carrier=carrier,
+    )  # fmt: skip
+
+
+def _rig_verdict() -> JudgedRig:
+    halves = RigHalves((RigSplit("in order", 1 / 3, 6, 1 / 7, (PairApart(("a b", "c"), -0.1, 0.2),)),))
+    frame = NextFrame(POSE, ("a b", "c"), "hold it there", ("a b", "c"), 0.3, 1 / 7)
+    return JudgedRig(_verdict().verdict, _verdict().criteria, halves, next_frames=(frame,), solution_sha256="abc")
+
+
 def _photos() -> ToldPhotos:
     cells = (Cell("3", 3.0), Cell("good", level="good"))
     finding = Finding("note", "Blur", "it is blurred", "1 px", "0.5 px")
@@ -237,13 +294,91 @@ def _coupon() -> CouponRecord:
     )  # fmt: skip
 
 
+def _triangulation() -> TriangulationRecord:
+    gap = math.nan
+    pair = Rig(("left", "right"), (PINHOLE, PINHOLE), np.stack([np.eye(4), POSE]), None, np.full(2, 0.1))
+    seen = SeenByCamera("left", 7, 1, 0.1, 1 / 3, gap)
+    errors = PointErrors(0.1, 0.2, 1 / 3)
+    bins = (LengthBin(1.0, 2.0, 3, -0.1, 0.2, gap, 0.95),)
+    arrows = CameraArrows(np.ones((1, 2)) / 3, np.ones((1, 2)) / 7, np.zeros((0, 2)))
+    lengths = LengthCheck("a board", 7, 1, 21, 1, 0.1, 0.2, 1 / 3, gap, 0.9, 1e-4, 1e-5, bins)
+    return TriangulationRecord(
+        "ringsolid 1", {"rig file": "rig.json"}, pair, 1, 7, 6, {"seen by one camera only": 1}, (seen, seen), errors,
+        errors, PointErrors(gap, gap, gap), 0.2, gap, (GrossSighting("left", "f", "p 1", 12.0),), np.ones((1, 3)) / 3,
+        np.eye(3)[None] / 7, (arrows, arrows), lengths, ("a remark",),
+    )  # fmt: skip
+
+
+def _rig_bootstrap() -> RigBootstrapStudy:
+    gap = math.nan
+    pair = PairSpread(("left", "right"), 7, 120.0, 0.1, 1 / 3, gap, 0.2, 1e-3, gap, gap, 0.1)
+    return RigBootstrapStudy(
+        "ringsolid 1", {"seed": "1"}, "rig", ("left", "right"), 7, 20, 1, gap, 0.5, (pair,), ("said",)
+    )
+
+
+def _rig_tolerance() -> RigToleranceStudy:
+    gap = math.nan
+    source, other = (
+        RigCost("scale", "uniform", 0.001, 0.3, 0.0, 1 / 3, 0.1),
+        RigCost("all errors", "", gap, 1.0, 2.0, gap, gap),
+    )
+    return RigToleranceStudy(
+        program="ringsolid 1", settings={"errors": "fdm-dual"}, target="ico", rig="pair", errors="fdm-dual: two of it",
+        cameras=("left", "right"), frames=3, sightings=700, length_mm=100.0, away_mm=gap, costs=(source,),
+        together=other, noise=replace(other, name="noise"), draws=0, drawn=None, remarks=("a remark",),
+    )  # fmt: skip
+
+
+def _budget() -> BudgetRecord:
+    gap = math.nan
+    pair = Rig(("left", "right"), (PINHOLE, PINHOLE), np.stack([np.eye(4), POSE]), None, np.full(2, 0.1))
+    errors, unknown = PointErrors(0.1, 0.2, 1 / 3), PointErrors(gap, gap, gap)
+    volume = WorkingVolume(POSE, np.zeros(3), np.ones(3) / 3, 0.0, math.inf, False, "a box")
+    curve = np.array([gap, 0.1])
+    grid = np.array([[0.1, gap], [1 / 3, 2.0]])
+    return BudgetRecord(
+        "ringsolid 1", {"rig file": "rig.json"}, pair, volume, 0.5, 2, np.full(2, 0.1), 7, errors, errors, unknown,
+        errors, unknown, 100.0, (LengthErrors("ahead", errors, errors, unknown),),
+        (KnownExactly("the lenses", errors, unknown),),
+        (ChangedRig("more", "nothing", errors, unknown, 0.5),),
+        DepthCurve(np.array([1.0, 2.0]), curve, curve, curve, curve),
+        (ErrorSlice("a plane", "x", "y", np.array([1.0, 2.0]), np.array([1.0, 1.5]), grid, grid, grid),),
+        np.ones((1, 3)) / 3, np.eye(3)[None] / 7, ("a remark",),
+    )  # fmt: skip
+
+
+def _hand_eye() -> object:
+    from calib.records.hand_eye_file import HandEye
+
+    pose = np.eye(4)
+    pose[:3, 3] = 1 / 3, 20.0, -7.5
+    return HandEye(
+        "robot, camera in hand",
+        "flange",
+        pose,
+        np.array([0.0, 0.0, 0.0, 1.0]),
+        np.eye(6) / 7,
+        pose,
+        1e-4,
+        0.1,
+        0.98,
+        0.001,
+    )
+
+
 EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.coupon": _coupon,
     "ringsolid.camera": _camera,
+    "ringsolid.budget": _budget,
+    "ringsolid.rig_tolerance": _rig_tolerance,
+    "ringsolid.rig_bootstrap": _rig_bootstrap,
+    "ringsolid.triangulation": _triangulation,
     "ringsolid.verdict": _verdict,
     "ringsolid.next_views": _next_views,
     "ringsolid.records": _records,
     "ringsolid.truth": _truth,
+    "ringsolid.rig_truth": _rig_truth,
     "ringsolid.metrics": _metrics,
     "ringsolid.study_table": _study,
     "ringsolid.comparison": _comparison,
@@ -251,7 +386,11 @@ EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.tolerance_table": _tolerance,
     "ringsolid.as_built": _as_built,
     "ringsolid.calibration": _calibration,
+    "ringsolid.rig": _rig,
+    "ringsolid.rig_calibration": _rig_calibration,
+    "ringsolid.rig_verdict": _rig_verdict,
     "ringsolid.photos": _photos,
+    "ringsolid.hand_eye": _hand_eye,
     "ringsolid.poses": _poses,
     "ringsolid.report": lambda: Origin("calibration", "calib run target.json photos/*.jpg", "ringsolid 1.0"),
 }

@@ -58,14 +58,15 @@ def told_rendered(job: RenderJob, target: Path, folder: Path) -> ToldPhotos:
         target: the target's file, as it was given.
         folder: of the photos.
     """
-    photos, is_flat = _photos(job), job.target.is_plate
-    too_small = _too_small(photos) if any(photo.is_too_small for photo in photos) else ""
+    photos, is_flat = photos_of_job(job), job.target.is_plate
+    is_wide = job.camera.has_dark_corners
+    too_small = _small_words(photos) if any(photo.is_too_small for photo in photos) else ""
     return ToldPhotos(
         "photos", _headline(job, photos, too_small), _facts(job),
-        _columns(is_flat=is_flat, is_wide=job.camera.has_dark_corners),
+        photo_columns(is_flat=is_flat, is_wide=is_wide),
         tuple(
             ToldPhoto(
-                photo.name, _cells(photo, is_flat=is_flat), photo.name, _caption(photo),
+                photo.name, photo_cells(photo, is_flat=is_flat, is_wide=is_wide), photo.name, photo_caption(photo),
                 "usable" if photo.is_too_small else None, cam_from_target=pose,
             )
             for photo, pose in zip(photos, job.cam_from_target, strict=True)
@@ -89,8 +90,8 @@ def commands_after(job: RenderJob, target: Path, folder: Path) -> tuple[Command,
     ),)  # fmt: skip
 
 
-def _photos(job: RenderJob) -> list[RenderedPhoto]:
-    """Faces and rings that each photo shows large enough, and how large they are."""
+def photos_of_job(job: RenderJob) -> list[RenderedPhoto]:
+    """What each photo shows: faces and rings that each photo shows large enough, and how large they are."""
     scene, poses, photos = scene_from_target(job.target), job.cam_from_target, []
     tilt_deg = tilts_deg(job.target, poses).tolist() if job.target.is_plate else [np.nan] * len(poses)
     for name, pose, tilt in zip(job.file_names, poses, tilt_deg, strict=True):
@@ -123,7 +124,7 @@ def _headline(job: RenderJob, photos: list[RenderedPhoto], too_small: str) -> He
     return Headline("note", "rendered", sentence)
 
 
-def _too_small(photos: list[RenderedPhoto]) -> str:
+def _small_words(photos: list[RenderedPhoto]) -> str:
     """Which photos show no ring that is large enough, and what to do."""
     small = [photo for photo in photos if photo.is_too_small]
     where = "" if len(small) == len(photos) else f" in {len(small)} of {len(photos)} photos"
@@ -197,13 +198,15 @@ def _rings_words(photos: list[RenderedPhoto]) -> str:
     )
 
 
-def _caption(photo: RenderedPhoto) -> str:
+def photo_caption(photo: RenderedPhoto) -> str:
+    """What stands below a photo."""
     side = f"tilt {photo.tilt_deg:.0f}°" if np.isfinite(photo.tilt_deg) else f"{photo.faces} faces"
     aside = "" if photo.off_axis_deg is None else f", {photo.off_axis_deg:.0f}° off the axis"
     return f"{digits(photo.distance_mm, 3)} mm away{aside}, {side}, {photo.rings} rings"
 
 
-def _columns(*, is_flat: bool, is_wide: bool) -> tuple[Column, ...]:
+def photo_columns(*, is_flat: bool, is_wide: bool) -> tuple[Column, ...]:
+    """Heads of the numbers of each photo."""
     size = f"with a semi-minor axis of at least {MIN_RADIUS_PX:g} px"
     tilt = Column("tilt °", note="between the target's normal and the line of sight; 0 is straight on")
     return (
@@ -215,7 +218,8 @@ def _columns(*, is_flat: bool, is_wide: bool) -> tuple[Column, ...]:
     )
 
 
-def _cells(photo: RenderedPhoto, *, is_flat: bool) -> tuple[Cell, ...]:
+def photo_cells(photo: RenderedPhoto, *, is_flat: bool, is_wide: bool) -> tuple[Cell, ...]:
+    """A photo's row under `photo_columns`."""
     side = number(photo.tilt_deg, 2) if is_flat else whole(photo.faces)
-    aside = () if photo.off_axis_deg is None else (number(photo.off_axis_deg, 2),)
+    aside = (Cell("") if photo.off_axis_deg is None else number(photo.off_axis_deg, 2),) if is_wide else ()
     return number(photo.distance_mm), *aside, side, whole(photo.rings), number(photo.radius_px, 3)

@@ -163,8 +163,11 @@ def _three(vector: Array) -> tuple[float, float, float]:
 
 def _target(target: TargetGeometry | None, points: KnownPoints) -> tuple[Layer, ...]:
     """The target as its file has it, or as its points tell."""
-    if target is not None:
-        return target_layers(target, body_colour=BODY, ink_colour=INK)
+    return points_layers(points) if target is None else target_layers(target, body_colour=BODY, ink_colour=INK)
+
+
+def points_layers(points: KnownPoints) -> tuple[Layer, ...]:
+    """A target as its points tell, with rings around them."""
     place = points.position_mm
     if not len(place):
         return ()

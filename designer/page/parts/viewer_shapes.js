@@ -193,8 +193,9 @@ const ringsolidShapes = (() => {
     const font = `600 ${letter}px system-ui, sans-serif`;
     const shown = text.length > 40 ? `${text.slice(0, 39)}\u2026` : text;
     pen.font = font;
+    const wide = Math.ceil(pen.measureText(shown).width) + letter;
     canvas.height = 1.5 * letter;
-    canvas.width = Math.max(canvas.height, Math.ceil(pen.measureText(shown).width) + letter);
+    canvas.width = Math.max(canvas.height, wide);
     pen.font = font; // a canvas forgets it when its size changes
     pen.fillStyle = "rgba(22, 27, 34, 0.86)";
     pen.beginPath();

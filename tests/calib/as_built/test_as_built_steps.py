@@ -9,15 +9,16 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from calib.as_built.blocks import Normal, normal_equations
+from calib.as_built.blocks import normal_equations
 from calib.as_built.datum import gauge_rows, what_is_seen
-from calib.as_built.eliminate import covariance_factor, damped_step
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.problem import Joint, State, joint_problem
 from calib.as_built.solve import measure
 from calib.as_built.unknowns import TargetUnknowns, Unknowns, in_face_mm, moved_shape, place_rings, unknowns_of
 from calib.core.types import Observations
+from calib.solver.eliminate import covariance_factor, damped_step
 from calib.solver.levenberg import move_poses
+from calib.solver.normal import Normal
 from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.solve import solve
 from designer.kinds.board import BoardSpec

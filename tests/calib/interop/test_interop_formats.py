@@ -96,7 +96,7 @@ def test_an_image_size_must_be_whole(name: str, wrong: str) -> None:
 def test_the_docs_say_what_a_format_holds(name: str) -> None:
     """Each lens, and the model that it is, stands in the format's row of docs/calibrate.md."""
     page = (Path(__file__).parents[3] / "docs/calibrate.md").read_text()
-    (row,) = (line for line in page.splitlines() if line.startswith(f"| `{name}` {FORMATS[name].title} |"))
+    row = next(line for line in page.splitlines() if line.startswith(f"| `{name}` {FORMATS[name].title} |"))
     for lens in FORMATS[name].lenses:
         assert f"`{lens.name}`" in row
         assert lens.model is None or not lens.is_written or lens.model in row

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_solve, cholesky, solve_triangular
 
-from calib.as_built.blocks import Normal
 from calib.core.jit import jit
 from calib.core.small_solve import cholesky_factor
+from calib.solver.normal import Normal
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class TargetStep:
+class JointStep:
     """A step of all unknowns, and what it promises."""
 
     pose: Array  # (V, 6)
@@ -117,7 +117,7 @@ def _scaled_factor(matrix: Array) -> tuple[Array, Array] | None:
         return None
 
 
-def damped_step(normal: Normal, damping: float) -> TargetStep | None:
+def damped_step(normal: Normal, damping: float) -> JointStep | None:
     """The step that `(H + damping diag H) x = -g` asks for; None if there is none."""
     arrow = arrow_of(normal, damping)
     reduced = _reduce(arrow)
@@ -133,7 +133,7 @@ def damped_step(normal: Normal, damping: float) -> TargetStep | None:
     first, other = kept[: len(kept) - others], kept[len(kept) - others :]
     pose, ring = (first, gone[:, :, 0]) if arrow.rings_first else (gone[:, :, 0], first)
     pose, ring = pose.reshape(-1, 6), ring.reshape(-1, 3)
-    return TargetStep(pose, ring, other, _predicted(normal, pose, ring, other, damping))
+    return JointStep(pose, ring, other, _predicted(normal, pose, ring, other, damping))
 
 
 def _predicted(normal: Normal, pose: Array, ring: Array, other: Array, damping: float) -> float:

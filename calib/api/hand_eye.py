@@ -1,0 +1,301 @@
+"""Where a camera sits on a robot, or beside a turntable: what `calib hand-eye` does."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.api.loading import Place, Progress, camera_of, folder_of, load_observations, photos_of, target_of, unheard
+from calib.api.rig_choosing import CameraWishes, choices_of, wishes_of
+from calib.api.rig_observing import search_one
+from calib.api.rig_result import RigResult, RigWriter
+from calib.api.rigging import RigSeen, judged_rig
+from calib.api.solving import ALL, plan_from_words
+from calib.cameras import COMMON
+from calib.cameras.camera import Camera
+from calib.core.se3 import invert
+from calib.core.types import Observations, RigObservations, keep_views
+from calib.observe.robot_poses import RobotPoses, poses_of, read_robot_poses
+from calib.rigs.bent import bent_alone
+from calib.rigs.options import CameraChoice, Carrier, RigOptions
+from calib.rigs.robot_check import why_wrong
+from calib.rigs.start import solve_alone
+from calib.rigs.turntable import turned_by
+from calib.solver.plane_bend import PlaneBend
+from calib.verdict.criteria import STANDARD, read_rig_criteria
+from calib.verdict.verdict import Criteria
+from designer.base.errors import InputError
+from designer.base.small_file import place_of
+from designer.target import TargetGeometry
+from designer.tolerance.made import how_made
+
+Array = NDArray[np.float64]
+
+CAMERA = "camera"
+"""The name of the one that the robot carries, or looks at."""
+FEWEST_POSES = 3
+IN_HAND, TARGET_IN_HAND, TABLE = "robot, camera in hand", "robot, target in hand", "turntable"
+
+
+def hand_eye(
+    target: TargetGeometry | Place | None,
+    photos: Place | Iterable[Place] = (),
+    *,
+    robot: RobotPoses | Place,
+    table: Observations | Place | None = None,
+    target_in_hand: bool = False,
+    inverted: bool = False,
+    unit: str | None = None,
+    euler: str | None = None,
+    camera: Camera | Place | None = None,
+    refine: bool = False,
+    model: str = ALL,
+    fix: Sequence[str] = (),
+    target_size: bool = True,
+    free_bend: bool = False,
+    robot_noise: tuple[float, float] | None = None,
+    made: str | None = None,
+    criteria: Criteria | Place = STANDARD,
+    jobs: int | None = None,
+    progress: Progress = unheard,
+    out: Place | None = None,
+    settings: Sequence[tuple[str, str]] = (),
+) -> RigResult:
+    """Solve where a camera sits on a robot: `hand_eye("ico.target.json", "photos", robot="poses.csv")`.
+
+    >>> found = calib.hand_eye("ico.target.json", "photos", robot="poses.csv")
+    >>> found.hand_eye.flange_from_cam, found.hand_eye.robot_sigma_mm
+
+    All in one adjustment: the camera, where it sits, where the target stands, the robot's own noise and, as a robot's
+    ways are lengths, the target's size.
+
+    Args:
+        target: what the photos show, a geometry or its file; None: a table has points.
+        photos: files, folders or patterns.
+        robot: base_from_flange of each photo, or the file that holds it.
+        table: instead of photos: observations, or their file (`detections.csv`, or image,u,v,X,Y,Z).
+        target_in_hand: the robot holds the target, the camera stands beside it.
+        inverted: the robot's file holds flange_from_base.
+        unit: of its columns that do not name it: `mm`, `m,deg`.
+        euler: convention of its Euler angles, such as `xyz-extrinsic` or `kuka`.
+        camera: the lens from an earlier run, which is kept.
+        refine: solve it on.
+        model: of the camera; `all` chooses.
+        fix: parameters to keep.
+        target_size: solve the target's size, by the robot's ways.
+        free_bend: solve the bend of a flat target, by the photos alone: two curvatures, along its sides.
+        robot_noise: standard deviations of a coordinate of the robot's errors, rad and mm; None: estimated.
+        made: how the target was made.
+        criteria: limits of the verdict.
+        jobs: photos at a time; None: one per core.
+        progress: is told what is being done.
+        out: a folder to write everything to.
+        settings: names and values to keep in the record.
+
+    Raises:
+        InputError: files or options that break a rule, or poses that look inverted or in another unit.
+        BlindCameraError: no photo shows the target.
+    """
+    writer = None if out is None else RigWriter(folder_of(out))
+    poses = robot if isinstance(robot, RobotPoses) else read_robot_poses(
+        place_of(robot, "a file of robot poses"), unit=unit, euler=euler, is_inverted=inverted
+    )  # fmt: skip
+    wish = _Wish(camera, refine, model, tuple(fix), made, criteria, tuple(settings))
+    seen = _seen(target, photos, table, wish, jobs, progress)
+    seen, rows = _with_poses(seen, poses)
+    base_from_flange = poses.base_from_flange[rows]
+    _require_right(
+        seen.observations, wish, base_from_flange, poses, is_camera_in_hand=not target_in_hand, is_inverted=inverted
+    )
+    if free_bend:
+        seen = _bent(seen, wish, progress)
+    noise = (None, None) if robot_noise is None else robot_noise
+    carrier = Carrier(
+        TARGET_IN_HAND if target_in_hand else IN_HAND,
+        base_from_flange if target_in_hand else invert(base_from_flange),
+        is_camera_in_hand=not target_in_hand, sigma_rad=noise[0], sigma_mm=noise[1], tells_size=target_size,
+    )  # fmt: skip
+    return _solved(seen, wish, carrier, progress, writer)
+
+
+def turntable(
+    target: TargetGeometry | Place | None,
+    photos: Place | Iterable[Place] = (),
+    *,
+    step_deg: float | None = None,
+    table: Observations | Place | None = None,
+    camera: Camera | Place | None = None,
+    refine: bool = False,
+    model: str = ALL,
+    fix: Sequence[str] = (),
+    made: str | None = None,
+    criteria: Criteria | Place = STANDARD,
+    jobs: int | None = None,
+    progress: Progress = unheard,
+    out: Place | None = None,
+    settings: Sequence[tuple[str, str]] = (),
+) -> RigResult:
+    """Solve where a camera stands beside a turntable: `turntable("ico.target.json", "photos", step_deg=10)`.
+
+    Args:
+        target: that stands on the table.
+        photos: in the order in which they were taken.
+        step_deg: the table's turn from photo to photo; None: all angles are unknowns.
+        table: instead of photos: observations, or their file.
+        camera: the lens from an earlier run, which is kept.
+        refine: solve it on.
+        model: of the camera; `all` chooses.
+        fix: parameters to keep.
+        made: how the target was made.
+        criteria: limits of the verdict.
+        jobs: photos at a time; None: one per core.
+        progress: is told what is being done.
+        out: a folder to write everything to.
+        settings: names and values to keep in the record.
+
+    Raises:
+        InputError: files or options that break a rule.
+        BlindCameraError: no photo shows the target.
+    """
+    if step_deg is not None and not 0 < abs(step_deg) <= 180:
+        raise InputError(f"step {step_deg:g} deg: must be more than 0 and at most 180")
+    writer = None if out is None else RigWriter(folder_of(out))
+    wish = _Wish(camera, refine, model, tuple(fix), made, criteria, tuple(settings))
+    seen = _seen(target, photos, table, wish, jobs, progress)
+    number = np.array([seen.order[name] for name in seen.observations.frame_names], dtype=np.float64)
+    angle = np.deg2rad(0.0 if step_deg is None else step_deg) * number
+    carrier = Carrier(TABLE, turned_by(angle), is_turntable=True, has_free_angles=step_deg is None)
+    return _solved(seen, wish, carrier, progress, writer)
+
+
+@dataclass(frozen=True, eq=False)
+class _Wish:
+    """What a person asked for of the camera and the verdict."""
+
+    camera: Camera | Place | None
+    refine: bool
+    model: str
+    fix: tuple[str, ...]
+    made: str | None
+    criteria: Criteria | Place
+    settings: tuple[tuple[str, str], ...]
+
+    @property
+    def given(self) -> dict[str, Camera]:
+        """The lens of an earlier run, by the camera's name."""
+        return {} if self.camera is None else {CAMERA: camera_of(self.camera)}
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What one camera saw, a frame a photo, and the place of each photo among all that were taken."""
+
+    target: TargetGeometry | None
+    observations: RigObservations
+    order: Mapping[str, int]
+    rendered_id: str = ""
+    bend: PlaneBend | None = None  # by which the points were moved
+
+
+def _seen(
+    target: TargetGeometry | Place | None, photos: Place | Iterable[Place], table: Observations | Place | None,
+    wish: _Wish, jobs: int | None, progress: Progress,
+) -> _Seen:  # fmt: skip
+    """What the camera saw, from photos or a table."""
+    if table is not None:
+        geometry = None if target is None else target_of(target)
+        one = table if isinstance(table, Observations) else load_observations(table, geometry)
+        return _Seen(geometry, _rig_of(one), {name: row for row, name in enumerate(one.view_names)})
+    if target is None:
+        raise InputError("no target; give the target file of what the photos show, or a table of observations")
+    geometry = target_of(target, "rings")
+    found = photos_of(photos)
+    if not found.paths:
+        raise InputError(found.failures[0] if found.failures else "no photos; give files or a folder")
+    plan = None if wish.given else plan_from_words(
+        wish.model, fix=wish.fix, share=(), focal_px=None, loss="squares", reject=None, weighted=True
+    )  # fmt: skip
+    search, one = search_one(geometry, found, wish.given.get(CAMERA), plan, jobs, progress)
+    order = {result.photo.name: row for row, result in enumerate(search.results)}
+    return _Seen(geometry, _rig_of(one), order, search.rendered_id)
+
+
+def _rig_of(seen: Observations) -> RigObservations:
+    """One camera as a rig: a frame a view."""
+    frames = np.arange(seen.view_count)
+    return RigObservations((CAMERA,), seen.view_names, (replace(seen, remarks=()),), (frames,), None, seen.remarks)
+
+
+def _with_poses(seen: _Seen, poses: RobotPoses) -> tuple[_Seen, list[int]]:
+    """The photos of which the robot's pose is known, and the rows of these."""
+    one = seen.observations.sightings[0]
+    matched = poses_of(poses, one.view_names)
+    keep = np.array([row is not None for row in matched.row])
+    lost = [name for name, ok in zip(one.view_names, keep.tolist(), strict=True) if not ok]
+    if int(keep.sum()) < FEWEST_POSES:
+        raise InputError(
+            f"{poses.origin}: {int(keep.sum())} of {len(keep)} photos have a pose; {FEWEST_POSES} or more are needed: "
+            "name the poses as the photos' files are"
+        )
+    said = [f"{len(lost)} photos have no robot pose and are left out, the first is {lost[0]}"] if lost else []
+    if matched.unused:
+        said.append(f"{len(matched.unused)} robot poses are of no photo in use, the first is {matched.unused[0]}")
+    kept = _rig_of(keep_views(one, keep))
+    remarks = (*seen.observations.remarks, *said)
+    return replace(seen, observations=replace(kept, remarks=remarks)), [row for row in matched.row if row is not None]
+
+
+def _require_right(
+    observations: RigObservations,
+    wish: _Wish,
+    base_from_flange: Array,
+    poses: RobotPoses,
+    *,
+    is_camera_in_hand: bool,
+    is_inverted: bool,
+) -> None:
+    """Refuse poses that fit far better the other way round, or in another unit."""
+    given = wish.given.get(CAMERA)
+    model = COMMON if wish.model == ALL else wish.model
+    choice = CameraChoice(model if given is None else given.model, given, is_refined=False)
+    alone = solve_alone(observations.sightings[0], CAMERA, choice, RigOptions())
+    known = np.isfinite(alone.cam_from_target[:, 0, 0])
+    why = why_wrong(
+        alone.cam_from_target[known], base_from_flange[known], is_camera_in_hand=is_camera_in_hand,
+        is_inverted=is_inverted,
+    )  # fmt: skip
+    if why:
+        raise InputError(f"{poses.origin}: {why}")
+
+
+def _bent(seen: _Seen, wish: _Wish, progress: Progress) -> _Seen:
+    """With the points of a flat target moved as the camera's photos show it bent."""
+    progress("bending the target", 0, 0)
+    (choice,), _ = choices_of(seen.observations, _wishes(wish), progress)
+    one, bend = bent_alone(seen.observations.sightings[0], choice)
+    said = (*seen.observations.remarks, *one.remarks)
+    return replace(seen, observations=replace(_rig_of(one), remarks=said), bend=bend)
+
+
+def _wishes(wish: _Wish) -> CameraWishes:
+    """What was asked for of the camera."""
+    plan = plan_from_words(ALL, fix=(), share=(), focal_px=None, loss="squares", reject=None, weighted=True)
+    return wishes_of(wish.model, wish.given or None, wish.refine, wish.fix, plan.options)
+
+
+def _solved(seen: _Seen, wish: _Wish, carrier: Carrier, progress: Progress, writer: RigWriter | None) -> RigResult:
+    """One adjustment, judged, and written if there is a folder."""
+    criteria = wish.criteria
+    limits = criteria if isinstance(criteria, Criteria) else read_rig_criteria(str(criteria))
+    made = how_made(seen.target, wish.made, rendered_id=seen.rendered_id)
+    result = judged_rig(
+        RigSeen(seen.target, None, seen.observations, made, seen.bend), _wishes(wish), RigOptions(carrier=carrier),
+        limits, progress, wish.settings,
+    )  # fmt: skip
+    if writer is not None:
+        progress("writing", 0, 0)
+        writer.write(result)
+        if remark := writer.write_page(result, ""):
+            raise InputError(remark)
+    return result

@@ -1,0 +1,273 @@
+"""From the photos of several cameras, or a table of what they saw, to what a rig is solved from."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from os import PathLike, fspath
+from pathlib import Path
+
+import numpy as np
+
+from calib.api.detecting import Detector
+from calib.api.loading import Place, Progress, target_of
+from calib.api.searching import PhotoSearch, with_truth
+from calib.api.solving import SolvePlan
+from calib.cameras.camera import Camera
+from calib.core.types import Observations, RigObservations
+from calib.observe.image_headers import DamagedError, read_header
+from calib.observe.images import read_image
+from calib.observe.observations import observations_from_detections
+from calib.observe.photos import FoundPhotos, Search
+from calib.observe.rig_observations import RigSightings, rig_observations
+from calib.observe.rig_photo_table import is_sightings, read_photo_table, read_stamps
+from calib.observe.rig_photos import (
+    RigPhotos,
+    framed,
+    joined_by_name,
+    photos_by_pattern,
+    photos_in_folders,
+    with_stamps,
+)
+from calib.observe.rig_sightings import read_rig_sightings
+from calib.observe.rig_times import joined_by_time
+from designer.base.errors import InputError
+from designer.base.small_file import place_of
+from designer.base.words import shown
+from designer.target import TargetGeometry
+
+USUAL_TOLERANCE_S = 0.02
+LONGEST_TOLERANCE_S = 3600.0
+TRIED_MIRRORED = 3
+"""Photos of a camera that sees nothing, which are looked at in a mirror."""
+
+
+@dataclass(frozen=True)
+class RigInput:
+    """Where the photos of a rig's cameras are, and what tells which were taken at once."""
+
+    photos: tuple[str, ...] = ()  # folders
+    table: Path | None = None  # of files, or of sightings
+    pattern: str | None = None  # of file names
+    times: Path | None = None  # time stamps of the files
+    tolerance_s: float | None = None  # of time stamps of one frame
+
+    @property
+    def is_anything(self) -> bool:
+        """Whether there is something to solve from."""
+        return bool(self.photos) or self.table is not None
+
+    @property
+    def has_sightings(self) -> bool:
+        """Whether the table is all there is to solve from."""
+        return self.table is not None and is_sightings(self.table)
+
+
+@dataclass(frozen=True, eq=False)
+class RigSearch:
+    """What was found in the photos of a rig."""
+
+    target: TargetGeometry
+    photos: RigPhotos
+    searches: tuple[Search, ...]  # of each camera
+
+    @property
+    def rendered_id(self) -> str:
+        """Of the geometry that the photos were rendered of; "": real photos, or not all of one."""
+        ids = {one.rendered_id for one in self.searches}
+        return next(iter(ids)) if len(ids) == 1 else ""
+
+
+class BlindCameraError(InputError):
+    """A camera of a rig sees the target in none of its photos."""
+
+
+def load_rig_observations(path: Place, target: TargetGeometry | Place | None = None) -> RigObservations:
+    """Read what several cameras saw: `load_rig_observations("sightings.csv")`.
+
+    Args:
+        path: a table with camera,frame,u,v,X,Y,Z, and a line `# camera NAME 1280 x 720` for each camera.
+        target: whose points were seen; None: the table's own.
+
+    Raises:
+        InputError: the file cannot be read, or nothing is left of a camera to solve from.
+    """
+    return read_rig_sightings(place_of(path, "a table of sightings"), None if target is None else target_of(target))
+
+
+def rig_input(
+    photos: Place | Iterable[Place],
+    table: Place | None,
+    pattern: str | None,
+    times: Place | None,
+    tolerance_s: float | None,
+) -> RigInput:
+    """What a person gave, if it fits together.
+
+    Raises:
+        InputError: it does not.
+    """
+    try:
+        folders = tuple(fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos))
+    except TypeError as error:
+        raise InputError(f"photos: {error}; give folders, one a camera") from None
+    if tolerance_s is not None and not 0 < tolerance_s <= LONGEST_TOLERANCE_S:
+        raise InputError(f"tolerance {tolerance_s:g} s: must be more than 0 and at most {LONGEST_TOLERANCE_S:g} s")
+    found = RigInput(
+        folders,
+        None if table is None else place_of(table, "a table of files or of sightings"),
+        pattern,
+        None if times is None else place_of(times, "a table of time stamps"),
+        tolerance_s,
+    )
+    if found.table is not None and folders:
+        raise InputError(f"--table {found.table}: says which photos there are; leave {shown(folders[0])} out")
+    if pattern is not None and found.table is not None:
+        raise InputError("--pattern: is of the files in folders; leave it or --table out")
+    return found
+
+
+def photos_of_rig(given: RigInput) -> RigPhotos:
+    """The photos, joined to frames.
+
+    Raises:
+        InputError: they cannot be; the message names them.
+    """
+    if given.table is not None:
+        table = read_photo_table(given.table)
+        found, is_framed = table, bool(table[0].frame)
+    elif given.pattern is not None:
+        joined = photos_by_pattern(given.photos, given.pattern)
+        if given.times is None:
+            return joined
+        found, is_framed = joined.photos, True
+    else:
+        found, is_framed = photos_in_folders(given.photos), False
+    if given.times is not None:
+        found = with_stamps(found, read_stamps(given.times, found))
+    is_timed = all(photo.time_s is not None for photo in found)
+    if given.tolerance_s is not None and not is_timed:
+        raise InputError("--tolerance: is of time stamps; give them in a column time_s, or with --times")
+    if is_timed and (given.tolerance_s is not None or not is_framed):
+        return joined_by_time(found, given.tolerance_s or USUAL_TOLERANCE_S)
+    return framed(found) if is_framed else joined_by_name(found)
+
+
+def search_rig(
+    target: TargetGeometry,
+    photos: RigPhotos,
+    given: Mapping[str, Camera],
+    plan_of: Callable[[str], SolvePlan],
+    jobs: int | None,
+    progress: Progress,
+) -> tuple[RigSearch, RigObservations]:
+    """Search each camera's photos: with its lens if it is given, else twice, with the lens known the second time.
+
+    Raises:
+        InputError: a photo of another size, or a camera whose photos cannot be read.
+        BlindCameraError: a camera that sees the target in no photo.
+    """
+    _require_given_sizes(photos, given)
+    searches: list[Search] = []
+    cameras: list[RigSightings] = []
+    for name in photos.camera_names:
+        plan = None if name in given else plan_of(name)
+        search = _searched(target, photos, name, given.get(name), plan, jobs, progress)
+        searches.append(search)
+        cameras.append(_sightings_of(name, photos, search))
+    remarks = [*photos.remarks, *(f"{name}: {line}" for name, one in zip(photos.camera_names, searches, strict=True)
+                                  for line in (*one.remarks, *one.failures))]  # fmt: skip
+    return RigSearch(target, photos, tuple(searches)), rig_observations(cameras, photos.frame_names, remarks)
+
+
+def search_one(
+    target: TargetGeometry, photos: FoundPhotos, camera: Camera | None, plan: SolvePlan | None, jobs: int | None,
+    progress: Progress,
+) -> tuple[Search, Observations]:  # fmt: skip
+    """Search the photos of one camera: with its lens if it is given, else twice.
+
+    Raises:
+        InputError: photos of two sizes.
+        BlindCameraError: no photo shows the target.
+    """
+    files, _ = with_truth(photos, None)
+    search = PhotoSearch(target, files, None, jobs, progress)
+    found = search.once(camera) if plan is None else search.twice(plan)[0]
+    if not found.with_target:
+        raise BlindCameraError(f"none of {len(found.results)} photos shows the target{_why_blind(found)}")
+    _require_one_size("camera", found)
+    return found, observations_from_detections(found.with_target, found.target, origin="camera")
+
+
+def _searched(
+    target: TargetGeometry, photos: RigPhotos, name: str, camera: Camera | None, plan: SolvePlan | None,
+    jobs: int | None, progress: Progress,
+) -> Search:  # fmt: skip
+    def told(what: str, done: float, total: int) -> None:
+        progress(f"{what} {name}", done, total)
+
+    files, _ = with_truth(FoundPhotos(tuple(photo.path for photo in photos.of(name)), (), 0), None)
+    search = PhotoSearch(target, files, None, jobs, told)
+    return search.once(camera) if plan is None else search.twice(plan)[0]
+
+
+def _sightings_of(name: str, photos: RigPhotos, search: Search) -> RigSightings:
+    """What can be used of one camera's photos."""
+    if not search.with_target:
+        count = len(search.results)
+        raise BlindCameraError(f"camera {shown(name)}: none of {count} photos shows the target{_why_blind(search)}")
+    _require_one_size(name, search)
+    seen = observations_from_detections(search.with_target, search.target, origin=f"camera {name}")
+    of_path = {photo.path: photo for photo in photos.of(name)}
+    photo_of = {result.photo.name: of_path[result.photo.path] for result in search.results}
+    times = {view: photo.time_s for view, photo in photo_of.items() if photo.time_s is not None}
+    return RigSightings(name, seen, {view: photo.frame for view, photo in photo_of.items()}, times)
+
+
+def _why_blind(search: Search) -> str:
+    """Why no photo of a camera shows the target: they are mirrored, or what is said of the first; "" if nothing is."""
+    readable = [result for result in search.results if result.seen is not None]
+    for result in readable[:TRIED_MIRRORED]:
+        pixels = np.ascontiguousarray(read_image(result.photo.path).pixels[:, ::-1])
+        if len(Detector(search.target).detect(pixels).ring):
+            return (
+                ", but they do when they are flipped: the camera, or who saved its photos, mirrors them; flip them back"
+            )
+    said = [remark for result in readable if result.seen is not None for remark in result.seen.remarks]
+    return f"; of the first is said: {said[0]}" if said else ""
+
+
+def _require_one_size(name: str, search: Search) -> None:
+    """Refuse a camera whose photos are not of one size."""
+    first: dict[tuple[int, int], str] = {}
+    for one in search.detections:
+        first.setdefault(one.image_size, one.image)
+    if len(first) > 1:
+        each = " and ".join(f"{image} has {size[0]} x {size[1]} px" for size, image in list(first.items())[:2])
+        raise InputError(f"camera {shown(name)}: {each}; a camera of a rig has one image size: keep the photos of one")
+
+
+def _require_given_sizes(photos: RigPhotos, given: Mapping[str, Camera]) -> None:
+    """Refuse a lens of another image size than its photos, and say whose it may be."""
+    for name, camera in given.items():
+        size = next((size for photo in photos.of(name) if (size := _size_of(photo.path)) is not None), None)
+        if size is None or size == camera.image_size:
+            continue
+        fitting = [other for other, one in given.items() if other != name and one.image_size == size]
+        swapped = f"; the files or folders of {shown(name)} and {shown(fitting[0])} may be swapped" if fitting else ""
+        raise InputError(
+            f"camera {shown(name)}: its photos have {size[0]} x {size[1]} px, its camera file "
+            f"{camera.image_size[0]} x {camera.image_size[1]} px{swapped}"
+        )
+
+
+def _size_of(path: Path) -> tuple[int, int] | None:
+    """Of a photo; None if it cannot be read, which is said when it is searched."""
+    try:
+        header = read_header(path.read_bytes()) if path.is_file() else None
+    except (DamagedError, OSError):
+        return None
+    return None if header is None else (header.width, header.height)
+
+
+def with_remarks(observations: RigObservations, remarks: Iterable[str]) -> RigObservations:
+    """The observations with a few more lines on them."""
+    return replace(observations, remarks=tuple(dict.fromkeys((*observations.remarks, *remarks))))

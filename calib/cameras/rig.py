@@ -1,0 +1,134 @@
+"""Cameras that are held together: where each stands, how surely, and the file that keeps it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.camera import Camera
+from calib.core.files import write_files
+from calib.core.se3 import invert, rigid_fault
+from calib.core.types import freeze
+from designer.base.errors import InputError
+from designer.base.file_kind import FileKind
+from designer.base.marks import LEFT_OUT, PACKED, AtLeast, AtMost, Length, Shape
+from designer.base.small_file import place_of
+from designer.base.words import shown, suggestion
+
+Array = NDArray[np.float64]
+
+MOST_CAMERAS = 256
+LONGEST_DELAY_S = 1e3
+POSE = 6
+"""Numbers of a pose in a covariance: rotation vector (rad), shift (mm)."""
+_Noise = Annotated[Array, Shape("C"), AtLeast(0), AtMost(1e6)]
+_Delay = Annotated[Array, Shape("C"), AtLeast(-LONGEST_DELAY_S), AtMost(LONGEST_DELAY_S)]
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """C cameras held together: `rig = calib.load_rig("rig.json"); rig.cam_from_rig[rig.row("left")]`.
+
+    The joint covariance has, camera after camera, the P parameters and the six of the pose: `cam_from_rig` turned by
+    the rotation vector w (rad) and shifted by s (mm), both in the camera's axes, `x_cam' = exp(w) R x_rig + t + s`.
+    Rows of what was fixed are zero, as are those of the pose of the camera whose frame the rig's is.
+    """
+
+    names: Annotated[tuple[Annotated[str, Length(1, 100)], ...], Length(1, MOST_CAMERAS)]  # (C,)
+    cameras: tuple[Camera, ...]  # (C,)
+    cam_from_rig: Annotated[Array, Shape("C", 4, 4)]
+    covariance: Annotated[Array, Shape("N", "N"), PACKED] | None = None  # as it is to be told; None: not known
+    noise_px: Annotated[_Noise | None, LEFT_OUT] = None  # of a centre's coordinate
+    delay_s: Annotated[_Delay | None, LEFT_OUT] = None
+    """By which each camera's time stamps run behind: a photo stamped t was taken at t - delay; None: synchronous."""
+    rig_frame: Annotated[str, Length(0, 200)] = ""
+    """Whose frame the rig's is: a camera's name, "flange", "base", "table"; "" is the first camera's."""
+    geometry_id: Annotated[str, Length(0, 100)] = ""  # of the target it was solved from
+
+    def __post_init__(self) -> None:
+        freeze(self, "cam_from_rig", "covariance", "noise_px", "delay_s")
+        count = len(self.names)
+        if len(set(self.names)) < count:
+            twice = next(name for name in self.names if self.names.count(name) > 1)
+            raise InputError(f"two cameras are named {shown(twice)}; give each its own name")
+        if len(self.cameras) != count or len(self.cam_from_rig) != count:
+            raise InputError(
+                f"{count} names, {len(self.cameras)} cameras, {len(self.cam_from_rig)} poses: as many each"
+            )
+        fault = rigid_fault(self.cam_from_rig)
+        if fault is not None:
+            raise InputError(f"cam_from_rig of {shown(self.names[fault[0]])} {fault[1]}")
+        if self.covariance is not None and len(self.covariance) != self.first_row[-1]:
+            raise InputError(f"a covariance of {len(self.covariance)} rows for {self.first_row[-1]} unknowns")
+
+    @cached_property
+    def first_row(self) -> tuple[int, ...]:
+        """Where each camera's rows of the covariance begin, and where the last end.  # (C + 1,)"""
+        sizes = [len(camera.params) + POSE for camera in self.cameras]
+        return tuple(np.concatenate([[0], np.cumsum(sizes)]).tolist())
+
+    def row(self, name: str) -> int:
+        """The row of a camera, by its name.
+
+        Raises:
+            InputError: there is none.
+        """
+        if name not in self.names:
+            raise InputError(
+                f"camera {shown(name)}: not in the rig"
+                f"{suggestion(name, list(self.names)) or '; there are ' + ', '.join(self.names)}"
+            )
+        return self.names.index(name)
+
+    def params_rows(self, camera: int) -> slice:
+        """The rows of a camera's parameters in the covariance."""
+        return slice(self.first_row[camera], self.first_row[camera + 1] - POSE)
+
+    def pose_rows(self, camera: int) -> slice:
+        """The rows of a camera's pose in the covariance."""
+        return slice(self.first_row[camera + 1] - POSE, self.first_row[camera + 1])
+
+    @property
+    def rig_from_cam(self) -> Array:
+        """The other way round.  # (C, 4, 4)"""
+        return invert(self.cam_from_rig)
+
+    @property
+    def center_mm(self) -> Array:
+        """Where the cameras are, in the rig's frame.  # (C, 3)"""
+        center: Array = self.rig_from_cam[:, :3, 3]
+        return center
+
+    def save(self, path: str | Path) -> Path:
+        """Write `rig.json`, which reads back bit for bit: `rig.save("rig.json")`; return its place.
+
+        Raises:
+            InputError: the place takes no file, or holds somebody else's.
+        """
+        place = place_of(path, "a file to write, such as rig.json")
+        write_files({place: RIG.text(self)})
+        return place
+
+
+def keep_cameras(rig: Rig, rows: Sequence[int]) -> Rig:
+    """The rig of some of its cameras, in that order; its frame stays where it was."""
+    if not len(rows):
+        raise InputError("no camera: a rig has at least one")
+    kept = [number for row in rows for number in range(rig.first_row[row], rig.first_row[row + 1])]
+    return replace(
+        rig,
+        names=tuple(rig.names[row] for row in rows),
+        cameras=tuple(rig.cameras[row] for row in rows),
+        cam_from_rig=rig.cam_from_rig[list(rows)],
+        covariance=None if rig.covariance is None else rig.covariance[np.ix_(kept, kept)],
+        noise_px=None if rig.noise_px is None else rig.noise_px[list(rows)],
+        delay_s=None if rig.delay_s is None else rig.delay_s[list(rows)],
+        rig_frame=rig.rig_frame or rig.names[0],
+    )
+
+
+RIG = FileKind(Rig, "rig", "a rig.json", "solve the rig again")

@@ -1,0 +1,77 @@
+"""Tables of photos: `camera,frame,file[,time_s]`, and time stamps `camera,file,time_s`."""
+
+import io
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from calib.observe.csv_table import CsvTable, column_fault, read_table, read_text, skip_comments
+from calib.observe.rig_photos import RigPhoto
+from calib.observe.rig_sightings import MAX_TIME_S, SEEN, TIME
+from designer.base.errors import InputError
+
+MAX_FILE_BYTES = 64 * 2**20
+FRAME, FILE = "frame", "file"
+
+
+def is_sightings(path: Path) -> bool:
+    """Whether a table holds pixels, not files."""
+    stream = io.StringIO(read_text(path, "a table of files or of sightings"), newline="")
+    skip_comments(stream)
+    names = [name.strip() for name in stream.readline().split(",")]
+    return FILE not in names or set(SEEN) <= set(names)
+
+
+def read_photo_table(path: Path) -> tuple[RigPhoto, ...]:
+    """Photos by a table, files as they are from its folder; without a column frame they are joined by their times.
+
+    Raises:
+        InputError: it cannot be read, or a line breaks a rule; the message names it.
+    """
+    table = _read(path, ("camera", FILE), f"the columns must be camera,{FILE}, {FRAME} or {TIME}, or both")
+    if FRAME not in table.cells and TIME not in table.cells:
+        raise InputError(f"{path}: has neither a column {FRAME} nor {TIME}; one tells which photos were taken at once")
+    for name in ("camera", FRAME, FILE):
+        if name in table.cells:
+            fit = np.array([bool(cell) and "\0" not in cell for cell in table.cells[name]])
+            table.require(fit, f"{name} must not be empty")
+    count = len(table.lines)
+    frames = table.cells.get(FRAME, ("",) * count)
+    times: Sequence[float | None] = _stamps(table) if TIME in table.cells else [None] * count
+    files = [path.parent / name for name in table.cells[FILE]]
+    return tuple(
+        RigPhoto(camera, file, frame, time_s)
+        for camera, file, frame, time_s in zip(table.cells["camera"], files, frames, times, strict=True)
+    )
+
+
+def read_stamps(path: Path, photos: Sequence[RigPhoto]) -> dict[Path, float]:
+    """The time stamps of photos, by their real paths; a table names them as they are called, or from its folder.
+
+    Raises:
+        InputError: it cannot be read, or a line breaks a rule; the message names it.
+    """
+    table = _read(path, ("camera", FILE, TIME), f"the columns must be camera,{FILE},{TIME}")
+    by_name = {(photo.camera, photo.path.name): photo.path for photo in photos}
+    found: dict[Path, float] = {}
+    for camera, file, time_s in zip(table.cells["camera"], table.cells[FILE], _stamps(table), strict=True):
+        place = by_name.get((camera, file), path.parent / file)
+        found[Path(os.path.realpath(place))] = time_s
+    return found
+
+
+def _read(path: Path, required: Sequence[str], wanted: str) -> CsvTable:
+    stream = io.StringIO(read_text(path, "a table of photos", MAX_FILE_BYTES), newline="")
+    first_line = skip_comments(stream)
+    table = read_table(path, stream, first_line, lambda names: column_fault(names, required, wanted), skip_spaces=True)
+    if not table.lines:
+        raise InputError(f"{path}: holds no photos")
+    return table
+
+
+def _stamps(table: CsvTable) -> list[float]:
+    stamp = table.reals(TIME)
+    table.require(np.abs(stamp) <= MAX_TIME_S, f"{TIME} must be seconds, at most {MAX_TIME_S:g}")
+    return [float(one) for one in stamp]

@@ -1,0 +1,255 @@
+"""Photos of several cameras, joined to frames by their files' names or by a pattern of them."""
+
+import os
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+from calib.observe.photos import find_photos, images_in, in_order
+from calib.observe.rig_observations import require_names, some
+from designer.base.errors import InputError
+from designer.base.words import shown
+
+CAMERA, FRAME = "{camera}", "{frame}"
+EXAMPLE = "'{camera}_{frame}.png'"
+
+
+@dataclass(frozen=True)
+class RigPhoto:
+    """A photo that one camera of a rig took."""
+
+    camera: str
+    path: Path
+    frame: str = ""  # photos of one frame were taken at once; "": not joined yet
+    time_s: float | None = None  # its time stamp
+
+
+@dataclass(frozen=True)
+class RigPhotos:
+    """The photos of a rig, joined to frames."""
+
+    photos: tuple[RigPhoto, ...]
+    frame_names: tuple[str, ...]  # in their order
+    remarks: tuple[str, ...] = ()
+
+    @cached_property
+    def camera_names(self) -> tuple[str, ...]:
+        """The cameras, in the order in which they come."""
+        return tuple(dict.fromkeys(photo.camera for photo in self.photos))
+
+    def of(self, camera: str) -> tuple[RigPhoto, ...]:
+        """What one camera took."""
+        return tuple(photo for photo in self.photos if photo.camera == camera)
+
+
+def photos_in_folders(folders: Sequence[str]) -> tuple[RigPhoto, ...]:
+    """The photos of one folder a camera, or of one folder with a subfolder a camera; not joined yet.
+
+    Raises:
+        InputError: a folder without images, no folder, or one camera only.
+    """
+    places = [Path(folder) for folder in folders]
+    for place in places:
+        if not place.is_dir():
+            what = "is a file, not a folder" if place.exists() else "no such folder"
+            raise InputError(f"{place}: {what}; give a folder a camera, or --table files.csv, or --pattern {EXAMPLE}")
+    if len(places) == 1 and not images_in(places[0]):
+        places = sorted((one for one in _subfolders(places[0]) if images_in(one)), key=in_order)
+        if not places:
+            raise InputError(f"{folders[0]}: holds neither images nor folders of images, one a camera")
+    elif len(places) == 1:
+        raise InputError(f"{folders[0]}: one folder of images; give a folder a camera, or --pattern {EXAMPLE}")
+    names = camera_names_of(places)
+    require_names(names)
+    return tuple(RigPhoto(name, path) for name, place in zip(names, places, strict=True) for path in _photos_of(place))
+
+
+def _subfolders(folder: Path) -> list[Path]:
+    try:
+        return [one for one in folder.iterdir() if one.is_dir() and not one.name.startswith(".")]
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be read: {error.strerror}; check the path") from None
+
+
+def _photos_of(folder: Path) -> tuple[Path, ...]:
+    found = find_photos([str(folder)])
+    if not found.paths:
+        raise InputError(found.failures[0] if found.failures else f"{folder}: holds overlays only")
+    return found.paths
+
+
+def camera_names_of(folders: Sequence[Path]) -> list[str]:
+    """A name for each camera: the last part of its folder's path in which all differ.
+
+    Raises:
+        InputError: a folder is given twice.
+    """
+    parts = [Path(os.path.abspath(folder)).parts[::-1] for folder in folders]
+    again = next((folder for folder, one in zip(folders, parts, strict=True) if parts.count(one) > 1), None)
+    if again is not None:
+        raise InputError(f"{again}: is given twice; two cameras need folders of their own")
+    for part in range(min(map(len, parts))):
+        names = [one[part] for one in parts]
+        if len(set(names)) == len(names):
+            return names
+    return ["-".join(one[1::-1]) for one in parts]
+
+
+def photos_by_pattern(folders: Sequence[str], pattern: str) -> RigPhotos:
+    """The photos whose names a pattern tells apart, as `{camera}_{frame}.png`; `*` stands for anything.
+
+    Args:
+        folders: that hold them; with a `/` in the pattern it is of paths from there on.
+        pattern: of names.
+
+    Raises:
+        InputError: a pattern without both words, or one that no file has.
+    """
+    expression = _expression(pattern)
+    photos: list[RigPhoto] = []
+    unlike: list[str] = []
+    for folder in folders:
+        place = Path(folder)
+        if not place.is_dir():
+            raise InputError(f"{place}: no such folder; --pattern {shown(pattern)} is of the files in a folder")
+        depth = pattern.count("/")
+        for path in sorted(_files_at(place, depth), key=in_order):
+            match = expression.fullmatch(path.relative_to(place).as_posix())
+            if match is None:
+                unlike.append(path.name)
+            else:
+                photos.append(RigPhoto(match["camera"], path, match["frame"]))
+    if not photos:
+        seen = f"; there are {some(unlike)}" if unlike else "; there are no images"
+        raise InputError(f"--pattern {shown(pattern)}: no image in {', '.join(folders)} is named so{seen}")
+    said = (f"{len(unlike)} images are not named as {pattern}, and left out: {some(unlike)}",) if unlike else ()
+    return framed(photos, said)
+
+
+def _files_at(folder: Path, depth: int) -> Iterator[Path]:
+    """The images of a folder, so many folders below it."""
+    if depth == 0:
+        yield from images_in(folder)
+        return
+    for one in sorted(_subfolders(folder)):
+        yield from _files_at(one, depth - 1)
+
+
+def _expression(pattern: str) -> re.Pattern[str]:
+    for word in (CAMERA, FRAME):
+        if pattern.count(word) != 1:
+            raise InputError(f"--pattern {shown(pattern)}: must hold {word} once, as in {EXAMPLE}")
+    named = re.escape(pattern).replace(r"\*", "[^/]*")
+    for word in (CAMERA, FRAME):
+        named = named.replace(re.escape(word), f"(?P<{word[1:-1]}>[^/]+?)")
+    return re.compile(named)
+
+
+def framed(photos: Sequence[RigPhoto], remarks: Sequence[str] = ()) -> RigPhotos:
+    """Photos whose frames are known, the frames in the order of their names, or of their time stamps.
+
+    Raises:
+        InputError: cameras that cannot be, two photos of one camera in a frame, or a photo of two cameras.
+    """
+    found = RigPhotos(tuple(photos), (), tuple(remarks))
+    require_names(found.camera_names)
+    count = Counter((photo.camera, photo.frame) for photo in photos)
+    (camera, frame), times = count.most_common(1)[0]
+    if times > 1:
+        raise InputError(
+            f"camera {shown(camera)} has {times} photos of frame {shown(frame)}: "
+            f"{some([one.path.name for one in photos if (one.camera, one.frame) == (camera, frame)])}; keep one"
+        )
+    _require_own_files(photos)
+    of_frame: dict[str, float] = {}
+    for photo in photos:
+        if photo.time_s is not None:
+            of_frame[photo.frame] = min(photo.time_s, of_frame.get(photo.frame, photo.time_s))
+    names = sorted(dict.fromkeys(photo.frame for photo in photos), key=lambda name: in_order(Path(name)))
+    if len(of_frame) == len(names):
+        names.sort(key=lambda name: of_frame[name])
+    found = replace(found, frame_names=tuple(names))
+    _require_shared(found)
+    return found
+
+
+def _require_own_files(photos: Sequence[RigPhoto]) -> None:
+    """Refuse a file that is given for two photos."""
+    first: dict[str, RigPhoto] = {}
+    for photo in photos:
+        other = first.setdefault(os.path.realpath(photo.path), photo)
+        if other is not photo:
+            raise InputError(
+                f"{photo.path}: is given twice, for cameras {shown(other.camera)} and {shown(photo.camera)}"
+            )
+
+
+def _require_shared(found: RigPhotos) -> None:
+    """Refuse photos of which no frame is of two cameras."""
+    cameras: dict[str, set[str]] = {}
+    for photo in found.photos:
+        cameras.setdefault(photo.frame, set()).add(photo.camera)
+    if not any(len(names) > 1 for names in cameras.values()):
+        seen = "; ".join(f"{name} has {some([photo.frame for photo in found.of(name)])}" for name in found.camera_names)
+        raise InputError(f"no frame is of two cameras: {seen}; name the files of one moment alike, or give --table")
+
+
+def joined_by_name(photos: Sequence[RigPhoto]) -> RigPhotos:
+    """Photos of one moment have one name, which may differ by the camera's name, or in all but their number.
+
+    Raises:
+        InputError: no name is that of photos of two cameras.
+    """
+    most, best, how = 0, [photo.path.stem for photo in photos], ""
+    for key, said in _KEYS:
+        frames = [key(photo) for photo in photos]
+        count = Counter(zip((photo.camera for photo in photos), frames, strict=True))
+        if "" in frames or max(count.values()) > 1:
+            continue
+        cameras = Counter(frame for _, frame in count)
+        shared = sum(times > 1 for times in cameras.values())
+        if shared > most:
+            most, best, how = shared, frames, said
+    remarks = (f"photos are joined by {how}, as their names differ otherwise",) if how else ()
+    return framed([replace(photo, frame=frame) for photo, frame in zip(photos, best, strict=True)], remarks)
+
+
+def _stem(photo: RigPhoto) -> str:
+    return photo.path.stem
+
+
+def _without_camera(photo: RigPhoto) -> str:
+    """The name without the camera's in it, and what joined the two."""
+    left = re.sub(re.escape(photo.camera), "", photo.path.stem, count=1, flags=re.IGNORECASE)
+    return left.strip(" _-.")
+
+
+def _numbers(photo: RigPhoto) -> str:
+    return "-".join(str(int(digits)) for digits in re.findall(r"[0-9]{1,30}", _without_camera(photo)))
+
+
+def _last_number(photo: RigPhoto) -> str:
+    return _numbers(photo).rpartition("-")[2]
+
+
+_KEYS: tuple[tuple[Callable[[RigPhoto], str], str], ...] = (
+    (_stem, ""),
+    (_without_camera, ""),
+    (_numbers, "the numbers in their names"),
+    (_last_number, "the last number in their names"),
+)
+
+
+def with_stamps(photos: Sequence[RigPhoto], stamps: Mapping[Path, float]) -> tuple[RigPhoto, ...]:
+    """The photos with time stamps, by the real paths of their files.
+
+    Raises:
+        InputError: a photo has none.
+    """
+    without = [photo.path.name for photo in photos if Path(os.path.realpath(photo.path)) not in stamps]
+    if without:
+        raise InputError(f"no time stamp for {some(without)}; add {'them' if len(without) > 1 else 'it'}")
+    return tuple(replace(photo, time_s=stamps[Path(os.path.realpath(photo.path))]) for photo in photos)

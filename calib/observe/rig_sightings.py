@@ -1,0 +1,180 @@
+"""A table of what several cameras saw of known points, as a file: `camera,frame,u,v,X,Y,Z`.
+
+The columns stand in any order, and there may be time_s, face, and sigma, suu,suv,svv or a weight, as in a table of one
+camera (`calib.observe.correspondences`). Lines `# camera NAME WIDTH x HEIGHT` above them tell the image sizes.
+With a target file its points are meant: those with the ids of a column id, or those that are nearest to X, Y, Z.
+"""
+
+import io
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from calib.core.types import Observations, RigObservations, keep_views
+from calib.observe.correspondences import (
+    ID,
+    OPTIONAL,
+    accuracy_fault,
+    require_inside,
+    rows_of_table,
+)
+from calib.observe.csv_table import ANY_NAME, COVARIANCE, CsvTable, column_fault, csv_cell, read_table, read_text
+from calib.observe.dataset import MAX_SIDE_PX
+from calib.observe.observations import prepare
+from calib.observe.photos import in_order
+from calib.observe.rig_observations import RigSightings, rig_observations
+from designer.base.errors import InputError
+from designer.base.words import shown
+from designer.target import TargetGeometry
+
+Size = tuple[int, int]
+
+KIND = "ringsolid.sightings"
+FIRST_LINE = "# ringsolid sightings, version 1"
+SEEN, TIME = ("camera", "frame", "u", "v"), "time_s"
+MAX_TIME_S = 1e12
+MAX_FILE_BYTES = 256 * 2**20
+"""A million and a half sightings; as text in memory they take about ten times as much."""
+_CAMERA = re.compile(r"#\s*camera\s+(\S.*?)\s+(\d{1,7})\s*[x×]\s*(\d{1,7})\s*(?:px)?\s*", re.IGNORECASE)
+
+
+def read_rig_sightings(path: Path, target: TargetGeometry | None = None) -> RigObservations:
+    """Read a table of sightings.
+
+    Args:
+        path: of the table.
+        target: whose points were seen; None: the table holds its own.
+
+    Raises:
+        InputError: it cannot be read, a line breaks a rule, or nothing is left of a camera; the message names it.
+    """
+    stream = io.StringIO(read_text(path, "a table of sightings", MAX_FILE_BYTES), newline="")
+    sizes, first_line = _read_sizes(path, stream)
+    of_target = target is not None
+    table = read_table(
+        path, stream, first_line, lambda names: _column_fault(names, of_target=of_target), skip_spaces=True
+    )
+    if not table.lines:
+        raise InputError(f"{path}: holds no sightings; a line is such as left,0001,812.3,455.1,20,40,0")
+    for name in SEEN[:2]:
+        table.require(np.array(list(map(bool, table.cells[name]))), f"{name} must not be empty")
+    table.require(
+        np.array([name in sizes for name in table.cells["camera"]]),
+        "the image size of its camera is not known; add a line '# camera NAME 1280 x 720' at the top",
+    )
+    views = [f"{camera}\n{frame}" for camera, frame in zip(table.cells["camera"], table.cells["frame"], strict=True)]
+    every = rows_of_table(replace(table, cells={**table.cells, "image": tuple(views)}), (1, 1), target)
+    times = _times(table, views)
+    names = sorted(dict.fromkeys(table.cells["frame"]), key=lambda name: in_order(Path(name)))
+    frames = names if times is None else _by_time(names, times)
+    cameras = [
+        _camera(name, size, every, times, origin=f"{path}: camera {name}", has_fronts=of_target)
+        for name, size in sizes.items()
+        if name in table.cells["camera"]
+    ]
+    return rig_observations(cameras, frames, (*every.remarks, *_unused(table, sizes, of_target=of_target)))
+
+
+def _unused(table: CsvTable, sizes: Iterable[str], *, of_target: bool) -> Iterable[str]:
+    """What of the file says nothing."""
+    used = (*SEEN, *"XYZ", TIME, *OPTIONAL, *([ID] if of_target else []))
+    if columns := [name for name in table.cells if name not in used]:
+        yield f"columns that are not used: {', '.join(map(shown, columns[:10]))}"
+    if blind := [name for name in sizes if name not in table.cells["camera"]]:
+        yield f"cameras without sightings: {', '.join(map(shown, blind[:10]))}"
+
+
+def _read_sizes(path: Path, stream: io.StringIO) -> tuple[dict[str, Size], int]:
+    """The image sizes in the comments, and the number of the line of column names, where the stream is left."""
+    sizes: dict[str, Size] = {}
+    number, at = 1, stream.tell()
+    while (line := stream.readline()) and (not line.strip() or line.lstrip().startswith("#")):
+        match = _CAMERA.fullmatch(line.strip())
+        if match is not None:
+            name, size = match[1], (int(match[2]), int(match[3]))
+            if name in sizes:
+                raise InputError(f"{path}: line {number}: camera {shown(name)} a second time; give each its own name")
+            if not all(1 <= side <= MAX_SIDE_PX for side in size):
+                raise InputError(f"{path}: line {number}: {size[0]} x {size[1]} px; a side has 1 to {MAX_SIDE_PX} px")
+            sizes[name] = size
+        number, at = number + 1, stream.tell()
+    stream.seek(at)
+    return sizes, number
+
+
+def _column_fault(columns: tuple[str, ...], *, of_target: bool) -> str:
+    """What is wrong with the names of the columns."""
+    if len(columns) == 1 and re.search(r"[;\t]", columns[0]):
+        return "values must be separated by commas"
+    required = (*SEEN, ID) if of_target and ID in columns else (*SEEN, *"XYZ")
+    wanted = (
+        f"the columns must be {','.join(required)}, and may be {TIME}, face, sigma, weight or {','.join(COVARIANCE)}"
+    )
+    return column_fault(columns, required, wanted) or accuracy_fault(columns)
+
+
+def _times(table: CsvTable, views: list[str]) -> dict[str, float] | None:
+    """The time stamp of each view; None without any."""
+    if TIME not in table.cells:
+        return None
+    stamp = table.reals(TIME)
+    table.require(np.abs(stamp) <= MAX_TIME_S, f"{TIME} must be seconds, at most {MAX_TIME_S:g}")
+    first: dict[str, float] = {}
+    is_same = [first.setdefault(view, time_s) == time_s for view, time_s in zip(views, stamp.tolist(), strict=True)]
+    table.require(np.array(is_same), f"another {TIME} than on an earlier line of the same photo")
+    return first
+
+
+def _by_time(frames: list[str], times: dict[str, float]) -> list[str]:
+    """The frames in the order in which they were taken."""
+    earliest: dict[str, float] = {}
+    for view, time_s in times.items():
+        frame = view.partition("\n")[2]
+        earliest[frame] = min(time_s, earliest.get(frame, np.inf))
+    return sorted(frames, key=lambda name: earliest[name])
+
+
+def _camera(
+    name: str, size: Size, every: Observations, times: dict[str, float] | None, *, origin: str, has_fronts: bool
+) -> RigSightings:
+    """What can be used of one camera's sightings."""
+    is_own = np.array([view.partition("\n")[0] == name for view in every.view_names])
+    own = keep_views(every, is_own)
+    frames = [view.partition("\n")[2] for view in own.view_names]
+    stamps = {} if times is None else {frame: times[f"{name}\n{frame}"] for frame in frames}
+    own = replace(own, image_size=size, view_names=tuple(frames), remarks=())
+    require_inside(own, origin)
+    seen = prepare(own, has_fronts=has_fronts, origin=origin)
+    return RigSightings(name, seen, {frame: frame for frame in frames}, stamps)
+
+
+def rig_sightings_to_csv(observations: RigObservations) -> bytes:
+    """The text of a table, which reads back as what was written."""
+    has_covariance = all(seen.cov_px2 is not None for seen in observations.sightings)
+    has_time = observations.time_s is not None
+    columns = (*SEEN, *"XYZ", "face", *(COVARIANCE if has_covariance else ()), *([TIME] if has_time else []))
+    lines = [FIRST_LINE, "# u v in px, (0, 0) is the centre of the top-left pixel; X Y Z in mm"]
+    for name, seen in zip(observations.camera_names, observations.sightings, strict=True):
+        lines.append(f"# camera {name} {seen.image_size[0]} x {seen.image_size[1]}")
+    lines.append(",".join(columns))
+    for camera, name in enumerate(observations.camera_names):
+        lines += _rows(observations, camera, csv_cell(name), has_covariance=has_covariance)
+    return ("\n".join(lines) + "\n").encode("utf-8", ANY_NAME)
+
+
+def _rows(observations: RigObservations, camera: int, name: str, *, has_covariance: bool) -> Iterable[str]:
+    """The lines of one camera."""
+    seen, frames = observations.sightings[camera], observations.frame[camera].tolist()
+    starts = [f"{name},{csv_cell(observations.frame_names[frame])}" for frame in frames]
+    times = observations.time_s
+    ends = [""] * len(frames) if times is None else [f",{time_s!r}" for time_s in times[camera].tolist()]
+    numbers = [seen.center_px, seen.points.position_mm[seen.point]]
+    face = seen.points.face[seen.point].tolist()
+    after = seen.cov_px2.reshape(-1, 4)[:, [0, 1, 3]].tolist() if has_covariance and seen.cov_px2 is not None else []
+    before = np.concatenate(numbers, axis=1).tolist()
+    for row, view in enumerate(seen.view.tolist()):
+        cells = [*map(repr, before[row]), str(face[row]), *(map(repr, after[row]) if after else ())]
+        yield f"{starts[view]},{','.join(cells)}{ends[view]}"

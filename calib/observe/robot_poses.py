@@ -1,0 +1,353 @@
+"""Poses of a robot's flange, photo by photo: CSV, YAML or JSON as controllers, ROS and scripts write them.
+
+A row, or an entry, is a photo: `image`, a position whose unit its columns name (`x_mm`, `x_m`), and a rotation as
+`qx qy qz qw` in any order, `q1 q2 q3 q4` (w first), a rotation vector `rx_rad ry_rad rz_rad`, Euler angles, or a matrix
+`m00 ... m23`. In YAML and JSON `position`, `orientation` and `matrix` may stand as they do in ROS.
+"""
+
+import io
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.core.se3 import MAX_DISTANCE_MM, invert, make_pose
+from calib.core.types import freeze
+from calib.interop.parsing import number, parse_yaml, shown_plain
+from calib.observe.csv_table import read_table, read_text
+from calib.observe.robot_rotations import RotationColumns, RowError, rotation_columns
+from designer.base.errors import InputError
+from designer.base.small_file import parse_json
+from designer.base.words import shown, suggestion
+
+Array = NDArray[np.float64]
+Entry = Mapping[str, object]
+
+IMAGE = ("image", "photo", "file", "name", "frame")
+LENGTHS = {"mm": 1.0, "m": 1e3}
+ANGLES = {"rad": 1.0, "deg": float(np.pi / 180)}
+MOST_POSES, MAX_FILE_BYTES = 100_000, 16 * 2**20
+MOST_TURNS_RAD = 4 * np.pi
+"""No robot writes larger angles; degrees that are taken for radians are."""
+_LISTS = {
+    "position": ("x", "y", "z"),
+    "translation": ("x", "y", "z"),
+    "rotation_vector": ("rx", "ry", "rz"),
+    "euler": ("e1", "e2", "e3"),
+}
+_POSITION, _QUATERNION = {"x": "x", "y": "y", "z": "z"}, {"x": "qx", "y": "qy", "z": "qz", "w": "qw"}
+_MAPS = {
+    "position": _POSITION,
+    "translation": _POSITION,
+    "orientation": _QUATERNION,
+    "rotation": _QUATERNION,
+    "quaternion": _QUATERNION,
+}
+MOST_YAML_VALUES = 9_000
+_VALUE = re.compile(r"[^\s,:\[\]{}]+")
+_UNIT = re.compile(r"_(mm|m|rad|deg)$")
+
+
+@dataclass(frozen=True, eq=False)
+class RobotPoses:
+    """Where a robot's flange was at each photo: `poses.base_from_flange`."""
+
+    images: tuple[str, ...]  # (V,) each another
+    base_from_flange: Array  # (V, 4, 4)
+    origin: str  # what messages name
+    read_as: str = ""  # what the columns were taken for
+
+    def __post_init__(self) -> None:
+        freeze(self, "base_from_flange")
+
+    @property
+    def inverted(self) -> "RobotPoses":
+        """The same, of a file that held flange_from_base."""
+        return replace(self, base_from_flange=invert(self.base_from_flange))
+
+
+def read_robot_poses(
+    path: Path, *, unit: str | None = None, euler: str | None = None, is_inverted: bool = False
+) -> RobotPoses:
+    """The robot's poses in a file: `read_robot_poses(Path("poses.csv"), unit="m")`.
+
+    Args:
+        path: a .csv, .yaml or .json file.
+        unit: of columns that do not name it: `mm`, `m`, `deg`, `rad`, or two of them, as in `mm,deg`.
+        euler: convention of Euler angles, such as `xyz-extrinsic` or `kuka`; None: rx, ry, rz are a rotation vector.
+        is_inverted: the file holds flange_from_base.
+
+    Raises:
+        InputError: the file cannot be read, or an entry breaks a rule; the message names it.
+    """
+    entries = _entries(path)
+    if not entries:
+        raise InputError(f"{path}: holds no robot poses; a row is such as a.png,0.4,0.1,0.7,0,1,0,0")
+    if len(entries) > MOST_POSES:
+        raise InputError(f"{path}: {len(entries)} poses; at most {MOST_POSES} are read")
+    places, rows = zip(*entries, strict=True)
+    columns = _columns(path, places, rows)
+    given = _units(unit)
+    images = _images(path, places, columns)
+    used: set[str] = set()
+    ways = rotation_columns(euler)
+    rotation, read_as = _rotations(path, places, columns, ways, given, used)
+    shift = _shifts(path, places, columns, given, used)
+    _check_last_row(path, places, columns, used)
+    pose = make_pose(rotation, shift)
+    found = RobotPoses(images, pose, str(path), read_as)
+    return found.inverted if is_inverted else found
+
+
+def _units(text: str | None) -> dict[str, float]:
+    """Factors to mm and rad of columns that name no unit."""
+    found: dict[str, float] = {}
+    for word in [] if text is None else [one.strip().lower() for one in text.split(",")]:
+        table, name = (LENGTHS, "length") if word in LENGTHS else (ANGLES, "angle")
+        if word not in table or name in found:
+            raise InputError(f"--unit {shown(text)}: give mm or m, deg or rad, or one of each, such as mm,deg")
+        found[name] = table[word]
+    return found
+
+
+def _entries(path: Path) -> list[tuple[str, Entry]]:
+    """The rows of a file, each with the place that messages name."""
+    text = read_text(path, "a file of robot poses", MAX_FILE_BYTES)
+    if path.suffix.lower() == ".json":
+        return list(_tree_entries(parse_json(text, path, "a file of robot poses"), str(path)))
+    if path.suffix.lower() in (".yaml", ".yml"):
+        if len(_VALUE.findall(text)) > MOST_YAML_VALUES:
+            raise InputError(f"{path}: more than {MOST_YAML_VALUES} values in YAML, which is slow; write CSV or JSON")
+        return list(_tree_entries(parse_yaml(text, str(path)), str(path)))
+    lines = text.splitlines(keepends=True)
+    skipped = next((row for row, line in enumerate(lines) if line.strip() and not line.startswith("#")), len(lines))
+    stream = io.StringIO("".join(lines[skipped:]), newline="")
+    table = read_table(path, stream, skipped + 1, lambda _: "", skip_spaces=True)
+    names = list(table.cells)
+    cells = zip(*table.cells.values(), strict=True)
+    return [
+        (f"line {line}", dict(zip(names, row, strict=True))) for line, row in zip(table.lines, cells, strict=True)
+    ]  # fmt: skip
+
+
+def _tree_entries(tree: object, origin: str) -> Iterator[tuple[str, Entry]]:
+    """The entries of a list, of a list under `poses`, or of names with poses."""
+    if isinstance(tree, dict) and "poses" in tree:
+        tree = tree["poses"]
+    if isinstance(tree, dict):
+        tree = [{"image": name, **(one if isinstance(one, dict) else {"matrix": one})} for name, one in tree.items()]
+    if not isinstance(tree, list):
+        raise InputError(f"{origin}: must hold a list of poses, each with an image, a position and a rotation")
+    for count, one in enumerate(tree, start=1):
+        if not isinstance(one, dict):
+            raise InputError(f"{origin}: pose {count}: must hold names with values")
+        yield f"pose {count}", _flat(one, f"{origin}: pose {count}")
+
+
+def _flat(entry: Mapping[object, object], origin: str) -> Entry:
+    """An entry of a tree as the columns of a table."""
+    flat: dict[str, object] = {}
+    for key, value in entry.items():
+        name = str(key)
+        base, unit = _without_unit(name)
+        if isinstance(value, dict) and base in _MAPS:
+            flat |= {f"{_MAPS[base].get(str(one), str(one))}{unit}": cell for one, cell in value.items()}
+        elif isinstance(value, list) and base in _LISTS and len(value) == 3:
+            flat |= {f"{column}{unit}": cell for column, cell in zip(_LISTS[base], value, strict=True)}
+        elif isinstance(value, list) and base in ("matrix", "rotation", "pose"):
+            flat |= _matrix_cells(value, "r" if base == "rotation" else "m", unit, origin)
+        elif isinstance(value, list) and base in ("orientation", "rotation", "quaternion"):
+            raise InputError(f"{origin}: {name}: four numbers may be x y z w or w x y z; name them qx, qy, qz, qw")
+        else:
+            flat[name] = value
+    return flat
+
+
+def _matrix_cells(value: Sequence[object], letter: str, unit: str, origin: str) -> dict[str, object]:
+    """A matrix as cells: 3 x 3, 3 x 4 or 4 x 4, in rows or flat."""
+    rows = [one if isinstance(one, list) else [one] for one in value]
+    flat = [cell for row in rows for cell in row]
+    width = {9: 3, 12: 4, 16: 4}.get(len(flat), 0)
+    if not width or (letter == "r" and width != 3) or len({len(row) for row in rows}) > 1:
+        raise InputError(f"{origin}: a matrix of {len(flat)} numbers; give 3 x 4 or 4 x 4 of them, row by row")
+    return {
+        f"{letter}{k // width}{k % width}{unit if k % width == 3 and k < 12 else ''}": cell
+        for k, cell in enumerate(flat)
+    }
+
+
+def _without_unit(name: str) -> tuple[str, str]:
+    """A name in small letters, and the unit at its end with its underscore, "" for none."""
+    small = name.strip().lower()
+    match = _UNIT.search(small)
+    return (small, "") if match is None else (small[: match.start()], match[0])
+
+
+@dataclass(frozen=True)
+class _Column:
+    """Cells of one name, and the factor to mm or rad that the name says; None: it says none."""
+
+    name: str
+    unit: str
+    cells: tuple[object, ...]
+
+
+def _columns(path: Path, places: Sequence[str], rows: Sequence[Entry]) -> dict[str, _Column]:
+    """The columns by their names without unit; all rows have the same."""
+    names = list(rows[0])
+    for place, row in zip(places, rows, strict=True):
+        if set(row) != set(names):
+            other = next(iter(set(row) ^ set(names)))
+            raise InputError(f"{path}: {place}: {shown(other)} is not in every pose; give each pose the same values")
+    columns: dict[str, _Column] = {}
+    for name in names:
+        base, unit = _without_unit(name)
+        base = base.removeprefix("t") if base in ("tx", "ty", "tz") else base
+        if base in columns:
+            raise InputError(f"{path}: {shown(name)} says what {shown(columns[base].name)} says; leave one out")
+        columns[base] = _Column(name, unit.removeprefix("_"), tuple(row[name] for row in rows))
+    return columns
+
+
+def _images(path: Path, places: Sequence[str], columns: Mapping[str, _Column]) -> tuple[str, ...]:
+    """Which photo each pose is of."""
+    name = next((name for name in IMAGE if name in columns), None)
+    if name is None:
+        raise InputError(
+            f"{path}: column 'image' is missing{suggestion('image', list(columns))}; it names the photo of each pose"
+        )
+    images = tuple(str(cell).strip() for cell in columns[name].cells)
+    first: dict[str, str] = {}
+    for place, image in zip(places, images, strict=True):
+        if image in first:
+            raise InputError(f"{path}: {place}: {shown(image)} was named before, in {first[image]}; a photo has a pose")
+        first[image] = place
+    return images
+
+
+def _reals(path: Path, places: Sequence[str], column: _Column) -> Array:
+    """A column of finite numbers."""
+    values = [
+        number(cell.strip() if isinstance(cell, str) else cell, column.name, f"{path}: {place}")
+        for place, cell in zip(places, column.cells, strict=True)
+    ]
+    return np.array(values)
+
+
+def _rotations(
+    path: Path,
+    places: Sequence[str],
+    columns: Mapping[str, _Column],
+    ways: Sequence[RotationColumns],
+    given: Mapping[str, float],
+    used: set[str],
+) -> tuple[Array, str]:
+    """The one rotation that the columns say, and in which way."""
+    said = [way for way in ways if all(name in columns for name in way.names)]
+    if not said:
+        raise InputError(
+            f"{path}: no rotation: give qx,qy,qz,qw, or rx_rad,ry_rad,rz_rad (a rotation vector; Euler angles with "
+            "--euler), or a matrix m00 to m23"
+        )
+    if len(said) > 1:
+        names = " and ".join(",".join(way.names) for way in said[:2])
+        raise InputError(f"{path}: two rotations, {names}; leave one out")
+    (way,) = said
+    used.update(way.names)
+    factor = 1.0
+    if way.are_angles:
+        factor = _factor(path, [columns[name] for name in way.names], ANGLES, given.get("angle"), "rad", "deg")
+    value = factor * np.column_stack([_reals(path, places, columns[name]) for name in way.names])
+    if way.are_angles and (off := np.flatnonzero(np.abs(value).max(axis=1) > MOST_TURNS_RAD)).size:
+        raise InputError(
+            f"{path}: {places[off[0]]}: an angle of {np.abs(value[off[0]]).max():.4g} rad is more than two turns; are "
+            "these degrees? name the columns _deg, or give --unit deg"
+        )
+    try:
+        return way.rotations(value), way.what
+    except RowError as error:
+        raise InputError(f"{path}: {places[error.row]}: {error.rule}") from None
+
+
+def _shifts(
+    path: Path, places: Sequence[str], columns: Mapping[str, _Column], given: Mapping[str, float], used: set[str]
+) -> Array:
+    """The positions, in mm."""
+    for names in (("x", "y", "z"), ("m03", "m13", "m23")):
+        if all(name in columns for name in names):
+            used.update(names)
+            factor = _factor(path, [columns[name] for name in names], LENGTHS, given.get("length"), "m", "mm")
+            shift: Array = factor * np.column_stack([_reals(path, places, columns[name]) for name in names])
+            far = np.flatnonzero(np.abs(shift).max(axis=1) > MAX_DISTANCE_MM)
+            if far.size:
+                raise InputError(
+                    f"{path}: {places[far[0]]}: lies more than {MAX_DISTANCE_MM:g} mm away; check the unit"
+                )
+            return shift
+    raise InputError(f"{path}: no position: give x_mm,y_mm,z_mm, or x_m,y_m,z_m")
+
+
+def _factor(
+    path: Path, columns: Sequence[_Column], units: Mapping[str, float], given: float | None, *names: str
+) -> float:
+    """By which numbers are multiplied: as their columns say, which must be alike, or else as is given."""
+    said = {column.unit for column in columns}
+    told = ", ".join(column.name for column in columns)
+    if len(said) > 1 or not said <= {"", *units}:
+        raise InputError(f"{path}: {told}: name one unit for all, {' or '.join(names)}")
+    (unit,) = said
+    if unit:
+        return units[unit]
+    if given is None:
+        both = " or ".join(f"{columns[0].name}_{name}" for name in names)
+        raise InputError(
+            f"{path}: {told} do not say their unit; name the columns {both} and so on, or give --unit "
+            + " or ".join(names)
+        )
+    return given
+
+
+def _check_last_row(path: Path, places: Sequence[str], columns: Mapping[str, _Column], used: set[str]) -> None:
+    """The last row of a 4 x 4, if it is there."""
+    for name, wanted in (("m30", 0.0), ("m31", 0.0), ("m32", 0.0), ("m33", 1.0)):
+        if name in columns and "m03" in used:
+            value = _reals(path, places, columns[name])
+            off = np.flatnonzero(np.abs(value - wanted) > 1e-9)
+            if off.size:
+                cell = shown_plain(columns[name].cells[off[0]])
+                raise InputError(f"{path}: {places[off[0]]}: {name} {cell}: the last row must be 0 0 0 1")
+
+
+@dataclass(frozen=True)
+class PosesOfPhotos:
+    """Which pose each of V photos has, and what is left over."""
+
+    row: tuple[int | None, ...]  # (V,) of the poses; None: the photo has none
+    unused: tuple[str, ...]  # names in the file that no photo has
+
+
+def poses_of(poses: RobotPoses, photos: Sequence[str]) -> PosesOfPhotos:
+    """The pose of each photo: by its name, else by its file's name, else by that without its ending.
+
+    Raises:
+        InputError: not one photo has a pose.
+    """
+    for short in (lambda name: name, lambda name: Path(name).name, lambda name: Path(name).stem):
+        rows: dict[str, list[int]] = {}
+        for row, image in enumerate(poses.images):
+            rows.setdefault(short(image), []).append(row)
+        found = [rows.get(short(photo), []) for photo in photos]
+        if any(found):
+            for photo, several in zip(photos, found, strict=True):
+                if len(several) > 1:
+                    raise InputError(f"{poses.origin}: {shown(photo)} has {len(several)} poses; give it one")
+            row_of = tuple(one[0] if one else None for one in found)
+            unused = tuple(image for row, image in enumerate(poses.images) if row not in set(row_of))
+            return PosesOfPhotos(row_of, unused)
+    raise InputError(
+        f"{poses.origin}: names no photo: its first pose is of {shown(poses.images[0])}, the first photo is "
+        f"{shown(photos[0])}; name the photos as their files are"
+    )

@@ -1,0 +1,80 @@
+"""The file that tells a robot's program where a camera sits: `hand_eye.json`."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.core.se3 import invert
+from calib.core.types import freeze
+from calib.rigs.result import RigCalibration
+from designer.base.errors import InputError
+from designer.base.file_kind import FileKind
+from designer.base.marks import PACKED, Length, Shape
+
+Array = NDArray[np.float64]
+
+HAND_EYE_FILE = "hand_eye.json"
+
+
+@dataclass(frozen=True, eq=False)
+class HandEye:
+    """Where a camera sits on a robot, or beside it: `found.hand_eye.flange_from_cam`."""
+
+    carried: Annotated[str, Length(1, 100)]  # what moved, as in "robot, camera in hand"
+    frame: Annotated[str, Length(1, 100)]  # the camera's pose is in: flange, base or table
+    frame_from_cam: Annotated[Array, Shape(4, 4)]
+    quaternion_xyzw: Annotated[Array, Shape(4)]  # of its rotation
+    covariance: (
+        Annotated[Array, Shape(6, 6), PACKED] | None
+    )  # of its inverse: rotation vector (rad), shift (mm), camera axes
+    carrier_from_target: Annotated[Array, Shape(4, 4)]  # base_from_target; target in hand: flange_from_target
+    robot_sigma_rad: float  # of the carrier's own errors, a coordinate
+    robot_sigma_mm: float
+    target_size: float  # as a part of what its file says, as the robot's ways tell it
+    target_size_sigma: float
+
+    def __post_init__(self) -> None:
+        freeze(self, "frame_from_cam", "quaternion_xyzw", "covariance", "carrier_from_target")
+
+    @property
+    def flange_from_cam(self) -> Array:
+        """(4, 4), of a camera in hand.
+
+        Raises:
+            InputError: it is not in hand.
+        """
+        if self.frame != "flange":
+            raise InputError(
+                f"the camera does not sit on the flange: take frame_from_cam, which is in the {self.frame}'s"
+            )
+        return self.frame_from_cam
+
+
+HAND_EYE = FileKind(HandEye, "hand_eye", "a hand_eye.json", "solve it again")
+
+
+def hand_eye_of(solved: RigCalibration, stated: Array | None) -> HandEye:
+    """What a robot's program needs of a rig that was carried, and the rig's covariance as it is to be told.
+
+    Raises:
+        ValueError: nothing carried the rig.
+    """
+    carrier = solved.carrier
+    if carrier is None:
+        raise ValueError("a rig that nothing carried")
+    pose = invert(solved.cam_from_rig[0])
+    rows = solved.rig.pose_rows(0)
+    return HandEye(
+        carrier.kind, solved.rig_frame, pose, _quaternion(pose[:3, :3]),
+        None if stated is None else stated[rows, rows],
+        carrier.carrier_from_target, carrier.sigma_rad, carrier.sigma_mm, carrier.size, carrier.size_sigma,
+    )  # fmt: skip
+
+
+def _quaternion(rotation: Array) -> Array:
+    """X y z w."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(rotation).as_quat())

@@ -1,0 +1,225 @@
+"""How sure a rig is: the joint covariance of all unknowns, and what the observations of each camera are worth."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.core.linear_algebra import symmetric_inverse
+from calib.rigs.carrier import carrier_errors, error_derivatives
+from calib.rigs.descend import RigEquations, params_of
+from calib.rigs.problem import RigProblem, RigState
+from calib.rigs.slack import slack_evidence
+from calib.solver.blocks import RobustLoss
+from calib.solver.descent import Descent
+from calib.solver.normal import Normal
+from calib.solver.outliers import robust_covariance_factor, whitened
+
+Array = NDArray[np.float64]
+Found = Descent[RigState, RigEquations]
+
+SINGULAR = 1e-13
+LEAST_TOLD = 1e-3
+LOST = 1e-3
+"""Part of an unknown, of length one, that is not determined, from which on it is not stated."""
+TOLD = 0.3
+"""Part of the least determined direction, its largest part one, from which on an unknown is named."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigAccuracy:
+    """Covariances at the minimum; nan where the data do not determine the rig."""
+
+    covariance: Array  # (N, N) rows as those of `calib.cameras.rig.Rig`
+    frame_covariance: Array  # (V, 6, 6) from the problem's own origin
+    delay_sigma_s: Array  # (C,)
+    carrier_covariance: Array | None  # (6, 6) from the problem's own origin
+    size_sigma: float  # of the target's size; 0: it was no unknown
+    weakest: str  # why the data do not determine the rig; "" if they do
+
+
+@dataclass(frozen=True, eq=False)
+class SharedInverse:
+    """The inverse normal matrix of the shared unknowns, the frames eliminated, and what frames take from it."""
+
+    shared: Array  # (G, G)
+    frame: Array  # (V, 6, 6) covariances of the frames
+    coupling: Array  # (V, 6, G) C^-1 B' of each frame: a frame's part that follows the shared unknowns, sign turned
+    weakest: Array  # (G,) the least determined direction, each unknown in units of its conditional deviation
+    is_lost: NDArray[np.bool_]  # (G,) unknowns with a part in what is not determined; the inverse is without it
+
+
+def shared_inverse(normal: Normal) -> SharedInverse:
+    """Normal equations inverted by blocks: of `[C B'; B A]`, frames first, `S = A - B C^-1 B'` is left."""
+    count = normal.other.shape[0]
+    try:
+        block = np.asarray(np.linalg.inv(normal.pose), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return _nothing(normal)
+    coupling = block @ normal.pose_row[:, :, :count]
+    reduced = normal.other[:, :count] - np.einsum("vig,vih->gh", normal.pose_row[:, :, :count], coupling)
+    if not count:
+        return SharedInverse(np.zeros((0, 0)), block, coupling, np.zeros(0), np.zeros(0, dtype=bool))
+    before, after = np.diagonal(normal.other[:, :count]), np.diagonal(reduced)
+    if not (np.isfinite(reduced).all() and (before > 0).all() and (after > 0).all()):
+        return _nothing(normal)
+    root = np.sqrt(after)
+    value, vector = np.linalg.eigh(reduced / (root[:, None] * root))
+    rounding = np.finfo(np.float64).eps * float((before / after).max()) * count
+    determined = value > max(SINGULAR, rounding)  # what the frames took up whole is lost in rounding
+    inverse = (vector * np.where(determined, 1 / np.where(determined, value, 1.0), 0.0)) @ vector.T
+    inverse = inverse / (root[:, None] * root)
+    frame = block + coupling @ inverse @ coupling.transpose(0, 2, 1)
+    is_lost = np.sqrt((vector[:, ~determined] ** 2).sum(axis=1)) > LOST
+    return SharedInverse(inverse, frame, coupling, vector[:, 0], is_lost)
+
+
+def _nothing(normal: Normal) -> SharedInverse:
+    count = normal.other.shape[0]
+    lost = (~(np.diagonal(normal.other[:, :count]) > 0)).astype(np.float64)
+    return SharedInverse(
+        np.full((count, count), np.nan), np.full_like(normal.pose, np.nan), np.zeros((len(normal.pose), 6, count)),
+        lost, np.ones(count, dtype=bool),
+    )  # fmt: skip
+
+
+def camera_redundancy(problem: RigProblem, found: Found) -> Array:
+    """Of each camera's coordinates, how many more there are than the unknowns that they determine.  # (C,)
+
+    A frame's six are shared out among the cameras by how much each tells of them.
+    """
+    inverse = symmetric_inverse(found.equations.normal.pose).inverse
+    redundancy = np.zeros(len(problem.seen))
+    for number, (one, blocks, chain) in enumerate(
+        zip(problem.seen, found.equations.blocks, found.equations.chains, strict=True)
+    ):
+        own = (found.equations.slack[number].products if problem.slack else blocks.products)[:, -7:-1, -7:-1]
+        told = chain.by_frame.transpose(0, 2, 1) @ own @ chain.by_frame
+        free = len(np.unique(one.params[one.params >= 0])) + int((chain.column >= 0).sum())
+        taken = float(np.einsum("vij,vji->", inverse[chain.frame], told))
+        redundancy[number] = 2 * int(one.problem.is_used.sum()) - free - taken
+        if problem.slack:
+            view = found.equations.slack[number]
+            redundancy[number] -= view.spread[:, :, 0].size - float(
+                np.einsum("vde,ved->", problem.slack[number].precision, view.spread)
+            )
+    return redundancy
+
+
+def slack_size(problem: RigProblem, found: Found) -> float:
+    """How large the views' own unknowns are, by what they themselves show."""
+    inverse = shared_inverse(found.equations.normal)
+    squares = told = 0.0
+    for number, (prior, chain, view) in enumerate(
+        zip(problem.slack, found.equations.chains, found.equations.slack, strict=True)
+    ):
+        columns = np.concatenate([params_of(problem, number), chain.column])
+        free = np.flatnonzero(columns >= 0)
+        count = len(columns) - len(chain.column)
+        to_pose = view.solved[:, :, count:-1]
+        by_frame = to_pose @ chain.by_frame
+        by_shared = np.concatenate([view.solved[:, :, :count], to_pose @ chain.by_shared], axis=2)[:, :, free]
+        column = columns[free]
+        cross = -(inverse.coupling[chain.frame] @ inverse.shared)[:, :, column]
+        both = by_frame @ cross @ by_shared.transpose(0, 2, 1)
+        covariance = view.spread + by_frame @ inverse.frame[chain.frame] @ by_frame.transpose(0, 2, 1)
+        covariance = covariance + both + both.transpose(0, 2, 1)
+        covariance = covariance + by_shared @ inverse.shared[column[:, None], column] @ by_shared.transpose(0, 2, 1)
+        evidence = slack_evidence(prior, found.state.slack[number], covariance)
+        squares, told = squares + evidence[0], told + evidence[1]
+    size = problem.slack[0].size
+    return squares / told if told > LEAST_TOLD else size
+
+
+def carrier_sigmas(problem: RigProblem, found: Found) -> Array:
+    """The sizes of a carrier's errors that they themselves show, their redundancy regarded: rad, mm.  # (2,)
+
+    The squares of the errors over their redundancy (Foerstner 1979): what of them was free to follow the photos is
+    not counted.
+    """
+    prior, state = problem.prior, found.state
+    if prior is None:
+        raise ValueError("a rig without a carrier")
+    error = carrier_errors(prior, state.rig_from_target, state.carrier_from_target)
+    variance = np.einsum("vii->vi", _error_covariance(problem, found))
+    counts = np.ones((len(error), 6), dtype=bool)
+    if prior.carrier.has_free_angles:
+        counts[:, 2] = False
+    sigma = prior.sigma.copy()
+    for kind in range(2):
+        own = np.zeros(6, dtype=bool)
+        own[3 * kind : 3 * kind + 3] = True
+        used = counts & own
+        left = float(used.sum() - variance[used].sum() / prior.sigma[kind] ** 2)
+        square = float((error[used] ** 2).sum())
+        sigma[kind] = np.sqrt(square / left) if left > 1e-3 * used.sum() else sigma[kind]
+    return sigma
+
+
+def _error_covariance(problem: RigProblem, found: Found) -> Array:
+    """Of what the photos show of a carrier's errors.  # (V, 6, 6)"""
+    prior, state = problem.prior, found.state
+    if prior is None:
+        raise ValueError("a rig without a carrier")
+    by_frame, by_target = error_derivatives(prior, state.rig_from_target, state.carrier_from_target)
+    inverse = shared_inverse(found.equations.normal)
+    column = prior.column
+    frame = inverse.frame
+    cross = -(inverse.coupling @ inverse.shared)[:, :, column]
+    target = inverse.shared[column[:, None], column]
+    both = by_frame @ cross @ by_target.transpose(0, 2, 1)
+    covariance: Array = (
+        by_frame @ frame @ by_frame.transpose(0, 2, 1) + both + both.transpose(0, 2, 1)
+        + by_target @ target @ by_target.transpose(0, 2, 1)
+    )  # fmt: skip
+    return covariance
+
+
+def accuracy_of_rig(problem: RigProblem, found: Found, labels: Sequence[str], knee: float) -> RigAccuracy:
+    """The covariances at the minimum.
+
+    Args:
+        problem: what was seen.
+        found: the minimum.
+        labels: what the shared unknowns are called (G,).
+        knee: where the loss bends, in standard deviations; infinite: it does not.
+    """
+    inverse = shared_inverse(found.equations.normal)
+    factor = _robust_factor(problem, found) if np.isfinite(knee) else 1.0
+    place = np.concatenate([np.concatenate([one.params, one.pose]) for one in problem.seen])
+    rows = np.flatnonzero(place >= 0)
+    shared = np.where(inverse.is_lost | inverse.is_lost[:, None], np.nan, factor * inverse.shared)
+    covariance = np.zeros((len(place), len(place)))
+    covariance[np.ix_(rows, rows)] = shared[np.ix_(place[rows], place[rows])]
+    delay = np.array([
+        float(np.sqrt(shared[one.delay[0], one.delay[0]])) if one.delay[0] >= 0 else 0.0
+        for one in problem.seen
+    ])  # fmt: skip
+    column = None if problem.prior is None else problem.prior.column
+    carrier = None if column is None else shared[column[:, None], column]
+    size = problem.size_column
+    size_sigma = float(np.sqrt(shared[size, size])) if size >= 0 else 0.0
+    frame = np.full_like(inverse.frame, np.nan) if inverse.is_lost.any() else factor * inverse.frame
+    weakest = _why_undetermined(inverse, labels) if inverse.is_lost.any() else ""
+    return RigAccuracy(covariance, frame, delay, carrier, size_sigma, weakest)
+
+
+def _why_undetermined(inverse: SharedInverse, labels: Sequence[str]) -> str:
+    """A line with what cannot be told apart, and the remedy."""
+    part = np.abs(inverse.weakest)
+    told = [label for label, share in zip(labels, part.tolist(), strict=True) if share > TOLD * part.max(initial=0.0)]
+    return (
+        f"the frames do not determine {', '.join(dict.fromkeys(told)) or 'the rig'}: take frames with the target "
+        "turned about other axes, nearer and farther, or give what is known"
+    )
+
+
+def _robust_factor(problem: RigProblem, found: Found) -> float:
+    """What the inverse of the weighted normal matrix is to be multiplied with for a covariance."""
+    lengths = []
+    for one, blocks, scale in zip(problem.seen, found.equations.blocks, problem.scale, strict=True):
+        standard = whitened(one.problem.whitener, blocks.residual_px) / scale
+        length = np.hypot(*standard)[one.problem.is_used]
+        lengths.append(length[np.isfinite(length)])
+    return robust_covariance_factor(np.concatenate(lengths), RobustLoss(problem.loss))

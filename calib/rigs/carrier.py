@@ -1,0 +1,125 @@
+"""What a carrier, a robot's flange or a turntable, says of the frames' poses: residuals, derivatives, its own noise.
+
+A carrier states L, `rig_from_carrier`, in each frame. With Y = carrier_from_target the same in all, the frame's pose is
+
+    camera in hand:  F = exp(e) L Y        else:  F = L exp(e) Y
+
+where e, a small rotation and a shift of the flange in its own axes, is the carrier's error in that frame. So poses are
+free and held to the carrier by its noise, of which the two sizes can be estimated; poses found first and a hand-eye
+equation solved after would throw away how well each photo knows its pose.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.core.se3 import log_rotation, skew
+from calib.rigs.problem import CarrierPrior, RigState
+from calib.solver.normal import Normal
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+SMALL_RAD = 1e-5
+
+
+def carrier_errors(prior: CarrierPrior, rig_from_target: Array, carrier_from_target: Array) -> Array:
+    """The carrier's error in each frame: rotation vector (rad), shift (mm).  # (V, 6)"""
+    return _errors(prior, rig_from_target, carrier_from_target)[0]
+
+
+def error_derivatives(prior: CarrierPrior, rig_from_target: Array, carrier_from_target: Array) -> tuple[Array, Array]:
+    """Of the errors by steps of the frames' poses and of `carrier_from_target`: (V, 6, 6) each.
+
+    Steps as those of `calib.solver.chain`.
+    """
+    error, turn, model = _errors(prior, rig_from_target, carrier_from_target)
+    carried = prior.carrier.rig_from_carrier[:, :3, :3]
+    one = np.tile(np.eye(3), (len(error), 1, 1))
+    in_hand = prior.carrier.is_camera_in_hand
+    of_frame, of_target = (one, carried) if in_hand else (carried.transpose(0, 2, 1), one)
+    arm = (turn @ model[:, :3, 3:])[:, :, 0]
+    by_frame, by_target = np.zeros((len(error), 6, 6)), np.zeros((len(error), 6, 6))
+    by_frame[:, :3, :3] = _inverse_left_jacobian(error[:, :3]) @ of_frame
+    by_frame[:, 3:, :3] = skew(arm) @ of_frame
+    by_frame[:, 3:, 3:] = of_frame
+    by_target[:, :3, :3] = -_inverse_left_jacobian(-error[:, :3]) @ of_target
+    by_target[:, 3:, :3] = -turn @ skew(model[:, :3, 3]) @ of_target
+    by_target[:, 3:, 3:] = -turn @ of_target
+    return by_frame, by_target
+
+
+def _errors(prior: CarrierPrior, rig_from_target: Array, carrier_from_target: Array) -> tuple[Array, Array, Array]:
+    """The errors, their rotations (V, 3, 3), and where the carrier has the target, (V, 4, 4)."""
+    carried = prior.carrier.rig_from_carrier
+    if prior.carrier.is_camera_in_hand:
+        moved, model = rig_from_target, carried @ carrier_from_target
+    else:
+        back = carried[:, :3, :3].transpose(0, 2, 1)
+        moved = rig_from_target.copy()
+        moved[:, :3, :3] = back @ rig_from_target[:, :3, :3]
+        moved[:, :3, 3] = (back @ (rig_from_target[:, :3, 3] - carried[:, :3, 3])[:, :, None])[:, :, 0]
+        model = np.broadcast_to(carrier_from_target, carried.shape)
+    turn = moved[:, :3, :3] @ model[:, :3, :3].transpose(0, 2, 1)
+    shift = moved[:, :3, 3] - (turn @ model[:, :3, 3:])[:, :, 0]
+    return np.concatenate([log_rotation(turn), shift], axis=1), turn, model
+
+
+def _inverse_left_jacobian(vector: Array) -> Array:
+    """J with `log(exp(w) exp(v)) = v + J w` for small w: `I - [v]/2 + c [v]^2` (..., 3, 3)."""
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    safe = np.where(angle < SMALL_RAD, 1.0, angle)
+    factor = np.where(angle < SMALL_RAD, 1 / 12, 1 / safe**2 - (1 + np.cos(safe)) / (2 * safe * np.sin(safe)))
+    cross = skew(vector)
+    jacobian: Array = np.eye(3) - 0.5 * cross + factor * (cross @ cross)
+    return jacobian
+
+
+def weights(prior: CarrierPrior) -> Array:
+    """Inverse standard deviations of the errors' coordinates; zero of the turn that a free angle takes up.  # (6,)"""
+    weight = np.repeat(1 / prior.sigma, 3)
+    if prior.carrier.has_free_angles:
+        weight[2] = 0.0
+    return weight
+
+
+def add_prior(into: Normal, prior: CarrierPrior, state: RigState, first_camera: Rows) -> float:
+    """Add the carrier's equations to those of the sightings; returns the sum of its squares.
+
+    Args:
+        into: equations, of which the arrays are changed.
+        prior: what the carrier says.
+        state: where.
+        first_camera: the shared unknowns of the first camera's pose (6,).
+    """
+    error = carrier_errors(prior, state.rig_from_target, state.carrier_from_target)
+    by_frame, by_target = error_derivatives(prior, state.rig_from_target, state.carrier_from_target)
+    weight = weights(prior)
+    first, second, white = weight[:, None] * by_frame, weight[:, None] * by_target, weight * error
+    column = prior.column
+    into.pose[:] += first.transpose(0, 2, 1) @ first
+    into.pose_row[:, :, column] += first.transpose(0, 2, 1) @ second
+    into.pose_row[:, :, -1] += np.einsum("vij,vi->vj", first, white)
+    into.other[column[:, None], column] += np.einsum("vij,vik->jk", second, second)
+    into.other[column, -1] += np.einsum("vij,vi->j", second, white)
+    if prior.carrier.is_turntable:
+        _hold(into, prior, state, first_camera)
+    return float((white**2).sum())
+
+
+def _hold(into: Normal, prior: CarrierPrior, state: RigState, first_camera: Rows) -> None:
+    """Keep what nothing tells of a turntable's own frame: how high it is, and where its x axis points.
+
+    That is: the target's height and its turn about the axis; and, as angles that are unknowns take up the latter, the
+    first camera's turn about it.
+    """
+    turn, lift = np.zeros(6), np.zeros(6)
+    turn[2] = lift[5] = 1.0
+    turn[3:] = np.cross([0.0, 0.0, 1.0], state.carrier_from_target[:3, 3])
+    of_turn, of_shift = len(state.rig_from_target) / prior.sigma**2  # what a carrier would tell of these
+    held = [(prior.column, turn, of_turn), (prior.column, lift, of_shift)]
+    if prior.carrier.has_free_angles:
+        held.append((first_camera, np.concatenate([state.cam_from_rig[0, :3, 2], np.zeros(3)]), of_turn))
+    for column, step, least in held:
+        row = step / (step @ step)
+        curve = row @ into.other[column[:, None], column] @ row
+        into.other[column[:, None], column] += np.outer(row, row) * max(float(curve), least)

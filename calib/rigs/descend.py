@@ -1,0 +1,247 @@
+"""The descent over cameras, their places, and all frames; see `calib.solver.chain` for the equations."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import is_allowed
+from calib.core.se3 import exp_rotation
+from calib.rigs.carrier import add_prior
+from calib.rigs.problem import RigProblem, RigState, SeenByOne, seen_poses, speeds, with_scale
+from calib.rigs.slack import WithoutSlack, eliminated, slack_step
+from calib.solver.blocks import Blocks, RobustLoss, view_blocks
+from calib.solver.chain import Chain, add_chained, no_equations, through_camera
+from calib.solver.descent import FIRST_DAMPING, PERFECT_PX, SMALL_DECREASE, Descent, levenberg_marquardt
+from calib.solver.eliminate import JointStep, damped_step
+from calib.solver.levenberg import SHORT, move_poses, moved_camera, turn_of_centre
+from calib.solver.normal import Normal
+from calib.solver.options import Loss
+
+Array = NDArray[np.float64]
+
+EXPECTED_DELAY_S = 10.0
+EXPECTED_SIZE = 0.1
+"""Standard deviation of a target's size, as a part of it: a page that was fitted to the paper is 3 to 6 % off."""
+PATIENCE = 16
+"""Steps refused because a camera does not show a point there."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigEquations:
+    """The normal equations of a rig, and of what they were made."""
+
+    normal: Normal
+    blocks: tuple[Blocks, ...]  # (C,) of each camera's views
+    chains: tuple[Chain, ...]  # (C,)
+    slack: tuple[WithoutSlack, ...] = ()  # (C,) if views' poses are not quite the rig's
+
+
+def rig_equations(
+    problem: RigProblem, state: RigState, loss: Loss, near: tuple[Blocks, ...] | None = None
+) -> RigEquations:
+    """The normal equations at a state.
+
+    Args:
+        problem: what was seen.
+        state: where.
+        loss: of the whitened residuals.
+        near: blocks so near that only their gradients differ.
+    """
+    blocks, chains = [], []
+    for number, one in enumerate(problem.seen):
+        frames, poses = seen_poses(problem, state, number)
+        has_size = problem.size_column >= 0
+        found = view_blocks(
+            with_scale(problem, number, state.size), state.cameras[number], poses, RobustLoss(loss),
+            of_poses=not ((one.params >= 0).any() or has_size),
+            near=None if near is None else near[number].products,
+            modes_mm=one.problem.position_mm[None] if has_size else None,
+        )  # fmt: skip
+        blocks.append(found)
+        chains.append(chain_of(problem, state, number, frames))
+    return assembled(problem, state, tuple(blocks), tuple(chains))
+
+
+def assembled(
+    problem: RigProblem, state: RigState, blocks: tuple[Blocks, ...], chains: tuple[Chain, ...], damping: float = 0.0
+) -> RigEquations:
+    """The normal equations of all cameras' views together, with what is expected of the unknowns.
+
+    Args:
+        problem: what was seen.
+        state: where.
+        blocks: of each camera's views (C,).
+        chains: likewise.
+        damping: of the views' slacks, which are eliminated here; that of all else is for later.
+    """
+    into = no_equations(problem.frame_count, problem.shared_count)
+    views: list[WithoutSlack] = []
+    for number, (one, chain) in enumerate(zip(blocks, chains, strict=True)):
+        products = one.products
+        if problem.slack:
+            views.append(eliminated(products, problem.slack[number], state.slack[number], damping))
+            products = views[-1].products
+        add_chained(into, products, params_of(problem, number), chain)
+    prior = sum(one.prior for one in views) + _add_delays(into, problem, state) + _add_size(into, problem, state)
+    if problem.prior is not None:
+        prior += add_prior(into, problem.prior, state, problem.seen[0].pose)
+    cost = sum(float(one.cost.sum()) for one in blocks)
+    residual = tuple(one.residual_px for one in blocks)
+    normal = replace(into, cost=cost + prior, squares=cost, residual_px=residual)
+    return RigEquations(normal, blocks, chains, tuple(views))
+
+
+def params_of(problem: RigProblem, camera: int) -> NDArray[np.int64]:
+    """The shared unknowns that a camera's blocks have before the pose: the target's size, then its parameters."""
+    own = problem.seen[camera].params
+    if problem.size_column >= 0:
+        return np.concatenate([[problem.size_column], own])
+    return own if (own >= 0).any() else own[:0]
+
+
+def _add_size(into: Normal, problem: RigProblem, state: RigState) -> float:
+    """Add what is expected of the target's size."""
+    if problem.size_column < 0:
+        return 0.0
+    column, off = problem.size_column, (state.size - 1) / EXPECTED_SIZE
+    into.other[column, column] += EXPECTED_SIZE**-2
+    into.other[column, -1] += off / EXPECTED_SIZE
+    return off**2
+
+
+def _add_delays(into: Normal, problem: RigProblem, state: RigState) -> float:
+    """Add what is expected of delays, so that those which a target at rest does not tell stay finite."""
+    total = 0.0
+    for one, delay in zip(problem.seen, state.delay_s.tolist(), strict=True):
+        if one.delay[0] >= 0:
+            into.other[one.delay[0], one.delay[0]] += EXPECTED_DELAY_S**-2
+            into.other[one.delay[0], -1] += delay / EXPECTED_DELAY_S**2
+            total += (delay / EXPECTED_DELAY_S) ** 2
+    return total
+
+
+def chain_of(problem: RigProblem, state: RigState, camera: int, frames: Array) -> Chain:
+    """How a camera's poses hang on frames, on where it stands, and on when it takes its photos.
+
+    Args:
+        problem: what was seen.
+        state: where.
+        camera: which.
+        frames: rig_from_target at the times of its photos (V_c, 4, 4).
+    """
+    one: SeenByOne = problem.seen[camera]
+    by_frame, by_camera = through_camera(state.cam_from_rig[camera], frames)
+    if problem.slack:
+        turn = exp_rotation(state.slack[camera][:, :3])  # slack turns the pose last
+        by_frame[:, :3], by_camera[:, :3] = turn @ by_frame[:, :3], turn @ by_camera[:, :3]
+    if problem.motion.any():
+        there = state.rig_from_target[one.frame, :3, :3]
+        by_frame[:, :3, :3] = by_frame[:, :3, :3] @ frames[:, :3, :3] @ there.transpose(0, 2, 1)
+    if one.delay[0] < 0:
+        return Chain(one.frame, by_frame, by_camera, one.pose)
+    turned, _ = through_camera(state.cam_from_rig[camera], frames)
+    by_delay = -(turned @ speeds(problem, state, camera)[:, :, None])
+    return Chain(
+        one.frame, by_frame, np.concatenate([by_camera, by_delay], axis=2), np.concatenate([one.pose, one.delay])
+    )
+
+
+def descend_rig(
+    problem: RigProblem,
+    state: RigState,
+    *,
+    max_iterations: int,
+    loss: Loss | None = None,
+    small_decrease: float = SMALL_DECREASE,
+    damping: float = FIRST_DAMPING,
+) -> Descent[RigState, RigEquations]:
+    """Descend to the nearest minimum; arguments as those of `levenberg_marquardt`, `loss` if not the problem's."""
+    return levenberg_marquardt(
+        _Rig(problem, loss or problem.loss), state, max_iterations=max_iterations, small_decrease=small_decrease,
+        damping=damping,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class RigStep:
+    """A step of all unknowns, those of views by the equations that they were eliminated from."""
+
+    joint: JointStep
+    equations: RigEquations
+    predicted: float  # decrease of the cost
+
+
+class _Rig:
+    """Cameras, their places and frames, for `levenberg_marquardt`."""
+
+    def __init__(self, problem: RigProblem, loss: Loss) -> None:
+        self.problem, self.loss = problem, loss
+        counts = [int(one.problem.is_used.sum()) for one in problem.seen]
+        self.perfect = float((np.array(counts) * (PERFECT_PX / problem.scale) ** 2).sum())
+        self.refused = 0
+
+    def equations(self, state: RigState) -> RigEquations:
+        """As `Solvable`."""
+        return rig_equations(self.problem, state, self.loss)
+
+    def cost(self, equations: RigEquations) -> float:
+        """As `Solvable`."""
+        return equations.normal.cost
+
+    def step(self, state: RigState, equations: RigEquations, damping: float) -> RigStep | None:
+        """As `Solvable`."""
+        if not self.problem.slack:
+            step = damped_step(equations.normal, damping)
+            return None if step is None else RigStep(step, equations, step.predicted)
+        damped = assembled(self.problem, state, equations.blocks, equations.chains, damping)
+        step = damped_step(damped.normal, damping)
+        if step is None:
+            return None
+        return RigStep(step, damped, step.predicted + sum(one.promised for one in damped.slack))
+
+    def trial(self, state: RigState, equations: RigEquations, step: RigStep) -> tuple[RigState, RigEquations] | None:
+        """As `Solvable`."""
+        moved = moved_state(self.problem, state, step.equations, step.joint)
+        if not all(is_allowed(camera) for camera in moved.cameras):
+            return None
+        near = equations.blocks if step.predicted <= SHORT**2 * equations.normal.cost else None
+        return moved, rig_equations(self.problem, moved, self.loss, near)
+
+    def gives_up(self, there: RigEquations) -> bool:
+        """As `Solvable`."""
+        self.refused += 1
+        return self.refused > PATIENCE
+
+
+def moved_state(problem: RigProblem, state: RigState, equations: RigEquations, step: JointStep) -> RigState:
+    """The state after a step."""
+    shared = np.append(step.other, 0.0)  # what is fixed, with a place of -1, takes the last
+    cameras = tuple(
+        moved_camera(camera, np.arange(len(one.params)), shared[one.params]) if (one.params >= 0).any() else camera
+        for one, camera in zip(problem.seen, state.cameras, strict=True)
+    )
+    own = [
+        move_poses(
+            state.cam_from_rig[number : number + 1], shared[one.pose][None],
+            turn_of_centre(state.cameras[number], cameras[number]) if one.pose[0] >= 0 else None,
+        )
+        for number, one in enumerate(problem.seen)
+    ]  # fmt: skip
+    frames = move_poses(state.rig_from_target, step.pose)
+    delay = state.delay_s + np.array([shared[one.delay[0]] for one in problem.seen])
+    target = state.carrier_from_target
+    if problem.prior is not None:
+        target = move_poses(target[None], shared[problem.prior.column][None])[0]
+    views = [
+        one + slack_step(equations.slack[number], shared[params_of(problem, number)], _pose_steps(chain, step))
+        for number, (one, chain) in enumerate(zip(state.slack, equations.chains, strict=bool(problem.slack)))
+    ]
+    size = state.size + float(shared[problem.size_column])
+    return RigState(cameras, np.concatenate(own), frames, delay, target, slack=tuple(views), size=size)
+
+
+def _pose_steps(chain: Chain, step: JointStep) -> Array:
+    """What a step does to one camera's poses.  # (V_c, 6)"""
+    shared = np.append(step.other, 0.0)[chain.column]
+    return np.asarray(np.einsum("vij,vj->vi", chain.by_frame, step.pose[chain.frame]) + chain.by_shared @ shared)

@@ -1,0 +1,237 @@
+"""A rig solved from halves of its frames: whether its joint covariance can be believed, and whether anything moved.
+
+Frames are halved in two ways. By turns: the frames are ordered by how the target was held, and taken first, second,
+second, first, so that both halves are alike; the order they were taken in does not matter. In order: the first against
+the last, which shows a camera that was pushed or a focus that crept meanwhile. If all is noise, both differ by what the
+covariances of the halves say.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.core.linear_algebra import symmetric_inverse
+from calib.core.se3 import log_rotation
+from calib.core.types import RigObservations, keep_frames, keep_sightings, keep_views, sightings_per_view
+from calib.rigs.options import CameraChoice, RigOptions
+from calib.rigs.relative import relative
+from calib.rigs.result import RigCalibration
+from calib.rigs.solve import solve_rig
+from designer.base.errors import InputError
+from designer.base.marks import AtLeast, AtMost, Length, Line, Word
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+SplitKind = Literal["by turns", "in order"]
+HalfSolver = Callable[[Flags], RigCalibration]
+"""Solves the rig of some frames (V,) as all of them were solved; InputError: they do not do."""
+
+LEAST_FRAMES = 6
+"""Three of each half."""
+BY_TURNS, MANY_FRAMES = 2, 200
+"""Ways of halving by turns, along the directions in which the held targets differ most; of more frames one."""
+RARE = 1.96
+"""Normal quantile of what chance exceeds in 1 of 40 honest rigs."""
+STEADIER = 0.85
+"""What halves in order leave over, of what alike halves do, if something moved between them."""
+PER_RIGHT_ANGLE = 0.35
+"""Of a turn by a right angle, against a shift by the distance of the target."""
+_Size = Annotated[float, AtLeast(0), AtMost(1e9)]
+
+
+@dataclass(frozen=True)
+class PairApart:
+    """How far two halves of the frames put a pair of cameras apart."""
+
+    names: tuple[Word, Word]
+    baseline_mm: Annotated[float, AtLeast(-1e9), AtMost(1e9)]  # of the second half, less that of the first
+    sigma_mm: _Size  # that the halves state of this difference
+
+
+@dataclass(frozen=True)
+class RigSplit:
+    """One way of halving the frames."""
+
+    kind: SplitKind
+    ratio: _Size  # of the cameras' poses: in stated standard deviations, 1 on average if these are honest
+    unknowns: Annotated[int, AtLeast(1)]  # that it is the root mean square of
+    noise: _Size  # what the halves leave over, in what all frames together leave over
+    pairs: Annotated[tuple[PairApart, ...], Length(0, 100_000)]
+
+
+@dataclass(frozen=True)
+class RigHalves:
+    """What came of all ways."""
+
+    splits: Annotated[tuple[RigSplit, ...], Length(1, 10)]
+
+    def ratio_of(self, kind: SplitKind) -> float:
+        """Root mean square over the ways of a kind; nan if there is none."""
+        found = [one.ratio**2 for one in self.splits if one.kind == kind]
+        return math.sqrt(sum(found) / len(found)) if found else math.nan
+
+    @property
+    def ratio(self) -> float:
+        """The larger of both kinds."""
+        return max(one for kind in ("by turns", "in order") if math.isfinite(one := self.ratio_of(kind)))
+
+    @property
+    def by_chance(self) -> float:
+        """What honest standard deviations stay within, but for 1 of 20 rigs: two kinds, each but for 1 of 40.
+
+        The cube root of chi square over its degrees of freedom is about normal (Wilson and Hilferty 1931).
+        """
+        part = 2 / (9 * min(one.unknowns for one in self.splits))
+        return math.pow(1 - part + RARE * math.sqrt(part), 1.5)
+
+    @property
+    def factor(self) -> float:
+        """What stated standard deviations are to be multiplied with, as in `calib.verdict.halves`."""
+        return self.ratio if self.ratio > self.by_chance else 1.0
+
+    def noise_of(self, kind: SplitKind) -> float:
+        """What the halves of a kind leave over, in what all frames together do; nan if there are none."""
+        found = [one.noise for one in self.splits if one.kind == kind]
+        return sum(found) / len(found) if found else math.nan
+
+    @property
+    def has_moved(self) -> bool:
+        """Whether the first frames fit each other, and so do the last, but not all together.
+
+        Something that moved once spoils alike halves, too; what they leave over is then as much as that of all frames.
+        """
+        steadier = self.noise_of("in order") < STEADIER * self.noise_of("by turns")
+        return steadier and self.ratio > self.by_chance
+
+
+@dataclass(frozen=True)
+class NoRigHalves:
+    """Why there are none."""
+
+    reason: Line
+
+
+def rig_halves(found: RigCalibration, solve_half: HalfSolver) -> RigHalves | NoRigHalves:
+    """Compare solutions of halves of the frames; halves that do not determine the rig are skipped."""
+    count = len(found.rig_from_target)
+    if found.status != "converged":
+        return NoRigHalves("the frames do not determine the rig, so neither does half of them")
+    if count < LEAST_FRAMES:
+        return NoRigHalves(f"{count} frames cannot be halved; take {LEAST_FRAMES} or more")
+    splits, reasons = [], []
+    for kind, is_first in ways_to_halve(found):
+        try:
+            halves = solve_half(is_first), solve_half(~is_first)
+        except InputError as error:
+            reasons.append(f"half of the frames do not do: {error}")
+            continue
+        if any(half.status != "converged" for half in halves):
+            reasons.append("half of the frames do not determine the rig")
+        elif (split := _compared(kind, found, *halves)) is not None:
+            splits.append(split)
+    if not splits:
+        return NoRigHalves(reasons[0] if reasons else "no pose was estimated, so none can differ")
+    return RigHalves(tuple(splits))
+
+
+def enlarged(found: RigCalibration, halves: RigHalves | NoRigHalves) -> RigCalibration:
+    """The rig with the noise's part of its covariances as halves of the frames show it."""
+    square = halves.factor**2 if isinstance(halves, RigHalves) else 1.0
+    if square == 1:
+        return found
+    sigma = found.delay_sigma_s
+    return replace(
+        found, covariance=square * found.covariance, frame_covariance=square * found.frame_covariance,
+        delay_sigma_s=None if sigma is None else np.sqrt(square) * sigma,
+    )  # fmt: skip
+
+
+def half_solver(found: RigCalibration, choices: Sequence[CameraChoice], options: RigOptions) -> HalfSolver:
+    """What solves the rig of some of a solution's frames as all were solved: what all left out stays out.
+
+    The cameras found are only where each half starts from.
+
+    Args:
+        found: the solution.
+        choices: of its cameras, as it was solved with.
+        options: likewise.
+    """
+    seen = without_outliers(found)
+    near = [replace(choice, given=camera) for choice, camera in zip(choices, found.cameras, strict=True)]
+
+    def solve_half(rows: Flags) -> RigCalibration:
+        half, carrier = keep_frames(seen, rows), options.carrier
+        for name, own in zip(half.camera_names, half.sightings, strict=True):
+            if not own.view_count:
+                raise InputError(f"{name} sees the target in none of them")
+        if carrier is not None and len(carrier.rig_from_carrier) != len(rows):
+            raise InputError("frames were left out of the solution; leave them out of its input, too")
+        if carrier is not None:
+            carrier = replace(carrier, rig_from_carrier=carrier.rig_from_carrier[rows])
+        return solve_rig(half, near, replace(options, carrier=carrier, reject_sigma=None))
+
+    return solve_half
+
+
+def ways_to_halve(found: RigCalibration) -> tuple[tuple[SplitKind, Flags], ...]:
+    """Which frames (V,) belong to the first half, in each way."""
+    count = len(found.rig_from_target)
+    place, rotation = found.rig_from_target[:, :3, 3], found.rig_from_target[:, :3, :3]
+    away = max(float(np.median(np.linalg.norm(place[None] - found.rig.center_mm[:, None], axis=2))), 1e-9)
+    feature = np.concatenate([place / away, PER_RIGHT_ANGLE * rotation[:, :, :2].reshape(count, 6)], axis=1)
+    feature -= feature.mean(axis=0)
+    axes = np.linalg.svd(feature, full_matrices=False)[2]
+    # An axis may point either way; which one must not depend on the order of the frames.
+    axes *= np.sign(np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1))
+    ways: list[tuple[SplitKind, Flags]] = []
+    for axis in axes[: BY_TURNS if count <= MANY_FRAMES else 1]:
+        rank = np.argsort(np.argsort(feature @ axis, kind="stable"))
+        ways.append(("by turns", np.isin(rank % 4, (0, 3))))
+    return (*ways, ("in order", np.arange(count) < count // 2))
+
+
+def without_outliers(found: RigCalibration) -> RigObservations:
+    """The sightings that count: what all frames left out, halves leave out too."""
+    seen = found.observations
+    sightings, frames, times = [], [], []
+    for camera, own in enumerate(seen.sightings):
+        kept = keep_sightings(own, ~found.is_outlier[camera])
+        has_some = sightings_per_view(kept) > 0
+        sightings.append(keep_views(kept, has_some))
+        frames.append(seen.frame[camera][has_some])
+        if seen.time_s is not None:
+            times.append(seen.time_s[camera][has_some])
+    return replace(
+        seen, sightings=tuple(sightings), frame=tuple(frames), time_s=None if seen.time_s is None else tuple(times)
+    )
+
+
+def _compared(kind: SplitKind, whole: RigCalibration, first: RigCalibration, second: RigCalibration) -> RigSplit | None:
+    """The difference of all cameras' poses in the standard deviations of both, and what they leave over."""
+    rig, other = (replace(half.rig, covariance=half.covariance) for half in (first, second))
+    rows = np.concatenate([np.arange(one.start, one.stop) for one in map(rig.pose_rows, range(len(rig.names)))])
+    covariance = (first.covariance + second.covariance)[np.ix_(rows, rows)]
+    turn = log_rotation(second.cam_from_rig[:, :3, :3] @ first.cam_from_rig[:, :3, :3].transpose(0, 2, 1))
+    shift = second.cam_from_rig[:, :3, 3] - first.cam_from_rig[:, :3, 3]
+    step = np.concatenate([turn, shift], axis=1).reshape(-1)
+    sure = symmetric_inverse(covariance)
+    if not sure.rank > 0 or not np.isfinite(covariance).all():
+        return None
+    pairs = []
+    for a, b in combinations(range(len(rig.names)), 2):
+        one, two = relative(rig, a, b), relative(other, a, b)
+        sigma = math.hypot(one.baseline_sigma_mm, two.baseline_sigma_mm)
+        pairs.append(PairApart((rig.names[a], rig.names[b]), two.baseline_mm - one.baseline_mm, sigma))
+    square = float(step @ sure.inverse @ step)
+    noise = math.sqrt((_squares(first) + _squares(second)) / _squares(whole))
+    return RigSplit(kind, math.sqrt(max(square, 0.0) / int(sure.rank)), int(sure.rank), noise, tuple(pairs))
+
+
+def _squares(found: RigCalibration) -> float:
+    """What all sightings leave over, redundancy regarded: the squares of as many draws of each camera's noise."""
+    return sum(float(scale) ** 2 * int((~out).sum()) for scale, out in zip(found.scale, found.is_outlier, strict=True))

@@ -1,0 +1,187 @@
+"""What cameras that are held together saw, packed for the kernels, and the values of all unknowns.
+
+Poses start at the middle of the target's points, as those of `calib.solver.problem`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.camera import Camera
+from calib.core.se3 import exp_rotation, make_pose
+from calib.core.types import RigObservations
+from calib.rigs.options import Carrier
+from calib.rigs.slack import SlackPrior
+from calib.solver.levenberg import move_poses
+from calib.solver.options import Loss
+from calib.solver.problem import Problem, pack
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class SeenByOne:
+    """What one camera of a rig saw, and where its unknowns stand among the shared ones."""
+
+    problem: Problem  # its views are those frames that it saw
+    frame: Rows  # (V_c,)
+    params: Rows  # (P,) shared unknown of each parameter; -1: fixed
+    pose: Rows  # (6,) of cam_from_rig; -1: the rig's frame is this camera's
+    delay: Rows  # (1,) of the delay; -1: not estimated
+    gap_s: Array  # (V_c,) time stamp from that of the frame
+
+
+@dataclass(frozen=True, eq=False)
+class CarrierPrior:
+    """What a carrier says of the frames, and how well: see `calib.rigs.carrier`."""
+
+    carrier: Carrier
+    column: Rows  # (6,) of carrier_from_target
+    sigma: Array  # (2,) of a coordinate of its errors: rad, mm
+
+
+@dataclass(frozen=True, eq=False)
+class RigProblem:
+    """All sightings of a rig in V frames, with G shared unknowns."""
+
+    seen: tuple[SeenByOne, ...]  # (C,)
+    frame_count: int
+    shared_count: int
+    loss: Loss
+    scale: Array  # (C,) standard deviation of an observation: px, or in units of the stated covariance
+    motion: Array  # (2, V, 6) of the target in each frame, in the rig's axes: rad, mm, per s and per s^2
+    prior: CarrierPrior | None = None
+    size_column: int = -1  # the shared unknown that is the target's size; -1: as its file says
+    slack: tuple[SlackPrior, ...] = ()  # (C,) of the views' poses; (): they are the rig's
+
+
+@dataclass(frozen=True, eq=False)
+class RigState:
+    """Values of all unknowns."""
+
+    cameras: tuple[Camera, ...]
+    cam_from_rig: Array  # (C, 4, 4)
+    rig_from_target: Array  # (V, 4, 4)
+    delay_s: Array  # (C,)
+    carrier_from_target: Array  # (4, 4)
+    slack: tuple[Array, ...] = ()  # (C,) of (V_c, 6): by how much the views' poses are not the rig's
+    size: float = 1.0  # of the target, as a part of what its file says
+
+
+def pack_rig(
+    observations: RigObservations,
+    ties: Sequence[Rows],
+    is_reference: Sequence[bool],
+    *,
+    weighted: bool,
+    loss: Loss,
+    scale: Array,
+    with_delays: bool,
+    carrier: Carrier | None,
+) -> RigProblem:
+    """The problem of all cameras, each view of which has sightings.
+
+    Args:
+        observations: what was seen.
+        ties: of each camera, the free parameter that each parameter follows (P,); -1: fixed.
+        is_reference: whether the rig's frame is a camera's.
+        weighted: by the covariances of the observations.
+        loss: of the whitened residuals.
+        scale: see `RigProblem`.
+        with_delays: time offsets of all cameras but the first are unknowns.
+        carrier: what is known of the frames' poses.
+    """
+    seen, count = [], 0
+    params, poses = [], []
+    for tie, fixed in zip(ties, is_reference, strict=True):
+        params.append(np.where(tie >= 0, tie + count, -1))
+        count += int(tie.max(initial=-1)) + 1
+        poses.append(np.full(6, -1) if fixed else np.arange(6) + count)
+        count += 0 if fixed else 6
+    gaps = _gaps(observations)
+    for number, one in enumerate(observations.sightings):
+        delays = with_delays and number > 0
+        seen.append(
+            SeenByOne(
+                pack(one, weighted=weighted), observations.frame[number], params[number], poses[number],
+                np.full(1, count if delays else -1), gaps[number],
+            )
+        )  # fmt: skip
+        count += int(delays)
+    prior = None
+    if carrier is not None:
+        sigma = np.array([carrier.sigma_rad or np.nan, carrier.sigma_mm or np.nan])
+        prior = CarrierPrior(carrier, np.arange(6) + count, sigma)
+        count += 6
+    size_column = count if carrier is not None and carrier.tells_size else -1
+    count += int(size_column >= 0)
+    motion = np.zeros((2, observations.frame_count, 6))
+    return RigProblem(tuple(seen), observations.frame_count, count, loss, scale, motion, prior, size_column=size_column)
+
+
+def without_params(problem: RigProblem) -> RigProblem:
+    """The problem with all cameras' own parameters fixed."""
+    kept = np.ones(problem.shared_count + 1, dtype=bool)
+    for one in problem.seen:
+        kept[one.params[one.params >= 0]] = False
+    number = np.where(kept, np.cumsum(kept) - 1, -1)
+    number[-1] = -1  # what was fixed
+    seen = tuple(
+        replace(one, params=np.full_like(one.params, -1), pose=number[one.pose], delay=number[one.delay])
+        for one in problem.seen
+    )
+    prior = problem.prior and replace(problem.prior, column=number[problem.prior.column])
+    return replace(
+        problem, seen=seen, shared_count=int(kept[:-1].sum()), prior=prior,
+        size_column=int(number[problem.size_column]),
+    )  # fmt: skip
+
+
+def frame_times(observations: RigObservations) -> Array:
+    """Of each frame, the mean time stamp of its photos; nan where there are none.  # (V,)"""
+    total, count = np.zeros(observations.frame_count), np.zeros(observations.frame_count)
+    for frames, times in zip(observations.frame, observations.time_s or (), strict=False):
+        total[frames] += times
+        count[frames] += 1
+    time: Array = np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)
+    return time
+
+
+def _gaps(observations: RigObservations) -> list[Array]:
+    """Each camera's time stamps from those of the frames."""
+    if observations.time_s is None:
+        return [np.zeros(len(frames)) for frames in observations.frame]
+    mean = frame_times(observations)
+    return [times - mean[frames] for frames, times in zip(observations.frame, observations.time_s, strict=True)]
+
+
+def seen_poses(problem: RigProblem, state: RigState, camera: int) -> tuple[Array, Array]:
+    """A camera's poses `rig_from_target` at the times of its photos, and `cam_from_target`: (V_c, 4, 4) each."""
+    one = problem.seen[camera]
+    pose = state.rig_from_target[one.frame]
+    gap = one.gap_s - state.delay_s[camera]
+    if gap.any():
+        speed, change = problem.motion[:, one.frame]
+        way = gap[:, None] * speed + 0.5 * gap[:, None] ** 2 * change
+        pose = make_pose(exp_rotation(way[:, :3]) @ pose[:, :3, :3], pose[:, :3, 3] + way[:, 3:])
+    seen = state.cam_from_rig[camera] @ pose
+    if problem.slack:
+        seen = move_poses(seen, state.slack[camera])
+    return pose, seen
+
+
+def speeds(problem: RigProblem, state: RigState, camera: int) -> Array:
+    """How the target moves when a camera takes its photos.  # (V_c, 6) rad/s, mm/s"""
+    one = problem.seen[camera]
+    speed, change = problem.motion[:, one.frame]
+    return np.asarray(speed + (one.gap_s - state.delay_s[camera])[:, None] * change)
+
+
+def with_scale(problem: RigProblem, camera: int, size: float = 1.0) -> Problem:
+    """What a camera saw, whitened by what its observations are worth, too, of a target of some size."""
+    one = problem.seen[camera].problem
+    position = one.position_mm if size == 1 else size * one.position_mm
+    return replace(one, position_mm=position, whitener=one.whitener / problem.scale[camera])

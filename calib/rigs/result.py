@@ -1,0 +1,102 @@
+"""A solved rig, with what is known of its accuracy."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.camera import Camera
+from calib.cameras.rig import Rig
+from calib.core.types import RigObservations, freeze, frozen_array
+from calib.solver.calibration import Status
+from designer.base.marks import LEFT_OUT, OR_NULL, Gap, Shape
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class CarrierFit:
+    """What moved the target or the rig, as the photos show it: `result.carrier.sigma_mm`."""
+
+    kind: str  # "robot, camera in hand", "robot, target in hand", "turntable"
+    carrier_from_target: Annotated[Array, Shape(4, 4)]
+    """Camera in hand: base_from_target; else flange_from_target, table_from_target."""
+    covariance: Annotated[
+        Array, Shape(6, 6), OR_NULL
+    ]  # of it: rotation vector (rad), shift (mm), in the carrier's axes
+    sigma_rad: Gap  # of the carrier's own errors, a coordinate of the rotation vector
+    sigma_mm: Gap  # likewise, a coordinate of the shift
+    error: Annotated[Array, Shape("V", 6), OR_NULL]
+    """Of each frame: where the photos show the carrier, against what it said; rad, mm."""
+    angle_rad: Annotated[Annotated[Array, Shape("V")] | None, LEFT_OUT] = None  # of a turntable: solved, or as given
+    undetermined: tuple[str, ...] = ()  # what the motions do not tell, one line each
+    size: float = 1.0  # of the target, as a part of what its file says, by the robot's ways; 1: not asked for
+    size_sigma: float = 0.0
+
+    def __post_init__(self) -> None:
+        freeze(self, "carrier_from_target", "covariance", "error", "angle_rad")
+
+
+@dataclass(frozen=True, eq=False)
+class RigCalibration:
+    """A solved rig of C cameras, its V frames and how sure they are: `found.rig.save("rig.json")`."""
+
+    observations: RigObservations  # of the frames that were solved
+    cameras: tuple[Camera, ...]  # (C,)
+    cam_from_rig: Array  # (C, 4, 4)
+    rig_from_target: Array  # (V, 4, 4)
+    residual_px: tuple[Array, ...]  # (C,) of (M_c, 2): predicted - measured, of outliers too
+    is_outlier: tuple[NDArray[np.bool_], ...]  # (C,) of (M_c,): left out of the solution
+    scale: Array  # (C,) posterior standard deviation of an observation: px, or in units of the stated covariance
+    covariance: Array  # (N, N) by the noise alone, rows as those of `Rig`
+    frame_covariance: Array  # (V, 6, 6) of rig_from_target, in the rig's axes: rotation vector (rad), shift (mm)
+    reference: int  # the camera whose frame the rig's is; -1: a carrier's
+    rig_frame: str  # its name, or "flange", "base", "table"
+    is_refined: tuple[bool, ...]  # (C,) whether the camera's own parameters were solved
+    weighted: bool  # by the covariances of the observations
+    status: Status
+    remarks: tuple[str, ...]  # why degenerate, what was left out and why; one line each
+    iterations: int
+    seconds: float
+    delay_s: Array | None = None  # (C,) see `Rig`; None: not estimated
+    delay_sigma_s: Array | None = None  # (C,)
+    carrier: CarrierFit | None = None
+    slack: float | None = None
+    """By how much less surely a photo tells its pose than errors of its own would let it (variances); None: at once."""
+    alone_scale: Array | None = None  # (C,) as `scale`, of each camera by itself: more in the rig is told by no lens
+    target_covariance: Array | None = None  # (N, N) of what the target's own shape may have done; None: not known
+
+    def __post_init__(self) -> None:
+        freeze(
+            self, "cam_from_rig", "rig_from_target", "scale", "covariance", "frame_covariance", "delay_s",
+            "delay_sigma_s", "alone_scale", "target_covariance",
+        )  # fmt: skip
+        object.__setattr__(self, "residual_px", tuple(frozen_array(one) for one in self.residual_px))
+        object.__setattr__(self, "is_outlier", tuple(frozen_array(one, np.bool_) for one in self.is_outlier))
+
+    @property
+    def stated_covariance(self) -> Array:
+        """The joint covariance as it is to be told: by noise and by the target's shape.  # (N, N)"""
+        return self.covariance if self.target_covariance is None else self.covariance + self.target_covariance
+
+    @property
+    def noise_px(self) -> Array:
+        """Root mean square of a coordinate of each camera's residuals, redundancy regarded.  # (C,)"""
+        if not self.weighted:
+            return self.scale
+        mean = [
+            float(np.sqrt(0.5 * np.trace(seen.cov_px2, axis1=1, axis2=2).mean())) if seen.cov_px2 is not None else 1.0
+            for seen in self.observations.sightings
+        ]
+        return np.asarray(self.scale * np.array(mean))
+
+    @property
+    def rig(self) -> Rig:
+        """What a program needs of it, and `rig.json` keeps."""
+        stated = self.stated_covariance
+        return Rig(
+            self.observations.camera_names, self.cameras, self.cam_from_rig,
+            stated if np.isfinite(stated).all() else None, self.noise_px,
+            self.delay_s, self.rig_frame, self.observations.points.geometry_id,
+        )  # fmt: skip

@@ -1,0 +1,247 @@
+"""What a target that is not quite as its file says may have done to a rig that was solved from photos of it.
+
+    found = with_target_error(found, how_made(target, "fdm-board"))
+    found.stated_covariance
+
+As `calib.solver.target_error` has it for one camera, for the parameters and places of all cameras at once. One thing is
+new: a target that is too large by one part in a thousand moves all cameras apart by as much, and no photo tells it.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import linearise
+from calib.cameras.rig import POSE
+from calib.core.linear_algebra import symmetric_inverse
+from calib.core.parallel import one_thread
+from calib.core.se3 import exp_rotation, invert, make_pose
+from calib.rigs.carrier import error_derivatives
+from calib.rigs.carrier import weights as carrier_weights
+from calib.rigs.options import Carrier
+from calib.rigs.problem import CarrierPrior
+from calib.rigs.result import CarrierFit, RigCalibration
+from calib.solver.free_shape import PosedSightings, ShapeEquations, equations_of, free_directions, weights
+from calib.solver.target_error import added_covariance
+from designer.tolerance.made import Made
+from designer.tolerance.prior import ShapePrior
+
+Array = NDArray[np.float64]
+
+MOST_SIGHTINGS = 120_000
+"""That the equations are made of, which takes a few seconds."""
+
+
+@one_thread
+def with_target_error(found: RigCalibration, made: Made | None) -> RigCalibration:
+    """The rig with what its target's errors may have done to it; as it was if nobody knows how that was made."""
+    if made is None:
+        return found
+    covariance = np.zeros_like(found.covariance)
+    basis = free_directions(found.covariance)
+    if made.prior is not None and basis.size:
+        covariance = added_covariance(rig_equations(found, basis, made.prior))
+    return replace(found, target_covariance=covariance)
+
+
+def rig_equations(found: RigCalibration, basis: Array, prior: ShapePrior) -> ShapeEquations:
+    """The normal equations over directions (N, Q) of the joint covariance and the shape of the target.
+
+    Of very many sightings those of evenly spread frames stand for all.
+    """
+    used = _used(found)
+    moves = np.abs(prior.modes_mm[:, used]).max(axis=(1, 2), initial=0.0) > 0
+    return _at_minimum(_equations(found, basis, used, prior.modes_mm[moves], prior.ring_modes_mm))
+
+
+def unseen_errors(found: RigCalibration, priors: Sequence[ShapePrior]) -> tuple[Array, ...]:
+    """What each of several kinds of errors does to a rig that is solved with the target as drawn: (N, N) each.
+
+    Mean squares over all prints: the error of one is `-N_cc^-1 N_cs s`, to first order.
+    """
+    basis, used = free_directions(found.covariance), _used(found)
+    modes_mm = np.concatenate([one.modes_mm for one in priors])
+    own_mm = np.concatenate([one.ring_modes_mm for one in priors], axis=2)
+    equations = _equations(found, basis, used, modes_mm, own_mm)
+    camera = equations.camera
+    gain = equations.basis @ symmetric_inverse(equations.normal[camera, camera]).inverse
+    by_shared = gain @ equations.normal[camera, camera.stop :]
+    by_own = (gain @ equations.own.cross[camera]).reshape(len(gain), len(used), -1)
+    shared, own, moved = 0, 0, []
+    for one in priors:
+        some = by_shared[:, shared : shared + len(one.modes_mm)]
+        each = by_own[:, :, own : own + one.ring_modes_mm.shape[2]].reshape(len(gain), -1)
+        shared, own = shared + len(one.modes_mm), own + one.ring_modes_mm.shape[2]
+        moved.append(some @ some.T + each @ each.T)
+    return tuple(moved)
+
+
+def _used(found: RigCalibration) -> NDArray[np.int64]:
+    """The points that count somewhere."""
+    seen = zip(found.observations.sightings, found.is_outlier, strict=True)
+    return np.unique(np.concatenate([one.point[~outlier] for one, outlier in seen]))
+
+
+def _equations(
+    found: RigCalibration, basis: Array, used: NDArray[np.int64], modes_mm: Array, own_mm: Array
+) -> ShapeEquations:
+    """The equations of all that was solved for, and of displacements of the target's points."""
+    # What else was solved for stands behind the rig's own directions, without a part in these.
+    besides = _besides(found)
+    wide = np.concatenate([basis, np.zeros((len(basis), besides))], axis=1)
+    every = max(-(-sum(map(len, found.residual_px)) // MOST_SIGHTINGS), 1)
+    frames = np.arange(0, found.observations.frame_count, every)
+    posed = posed_frames(found, wide, frames)
+    if found.carrier is not None:
+        posed = _carried(found, posed, frames, wide.shape[1])
+    equations = equations_of(posed, used, wide, modes_mm, own_mm)
+    return _for_all(equations, found.observations.frame_count / len(frames))
+
+
+def _for_all(equations: ShapeEquations, times: float) -> ShapeEquations:
+    """The equations of so many times as many sightings."""
+    own = equations.own
+    return replace(
+        equations, normal=times * equations.normal, gradient=times * equations.gradient,
+        square=times * equations.square, equations=round(times * equations.equations),
+        own=replace(own, block=times * own.block, by_poses=np.sqrt(times) * own.by_poses, cross=times * own.cross,
+                    gradient=times * own.gradient),
+    )  # fmt: skip
+
+
+def _besides(found: RigCalibration) -> int:
+    """How many unknowns there are beside cameras and frames: the target's size, and where it is on its carrier."""
+    return 0 if found.carrier is None else POSE + _tells_size(found)
+
+
+def _tells_size(found: RigCalibration) -> bool:
+    """Whether the target's size was solved, too, by the ways of its carrier."""
+    return found.carrier is not None and found.carrier.size_sigma > 0
+
+
+def _at_minimum(equations: ShapeEquations) -> ShapeEquations:
+    """The equations at the least squares of the cameras, to which the last step is taken here.
+
+    What cameras can take up whole, such as the target's size, has no gradient there. A solution by a robust loss, or
+    one that stopped a thousandth of a deviation short, would have one that means nothing.
+    """
+    camera, own = equations.camera, equations.own
+    inverse = symmetric_inverse(equations.normal[camera, camera]).inverse
+    step = -inverse @ equations.gradient[camera]
+    return replace(
+        equations,
+        gradient=equations.gradient + equations.normal[:, camera] @ step,
+        square=equations.square + float(equations.gradient[camera] @ step),
+        own=replace(own, gradient=own.gradient + step @ own.cross[camera]),
+    )
+
+
+def _carried(
+    found: RigCalibration, posed: Iterable[PosedSightings], frames: NDArray[np.int64], width: int
+) -> Iterator[PosedSightings]:
+    """The sightings of each frame, and what a robot or a turntable says of its pose, by its own noise.
+
+    It tells the target's size in part: by how far it was moved.
+    """
+    prior, fit = _carrier_prior(found)
+    by_frame, by_carrier = error_derivatives(prior, found.rig_from_target, fit.carrier_from_target)
+    weight = carrier_weights(prior)
+    for frame, one in zip(frames.tolist(), posed, strict=True):
+        by_unknowns = np.zeros((POSE, width))
+        by_unknowns[:, -POSE:] = weight[:, None] * by_carrier[frame]
+        rows = POSE // 2
+        yield PosedSightings(
+            np.concatenate([one.point, np.repeat(one.point[:1], rows)]),
+            np.concatenate([one.by_camera, by_unknowns.reshape(rows, 2, width)]),
+            np.concatenate([one.residual, (weight * fit.error[frame]).reshape(rows, 2, 1)]),
+            np.concatenate([one.by_pose, (weight[:, None] * by_frame[frame]).reshape(rows, 2, POSE)]),
+            np.concatenate([one.by_place, np.zeros((rows, 2, 3))]),
+        )
+
+
+def _carrier_prior(found: RigCalibration) -> tuple[CarrierPrior, CarrierFit]:
+    """What the carrier said, by what its errors were found to be."""
+    fit = found.carrier
+    if fit is None:
+        raise ValueError("a rig without a carrier")
+    turn, shift = exp_rotation(fit.error[:, :3]), fit.error[:, 3:]
+    if found.rig_frame == "flange":
+        back = turn.transpose(0, 2, 1)
+        moved = (back @ (found.rig_from_target[:, :3, 3] - shift)[:, :, None])[:, :, 0]
+        carried = make_pose(back @ found.rig_from_target[:, :3, :3], moved) @ invert(fit.carrier_from_target)
+    else:
+        off = make_pose(turn @ fit.carrier_from_target[:3, :3], turn @ fit.carrier_from_target[:3, 3] + shift)
+        carried = found.rig_from_target @ invert(off)
+    carrier = Carrier(
+        fit.kind, carried, is_camera_in_hand=found.rig_frame == "flange", is_turntable=found.rig_frame == "table",
+        has_free_angles=fit.angle_rad is not None and not np.allclose(fit.error[:, 2], 0.0),
+    )  # fmt: skip
+    return CarrierPrior(carrier, np.arange(POSE), np.array([fit.sigma_rad, fit.sigma_mm])), fit
+
+
+@dataclass(frozen=True, eq=False)
+class _Sightings:
+    """The M sightings of one camera that count, to first order, times their weights, ordered by frame."""
+
+    frame: NDArray[np.int64]  # (M,) ascending
+    posed: PosedSightings
+
+    def of(self, frame: int) -> PosedSightings:
+        """Those of a frame."""
+        one, (first, last) = self.posed, np.searchsorted(self.frame, [frame, frame + 1])
+        part = slice(int(first), int(last))
+        return PosedSightings(
+            one.point[part], one.by_camera[part], one.residual[part], one.by_pose[part], one.by_place[part]
+        )
+
+
+def posed_frames(found: RigCalibration, basis: Array, frames: NDArray[np.int64]) -> Iterator[PosedSightings]:
+    """The sightings of frames by all cameras; what moves them together is the target's pose in the rig's frame."""
+    cameras = [_sightings(found, camera, basis, frames) for camera in range(len(found.cameras))]
+    for frame in frames.tolist():
+        parts = [one.of(frame) for one in cameras]
+        yield PosedSightings(
+            np.concatenate([one.point for one in parts]),
+            np.concatenate([one.by_camera for one in parts]),
+            np.concatenate([one.residual for one in parts]),
+            np.concatenate([one.by_pose for one in parts]),
+            np.concatenate([one.by_place for one in parts]),
+        )
+
+
+def _sightings(found: RigCalibration, camera: int, basis: Array, frames: NDArray[np.int64]) -> _Sightings:
+    """Those of one camera, each camera's by its own noise."""
+    seen, rig = found.observations.sightings[camera], found.rig
+    is_wanted = np.isin(found.observations.frame[camera], frames)[seen.view]
+    row = np.flatnonzero(is_wanted & ~found.is_outlier[camera])
+    frame = found.observations.frame[camera][seen.view[row]]
+    rig_from_target, cam_from_rig = found.rig_from_target[frame], found.cam_from_rig[camera]
+    size = 1.0 if found.carrier is None else found.carrier.size
+    position = size * seen.points.position_mm[seen.point[row]]
+    # In the axes of the rig and of the camera: places, and what turns about the pose's own origin move.
+    turned = (rig_from_target[:, :3, :3] @ position[:, :, None])[:, :, 0]
+    in_rig = turned + rig_from_target[:, :3, 3]
+    lever = in_rig @ cam_from_rig[:3, :3].T
+    linear = linearise(found.cameras[camera], np.ascontiguousarray((lever + cam_from_rig[:3, 3]).T))
+    weight = weights(seen, row, weighted=found.weighted) / found.scale[camera]
+    by_point = weight @ linear.by_point.transpose(2, 0, 1)
+    by_rig = by_point @ cam_from_rig[:3, :3]
+    by_camera = weight @ (linear.by_params.transpose(2, 0, 1) @ basis[rig.params_rows(camera)])
+    by_camera += _by_motion(lever, by_point) @ basis[rig.pose_rows(camera)]
+    by_target = by_rig @ rig_from_target[:, :3, :3]
+    if _tells_size(found):
+        by_camera[:, :, -POSE - 1] = (by_target @ position[:, :, None])[:, :, 0]
+    return _Sightings(
+        frame,
+        PosedSightings(
+            seen.point[row], by_camera, weight @ found.residual_px[camera][row][:, :, None],
+            _by_motion(turned, by_rig), by_target,
+        ),
+    )  # fmt: skip
+
+
+def _by_motion(lever: Array, by_place: Array) -> Array:
+    """By a turn and a shift (M, 2, 6): a turn by w moves a place p by w x p."""
+    return np.concatenate([np.cross(lever[:, None, :], by_place), by_place], axis=2)

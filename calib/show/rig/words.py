@@ -1,0 +1,185 @@
+"""What a rig says in sentences: its lead, which commands print too, what is not in its numbers, and how to go on."""
+
+import math
+import shlex
+
+import numpy as np
+
+from calib.core.number_text import figure as digits
+from calib.records.rig_file import RIG_FILE
+from calib.records.rig_folder import RigRun
+from calib.rigs.halves import NoRigHalves, RigHalves, SplitKind
+from calib.rigs.relative import center_sigma_mm
+from calib.rigs.result import CarrierFit, RigCalibration
+from calib.show.rig.tables import frame_name
+from calib.show.run.sections import headline_by
+from designer.base.words import capital, printable
+from designer.page.blocks import Facts, Headline
+
+KINDS_OF_HALVES: tuple[tuple[SplitKind, str], ...] = (
+    ("by turns", "alike ones"), ("in order", "the first and the last")
+)  # fmt: skip
+NOT_JUDGED = "Nobody judged it; calib report with --criteria standard does."
+
+
+def rig_headline(run: RigRun) -> Headline:
+    """The answer, before anything else."""
+    if run.verdict is not None:
+        return headline_by(run.verdict)
+    return Headline("note", "not judged", f"{counts_words(run)}. {NOT_JUDGED}")
+
+
+def counts_words(run: RigRun) -> str:
+    """How many cameras, frames and sightings."""
+    found = run.found
+    counted = sum(int((~out).sum()) for out in found.is_outlier)
+    cameras, frames = len(found.cameras), len(found.rig_from_target)
+    return f"{cameras} camera{'s' * (cameras > 1)}, {frames} frame{'s' * (frames > 1)}, {counted} sightings"
+
+
+def rig_facts(run: RigRun) -> Facts:
+    """Cameras, residuals, distances, error in space and checks, a line each."""
+    found, evidence = run.found, run.evidence
+    own = printable(frame_name(found))
+    rows = [
+        ("rig", f"{counts_words(run)}, {found.status}"),
+        ("its frame", f"that of {own}: x right, y down, z forward" if found.reference >= 0 else f"that of the {own}"),
+        ("residuals", _residual_words(run)),
+    ]
+    if found.carrier is not None:
+        rows.append(("camera", _sits_words(found)))
+        rows.append(("carried by", carrier_words(found.carrier)))
+    if evidence.pairs:
+        rows.append(("distances", _distances_words(run)))
+    if evidence.middle is not None:
+        one = evidence.middle
+        parts = f"{digits(one.noise_mm, 2)} mm by noise, {digits(one.rig_mm, 2)} mm by the rig"
+        placed = (
+            f"a point {digits(one.away_mm, 3)} mm away is placed to {digits(one.sigma_mm, 2)} mm (1 sigma): {parts}"
+        )
+        rows.append(("in space", placed))
+    rows.append(("halves", halves_words(evidence.halves)))
+    if run.judged is not None:
+        checks = [check for check in run.judged.verdict.checks if check.grade != "unknown"]
+        good = sum(check.grade == "good" for check in checks)
+        criteria = run.judged.criteria
+        rows.append((
+            "checks", f"{good} of {len(checks)} good; limits: {printable(criteria.name)} ({printable(criteria.title)})"
+        ))  # fmt: skip
+    return Facts(tuple(rows))
+
+
+def _sits_words(found: RigCalibration) -> str:
+    """Where the first camera sits on what moves, or beside it, with its deviations."""
+    rig = found.rig
+    place = ", ".join(f"{value:.2f}" for value in rig.center_mm[0].tolist())
+    sigma = center_sigma_mm(rig)[0] if rig.covariance is not None else np.full(3, math.nan)
+    if not np.isfinite(sigma).all():
+        return f"{found.rig_frame}_from_cam: at {place} mm; not determined"
+    turn = np.sqrt(np.diagonal(rig.covariance)[rig.pose_rows(0)][:3]) if rig.covariance is not None else sigma
+    deviations = ", ".join(digits(value, 2) for value in sigma.tolist())
+    return (
+        f"{found.rig_frame}_from_cam: at {place} mm, known to {deviations} mm and "
+        f"{digits(float(np.rad2deg(turn.max())), 2)} deg (1 sigma)"
+    )
+
+
+def carrier_words(carrier: CarrierFit) -> str:
+    """What carried it, and how well that says where it is."""
+    if not (math.isfinite(carrier.sigma_mm) and math.isfinite(carrier.sigma_rad)):
+        return printable(carrier.kind)
+    own = f"{digits(carrier.sigma_mm, 2)} mm and {digits(float(np.rad2deg(carrier.sigma_rad)), 2)} deg"
+    size = ""
+    if carrier.size_sigma > 0:
+        size = f"; by its ways the target has {100 * carrier.size:.2f} % of the size its file says"
+    return f"{printable(carrier.kind)}; its own errors are {own} a coordinate{size}"
+
+
+def _residual_words(run: RigRun) -> str:
+    known = [one for one in run.evidence.cameras if math.isfinite(one.rms_px)]
+    if not known:
+        return "none"
+    least, most = (digits(end(one.rms_px for one in known), 2) for end in (min, max))
+    return f"{least if least == most else f'{least} to {most}'} px RMS, camera by camera"
+
+
+def _distances_words(run: RigRun) -> str:
+    pairs = [pair.relative for pair in run.evidence.pairs]
+    known = [one for one in pairs if math.isfinite(one.baseline_sigma_mm)]
+    if not known:
+        return "not determined"
+    if len(pairs) == 1:
+        return f"{digits(known[0].baseline_mm, 5)} ± {digits(known[0].baseline_sigma_mm, 2)} mm between the cameras"
+    least, most = (digits(end(one.baseline_mm for one in known), 4) for end in (min, max))
+    worst = digits(max(one.baseline_sigma_mm for one in known), 2)
+    return f"{least} to {most} mm between cameras, each known to {worst} mm or better (1 sigma)"
+
+
+def halves_words(halves: RigHalves | NoRigHalves) -> str:
+    """What halves of the frames tell of the stated standard deviations."""
+    if isinstance(halves, NoRigHalves):
+        return f"not compared: {printable(halves.reason)}"
+    parts = [
+        f"{words} differ by {digits(ratio, 2)} sigma"
+        for kind, words in KINDS_OF_HALVES
+        if math.isfinite(ratio := halves.ratio_of(kind))
+    ]
+    chance = f"chance gives up to {digits(halves.by_chance, 2)}"
+    if halves.factor > 1:
+        chance += f", so the noise's part of all sigmas here is {digits(halves.factor, 2)} times as large"
+    return f"{', '.join(parts)}; {chance}"
+
+
+def limits_of(run: RigRun) -> tuple[str, ...]:
+    """What the numbers do not hold, a line each."""
+    found = run.found
+    lines = []
+    if found.target_covariance is None:
+        lines.append(
+            "The target is taken to be as its file says. All lengths have its scale: printed 0.1 % too large, they are "
+            "0.1 % too large, whatever the standard deviations say."
+        )
+    else:
+        lines.append("What the target may be off, its scale above all, is in the standard deviations.")
+    given = [
+        printable(name)
+        for name, refined in zip(found.observations.camera_names, found.is_refined, strict=True)
+        if not refined
+    ]
+    if given:
+        lines.append(f"The lens of {', '.join(given)} was given, and is taken as exact.")
+    if found.delay_s is None and len(found.cameras) > 1:
+        lines.append(
+            "The photos of a frame are taken to be of one moment: a target that moved while cameras were not "
+            "synchronous shows in the residuals, and its part that repeats in none."
+        )
+    if isinstance(run.evidence.halves, NoRigHalves):
+        lines.append("Standard deviations are by the residuals' noise alone, and nothing checked them.")
+    lines.append(
+        "What all frames have in common no halves show: a lens that the camera model does not fit, cameras that sag, "
+        "or another temperature when the rig is used."
+    )
+    return tuple(lines)
+
+
+def next_steps(run: RigRun, folder: str = "") -> tuple[tuple[str, str], ...]:
+    """Commands to go on with, and what for.
+
+    Args:
+        run: the rig.
+        folder: of its files, as it is called from where commands are typed; "": they are typed in it.
+    """
+    place = shlex.quote(f"{folder}/{RIG_FILE}" if folder else RIG_FILE)
+    convert = (f"calib convert {place} --to ros -o ros", "The rig as files of another program; --to says which")
+    if len(run.found.cameras) < 2:
+        return (convert,)
+    return (
+        (f"calib budget {place}", "What errors in space to expect, where and by what"),
+        (f"calib triangulate {place} sightings.csv", "Points that the cameras see, in mm, with covariances"),
+        convert,
+    )
+
+
+def sentence(text: str) -> str:
+    """One line of advice as a sentence."""
+    return f"{capital(printable(text))}."

@@ -1,0 +1,1 @@
+"""What is told of points and errors in space."""

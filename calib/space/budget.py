@@ -1,0 +1,230 @@
+"""What a rig can be expected to measure: errors in space over its working volume, and what they come from.
+
+Positions are told in the rig's frame. What of the rig's errors moves all points like a rigid body is no error of a
+shape: the same is told with the best rigid motion over the volume taken off, and as the error of a length.
+
+What a part of the rig costs is told by a condition: if it were known exactly, and the rest as well as it then were, how
+large would the errors be? Parts go together, so what they cost does not add up.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.rig import Rig
+from calib.core.linear_algebra import least_squares
+from calib.core.se3 import skew
+from calib.core.types import freeze
+from calib.space.error_size import NOT_KNOWN, PointErrors, errors_of, rms_error_mm
+from calib.space.linear import calibration_factor
+from calib.space.propagate import Propagated, Rays, propagate
+from calib.space.volume import WorkingVolume, seen_by_cameras
+from designer.base.errors import InputError
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+CELLS = (21, 21, 21)
+FINER, LEAST_POINTS = (41, 41, 41), 300
+MOST_POINTS, MOST_NUMBERS = 4000, 20_000_000
+"""Of the lattice, and of what independent errors of the rig do to its points."""
+AS_NOTHING = 1e-7
+"""Of a part's largest independent error, what is rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """Errors that are to be expected at N points of a rig's frame."""
+
+    point_mm: Array  # (N, 3)
+    cameras: Rows  # (N,) how many see it
+    noise_mm2: Array  # (N, 3, 3) by the pixels
+    by_calibration: Array | None  # (N, 3, R) by each of the rig's independent errors, of size one; None: not known
+
+    def __post_init__(self) -> None:
+        freeze(self, "point_mm", "noise_mm2", "by_calibration")
+        freeze(self, "cameras", dtype=np.int64)
+
+    @property
+    def calibration_mm2(self) -> Array | None:
+        """By the rig's own errors.  # (N, 3, 3)"""
+        if self.by_calibration is None:
+            return None
+        return self.by_calibration @ self.by_calibration.transpose(0, 2, 1)
+
+    @property
+    def covariance_mm2(self) -> Array:
+        """By all that is known.  # (N, 3, 3)"""
+        shared = self.calibration_mm2
+        return self.noise_mm2 if shared is None else self.noise_mm2 + shared
+
+
+@dataclass(frozen=True)
+class KnownExactly:
+    """How large errors would be if a part of what causes them were none."""
+
+    part: str  # "the positions", "the lens of left", "the noise of the pixels"
+    position: PointErrors
+    shape: PointErrors
+
+
+def expected_errors(rig: Rig, point_mm: Array, noise_px: Array, seen_by: int = 2) -> Expected:
+    """What is to be expected at points (N, 3) of the rig's frame; nan where fewer cameras see it.
+
+    Args:
+        rig: with its covariance.
+        point_mm: in the rig's frame.
+        noise_px: of a coordinate in each camera (C,).
+        seen_by: so many cameras have to.
+    """
+    seen = seen_by_cameras(rig, point_mm)
+    use = seen.sum(axis=1) >= seen_by
+    spread = _propagated(rig, point_mm[use], seen[use], noise_px)
+    count = len(point_mm)
+    noise = np.full((count, 3, 3), np.nan)
+    noise[use] = spread.noise_mm2
+    moved = None
+    if spread.by_calibration is not None:
+        moved = np.full((count, *spread.by_calibration.shape[1:]), np.nan)
+        moved[use] = spread.by_calibration
+    return Expected(point_mm, seen.sum(axis=1), noise, moved)
+
+
+def _propagated(rig: Rig, point_mm: Array, seen: NDArray[np.bool_], noise_px: Array) -> Propagated:
+    """Errors of points (N, 3) from the cameras that see them (N, C)."""
+    place, camera = np.nonzero(seen)
+    rays = Rays(len(point_mm), camera, place, np.eye(2) / noise_px[camera, None, None])
+    return propagate(rig, calibration_factor(rig), point_mm, rays)
+
+
+def over_volume(rig: Rig, volume: WorkingVolume, noise_px: Array, seen_by: int) -> tuple[Expected, float]:
+    """What is to be expected where enough cameras see, evenly over a volume; and what share of it that is.
+
+    Raises:
+        InputError: they see nothing of it.
+    """
+    for counts in (CELLS, FINER):
+        every = volume.lattice(counts)
+        every = every[volume.holds(every)]
+        seen = seen_by_cameras(rig, every).sum(axis=1) >= seen_by
+        if seen.sum() >= LEAST_POINTS:
+            break
+    if not seen.any():
+        raise InputError(
+            f"no point of the volume ({volume.words}) is seen by {seen_by} cameras; give another --volume, --distance "
+            "or --seen-by"
+        )
+    points, factor = every[seen], calibration_factor(rig)
+    most = MOST_POINTS if factor is None else min(MOST_POINTS, MOST_NUMBERS // (3 * max(factor.shape[1], 1)))
+    expected = expected_errors(rig, points[:: -(-len(points) // most)], noise_px, seen_by)
+    known = np.asarray(np.isfinite(expected.noise_mm2).all(axis=(1, 2)))
+    return _kept(expected, known), float(seen.mean())
+
+
+def _kept(expected: Expected, keep: NDArray[np.bool_]) -> Expected:
+    moved = expected.by_calibration
+    return Expected(
+        expected.point_mm[keep],
+        expected.cameras[keep],
+        expected.noise_mm2[keep],
+        None if moved is None else moved[keep],
+    )
+
+
+def without_rigid_motion(point_mm: Array, by_calibration: Array, sigma_mm: Array) -> Array:
+    """What errors (N, 3, R) do to the shape of points (N, 3): the rigid motion of all that fits best taken off.
+
+    Best is most likely: points count by their standard deviations (N,), else those far away would own the motion.
+    """
+    off = point_mm - point_mm.mean(axis=0)
+    design = np.concatenate([-skew(off), np.broadcast_to(np.eye(3), (len(off), 3, 3))], axis=2).reshape(-1, 6)
+    flat, weight = by_calibration.reshape(len(design), -1), np.repeat(1 / sigma_mm, 3)[:, None]
+    motion = least_squares(design * weight, flat * weight)
+    shape: Array = (flat - design @ motion).reshape(by_calibration.shape)
+    return shape
+
+
+def shape_changes(expected: Expected) -> Array | None:
+    """What each of the rig's independent errors does to the shape of all points; None: not known.  # (N, 3, R)"""
+    if expected.by_calibration is None:
+        return None
+    return without_rigid_motion(expected.point_mm, expected.by_calibration, rms_error_mm(expected.covariance_mm2))
+
+
+def length_errors(rig: Rig, point_mm: Array, axes: Array, length_mm: float, noise_px: Array) -> tuple[Array, Array]:
+    """Variances of a length at points (N, 3) along each of three directions (3, 3): by noise, by calibration.
+
+    The length lies with its middle at the point, and both its ends are seen by the cameras that see the point.
+    """
+    seen = seen_by_cameras(rig, point_mm)
+    noise, shared = np.full((len(point_mm), 3), np.nan), np.full((len(point_mm), 3), np.nan)
+    for column, direction in enumerate(axes.T):
+        ends = [_propagated(rig, point_mm + sign * length_mm / 2 * direction, seen, noise_px) for sign in (1, -1)]
+        noise[:, column] = sum(np.einsum("i,nij,j->n", direction, end.noise_mm2, direction) for end in ends)
+        first, second = (end.by_calibration for end in ends)
+        if first is not None and second is not None:
+            shared[:, column] = (np.einsum("i,nir->nr", direction, first - second) ** 2).sum(axis=1)
+    return noise, shared
+
+
+def parts_of(rig: Rig) -> Mapping[str, Rows]:
+    """The rows of the covariance by what they are of: kinds first, then camera by camera; without what is fixed."""
+    groups: dict[str, list[int]] = {"the lenses": [], "the rotations": [], "the positions": []}
+    single: dict[str, list[int]] = {}
+    for row, name in enumerate(rig.names):
+        pose = rig.pose_rows(row)
+        for kind, part, rows in (
+            ("the lenses", "the lens", range(*rig.params_rows(row).indices(rig.first_row[-1]))),
+            ("the rotations", "the rotation", range(pose.start, pose.start + 3)),
+            ("the positions", "the position", range(pose.start + 3, pose.stop)),
+        ):
+            groups[kind].extend(rows)
+            single[f"{part} of {name}"] = list(rows)
+    variance = np.zeros(rig.first_row[-1]) if rig.covariance is None else np.diagonal(rig.covariance)
+    return {
+        name: kept
+        for name, rows in (groups | single).items()
+        if len(kept := np.array([row for row in rows if variance[row] > 0], dtype=np.int64))
+    }
+
+
+def if_known_exactly(rig: Rig, expected: Expected) -> tuple[KnownExactly, ...]:
+    """How large errors would be, were parts of what causes them none: the noise, the whole rig, and each part."""
+    factor, moved, shape = calibration_factor(rig), expected.by_calibration, shape_changes(expected)
+    noise = np.trace(expected.noise_mm2, axis1=1, axis2=2)
+    if factor is None or moved is None or shape is None:
+        return ()
+    both = moved, shape
+    square, shape_square = ((one**2).sum(axis=(1, 2)) for one in both)
+    rows = [
+        KnownExactly("the noise of the pixels", errors_of(np.sqrt(square)), errors_of(np.sqrt(shape_square))),
+        KnownExactly("the whole rig", errors_of(np.sqrt(noise)), errors_of(np.sqrt(noise))),
+    ]
+    for name, of_part in parts_of(rig).items():
+        span = _span(factor[of_part])
+        position, form = (np.sqrt(noise + ((one - (one @ span) @ span.T) ** 2).sum(axis=(1, 2))) for one in both)
+        rows.append(KnownExactly(name, errors_of(position), errors_of(form)))
+    return tuple(rows)
+
+
+def _span(factor: Array) -> Array:
+    """An orthonormal basis (R, K) of the independent errors that some unknowns, rows of a factor (U, R), tell of."""
+    unit = factor / np.linalg.norm(factor, axis=1, keepdims=True)
+    _, size, across = np.linalg.svd(unit, full_matrices=False)
+    basis: Array = across[size > AS_NOTHING * size[0]].T
+    return basis
+
+
+def shape_errors(expected: Expected) -> PointErrors:
+    """With the best rigid motion of all points taken off."""
+    shape = shape_changes(expected)
+    if shape is None:
+        return NOT_KNOWN
+    return errors_of(np.sqrt(np.trace(expected.noise_mm2, axis1=1, axis2=2) + (shape**2).sum(axis=(1, 2))))
+
+
+def position_errors(expected: Expected) -> PointErrors:
+    """In the rig's frame."""
+    return errors_of(rms_error_mm(expected.covariance_mm2))

@@ -1,0 +1,79 @@
+"""What the pixels of a rig depend on: the points in space, and each camera's parameters and pose."""
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import linearise
+from calib.cameras.rig import Rig
+from calib.core.se3 import skew, transform
+
+Array = NDArray[np.float64]
+
+ROUNDING = 1e-14
+"""Part of a covariance's largest eigenvalue, its diagonal scaled to one, that is rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearSight:
+    """N points of the rig's frame as one camera sees them, with the derivatives; nan where it does not see."""
+
+    pixel: Array  # (N, 2)
+    by_point: Array  # (N, 2, 3) by the point in the rig's frame
+    by_params: Array  # (N, 2, P)
+    turned: Array  # (N, 3) the point in the camera's axes, before the shift
+    by_cam_point: Array  # (N, 2, 3) by the point in the camera's frame
+
+    @cached_property
+    def by_unknowns(self) -> Array:
+        """By the camera's P parameters and the six of its pose, as `Rig` has them.  # (N, 2, P + 6)"""
+        by_turn = -self.by_cam_point @ skew(self.turned)
+        return np.concatenate([self.by_params, by_turn, self.by_cam_point], axis=2)
+
+
+def linear_sight(rig: Rig, camera: int, point_mm: Array) -> LinearSight:
+    """Linearise a camera of a rig at points (N, 3) of the rig's frame."""
+    rotation, shift = rig.cam_from_rig[camera, :3, :3], rig.cam_from_rig[camera, :3, 3]
+    turned = point_mm @ rotation.T
+    seen = linearise(rig.cameras[camera], (turned + shift).T)
+    by_cam_point = np.ascontiguousarray(seen.by_point.transpose(2, 0, 1))
+    return LinearSight(seen.pixel.T, by_cam_point @ rotation, seen.by_params.transpose(2, 0, 1), turned, by_cam_point)
+
+
+def covariance_factor(covariance: Array) -> Array:
+    """Independent errors of size one that make a covariance (K, K): `S = F F'`.  # (K, R)"""
+    sigma = np.sqrt(np.diagonal(covariance).clip(min=0.0))
+    unit = np.where(sigma > 0, sigma, 1.0)
+    value, vector = np.linalg.eigh(covariance / unit[:, None] / unit)
+    keeps = value > ROUNDING * value[-1:].clip(min=0.0)
+    factor: Array = sigma[:, None] * vector[:, keeps] * np.sqrt(value[keeps])
+    return factor
+
+
+@lru_cache(maxsize=4)
+def calibration_factor(rig: Rig) -> Array | None:
+    """The rig's own errors likewise (K, R); None where its covariance is not known, or not determined.
+
+    Kept for the next call: of cameras with hundreds of parameters it takes seconds.
+    """
+    if rig.covariance is None or not np.isfinite(rig.covariance).all():
+        return None
+    factor = covariance_factor(rig.covariance)
+    factor.setflags(write=False)
+    return factor
+
+
+def is_in_image(rig: Rig, camera: int, point_mm: Array) -> NDArray[np.bool_]:
+    """Which points (N, 3) of the rig's frame a camera shows within its image.  # (N,)"""
+    pixel = rig.cameras[camera].project(transform(rig.cam_from_rig[camera], point_mm))
+    width, height = rig.cameras[camera].image_size
+    off = np.abs(pixel - np.array([width - 1, height - 1]) / 2)
+    return np.asarray((off <= [width / 2, height / 2]).all(axis=-1))
+
+
+def rays_in_rig(rig: Rig, camera: int, pixel: Array) -> Array:
+    """Unit directions (N, 3), in the rig's axes, of what pixels (N, 2) of a camera see."""
+    rays: Array = rig.cameras[camera].rays(pixel) @ rig.cam_from_rig[camera, :3, :3]
+    return rays

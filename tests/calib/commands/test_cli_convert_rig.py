@@ -1,0 +1,188 @@
+"""The command `calib convert` of a rig."""
+
+import runpy
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.api.converting import convert as converted
+from calib.api.converting_rigs import RigConversion
+from calib.api.loading import load_camera, load_rig
+from calib.cameras.camera import Camera
+from calib.cameras.rig import Rig
+from calib.commands.convert import convert
+from calib.core.se3 import transform
+from calib.interop.rigs import RIG_FORMATS
+from designer.base.errors import InputError
+from tests.support.foreign_cameras import CAMERAS, MODELS, WIDE_SIZE
+from tests.support.foreign_rigs import FISHEYE, points_before, ring, seen_by, stereo
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to work in, with a pair and a ring."""
+    monkeypatch.chdir(tmp_path)
+    pair = stereo()
+    replace(pair, covariance=np.diag(np.arange(1.0, 31)), delay_s=np.array([0, 0.01])).save("pair.json")
+    ring().save("ring.json")
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", RIG_FORMATS)
+def test_a_rig_goes_there_and_back(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The kind of a file, or a folder, is found out, and every step says it was exact."""
+    convert("pair.json", to=name, out=Path("there"))
+    convert("there", to="json", out=Path("back.json"))
+    assert capsys.readouterr().out.count("exact  no fit was needed") == 2
+    before, after = stereo(), load_rig("back.json")
+    point = points_before(before)
+    for old, new in zip(seen_by(before, point), seen_by(after, point), strict=True):
+        assert np.abs(old - new).max() < 1e-8
+
+
+def test_what_is_lost_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """The covariance, the delays, a frame that is no camera's, and names that the tool does not take."""
+    convert("pair.json", to="kalibr", out=Path("c.yaml"))
+    said = capsys.readouterr().out
+    assert "lost   how sure it all is" in said
+    assert "lost   the delays" in said
+    assert "frame" not in said
+    convert("ring.json", to="kalibr", out=Path("c.yaml"))
+    said = capsys.readouterr().out
+    assert "lost   the rig's frame (world); the files' is that of camera cam a" in said
+    assert "lost   the cameras' names; they are called cam_a, cam_b, cam_c" in said
+    convert("ring.json", to="caliscope", out=Path("c.toml"))
+    assert "they are called 0, 1, 2" in capsys.readouterr().out
+    assert list(tomllib.loads(Path("c.toml").read_text())["cameras"]) == ["0", "1", "2"]
+
+
+def test_a_lens_that_is_fitted_is_told_with_its_camera(capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a double sphere in OpenCV's fisheye the residual is told; what was known of its numbers is lost."""
+    wide = Camera("ds", np.array(MODELS["ds"]), WIDE_SIZE)
+    rig = Rig(("a", "b"), (wide, FISHEYE), stereo(FISHEYE).cam_from_rig, np.eye(26))
+    done = converted(rig, "opencv")
+    assert 0.001 < done.rms_px < 0.1
+    assert [name for name, _, _ in done.named_fits] == ["a"]
+    rig.save("wide.json")
+    convert("wide.json", to="json", out=Path("again.json"), model="fisheye")
+    assert "a: fitted fisheye over the whole image" in capsys.readouterr().out
+    assert load_rig("again.json").covariance is None
+
+
+def test_poses_turn_with_a_lens_whose_frame_is_turned() -> None:
+    """A refit may turn a camera's frame: the pose turns along, so that points stay in their pixels."""
+    from calib.cameras.refit import refit
+    from calib.core.se3 import exp_rotation
+
+    rig = ring((CAMERAS["pinhole"],) * 2)
+    plain = converted(rig, "json")
+    turn = exp_rotation(np.array([0.01, 0.02, -0.01]))
+    fit = replace(refit(rig.cameras[0], "opencv"), new_from_old=turn)
+    turned = replace(plain, held=(replace(plain.held[0], camera=fit.camera, refit=fit), plain.held[1])).rig
+    point = np.array([[10.0, 20, 30]])
+    expected = transform(rig.cam_from_rig[0], point) @ turn.T
+    np.testing.assert_allclose(transform(turned.cam_from_rig[0], point), expected, atol=1e-9)
+    assert (turned.cam_from_rig[1] == rig.cam_from_rig[1]).all()
+
+
+def test_some_cameras_in_an_order() -> None:
+    """A pair is named out of a ring; too many for the format, or none of the rig, are answered with what to say."""
+    with pytest.raises(
+        InputError, match=r"ring\.json: OpenCV stereo YAML holds 2 cameras, the rig has 3; name them, as in"
+    ):
+        convert("ring.json", to="opencv", out=Path("s.yaml"))
+    convert("ring.json", to="opencv", out=Path("s.yaml"), cameras=["cam c", "cam a"])
+    found = load_rig("s.yaml")
+    assert found.names == ("cam_c", "cam_a")
+    distance = np.linalg.norm(ring().center_mm[2] - ring().center_mm[0])
+    assert np.linalg.norm(found.center_mm[1]) == pytest.approx(distance)
+    with pytest.raises(InputError, match="camera 'cam d': not in the rig; did you mean"):
+        convert("ring.json", to="opencv", out=Path("s.yaml"), cameras=["cam d"])
+
+
+def test_units_are_told_and_asked(capsys: pytest.CaptureFixture[str]) -> None:
+    """A file that does not say its unit is taken as usual, which is told; implausible lengths are named."""
+    convert("pair.json", to="opencv", out=Path("s.yaml"), unit="m")
+    text = "".join(line for line in Path("s.yaml").read_text().splitlines(keepends=True) if "length_unit" not in line)
+    Path("s.yaml").write_text(text)
+    capsys.readouterr()
+    convert("s.yaml", to="json", out=Path("s.json"))
+    said = capsys.readouterr().out
+    assert "lengths are taken as millimetres, as OpenCV stereo YAML usually has it; another with --from-unit" in said
+    assert "the cameras are 0.12 mm apart at most" in said
+    convert("s.yaml", to="json", out=Path("s.json"), from_unit="m")
+    assert "apart at most" not in capsys.readouterr().out
+    np.testing.assert_allclose(load_rig("s.json").cam_from_rig, stereo().cam_from_rig, atol=1e-9)
+    for options, rule in (
+        ({"unit": "inch"}, "unit 'inch'; there are m, mm"),
+        ({"to": "kalibr", "unit": "mm"}, "--unit mm: Kalibr camchain is in metres; leave out --unit"),
+        ({"from_unit": "m"}, "--from-unit m: rig.json is in millimetres"),
+    ):
+        with pytest.raises(InputError, match=rule):
+            convert("pair.json", **{"to": "opencv", "out": Path("x"), **options})  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"--unit: is for rigs"):
+        converted(CAMERAS["barrel"], "opencv", unit="m")
+
+
+def test_a_file_that_says_another_unit_than_asked_is_refused() -> None:
+    """One of the two is wrong."""
+    convert("pair.json", to="opencv", out=Path("s.yaml"), unit="m")
+    with pytest.raises(InputError, match=r"s\.yaml: says that its lengths are in 'm'; leave out --from-unit mm"):
+        load_rig("s.yaml", unit="mm")
+    Path("s.yaml").write_text(Path("s.yaml").read_text().replace("length_unit: m", "length_unit: furlong"))
+    with pytest.raises(InputError, match=r"s\.yaml: length_unit 'furlong': must be one of m, mm"):
+        load_rig("s.yaml")
+
+
+def test_one_camera_of_a_rig_is_a_camera() -> None:
+    """`FILE#NAME` of a rig's file, wherever a camera is asked for; without a name the names are told."""
+    convert("ring.json", to="anipose", out=Path("a.toml"))
+    for name in ("ring.json#cam b", "a.toml#cam_b"):
+        np.testing.assert_array_equal(load_camera(name).params, ring().cameras[1].params)
+    with pytest.raises(InputError, match=r"ring.json: holds 3 cameras \(cam a, cam b, cam c\); name one"):
+        load_camera("ring.json")
+    convert("ring.json#cam b", to="opencv", out=Path("b.yaml"))
+    assert load_camera("b.yaml").model == "fisheye"
+
+
+@pytest.mark.parametrize("source", ["pair.json", "pair.json#left"])
+def test_the_line_that_opens_a_file_in_opencv_does(source: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """What is told to type in Python runs: OpenCV forgets a file of which only a node is kept."""
+    convert(source, to="opencv", out=Path("s.yaml"))
+    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("open "))
+    Path("typed.py").write_text("import cv2\n" + line.partition("in Python: ")[2].partition("; where")[0] + "\n")
+    assert set(runpy.run_path("typed.py")) >= {"cv2", "file"}
+
+
+@pytest.mark.parametrize("name", RIG_FORMATS)
+def test_a_rig_replaces_its_own_files_and_no_others(name: str) -> None:
+    """A second run writes again; a file of somebody's in the way stays, and with it all of the others."""
+    for _ in range(2):
+        done = converted("pair.json", name, out="out")
+        assert isinstance(done, RigConversion)
+        done.save("out")
+    places = done.places("out")
+    before = {place: place.read_bytes() for place in places}
+    places[-1].write_text("mine")
+    with pytest.raises(InputError, match="not of ringsolid's making"):
+        done.save("out")
+    assert {place: place.read_bytes() for place in places[:-1]} == {place: before[place] for place in places[:-1]}
+    assert places[-1].read_text() == "mine"
+
+
+def test_places_that_do_not_suit(folder: Path) -> None:
+    """A folder for one file, a file for a folder, and the files that are read: each is refused before any work."""
+    Path("file").write_text("")
+    for to, out, rule in (
+        ("kalibr", folder, r"is a folder; name the file with -o, such as .*camchain.yaml"),
+        ("mrcal", Path("file"), "file: is a file, not a folder"),
+        ("json", Path("pair.json"), "is a file to read"),
+    ):
+        with pytest.raises(InputError, match=rule):
+            convert("pair.json", to=to, out=out)
+    convert("pair.json", to="mrcal", out=Path("models"))
+    with pytest.raises(InputError, match=r"left.cameramodel: is a file to read"):
+        convert("models", to="mrcal", out=Path("models"))

@@ -1,0 +1,112 @@
+"""`calib hand-eye` and `calib turntable`, from tables."""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import calib
+from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose
+from calib.core.types import Observations
+from calib.records.hand_eye_file import HAND_EYE
+from calib.rigs.turntable import turned_by
+from tests.support import command_line, rig_views, solver_scenes
+
+
+def written(seen: Observations, path: Path) -> Path:
+    """A table image,u,v,X,Y,Z of sightings."""
+    rows = ["# image_size 1280 x 960", "image,u,v,X,Y,Z"]
+    place = seen.points.position_mm[seen.point]
+    for view, pixel, point in zip(seen.view.tolist(), seen.center_px.tolist(), place.tolist(), strict=True):
+        rows.append(",".join([seen.view_names[view], *(f"{value:.6f}" for value in (*pixel, *point))]))
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+CAM_FROM_FLANGE = make_pose(exp_rotation(np.array([0.1, -0.2, 1.0])), np.array([30.0, -20.0, 60.0]))
+COUNT = 14
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Sightings of a camera in a robot's hand, and what the robot says, in several files."""
+    folder = tmp_path_factory.mktemp("robot")
+    rng = np.random.default_rng(5)
+    scene = rig_views.stereo_pair(frames=COUNT, noise_px=0.05, seed=3)
+    seen, rows = scene.observations.sightings[0], scene.observations.frame[0]
+    written(seen, folder / "seen.csv")
+    base_from_target = make_pose(exp_rotation(np.array([0.3, 0.1, -0.4])), np.array([400.0, 100.0, 50.0]))
+    flange_from_base = invert(CAM_FROM_FLANGE) @ scene.rig_from_target[rows] @ invert(base_from_target)
+    noise = make_pose(exp_rotation(rng.normal(0, 1e-4, (len(rows), 3))), rng.normal(0, 0.05, (len(rows), 3)))
+    base_from_flange = invert(noise @ flange_from_base)
+    for name, poses, unit in (
+        ("robot.csv", base_from_flange, "mm"), ("inverted.csv", invert(base_from_flange), "mm"),
+        ("metres.csv", base_from_flange, "m"),
+    ):  # fmt: skip
+        lines = ["image,x_mm,y_mm,z_mm,rx_rad,ry_rad,rz_rad"]
+        for view, pose in zip(seen.view_names, poses, strict=True):
+            shift = pose[:3, 3] * (1e-3 if unit == "m" else 1.0)
+            lines.append(",".join([view, *(f"{value:.9f}" for value in (*shift, *log_rotation(pose[:3, :3])))]))
+        (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder
+
+
+def test_a_camera_in_hand_is_found_and_written_for_programs(folder: Path, tmp_path: Path) -> None:
+    """flange_from_cam lies within what is stated, and the command's file is Python's own answer."""
+    out = tmp_path / "out"
+    table, robot = folder / "seen.csv", folder / "robot.csv"
+    answer = command_line.calib("hand-eye", "--table", table, "--robot", robot, "-o", out, "--no-page")
+    assert answer.code in (0, 1), answer.err
+    assert "flange_from_cam" in answer.out
+    told = HAND_EYE.read(out / "hand_eye.json")
+    found = calib.hand_eye(None, table=folder / "seen.csv", robot=folder / "robot.csv")
+    assert np.allclose(told.flange_from_cam, found.hand_eye.flange_from_cam, atol=1e-6)
+    pose = invert(told.flange_from_cam)
+    off = np.concatenate([
+        log_rotation(pose[:3, :3] @ CAM_FROM_FLANGE[:3, :3].T), pose[:3, 3] - CAM_FROM_FLANGE[:3, 3]
+    ])  # fmt: skip
+    assert told.covariance is not None
+    assert off @ np.linalg.solve(told.covariance, off) < 30
+    assert told.target_size == pytest.approx(1.0, abs=5 * told.target_size_sigma)
+
+
+@pytest.mark.parametrize(
+    ("robot", "more", "said"),
+    [
+        ("inverted.csv", (), "look like flange_from_base.*give --inverted"),
+        ("robot.csv", ("--inverted",), "look like base_from_flange.*leave out --inverted"),
+        ("metres.csv", (), "look like metres that are taken for millimetres.*--unit"),
+        ("seen.csv", (), "seen.csv"),
+        ("robot.csv", ("--robot-noise", "0.1mm"), "a length and an angle"),
+    ],
+)
+def test_poses_that_cannot_be_are_refused_in_a_line(
+    folder: Path, tmp_path: Path, robot: str, more: tuple[str, ...], said: str
+) -> None:
+    """Poses the other way round, or in another unit, are told from the photos; nothing is written."""
+    out = tmp_path / "out"
+    line = command_line.refused("hand-eye", "--table", folder / "seen.csv", "--robot", folder / robot, "-o", out, *more)
+    assert re.search(said, line)
+    assert not out.exists()
+
+
+def test_a_turntable_is_found_with_its_angles(tmp_path: Path) -> None:
+    """Unknown angles of a table come out as they were, and the camera's place against the axis."""
+    rng = np.random.default_rng(1)
+    angle = np.deg2rad(np.array([0, 25, 50, 75, 100, 130, 160, 190, 220, 260, 300, 330.0]))
+    cam_from_table = make_pose(exp_rotation(np.array([1.9, 0.0, 0.0])), np.array([0.0, 60.0, 600.0]))
+    table_from_target = make_pose(exp_rotation(np.array([0.2, 0.1, 0.0])), np.array([30.0, 10.0, 0.0]))
+    poses = cam_from_table @ turned_by(angle) @ table_from_target
+    points = solver_scenes.icosahedron(100.0, 5)
+    lens = rig_views.camera()
+    scene = rig_views.scene_of(("cam",), (lens,), np.eye(4)[None], poses, points, rng, 0.05)
+    seen = scene.observations.sightings[0]
+    lens.save(tmp_path / "camera.json")
+    found = calib.turntable(None, table=written(seen, tmp_path / "seen.csv"), camera=tmp_path / "camera.json")
+    carrier = found.calibration.carrier
+    assert carrier is not None
+    assert carrier.angle_rad is not None
+    turned = np.unwrap(carrier.angle_rad)
+    assert abs(np.abs(turned - turned[0]) - angle[scene.observations.frame[0]]).max() < math.radians(0.05)

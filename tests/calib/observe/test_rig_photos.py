@@ -1,0 +1,160 @@
+"""Photos of several cameras are joined to frames by names, patterns, tables or time stamps, or refused in a line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.observe.rig_photo_table import is_sightings, read_photo_table, read_stamps
+from calib.observe.rig_photos import (
+    RigPhoto,
+    RigPhotos,
+    joined_by_name,
+    photos_by_pattern,
+    photos_in_folders,
+    with_stamps,
+)
+from calib.observe.rig_times import joined_by_time
+from designer.base.errors import InputError
+
+
+def made(folder: Path, *names: str) -> Path:
+    """A folder with empty files, whose names are all that counts here."""
+    for name in names:
+        place = folder / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(b"")
+    return folder
+
+
+def frames_of(found: RigPhotos) -> dict[str, list[str]]:
+    """The cameras and files of each frame."""
+    return {
+        frame: [f"{one.camera}:{one.path.name}" for one in found.photos if one.frame == frame]
+        for frame in found.frame_names
+    }
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "frames"),
+    [
+        (("1.png", "2.png", "10.png"), ("2.jpg", "10.jpg"), ["1", "2", "10"]),
+        (("left_1.png", "left_2.png"), ("RIGHT-1.png", "RIGHT-3.png"), ["1", "2", "3"]),
+        (("IMG_0007.png", "IMG_0008.png"), ("DSC7.png", "DSC9.png"), ["7", "8", "9"]),
+        (("a_2026_0007.png", "a_2026_0008.png"), ("b_7.png", "b_8.png"), ["7", "8"]),
+    ],
+)
+def test_names_join(tmp_path: Path, left: tuple[str, ...], right: tuple[str, ...], frames: list[str]) -> None:
+    """By the whole name, less the camera's, or by its numbers; frames in the order of their numbers."""
+    made(tmp_path / "left", *left)
+    made(tmp_path / "right", *right)
+    found = joined_by_name(photos_in_folders([str(tmp_path / "left"), str(tmp_path / "right")]))
+    assert list(found.frame_names) == frames
+    assert found.camera_names == ("left", "right")
+    assert frames_of(joined_by_name(photos_in_folders([str(tmp_path)]))) == frames_of(found)
+
+
+def test_cameras_are_named_where_their_paths_differ(tmp_path: Path) -> None:
+    """`cam0/data` and `cam1/data` are cam0 and cam1; one folder twice is refused."""
+    made(tmp_path, "cam0/data/1.png", "cam1/data/1.png")
+    places = [str(tmp_path / "cam0/data"), str(tmp_path / "cam1/data")]
+    assert joined_by_name(photos_in_folders(places)).camera_names == ("cam0", "cam1")
+    with pytest.raises(InputError, match="is given twice"):
+        photos_in_folders([places[0], f"{places[0]}/../data"])
+
+
+def test_a_pattern_tells_camera_and_frame(tmp_path: Path) -> None:
+    """Of names or of paths; what is named otherwise is counted."""
+    made(tmp_path, "cam1_007.png", "cam2_007.png", "cam2_008.png", "notes.png", "a/7.png", "b/7.png")
+    found = photos_by_pattern([str(tmp_path)], "{camera}_{frame}.png")
+    assert frames_of(found) == {"007": ["cam1:cam1_007.png", "cam2:cam2_007.png"], "008": ["cam2:cam2_008.png"]}
+    assert "1 images are not named as" in found.remarks[0]
+    assert photos_by_pattern([str(tmp_path)], "{camera}/{frame}.*").camera_names == ("a", "b")
+    for pattern, said in (("{camera}.png", "must hold {frame} once"), ("x{camera}_{frame}.png", "no image in")):
+        with pytest.raises(InputError, match=said):
+            photos_by_pattern([str(tmp_path)], pattern)
+
+
+def test_frames_that_match_nothing_are_told_by_name(tmp_path: Path) -> None:
+    """With the names that were seen."""
+    made(tmp_path, "left/a.png", "left/b.png", "right/c.png")
+    with pytest.raises(InputError, match=r"no frame is of two cameras: left has 'a', 'b'; right has 'c'; name the"):
+        joined_by_name(photos_in_folders([str(tmp_path)]))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("camera,file\nleft,left/1.png\n", "neither a column frame nor time_s"),
+        ("camera,frame,file\nleft,1,left/1.png\nleft,1,left/2.png\nright,1,right/1.png\n", "has 2 photos of frame '1'"),
+        (
+            "camera,frame,file\nleft,1,left/1.png\nright,1,left/1.png\n",
+            "is given twice, for cameras 'left' and 'right'",
+        ),
+        ("camera,frame,file\nleft,1,\n", "line 2: file must not be empty"),
+        ("camera,frame,file\nleft,1,a\0b\n", "line 2"),
+        ("camera,frame,file,time_s\nleft,1,left/1.png,soon\n", "time_s must be a finite number"),
+    ],
+)
+def test_a_table_that_cannot_be_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    """In a line with the file's name or the photo's."""
+    from calib.observe.rig_photos import framed
+
+    path = tmp_path / "files.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=said):
+        framed(read_photo_table(path))
+
+
+def test_a_table_names_files_from_its_folder(tmp_path: Path) -> None:
+    """And says what it is: of files, or of sightings."""
+    made(tmp_path, "left/1.png", "right/x.png")
+    (tmp_path / "files.csv").write_text(
+        "# mine\nframe,file,camera,time_s\n1,left/1.png,left,4.5\n1,right/x.png,right,4.6\n"
+    )
+    photos = read_photo_table(tmp_path / "files.csv")
+    assert photos[1] == RigPhoto("right", tmp_path / "right/x.png", "1", 4.6)
+    (tmp_path / "stamps.csv").write_text("camera,file,time_s\nleft,1.png,1.5\nright,right/x.png,1.75\n")
+    stamped = with_stamps(photos, read_stamps(tmp_path / "stamps.csv", photos))
+    assert [one.time_s for one in stamped] == [1.5, 1.75]
+    (tmp_path / "stamps.csv").write_text("camera,file,time_s\nleft,1.png,1.5\n")
+    with pytest.raises(InputError, match=r"no time stamp for 'x.png'"):
+        with_stamps(photos, read_stamps(tmp_path / "stamps.csv", photos))
+    (tmp_path / "seen.csv").write_text("camera,frame,u,v,X,Y,Z\n")
+    assert is_sightings(tmp_path / "seen.csv")
+    assert not is_sightings(tmp_path / "files.csv")
+
+
+def shots(period_s: float = 0.1, count: int = 20, late_s: float = 0.004, seed: int = 0) -> list[RigPhoto]:
+    """Three cameras that take a photo every so often; the second misses some, the third runs late."""
+    rng = np.random.default_rng(seed)
+    photos = []
+    for camera, shift_s in (("a", 0.0), ("b", 0.001), ("c", late_s)):
+        for n in range(count):
+            if camera != "b" or n % 3:
+                stamp = 100 + n * period_s + shift_s + rng.uniform(0, 1e-3)
+                photos.append(RigPhoto(camera, Path(f"{camera}/{n:03d}.png"), time_s=stamp))
+    return photos
+
+
+def test_time_stamps_join_what_was_taken_at_once() -> None:
+    """Each photo once, with its own moment, and how far apart they lie is said; the order of photos does not count."""
+    photos = shots()
+    found = joined_by_time(photos, 0.02)
+    assert len(found.frame_names) == 20
+    for frame in found.frame_names:
+        assert len({one.path.name for one in found.photos if one.frame == frame}) == 1
+    assert sum(len(names) == 2 for names in frames_of(found).values()) == 7
+    assert found.remarks[0].startswith("joined by time stamps: 20 frames of two cameras or more, their photos")
+    other = joined_by_time(photos[::-1], 0.02)
+    assert {name: sorted(files) for name, files in frames_of(other).items()} == frames_of(found)
+    assert (other.camera_names, found.camera_names) == (("c", "b", "a"), ("a", "b", "c"))
+
+
+def test_photos_that_lie_too_far_apart_stay_alone() -> None:
+    """A camera beyond the tolerance joins nothing; when none joins, the clocks are told; a doubtful tolerance, too."""
+    found = joined_by_time(shots(late_s=0.04), 0.02)
+    assert "27 of 53 photos have none of another camera within 20 ms" in found.remarks
+    with pytest.raises(InputError, match=r"within 0.001 ms of each other: a from 100.001 to 101.9"):
+        joined_by_time(shots(), 1e-6)
+    assert any("may be chance" in line for line in joined_by_time(shots(), 0.06).remarks)

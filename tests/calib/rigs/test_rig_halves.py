@@ -1,0 +1,87 @@
+"""Halves of a rig's frames: that they agree if all is noise, and that what moved meanwhile is told from noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from calib.cameras import project
+from calib.core.se3 import transform
+from calib.core.types import keep_frames
+from calib.rigs.halves import NoRigHalves, RigHalves, half_solver, rig_halves, ways_to_halve, without_outliers
+from calib.rigs.options import CameraChoice, RigOptions
+from calib.rigs.result import RigCalibration
+from calib.rigs.solve import solve_rig
+from tests.support.rig_views import RigScene, solved_slowly, stereo_pair
+
+
+def solved(scene: RigScene) -> tuple[RigCalibration, RigHalves | NoRigHalves]:
+    """A rig and its halves."""
+    choices = [CameraChoice(one.model) for one in scene.cameras]
+    found = solve_rig(scene.observations, choices)
+    return found, rig_halves(found, half_solver(found, choices, RigOptions()))
+
+
+def pushed(scene: RigScene, shift_mm: float, is_pushed: NDArray[np.bool_]) -> RigScene:
+    """The rig with its second camera pushed sideways in some frames (V,)."""
+    seen, frames = scene.observations.sightings[1], scene.observations.frame[1]
+    place = transform(
+        (scene.cam_from_rig[1] @ scene.rig_from_target)[frames[seen.view]], seen.points.position_mm[seen.point]
+    )
+    step = project(scene.cameras[1], place + np.array([shift_mm, 0, 0])) - project(scene.cameras[1], place)
+    other = replace(seen, center_px=seen.center_px + np.where(is_pushed[frames[seen.view]][:, None], step, 0.0))
+    return replace(scene, observations=replace(scene.observations, sightings=(scene.observations.sightings[0], other)))
+
+
+def test_halves_of_honest_frames_differ_as_their_covariances_say() -> None:
+    """Over some rigs the mean square of the ratios is one, both for alike halves and in order, and none has moved."""
+    found = [solved(stereo_pair(frames=10, seed=seed))[1] for seed in range(8)]
+    for kind in ("by turns", "in order"):
+        ratios = [one.ratio_of(kind) for one in found if isinstance(one, RigHalves)]
+        assert len(ratios) == 8
+        assert np.mean(np.square(ratios)) == pytest.approx(1, abs=0.45)
+    assert not any(one.has_moved for one in found if isinstance(one, RigHalves))
+
+
+def test_a_camera_that_was_pushed_meanwhile_is_told_from_other_misfits() -> None:
+    """Pushed half-way, the first frames give another rig than the last; pushed now and then, they do not."""
+    scene = stereo_pair(frames=16)
+    _, halves = solved(pushed(scene, 0.5, np.arange(16) >= 8))
+    assert isinstance(halves, RigHalves)
+    assert halves.has_moved
+    assert halves.noise_of("in order") < 0.8 * halves.noise_of("by turns")
+    assert halves.factor == halves.ratio > halves.by_chance
+    _, mixed = solved(pushed(scene, 0.5, np.isin(np.arange(16) % 4, (0, 3))))
+    assert isinstance(mixed, RigHalves)
+    assert not mixed.has_moved
+
+
+def test_alike_halves_do_not_depend_on_the_order_of_frames() -> None:
+    """Frames that are given the other way round are halved into the same halves by turns."""
+    found = solved_slowly(stereo_pair(frames=12), steps=0)
+    reverse = replace(found, rig_from_target=found.rig_from_target[::-1])
+    for (kind, one), (_, other) in zip(ways_to_halve(found), ways_to_halve(reverse), strict=True):
+        if kind == "by turns":
+            assert np.array_equal(one, other[::-1]) or np.array_equal(one, ~other[::-1])
+
+
+def test_what_was_left_out_of_all_frames_is_left_out_of_halves() -> None:
+    """Outliers are in no half; a view of nothing else goes, too, and its frame's number stays with the others."""
+    found = solved_slowly(stereo_pair(frames=4), steps=0)
+    seen = found.observations.sightings[0]
+    found = replace(found, is_outlier=(seen.view == 1, found.is_outlier[1]))
+    kept = without_outliers(found)
+    assert kept.frame[0].tolist() == [0, 2, 3]
+    assert kept.sightings[0].view_names == tuple(np.array(seen.view_names)[[0, 2, 3]])
+    assert keep_frames(kept, np.array([False, True, True, True])).frame[0].tolist() == [1, 2]
+
+
+def test_why_there_are_no_halves_is_said() -> None:
+    """Few frames, and a rig that is not determined, have no halves."""
+    few = solved_slowly(stereo_pair(frames=5), steps=0)
+    solve = half_solver(few, [CameraChoice("opencv")] * 2, RigOptions())
+    assert rig_halves(few, solve) == NoRigHalves("5 frames cannot be halved; take 6 or more")
+    lost = rig_halves(replace(few, status="degenerate"), solve)
+    assert isinstance(lost, NoRigHalves)
+    assert "do not determine the rig" in lost.reason

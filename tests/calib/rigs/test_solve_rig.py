@@ -1,0 +1,317 @@
+"""The joint adjustment of a rig: its equations, its minimum, its sigmas, and what it does when photos contradict."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from calib.core.se3 import exp_rotation, invert, log_rotation, look_at, make_pose
+from calib.core.types import RigObservations, keep_frames
+from calib.rigs.descend import assembled, rig_equations
+from calib.rigs.options import CameraChoice, Carrier, RigOptions
+from calib.rigs.problem import RigProblem, RigState, pack_rig
+from calib.rigs.result import RigCalibration
+from calib.rigs.slack import SlackPrior
+from calib.rigs.solve import solve_rig
+from calib.rigs.turntable import turned_by
+from calib.solver.levenberg import move_poses
+from designer.base.errors import InputError
+from tests.support import rig_views, solver_scenes
+
+Array = NDArray[np.float64]
+
+
+def choices(scene: rig_views.RigScene) -> list[CameraChoice]:
+    """Each camera by the model that it has."""
+    return [CameraChoice(camera.model) for camera in scene.cameras]
+
+
+def moved(state: RigState, problem: RigProblem, step: Array) -> RigState:
+    """The state after a step of the shared unknowns, then of the frames, the simplest way."""
+    shared, frames = np.append(step[: problem.shared_count], 0.0), step[problem.shared_count :].reshape(-1, 6)
+    cameras = tuple(
+        replace(camera, params=camera.params + shared[one.params])
+        for camera, one in zip(state.cameras, problem.seen, strict=True)
+    )
+    cam = np.concatenate([
+        move_poses(state.cam_from_rig[c : c + 1], shared[one.pose][None]) for c, one in enumerate(problem.seen)
+    ])  # fmt: skip
+    target = state.carrier_from_target
+    if problem.prior is not None:
+        target = move_poses(target[None], shared[problem.prior.column][None])[0]
+    return replace(
+        state, cameras=cameras, cam_from_rig=cam, rig_from_target=move_poses(state.rig_from_target, frames),
+        delay_s=state.delay_s + np.array([shared[one.delay[0]] for one in problem.seen]), carrier_from_target=target,
+        size=state.size + shared[problem.size_column],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["plain", "delays", "camera in hand", "target in hand", "slack"])
+def test_gradients_are_those_of_the_cost(kind: str) -> None:
+    """The derivative of the cost by every unknown is the normal equations' own: of chains, delays, carriers, size."""
+    scene = rig_views.ring(count=2, frames=5, noise_px=0.5)
+    frames = scene.observations.frame_count
+    rng = np.random.default_rng(3)
+    base = make_pose(exp_rotation(rng.normal(0, 0.5, (frames, 3))), rng.normal(0, 200.0, (frames, 3)))
+    carrier = Carrier("robot", base, is_camera_in_hand=kind == "camera in hand", tells_size=True)
+    carried = kind.endswith("hand")
+    observations = replace(
+        scene.observations, time_s=tuple(0.1 * rows + 0.01 * c for c, rows in enumerate(scene.observations.frame))
+    )
+    ties = [np.arange(len(camera.params)) for camera in scene.cameras]
+    problem = pack_rig(
+        observations, ties, [not carried, False], weighted=True, loss="squares", scale=np.ones(2),
+        with_delays=kind == "delays", carrier=carrier if carried else None,
+    )  # fmt: skip
+    state = RigState(scene.cameras, scene.cam_from_rig, scene.rig_from_target, np.array([0.0, 0.02]), base[0])
+    if kind == "delays":
+        problem = replace(problem, motion=rng.normal(0, 1.0, (2, frames, 6)))
+    if problem.prior is not None:
+        problem = replace(problem, prior=replace(problem.prior, sigma=np.array([0.5, 100.0])))
+    if kind == "slack":
+        own = [one.products[:, -7:-1, -7:-1] for one in rig_equations(problem, state, "squares").blocks]
+        problem = replace(problem, slack=tuple(SlackPrior(weight, 4.0) for weight in own))
+        state = replace(state, slack=tuple(rng.normal(0, 1e-3, (len(weight), 6)) for weight in own))
+    equations = rig_equations(problem, state, "squares")
+    given = assembled(replace(problem, slack=()), state, equations.blocks, equations.chains).normal
+    gradient = np.concatenate([given.other[:, -1], given.pose_row[:, :, -1].ravel()])
+    for row in range(len(gradient)):
+        step = np.zeros(len(gradient))
+        step[row] = 1e-6
+        cost = [rig_equations(problem, moved(state, problem, sign * step), "squares").normal.cost for sign in (1, -1)]
+        assert (cost[0] - cost[1]) / 4e-6 == pytest.approx(gradient[row], rel=1e-4, abs=1e-4 * abs(gradient).mean())
+
+
+@pytest.mark.parametrize("scene", [rig_views.stereo_pair(), rig_views.ring(models=("opencv", "fisheye"))])
+def test_minimum_and_covariance_are_those_of_dense_least_squares(scene: rig_views.RigScene) -> None:
+    """A slow solution by one dense matrix, from the truth, ends at the same rig and states the same sigmas."""
+    found, slow = solve_rig(scene.observations, choices(scene)), rig_views.solved_slowly(scene)
+    sigma = np.sqrt(np.diagonal(slow.covariance))
+    for camera in range(1, len(scene.cameras)):
+        rows = slow.rig.pose_rows(camera)
+        # Noise of each camera is estimated on its own, so that weights differ by a percent.
+        assert (np.abs(_difference(found, slow.cam_from_rig, camera)) < 0.2 * sigma[rows]).all()
+    stated = np.sqrt(np.diagonal(found.covariance))
+    assert stated[sigma > 0] == pytest.approx(sigma[sigma > 0], rel=0.06)
+    assert found.status == "converged"
+
+
+def _difference(found: RigCalibration, cam_from_rig: Array, camera: int) -> Array:
+    """Of a camera's pose: rotation vector, shift.  # (6,)"""
+    turn = found.cam_from_rig[camera, :3, :3] @ cam_from_rig[camera, :3, :3].T
+    return np.concatenate([log_rotation(turn), found.cam_from_rig[camera, :3, 3] - cam_from_rig[camera, :3, 3]])
+
+
+def _reordered(observations: RigObservations, cameras: Sequence[int], frames: Array) -> RigObservations:
+    """The same with cameras and frames in another order, which their views follow."""
+    place = np.argsort(frames)
+    sightings, rows = [], []
+    for camera in cameras:
+        seen, old = observations.sightings[camera], place[observations.frame[camera]]
+        order = np.argsort(old)
+        rank = np.argsort(order)
+        view = rank[seen.view]
+        by_view = np.argsort(view, kind="stable")
+        names = tuple(seen.view_names[k] for k in order.tolist())
+        assert seen.cov_px2 is not None
+        sightings.append(
+            replace(
+                seen, view_names=names, view=view[by_view], point=seen.point[by_view],
+                center_px=seen.center_px[by_view], cov_px2=seen.cov_px2[by_view],
+            )
+        )  # fmt: skip
+        rows.append(old[order])
+    return replace(
+        observations, camera_names=tuple(observations.camera_names[k] for k in cameras),
+        frame_names=tuple(observations.frame_names[k] for k in frames.astype(int).tolist()),
+        sightings=tuple(sightings), frame=tuple(rows),
+    )  # fmt: skip
+
+
+def test_order_of_cameras_and_frames_does_not_matter() -> None:
+    """From any order the same rig comes, to a ten-thousandth of its sigmas."""
+    scene = rig_views.ring()
+    first = solve_rig(scene.observations, choices(scene))
+    order = [2, 0, 3, 1]
+    mixed = _reordered(scene.observations, order, np.random.default_rng(0).permutation(14).astype(float))
+    reference = RigOptions(reference=order.index(0))
+    second = solve_rig(mixed, [choices(scene)[k] for k in order], reference)
+    for camera in range(1, 4):
+        off = _difference(first, second.cam_from_rig[np.argsort(order)], camera)
+        sigma = np.sqrt(np.diagonal(first.covariance))[first.rig.pose_rows(camera)]
+        assert (np.abs(off) < 1e-4 * sigma).all()
+
+
+def test_cameras_without_a_common_frame_are_chained_by_others() -> None:
+    """Neighbours share frames, opposite cameras none: all are placed, within their sigmas."""
+    scene = rig_views.ring(count=4, frames=24)
+    observations = scene.observations
+    keep = [np.isin(rows % 4, [camera, (camera + 1) % 4]) for camera, rows in enumerate(observations.frame)]
+    part = _without_views(observations, keep)
+    assert part.shared[0, 2] == 0
+    found = solve_rig(part, choices(scene))
+    for camera in range(1, 4):
+        rows = found.rig.pose_rows(camera)
+        off = _difference(found, scene.cam_from_rig, camera)
+        assert off @ np.linalg.solve(found.covariance[rows, rows], off) < 25
+
+
+def _without_views(observations: RigObservations, keep: Sequence[NDArray[np.bool_]]) -> RigObservations:
+    """Some views of each camera."""
+    from calib.core.types import keep_views
+
+    return replace(
+        observations,
+        sightings=tuple(keep_views(seen, ok) for seen, ok in zip(observations.sightings, keep, strict=True)),
+        frame=tuple(rows[ok] for rows, ok in zip(observations.frame, keep, strict=True)),
+    )
+
+
+def test_a_rig_in_parts_is_refused_with_the_parts() -> None:
+    """Cameras that nothing joins are named, and which photos would join them."""
+    scene = rig_views.ring(count=4, frames=16)
+    keep = [(rows % 2 == 0) == (camera < 2) for camera, rows in enumerate(scene.observations.frame)]
+    with pytest.raises(InputError, match=r"2 parts: front, left \| back, right: .*take frames"):
+        solve_rig(_without_views(scene.observations, keep), choices(scene))
+
+
+def _moving(
+    delay_s: Sequence[float], jitter_s: float, seed: int = 1
+) -> tuple[RigObservations, Array, list[CameraChoice]]:
+    """Four cameras around an icosahedron that moves, each with a clock of its own; cam_from_rig, and choices."""
+    rng = np.random.default_rng(seed)
+    stamp = 0.1 * np.arange(30)
+    angle = 0.5 * np.pi * np.arange(4)
+    eye = 600 * np.stack([np.cos(angle), np.sin(angle), 0.2 * np.cos(2 * angle)], axis=1)
+    cam_from_world, points = look_at(eye, np.zeros((4, 3))), solver_scenes.icosahedron(100.0, 5)
+    parts = []
+    for camera in range(4):
+        t = stamp - delay_s[camera] + rng.normal(0, jitter_s, len(stamp))
+        turn = np.stack([1.2 * np.sin(1.1 * t), 1.5 * np.cos(0.7 * t), 0.9 * t], axis=1)
+        way = np.stack([60 * np.sin(1.3 * t), 50 * np.cos(1.7 * t), 40 * np.sin(0.9 * t)], axis=1)
+        lens = (rig_views.camera(1000.0 + 40 * camera),)
+        pose = make_pose(exp_rotation(turn), way)
+        parts.append(rig_views.scene_of(("one",), lens, cam_from_world[camera : camera + 1], pose, points, rng, 0.05))
+    seen = [part.observations for part in parts]
+    joint = RigObservations(
+        ("a", "b", "c", "d"), seen[0].frame_names, tuple(one.sightings[0] for one in seen),
+        tuple(one.frame[0] for one in seen), tuple(stamp[one.frame[0]] for one in seen),
+    )  # fmt: skip
+    return joint, cam_from_world @ invert(cam_from_world[0]), [CameraChoice("opencv")] * 4
+
+
+def test_time_offsets_are_found_within_their_sigmas() -> None:
+    """Clocks that run 20 to 50 ms apart, and jitter by 4 ms: the offsets and the rig lie within what is stated."""
+    delay = (0.0, 0.02, -0.03, 0.05)
+    observations, truth, models = _moving(delay, 0.004)
+    found = solve_rig(observations, models, RigOptions(estimates_delays=True))
+    assert found.delay_s is not None
+    assert found.delay_sigma_s is not None
+    assert (np.abs(found.delay_s - delay)[1:] < 4 * found.delay_sigma_s[1:]).all()
+    assert (found.delay_sigma_s[1:] < 0.002).all()
+    for camera in range(1, 4):
+        rows, off = found.rig.pose_rows(camera), _difference(found, truth, camera)
+        assert off @ np.linalg.solve(found.covariance[rows, rows], off) < 25
+
+
+def test_photos_that_do_not_fit_together_are_said_and_widen_the_sigmas() -> None:
+    """Unsynchronised photos taken as synchronous give no confident wrong rig: it is said, and the sigmas hold it."""
+    observations, truth, models = _moving((0.0, 0.0, 0.0, 0.0), 0.02)
+    found = solve_rig(observations, models)
+    assert any("do not fit together" in remark and "time offsets" in remark for remark in found.remarks)
+    for camera in range(1, 4):
+        rows, off = found.rig.pose_rows(camera), _difference(found, truth, camera)
+        assert off @ np.linalg.solve(found.covariance[rows, rows], off) < 80
+
+
+def test_time_offsets_need_time_stamps() -> None:
+    """Without stamps the wish is refused in a line."""
+    scene = rig_views.stereo_pair()
+    with pytest.raises(InputError, match="time stamps"):
+        solve_rig(scene.observations, choices(scene), RigOptions(estimates_delays=True))
+
+
+def _camera_in_hand(turns: Array, *, noise_px: float = 0.02) -> tuple[RigObservations, Carrier, Array]:
+    """A camera that a robot turns by rotation vectors (V, 3) above a board: sightings, what the robot says, the truth.
+
+    The robot's own noise is .2 mrad and .1 mm, the target 3 % smaller than its file says.
+    """
+    rng = np.random.default_rng(0)
+    count = len(turns)
+    cam_from_flange = make_pose(exp_rotation(np.array([0.1, -0.2, 1.0])), np.array([30.0, -20.0, 60.0]))
+    base_from_target = make_pose(exp_rotation(np.array([0.3, 0.1, -0.4])), np.array([400.0, 100.0, 50.0]))
+    first = look_at(np.array([0.0, -500.0, 0.0]), np.zeros(3)) @ make_pose(
+        exp_rotation(np.array([1.5, 0.0, 0.0])), np.zeros(3)
+    )
+    frames = make_pose(exp_rotation(turns), rng.uniform(-60, 60, (count, 3))) @ first
+    points = solver_scenes.board(9, 7, 20.0)
+    scene = rig_views.scene_of(("cam",), (rig_views.camera(),), np.eye(4)[None], frames, points, rng, noise_px)
+    seen = scene.observations.sightings[0]
+    told = replace(seen, points=replace(points, position_mm=points.position_mm / 0.97))
+    flange_from_base = invert(cam_from_flange) @ frames @ invert(base_from_target)
+    wobble = make_pose(exp_rotation(rng.normal(0, 2e-4, (count, 3))), rng.normal(0, 0.1, (count, 3)))
+    rows = scene.observations.frame[0]
+    observations = keep_frames(replace(scene.observations, sightings=(told,)), np.isin(np.arange(count), rows))
+    carrier = Carrier(
+        "robot, camera in hand", (wobble @ flange_from_base)[rows], is_camera_in_hand=True, tells_size=True
+    )
+    return observations, carrier, cam_from_flange
+
+
+def test_a_robots_ways_tell_the_size_of_the_target() -> None:
+    """A target printed 3 % too small is told by the robot that carries the camera; its noise comes out right, too."""
+    observations, carrier, truth = _camera_in_hand(np.random.default_rng(2).uniform(-0.5, 0.5, (20, 3)))
+    found = solve_rig(observations, [CameraChoice("opencv")], RigOptions(carrier=carrier))
+    assert found.carrier is not None
+    assert abs(found.carrier.size - 0.97) < 4 * found.carrier.size_sigma < 0.01
+    assert found.carrier.sigma_mm == pytest.approx(0.1, rel=0.5)
+    assert found.carrier.sigma_rad == pytest.approx(2e-4, rel=0.5)
+    rows, off = found.rig.pose_rows(0), _difference(found, truth[None], 0)
+    assert off @ np.linalg.solve(found.covariance[rows, rows], off) < 25
+
+
+def test_turns_about_one_axis_leave_a_shift_open_and_say_so() -> None:
+    """A robot that turns about one axis only: what nothing tells is named, and has no sigma; directions have one."""
+    turns = np.random.default_rng(2).uniform(-0.6, 0.6, (12, 1)) * np.array([0.3, 0.2, 1.0])
+    observations, carrier, _ = _camera_in_hand(turns)
+    given = CameraChoice("opencv", given=rig_views.camera(), is_refined=False)
+    found = solve_rig(observations, [given], RigOptions(carrier=replace(carrier, tells_size=False)))
+    assert found.carrier is not None
+    assert found.carrier.undetermined
+    sigma = np.sqrt(np.diagonal(found.covariance)[found.rig.pose_rows(0)])
+    assert not (sigma[3:] < 1.0).all()
+    assert (sigma[:2] < 0.01).all()
+
+
+@pytest.mark.parametrize("are_free", [True, False])
+def test_a_turntables_axis_is_found_within_its_sigmas(are_free: bool) -> None:
+    """With angles given or not: the frames determine it, and nothing is stated less sure than it is.
+
+    What nothing tells, how the table's own frame is turned about its axis, is held and has no part in any sigma.
+    """
+    rng = np.random.default_rng(0)
+    angle = np.linspace(0, np.radians(300), 16) + rng.uniform(-0.1, 0.1, 16)
+    table_from_target = make_pose(exp_rotation(np.array([0.35, 0.2, 0.5])), np.array([30.0, 20.0, 0.0]))
+    cam_from_table = look_at(np.array([450.0, 0.0, 300.0]), np.zeros(3))
+    frames = cam_from_table @ turned_by(angle) @ table_from_target
+    board = solver_scenes.board(9, 7, 20.0)
+    scene = rig_views.scene_of(("cam",), (rig_views.camera(),), np.eye(4)[None], frames, board, rng, 0.1)
+    rows = scene.observations.frame[0]
+    observations = keep_frames(scene.observations, np.isin(np.arange(16), rows))
+    carrier = Carrier("turntable", turned_by(angle)[rows], is_turntable=True, has_free_angles=are_free)
+    given = CameraChoice("opencv", given=rig_views.camera(), is_refined=False)
+    found = solve_rig(observations, [given], RigOptions(carrier=carrier))
+    assert found.status == "converged"
+    assert found.carrier is not None
+    assert found.carrier.covariance is not None
+    axis, pose = found.cam_from_rig[0, :3, 2], found.covariance[found.rig.pose_rows(0), found.rig.pose_rows(0)]
+    off = cam_from_table[:3, 2] * np.sign(axis @ cam_from_table[:3, 2]) - axis
+    sigma = np.sqrt(np.diagonal(pose))
+    assert np.linalg.norm(off) < 4 * np.linalg.norm(sigma[:3]) < 1e-3
+    assert np.sqrt(axis @ pose[:3, :3] @ axis) < 1e-4
+    assert found.carrier.angle_rad is not None
+    turned = found.carrier.angle_rad * np.sign(axis @ cam_from_table[:3, 2]) - angle[rows]
+    turned = np.angle(np.exp(1j * (turned - turned[0])))
+    assert np.abs(turned).max() < 1e-3
