@@ -14,7 +14,7 @@ from calib.cameras.rig import MOST_CAMERAS, Rig
 from calib.space.error_size import NOT_KNOWN, PointErrors, errors_of, rms_error_mm
 from calib.space.known_lengths import LengthCheck
 from calib.space.sightings import with_noise
-from calib.space.triangulate import REASONS, Triangulation
+from calib.space.triangulate import ONE_CAMERA, REASONS, Triangulation
 from designer.base.answer import program
 from designer.base.file_kind import FileKind
 from designer.base.marks import AtLeast, AtMost, Count, FewLines, Gap, Length, Line, Shape, Word
@@ -52,6 +52,7 @@ class SeenByCamera:
 
     name: Word
     sightings: Count
+    seen_alone: Count  # points that no other camera saw: they have no position
     left_out: Count  # because they contradict the others
     noise_px: Gap  # root mean square of what the sightings state, or is taken where they state none
     rms_px: Gap  # of the residuals of what was used
@@ -180,8 +181,9 @@ def _camera(found: Triangulation, camera: int, variance_px2: Array) -> SeenByCam
     used = rows & found.is_used
     residual, off = found.residual_px[used], found.ray_error_mm[used]
     known = len(off) > 0
+    alone = rows & (found.reason == ONE_CAMERA)[found.sightings.place]
     return SeenByCamera(
-        found.rig.names[camera], int(rows.sum()), int((rows & found.is_gross).sum()),
+        found.rig.names[camera], int(rows.sum()), int(alone.sum()), int((rows & found.is_gross).sum()),
         float(np.sqrt(variance_px2[used].mean())) if known else float(found.noise_px[camera]),
         float(np.sqrt((residual**2).sum(axis=1).mean())) if known else np.nan,
         float(np.sqrt((off**2).mean())) if known else np.nan,

@@ -297,7 +297,7 @@ def _coupon() -> CouponRecord:
 def _triangulation() -> TriangulationRecord:
     gap = math.nan
     pair = Rig(("left", "right"), (PINHOLE, PINHOLE), np.stack([np.eye(4), POSE]), None, np.full(2, 0.1))
-    seen = SeenByCamera("left", 7, 1, 0.1, 1 / 3, gap)
+    seen = SeenByCamera("left", 7, 2, 1, 0.1, 1 / 3, gap)
     errors = PointErrors(0.1, 0.2, 1 / 3)
     bins = (LengthBin(1.0, 2.0, 3, -0.1, 0.2, gap, 0.95),)
     arrows = CameraArrows(np.ones((1, 2)) / 3, np.ones((1, 2)) / 7, np.zeros((0, 2)))

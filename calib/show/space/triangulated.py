@@ -17,6 +17,7 @@ from calib.show.parts.folder_blocks import files_section, number, some_of, title
 from calib.show.parts.origin import Origin
 from calib.space.error_size import PointErrors
 from calib.space.known_lengths import LengthCheck
+from calib.space.triangulate import ONE_CAMERA, REASONS
 from designer.base.words import printable
 from designer.page.blocks import (
     Block,
@@ -37,7 +38,7 @@ from designer.page.blocks import (
 
 MOST_FIGURES = 8
 GOOD_SHARE, USABLE_SHARE = 0.95, 0.5
-"""Of the points that have a position."""
+"""Of the points that two cameras or more saw, which have a position."""
 GOOD_SCALE, USABLE_SCALE = 1.5, 3.0
 """Residuals over what noise and calibration leave to be expected: beyond, lens, rig or matches are wrong."""
 GOOD_RATIO, USABLE_RATIO = 1.3, 2.0
@@ -79,15 +80,28 @@ def is_negative(record: TriangulationRecord) -> bool:
 
 def headline_of(record: TriangulationRecord) -> Headline:
     """The answer: the worst of what was checked."""
+    once = seen_once(record)
     if is_negative(record):
-        return Headline("bad", "no point", f"None of {record.points} points has a position.")
+        why = f"; {once} {_were(once)} seen by one camera only" if once else ""
+        return Headline("bad", "no point", f"None of {record.points} points has a position{why}.")
     level = min((row.level for row in checks_of(record).rows), key=("bad", "usable", "good", "note").index)
+    of = f"{record.points - once} points that two cameras or more saw" if once else f"{record.points} points"
     sentence = (
-        f"{record.placed} of {record.points} points have a position, half of them to "
-        f"{digits(record.total.median_mm, 2)} mm or better, 95 % to {digits(record.total.most_mm, 2)} mm or better "
-        "(RMS of the error in space)."
+        f"{record.placed} of {of} have a position, half of them to {digits(record.total.median_mm, 2)} mm or better, "
+        f"95 % to {digits(record.total.most_mm, 2)} mm or better (RMS of the error in space)."
+        + f" {once} more {_were(once)} seen by one camera only."
+        * bool(once)
     )
     return Headline(level, WORDS[level], sentence)
+
+
+def seen_once(record: TriangulationRecord) -> int:
+    """How many points one camera saw and no other: nothing was to be triangulated there."""
+    return sum(one.seen_alone for one in record.cameras)
+
+
+def _were(count: int) -> str:
+    return "was" if count == 1 else "were"
 
 
 def facts_of(record: TriangulationRecord) -> tuple[tuple[str, str], ...]:
@@ -100,12 +114,21 @@ def facts_of(record: TriangulationRecord) -> tuple[tuple[str, str], ...]:
 
 def checks_of(record: TriangulationRecord) -> Findings:
     """How many points have a position, how large residuals are, and what a check object says."""
-    share = record.placed / max(record.points, 1)
+    once = seen_once(record)
+    judged = record.points - once
+    share = record.placed / max(judged, 1)
+    without = [f"{count} {why}" for why, count in record.without.items() if why != REASONS[ONE_CAMERA]]
     rows = [Finding(
         "good" if share >= GOOD_SHARE else "usable" if share >= USABLE_SHARE else "bad", "Points with a position",
-        "; ".join(f"{count} {why}" for why, count in record.without.items()) or "All of them.",
-        f"{record.placed} of {record.points}", f"good from {100 * GOOD_SHARE:.0f} %",
+        "; ".join(without) or f"All {'that two cameras or more saw' if once else 'of them'}.",
+        f"{record.placed} of {judged}", f"good from {100 * GOOD_SHARE:.0f} %",
     )]  # fmt: skip
+    if once:
+        by = [f"{one.seen_alone} by {printable(one.name)}" for one in record.cameras if one.seen_alone]
+        rows.append(Finding(
+            "note", "Seen by one camera only", f"{', '.join(by)}: nothing to triangulate, and not judged.",
+            f"{once} of {record.points}",
+        ))  # fmt: skip
     if math.isfinite(record.scale):
         rows.append(Finding(
             _level(record.scale, GOOD_SCALE, USABLE_SCALE), "Residuals",
@@ -169,13 +192,14 @@ def errors_table(record: TriangulationRecord) -> Table:
 def cameras_table(record: TriangulationRecord) -> Table:
     """What each camera saw."""
     heads = (
-        Column("camera", is_number=False), Column("sightings"), Column("left out", note="contradict the others"),
+        Column("camera", is_number=False), Column("sightings"),
+        Column("alone", note="points that no other camera saw"), Column("left out", note="contradict the others"),
         Column("noise px", note="of a coordinate, as the sightings state it, or the rig where they do not"),
         Column("RMS px", note="of the residuals"), Column("ray mm", note="RMS of the points' distances from its rays"),
     )  # fmt: skip
     return Table("", heads, tuple(
-        (Cell(printable(one.name)), whole(one.sightings), whole(one.left_out), number(one.noise_px),
-         number(one.rms_px), number(one.ray_rms_mm))
+        (Cell(printable(one.name)), whole(one.sightings), whole(one.seen_alone), whole(one.left_out),
+         number(one.noise_px), number(one.rms_px), number(one.ray_rms_mm))
         for one in record.cameras
     ))  # fmt: skip
 

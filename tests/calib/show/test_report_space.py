@@ -1,6 +1,7 @@
 """The pages of triangulated points and of budgets: built from their folders alone, and from nothing that is damaged."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,10 @@ import pytest
 
 import calib
 from calib.core.se3 import look_at
+from calib.records.triangulation_file import TriangulationRecord
 from calib.renderer.options import RenderOptions
 from calib.show.folder import build_page, origin_in
+from calib.show.space.triangulated import checks_of, headline_of
 from designer.base.errors import InputError
 from designer.page.blocks import Facts, Figure, Section, Table, View3d
 from designer.page.shell import page_html
@@ -18,11 +21,23 @@ from tests.support.space_scenes import points_before, row_of_cameras, sighted
 
 
 def folder_of_points(folder: Path) -> Path:
-    """Points of a pair, one of them seen once."""
+    """Points of a pair."""
     rig = row_of_cameras(2)
     seen = sighted(rig, points_before(rig, 30, np.random.default_rng(1)), np.random.default_rng(2))
     calib.triangulate(rig, seen).save(folder)
     return folder
+
+
+def seen_in_part(both: int, only_first: int, only_second: int) -> TriangulationRecord:
+    """Points of a pair, most of them seen by one camera."""
+    rig = row_of_cameras(2)
+    count = both + only_first + only_second
+    seen = sighted(rig, points_before(rig, count, np.random.default_rng(1)), np.random.default_rng(2))
+    keep = np.where(
+        seen.camera == 0, seen.place < both + only_first, (seen.place < both) | (seen.place >= both + only_first)
+    )
+    part = replace(seen, camera=seen.camera[keep], place=seen.place[keep], center_px=seen.center_px[keep])
+    return calib.triangulate(rig, part).record
 
 
 def tables_of(sections: tuple[Section, ...]) -> list[Table]:
@@ -40,6 +55,30 @@ def test_a_folder_of_points_tells_what_its_record_holds(tmp_path: Path) -> None:
     assert errors.rows[0][1].value == record["total"]["median_mm"]
     assert any(isinstance(block, View3d) for block in page.lead)
     assert "<script" in page_html(page).decode()
+
+
+def test_points_of_one_camera_are_counted_and_not_judged() -> None:
+    """Those that could be triangulated are good; the others are told with the cameras, and are no reason against."""
+    record = seen_in_part(25, 40, 7)
+    assert [one.seen_alone for one in record.cameras] == [40, 7]
+    headline = headline_of(record)
+    assert headline.level == "good"
+    assert "25 of 25 points that two cameras or more saw" in headline.sentence
+    assert "47 more were seen by one camera only" in headline.sentence
+    alone = next(row for row in checks_of(record).rows if row.title == "Seen by one camera only")
+    assert (alone.level, alone.measured) == ("note", "47 of 72")
+    assert alone.text.startswith("40 by a, 7 by b")
+
+
+def test_points_of_two_cameras_without_a_position_are_judged_as_before() -> None:
+    """A table whose rows were mixed up stays bad, whatever one camera saw alone besides."""
+    rig = row_of_cameras(2)
+    seen = sighted(rig, points_before(rig, 30, np.random.default_rng(1)), np.random.default_rng(2))
+    mixed = replace(seen, place=np.where(seen.camera == 1, np.roll(seen.place, 1), seen.place))
+    assert headline_of(calib.triangulate(rig, mixed).record).level == "bad"
+    assert headline_of(seen_in_part(0, 3, 2)).sentence == (
+        "None of 5 points has a position; 5 were seen by one camera only."
+    )
 
 
 def test_a_budgets_page_shows_depth_planes_and_what_would_help(tmp_path: Path) -> None:
