@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from calib.api.loading import Place, Progress, camera_of, folder_of, load_observations, photos_of, target_of, unheard
 from calib.api.rig_choosing import CameraWishes, choices_of, wishes_of
-from calib.api.rig_observing import search_one
+from calib.api.rig_observing import RigSearch, search_one
 from calib.api.rig_result import RigResult, RigWriter
 from calib.api.rigging import RigSeen, judged_rig
 from calib.api.solving import ALL, plan_from_words
@@ -16,6 +16,8 @@ from calib.cameras import COMMON
 from calib.cameras.camera import Camera
 from calib.core.se3 import invert
 from calib.core.types import Observations, RigObservations, keep_views
+from calib.observe.photos import Search
+from calib.observe.rig_photos import RigPhoto, RigPhotos
 from calib.observe.robot_poses import RobotPoses, poses_of, read_robot_poses
 from calib.rigs.bent import bent_alone
 from calib.rigs.options import CameraChoice, Carrier, RigOptions
@@ -194,7 +196,7 @@ class _Seen:
     target: TargetGeometry | None
     observations: RigObservations
     order: Mapping[str, int]
-    rendered_id: str = ""
+    search: RigSearch | None = None  # of photos
     bend: PlaneBend | None = None  # by which the points were moved
 
 
@@ -218,7 +220,13 @@ def _seen(
     )  # fmt: skip
     search, one = search_one(geometry, found, wish.given.get(CAMERA), plan, jobs, progress)
     order = {result.photo.name: row for row, result in enumerate(search.results)}
-    return _Seen(geometry, _rig_of(one), order, search.rendered_id)
+    return _Seen(geometry, _rig_of(one), order, _rig_search(search))
+
+
+def _rig_search(search: Search) -> RigSearch:
+    """The search of one camera's photos as that of a rig: a frame a photo."""
+    photos = tuple(RigPhoto(CAMERA, result.photo.path, result.photo.name) for result in search.results)
+    return RigSearch(search.target, RigPhotos(photos, tuple(photo.frame for photo in photos)), (search,))
 
 
 def _rig_of(seen: Observations) -> RigObservations:
@@ -288,11 +296,9 @@ def _solved(seen: _Seen, wish: _Wish, carrier: Carrier, progress: Progress, writ
     """One adjustment, judged, and written if there is a folder."""
     criteria = wish.criteria
     limits = criteria if isinstance(criteria, Criteria) else read_rig_criteria(str(criteria))
-    made = how_made(seen.target, wish.made, rendered_id=seen.rendered_id)
-    result = judged_rig(
-        RigSeen(seen.target, None, seen.observations, made, seen.bend), _wishes(wish), RigOptions(carrier=carrier),
-        limits, progress, wish.settings,
-    )  # fmt: skip
+    made = how_made(seen.target, wish.made, rendered_id="" if seen.search is None else seen.search.rendered_id)
+    whole = RigSeen(seen.target, seen.search, seen.observations, made, seen.bend)
+    result = judged_rig(whole, _wishes(wish), RigOptions(carrier=carrier), limits, progress, wish.settings)
     if writer is not None:
         progress("writing", 0, 0)
         writer.write(result)

@@ -1,12 +1,13 @@
 """What `rig` returns, and the folder it writes."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calib.api.loading import folder_of
 from calib.api.page_shown import ShownAsPage
 from calib.api.rig_observing import RigSearch
+from calib.api.rig_pictures import draw_rig_pictures, remove_rig_pictures
 from calib.cameras.rig import RIG, Rig
 from calib.core.files import check_folder, write_files
 from calib.core.types import RigObservations
@@ -114,6 +115,7 @@ class RigWriter:
         """
         self.folder = folder
         self.files: list[Path] = []
+        self._faults: tuple[str, ...] = ()  # what could not be drawn of a rig, for its page
         check_folder(folder)
         for name, kind in (
             (RIG_CALIBRATION_FILE, RIG_CALIBRATION.format), (RIG_FILE, RIG.format), (SIGHTINGS_FILE, SIGHTINGS),
@@ -138,9 +140,10 @@ class RigWriter:
         self.files += tables
         if found.target is not None:
             self.files += keep_target(self.folder, found.target, is_again=is_again)
+        remove_rig_pictures(self.folder, found.calibration)
 
     def write_page(self, found: RigResult, command: str) -> str:
-        """Write the folder's page; why there is none, or "".
+        """Write the folder's page and draw the pictures on it; why there is none, or "".
 
         Args:
             found: what it shows, all written.
@@ -149,10 +152,19 @@ class RigWriter:
         from calib.show.rig.rig_page import rig_page_of
 
         files, remark = write_folder_page(
-            self.folder, found.kind, command, lambda origin: rig_page_of(found.told, self.folder, origin)
-        )
+            self.folder, found.kind, command,
+            lambda origin: rig_page_of(replace(found.told, faults=self._faults), self.folder, origin),
+            keep=lambda: self._pictures(found),
+        )  # fmt: skip
         self.files += files
         return remark
+
+    def _pictures(self, found: RigResult) -> tuple[Path, ...]:
+        """Draw what the page shows of the photos; none if there are no photos."""
+        if found.search is None:
+            return ()
+        pictures, self._faults = draw_rig_pictures(self.folder, found.calibration, found.search)
+        return pictures
 
     def earlier_page(self) -> str:
         """A word on a page of an earlier rig in the folder, which shows another; "" if there is none."""

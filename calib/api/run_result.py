@@ -1,23 +1,24 @@
 """What `run` and `solve` return, and the folder they write: each result is written when it is there."""
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 from calib.api.loading import folder_of
+from calib.api.overlays import remove_ours, with_overlays
 from calib.api.page_shown import ShownAsPage
 from calib.api.solving import Solution, SolveTask
 from calib.api.staging import keep_pictures, no_empty_folders, staging_folder
 from calib.cameras import MODELS
 from calib.core.files import check_folder, write_files
-from calib.core.types import Detections, Observations
+from calib.core.types import Observations
 from calib.figures import CALIBRATION_PICTURE, calibration_figures
 from calib.metrics.evaluation import Evaluation
 from calib.observe.dataset import write_detections
-from calib.observe.photos import OVERLAY_MARK, FoundPhotos, PhotoFile, PhotoResult, Search, detect_photos
+from calib.observe.photos import OVERLAY_MARK, FoundPhotos, Search
 from calib.observe.records import Records, records_path
 from calib.records.calibration_file import (
     CALIBRATION,
@@ -156,7 +157,7 @@ class RunWriter:
         self._require_room_for_tables()
         if run.search is not None:
             with self.drawing() as staging:
-                drawn = _with_overlays(run.search, staging)
+                drawn = with_overlays(run.search, staging)
                 self.write_search(drawn, staging)
                 self._faults += [one.overlay_failure for one in drawn.results if one.overlay_failure]
         written = [self.write_solution(solution, run.task) for solution in run.solutions]
@@ -197,7 +198,7 @@ class RunWriter:
         self._records = write_search(table, search)
         pictures = keep_pictures(staging, place)
         if not (place / PHOTOS_FILE).exists():
-            _remove_ours(dict.fromkeys(set(place.glob(f"*{OVERLAY_MARK}.*")) - set(pictures), ""))
+            remove_ours(set(place.glob(f"*{OVERLAY_MARK}.*")) - set(pictures))
         self.files += [table, records_path(table), *pictures]
 
     def write_solution(self, solution: Solution, task: SolveTask) -> Solution:
@@ -262,7 +263,7 @@ class RunWriter:
                 continue
             if is_ours(place / CALIBRATION_FILE, CALIBRATION.format):
                 names = (CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE)
-                _remove_ours(
+                remove_ours(
                     {place / name: kind for name, kind in {**dict.fromkeys(names, ""), **METRICS_FILES}.items()}
                 )
                 with suppress(OSError):  # it holds something else
@@ -300,37 +301,7 @@ class RunWriter:
         self.files += files
 
 
-def _remove_ours(kinds: Mapping[Path, str]) -> None:
-    """Remove files that this program made, each of its kind, "" for any; others stay."""
-    for path, kind in kinds.items():
-        if path.is_file() and is_ours(path, kind):
-            path.unlink()
-
-
 def write_search(table: Path, search: Search) -> Records:
     """Write the detections and their records, photos that could not be searched among them; the records."""
     failed = [result.record for result in search.results if result.seen is None]
     return write_detections(table, search.detections, search.target, failed=failed, rendered_id=search.rendered_id)
-
-
-def _with_overlays(search: Search, staging: Path) -> Search:
-    """The search with a picture of each photo, drawn from its file."""
-    known = {result.photo.name: result for result in search.results}
-
-    def found_before(photo: PhotoFile, _: object) -> Detections:
-        seen = known[photo.name].seen
-        if seen is None:
-            raise InputError(known[photo.name].failure)
-        return seen
-
-    photos = [result.photo for result in search.results]
-    drawn = detect_photos(photos, search.target, found_before, overlay_folder=staging, jobs=4)
-    return replace(
-        search, results=tuple(_drawn(before, now) for before, now in zip(search.results, drawn, strict=True))
-    )
-
-
-def _drawn(before: PhotoResult, now: PhotoResult) -> PhotoResult:
-    gone = now.failure if before.seen is not None else ""
-    failure = f"no overlay for {before.photo.name}: {gone}" if gone else now.overlay_failure
-    return replace(before, overlay=now.overlay, overlay_failure=failure)

@@ -11,6 +11,7 @@ from calib.show.parts.folder_blocks import file_list, some_of, title_of
 from calib.show.parts.origin import Origin
 from calib.show.rig.carrier import carrier_section
 from calib.show.rig.graph import sharing_figure, sharing_words
+from calib.show.rig.pictures import pictures_section
 from calib.show.rig.scene import rig_view, rig_words
 from calib.show.rig.tables import cameras_table, halves_table, pairs_table, places_table, ties_table
 from calib.show.rig.words import halves_words, limits_of, next_steps, rig_facts, rig_headline, sentence
@@ -93,6 +94,11 @@ def _cameras(view: RigPageView) -> Section:
     return Section("Cameras", (cameras_table(view.run), places_table(view.run)))
 
 
+def _photos(view: RigPageView) -> Section | None:
+    """What was found in a few photos of each camera."""
+    return pictures_section(view.folder, view.run.found)
+
+
 def _pairs(view: RigPageView) -> Section | None:
     """How cameras stand to each other."""
     pairs = view.run.evidence.pairs
@@ -151,6 +157,6 @@ def _files(view: RigPageView) -> Section:
 
 
 SECTIONS: list[Callable[[RigPageView], Section | None]] = [
-    _verdict, _next, _scene, _cameras, _pairs, _sharing, _carrier, _halves, _limits, _files,
+    _verdict, _next, _scene, _cameras, _photos, _pairs, _sharing, _carrier, _halves, _limits, _files,
 ]  # fmt: skip
 """In the order of reading; one that has nothing to say of a rig is None."""

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import calib
+from calib.api.reporting import report
 from calib.api.rig_result import SIGHTINGS_FILE, RigResult
 from calib.cameras.camera import Camera
 from calib.core.types import Detections, RigObservations
@@ -85,6 +86,27 @@ def test_photos_of_folders_give_the_rig_of_what_they_show(photos: Path, solved: 
     again = calib.rig(ICO, table=Path("rig", SIGHTINGS_FILE), made="exact", **OPENCV)
     assert_same_rig(again, found)
     assert_same_rig(calib.rig(None, table=Path("rig", SIGHTINGS_FILE), **OPENCV), found)
+    _assert_pictures(found, again, Path("rig"))
+
+
+def _assert_pictures(found: RigResult, again: RigResult, folder: Path) -> None:
+    """The worst and a usual photo of each camera are on the page, drawn again or not; a table takes them away."""
+    names = {path.relative_to(folder).as_posix() for path in folder.rglob("*.overlay.*")}
+    assert len(names) == 2 * len(SEEN.camera_names)
+    page = folder / "index.html"
+    for camera, name in enumerate(SEEN.camera_names):
+        seen = found.calibration.observations.sightings[camera]
+        square = (found.calibration.residual_px[camera] ** 2).sum(axis=1)
+        rms = np.sqrt(np.bincount(seen.view, square) / np.bincount(seen.view))
+        worst = Path(seen.view_names[int(rms.argmax())]).stem
+        assert f"cameras/{name}/overlays/{worst}.overlay.jpg" in names
+        assert f"cameras/{name}/overlays/{worst}.overlay.jpg" in page.read_text()
+    before = page.read_bytes()
+    report(folder)
+    assert page.read_bytes() == before
+    again.save(folder)
+    assert not list(folder.rglob("*.overlay.*"))
+    assert "Photos</h2>" not in page.read_text()
 
 
 def test_the_order_of_cameras_and_frames_does_not_count(solved: RigResult) -> None:

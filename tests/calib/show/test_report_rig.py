@@ -15,6 +15,7 @@ from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.show.folder import build_page, write_folder_page
 from calib.show.parts.origin import Origin
+from calib.show.rig.pictures import WORST, pictured
 from calib.show.rig.rig_page import rig_page_of
 from calib.verdict.criteria import read_rig_criteria
 from calib.verdict.rig_judge import JudgedRig, judge_rig
@@ -179,3 +180,25 @@ def test_what_is_not_determined_has_a_page() -> None:
     view = next(block for block in blocks_of(page) if isinstance(block, View3d))
     assert "uncertainty of the cameras" not in {layer.name for layer in view.scene.layers}
     assert "nan" not in page_html(page).decode().split("<script")[0]
+
+
+def test_a_rig_of_many_cameras_shows_the_worst_photos_and_no_more_than_a_page_takes() -> None:
+    """A photo of each camera first, then usual ones, as long as there is room; each as bad as is said."""
+    rows = [0, 1, 2, 3] * 4
+    seen = found().observations
+    many = replace(
+        found(), cameras=tuple(found().cameras[row] for row in rows), cam_from_rig=found().cam_from_rig[rows],
+        residual_px=tuple((1 + number) * found().residual_px[row] for number, row in enumerate(rows)),
+        is_outlier=tuple(found().is_outlier[row] for row in rows), scale=found().scale[rows], is_refined=(False,) * 16,
+        covariance=np.zeros((sum(len(found().cameras[row].params) + 6 for row in rows),) * 2),
+        observations=replace(
+            seen, camera_names=tuple(f"cam{number}" for number in range(16)),
+            sightings=tuple(seen.sightings[row] for row in rows), frame=tuple(seen.frame[row] for row in rows),
+        ),
+    )  # fmt: skip
+    chosen = pictured(many)
+    assert [one.camera for one in chosen] == list(range(4, 16))
+    assert all(one.why == WORST for one in chosen)
+    few = pictured(found())
+    assert [one.camera for one in few] == [0, 0, 1, 1, 2, 2, 3, 3]
+    assert all(worst.row.rmse_px > usual.row.rmse_px for worst, usual in zip(few[::2], few[1::2], strict=True))

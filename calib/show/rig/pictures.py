@@ -1,0 +1,98 @@
+"""A few photos of a rig's cameras with what was found in them: of each camera the worst and a usual one."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calib.records.rig_file import CAMERAS, folder_names
+from calib.rigs.camera_alone import camera_alone
+from calib.rigs.result import RigCalibration
+from calib.show.parts.gallery import OVERLAYS, Shot, gallery
+from calib.show.run.photos import STANDS_OUT, PhotoRow, caption_of, overlay_paths
+from calib.solver.calibration import Calibration
+from calib.verdict.views import view_facts
+from designer.page.blocks import Section
+
+MOST_PICTURES = 12
+"""On the page of a rig, whatever number of cameras it has."""
+WORST, USUAL = "largest residuals", "usual residuals"
+
+
+@dataclass(frozen=True)
+class PicturedPhoto:
+    """A photo that is to be shown, and why."""
+
+    camera: int
+    row: PhotoRow
+    why: str
+
+
+def pictured(found: RigCalibration) -> tuple[PicturedPhoto, ...]:
+    """Of each camera the photo with the largest residuals and one with the usual, in the order of the cameras.
+
+    Of very many cameras the worst photos of all.
+    """
+    worst: list[PicturedPhoto] = []
+    usual: list[PicturedPhoto] = []
+    for camera in range(len(found.cameras)):
+        rows = sorted(_rows(camera_alone(found, camera)), key=lambda row: -row.rmse_px)
+        worst += [PicturedPhoto(camera, row, WORST) for row in rows[:1]]
+        usual += [PicturedPhoto(camera, rows[len(rows) // 2], USUAL)] if len(rows) > 1 else []
+    worst.sort(key=lambda one: -one.row.rmse_px)
+    return tuple(sorted([*worst, *usual][:MOST_PICTURES], key=lambda one: one.camera))
+
+
+def _rows(alone: Calibration) -> list[PhotoRow]:
+    """The photos of a camera with residuals, which are those of the rig's own solution: with its delays and slacks."""
+    facts, seen = view_facts(alone), alone.observations
+    size_px = np.hypot(*alone.residual_px.T)
+    face = seen.points.face[seen.point]
+    usual_px = float(np.nanmedian(facts.rms_px)) if np.isfinite(facts.rms_px).any() else math.nan
+    rows = []
+    for view in np.flatnonzero(np.isfinite(facts.rms_px)).tolist():
+        mine = seen.view == view
+        rms_px = float(facts.rms_px[view])
+        rows.append(PhotoRow(
+            facts.name[view], True, int(mine.sum()), None, int(facts.left_out[view]), rms_px,
+            float(size_px[mine].max()), math.nan, float(facts.distance_mm[view]),
+            float(facts.tilt_deg[view, 2]) if facts.is_flat else math.nan, 100 * float(facts.size[view]),
+            len(np.unique(face[mine & (face >= 0)])), "", "usable" if rms_px > STANDS_OUT * usual_px else None,
+        ))  # fmt: skip
+    return rows
+
+
+def pictures_section(folder: Path, found: RigCalibration) -> Section | None:
+    """Small pictures of these photos; None where none were drawn, as of a table.
+
+    Args:
+        folder: of the rig.
+        found: the rig.
+    """
+    names = found.observations.camera_names
+    places = [f"{CAMERAS}/{place}" for place in folder_names(names)]
+    if not any((folder / place / OVERLAYS).is_dir() for place in places):
+        return None
+    shots: list[Shot] = []
+    chosen = pictured(found)
+    for camera, place in enumerate(places):
+        own = [one for one in chosen if one.camera == camera]
+        paths = overlay_paths(folder / place, [one.row for one in own])
+        shots += [_shot(one, names, f"{place}/{paths[one.row.name]}") for one in own if one.row.name in paths]
+    return Section("Photos", gallery(folder, shots, _order(names)), lead=LEAD) if shots else None
+
+
+LEAD = "The rings that were found, each with its name; residuals are those of all cameras solved together."
+
+
+def _order(names: Sequence[str]) -> str:
+    if len(names) == 1:
+        return "The photo with the largest residuals, and one with the usual."
+    return "Camera by camera, the photo with the largest residuals and one with the usual."
+
+
+def _shot(one: PicturedPhoto, names: Sequence[str], path: str) -> Shot:
+    name = one.row.name if len(names) == 1 else f"{names[one.camera]}: {one.row.name}"
+    return Shot(path, name, f"{one.why}: {caption_of(one.row)}", one.row.level)
