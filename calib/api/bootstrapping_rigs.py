@@ -9,7 +9,7 @@ from calib.api.table_folder import check_table_folder, write_table
 from calib.records.rig_file import read_rig
 from calib.renderer.quantities import whole
 from calib.rigs.result import RigCalibration
-from calib.solver.options import Loss
+from calib.solver.options import SolveOptions
 from calib.studies.rig_bootstrap import LEAST_SAMPLES, rig_spread
 from calib.studies.rig_bootstrap_record import RIG_BOOTSTRAP, RigBootstrapStudy
 from designer.base.answer import program
@@ -65,12 +65,12 @@ def rig_bootstrap(
         InputError: a folder that cannot be read, a rig that is not determined or that a robot or a table carried, or
             too few frames.
     """
-    loss: Loss = "squares"
+    options = SolveOptions()
     if isinstance(rig, RigCalibration):
         name, found = "the rig", rig
     else:
         name, (found, provenance) = str(rig), read_rig(Path(rig))
-        loss = provenance.options.loss
+        options = provenance.options
     samples = whole("--samples", samples, LEAST_SAMPLES, MOST_SAMPLES)
     seed = whole("--seed", seed, 0, MAX_SEED)
     frames = found.observations.frame_count
@@ -85,7 +85,7 @@ def rig_bootstrap(
     if found.delay_s is not None:
         raise InputError(f"{name}: its time offsets were estimated, which needs the frames in their order")
     progress("sampling", 0, samples)
-    spread = rig_spread(found, samples, seed, loss, lambda done: progress("sampling", done, samples))
+    spread = rig_spread(found, samples, seed, options, lambda done: progress("sampling", done, samples))
     study = RigBootstrapStudy(
         program=program(), settings={"samples": str(samples), "seed": str(seed)},
         rig=printable(Path(name).name), cameras=tuple(map(printable, found.observations.camera_names)), frames=frames,

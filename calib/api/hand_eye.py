@@ -11,7 +11,7 @@ from calib.api.rig_choosing import CameraWishes, choices_of, wishes_of
 from calib.api.rig_observing import RigSearch, search_one
 from calib.api.rig_result import RigResult, RigWriter
 from calib.api.rigging import RigSeen, judged_rig
-from calib.api.solving import ALL, plan_from_words
+from calib.api.solving import ALL, cost_of, plan_from_words
 from calib.cameras import COMMON
 from calib.cameras.camera import Camera
 from calib.core.se3 import invert
@@ -24,6 +24,7 @@ from calib.rigs.options import CameraChoice, Carrier, RigOptions
 from calib.rigs.robot_check import why_wrong
 from calib.rigs.start import solve_alone
 from calib.rigs.turntable import turned_by
+from calib.solver.costs import IMAGE
 from calib.solver.plane_bend import PlaneBend
 from calib.verdict.criteria import STANDARD, read_rig_criteria
 from calib.verdict.verdict import Criteria
@@ -54,6 +55,7 @@ def hand_eye(
     refine: bool = False,
     model: str = ALL,
     fix: Sequence[str] = (),
+    minimise: str = IMAGE,
     target_size: bool = True,
     free_bend: bool = False,
     robot_noise: tuple[float, float] | None = None,
@@ -85,6 +87,7 @@ def hand_eye(
         refine: solve it on.
         model: of the camera; `all` chooses.
         fix: parameters to keep.
+        minimise: distances in the image, or in space.
         target_size: solve the target's size, by the robot's ways.
         free_bend: solve the bend of a flat target, by the photos alone: two curvatures, along its sides.
         robot_noise: standard deviations of a coordinate of the robot's errors, rad and mm; None: estimated.
@@ -103,7 +106,7 @@ def hand_eye(
     poses = robot if isinstance(robot, RobotPoses) else read_robot_poses(
         place_of(robot, "a file of robot poses"), unit=unit, euler=euler, is_inverted=inverted
     )  # fmt: skip
-    wish = _Wish(camera, refine, model, tuple(fix), made, criteria, tuple(settings))
+    wish = _Wish(camera, refine, model, tuple(fix), cost_of(minimise), made, criteria, tuple(settings))
     seen = _seen(target, photos, table, wish, jobs, progress)
     seen, rows = _with_poses(seen, poses)
     base_from_flange = poses.base_from_flange[rows]
@@ -131,6 +134,7 @@ def turntable(
     refine: bool = False,
     model: str = ALL,
     fix: Sequence[str] = (),
+    minimise: str = IMAGE,
     made: str | None = None,
     criteria: Criteria | Place = STANDARD,
     jobs: int | None = None,
@@ -149,6 +153,7 @@ def turntable(
         refine: solve it on.
         model: of the camera; `all` chooses.
         fix: parameters to keep.
+        minimise: distances in the image, or in space.
         made: how the target was made.
         criteria: limits of the verdict.
         jobs: photos at a time; None: one per core.
@@ -163,7 +168,7 @@ def turntable(
     if step_deg is not None and not 0 < abs(step_deg) <= 180:
         raise InputError(f"step {step_deg:g} deg: must be more than 0 and at most 180")
     writer = None if out is None else RigWriter(folder_of(out))
-    wish = _Wish(camera, refine, model, tuple(fix), made, criteria, tuple(settings))
+    wish = _Wish(camera, refine, model, tuple(fix), cost_of(minimise), made, criteria, tuple(settings))
     seen = _seen(target, photos, table, wish, jobs, progress)
     number = np.array([seen.order[name] for name in seen.observations.frame_names], dtype=np.float64)
     angle = np.deg2rad(0.0 if step_deg is None else step_deg) * number
@@ -179,6 +184,7 @@ class _Wish:
     refine: bool
     model: str
     fix: tuple[str, ...]
+    minimise: str
     made: str | None
     criteria: Criteria | Place
     settings: tuple[tuple[str, str], ...]
@@ -288,7 +294,9 @@ def _bent(seen: _Seen, wish: _Wish, progress: Progress) -> _Seen:
 
 def _wishes(wish: _Wish) -> CameraWishes:
     """What was asked for of the camera."""
-    plan = plan_from_words(ALL, fix=(), share=(), focal_px=None, loss="squares", reject=None, weighted=True)
+    plan = plan_from_words(
+        ALL, fix=(), share=(), focal_px=None, loss="squares", reject=None, weighted=True, minimise=wish.minimise
+    )
     return wishes_of(wish.model, wish.given or None, wish.refine, wish.fix, plan.options)
 
 
@@ -298,7 +306,8 @@ def _solved(seen: _Seen, wish: _Wish, carrier: Carrier, progress: Progress, writ
     limits = criteria if isinstance(criteria, Criteria) else read_rig_criteria(str(criteria))
     made = how_made(seen.target, wish.made, rendered_id="" if seen.search is None else seen.search.rendered_id)
     whole = RigSeen(seen.target, seen.search, seen.observations, made, seen.bend)
-    result = judged_rig(whole, _wishes(wish), RigOptions(carrier=carrier), limits, progress, wish.settings)
+    options = RigOptions(carrier=carrier, minimise=wish.minimise)
+    result = judged_rig(whole, _wishes(wish), options, limits, progress, wish.settings)
     if writer is not None:
         progress("writing", 0, 0)
         writer.write(result)

@@ -1,7 +1,7 @@
 """What `rig` returns, and the folder it writes."""
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from calib.api.loading import folder_of
@@ -22,6 +22,7 @@ from calib.rigs.options import CameraChoice
 from calib.rigs.result import RigCalibration
 from calib.show.folder import PAGE_FILE, why_no_page, write_folder_page
 from calib.show.parts.kept_target import keep_target
+from calib.solver.options import SolveOptions
 from calib.verdict.rig_judge import RIG_VERDICT, RIG_VERDICT_FILE, JudgedRig
 from calib.verdict.verdict import Verdict
 from designer.base.answer import program
@@ -48,6 +49,7 @@ class RigResult(ShownAsPage):
     judged: JudgedRig
     made: Made | None  # how the target was; None: nobody knows
     settings: tuple[tuple[str, str], ...] = ()  # names and values as they were given, for the record
+    options: SolveOptions = field(default_factory=SolveOptions)  # what held for all cameras
     kind = "rig"
 
     def __repr__(self) -> str:
@@ -89,7 +91,7 @@ class RigResult(ShownAsPage):
         """Where it comes from."""
         layout_id = "" if self.target is None else self.target.layout_id
         geometry_id = self.observations.points.geometry_id
-        return Provenance(program(), layout_id, geometry_id, settings=self.settings)
+        return Provenance(program(), layout_id, geometry_id, options=self.options, settings=self.settings)
 
     def save(self, folder: str | os.PathLike[str]) -> tuple[Path, ...]:
         """Write the folder that `calib rig` writes; return the files.

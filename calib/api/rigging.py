@@ -18,6 +18,7 @@ from calib.rigs.halves import half_solver, rig_halves
 from calib.rigs.options import RigOptions
 from calib.rigs.solve_as_told import solve_as_told
 from calib.rigs.target_error import with_target_error
+from calib.solver.costs import IMAGE
 from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import PlaneBend
 from calib.verdict.criteria import STANDARD, read_rig_criteria
@@ -46,6 +47,7 @@ def rig(
     loss: str = "squares",
     reject_sigma: float | None = None,
     weighted: bool = True,
+    minimise: str = IMAGE,
     delays: bool = False,
     made: str | None = None,
     criteria: Criteria | Place = STANDARD,
@@ -74,6 +76,7 @@ def rig(
         loss: as for `run`, like all options that are named alike.
         reject_sigma: leave out what is farther off.
         weighted: by covariances, or all alike.
+        minimise: distances in the image, or in space.
         delays: estimate each camera's time offset, from time stamps of a target that moves.
         made: how the target was made.
         criteria: limits of the verdict: a template's name, a file, or criteria.
@@ -86,7 +89,9 @@ def rig(
         InputError: files or options that break a rule, or cameras that no frames tie together.
         BlindCameraError: a camera sees the target in no photo.
     """
-    plan = plan_from_words(ALL, fix=(), share=(), focal_px=None, loss=loss, reject=reject_sigma, weighted=weighted)
+    plan = plan_from_words(
+        ALL, fix=(), share=(), focal_px=None, loss=loss, reject=reject_sigma, weighted=weighted, minimise=minimise
+    )
     limits = criteria if isinstance(criteria, Criteria) else read_rig_criteria(_criteria_name(criteria))
     wishes = wishes_of(model, cameras, refine, fix, plan.options)
     writer = out if out is None or isinstance(out, RigWriter) else RigWriter(folder_of(out))
@@ -132,7 +137,9 @@ def judged_rig(
     found = with_bend_error(with_target_error(solved, seen.made), seen.bend)
     progress("judging", 0, 0)
     judged = judge_rig(found, rig_halves(found, half_solver(found, choices, options)), limits)
-    return RigResult(seen.target, seen.search, observations, choices, found, judged, seen.made, settings)
+    return RigResult(
+        seen.target, seen.search, observations, choices, found, judged, seen.made, settings, wishes.options
+    )
 
 
 def _criteria_name(criteria: Place) -> str:
@@ -187,4 +194,5 @@ def _options(
         loss=options.loss,
         reject_sigma=options.reject_sigma,
         estimates_delays=delays,
+        minimise=options.minimise,
     )

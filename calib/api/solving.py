@@ -116,9 +116,6 @@ def plan_from_words(
         raise InputError(f"--reject {reject:g}: give 1 or more standard deviations, such as 4")
     if loss not in ("squares", "huber", "cauchy"):
         raise InputError(f"--loss {loss!r}: it must be squares, huber or cauchy")
-    if minimise not in COSTS:
-        hint = suggestion(str(minimise), list(COSTS)) or f"; there are {', '.join(COSTS)}"
-        raise InputError(f"--minimise {shown(str(minimise))}: nothing that is minimised{hint}")
     known = {parameter.name for one in models for parameter in told_parameters(one)}
     fixed = tuple(_fixed(text, known) for text in fix)
     shared = tuple(_shared(text, known) for text in share)
@@ -129,13 +126,25 @@ def plan_from_words(
         fixed=fixed,
         shared=shared,
         focal_px=None if focal_px is None else _focal_px(number("--focal", focal_px)),
-        minimise=minimise,
+        minimise=cost_of(minimise),
         free_bend=bool(free_bend),
     )
     plan = SolvePlan(models, options, wide)
     for name in (*models, *wide):
         tie_parameters(name, plan.options_of(name))  # refuses what cannot be together, before any work is done
     return plan
+
+
+def cost_of(minimise: str) -> str:
+    """What is minimised, as a person names it.
+
+    Raises:
+        InputError: nothing is called so.
+    """
+    if minimise not in COSTS:
+        hint = suggestion(str(minimise), list(COSTS)) or f"; there are {', '.join(COSTS)}"
+        raise InputError(f"--minimise {shown(str(minimise))}: nothing that is minimised{hint}")
+    return minimise
 
 
 def models_of(model: str) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from calib.commands import options
 from calib.commands.rig import told_rig
 from calib.core.files import named_in_files
 from calib.show.screen import progress_bars
+from calib.solver.costs import IMAGE
 from designer.base.answer import NegativeError, StoppedError, Summary
 from designer.base.command import NOTHING_WRITTEN
 from designer.base.errors import InputError
@@ -42,6 +43,7 @@ def hand_eye(
     refine: RefineOption = False,
     model: options.ModelOption = "all",
     fix: options.FixOption = None,
+    minimise: options.MinimiseOption = IMAGE,
     target_size: Annotated[
         bool, typer.Option("--target-size/--no-target-size", help="solve the target's size by the robot's ways")
     ] = True,
@@ -67,9 +69,10 @@ def hand_eye(
     with answers(), progress_bars() as progress:
         found = solve(
             target, photos or (), robot=robot, table=table, target_in_hand=target_in_hand, inverted=inverted,
-            unit=unit, euler=euler, camera=camera, refine=refine, model=model, fix=fix or (), target_size=target_size,
-            free_bend=free_bend, robot_noise=_noise_of(robot_noise), made=made, criteria=str(criteria), jobs=jobs,
-            progress=progress, settings=kept_settings(target, table, robot),
+            unit=unit, euler=euler, camera=camera, refine=refine, model=model, fix=fix or (),
+            minimise=minimise, target_size=target_size, free_bend=free_bend, robot_noise=_noise_of(robot_noise),
+            made=made, criteria=str(criteria), jobs=jobs, progress=progress,
+            settings=kept_settings(target, table, robot),
         )  # fmt: skip
     return told_rig(found, writer, page=page, verbose=verbose)
 

@@ -9,6 +9,7 @@ from calib.commands import options
 from calib.commands.detect import exports_folder
 from calib.core.files import named_in_files
 from calib.show.screen import progress_bars, waiting
+from calib.solver.costs import IMAGE
 from designer.base.answer import NegativeError, StoppedError, Summary
 from designer.base.command import NOTHING_WRITTEN, command_line
 
@@ -62,6 +63,7 @@ def rig(
     loss: options.LossOption = "squares",
     reject: options.RejectOption = None,
     weighted: options.WeightedOption = True,
+    minimise: options.MinimiseOption = IMAGE,
     delays: Annotated[
         bool, typer.Option("--delays", help="estimate how late each camera is, from time stamps of a moving target")
     ] = False,
@@ -87,7 +89,7 @@ def rig(
             found = solve_rig(
                 target, photos or (), table=table, pattern=pattern, times=times, tolerance_s=tolerance_of(tolerance),
                 model=models_of(model), cameras=lenses_of(camera), refine=refined_of(refine), fix=fix or (),
-                reference=reference, loss=loss, reject_sigma=reject, weighted=weighted,
+                reference=reference, loss=loss, reject_sigma=reject, weighted=weighted, minimise=minimise,
                 delays=delays, made=made, criteria=criteria, jobs=jobs, progress=progress,
                 settings=_settings(target, photos, table, made),
             )  # fmt: skip

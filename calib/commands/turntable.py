@@ -18,6 +18,7 @@ from calib.commands.hand_eye import (
 )
 from calib.commands.rig import told_rig
 from calib.show.screen import progress_bars
+from calib.solver.costs import IMAGE
 from designer.base.answer import Summary
 
 
@@ -33,6 +34,7 @@ def turntable(
     refine: RefineOption = False,
     model: options.ModelOption = "all",
     fix: options.FixOption = None,
+    minimise: options.MinimiseOption = IMAGE,
     made: options.MadeOption = None,
     criteria: options.CriteriaOption = options.DEFAULT_CRITERIA,
     page: options.PageOption = True,
@@ -54,7 +56,7 @@ def turntable(
     with answers(), progress_bars() as progress:
         found = solve(
             target, photos or (), step_deg=None if angle_rad is None else math.degrees(angle_rad),
-            table=table, camera=camera, refine=refine, model=model, fix=fix or (), made=made, criteria=str(criteria),
-            jobs=jobs, progress=progress, settings=kept_settings(target, table, None),
+            table=table, camera=camera, refine=refine, model=model, fix=fix or (), minimise=minimise, made=made,
+            criteria=str(criteria), jobs=jobs, progress=progress, settings=kept_settings(target, table, None),
         )  # fmt: skip
     return told_rig(found, writer, page=page, verbose=verbose)

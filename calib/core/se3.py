@@ -113,6 +113,15 @@ def invert(pose: Array) -> Array:
     return make_pose(rotation, -(rotation @ pose[..., :3, 3:])[..., 0])
 
 
+def steps_between(first: Array, second: Array) -> Array:
+    """What leads from first poses to second (..., 6): the turns before these as rotation vectors (rad), and the shifts.
+
+    As the steps of `calib.solver.levenberg.move_poses`.
+    """
+    turn = log_rotation(second[..., :3, :3] @ first[..., :3, :3].swapaxes(-1, -2))
+    return np.concatenate([turn, second[..., :3, 3] - first[..., :3, 3]], axis=-1)
+
+
 def transform(pose: Array, point: Array) -> Array:
     """Points (..., 3) moved by rigid motions (..., 4, 4)."""
     moved: Array = (pose[..., :3, :3] @ point[..., None])[..., 0] + pose[..., :3, 3]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
-from calib.core.se3 import log_rotation
+from calib.core.se3 import steps_between
 from calib.core.types import RigObservations, keep_frames, keep_sightings, keep_views, sightings_per_view
 from calib.rigs.options import CameraChoice, RigOptions
 from calib.rigs.relative import relative
@@ -216,9 +216,7 @@ def _compared(kind: SplitKind, whole: RigCalibration, first: RigCalibration, sec
     rig, other = (replace(half.rig, covariance=half.covariance) for half in (first, second))
     rows = np.concatenate([np.arange(one.start, one.stop) for one in map(rig.pose_rows, range(len(rig.names)))])
     covariance = (first.covariance + second.covariance)[np.ix_(rows, rows)]
-    turn = log_rotation(second.cam_from_rig[:, :3, :3] @ first.cam_from_rig[:, :3, :3].transpose(0, 2, 1))
-    shift = second.cam_from_rig[:, :3, 3] - first.cam_from_rig[:, :3, 3]
-    step = np.concatenate([turn, shift], axis=1).reshape(-1)
+    step = steps_between(first.cam_from_rig, second.cam_from_rig).reshape(-1)
     sure = symmetric_inverse(covariance)
     if not sure.rank > 0 or not np.isfinite(covariance).all():
         return None

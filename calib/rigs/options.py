@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.types import freeze
+from calib.solver.costs import IMAGE
 from calib.solver.options import Loss
 
 Array = NDArray[np.float64]
@@ -56,3 +57,4 @@ class RigOptions:
     estimates_delays: bool = False  # of cameras, from time stamps
     carrier: Carrier | None = None
     max_iterations: int = 100
+    minimise: str = IMAGE  # as `SolveOptions.minimise`

@@ -11,51 +11,31 @@ from calib.cameras import parameter_names
 from calib.core.parallel import one_thread_with_scipy
 from calib.core.se3 import invert
 from calib.core.types import RigObservations, keep_frames
-from calib.rigs.accuracy import RigAccuracy, accuracy_of_rig, camera_redundancy, carrier_sigmas, slack_size
+from calib.rigs.accuracy import Found, RigAccuracy, accuracy_of_rig
 from calib.rigs.carrier import carrier_errors
-from calib.rigs.descend import RigEquations, descend_rig, rig_equations
+from calib.rigs.descend import descend_rig
 from calib.rigs.hand_eye import HandEyeStart, start_hand_eye
+from calib.rigs.in_space import RigInSpace, rig_in_space, space_remark, with_step
 from calib.rigs.options import CameraChoice, RigOptions
-from calib.rigs.problem import (
-    RigProblem,
-    RigState,
-    frame_times,
-    pack_rig,
-    seen_poses,
-    with_scale,
-    without_params,
-)
+from calib.rigs.problem import RigProblem, RigState, frame_times, pack_rig, without_params
 from calib.rigs.result import CarrierFit, RigCalibration
-from calib.rigs.slack import SlackPrior
 from calib.rigs.start import Alone, frame_candidates, joined, solve_alone, synchronised
 from calib.rigs.trajectory import motion_of
 from calib.rigs.turntable import start_turntable, turned_by
-from calib.solver.blocks import KNEE, RobustLoss, view_misfit
+from calib.rigs.worth import DISAGREES, LEAST_SCALE, LEAST_SIGMA, disagreement, residuals, scales_left, settled
+from calib.solver.blocks import KNEE
 from calib.solver.calibration import Status
-from calib.solver.descent import Descent
-from calib.solver.outliers import deviations, robust_sigma, whitened
+from calib.solver.costs import IMAGE
+from calib.solver.in_space import require_planes
 from calib.solver.problem import Problem, few_per_view, select, target_covariance, target_poses
 from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
-Found = Descent[RigState, RigEquations]
 
-ROUNDS = 25
-"""Of judging what observations are worth, and solving again."""
-SAME, SURELY_SAME = 0.01, 1e-4
-"""What a size may still change by, as a part of it: where slacks or a carrier follow, and where only the cameras' noise
-does, so that what comes out does not hang on the order of cameras and frames."""
-NEAR = 1e-9
-LEAST_SCALE = 1e-9
 SURELY, LEAST_OFF = 4.0, 2e-3
 """Standard deviations, and parts, from which on a target's size is said to be off."""
-DISAGREES = 2.0
-"""Times the noise of a camera alone, from which on the rig is said not to explain its photos."""
 FIRST_SIGMA = (2e-3, 1.0)
 """Of a carrier's errors, rad and mm, to begin with."""
-LEAST_SIGMA = (1e-9, 1e-6)
-FIRST_SLACK = 30.0
-LEAST_SLACK, MOST_SLACK = 1e-3, 1e6
 
 
 @one_thread_with_scipy
@@ -90,12 +70,15 @@ def solve_rig(
     cam_from_rig = joined(observations, alone, reference)
     observations, alone, options, remarks = _placed(observations, alone, options)
     started = _start(observations, alone, options, cam_from_rig, delay_s, reference)
-    found, problem = _down(started, observations, alone, options)
-    return _calibration(found, problem, observations, alone, options, remarks, started.undetermined, begin)
+    image, problem = _down(started, observations, alone, options)
+    there = None if options.minimise == IMAGE else rig_in_space(problem, image, observations, alone, options)
+    return _calibration(image, problem, there, observations, alone, options, remarks, started.undetermined, begin)
 
 
 def _check(observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions) -> None:
     """Refuse what does not fit together."""
+    for seen in observations.sightings:
+        require_planes(options.minimise, seen.points, seen.point)
     if len(choices) != observations.camera_count:
         raise ValueError("a choice for each camera is needed")
     if not 0 <= options.reference < observations.camera_count:
@@ -209,118 +192,32 @@ def _down(
     steps, problem, state = options.max_iterations, start.problem, start.state
     thin = _thin(problem)
     for places in (without_params(thin), thin):
-        rough = replace(places, scale=_residual_scale(places, state))
+        rough = replace(places, scale=np.maximum(problem.scale, scales_left(places, state)))
         state = descend_rig(rough, state, max_iterations=steps, loss="cauchy", small_decrease=1e-4).state
         if options.estimates_delays:
             problem = replace(problem, motion=motion_of(state.rig_from_target, frame_times(observations)))
             thin = _thin(problem)
     found = descend_rig(problem, state, max_iterations=steps, loss="cauchy", small_decrease=1e-6)
-    taken = found.iterations
-    for _ in range(ROUNDS):
-        judged = _judged(problem, found, observations, alone, options)
-        is_last = _is_same(judged, problem)
-        next_problem = problem if is_last else judged
-        there = descend_rig(next_problem, _with_slack(next_problem, found.state), max_iterations=steps, damping=NEAR)
-        taken += there.iterations
-        if not np.isfinite(there.equations.normal.cost):
-            found = replace(found, converged=False)
-            break
-        found, problem = there, next_problem
-        if is_last:
-            break
-    return replace(found, iterations=taken), problem
-
-
-def _residual_scale(problem: RigProblem, state: RigState) -> Array:
-    """What an observation of each camera is off by, if that is more than its noise.  # (C,)"""
-    scale = problem.scale.copy()
-    for number, one in enumerate(problem.seen):
-        packed, poses = one.problem, seen_poses(problem, state, number)[1]
-        residual = view_misfit(packed, state.cameras[number], poses, RobustLoss()).residual_px
-        off = robust_sigma(whitened(packed.whitener, residual))
-        scale[number] = max(scale[number], off if np.isfinite(off) else 0.0)
-    return scale
-
-
-def _judged(
-    problem: RigProblem, found: Found, observations: RigObservations, alone: Sequence[Alone], options: RigOptions
-) -> RigProblem:
-    """The problem with what each camera's observations, and the carrier, are worth by what they left over."""
-    redundancy = camera_redundancy(problem, found)
-    scale, seen = problem.scale.copy(), list(problem.seen)
-    for number, (one, blocks) in enumerate(zip(problem.seen, found.equations.blocks, strict=True)):
-        standard = whitened(one.problem.whitener, blocks.residual_px)
-        used = one.problem.is_used
-        if options.loss != "squares":
-            scale[number] = robust_sigma(standard[:, used])
-        elif redundancy[number] > 0:
-            scale[number] = np.sqrt((standard[:, used] ** 2).sum() / redundancy[number])
-        if options.reject_sigma is not None:
-            keep = deviations(blocks.residual_px, observations.sightings[number].cov_px2) <= options.reject_sigma
-            seen[number] = replace(one, problem=replace(one.problem, is_used=keep))
-    prior = problem.prior
-    if prior is not None:
-        given = np.array([prior.carrier.sigma_rad or np.nan, prior.carrier.sigma_mm or np.nan])
-        own = np.maximum(carrier_sigmas(problem, found), LEAST_SIGMA)
-        prior = replace(prior, sigma=np.where(np.isfinite(given), given, own))
-    slack = _slack_priors(problem, found, options, alone)
-    return replace(
-        problem, slack=slack, seen=tuple(seen), scale=np.maximum(scale, LEAST_SCALE), prior=prior,
-    )  # fmt: skip
-
-
-def _slack_priors(
-    problem: RigProblem, found: Found, options: RigOptions, alone: Sequence[Alone]
-) -> tuple[SlackPrior, ...]:
-    """What is expected of the views' slacks: there are some with a carrier, and where photos do not fit together."""
-    if not options.allows_slack:
-        return ()
-    if problem.slack:
-        size = float(np.clip(slack_size(problem, found), LEAST_SLACK, MOST_SLACK))
-    elif options.carrier is None and not (_disagreement(problem, found.state, alone) > DISAGREES).any():
-        return ()
-    else:
-        size = FIRST_SLACK
-    blocks = rig_equations(problem, found.state, "squares").blocks
-    return tuple(SlackPrior(one.products[:, -7:-1, -7:-1].copy(), size) for one in blocks)
-
-
-def _with_slack(problem: RigProblem, state: RigState) -> RigState:
-    """The state with slacks of views, if there are to be any."""
-    if state.slack or not problem.slack:
-        return state
-    return replace(state, slack=tuple(np.zeros((len(prior.weight), 6)) for prior in problem.slack))
-
-
-def _is_same(judged: RigProblem, problem: RigProblem) -> bool:
-    """Whether the problem is as it was."""
-    near = SAME if judged.slack or judged.prior is not None or judged.motion.any() else SURELY_SAME
-    same = bool((np.abs(judged.scale / problem.scale - 1) < near).all())
-    if judged.prior is not None and problem.prior is not None:
-        same = same and bool((np.abs(judged.prior.sigma / problem.prior.sigma - 1) < SAME).all())
-    same = same and len(judged.slack) == len(problem.slack)
-    same = same and all(
-        abs(new.size / old.size - 1) < SAME for new, old in zip(judged.slack, problem.slack, strict=True)
-    )
-    return same and all(
-        np.array_equal(one.problem.is_used, other.problem.is_used)
-        for one, other in zip(judged.seen, problem.seen, strict=True)
-    )
+    return settled(problem, found, observations, alone, options)
 
 
 def _calibration(
-    found: Found, problem: RigProblem, observations: RigObservations, alone: Sequence[Alone], options: RigOptions,
-    remarks: tuple[str, ...], undetermined: tuple[str, ...], begin: float,
+    image: Found, problem: RigProblem, there: RigInSpace | None, observations: RigObservations,
+    alone: Sequence[Alone], options: RigOptions, remarks: tuple[str, ...], undetermined: tuple[str, ...], begin: float,
 ) -> RigCalibration:  # fmt: skip
-    """The result."""
+    """The result, of the minimum in the image or of that in space if there is one."""
+    found, scale = (image, problem.scale) if there is None else (there.found, there.scale)
     state, packed = found.state, _sized(problem, found.state)
-    accuracy = accuracy_of_rig(problem, found, _labels(problem, observations, state), KNEE[options.loss])
+    accuracy = accuracy_of_rig(problem, image, _labels(problem, observations, state), KNEE[options.loss])
+    if there is not None:
+        remarks = (space_remark(options.minimise, problem, image.state, state, accuracy), *remarks)
+        accuracy = with_step(accuracy, image.state, state)
     frames = target_poses(packed, state.rig_from_target)
     carrier = None
     if problem.prior is not None:
         carrier = replace(_carrier_fit(found, problem, accuracy), undetermined=undetermined)
         remarks = (*remarks, *undetermined, *_size_remark(carrier))
-    remarks = (*remarks, *_why_disagreeing(_disagreement(problem, state, alone), observations, alone, options))
+    remarks = (*remarks, *_why_disagreeing(disagreement(problem, state, alone), observations, alone, options))
     status: Status = "degenerate" if accuracy.weakest else "converged" if found.converged else "stopped"
     if accuracy.weakest:
         remarks = (accuracy.weakest, *remarks)
@@ -329,8 +226,8 @@ def _calibration(
     reference = options.reference if problem.prior is None else -1
     return RigCalibration(
         observations, state.cameras, state.cam_from_rig, frames,
-        tuple(np.ascontiguousarray(one.T) for one in _residuals(problem, state)),
-        tuple(~one.problem.is_used for one in problem.seen), problem.scale, accuracy.covariance,
+        tuple(np.ascontiguousarray(one.T) for one in residuals(problem, state)),
+        tuple(~one.problem.is_used for one in problem.seen), scale, accuracy.covariance,
         target_covariance(packed, state.rig_from_target, accuracy.frame_covariance), reference,
         observations.camera_names[reference] if problem.prior is None else _frame_name(options),
         tuple(bool((one.tie.row >= 0).any()) for one in alone),
@@ -340,27 +237,6 @@ def _calibration(
         accuracy.delay_sigma_s if options.estimates_delays else None, carrier,
         problem.slack[0].size if problem.slack else None, np.array([one.scale for one in alone]),
     )  # fmt: skip
-
-
-def _disagreement(problem: RigProblem, state: RigState, alone: Sequence[Alone]) -> Array:
-    """How many times farther off each camera's sightings are by the rig than by the camera alone.  # (C,)"""
-    ratio = np.ones(len(alone))
-    for number, residual in enumerate(_residuals(problem, state)):
-        packed = problem.seen[number].problem
-        off = robust_sigma(whitened(packed.whitener, residual)[:, packed.is_used])
-        ratio[number] = off / max(alone[number].scale, LEAST_SCALE)
-    return ratio
-
-
-def _residuals(problem: RigProblem, state: RigState) -> list[Array]:
-    """Of each camera's sightings by the rig as it is, without slack.  # (C,) of (2, M_c)"""
-    rigid = replace(problem, slack=())
-    return [
-        view_misfit(
-            with_scale(problem, number, state.size), camera, seen_poses(rigid, state, number)[1], RobustLoss()
-        ).residual_px
-        for number, camera in enumerate(state.cameras)
-    ]  # fmt: skip
 
 
 def _why_disagreeing(

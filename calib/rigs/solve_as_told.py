@@ -14,7 +14,8 @@ from calib.cameras import parameter_names
 from calib.core.types import Observations, RigObservations
 from calib.rigs.options import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration
-from calib.rigs.solve import DISAGREES, solve_rig
+from calib.rigs.solve import solve_rig
+from calib.rigs.worth import DISAGREES
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from designer.base.errors import InputError

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import worse_sigma
-from calib.core.se3 import log_rotation
+from calib.core.se3 import steps_between
 from calib.core.types import KnownPoints
 from calib.solver.accuracy import Accuracy, accuracy_of, projected_change, share_px
 from calib.solver.blocks import RobustLoss, view_blocks, view_misfit
@@ -18,6 +18,7 @@ from calib.solver.options import SolveOptions, Tie
 from calib.solver.outliers import deviations, robust_sigma, whitened
 from calib.solver.problem import Problem
 from designer.base.errors import InputError
+from designer.base.words import shown
 
 Array = NDArray[np.float64]
 
@@ -28,11 +29,13 @@ ROUNDS = 6
 
 
 def require_planes(minimise: str, points: KnownPoints, seen: NDArray[np.int64]) -> None:
-    """Refuse to measure in planes that are not known, of the points that were seen.
+    """Refuse what is no cost, and to measure in planes that are not known, of the points that were seen.
 
     Raises:
-        InputError: a point lies on none.
+        InputError: there is no such cost, or a point lies on no plane.
     """
+    if minimise not in COSTS:
+        raise InputError(f"minimise {shown(minimise)}: there are {', '.join(COSTS)}")
     name = COSTS[minimise].distance
     alone = int((points.face[np.unique(seen)] < 0).sum()) if name and DISTANCES[name].needs_planes else 0
     if alone:
@@ -116,24 +119,34 @@ def descend_in_space(
     )  # fmt: skip
     sure = accuracy_of(minimum.blocks.products, tie.row, int(start.is_used.sum()), start.robust)
     step = there.camera.params - minimum.camera.params
-    before, after = minimum.cam_from_target[:, :3], there.cam_from_target[:, :3]
-    turn = log_rotation(after[:, :, :3] @ before[:, :, :3].transpose(0, 2, 1))
-    moved = np.concatenate([turn, after[:, :, 3] - before[:, :, 3]], axis=1)
+    moved = steps_between(minimum.cam_from_target, there.cam_from_target)
     accuracy = replace(
         sure, scale=accuracy_of(blocks.products, tie.row, int(is_used.sum()), start.robust).scale,
         param_covariance=sure.param_covariance + np.outer(step, step),
         pose_covariance=sure.pose_covariance + moved[:, :, None] * moved[:, None, :],
     )  # fmt: skip
     pixel = problem.measured_px.T[is_used]
-    return SolvedInSpace(descended, accuracy, _remark(options.minimise, minimum.camera, step, sure, pixel))
+    change = camera_change(minimum.camera, step, sure.param_covariance, pixel)
+    return SolvedInSpace(descended, accuracy, _remark(options.minimise, *change))
 
 
-def _remark(minimise: str, camera: Camera, step: Array, sure: Accuracy, pixel: Array) -> str:
-    """By how much the camera is another one, at pixels where something was seen (M, 2)."""
+def camera_change(camera: Camera, step: Array, covariance: Array, pixel: Array) -> tuple[float, float]:
+    """By how much a step of the parameters moves 95 % of the pixels where something was seen (M, 2), and their sigma.
+
+    Args:
+        camera: before the step.
+        step: of the parameters (P,).
+        covariance: of the parameters.
+        pixel: where something was seen.
+    """
     some = pixel[:: max(len(pixel) // ENOUGH, 1)]
     change = projected_change(camera, some, some)
     off_px = share_px(np.hypot(*(change @ step).T))
-    sigma_px = share_px(worse_sigma(change @ np.nan_to_num(sure.param_covariance) @ change.transpose(0, 2, 1)))
+    return off_px, share_px(worse_sigma(change @ np.nan_to_num(covariance) @ change.transpose(0, 2, 1)))
+
+
+def _remark(minimise: str, off_px: float, sigma_px: float) -> str:
+    """By how much the camera is another one."""
     return (
         f"minimised: {COSTS[minimise].title}; where points were seen, 95 % are within {off_px:.2g} px of the camera "
         f"that the distances in the image give, itself sure to {sigma_px:.2g} px there; what is stated has the "

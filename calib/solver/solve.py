@@ -12,7 +12,6 @@ from calib.cameras.surface import SurfaceModel, surface_model
 from calib.core.types import Observations, keep_views
 from calib.solver.accuracy import Accuracy, UndeterminedError, accuracy_of, why_degenerate
 from calib.solver.calibration import Calibration, Status
-from calib.solver.costs import COSTS
 from calib.solver.descend import Descended, descend, is_robust, without_lens
 from calib.solver.free_bend import solve_bent
 from calib.solver.in_space import descend_in_space, require_planes
@@ -22,7 +21,6 @@ from calib.solver.problem import Problem, pack, target_covariance, target_poses
 from calib.solver.start import FirstPoses, coarse_camera, first_poses
 from calib.solver.surface import bend, require_image, require_points, without_rejection
 from designer.base.errors import InputError
-from designer.base.words import shown
 
 Array = NDArray[np.float64]
 
@@ -127,8 +125,6 @@ def _check(options: SolveOptions) -> None:
         raise InputError(f"reject {options.reject_sigma:g}: give more than 0 standard deviations, such as 4")
     if options.focal_px is not None and not 0 < options.focal_px < np.inf:
         raise InputError(f"focal length {options.focal_px:g} px: must be more than 0")
-    if options.minimise not in COSTS:
-        raise InputError(f"minimise {shown(options.minimise)}: there are {', '.join(COSTS)}")
 
 
 def _poses(problem: Problem, camera: Camera, tie: Tie, options: SolveOptions) -> FirstPoses:

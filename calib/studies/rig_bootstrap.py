@@ -21,7 +21,7 @@ from calib.rigs.options import CameraChoice, RigOptions
 from calib.rigs.relative import relative
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
-from calib.solver.options import Loss
+from calib.solver.options import SolveOptions
 from calib.studies.bootstrap import expanded
 from designer.base.errors import InputError
 from designer.base.marks import Count, Gap, Length, Word
@@ -93,7 +93,11 @@ def drawn_frames(observations: RigObservations, drawn: Rows) -> RigObservations:
 
 
 def rig_spread(
-    found: RigCalibration, samples: int, seed: int, loss: Loss, tell: Callable[[int], None] = lambda done: None
+    found: RigCalibration,
+    samples: int,
+    seed: int,
+    options: SolveOptions,
+    tell: Callable[[int], None] = lambda done: None,
 ) -> RigSpread:
     """Solve samples of a rig's frames, as many as there are, as all of them were solved.
 
@@ -101,20 +105,23 @@ def rig_spread(
         found: the rig, without a carrier; what it left out stays out.
         samples: how many.
         seed: of what is drawn.
-        loss: that it was solved with.
+        options: its loss, and what it minimises.
         tell: told how many are done.
 
     Raises:
         InputError: hardly any sample determines the rig.
     """
     seen = without_outliers(found)
-    options = RigOptions(max(found.reference, 0), found.weighted, loss, allows_slack=found.slack is not None)
+    as_solved = RigOptions(
+        max(found.reference, 0), found.weighted, options.loss, allows_slack=found.slack is not None,
+        minimise=options.minimise,
+    )  # fmt: skip
     choices = [_choice(found, camera) for camera in range(len(found.cameras))]
     rigs, failed = [], 0
     for number in range(samples):
         drawn = np.sort(np.random.default_rng([seed, number]).integers(0, seen.frame_count, seen.frame_count))
         try:
-            one = solve_rig(drawn_frames(seen, drawn), choices, options)
+            one = solve_rig(drawn_frames(seen, drawn), choices, as_solved)
             rigs.append(one.rig)
             failed += one.status == "degenerate"
         except (InputError, np.linalg.LinAlgError):

@@ -16,6 +16,7 @@ from calib.rigs.result import RigCalibration
 from calib.rigs.slack import SlackPrior
 from calib.rigs.solve import solve_rig
 from calib.rigs.turntable import turned_by
+from calib.solver.in_space import in_space
 from calib.solver.levenberg import move_poses
 from designer.base.errors import InputError
 from tests.support import rig_views, solver_scenes
@@ -48,15 +49,17 @@ def moved(state: RigState, problem: RigProblem, step: Array) -> RigState:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", ["plain", "delays", "camera in hand", "target in hand", "slack"])
+@pytest.mark.parametrize(
+    "kind", ["plain", "delays", "camera in hand", "target in hand", "slack", "in the planes, in hand"]
+)
 def test_gradients_are_those_of_the_cost(kind: str) -> None:
-    """The derivative of the cost by every unknown is the normal equations' own: of chains, delays, carriers, size."""
+    """The derivative of the cost by every unknown is the equations' own: of chains, delays, carriers, size, planes."""
     scene = rig_views.ring(count=2, frames=5, noise_px=0.5)
     frames = scene.observations.frame_count
     rng = np.random.default_rng(3)
     base = make_pose(exp_rotation(rng.normal(0, 0.5, (frames, 3))), rng.normal(0, 200.0, (frames, 3)))
-    carrier = Carrier("robot", base, is_camera_in_hand=kind == "camera in hand", tells_size=True)
-    carried = kind.endswith("hand")
+    carrier = Carrier("robot", base, is_camera_in_hand=kind != "target in hand", tells_size=True)
+    carried = kind.endswith("in hand")
     observations = replace(
         scene.observations, time_s=tuple(0.1 * rows + 0.01 * c for c, rows in enumerate(scene.observations.frame))
     )
@@ -65,6 +68,12 @@ def test_gradients_are_those_of_the_cost(kind: str) -> None:
         observations, ties, [not carried, False], weighted=True, loss="squares", scale=np.ones(2),
         with_delays=kind == "delays", carrier=carrier if carried else None,
     )  # fmt: skip
+    if kind.startswith("in the planes"):
+        spaced = [
+            replace(one, problem=in_space(one.problem, "intersection", own.points, own.point))
+            for one, own in zip(problem.seen, observations.sightings, strict=True)
+        ]
+        problem = replace(problem, seen=tuple(spaced))
     state = RigState(scene.cameras, scene.cam_from_rig, scene.rig_from_target, np.array([0.0, 0.02]), base[0])
     if kind == "delays":
         problem = replace(problem, motion=rng.normal(0, 1.0, (2, frames, 6)))
@@ -233,7 +242,7 @@ def test_time_offsets_need_time_stamps() -> None:
         solve_rig(scene.observations, choices(scene), RigOptions(estimates_delays=True))
 
 
-def _camera_in_hand(turns: Array, *, noise_px: float = 0.02) -> tuple[RigObservations, Carrier, Array]:
+def camera_in_hand(turns: Array, *, noise_px: float = 0.02) -> tuple[RigObservations, Carrier, Array]:
     """A camera that a robot turns by rotation vectors (V, 3) above a board: sightings, what the robot says, the truth.
 
     The robot's own noise is .2 mrad and .1 mm, the target 3 % smaller than its file says.
@@ -262,7 +271,7 @@ def _camera_in_hand(turns: Array, *, noise_px: float = 0.02) -> tuple[RigObserva
 
 def test_a_robots_ways_tell_the_size_of_the_target() -> None:
     """A target printed 3 % too small is told by the robot that carries the camera; its noise comes out right, too."""
-    observations, carrier, truth = _camera_in_hand(np.random.default_rng(2).uniform(-0.5, 0.5, (20, 3)))
+    observations, carrier, truth = camera_in_hand(np.random.default_rng(2).uniform(-0.5, 0.5, (20, 3)))
     found = solve_rig(observations, [CameraChoice("opencv")], RigOptions(carrier=carrier))
     assert found.carrier is not None
     assert abs(found.carrier.size - 0.97) < 4 * found.carrier.size_sigma < 0.01
@@ -275,7 +284,7 @@ def test_a_robots_ways_tell_the_size_of_the_target() -> None:
 def test_turns_about_one_axis_leave_a_shift_open_and_say_so() -> None:
     """A robot that turns about one axis only: what nothing tells is named, and has no sigma; directions have one."""
     turns = np.random.default_rng(2).uniform(-0.6, 0.6, (12, 1)) * np.array([0.3, 0.2, 1.0])
-    observations, carrier, _ = _camera_in_hand(turns)
+    observations, carrier, _ = camera_in_hand(turns)
     given = CameraChoice("opencv", given=rig_views.camera(), is_refined=False)
     found = solve_rig(observations, [given], RigOptions(carrier=replace(carrier, tells_size=False)))
     assert found.carrier is not None
