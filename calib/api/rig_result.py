@@ -4,6 +4,8 @@ import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from calib.api.loading import folder_of
 from calib.api.page_shown import ShownAsPage
 from calib.api.rig_observing import RigSearch
@@ -13,6 +15,8 @@ from calib.core.files import check_folder, write_files
 from calib.core.types import RigObservations
 from calib.observe.rig_sightings import KIND as SIGHTINGS
 from calib.observe.rig_sightings import rig_sightings_to_csv
+from calib.observe.robot_poses import KIND as ROBOT_POSES
+from calib.observe.robot_poses import robot_poses_to_csv
 from calib.records.calibration_file import Provenance
 from calib.records.hand_eye_file import HAND_EYE, HAND_EYE_FILE, HandEye, hand_eye_of
 from calib.records.rig_file import RIG_CALIBRATION, RIG_CALIBRATION_FILE, RIG_FILE, write_rig
@@ -23,6 +27,7 @@ from calib.rigs.result import RigCalibration
 from calib.show.folder import PAGE_FILE, why_no_page, write_folder_page
 from calib.show.parts.kept_target import keep_target
 from calib.solver.options import SolveOptions
+from calib.verdict.next_robot_poses import NextPose
 from calib.verdict.rig_judge import RIG_VERDICT, RIG_VERDICT_FILE, JudgedRig
 from calib.verdict.verdict import Verdict
 from designer.base.answer import program
@@ -31,7 +36,7 @@ from designer.base.own_files import require_ours
 from designer.target import TargetGeometry
 from designer.tolerance.made import Made
 
-SIGHTINGS_FILE = "sightings.csv"
+SIGHTINGS_FILE, NEXT_POSES_FILE = "sightings.csv", "next_poses.csv"
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +73,12 @@ class RigResult(ShownAsPage):
         Raises:
             ValueError: nothing carried the rig.
         """
-        return hand_eye_of(self.calibration, self.rig.covariance)
+        return hand_eye_of(self.calibration, self.rig.covariance, self.next_poses)
+
+    @property
+    def next_poses(self) -> tuple[NextPose, ...]:
+        """Poses of the robot from which photos would tell most of where the camera sits: `[0].base_from_flange`."""
+        return self.judged.next_poses
 
     @property
     def verdict(self) -> Verdict:
@@ -121,7 +131,7 @@ class RigWriter:
         check_folder(folder)
         for name, kind in (
             (RIG_CALIBRATION_FILE, RIG_CALIBRATION.format), (RIG_FILE, RIG.format), (SIGHTINGS_FILE, SIGHTINGS),
-            (RIG_VERDICT_FILE, RIG_VERDICT.format), (HAND_EYE_FILE, HAND_EYE.format),
+            (RIG_VERDICT_FILE, RIG_VERDICT.format), (HAND_EYE_FILE, HAND_EYE.format), (NEXT_POSES_FILE, ROBOT_POSES),
         ):  # fmt: skip
             require_ours(folder / name, kind=kind)
 
@@ -138,7 +148,13 @@ class RigWriter:
         tables = {self.folder / SIGHTINGS_FILE: rig_sightings_to_csv(found.observations)}
         if found.calibration.carrier is not None:
             tables[self.folder / HAND_EYE_FILE] = HAND_EYE.text(found.hand_eye)
+        if found.next_poses:
+            poses = np.stack([one.base_from_flange for one in found.next_poses])
+            names = [f"next_{number}" for number in range(1, len(poses) + 1)]
+            tables[self.folder / NEXT_POSES_FILE] = robot_poses_to_csv(names, poses)
         write_files(tables)
+        if not found.next_poses:
+            (self.folder / NEXT_POSES_FILE).unlink(missing_ok=True)  # those of an earlier run help no more
         self.files += tables
         if found.target is not None:
             self.files += keep_target(self.folder, found.target, is_again=is_again)

@@ -149,4 +149,7 @@ def rig_answer(found: RigResult, folder: Path) -> "dict[str, Value]":
         "frames": solved.observations.frame_count,
         "cameras": cameras,
         "pairs": pairs,
+        "next_poses": [
+            {"base_from_flange": one.base_from_flange.tolist(), "sentence": one.sentence} for one in found.next_poses
+        ],
     }

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from calib.core.se3 import MAX_DISTANCE_MM, invert, make_pose
 from calib.core.types import freeze
 from calib.interop.parsing import number, parse_yaml, shown_plain
-from calib.observe.csv_table import read_table, read_text
-from calib.observe.robot_rotations import RotationColumns, RowError, rotation_columns
+from calib.observe.csv_table import ANY_NAME, csv_cell, read_table, read_text
+from calib.observe.robot_rotations import RotationColumns, RowError, rotation_columns, to_quaternion
 from designer.base.errors import InputError
 from designer.base.small_file import parse_json
 from designer.base.words import shown, suggestion
@@ -26,6 +26,8 @@ from designer.base.words import shown, suggestion
 Array = NDArray[np.float64]
 Entry = Mapping[str, object]
 
+KIND = "ringsolid.robot-poses"
+FIRST_LINE = "# ringsolid robot-poses, version 1"
 IMAGE = ("image", "photo", "file", "name", "frame")
 LENGTHS = {"mm": 1.0, "m": 1e3}
 ANGLES = {"rad": 1.0, "deg": float(np.pi / 180)}
@@ -100,6 +102,15 @@ def read_robot_poses(
     pose = make_pose(rotation, shift)
     found = RobotPoses(images, pose, str(path), read_as)
     return found.inverted if is_inverted else found
+
+
+def robot_poses_to_csv(images: Sequence[str], base_from_flange: Array) -> bytes:
+    """The text of a table, which `read_robot_poses` reads: photos and poses (V, 4, 4)."""
+    lines = [FIRST_LINE, "# base_from_flange of each photo", "image,x_mm,y_mm,z_mm,qx,qy,qz,qw"]
+    numbers = np.concatenate([base_from_flange[:, :3, 3], to_quaternion(base_from_flange[:, :3, :3])], axis=1)
+    for image, row in zip(images, numbers.tolist(), strict=True):
+        lines.append(",".join([csv_cell(image), *(f"{value:.9g}" for value in row)]))
+    return ("\n".join(lines) + "\n").encode("utf-8", ANY_NAME)
 
 
 def _units(text: str | None) -> dict[str, float]:

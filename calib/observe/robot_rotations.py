@@ -57,6 +57,13 @@ def of_quaternion(value: Array) -> Array:
     return exp_rotation(vector * (angle / np.where(sine > 0, sine, 1.0))[:, None])
 
 
+def to_quaternion(rotation: Array) -> Array:
+    """Quaternions x y z w (..., 4) of rotations (..., 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(rotation).as_quat())
+
+
 def of_matrix(value: Array) -> Array:
     """Rotations (V, 3, 3) of matrices, row by row (V, 9), made rigid to the last digit.
 

@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 
 from calib.core.se3 import invert
 from calib.core.types import freeze
+from calib.observe.robot_rotations import to_quaternion
 from calib.rigs.result import RigCalibration
+from calib.verdict.next_robot_poses import MOST_POSES, NextPose
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.marks import PACKED, Length, Shape
@@ -34,6 +36,7 @@ class HandEye:
     robot_sigma_mm: float
     target_size: float  # as a part of what its file says, as the robot's ways tell it
     target_size_sigma: float
+    next_poses: Annotated[tuple[NextPose, ...], Length(0, MOST_POSES)] = ()  # from which photos would tell most
 
     def __post_init__(self) -> None:
         freeze(self, "frame_from_cam", "quaternion_xyzw", "covariance", "carrier_from_target")
@@ -55,8 +58,13 @@ class HandEye:
 HAND_EYE = FileKind(HandEye, "hand_eye", "a hand_eye.json", "solve it again")
 
 
-def hand_eye_of(solved: RigCalibration, stated: Array | None) -> HandEye:
-    """What a robot's program needs of a rig that was carried, and the rig's covariance as it is to be told.
+def hand_eye_of(solved: RigCalibration, stated: Array | None, next_poses: tuple[NextPose, ...] = ()) -> HandEye:
+    """What a robot's program needs of a rig that was carried.
+
+    Args:
+        solved: the rig.
+        stated: its covariance as it is to be told.
+        next_poses: that would make it better known.
 
     Raises:
         ValueError: nothing carried the rig.
@@ -67,14 +75,8 @@ def hand_eye_of(solved: RigCalibration, stated: Array | None) -> HandEye:
     pose = invert(solved.cam_from_rig[0])
     rows = solved.rig.pose_rows(0)
     return HandEye(
-        carrier.kind, solved.rig_frame, pose, _quaternion(pose[:3, :3]),
+        carrier.kind, solved.rig_frame, pose, to_quaternion(pose[:3, :3]),
         None if stated is None else stated[rows, rows],
         carrier.carrier_from_target, carrier.sigma_rad, carrier.sigma_mm, carrier.size, carrier.size_sigma,
+        next_poses,
     )  # fmt: skip
-
-
-def _quaternion(rotation: Array) -> Array:
-    """X y z w."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_matrix(rotation).as_quat())

@@ -113,10 +113,10 @@ def _for_all(equations: ShapeEquations, times: float) -> ShapeEquations:
 
 def _besides(found: RigCalibration) -> int:
     """How many unknowns there are beside cameras and frames: the target's size, and where it is on its carrier."""
-    return 0 if found.carrier is None else POSE + _tells_size(found)
+    return 0 if found.carrier is None else POSE + tells_size(found)
 
 
-def _tells_size(found: RigCalibration) -> bool:
+def tells_size(found: RigCalibration) -> bool:
     """Whether the target's size was solved, too, by the ways of its carrier."""
     return found.carrier is not None and found.carrier.size_sigma > 0
 
@@ -145,7 +145,7 @@ def _carried(
 
     It tells the target's size in part: by how far it was moved.
     """
-    prior, fit = _carrier_prior(found)
+    prior, fit = carrier_prior(found)
     by_frame, by_carrier = error_derivatives(prior, found.rig_from_target, fit.carrier_from_target)
     weight = carrier_weights(prior)
     for frame, one in zip(frames.tolist(), posed, strict=True):
@@ -161,7 +161,7 @@ def _carried(
         )
 
 
-def _carrier_prior(found: RigCalibration) -> tuple[CarrierPrior, CarrierFit]:
+def carrier_prior(found: RigCalibration) -> tuple[CarrierPrior, CarrierFit]:
     """What the carrier said, by what its errors were found to be."""
     fit = found.carrier
     if fit is None:
@@ -231,7 +231,7 @@ def _sightings(found: RigCalibration, camera: int, basis: Array, frames: NDArray
     by_camera = weight @ (linear.by_params.transpose(2, 0, 1) @ basis[rig.params_rows(camera)])
     by_camera += _by_motion(lever, by_point) @ basis[rig.pose_rows(camera)]
     by_target = by_rig @ rig_from_target[:, :3, :3]
-    if _tells_size(found):
+    if tells_size(found):
         by_camera[:, :, -POSE - 1] = (by_target @ position[:, :, None])[:, :, 0]
     return _Sightings(
         frame,

@@ -8,6 +8,7 @@ from calib.core.number_text import figure
 from calib.rigs.halves import NoRigHalves, RigHalves
 from calib.rigs.result import RigCalibration
 from calib.verdict.judge import WORSE
+from calib.verdict.next_robot_poses import MOST_POSES, NextPose, next_robot_poses
 from calib.verdict.rig_checks import RIG_CHECKS, rig_checks, rig_faults
 from calib.verdict.rig_evidence import RigEvidence, rig_evidence
 from calib.verdict.rig_next_frames import NextFrame, next_frames
@@ -19,7 +20,7 @@ from designer.base.words import printable
 MENDED_BY_FRAMES = ("frames", "baselines", "space", "halves")
 """Checks that more frames may make good."""
 SPOILT = ("solution", "residuals", "halves")
-"""Checks that more frames like these mend in no way."""
+"""Checks that more frames like these mend in no way; a robot's next poses may mend what its poses so far leave open."""
 OF_A_RIG = "rig"
 """What a verdict says in the place of a camera's model."""
 
@@ -33,6 +34,9 @@ class JudgedRig:
     halves: Annotated[RigHalves | None, LEFT_OUT] = None
     no_halves: Annotated[Line, LEFT_OUT] = ""  # why there are none
     next_frames: Annotated[tuple[NextFrame, ...], Length(0, 16)] = ()  # that would make the rig better
+    next_poses: Annotated[
+        tuple[NextPose, ...], Length(0, MOST_POSES)
+    ] = ()  # of a robot that carries the camera or the target
     solution_sha256: Annotated[Word, LEFT_OUT] = ""  # of the file that keeps the judged rig; "" before that is written
 
     @property
@@ -54,12 +58,13 @@ def judge_rig(found: RigCalibration, halves: RigHalves | NoRigHalves, criteria: 
         criteria: the limits, of `calib.verdict.criteria.read_rig_criteria`.
     """
     verdict = rig_verdict(rig_evidence(found, halves), criteria)
-    is_spoilt = any(check.grade == "bad" for check in verdict.checks if check.name in SPOILT)
+    spoilt = {check.name for check in verdict.checks if check.grade == "bad" and check.name in SPOILT}
     is_sure = all(check.grade == "good" for check in verdict.checks if check.name in MENDED_BY_FRAMES)
-    frames = () if is_sure or is_spoilt else next_frames(found, halves)
+    frames = () if is_sure or spoilt else next_frames(found, halves)
+    poses = () if spoilt - {"solution"} else next_robot_poses(found, halves)
     if isinstance(halves, NoRigHalves):
-        return JudgedRig(verdict, criteria, no_halves=halves.reason, next_frames=frames)
-    return JudgedRig(verdict, criteria, halves, next_frames=frames)
+        return JudgedRig(verdict, criteria, no_halves=halves.reason, next_frames=frames, next_poses=poses)
+    return JudgedRig(verdict, criteria, halves, next_frames=frames, next_poses=poses)
 
 
 def rig_verdict(evidence: RigEvidence, criteria: Criteria) -> Verdict:

@@ -18,12 +18,13 @@ from calib.cameras.camera import Camera
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.number_text import figure
 from calib.core.parallel import one_thread
-from calib.core.se3 import invert, make_pose, rigid_fault, skew, transform
+from calib.core.se3 import make_pose, rigid_fault, skew, transform
 from calib.core.types import KnownPoints, frozen_array
 from calib.rigs.halves import NoRigHalves, RigHalves, enlarged
 from calib.rigs.relative import relative
 from calib.rigs.result import RigCalibration
 from calib.verdict.next_view_words import distance_words, place_of, place_words, short
+from calib.verdict.points_seen import is_new, some_points, that_look
 from designer.base.marks import ONE_LINE, AtLeast, AtMost, Length, Shape, Word
 from designer.base.words import printable
 
@@ -40,8 +41,6 @@ MOST_CANDIDATES, FEWEST_CANDIDATES = 800, 50
 GOLDEN = 0.6180339887498949
 ROUNDING = 1e-12
 """Of the largest eigenvalue: what is less tells nothing."""
-POINTS = 150
-"""Of the target, by which candidates are compared."""
 FEWEST_SEEN = 6
 """Points by which a camera sees the target."""
 TURNS = 6
@@ -50,12 +49,8 @@ ACROSS = 0.55
 """How far towards the sides of an image a target is tried, of its half."""
 NEARER, FARTHER = 0.8, 1.2
 """Of the distance that was usual."""
-LEAST_FACING = 0.34
-"""Cosine of the largest angle from which rings are read."""
 ALIKE = 1.15
 """Two distances within this are said as one."""
-NEW_SHARE = 0.1
-"""Of the target, seen where a camera has seen nothing: what it then tells is not known well."""
 NAMED = 4
 """Cameras that a sentence names."""
 LARGEST_MM = 1e9
@@ -178,7 +173,7 @@ def _gained(covariance: Array, told: _Root) -> Array:
 
 def _candidates(found: RigCalibration, factor: float) -> _Held:
     """Places all over the cameras' images at the usual distances, turned as in frames that were taken."""
-    points = _some(found)
+    points = some_points(found)
     poses, like = _held_poses(found)
     per_camera = [
         _seen(camera, pose, poses, points, factor * float(noise), len(found.observations.points.position_mm))
@@ -190,23 +185,6 @@ def _candidates(found: RigCalibration, factor: float) -> _Held:
         poses[joins], like[joins], sees[:, joins], tuple(one[1][joins] for one in per_camera),
         tuple(one[2][joins] for one in per_camera), np.stack([one[3][joins] for one in per_camera]),
     )  # fmt: skip
-
-
-def _some(found: RigCalibration) -> KnownPoints:
-    """A few of the points, spread over their order, on planes whose normals point to where they were seen from."""
-    points, faces = found.observations.points, len(found.observations.points.plane)
-    seen_from = np.zeros(faces)
-    for pose, seen, frames in zip(
-        found.cam_from_rig, found.observations.sightings, found.observations.frame, strict=True
-    ):
-        center = invert(pose @ found.rig_from_target[frames])[:, :3, 3]
-        above = np.sign(center @ points.plane[:, :3].T - points.plane[:, 3])  # (V, F)
-        face = points.face[seen.point]
-        rows = np.flatnonzero(face >= 0)
-        np.add.at(seen_from, face[rows], above[seen.view[rows], face[rows]])
-    points = replace(points, plane=np.where(seen_from < 0, -1.0, 1.0)[:, None] * points.plane)
-    rows = np.unique(np.linspace(0, len(points.face) - 1, POINTS).astype(np.int64))
-    return replace(points, position_mm=points.position_mm[rows], face=points.face[rows])
 
 
 def _held_poses(found: RigCalibration) -> tuple[Array, NDArray[np.int64]]:
@@ -253,7 +231,7 @@ def _seen(
     pixel = at.pixel.T.reshape(count, size, 2)
     with np.errstate(invalid="ignore"):
         shown = ((pixel > 0) & (pixel < np.array(camera.image_size) - 1)).all(axis=2)
-    shown &= _faces(in_camera, cam_from_rig @ poses, points)
+    shown &= that_look(in_camera, cam_from_rig @ poses, points)
     by_point = at.by_point.transpose(2, 0, 1).reshape(count, size, 2, 3)
     by_params = at.by_params.transpose(2, 0, 1).reshape(count, size, 2, -1)
     by_rig = by_point @ cam_from_rig[:3, :3]
@@ -268,16 +246,6 @@ def _seen(
     return enough, product[:, :-6, :-6], product[:, :-6, -6:], product[:, -6:, -6:]
 
 
-def _faces(in_camera: Array, cam_from_target: Array, points: KnownPoints) -> NDArray[np.bool_]:
-    """Which points (K, S) lie on planes that look at the camera, or on none."""
-    if not len(points.plane):
-        return np.ones(in_camera.shape[:2], dtype=bool)
-    normal = points.plane[points.face, :3] @ cam_from_target[:, :3, :3].transpose(0, 2, 1)
-    cosine = -(in_camera * normal).sum(axis=2) / np.maximum(np.linalg.norm(in_camera, axis=2), 1e-9)
-    looks: NDArray[np.bool_] = (cosine > LEAST_FACING) | (points.face < 0)
-    return looks
-
-
 def _told(found: RigCalibration, held: _Held, row: int, before: Array, after: Array) -> NextFrame:
     """A frame in words."""
     names = found.observations.camera_names
@@ -286,7 +254,7 @@ def _told(found: RigCalibration, held: _Held, row: int, before: Array, after: Ar
     pairs = list(combinations(range(len(names)), 2))
     a, b = max(pairs, key=lambda pair: _share(relative(rig, *pair).place_sigma_mm, relative(rig, *pair).baseline_mm))
     sigma = relative(rig, a, b).place_sigma_mm, relative(then, a, b).place_sigma_mm
-    is_rough = any(_is_new(found, camera, held.rig_from_target[row]) for camera in seeing)
+    is_rough = any(is_new(found, camera, held.rig_from_target[row]) for camera in seeing)
     then_mm = f"about {figure(sigma[1], 1)} mm if the lenses are as solved" if is_rough else f"{figure(sigma[1], 2)} mm"
     gain = f"the place of {short(names[b])} against {short(names[a])}, 1 sigma, {figure(sigma[0], 2)} -> {then_mm}"
     hold = f"hold the target {_where(found, held.rig_from_target[row], seeing)}"
@@ -295,17 +263,6 @@ def _told(found: RigCalibration, held: _Held, row: int, before: Array, after: Ar
         held.rig_from_target[row], tuple(printable(names[k]) for k in seeing), f"{hold}, {turned}: {gain}",
         (printable(names[a]), printable(names[b])), *sigma,
     )  # fmt: skip
-
-
-def _is_new(found: RigCalibration, camera: int, pose: Array) -> bool:
-    """Whether a camera would see much of the target where it has seen none of it so far, and knows its lens badly."""
-    pixel = found.cameras[camera].project(
-        transform(found.cam_from_rig[camera] @ pose, found.observations.points.position_mm)
-    )
-    seen = found.observations.sightings[camera].center_px
-    with np.errstate(invalid="ignore"):
-        beyond = ((pixel < seen.min(axis=0)) | (pixel > seen.max(axis=0))).any(axis=1)
-    return bool(found.is_refined[camera] and beyond.mean() > NEW_SHARE)
 
 
 def _share(sigma_mm: float, baseline_mm: float) -> float:

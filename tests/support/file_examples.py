@@ -73,6 +73,7 @@ from calib.studies.tolerance.what_if import SetError, Way, WhatIfTable
 from calib.verdict.apart import Known
 from calib.verdict.halves import Half
 from calib.verdict.judge import Judged
+from calib.verdict.next_robot_poses import NextPose
 from calib.verdict.next_views import NextView, NextViews
 from calib.verdict.rig_judge import JudgedRig
 from calib.verdict.rig_next_frames import NextFrame
@@ -253,7 +254,9 @@ def _rig_calibration() -> RigRecord:
 def _rig_verdict() -> JudgedRig:
     halves = RigHalves((RigSplit("in order", 1 / 3, 6, 1 / 7, (PairApart(("a b", "c"), -0.1, 0.2),)),))
     frame = NextFrame(POSE, ("a b", "c"), "hold it there", ("a b", "c"), 0.3, 1 / 7)
-    return JudgedRig(_verdict().verdict, _verdict().criteria, halves, next_frames=(frame,), solution_sha256="abc")
+    pose = NextPose(POSE, "move it there", math.nan, 1e-3, 1 / 3, 1 / 7)
+    return JudgedRig(_verdict().verdict, _verdict().criteria, halves, next_frames=(frame,), next_poses=(pose,),
+                     solution_sha256="abc")  # fmt: skip
 
 
 def _photos() -> ToldPhotos:
@@ -364,6 +367,7 @@ def _hand_eye() -> object:
         0.1,
         0.98,
         0.001,
+        (NextPose(pose, "move it there", math.nan, 1e-3, 1 / 3, 1 / 7),),
     )
 
 

@@ -1,12 +1,15 @@
 """What moved the target or the cameras of a rig: a robot or a turntable, as the photos show it."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from calib.core.number_text import figure as digits
+from calib.observe.robot_rotations import to_quaternion
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.show.parts.folder_blocks import number
+from calib.verdict.next_robot_poses import NextPose, gain_words
 from designer.base.words import capital, printable
 from designer.page.blocks import Block, Cell, Column, Facts, Finding, Findings, Section, Table
 
@@ -38,6 +41,36 @@ def carrier_section(carrier: CarrierFit, found: RigCalibration) -> Section:
     blocks.append(_errors_table(carrier, found.observations.frame_names))
     lead = "Where the photos show it, against what it said of itself; one adjustment of all sightings."
     return Section("What carries", tuple(blocks), lead=lead)
+
+
+def next_poses_table(poses: Sequence[NextPose]) -> Table:
+    """What to tell the robot: a row a pose, as in `next_poses.csv`."""
+    columns = (
+        Column("pose", is_number=False, note="as the photo from there is to be called"),
+        *(Column(f"{axis} mm", note="of the flange in the base") for axis in "xyz"),
+        *(Column(f"q{axis}") for axis in "xyzw"),
+        Column("direction deg", note="of the camera, its standard deviation with this pose and those above"),
+        Column("place mm", note="likewise"),
+    )
+    rows = tuple(
+        (
+            Cell(f"next_{row}"),
+            *(Cell(f"{value + 0.0:.2f}", value) for value in one.base_from_flange[:3, 3].tolist()),
+            *(Cell(f"{value + 0.0:.5f}", value) for value in to_quaternion(one.base_from_flange[:3, :3]).tolist()),
+            number(math.degrees(one.turn_sigma_rad_after), 2), number(one.place_sigma_mm_after, 2),
+        )
+        for row, one in enumerate(poses, start=1)
+    )  # fmt: skip
+    return Table("The robot's next poses, base_from_flange", columns, rows)
+
+
+def next_poses_words(poses: Sequence[NextPose]) -> str:
+    """What all of them together would give."""
+    first, last = poses[0], poses[-1]
+    turn = gain_words(math.degrees(first.turn_sigma_rad_before), math.degrees(last.turn_sigma_rad_after), "deg")
+    place = gain_words(first.place_sigma_mm_before, last.place_sigma_mm_after, "mm")
+    count = "1 more, in" if len(poses) == 1 else f"{len(poses)} more, in"
+    return f"{count} next_poses.csv: the camera's direction, 1 sigma, {turn}, its place {place}"
 
 
 def _errors_table(carrier: CarrierFit, names: tuple[str, ...]) -> Table:

@@ -9,7 +9,7 @@ from calib.records.rig_folder import RigRun, read_rig_run
 from calib.rigs.halves import NoRigHalves, RigHalves
 from calib.show.parts.folder_blocks import file_list, some_of, title_of
 from calib.show.parts.origin import Origin
-from calib.show.rig.carrier import carrier_section
+from calib.show.rig.carrier import carrier_section, next_poses_table
 from calib.show.rig.graph import sharing_figure, sharing_words
 from calib.show.rig.pictures import pictures_section
 from calib.show.rig.scene import rig_view, rig_words
@@ -25,6 +25,8 @@ FILES = (
     ("rig_calibration.json", "the whole solution: poses, frames, covariances"),
     ("target.json", "the target as it was used"),
     ("sightings.csv", "what the cameras saw; calib rig --table solves it again"),
+    ("hand_eye.json", "where the camera sits on what moves, or beside it, for a robot's program"),
+    ("next_poses.csv", "the robot's next poses; calib hand-eye --robot reads it"),
 )
 FILES_OF_CAMERA = (
     ("calibration.json", "its part of the solution, as a calibration of its own"),
@@ -76,13 +78,20 @@ def _next(view: RigPageView) -> Section | None:
     """What to do better, which frames to take, and what to go on with."""
     run = view.run
     advice = () if run.verdict is None else run.verdict.advice
-    frames = () if run.judged is None else run.judged.next_frames
-    steps = (*map(sentence, advice), *(sentence(frame.sentence) for frame in frames))
+    frames, poses = ((), ()) if run.judged is None else (run.judged.next_frames, run.judged.next_poses)
+    proposed = (*(frame.sentence for frame in frames), *(pose.sentence for pose in poses))
+    steps = (*map(sentence, advice), *map(sentence, proposed))
     commands = tuple(Command(line, purpose) for line, purpose in next_steps(run))
-    blocks: tuple[Block, ...] = (*((Steps(steps),) if steps else ()), *commands)
+    tables = (next_poses_table(poses),) if poses else ()
+    blocks: tuple[Block, ...] = (*((Steps(steps),) if steps else ()), *tables, *commands)
     lead = ""
     if frames:
         lead = "The next frames would help most of those tried; what each gives is with those before it."
+    elif poses:
+        lead = (
+            "The next poses of the robot would help most of those tried; what each gives is with those before it. "
+            "Whether it gets there, and what stands in the way, is not known here."
+        )
     return Section("Next", blocks, lead=lead) if blocks else None
 
 

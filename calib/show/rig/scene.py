@@ -12,6 +12,7 @@ from calib.rigs.relative import center_covariance
 from calib.rigs.result import RigCalibration
 from calib.show.rig.tables import frame_name
 from calib.show.run.camera_scene import first_look, points_layers, view_of
+from calib.verdict.next_robot_poses import rig_from_target_at
 from designer.base.words import printable
 from designer.page.blocks import View3d
 from designer.page.scene import Cameras, Labels, Layer, Scene, Segments
@@ -37,7 +38,14 @@ def rig_view(run: RigRun) -> View3d:
     found = enlarged(run.found, run.evidence.halves)
     middle, away_mm = _middle(found)
     size_mm = _size_mm(found, away_mm)
-    proposed = () if run.judged is None else tuple(frame.rig_from_target for frame in run.judged.next_frames)
+    proposed = (
+        ()
+        if run.judged is None
+        else (
+            *(frame.rig_from_target for frame in run.judged.next_frames),
+            *(rig_from_target_at(found, pose.base_from_flange) for pose in run.judged.next_poses),
+        )
+    )
     ellipsoids, times = _ellipsoids(found, size_mm)
     layers = (
         *points_layers(_held_points(found, middle)),

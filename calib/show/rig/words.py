@@ -8,9 +8,10 @@ import numpy as np
 from calib.core.number_text import figure as digits
 from calib.records.rig_file import RIG_FILE
 from calib.records.rig_folder import RigRun
-from calib.rigs.halves import NoRigHalves, RigHalves, SplitKind
+from calib.rigs.halves import NoRigHalves, RigHalves, SplitKind, enlarged
 from calib.rigs.relative import center_sigma_mm
 from calib.rigs.result import CarrierFit, RigCalibration
+from calib.show.rig.carrier import next_poses_words
 from calib.show.rig.tables import frame_name
 from calib.show.run.sections import headline_by
 from designer.base.words import capital, printable
@@ -47,8 +48,10 @@ def rig_facts(run: RigRun) -> Facts:
         ("residuals", _residual_words(run)),
     ]
     if found.carrier is not None:
-        rows.append(("camera", _sits_words(found)))
+        rows.append(("camera", _sits_words(enlarged(found, evidence.halves))))
         rows.append(("carried by", carrier_words(found.carrier)))
+    if run.judged is not None and run.judged.next_poses:
+        rows.append(("next poses", next_poses_words(run.judged.next_poses)))
     if evidence.pairs:
         rows.append(("distances", _distances_words(run)))
     if evidence.middle is not None:

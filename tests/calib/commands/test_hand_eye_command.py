@@ -10,6 +10,7 @@ import pytest
 import calib
 from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose
 from calib.core.types import Observations
+from calib.observe.robot_poses import read_robot_poses
 from calib.records.hand_eye_file import HAND_EYE
 from calib.rigs.turntable import turned_by
 from tests.support import command_line, rig_views, solver_scenes
@@ -69,6 +70,11 @@ def test_a_camera_in_hand_is_found_and_written_for_programs(folder: Path, tmp_pa
     ])  # fmt: skip
     assert told.covariance is not None
     assert off @ np.linalg.solve(told.covariance, off) < 30
+    said = read_robot_poses(out / "next_poses.csv").base_from_flange
+    for poses in (found.next_poses, told.next_poses):
+        assert np.allclose(said, [one.base_from_flange for one in poses], atol=1e-4)
+    assert len(said) >= 1
+    assert "next_poses.csv: the camera's direction" in answer.out
     assert told.target_size == pytest.approx(1.0, abs=5 * told.target_size_sigma)
 
 
