@@ -17,6 +17,7 @@ from calib.rigs.options import RigOptions
 from calib.rigs.problem import RigProblem, RigState
 from calib.rigs.start import Alone
 from calib.rigs.worth import camera_scales, scales_left, settled
+from calib.solver.accuracy import UNSURE_FOCAL, UndeterminedError
 from calib.solver.costs import COSTS
 from calib.solver.in_space import camera_change, in_space
 
@@ -37,6 +38,9 @@ def rig_in_space(
     """From the minimum in the image to that in space, without what the first left out.
 
     What distances of each camera, a carrier and single photos are worth is judged anew: noise is in mm there.
+
+    Raises:
+        UndeterminedError: what is least in space is nowhere near.
     """
     seen = tuple(
         replace(one, problem=in_space(one.problem, options.minimise, observations.points, own.point))
@@ -47,11 +51,23 @@ def rig_in_space(
     found = descend_rig(spaced, image.state, max_iterations=options.max_iterations)
     as_it_is = replace(options, reject_sigma=None, allows_slack=bool(problem.slack))
     found, _ = settled(spaced, found, observations, alone, as_it_is)
+    _require_near(image.state, found.state, observations.camera_names, options.minimise)
     told = replace(
         found, equations=rig_equations(problem, found.state, problem.loss),
         iterations=image.iterations + found.iterations,
     )  # fmt: skip
     return RigInSpace(told, camera_scales(problem, told, options.loss))
+
+
+def _require_near(before: RigState, after: RigState, names: Sequence[str], minimise: str) -> None:
+    """Refuse focal lengths that run away: where photos hardly tell them, many distances are shorter for wild ones."""
+    for name, old, new in zip(names, before.cameras, after.cameras, strict=True):
+        (was, _), (now, _) = old.params[:2], new.params[:2]
+        if not abs(now - was) <= UNSURE_FOCAL * was:
+            raise UndeterminedError(
+                f"--minimise {minimise}: takes the focal length of {name} from {was:.0f} px in the image to {now:.4g} "
+                "px, so the photos do not tell it; take more photos, keep the lens of an earlier run, or minimise image"
+            )
 
 
 def with_step(accuracy: RigAccuracy, before: RigState, after: RigState) -> RigAccuracy:

@@ -54,7 +54,8 @@ def solve_rig(
         options: weights, losses, what carries the target.
 
     Raises:
-        InputError: a camera cannot be solved, no frames join some cameras to the others, or options that do not fit.
+        InputError: a camera cannot be solved, or not in space, no frames join some cameras to the others, or options
+            that do not fit.
     """
     begin = time.perf_counter()
     options = options or RigOptions()
@@ -71,7 +72,8 @@ def solve_rig(
     observations, alone, options, remarks = _placed(observations, alone, options)
     started = _start(observations, alone, options, cam_from_rig, delay_s, reference)
     image, problem = _down(started, observations, alone, options)
-    there = None if options.minimise == IMAGE else rig_in_space(problem, image, observations, alone, options)
+    is_image = options.minimise == IMAGE or not image.converged
+    there = None if is_image else rig_in_space(problem, image, observations, alone, options)
     return _calibration(image, problem, there, observations, alone, options, remarks, started.undetermined, begin)
 
 

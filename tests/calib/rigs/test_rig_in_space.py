@@ -13,11 +13,13 @@ from calib.core.se3 import steps_between
 from calib.core.types import Observations, RigObservations
 from calib.rigs.options import CameraChoice, RigOptions
 from calib.rigs.solve import solve_rig
+from calib.solver.accuracy import UndeterminedError
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from designer.base.errors import InputError
 from tests.calib.rigs.test_solve_rig import camera_in_hand
 from tests.support.rig_views import RigScene, stereo_pair
+from tests.support.solver_scenes import board
 
 Array = NDArray[np.float64]
 
@@ -95,6 +97,14 @@ def test_what_cannot_be_minimised_is_refused_before_any_work_is_done() -> None:
     ]
     with pytest.raises(InputError, match="lie on no known plane; take ray"):
         solve_rig(replace(SCENE.observations, sightings=tuple(loose)), PAIR, RigOptions(minimise="intersection"))
+
+
+def test_lenses_that_run_away_are_refused() -> None:
+    """Six photos of twelve corners hardly tell a focal length; over a longer range all angles are smaller."""
+    seen = stereo_pair(board(4, 3, 20.0), frames=6, noise_px=0.5).observations
+    assert solve_rig(seen, PAIR).status == "converged"
+    with pytest.raises(UndeterminedError, match="takes the focal length of left from 1212 px in the image to"):
+        solve_rig(seen, PAIR, RigOptions(minimise="ray-by-range"))
 
 
 def test_halves_and_the_record_know_what_was_minimised(monkeypatch: pytest.MonkeyPatch) -> None:
