@@ -40,7 +40,10 @@ FIRST_SIGMA = (2e-3, 1.0)
 
 @one_thread_with_scipy
 def solve_rig(
-    observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions | None = None
+    observations: RigObservations,
+    choices: Sequence[CameraChoice],
+    options: RigOptions | None = None,
+    alone: Sequence[Alone] | None = None,
 ) -> RigCalibration:
     """`solve_rig(observations, [CameraChoice("opencv")] * 4).cam_from_rig`.
 
@@ -52,6 +55,7 @@ def solve_rig(
         observations: what was seen; each view has a sighting.
         choices: how each camera is to be solved (C,).
         options: weights, losses, what carries the target.
+        alone: of each camera, where `cameras_alone` has told it already.
 
     Raises:
         InputError: a camera cannot be solved, or not in space, no frames join some cameras to the others, or options
@@ -59,11 +63,7 @@ def solve_rig(
     """
     begin = time.perf_counter()
     options = options or RigOptions()
-    _check(observations, choices, options)
-    alone = [
-        solve_alone(seen, name, choice, options)
-        for seen, name, choice in zip(observations.sightings, observations.camera_names, choices, strict=True)
-    ]
+    alone = alone or cameras_alone(observations, choices, options)
     delay_s = np.zeros(len(alone))
     if options.estimates_delays:
         alone, delay_s = synchronised(observations, alone)
@@ -75,6 +75,17 @@ def solve_rig(
     is_image = options.minimise == IMAGE or not image.converged
     there = None if is_image else rig_in_space(problem, image, observations, alone, options)
     return _calibration(image, problem, there, observations, alone, options, remarks, started.undetermined, begin)
+
+
+def cameras_alone(
+    observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions
+) -> tuple[Alone, ...]:
+    """Each camera by itself; arguments as those of `solve_rig`."""
+    _check(observations, choices, options)
+    return tuple(
+        solve_alone(seen, name, choice, options)
+        for seen, name, choice in zip(observations.sightings, observations.camera_names, choices, strict=True)
+    )
 
 
 def _check(observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions) -> None:
@@ -98,8 +109,8 @@ def _busiest(observations: RigObservations, alone: Sequence[Alone]) -> int:
 
 
 def _placed(
-    observations: RigObservations, alone: list[Alone], options: RigOptions
-) -> tuple[RigObservations, list[Alone], RigOptions, tuple[str, ...]]:
+    observations: RigObservations, alone: Sequence[Alone], options: RigOptions
+) -> tuple[RigObservations, Sequence[Alone], RigOptions, tuple[str, ...]]:
     """Without the frames in which no camera has a pose."""
     has_pose = np.zeros(observations.frame_count, dtype=bool)
     for frames, one in zip(observations.frame, alone, strict=True):

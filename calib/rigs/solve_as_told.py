@@ -11,10 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from calib.cameras import parameter_names
+from calib.core.parallel import one_thread_with_scipy
 from calib.core.types import Observations, RigObservations
 from calib.rigs.options import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration
-from calib.rigs.solve import solve_rig
+from calib.rigs.solve import cameras_alone, solve_rig
+from calib.rigs.start import Alone
 from calib.rigs.worth import DISAGREES
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
@@ -26,6 +28,7 @@ SURE = 3e-3
 """Standard deviation of a focal length, as a part of it, from which on a camera's own photos tell its lens."""
 
 
+@one_thread_with_scipy
 def solve_as_told(
     observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions
 ) -> tuple[RigCalibration, RigOptions]:
@@ -38,20 +41,23 @@ def solve_as_told(
         InputError: as `solve_rig`.
     """
     rigid = replace(options, allows_slack=options.carrier is not None)
-    found = _settled(observations, choices, rigid)
+    alone = cameras_alone(observations, choices, rigid)
+    found = _settled(observations, choices, rigid, alone)
     if rigid.allows_slack or found.alone_scale is None or not (found.scale > DISAGREES * found.alone_scale).any():
         return found, rigid
-    if not all(_tells_its_lens(*one) for one in zip(observations.sightings, choices, strict=True)):
+    if not all(_tells_its_lens(*one) for one in zip(observations.sightings, choices, alone, strict=True)):
         return found, rigid
-    return solve_rig(observations, choices, options), options
+    return solve_rig(observations, choices, options, alone), options
 
 
-def _settled(observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions) -> RigCalibration:
+def _settled(
+    observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions, alone: Sequence[Alone]
+) -> RigCalibration:
     """A rig; if that ends short of a minimum, from where a rig without distortion ends.
 
     Cameras that hardly tell their lenses begin with wild ones, by which some points have no pixel on the way.
     """
-    found = solve_rig(observations, choices, options)
+    found = solve_rig(observations, choices, options, alone)
     if found.status != "stopped":
         return found
     try:
@@ -73,12 +79,12 @@ def _without_lens(choice: CameraChoice) -> CameraChoice:
     return replace(choice, fixed=(*choice.fixed, *more))
 
 
-def _tells_its_lens(seen: Observations, choice: CameraChoice) -> bool:
+def _tells_its_lens(seen: Observations, choice: CameraChoice, one: Alone) -> bool:
     """Whether a camera's own photos do."""
     if choice.given is not None and not choice.is_refined:
         return True
     try:
-        alone = solve(seen, choice.model, SolveOptions(fixed=choice.fixed))
+        alone = one.solved or solve(seen, choice.model, SolveOptions(fixed=choice.fixed))
     except InputError:
         return False
     sigma, focal = np.sqrt(np.diagonal(alone.param_covariance)[:2]), alone.camera.params[:2]

@@ -20,6 +20,7 @@ from calib.rigs.problem import RigProblem, RigState, frame_times, seen_poses, wi
 from calib.rigs.trajectory import LEAST_FRAMES, Trajectory, delay_between
 from calib.solver.accuracy import UndeterminedError
 from calib.solver.blocks import RobustLoss, view_misfit
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions, Tie, tie_parameters
 from calib.solver.solve import solve
 from calib.solver.start import solve_poses
@@ -46,7 +47,7 @@ class Alone:
     tie: Tie
     cam_from_target: Array  # (V_c, 4, 4) nan where it has no pose of its own
     scale: float  # standard deviation of an observation: px, or in units of the stated covariance
-    remarks: tuple[str, ...] = ()
+    solved: Calibration | None = None  # None: its lens was given
 
 
 def solve_alone(seen: Observations, name: str, choice: CameraChoice, options: RigOptions) -> Alone:
@@ -78,7 +79,7 @@ def solve_alone(seen: Observations, name: str, choice: CameraChoice, options: Ri
         raise InputError(f"camera {name}: {error}") from None
     number = {view: row for row, view in enumerate(seen.view_names)}
     poses[[number[view] for view in solved.observations.view_names]] = solved.cam_from_target
-    return Alone(solved.camera, tie_parameters(choice.model, fixed), poses, solved.scale)
+    return Alone(solved.camera, tie_parameters(choice.model, fixed), poses, solved.scale, solved)
 
 
 def _tie(model: str, choice: CameraChoice) -> Tie:

@@ -5,8 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib.core.types import Observations
 from calib.rigs.options import CameraChoice, RigOptions
 from calib.rigs.solve_as_told import solve_as_told
+from calib.solver.calibration import Calibration
+from calib.solver.options import SolveOptions
+from calib.solver.solve import solve
 from tests.benchmarks.bench_rig_real import FOLDER, length_errors, observed, read_corners, shuffled
 from tests.support.rig_views import stereo_pair
 
@@ -27,12 +31,25 @@ def test_corners_of_other_frames_are_placed_in_any_order() -> None:
     np.testing.assert_allclose(again.rig.center_mm[rows], found.rig.center_mm, atol=0.05)
 
 
-def test_photos_that_tell_their_lens_may_have_slack_and_others_none() -> None:
-    """Of frames of a moving target that two good cameras took one after the other; of frames that fit, none."""
+def test_photos_that_tell_their_lens_may_have_slack_and_others_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of frames of a moving target that two good cameras took one after the other; of frames that fit, none.
+
+    Each camera is solved alone once, however often the rig is.
+    """
+    solved: list[str] = []
+
+    def counted(seen: Observations, model: str, options: SolveOptions) -> Calibration:
+        solved.append(model)
+        return solve(seen, model, options)
+
+    for module in ("start", "solve_as_told"):
+        monkeypatch.setattr(f"calib.rigs.{module}.solve", counted)
     pair = stereo_pair(frames=10).observations
     choices = [CameraChoice("opencv")] * 2
     assert not solve_as_told(pair, choices, RigOptions())[1].allows_slack
     right = pair.sightings[1]
     shift_px = np.random.default_rng(0).normal(0, 3.0, (right.view_count, 2))
     late = replace(right, center_px=right.center_px + shift_px[right.view])
+    solved.clear()
     assert solve_as_told(replace(pair, sightings=(pair.sightings[0], late)), choices, RigOptions())[1].allows_slack
+    assert len(solved) == 2
