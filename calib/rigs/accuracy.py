@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from calib.core.linear_algebra import symmetric_inverse
 from calib.rigs.carrier import carrier_errors, error_derivatives
 from calib.rigs.descend import RigEquations, params_of
+from calib.rigs.motion_error import motion_covariance
 from calib.rigs.problem import RigProblem, RigState
 from calib.rigs.slack import slack_evidence
 from calib.solver.blocks import RobustLoss
@@ -189,7 +190,8 @@ def accuracy_of_rig(problem: RigProblem, found: Found, labels: Sequence[str], kn
     factor = _robust_factor(problem, found) if np.isfinite(knee) else 1.0
     place = np.concatenate([np.concatenate([one.params, one.pose]) for one in problem.seen])
     rows = np.flatnonzero(place >= 0)
-    shared = np.where(inverse.is_lost | inverse.is_lost[:, None], np.nan, factor * inverse.shared)
+    moved = motion_covariance(problem, found, inverse.shared, inverse.coupling)
+    shared = np.where(inverse.is_lost | inverse.is_lost[:, None], np.nan, factor * inverse.shared + moved)
     covariance = np.zeros((len(place), len(place)))
     covariance[np.ix_(rows, rows)] = shared[np.ix_(place[rows], place[rows])]
     delay = np.array([
@@ -200,7 +202,8 @@ def accuracy_of_rig(problem: RigProblem, found: Found, labels: Sequence[str], kn
     carrier = None if column is None else shared[column[:, None], column]
     size = problem.size_column
     size_sigma = float(np.sqrt(shared[size, size])) if size >= 0 else 0.0
-    frame = np.full_like(inverse.frame, np.nan) if inverse.is_lost.any() else factor * inverse.frame
+    frame = factor * inverse.frame + inverse.coupling @ moved @ inverse.coupling.transpose(0, 2, 1)
+    frame = np.full_like(frame, np.nan) if inverse.is_lost.any() else frame
     weakest = _why_undetermined(inverse, labels) if inverse.is_lost.any() else ""
     return RigAccuracy(covariance, frame, delay, carrier, size_sigma, weakest)
 

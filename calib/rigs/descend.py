@@ -135,7 +135,7 @@ def chain_of(problem: RigProblem, state: RigState, camera: int, frames: Array) -
     if problem.slack:
         turn = exp_rotation(state.slack[camera][:, :3])  # slack turns the pose last
         by_frame[:, :3], by_camera[:, :3] = turn @ by_frame[:, :3], turn @ by_camera[:, :3]
-    if problem.motion.any():
+    if problem.motion is not None:
         there = state.rig_from_target[one.frame, :3, :3]
         by_frame[:, :3, :3] = by_frame[:, :3, :3] @ frames[:, :3, :3] @ there.transpose(0, 2, 1)
     if one.delay[0] < 0:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, make_pose
 from calib.core.types import RigObservations
+from calib.rigs.motion import Motion
 from calib.rigs.options import Carrier
 from calib.rigs.slack import SlackPrior
 from calib.solver.levenberg import move_poses
@@ -52,7 +53,7 @@ class RigProblem:
     shared_count: int
     loss: Loss
     scale: Array  # (C,) standard deviation of an observation: px, or in units of the stated covariance
-    motion: Array  # (2, V, 6) of the target in each frame, in the rig's axes: rad, mm, per s and per s^2
+    motion: Motion | None = None  # of the target; None: it stands still in each frame
     prior: CarrierPrior | None = None
     size_column: int = -1  # the shared unknown that is the target's size; -1: as its file says
     slack: tuple[SlackPrior, ...] = ()  # (C,) of the views' poses; (): they are the rig's
@@ -118,8 +119,7 @@ def pack_rig(
         count += 6
     size_column = count if carrier is not None and carrier.tells_size else -1
     count += int(size_column >= 0)
-    motion = np.zeros((2, observations.frame_count, 6))
-    return RigProblem(tuple(seen), observations.frame_count, count, loss, scale, motion, prior, size_column=size_column)
+    return RigProblem(tuple(seen), observations.frame_count, count, loss, scale, prior=prior, size_column=size_column)
 
 
 def without_params(problem: RigProblem) -> RigProblem:
@@ -163,9 +163,8 @@ def seen_poses(problem: RigProblem, state: RigState, camera: int) -> tuple[Array
     one = problem.seen[camera]
     pose = state.rig_from_target[one.frame]
     gap = one.gap_s - state.delay_s[camera]
-    if gap.any():
-        speed, change = problem.motion[:, one.frame]
-        way = gap[:, None] * speed + 0.5 * gap[:, None] ** 2 * change
+    if problem.motion is not None:
+        way = problem.motion.way(one.frame, gap)
         pose = make_pose(exp_rotation(way[:, :3]) @ pose[:, :3, :3], pose[:, :3, 3] + way[:, 3:])
     seen = state.cam_from_rig[camera] @ pose
     if problem.slack:
@@ -176,8 +175,9 @@ def seen_poses(problem: RigProblem, state: RigState, camera: int) -> tuple[Array
 def speeds(problem: RigProblem, state: RigState, camera: int) -> Array:
     """How the target moves when a camera takes its photos.  # (V_c, 6) rad/s, mm/s"""
     one = problem.seen[camera]
-    speed, change = problem.motion[:, one.frame]
-    return np.asarray(speed + (one.gap_s - state.delay_s[camera])[:, None] * change)
+    if problem.motion is None:
+        return np.zeros((len(one.frame), 6))
+    return problem.motion.speed(one.frame, one.gap_s - state.delay_s[camera])
 
 
 def with_scale(problem: RigProblem, camera: int, size: float = 1.0) -> Problem:

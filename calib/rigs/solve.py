@@ -16,11 +16,11 @@ from calib.rigs.carrier import carrier_errors
 from calib.rigs.descend import descend_rig
 from calib.rigs.hand_eye import HandEyeStart, start_hand_eye
 from calib.rigs.in_space import RigInSpace, rig_in_space, space_remark, with_step
+from calib.rigs.motion import motion_of
 from calib.rigs.options import CameraChoice, RigOptions
 from calib.rigs.problem import RigProblem, RigState, frame_times, pack_rig, without_params
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.rigs.start import Alone, frame_candidates, joined, solve_alone, synchronised
-from calib.rigs.trajectory import motion_of
 from calib.rigs.turntable import start_turntable, turned_by
 from calib.rigs.worth import DISAGREES, LEAST_SCALE, LEAST_SIGMA, disagreement, residuals, scales_left, settled
 from calib.solver.blocks import KNEE
@@ -211,6 +211,8 @@ def _down(
             problem = replace(problem, motion=motion_of(state.rig_from_target, frame_times(observations)))
             thin = _thin(problem)
     found = descend_rig(problem, state, max_iterations=steps, loss="cauchy", small_decrease=1e-6)
+    if options.estimates_delays:  # by poses of which all sightings tell
+        problem = replace(problem, motion=motion_of(found.state.rig_from_target, frame_times(observations)))
     return settled(problem, found, observations, alone, options)
 
 
@@ -266,7 +268,9 @@ def _why_disagreeing(
         for number in far
     )
     cause = "a camera that was moved, or a target that is not as its file says"
-    if not options.estimates_delays:
+    if options.estimates_delays:
+        cause = "a target that moves faster than its frames tell, " + cause
+    else:
         cause = "photos of a moving target that were not taken at once (estimate the time offsets), " + cause
     slack = (
         "; each photo counts as little as that shows, and what is stated has it in it" if options.allows_slack else ""

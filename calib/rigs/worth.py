@@ -119,7 +119,7 @@ def _with_slack(problem: RigProblem, state: RigState) -> RigState:
 
 def _is_same(judged: RigProblem, problem: RigProblem) -> bool:
     """Whether the problem is as it was."""
-    near = SAME if judged.slack or judged.prior is not None or judged.motion.any() else SURELY_SAME
+    near = SAME if judged.slack or judged.prior is not None or judged.motion is not None else SURELY_SAME
     same = bool((np.abs(judged.scale / problem.scale - 1) < near).all())
     if judged.prior is not None and problem.prior is not None:
         same = same and bool((np.abs(judged.prior.sigma / problem.prior.sigma - 1) < SAME).all())
