@@ -20,6 +20,7 @@ from calib.rigs.motion import motion_of
 from calib.rigs.options import CameraChoice, RigOptions
 from calib.rigs.problem import RigProblem, RigState, frame_times, pack_rig, without_params
 from calib.rigs.result import CarrierFit, RigCalibration
+from calib.rigs.shifted import require_same_frames
 from calib.rigs.start import Alone, frame_candidates, joined, solve_alone, synchronised
 from calib.rigs.turntable import start_turntable, turned_by
 from calib.rigs.worth import DISAGREES, LEAST_SCALE, LEAST_SIGMA, disagreement, residuals, scales_left, settled
@@ -58,8 +59,8 @@ def solve_rig(
         alone: of each camera, where `cameras_alone` has told it already.
 
     Raises:
-        InputError: a camera cannot be solved, or not in space, no frames join some cameras to the others, or options
-            that do not fit.
+        InputError: a camera cannot be solved, or not in space, no frames join some cameras to the others, frames of
+            one would have to be shifted to fit, or options that do not fit.
     """
     begin = time.perf_counter()
     options = options or RigOptions()
@@ -67,6 +68,8 @@ def solve_rig(
     delay_s = np.zeros(len(alone))
     if options.estimates_delays:
         alone, delay_s = synchronised(observations, alone)
+    else:
+        require_same_frames(observations, alone)
     reference = options.reference if options.carrier is None else _busiest(observations, alone)
     cam_from_rig = joined(observations, alone, reference)
     observations, alone, options, remarks = _placed(observations, alone, options)

@@ -161,14 +161,19 @@ def _between(
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_GUESSES)).astype(int)] if len(rows) else rows
     if not len(rows):
         return None, 0.0
-    guess = one[rows] @ invert(other[rows])
-    far = np.median(np.linalg.norm(np.concatenate([one[rows, :3, 3], other[rows, :3, 3]]), axis=1))
-    turn = np.linalg.norm(log_rotation(guess[:, None, :3, :3] @ guess[None, :, :3, :3].swapaxes(-1, -2)), axis=-1)
-    way = np.linalg.norm(guess[:, None, :3, 3] - guess[None, :, :3, 3], axis=-1) / far
-    apart = turn + way + LEAST_DIFFERENCE
+    guess, apart = relative_poses(one[rows], other[rows])
     best = int(np.median(apart, axis=1).argmin())
     agree = apart[best] <= AGREES * np.median(apart[best])
     return guess[best], float((1 / (1 + (apart[best, agree] / 0.1) ** 2)).sum())
+
+
+def relative_poses(one: Array, other: Array) -> tuple[Array, Array]:
+    """Poses (N, 4, 4) against others, and how far these lie apart (N, N): radians and parts of the distance, summed."""
+    guess = one @ invert(other)
+    far = np.median(np.linalg.norm(np.concatenate([one[:, :3, 3], other[:, :3, 3]]), axis=1))
+    turn = np.linalg.norm(log_rotation(guess[:, None, :3, :3] @ guess[None, :, :3, :3].swapaxes(-1, -2)), axis=-1)
+    way = np.linalg.norm(guess[:, None, :3, 3] - guess[None, :, :3, 3], axis=-1) / far
+    return guess, turn + way + LEAST_DIFFERENCE
 
 
 def _parts(observations: RigObservations, votes: Array) -> str:

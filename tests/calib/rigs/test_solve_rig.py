@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation, invert, log_rotation, look_at, make_pose
-from calib.core.types import RigObservations, keep_frames
+from calib.core.types import RigObservations, keep_frames, keep_views
 from calib.rigs.descend import assembled, rig_equations
 from calib.rigs.motion import Motion
 from calib.rigs.options import CameraChoice, Carrier, RigOptions
@@ -171,8 +171,6 @@ def test_cameras_without_a_common_frame_are_chained_by_others() -> None:
 
 def _without_views(observations: RigObservations, keep: Sequence[NDArray[np.bool_]]) -> RigObservations:
     """Some views of each camera."""
-    from calib.core.types import keep_views
-
     return replace(
         observations,
         sightings=tuple(keep_views(seen, ok) for seen, ok in zip(observations.sightings, keep, strict=True)),
@@ -239,6 +237,25 @@ def test_photos_that_do_not_fit_together_are_said_and_widen_the_sigmas() -> None
     for camera in range(1, 4):
         rows, off = found.rig.pose_rows(camera), _difference(found, truth, camera)
         assert off @ np.linalg.solve(found.covariance[rows, rows], off) < 80
+
+
+def _shifted(observations: RigObservations, camera: int, by: int) -> RigObservations:
+    """One camera's photos in other frames than they were taken in."""
+    frame = observations.frame[camera]
+    kept = (frame - by >= 0) & (frame - by < observations.frame_count)
+    sightings, frames = list(observations.sightings), list(observations.frame)
+    sightings[camera], frames[camera] = keep_views(sightings[camera], kept), frame[kept] - by
+    return replace(observations, sightings=tuple(sightings), frame=tuple(frames))
+
+
+@pytest.mark.parametrize(("scene", "camera", "by"), [(rig_views.stereo_pair(), 1, 3), (rig_views.ring(), 0, -2)])
+def test_frames_that_are_shifted_are_named_with_the_shift(scene: rig_views.RigScene, camera: int, by: int) -> None:
+    """A list that lacks its first three photos is told by what fits; of many cameras the odd one, be it the first."""
+    known = [CameraChoice(one.model, given=one, is_refined=False) for one in scene.cameras]
+    name, frame = scene.observations.camera_names[camera], max(-by, 0)
+    pair = f"in frame{frame:03d} the others show in frame{frame + by:03d}"
+    with pytest.raises(InputError, match=f"camera {name}: its frames fit if shifted by {by}: .* {pair}"):
+        solve_rig(_shifted(scene.observations, camera, by), known)
 
 
 def test_time_offsets_need_time_stamps() -> None:
