@@ -16,6 +16,7 @@ from calib.as_built.result import AsBuilt
 from calib.as_built.solve import measure, measure_rig, with_known_weights
 from calib.core.se3 import make_pose, transform
 from calib.core.types import (
+    LEAST_POINTS,
     Observations,
     RigObservations,
     keep_frames,
@@ -50,8 +51,6 @@ _Pair: TypeAlias = tuple[float, ...]
 
 JUDGED_BY = ("intersection", "reprojection")
 """The metrics that tell whether a measured target is better, the first that has a bound."""
-LEAST_POINTS = 4
-"""Of a view that it needs for a pose."""
 SURE = 0.975
 """Probability with which the gain is at least what is stated."""
 

@@ -48,10 +48,8 @@ def log_rotation(rotation: Array) -> Array:
 
     Through the unit quaternion, from its largest component (Shepperd 1978), so that it stays exact near 0 and pi.
     """
-    quaternion = _quaternion(np.asarray(rotation, dtype=np.float64))
+    quaternion = quaternion_wxyz(rotation)
     scalar, vector = quaternion[..., :1], quaternion[..., 1:]
-    sign = np.where(scalar < 0, -1.0, 1.0)
-    scalar, vector = scalar * sign, vector * sign
     length = np.linalg.norm(vector, axis=-1, keepdims=True)
     is_small = length < SMALL_ANGLE_RAD
     safe = np.where(is_small, 1.0, length)
@@ -59,9 +57,16 @@ def log_rotation(rotation: Array) -> Array:
     return result
 
 
-def _quaternion(rotation: Array) -> Array:
-    """Unit quaternions (..., 4), scalar first; their sign is free."""
-    r = rotation
+def rotation_of_quaternion(wxyz: Array) -> Array:
+    """Rotations (..., 3, 3) of quaternions (..., 4), scalar first, whatever their length and sign."""
+    vector = wxyz[..., 1:]
+    sine = np.linalg.norm(vector, axis=-1, keepdims=True)
+    return exp_rotation(vector * (2 * np.arctan2(sine, wxyz[..., :1]) / np.where(sine > 0, sine, 1.0)))
+
+
+def quaternion_wxyz(rotation: Array) -> Array:
+    """Unit quaternions (..., 4) of rotations (..., 3, 3), scalar first and not negative."""
+    r = np.asarray(rotation, dtype=np.float64)
     xx, yy, zz = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
     a, b, c = r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]
     d, e, f = r[..., 1, 0] + r[..., 0, 1], r[..., 0, 2] + r[..., 2, 0], r[..., 2, 1] + r[..., 1, 2]
@@ -78,7 +83,7 @@ def _quaternion(rotation: Array) -> Array:
     largest = np.argmax(np.diagonal(rows, axis1=-2, axis2=-1), axis=-1)
     row = np.take_along_axis(rows, largest[..., None, None], axis=-2)[..., 0, :]
     unit: Array = row / np.linalg.norm(row, axis=-1, keepdims=True)
-    return unit
+    return unit * np.where(unit[..., :1] < 0, -1.0, 1.0)
 
 
 def skew(vector: Array) -> Array:

@@ -245,6 +245,10 @@ def keep_views(observations: Observations, keep: NDArray[np.bool_]) -> Observati
     return replace(kept, view_names=tuple(name for name, ok in names if ok), view=(np.cumsum(keep) - 1)[kept.view])
 
 
+LEAST_POINTS = 4
+"""Of a view, for a pose: a homography has eight unknowns."""
+
+
 def sightings_per_view(observations: Observations) -> NDArray[np.int64]:
     """How many sightings each view has.  # (V,)"""
     count: NDArray[np.int64] = np.bincount(observations.view, minlength=observations.view_count)

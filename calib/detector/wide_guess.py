@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.cameras import WIDE, linearise, neutral, project
+from calib.cameras import linearise, project
 from calib.cameras.camera import Camera
+from calib.cameras.plain import even_camera
 from calib.core.linear_algebra import least_squares, symmetric_inverse
 from calib.detector import homography
 from calib.detector.lens import (
@@ -36,8 +37,8 @@ SMOOTH = 4.0
 """F statistic of what noise does not do in one of a thousand grids."""
 BETTER = 0.5
 """A wide lens must leave no more than this part of the distances."""
-HALF_FIELDS_RAD = np.radians([30.0, 42.0, 56.0, 75.0, 95.0, 120.0, 145.0, 170.0])
-"""From the middle of the image to its corners, of a circle within it far outside: where the fit starts."""
+FIELDS_RAD = np.radians([60.0, 84.0, 112.0, 150.0, 190.0, 240.0, 290.0, 340.0])
+"""From corner to corner of the image, of a circle within it far outside: where the fit starts."""
 FOCAL_SHARE, CENTRE_SHARE, LENS_SPREAD = 0.3, 0.02, 0.05
 """What is known beforehand of the focal length, as its part, of the centre, in half diagonals, and of the lens's
 numbers, so that few points do not run off."""
@@ -141,19 +142,11 @@ def _wide_lens(groups: Groups, image_size: tuple[int, int]) -> CameraLens | None
         np.cumsum(count) - count,
         np.repeat(np.arange(len(count)), count),
     )
-    starts = [one for field in HALF_FIELDS_RAD if (one := _start(planes, _even_camera(image_size, field))) is not None]
+    starts = [one for field in FIELDS_RAD if (one := _start(planes, even_camera(image_size, field))) is not None]
     if not starts:
         return None
     start = min(starts, key=lambda one: float(np.median(_residual(planes, one))))
     return CameraLens(_descended(planes, start).camera)
-
-
-def _even_camera(image_size: tuple[int, int], half_field_rad: float) -> Camera:
-    """The camera whose angle off the axis grows evenly from the middle of the image to its corners."""
-    params = neutral(WIDE)
-    params[:2] = 0.5 * np.hypot(*image_size) / half_field_rad
-    params[2:4] = 0.5 * (np.array(image_size) - 1)
-    return Camera(WIDE, params, image_size)
 
 
 def _start(planes: _Planes, camera: Camera) -> _WideGuess | None:

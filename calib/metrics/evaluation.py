@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import rays
-from calib.core.types import Observations, keep_sightings, keep_views
+from calib.core.types import LEAST_POINTS, Observations, keep_sightings, keep_views
 from calib.metrics import METRICS, OF_TRUTH
 from calib.metrics.errors import Errors, ErrorSummary, is_known, predict, summarise, summarise_groups
 from calib.renderer.truth import Truth
@@ -17,8 +17,6 @@ from calib.solver.start import solve_poses
 from designer.base.errors import InputError
 
 LEAST_FOLDS = 2
-LEAST_POINTS = 4
-"""Of a view, for a pose."""
 USUAL_FOLDS = 5
 Solve = Callable[[Observations], Calibration]
 

@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.linear_algebra import solve_square
-from calib.core.types import SUREST, Detections, KnownPoints, Observations, keep_views, with_sound_covariances
+from calib.core.types import (
+    LEAST_POINTS,
+    SUREST,
+    Detections,
+    KnownPoints,
+    Observations,
+    keep_views,
+    with_sound_covariances,
+)
 from calib.observe.mirrored import mirrored_views
 from calib.observe.misplaced import misplaced_pieces
 from designer.base.errors import InputError
@@ -18,8 +26,6 @@ from designer.target import TargetGeometry
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-LEAST_POINTS = 4
-"""Of a view: a homography has eight unknowns."""
 ON_A_LINE = 1e-3
 """Points this much thinner than long lie on a line."""
 SAME_PX = 1e-3

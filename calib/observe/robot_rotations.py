@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.se3 import exp_rotation
+from calib.core.se3 import exp_rotation, quaternion_wxyz, rotation_of_quaternion
 from designer.base.errors import InputError
 from designer.base.words import shown
 
@@ -52,16 +52,12 @@ def of_quaternion(value: Array) -> Array:
     off = np.flatnonzero(~(np.abs(length - 1) < UNIT_LENGTH))
     if len(off):
         raise RowError(int(off[0]), f"a quaternion of length {length[off[0]]:.4g}; a rotation's is 1")
-    vector, sine = value[:, :3], np.linalg.norm(value[:, :3], axis=1)
-    angle = 2 * np.arctan2(sine, value[:, 3])
-    return exp_rotation(vector * (angle / np.where(sine > 0, sine, 1.0))[:, None])
+    return rotation_of_quaternion(np.roll(value, 1, axis=1))
 
 
 def to_quaternion(rotation: Array) -> Array:
     """Quaternions x y z w (..., 4) of rotations (..., 3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_matrix(rotation).as_quat())
+    return np.roll(quaternion_wxyz(rotation), -1, axis=-1)
 
 
 def of_matrix(value: Array) -> Array:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
 from calib.core.se3 import invert, log_rotation
-from calib.core.types import Observations, RigObservations, keep_views, sightings_per_view
+from calib.core.types import LEAST_POINTS, Observations, RigObservations, keep_views, sightings_per_view
 from calib.rigs.options import CameraChoice, RigOptions
 from calib.rigs.problem import RigProblem, RigState, frame_times, seen_poses, with_scale
 from calib.rigs.trajectory import LEAST_FRAMES, Trajectory, delay_between
@@ -29,8 +29,6 @@ from designer.base.errors import InputError
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-FEWEST_POINTS = 4
-"""Of a view that has a pose of its own; fewer count once the frame's pose is known by others."""
 MOST_GUESSES = 200
 """Of the place of one camera against another's, that are compared."""
 AGREES = 3.0
@@ -57,7 +55,7 @@ def solve_alone(seen: Observations, name: str, choice: CameraChoice, options: Ri
         InputError: its photos are too few for it to be solved.
     """
     poses = np.full((seen.view_count, 4, 4), np.nan)
-    many = sightings_per_view(seen) >= FEWEST_POINTS
+    many = sightings_per_view(seen) >= LEAST_POINTS
     part = keep_views(seen, many)
     if choice.given is not None:
         camera = choice.given

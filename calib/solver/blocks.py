@@ -60,6 +60,12 @@ class RobustLoss:
         """The length of a whitened residual where it bends."""
         return KNEE[self.kind] * self.sigma
 
+    def weights(self, length: Array) -> Array:
+        """By which squares of whitened residuals of some lengths count: the loss's derivative by the square."""
+        if self.kind == "huber":
+            return np.asarray(np.minimum(1.0, self.knee / np.maximum(length, 1e-300)))
+        return np.asarray(1 / (1 + (length / self.knee) ** 2))
+
 
 @jit_sums
 def _to_camera(

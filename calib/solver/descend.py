@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import neutral
 from calib.cameras.camera import Camera
+from calib.core.types import LEAST_POINTS
 from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.descent import FIRST_DAMPING
 from calib.solver.levenberg import Minimum, minimise
@@ -29,8 +30,6 @@ MOST_ROUNDS = 60
 WIDER = 0.004
 """Part of the angle off the axis by which more is left out each time that leaving out was not enough."""
 TWICE = 2
-LEAST_POINTS = 4
-"""Of a view, for a pose."""
 NEAR = 1e-10
 """Damping to begin the last descent with."""
 ROUNDS = 6

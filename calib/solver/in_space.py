@@ -12,7 +12,7 @@ from calib.core.types import KnownPoints
 from calib.solver.accuracy import Accuracy, accuracy_of, projected_change, share_px
 from calib.solver.blocks import RobustLoss, view_blocks, view_misfit
 from calib.solver.costs import COSTS, DISTANCES, IMAGE
-from calib.solver.descend import Descended, Shown, lost_views, minimise_shown
+from calib.solver.descend import ROUNDS, Descended, Shown, lost_views, minimise_shown
 from calib.solver.distance import InSpace
 from calib.solver.options import SolveOptions, Tie
 from calib.solver.outliers import deviations, robust_sigma, whitened
@@ -24,8 +24,6 @@ Array = NDArray[np.float64]
 
 ENOUGH = 1000
 """Pixels to tell from where cameras differ."""
-ROUNDS = 6
-"""Of weighing outliers and solving again, as in the image."""
 
 
 def require_planes(minimise: str, points: KnownPoints, seen: NDArray[np.int64]) -> None:

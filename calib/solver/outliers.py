@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
-from calib.solver.blocks import KNEE, RobustLoss
+from calib.solver.blocks import RobustLoss
 from calib.solver.options import Tie
 from calib.solver.problem import whiteners
 from calib.solver.schur import reduced_blocks
@@ -76,13 +76,8 @@ def robust_covariance_factor(length: Array, loss: RobustLoss) -> float:
     With weights w(r) of residuals' lengths r, an M-estimator has the covariance `(J'J)^-1 E[w^2 r^2] / 2 / E[w + r w' /
     2]^2` (Huber 1981, section 7.6, in two dimensions), and the normal matrix is about `E[w] J'J`.
     """
-    knee = KNEE[loss.kind] * loss.sigma
-    if loss.kind == "huber":
-        weight = np.where(length <= knee, 1.0, knee / np.maximum(length, 1e-300))
-        slope = np.where(length <= knee, 1.0, 0.5 * weight)
-    else:
-        weight = 1 / (1 + (length / knee) ** 2)
-        slope = weight**2
+    weight = loss.weights(length)
+    slope = np.where(length <= loss.knee, 1.0, 0.5 * weight) if loss.kind == "huber" else weight**2
     return float(weight.mean() * 0.5 * (weight**2 * length**2).mean() / slope.mean() ** 2)
 
 

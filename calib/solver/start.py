@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from calib.cameras import ABILITIES, MODELS, WIDE, neutral, rays
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import slopes
+from calib.cameras.plain import even_camera, plain_camera
 from calib.cameras.refit import fit_rays, image_grid
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import compose, invert, make_pose, rotation_between
-from calib.core.types import Observations
+from calib.core.types import LEAST_POINTS, Observations
 from calib.solver.blocks import KNEE, RobustLoss, view_misfit
 from calib.solver.levenberg import minimise, minimise_poses
 from calib.solver.linear_pose import focal_of, linear_views, poses_of, principal_frames, weak_perspective_poses
@@ -42,8 +43,6 @@ GOOD_FIT = 5e-4
 AT_BOUND = 0.02
 """So near to a bound a parameter is taken to have run into it."""
 COARSE_STEPS = 25
-LEAST_POINTS = 4
-"""Of a view, for a pose."""
 POOR = 25.0
 """Mean square residual of a view, in units of the median view's, of which another start may find a better pose."""
 SCARCE = 12
@@ -56,13 +55,6 @@ STEPS = 15
 MOST_STEPS = 50
 
 
-def first_camera(model: str, image_size: tuple[int, int], focal_px: float) -> Camera:
-    """A camera without distortion, its principal point in the middle of the image."""
-    params = neutral(model)
-    params[:4] = focal_px, focal_px, 0.5 * (image_size[0] - 1), 0.5 * (image_size[1] - 1)
-    return Camera(model, params, image_size)
-
-
 @lru_cache(maxsize=64)
 def wide_camera(model: str, image_size: tuple[int, int], field_rad: float) -> Camera:
     """The camera of a wide model whose angles are as even as can be, so far from corner to corner of the image.
@@ -70,7 +62,7 @@ def wide_camera(model: str, image_size: tuple[int, int], field_rad: float) -> Ca
     Nearly all wide lenses are made so that the distance from the centre grows in proportion to the angle. Cameras are
     kept, as halves and parts of the same photos begin with the same.
     """
-    even = first_camera(WIDE, image_size, float(np.hypot(*image_size)) / field_rad)
+    even = even_camera(image_size, field_rad)
     return even if model == WIDE else _in_words_of(even, model, image_grid(image_size, WIDE_GRID).reshape(-1, 2))
 
 
@@ -98,7 +90,7 @@ def coarse_camera(
         if any(one.typical_px2(is_robust=is_robust) < (GOOD_FIT * side) ** 2 and not one.is_at_bound for one in tried):
             break
     if not tried:
-        return _with_fixed(first_camera(model, problem.image_size, focal_px or float(side)), tie, fixed)
+        return _with_fixed(plain_camera(model, problem.image_size, focal_px or float(side)), tie, fixed)
     best = min(one.typical_px2(is_robust=is_robust) for one in tried)
     return min(tried, key=lambda one: one.cost_px2(best, is_robust=is_robust)).camera
 
@@ -148,7 +140,7 @@ def _first_cameras(few: Problem, model: str, focal_px: float | None, *, is_robus
         yield _even_cameras(model, few.image_size)
     side = max(few.image_size)
     for focal in _focals(few, focal_px, side, is_robust=is_robust):
-        yield (first_camera(model, few.image_size, focal),)
+        yield (plain_camera(model, few.image_size, focal),)
 
 
 def _even_cameras(model: str, image_size: tuple[int, int]) -> Iterator[Camera]:

@@ -21,7 +21,7 @@ from calib.core.parallel import one_thread_with_scipy
 from calib.solver.accuracy import Accuracy, UndeterminedError
 from calib.solver.blocks import Blocks, Misfit, RobustLoss, view_misfit
 from calib.solver.costs import IMAGE
-from calib.solver.descend import Descended, is_robust, lost_views
+from calib.solver.descend import ROUNDS, Descended, is_robust, lost_views
 from calib.solver.descent import FIRST_DAMPING
 from calib.solver.levenberg import Minimum, move_poses, turn_of_centre
 from calib.solver.options import Loss, SolveOptions, Tie
@@ -36,8 +36,6 @@ Flags = NDArray[np.bool_]
 
 LEAST_VIEWS = 3
 """Of two, poses take up what the surface would be told by."""
-ROUNDS = 6
-"""Of weighing or leaving out outliers and solving again."""
 LEARN_IN_ROUNDS = 2
 """The smoothness is that of the base's residuals first, then of the surface's own."""
 MOST_STEPS = 30
@@ -239,10 +237,7 @@ def _weights(task: _Bending, state: _State, loss: RobustLoss) -> Array:
     """By which the squares of the residuals count (M,): the loss' derivative."""
     if loss.kind == "squares":
         return np.ones(len(task.problem.is_used))
-    length = np.hypot(*whitened(task.problem.whitener, task.misfit_of(state, loss).residual_px))
-    if loss.kind == "huber":
-        return np.asarray(np.minimum(1.0, loss.knee / np.maximum(length, 1e-300)))
-    return np.asarray(1 / (1 + (length / loss.knee) ** 2))
+    return loss.weights(np.hypot(*whitened(task.problem.whitener, task.misfit_of(state, loss).residual_px)))
 
 
 def _equations(task: _Bending, state: _State, loss: RobustLoss) -> SurfaceEquations:

@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.se3 import quaternion_wxyz
 from calib.interop import FORMATS
 from calib.interop.colmap import HEAD, camera_line, read_lines, read_words
 from calib.interop.format import ReadCamera
 from calib.interop.parsing import mapping, number, numbers, real, required
 from calib.interop.rigs.format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
-from calib.interop.rigs.poses import UNIT_WORDS, quaternion_pose, quaternion_wxyz, unit_said
+from calib.interop.rigs.poses import UNIT_WORDS, quaternion_pose, unit_said
 from designer.base.errors import InputError
 from designer.base.file_kind import laid_out
 from designer.base.small_file import JsonValue, parse_json

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.se3 import MAX_DISTANCE_MM, exp_rotation, log_rotation, make_pose
+from calib.core.se3 import MAX_DISTANCE_MM, exp_rotation, make_pose, rotation_of_quaternion
 from calib.interop.parsing import numbers, shown_plain
 from designer.base.errors import InputError
 from designer.base.words import shown, suggestion
@@ -93,17 +93,7 @@ def quaternion_pose(wxyz: Sequence[float], shift: Sequence[float], unit: str, or
     length = float(np.linalg.norm(np.clip(quaternion, -2, 2)))
     if not abs(length - 1) < FAR_FROM_RIGID:
         raise InputError(f"{origin}: a quaternion of length {length:.6g}: must be 1; scalar first: w x y z")
-    w, vector = quaternion[0] / length, quaternion[1:] / length
-    sine = float(np.linalg.norm(vector))
-    turn = 2 * np.arctan2(sine, w)
-    return make_pose(exp_rotation(vector * (turn / sine if sine > 0 else 2.0)), shift_mm(shift, unit, origin))
-
-
-def quaternion_wxyz(rotation: Array) -> Array:
-    """The unit quaternion (4,) of a rotation (3, 3), scalar first and not negative."""
-    vector = log_rotation(rotation)
-    angle = float(np.linalg.norm(vector))
-    return np.concatenate([[np.cos(angle / 2)], vector * (np.sin(angle / 2) / angle if angle > 0 else 0.5)])
+    return make_pose(rotation_of_quaternion(quaternion), shift_mm(shift, unit, origin))
 
 
 def nearest_rotation(matrix: Array, origin: str) -> Array:

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from calib.cameras.linear_part import linear_part
 from calib.cameras.rectification import rectified_pair
-from calib.core.se3 import invert
+from calib.core.se3 import invert, quaternion_wxyz
 from calib.interop import FORMATS
 from calib.interop.parsing import real
 from calib.interop.rigs.format import RigFormat, WrittenRig, plain_words
-from calib.interop.rigs.poses import quaternion_wxyz, roll_pitch_yaw_rad
+from calib.interop.rigs.poses import roll_pitch_yaw_rad
 from calib.interop.rigs.ros_reading import FRAME, LAUNCH, RIG_LINK, SUFFIX, read
 from calib.interop.ros import info_text
 

@@ -61,7 +61,7 @@ def compare_page(folder: Path, origin: Origin) -> Page:
     again = Command("calib report .", "in this folder: makes this page again")
     files = files_section(folder, FILES, again)
     if table is None:
-        missing = question_section(QUESTION, (), Findings((Finding("usable", "No tables", NO_TABLE),)))
+        missing = question_section(QUESTION, (), NO_TABLE)
         return Page(TITLE, "Comparison", None, (missing, files), made_by=origin.command, program=origin.program)
     _, wrong = read_identity(folder)
     sections = (

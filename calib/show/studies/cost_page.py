@@ -53,7 +53,7 @@ def cost_page(folder: Path, origin: Origin) -> Page:
     table = COST_TABLE.read_if_there(folder / JSON_FILE)
     files = files_section(folder, FILES, Command("calib report .", "in this folder: makes this page again"))
     if table is None:
-        missing = question_section(QUESTION, (), Findings((Finding("usable", "No tables", NO_TABLE),)))
+        missing = question_section(QUESTION, (), NO_TABLE)
         return Page(TITLE, "Study", None, (missing, files), made_by=origin.command, program=origin.program)
     _, wrong = read_identity(folder)
     sections = (

@@ -39,7 +39,8 @@ MAX_PIXELS_BYTES = 600_000
 MOST_FIGURES = 12
 """Of a kind: more are links only, to keep the page small."""
 LONGEST_SETTING = 200
-NO_TABLE = "table.json is missing: run the study again with --resume, and its tables stand here."
+_LOST = "table.json is missing: run the study again with --resume, and its tables stand here."
+NO_TABLE = Findings((Finding("usable", "No tables", _LOST),))
 
 
 @dataclass(frozen=True)

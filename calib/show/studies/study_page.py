@@ -51,7 +51,6 @@ from designer.page.blocks import (
     Block,
     Command,
     Figure,
-    Finding,
     Findings,
     Fold,
     Headline,
@@ -153,7 +152,7 @@ def _setting(folder: Path, table: StudyTable | None, question: str) -> Section:
     facts = []
     missing: tuple[Block, ...] = ()
     if table is None:
-        missing = (Findings((Finding("usable", "No tables", NO_TABLE),)),)
+        missing = (NO_TABLE,)
     else:
         ways = [setting_in_words(setting) for setting in table.settings]
         facts += [

@@ -86,7 +86,7 @@ def tolerance_page(folder: Path, origin: Origin) -> Page:
     study = TOLERANCE_TABLE.read_if_there(folder / JSON_FILE)
     files = files_section(folder, FILES, AGAIN)
     if study is None:
-        missing = Findings((Finding("usable", "No tables", NO_TABLE),))
+        missing = NO_TABLE
         title, headline = printable(folder.absolute().name) or "study", None
         sections: tuple[Section, ...] = (question_section(QUESTION, (), missing), files)
     else:

@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib.core.se3 import compose, exp_rotation, invert, log_rotation, look_at, make_pose, skew, transform
+from calib.core.se3 import (
+    compose,
+    exp_rotation,
+    invert,
+    log_rotation,
+    look_at,
+    make_pose,
+    quaternion_wxyz,
+    rotation_of_quaternion,
+    skew,
+    transform,
+)
 
 
 def vectors(seed: int = 0) -> np.ndarray:
@@ -37,6 +48,15 @@ def test_log_of_half_a_turn() -> None:
     vector = log_rotation(half_turn)
     assert np.abs(np.linalg.norm(vector, axis=1) - np.pi).max() < 1e-7
     assert np.abs(exp_rotation(vector) - half_turn).max() < 1e-7
+
+
+def test_quaternions_are_those_of_scipy() -> None:
+    """Scalar first and not negative, and back from any length and sign, at zero and half a turn, too."""
+    wxyz = quaternion_wxyz(exp_rotation(vectors()))
+    expected = np.roll(Rotation.from_rotvec(vectors()).as_quat(canonical=True), 1, axis=1)
+    assert np.abs(wxyz - expected).max() < 1e-14
+    assert np.abs(rotation_of_quaternion(-1.01 * wxyz) - exp_rotation(vectors())).max() < 1e-14
+    assert np.array_equal(rotation_of_quaternion(wxyz[5]), rotation_of_quaternion(wxyz)[5])
 
 
 def test_functions_broadcast() -> None:
