@@ -178,6 +178,20 @@ def search_rig(
     return RigSearch(target, photos, tuple(searches)), rig_observations(cameras, photos.frame_names, remarks)
 
 
+def search_with_lenses(
+    target: TargetGeometry, photos: RigPhotos, lenses: Mapping[str, Camera], jobs: int | None, progress: Progress
+) -> RigSearch:
+    """Search each camera's photos with its lens; a camera may see nothing.
+
+    Raises:
+        InputError: a photo of another size than its camera's, or a camera whose photos cannot be read.
+    """
+    _require_given_sizes(photos, lenses)
+    names = photos.camera_names
+    searches = tuple(_searched(target, photos, name, lenses[name], None, jobs, progress) for name in names)
+    return RigSearch(target, photos, searches)
+
+
 def search_one(
     target: TargetGeometry, photos: FoundPhotos, camera: Camera | None, plan: SolvePlan | None, jobs: int | None,
     progress: Progress,

@@ -8,6 +8,7 @@ from calib.commands.folder_page import with_page
 from calib.observe.photos import PhotoResult, Search
 from calib.observe.records import median_sigma_px
 from calib.observe.target_poses import PoseResult, TargetPose
+from calib.records.rig_poses_file import RigPoseResult, RigTargetPose
 from calib.show.photos.photos_file import ToldPhotos, told_table, write_photos
 from designer.base.answer import Summary, Value
 from designer.base.codec import encode
@@ -104,6 +105,19 @@ def poses_answer(found: PoseResult) -> dict[str, Value]:
         "failures": list(found.search.failures),
         "poses": [_pose(one) for one in found.poses],
         "without_pose": [{"image": one.image, "reason": one.reason} for one in found.without_pose],
+    }
+
+
+def rig_poses_answer(found: RigPoseResult) -> dict[str, Value]:
+    """The pose of each frame as the file has it, or why there is none."""
+    return {
+        "target_id": found.target.geometry_id,
+        "frames": len(found.poses) + len(found.without_pose),
+        "with_pose": len(found.poses),
+        "has_rig_covariance": found.rig.covariance is not None,
+        "failures": list(found.failures),
+        "poses": [cast("dict[str, Value]", encode(RigTargetPose, one)) for one in found.poses],
+        "without_pose": [{"frame": one.frame, "reason": one.reason} for one in found.without_pose],
     }
 
 

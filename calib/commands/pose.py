@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.commands.camera_argument import read_camera
-from calib.commands.options import CameraArgument, PhotoJobsOption, PhotosArgument, TargetArgument, WeightedOption
+from calib.commands.options import CameraArgument, PhotoJobsOption, TargetArgument, WeightedOption
 from calib.show.screen import progress_bars
 from designer.base.answer import Summary
 from designer.base.errors import InputError
@@ -22,8 +22,17 @@ NO_POSE = 1
 def pose(
     target: TargetArgument,
     camera: CameraArgument,
-    photos: PhotosArgument,
+    photos: Annotated[
+        list[str] | None, typer.Argument(help="images, folders of images, or patterns such as 'run/*.png'")
+    ] = None,
     *,
+    rig: Annotated[
+        Path | None,
+        typer.Option(
+            help="instead of a camera: the target in the frame of this rig, from a folder a camera, or one that holds "
+            "these: calib pose --rig rig.json TARGET FOLDER..."
+        ),
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="poses to write, .json or .csv")] = None,
     overlay: Annotated[
         Path | None, typer.Option(help="folder for pictures with the axes and the residuals", metavar="DIR")
@@ -31,7 +40,7 @@ def pose(
     weighted: WeightedOption = True,
     jobs: PhotoJobsOption = None,
 ) -> Summary:
-    """Find where a known camera stood before the target, and how surely, photo by photo.
+    """Find where a known camera stood before the target, and how surely, photo by photo; or the target before a rig.
 
     The exit code is 1 if no photo gives a pose.
     """
@@ -40,11 +49,17 @@ def pose(
     from calib.observe.target_poses import check_output
     from calib.show.photos.posed_photos import told_posed
 
+    if overlay is not None and overlay.exists() and not overlay.is_dir():
+        raise InputError(f"{overlay}: is a file, not a folder; choose another with --overlay")
+    if rig is not None:
+        from calib.commands.pose_rig import pose_before_rig
+
+        return pose_before_rig(target, rig, [camera, *(photos or ())], out, overlay, weighted=weighted, jobs=jobs)
+    if not photos:
+        raise InputError("no photos; give images, folders of images, or patterns, after the camera's file")
     named = read_camera(camera)
     if out is not None:
         check_output(out)
-    if overlay is not None and overlay.exists() and not overlay.is_dir():
-        raise InputError(f"{overlay}: is a file, not a folder; choose another with --overlay")
     with progress_bars() as progress:
         found = find_poses(target, named.camera, photos, weighted=weighted, jobs=jobs, progress=progress)
     if out is not None:

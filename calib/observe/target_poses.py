@@ -153,7 +153,7 @@ def target_poses(photos: Sequence[Detections], target: TargetGeometry, camera: C
         for pose, covariance in zip(solved.cam_from_target, solved.covariance, strict=True)
     ]
     poses = tuple(
-        _target_pose(name, solved.cam_from_target[view], solved.covariance[view], solved.residual_px[seen.view == view])
+        target_pose(name, solved.cam_from_target[view], solved.covariance[view], solved.residual_px[seen.view == view])
         for view, name in enumerate(seen.view_names)
         if is_solved[view]
     )
@@ -171,7 +171,7 @@ def _why_not(seen: Detections) -> str:
     return TOO_FEW if len(seen.ring) else "; ".join(seen.remarks) or "the target was not found"
 
 
-def _target_pose(image: str, cam_from_target: Array, covariance: Array, residual_px: Array) -> TargetPose:
+def target_pose(image: str, cam_from_target: Array, covariance: Array, residual_px: Array) -> TargetPose:
     """One pose with what follows from it.
 
     The camera's centre is `-R' t`; turned by w and shifted by s in the camera's axes, R becomes `exp(w) R` and t

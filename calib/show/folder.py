@@ -45,6 +45,7 @@ KINDS: Mapping[str, str] = {
     "undistorted": "photos.photos_page.photos_page",
     "detections": "photos.photos_page.photos_page",
     "poses": "photos.photos_page.photos_page",
+    "rig_poses": "photos.photos_page.photos_page",
     "triangulation": "space.triangulated.triangulation_page",
     "budget": "space.budgeted.budget_page",
 }

@@ -29,10 +29,10 @@ half, something is wrong with target file, light or focus, and what was found is
 SHARE_RULE = f"good from {100 * GOOD_SHARE:.0f} %, usable from {100 * USABLE_SHARE:.0f} %"
 _WORST_FIRST: tuple[Level, ...] = ("bad", "usable", "good")
 MOST_PHOTOS = 100_000
-Kind: TypeAlias = Literal["photos", "undistorted", "detections", "poses"]
+Kind: TypeAlias = Literal["photos", "undistorted", "detections", "poses", "rig_poses"]
 KIND_WORDS: Mapping[Kind, str] = {
     "photos": "Rendered photos", "undistorted": "Undistorted photos", "detections": "Detections",
-    "poses": "Camera poses",
+    "poses": "Camera poses", "rig_poses": "Poses before a rig",
 }  # fmt: skip
 
 

@@ -1,0 +1,113 @@
+"""Where a target is before a known rig, frame by frame."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.api.loading import Place, Progress, rig_of, target_of
+from calib.api.rig_observing import RigSearch, photos_of_rig, rig_input, search_with_lenses
+from calib.cameras.rig import Rig
+from calib.core.types import Detections
+from calib.observe.rig_photos import RigPhotos
+from calib.observe.target_poses import TOO_FEW, target_poses
+from calib.records.rig_poses_file import CameraResidual, FrameWithoutPose, RigPoseResult, RigTargetPose
+from calib.rigs.target_pose import CameraSight, RigPose, pose_in_rig
+from designer.base.errors import InputError
+from designer.target import TargetGeometry
+
+Array = NDArray[np.float64]
+
+NOT_SEEN = "no camera shows the target"
+"""Why a frame has no pose."""
+
+
+def pose_before_rig(
+    target: TargetGeometry | Place,
+    rig: Rig | Place,
+    photos: Place | Iterable[Place],
+    *,
+    weighted: bool,
+    jobs: int | None,
+    progress: Progress,
+) -> RigPoseResult:
+    """What `pose` does of a rig.
+
+    Raises:
+        InputError: files that cannot be read, or a camera that is not in the rig.
+    """
+    geometry, known = target_of(target, "rings"), rig_of(rig)
+    given = rig_input(photos, None, None, None, None)
+    if not given.photos:
+        raise InputError("no photos; give a folder a camera, named as in the rig, or one folder that holds these")
+    taken = photos_of_rig(given)
+    lenses = {name: known.cameras[known.row(name)] for name in taken.camera_names}
+    search = search_with_lenses(geometry, taken, lenses, jobs, progress)
+    sights = _sights(known, search, weighted=weighted)
+    poses: list[RigTargetPose] = []
+    failed: list[FrameWithoutPose] = []
+    for frame in taken.frame_names:
+        own = sights.get(frame, [])
+        found = pose_in_rig(known, own, geometry.center_mm, weighted=weighted) if own else None
+        if found is None:
+            failed.append(FrameWithoutPose(frame, TOO_FEW if own else NOT_SEEN))
+        else:
+            poses.append(_pose(frame, known, own, found))
+    return RigPoseResult(geometry, known, taken, search.searches, tuple(poses), tuple(failed))
+
+
+def _sights(rig: Rig, search: RigSearch, *, weighted: bool) -> dict[str, list[CameraSight]]:
+    """What was seen in each frame, with the poses that each camera tells alone."""
+    sights: dict[str, list[CameraSight]] = {}
+    for name, one in zip(search.photos.camera_names, search.searches, strict=True):
+        row = rig.row(name)
+        seen = one.with_target
+        alone = {
+            pose.image: pose.cam_from_target
+            for pose in (target_poses(seen, search.target, rig.cameras[row], weighted=weighted).poses if seen else ())
+        }  # fmt: skip
+        frames = frames_of(search.photos, name, {result.photo.path: result.photo.name for result in one.results})
+        for shown in seen:
+            sights.setdefault(frames[shown.image], []).append(CameraSight(row, shown, alone.get(shown.image)))
+    return sights
+
+
+def frames_of(photos: RigPhotos, camera: str, names: Mapping[Path, str]) -> dict[str, str]:
+    """The frame of each photo of a camera, by the name that its detections have."""
+    return {names[photo.path]: photo.frame for photo in photos.of(camera) if photo.path in names}
+
+
+def _pose(frame: str, rig: Rig, sights: list[CameraSight], found: RigPose) -> RigTargetPose:
+    """A pose with what follows from it."""
+    cameras = tuple(
+        _residual(rig.names[sight.camera], sight.seen, residual)
+        for sight, residual in zip(sights, found.residual_px, strict=True)
+    )
+    every = np.concatenate(found.residual_px)
+    used = np.isfinite(every).all(axis=1)
+    covariance = found.covariance
+    return RigTargetPose(
+        frame=frame,
+        cameras=cameras,
+        rings=int(used.sum()),
+        rms_px=_rms(every),
+        target_mm=found.rig_from_target[:3, 3],
+        target_sigma_mm=np.sqrt(np.diag(covariance)[3:]),
+        rotation_sigma_rad=float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])),
+        rig_from_target=found.rig_from_target,
+        covariance=covariance,
+        noise_covariance=found.excess**2 * found.noise,
+        excess=found.excess,
+    )
+
+
+def _residual(camera: str, seen: Detections, residual_px: Array) -> CameraResidual:
+    used = int(np.isfinite(residual_px).all(axis=1).sum())
+    return CameraResidual(camera, seen.image, used, _rms(residual_px))
+
+
+def _rms(residual_px: Array) -> float:
+    """Root mean square length, of the sightings that count; nan of none."""
+    known = residual_px[np.isfinite(residual_px).all(axis=1)]
+    return float(np.sqrt((known**2).sum(axis=1).mean())) if len(known) else np.nan

@@ -1,0 +1,213 @@
+"""What `calib pose --rig` tells: where the target is in the rig's frame, how surely, what each camera leaves over."""
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from calib.core.number_text import figure as digits
+from calib.core.number_text import with_digits
+from calib.core.se3 import transform
+from calib.observe.photos import PhotoResult
+from calib.observe.target_poses import PoseResult, target_pose
+from calib.records.rig_poses_file import CameraResidual, RigPoseResult, RigTargetPose
+from calib.show.parts.folder_blocks import number, some_of, whole
+from calib.show.parts.gallery import shortened
+from calib.show.parts.kept_target import target_words
+from calib.show.photos.photos_file import (
+    PHOTOS_FILE,
+    SHARE_RULE,
+    ToldPhoto,
+    ToldPhotos,
+    ToldSection,
+    level_of_share,
+    worst_level,
+)
+from calib.show.photos.posed_photos import WORDS
+from calib.show.run.photos import STANDS_OUT
+from designer.base.words import printable
+from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph, Table
+
+GOOD_EXCESS, USABLE_EXCESS = 1.5, 3.0
+"""Residuals in what noise and the rig's own errors let expect, in the median frame. What exceeds them is no error that
+a covariance holds: a camera that was moved, photos that were not taken at once, another target."""
+FILES = ((PHOTOS_FILE, "what this page is built from: poses and standard deviations"),)
+COLUMNS = (
+    Column("frame", is_number=False),
+    Column("rings"),
+    Column("RMS px", note="of the distances between measured and predicted centres, of all cameras' one pose"),
+    Column("remark", is_number=False),
+)
+POSE_COLUMNS = (
+    Column("frame", is_number=False),
+    Column("cameras", note="that show the target"),
+    Column("rings"),
+    Column("RMS px", note="of the distances between measured and predicted centres"),
+    *(Column(f"{axis} mm", note="of the target's origin in the rig's frame, with its standard deviation")
+      for axis in "xyz"),
+    Column("σ place mm", note="root mean square length of the error, by noise and by the rig's own errors"),
+    Column("by noise mm", note="its part by the noise of the centres alone"),
+    Column("σ turn °", note="standard deviation of the rotation about its least sure axis"),
+    Column("excess", note="residuals in what noise and rig let expect, beyond chance; sigmas are as much larger"),
+)  # fmt: skip
+
+
+def told_before_rig(
+    found: RigPoseResult,
+    target: Path,
+    rig_file: Path,
+    out: Path | None = None,
+    overlays: Mapping[tuple[str, str], str] = MappingProxyType({}),
+) -> ToldPhotos:
+    """What is to be said of frames in which poses were searched.
+
+    Args:
+        found: the poses.
+        target: the target's file.
+        rig_file: the rig's.
+        out: the file of poses; None: there is none.
+        overlays: paths of pictures in the page's folder, by names of camera and photo.
+    """
+    rows = _checks(found)
+    frames = {(one.camera, one.image): (pose.frame, one) for pose in found.poses for one in pose.cameras}
+    without = [*found.failures, *(f"{one.frame}: {shortened(one.reason)}" for one in found.without_pose)]
+    return ToldPhotos(
+        "rig_poses", _headline(found, rows), _facts(found, target, rig_file, out), COLUMNS,
+        tuple(
+            _photo(name, result, frames.get((name, result.photo.name)), overlays, found.usual_px)
+            for name, one in zip(found.photos.camera_names, found.searches, strict=True)
+            for result in one.results
+        ),
+        "The photos with the largest residuals first.", FILES, lead=_camera_words(found),
+        notes=(
+            *(Finding("note", "Photos", printable(line)) for line in found.photos.remarks),
+            *(Finding("usable", "No pose", line) for line in some_of(without)),
+        ),
+        table_note=f"Marked: residuals more than {STANDS_OUT:g} times the usual frame's.",
+        before=(
+            ToldSection("Can the poses be used?", (Findings(rows),), "The headline is the worst of these."),
+            *((ToldSection("The target in the rig's frame", (poses_table(found),)),) if found.poses else ()),
+        ),
+        after=(ToldSection("Next", (_next(out),)),),
+        geometry_id=found.target.geometry_id,
+    )  # fmt: skip
+
+
+def poses_table(found: RigPoseResult) -> Table:
+    """A row a frame."""
+    frame = found.rig.rig_frame or found.rig.names[0]
+    return Table(f"In the frame of {printable(frame)}", POSE_COLUMNS, tuple(map(_row, found.poses)))
+
+
+def _row(pose: RigTargetPose) -> tuple[Cell, ...]:
+    place = zip(pose.target_mm.tolist(), pose.target_sigma_mm.tolist(), strict=True)
+    return (
+        Cell(printable(pose.frame)), whole(len(pose.cameras)), whole(pose.rings), number(pose.rms_px),
+        *(Cell(f"{with_digits(value, sigma)} ± {digits(sigma, 2)}", value) for value, sigma in place),
+        number(pose.sigma_mm, 2), number(pose.noise_sigma_mm, 2), number(math.degrees(pose.rotation_sigma_rad), 2),
+        number(pose.excess, 2),
+    )  # fmt: skip
+
+
+def _checks(found: RigPoseResult) -> tuple[Finding, ...]:
+    """How many frames have a pose, how well the rig explains them, and whether its own errors are known."""
+    count, total = len(found.poses), len(found.poses) + len(found.without_pose)
+    rows = [Finding(
+        level_of_share(count / total), "Frames with a pose", "The others are listed with the reason.",
+        f"{count} of {total}", SHARE_RULE,
+    )]  # fmt: skip
+    if found.poses:
+        excess = float(np.median([pose.excess for pose in found.poses]))
+        fit: Level = "good" if excess <= GOOD_EXCESS else "usable" if excess <= USABLE_EXCESS else "bad"
+        rows.append(Finding(
+            fit, "Residuals", "Of the median frame, in what the noise and the rig's own errors let expect; more is a "
+            "camera that was moved, photos that were not taken at once, or a print that is not its file.",
+            f"{digits(excess, 2)} x", f"good up to {GOOD_EXCESS:g}, usable up to {USABLE_EXCESS:g}",
+        ))  # fmt: skip
+    if found.rig.covariance is None:
+        rows.append(Finding(
+            "usable", "The rig's own errors", "Its file does not tell them: sigmas are by the noise alone.",
+            "not known", "known of rigs that calib rig solved",
+        ))  # fmt: skip
+    return tuple(rows)
+
+
+def _headline(found: RigPoseResult, rows: tuple[Finding, ...]) -> Headline:
+    count, total = len(found.poses), len(found.poses) + len(found.without_pose)
+    if not count:
+        return Headline("bad", "no pose", f"None of {total} frame{'s' * (total != 1)} gives a pose.")
+    level = worst_level(rows)
+    sigma = float(np.median([pose.sigma_mm for pose in found.poses]))
+    noise = float(np.median([pose.noise_sigma_mm for pose in found.poses]))
+    of_rig = "" if found.rig.covariance is None else f" ({digits(noise, 2)} mm by noise alone)"
+    sentence = (
+        f"{count} of {total} frame{'s' * (total != 1)} give{'s' * (total == 1)} a pose in the rig's frame; the target "
+        f"is placed to {digits(sigma, 2)} mm{of_rig} in the usual frame."
+    )
+    return Headline(level, WORDS[level], sentence)
+
+
+def _facts(found: RigPoseResult, target: Path, rig_file: Path, out: Path | None) -> tuple[tuple[str, str], ...]:
+    return (
+        ("target", f"{target} ({target_words(found.target)})"),
+        ("rig", f"{rig_file} ({len(found.rig.names)} cameras)"),
+        ("photos", f"{len(found.photos.photos)} of {len(found.photos.camera_names)} cameras"),
+        ("written to", "nowhere: add -o poses.json" if out is None else os.fspath(out)),
+    )
+
+
+def _camera_words(found: RigPoseResult) -> str:
+    """What each camera leaves over."""
+    words = []
+    for name in found.photos.camera_names:
+        own = [one.rms_px for pose in found.poses for one in pose.cameras if one.camera == name and one.rings]
+        words.append(f"{printable(name)} {digits(float(np.median(own)), 2)} px" if own else f"{printable(name)} none")
+    return f"RMS residuals in the usual frame, camera by camera: {', '.join(words)}."
+
+
+def _photo(
+    camera: str, result: PhotoResult, found: tuple[str, CameraResidual] | None,
+    overlays: Mapping[tuple[str, str], str], usual_px: float,
+) -> ToldPhoto:  # fmt: skip
+    name = f"{camera}/{result.photo.name}"
+    remark = shortened("; ".join(() if result.seen is None else result.seen.remarks) or result.failure)
+    if found is None:
+        rings = 0 if result.seen is None else len(result.seen.ring)
+        return ToldPhoto(name, (Cell(""), whole(rings), Cell(""), Cell(remark or "no pose")), "", remark, "bad")
+    frame, one = found
+    level: Level | None = "usable" if one.rms_px > STANDS_OUT * usual_px else None
+    cells = (Cell(printable(frame)), whole(one.rings), number(one.rms_px), Cell(remark))
+    caption = f"{one.rings} rings, RMS {digits(one.rms_px, 2)} px"
+    badness = one.rms_px if math.isfinite(one.rms_px) else None
+    return ToldPhoto(name, cells, overlays.get((camera, result.photo.name), ""), caption, level, badness)
+
+
+def _next(out: Path | None) -> Command | Paragraph:
+    if out is None:
+        return Command("calib pose ... -o poses.json", "the same command with -o keeps the poses as a file")
+    return Paragraph(f"The poses are in {out}: rig_from_target and its covariance, frame by frame.")
+
+
+def posed_alone(found: RigPoseResult, number: int) -> PoseResult:
+    """What one camera saw, with the poses that all cameras together tell: for pictures of its photos.
+
+    Args:
+        found: the poses in the rig's frame.
+        number: of the camera, in the order of its photos' folders.
+    """
+    name, search = found.photos.camera_names[number], found.searches[number]
+    row = found.rig.row(name)
+    camera, cam_from_rig = found.rig.cameras[row], found.rig.cam_from_rig[row]
+    turn = np.kron(np.eye(2), cam_from_rig[:3, :3])
+    seen = {one.image: one for one in search.detections}
+    poses = []
+    for pose in found.poses:
+        for one in (one for one in pose.cameras if one.camera == name):
+            cam_from_target = cam_from_rig @ pose.rig_from_target
+            place = transform(cam_from_target, found.target.center_mm[seen[one.image].ring])
+            off = camera.project(place) - seen[one.image].center_px
+            poses.append(target_pose(one.image, cam_from_target, turn @ pose.covariance @ turn.T, off))
+    return PoseResult(found.target, camera, search, tuple(poses), ())
