@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from calib.core.types import Detections, Observations, RigObservations
     from calib.observe.target_poses import PoseResult
     from calib.records.hand_eye_file import HandEye
+    from calib.records.rig_poses_file import RigPoseResult
     from calib.renderer.options import RenderOptions
     from calib.show.photos.undistorted_photos import UndistortedFiles
     from calib.solver.calibration import Calibration
@@ -72,6 +73,7 @@ __all__ = [
     "RigBootstrapResult",
     "RigConversion",
     "RigObservations",
+    "RigPoseResult",
     "RigResult",
     "RigToleranceResult",
     "RunResult",
@@ -203,6 +205,7 @@ _HOMES = {
     ),
     "calib.observe.target_poses": ("PoseResult",),
     "calib.records.hand_eye_file": ("HandEye",),
+    "calib.records.rig_poses_file": ("RigPoseResult",),
     "calib.renderer.options": ("RenderOptions",),
     "calib.show.photos.undistorted_photos": ("UndistortedFiles",),
     "calib.solver.calibration": ("Calibration",),

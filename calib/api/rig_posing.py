@@ -10,6 +10,7 @@ from calib.api.loading import Place, Progress, rig_of, target_of
 from calib.api.rig_observing import RigSearch, photos_of_rig, rig_input, search_with_lenses
 from calib.cameras.rig import Rig
 from calib.core.types import Detections
+from calib.observe.photos import images_in
 from calib.observe.rig_photos import RigPhotos
 from calib.observe.target_poses import TOO_FEW, target_poses
 from calib.records.rig_poses_file import CameraResidual, FrameWithoutPose, RigPoseResult, RigTargetPose
@@ -41,6 +42,11 @@ def pose_before_rig(
     given = rig_input(photos, None, None, None, None)
     if not given.photos:
         raise InputError("no photos; give a folder a camera, named as in the rig, or one folder that holds these")
+    if len(given.photos) == 1 and images_in(Path(given.photos[0])):
+        raise InputError(
+            f"{given.photos[0]}: one folder of images; give a folder a camera, named as in the rig (one camera alone: "
+            "calib pose TARGET rig.json#NAME PHOTOS)"
+        )
     taken = photos_of_rig(given)
     lenses = {name: known.cameras[known.row(name)] for name in taken.camera_names}
     search = search_with_lenses(geometry, taken, lenses, jobs, progress)

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from calib.cameras.rig import Rig
 from calib.core.linear_algebra import symmetric_inverse
+from calib.core.parallel import one_thread
 from calib.core.se3 import exp_rotation, invert, make_pose, skew, transform
 from calib.core.types import Detections, freeze
-from calib.space.linear import calibration_factor, linear_sight
+from calib.space.linear import LinearSight, calibration_factor, linear_sight
 from calib.space.propagate import whitening
 
 Array = NDArray[np.float64]
@@ -61,6 +62,7 @@ class RigPose:
         return self.excess**2 * known
 
 
+@one_thread
 def pose_in_rig(
     rig: Rig, sights: Sequence[CameraSight], position_mm: Array, *, weighted: bool = True
 ) -> RigPose | None:
@@ -105,9 +107,16 @@ class _Part:
 class _Linear:
     """The whitened sightings of one camera that count, linearised."""
 
+    camera: int
     residual: Array  # (2 M,)
     by_pose: Array  # (2 M, 6)
-    by_rig: Array  # (2 M, K) by the camera's own unknowns
+    sight: LinearSight
+    whiten: Array  # (M, 2, 2)
+
+    @property
+    def by_rig(self) -> Array:
+        """By the camera's own K unknowns.  # (2 M, K)"""
+        return (self.whiten @ self.sight.by_unknowns).reshape(len(self.residual), -1)
 
 
 def _part(rig: Rig, sight: CameraSight, position_mm: Array, *, weighted: bool) -> _Part:
@@ -134,7 +143,7 @@ def _capped(rig: Rig, parts: Sequence[_Part], pose: Array) -> float:
     return total
 
 
-def _linear(rig: Rig, parts: Sequence[_Part], pose: Array) -> Iterator[tuple[int, _Linear]]:
+def _linear(rig: Rig, parts: Sequence[_Part], pose: Array) -> Iterator[_Linear]:
     """Each camera's sightings as they are seen from a pose."""
     for part in parts:
         if not part.counts.any():
@@ -145,13 +154,13 @@ def _linear(rig: Rig, parts: Sequence[_Part], pose: Array) -> Iterator[tuple[int
         by_point = white @ sight.by_point
         by_pose = np.concatenate([-by_point @ skew(turned), by_point], axis=2).reshape(-1, POSE)
         residual = (white @ (sight.pixel - part.center_px[part.counts])[..., None]).ravel()
-        yield part.camera, _Linear(residual, by_pose, (white @ sight.by_unknowns).reshape(len(residual), -1))
+        yield _Linear(part.camera, residual, by_pose, sight, white)
 
 
 def _sums(rig: Rig, parts: Sequence[_Part], pose: Array) -> tuple[float, Array, Array]:
     """Sum of squares, `J'J` (6, 6) and `J'r` (6,); infinite where a sighting is lost."""
     squares, normal, slope = 0.0, np.zeros((POSE, POSE)), np.zeros(POSE)
-    for _, one in _linear(rig, parts, pose):
+    for one in _linear(rig, parts, pose):
         squares += float(one.residual @ one.residual)
         normal += one.by_pose.T @ one.by_pose
         slope += one.by_pose.T @ one.residual
@@ -207,8 +216,8 @@ def _told(rig: Rig, parts: Sequence[_Part], pose: Array, *, weighted: bool) -> R
 def _by_rig(rig: Rig, parts: Sequence[_Part], pose: Array, inverse: Array, factor: Array) -> tuple[Array, Array]:
     """How far independent errors of the rig move the pose (6, R), and products (R, R) of what they leave over."""
     pulled, gram = np.zeros((POSE, factor.shape[1])), np.zeros((factor.shape[1],) * 2)
-    for camera, one in _linear(rig, parts, pose):
-        shift = one.by_rig @ factor[rig.first_row[camera] : rig.first_row[camera + 1]]
+    for one in _linear(rig, parts, pose):
+        shift = one.by_rig @ factor[rig.first_row[one.camera] : rig.first_row[one.camera + 1]]
         pulled += one.by_pose.T @ shift
         gram += shift.T @ shift
     moved = -inverse @ pulled

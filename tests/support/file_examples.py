@@ -24,6 +24,7 @@ from calib.records.calibration_file import CalibrationRecord, Provenance, Solved
 from calib.records.coupon import CouponRecord, ReadPicture
 from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummary
 from calib.records.rig_file import HeldCamera, RigRecord, SolvedFrame
+from calib.records.rig_poses_file import CameraResidual, FrameWithoutPose, RigPosesDocument, RigTargetPose
 from calib.records.triangulation_file import (
     CameraArrows,
     GrossSighting,
@@ -279,6 +280,16 @@ def _poses() -> PosesDocument:
     return PosesDocument("g1", PINHOLE, (pose,), (PhotoWithoutPose("c.png", "too few"),))
 
 
+def _rig_poses() -> RigPosesDocument:
+    cameras = (CameraResidual("left", "a b.png", 3, 0.1), CameraResidual("right", "a b.png", 0, math.nan))
+    place = np.arange(3) / 3
+    pose = RigTargetPose(
+        "a b", cameras, 3, 0.1, place, np.ones(3) / 7, 1e-300, POSE, np.eye(6) / 3, np.eye(6) / 7, 1.0
+    )  # fmt: skip
+    failed = (FrameWithoutPose("c", "too few"),)
+    return RigPosesDocument("g1", ("left", "right"), "left", True, (pose,), failed)
+
+
 def _coupon() -> CouponRecord:
     """One photo of two could be used; its size is not known."""
     known = Estimate(0.08, 0.005)
@@ -377,6 +388,7 @@ EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.budget": _budget,
     "ringsolid.rig_tolerance": _rig_tolerance,
     "ringsolid.rig_bootstrap": _rig_bootstrap,
+    "ringsolid.rig_poses": _rig_poses,
     "ringsolid.triangulation": _triangulation,
     "ringsolid.verdict": _verdict,
     "ringsolid.next_views": _next_views,

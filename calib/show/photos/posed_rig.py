@@ -154,7 +154,7 @@ def _facts(found: RigPoseResult, target: Path, rig_file: Path, out: Path | None)
     return (
         ("target", f"{target} ({target_words(found.target)})"),
         ("rig", f"{rig_file} ({len(found.rig.names)} cameras)"),
-        ("photos", f"{len(found.photos.photos)} of {len(found.photos.camera_names)} cameras"),
+        ("photos", f"{len(found.photos.photos)}, by {len(found.photos.camera_names)} cameras"),
         ("written to", "nowhere: add -o poses.json" if out is None else os.fspath(out)),
     )
 
@@ -176,7 +176,8 @@ def _photo(
     remark = shortened("; ".join(() if result.seen is None else result.seen.remarks) or result.failure)
     if found is None:
         rings = 0 if result.seen is None else len(result.seen.ring)
-        return ToldPhoto(name, (Cell(""), whole(rings), Cell(""), Cell(remark or "no pose")), "", remark, "bad")
+        unread: Level | None = "bad" if result.seen is None else None  # that one camera misses the target is ordinary
+        return ToldPhoto(name, (Cell(""), whole(rings), Cell(""), Cell(remark or "no pose")), "", remark, unread)
     frame, one = found
     level: Level | None = "usable" if one.rms_px > STANDS_OUT * usual_px else None
     cells = (Cell(printable(frame)), whole(one.rings), number(one.rms_px), Cell(remark))

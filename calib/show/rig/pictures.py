@@ -81,16 +81,14 @@ def pictures_section(folder: Path, found: RigCalibration) -> Section | None:
         own = [one for one in chosen if one.camera == camera]
         paths = overlay_paths(folder / place, [one.row for one in own])
         shots += [_shot(one, names, f"{place}/{paths[one.row.name]}") for one in own if one.row.name in paths]
-    return Section("Photos", gallery(folder, shots, _order(names)), lead=LEAD) if shots else None
-
-
-LEAD = "The rings that were found, each with its name; residuals are those of all cameras solved together."
+    lead = "The rings that were found, each with its name."
+    return Section("Photos", gallery(folder, shots, _order(names)), lead=lead) if shots else None
 
 
 def _order(names: Sequence[str]) -> str:
     if len(names) == 1:
         return "The photo with the largest residuals, and one with the usual."
-    return "Camera by camera, the photo with the largest residuals and one with the usual."
+    return "Camera by camera, the photo with the largest residuals of the rig and one with the usual."
 
 
 def _shot(one: PicturedPhoto, names: Sequence[str], path: str) -> Shot:
