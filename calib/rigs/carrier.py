@@ -107,10 +107,11 @@ def add_prior(into: Normal, prior: CarrierPrior, state: RigState, first_camera: 
 
 
 def _hold(into: Normal, prior: CarrierPrior, state: RigState, first_camera: Rows) -> None:
-    """Keep what nothing tells of a turntable's own frame: how high it is, and where its x axis points.
+    """Keep what is chosen of a turntable's own frame, not told: how high it is, and where its x axis points.
 
     That is: the target's height and its turn about the axis; and, as angles that are unknowns take up the latter, the
-    first camera's turn about it.
+    first camera's turn about it. A table that wobbles does tell a height, at which it shifts least: so a held step is
+    taken out of all equations, gradient and all, as one that is only made stiff would creep there forever.
     """
     turn, lift = np.zeros(6), np.zeros(6)
     turn[2] = lift[5] = 1.0
@@ -122,4 +123,8 @@ def _hold(into: Normal, prior: CarrierPrior, state: RigState, first_camera: Rows
     for column, step, least in held:
         row = step / (step @ step)
         curve = row @ into.other[column[:, None], column] @ row
+        left = np.eye(6) - np.outer(step, row)
+        into.pose_row[:, :, column] = into.pose_row[:, :, column] @ left
+        into.other[column] = left.T @ into.other[column]
+        into.other[:, column] = into.other[:, column] @ left
         into.other[column[:, None], column] += np.outer(row, row) * max(float(curve), least)
