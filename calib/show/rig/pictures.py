@@ -13,7 +13,7 @@ from calib.rigs.result import RigCalibration
 from calib.show.parts.gallery import OVERLAYS, Shot, gallery
 from calib.show.run.photos import STANDS_OUT, PhotoRow, caption_of, overlay_paths
 from calib.solver.calibration import Calibration
-from calib.verdict.views import view_facts
+from calib.verdict.views import ViewFacts, view_facts
 from designer.page.blocks import Section
 
 MOST_PICTURES = 12
@@ -35,33 +35,37 @@ def pictured(found: RigCalibration) -> tuple[PicturedPhoto, ...]:
 
     Of very many cameras the worst photos of all.
     """
-    worst: list[PicturedPhoto] = []
-    usual: list[PicturedPhoto] = []
-    for camera in range(len(found.cameras)):
-        rows = sorted(_rows(camera_alone(found, camera)), key=lambda row: -row.rmse_px)
-        worst += [PicturedPhoto(camera, row, WORST) for row in rows[:1]]
-        usual += [PicturedPhoto(camera, rows[len(rows) // 2], USUAL)] if len(rows) > 1 else []
-    worst.sort(key=lambda one: -one.row.rmse_px)
+    each = [_worst_and_usual(found, camera) for camera in range(len(found.cameras))]
+    worst = sorted((one for pair in each for one in pair[:1]), key=lambda one: -one.row.rmse_px)
+    usual = [one for pair in each for one in pair[1:]]
     return tuple(sorted([*worst, *usual][:MOST_PICTURES], key=lambda one: one.camera))
 
 
-def _rows(alone: Calibration) -> list[PhotoRow]:
-    """The photos of a camera with residuals, which are those of the rig's own solution: with its delays and slacks."""
-    facts, seen = view_facts(alone), alone.observations
-    size_px = np.hypot(*alone.residual_px.T)
-    face = seen.points.face[seen.point]
-    usual_px = float(np.nanmedian(facts.rms_px)) if np.isfinite(facts.rms_px).any() else math.nan
-    rows = []
-    for view in np.flatnonzero(np.isfinite(facts.rms_px)).tolist():
-        mine = seen.view == view
-        rms_px = float(facts.rms_px[view])
-        rows.append(PhotoRow(
-            facts.name[view], True, int(mine.sum()), None, int(facts.left_out[view]), rms_px,
-            float(size_px[mine].max()), math.nan, float(facts.distance_mm[view]),
-            float(facts.tilt_deg[view, 2]) if facts.is_flat else math.nan, 100 * float(facts.size[view]),
-            len(np.unique(face[mine & (face >= 0)])), "", "usable" if rms_px > STANDS_OUT * usual_px else None,
-        ))  # fmt: skip
-    return rows
+def _worst_and_usual(found: RigCalibration, camera: int) -> list[PicturedPhoto]:
+    """Two photos of a camera; fewer where it has no more with residuals."""
+    alone = camera_alone(found, camera)
+    facts = view_facts(alone)
+    known = np.flatnonzero(np.isfinite(facts.rms_px))
+    order = known[np.argsort(-facts.rms_px[known], kind="stable")].tolist()
+    chosen = [*order[:1], *([order[len(order) // 2]] if len(order) > 1 else [])]
+    usual_px = float(np.median(facts.rms_px[known])) if len(known) else math.nan
+    return [
+        PicturedPhoto(camera, _row(alone, facts, view, usual_px), why)
+        for view, why in zip(chosen, (WORST, USUAL), strict=False)
+    ]
+
+
+def _row(alone: Calibration, facts: ViewFacts, view: int, usual_px: float) -> PhotoRow:
+    """A photo with the residuals that the rig's own solution leaves: with its delays and slacks."""
+    mine, points = alone.observations.view == view, alone.observations.points
+    face = points.face[alone.observations.point[mine]]
+    rms_px = float(facts.rms_px[view])
+    return PhotoRow(
+        facts.name[view], True, int(mine.sum()), None, int(facts.left_out[view]), rms_px,
+        float(np.hypot(*alone.residual_px[mine].T).max()), math.nan, float(facts.distance_mm[view]),
+        float(facts.tilt_deg[view, 2]) if facts.is_flat else math.nan, 100 * float(facts.size[view]),
+        len(np.unique(face[face >= 0])), "", "usable" if rms_px > STANDS_OUT * usual_px else None,
+    )  # fmt: skip
 
 
 def pictures_section(folder: Path, found: RigCalibration) -> Section | None:
