@@ -12,6 +12,7 @@ import calib
 from calib.api.reporting import report
 from calib.api.rig_result import SIGHTINGS_FILE, RigResult
 from calib.cameras.camera import Camera
+from calib.core.se3 import invert, log_rotation
 from calib.core.types import Detections, RigObservations
 from calib.observe.observations import known_points
 from designer.target import TargetGeometry
@@ -41,7 +42,7 @@ def without_halves(solved: RigResult, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def photos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Blank photos, a folder a camera, and a detector that knows what they show by their names."""
+    """Blank photos, a folder a camera, and a detector that knows what they show by their names; overlays are blank."""
     known: dict[str, Detections] = {}
     for name, seen in zip(SEEN.camera_names, SEEN.sightings, strict=True):
         (tmp_path / name).mkdir()
@@ -61,6 +62,7 @@ def photos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     monkeypatch.setattr("calib.detector.pipeline.find", lambda *_: None)
     monkeypatch.setattr("calib.detector.pipeline.detect", detect)
+    monkeypatch.setattr("calib.detector.overlay.draw_overlay", lambda *_: np.full((40, 60, 3), 200, np.uint8))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -107,6 +109,24 @@ def _assert_pictures(found: RigResult, again: RigResult, folder: Path) -> None:
     again.save(folder)
     assert not list(folder.rglob("*.overlay.*"))
     assert "Photos</h2>" not in page.read_text()
+
+
+def test_the_page_of_a_robots_camera_has_pictures_of_its_photos(photos: Path) -> None:
+    """The one camera's worst photo and a usual one, as of a rig."""
+    name, seen = SEEN.camera_names[0], SEEN.sightings[0]
+    base_from_flange = invert(SCENE.cam_from_rig[0] @ SCENE.rig_from_target[SEEN.frame[0]])
+    rows = ["image,x_mm,y_mm,z_mm,rx_rad,ry_rad,rz_rad"]
+    for view, pose in zip(seen.view_names, base_from_flange, strict=True):
+        rows.append(
+            ",".join([f"{name}-{view}", *map(repr, [*pose[:3, 3].tolist(), *log_rotation(pose[:3, :3]).tolist()])])
+        )
+    (photos / "robot.csv").write_text("\n".join(rows) + "\n")
+    found = calib.hand_eye(ICO, photos / name, robot="robot.csv", camera=SCENE.cameras[0], made="exact")
+    found.save("hand")
+    pictures = sorted(Path("hand").rglob("*.overlay.jpg"))
+    assert [one.parent.as_posix() for one in pictures] == ["hand/cameras/camera/overlays"] * 2
+    page = Path("hand", "index.html").read_text()
+    assert all(one.relative_to("hand").as_posix() in page for one in pictures)
 
 
 def test_the_order_of_cameras_and_frames_does_not_count(solved: RigResult) -> None:
