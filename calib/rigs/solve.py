@@ -37,6 +37,8 @@ SURELY, LEAST_OFF = 4.0, 2e-3
 """Standard deviations, and parts, from which on a target's size is said to be off."""
 FIRST_SIGMA = (2e-3, 1.0)
 """Of a carrier's errors, rad and mm, to begin with."""
+MOTION_ROUNDS = 3
+"""Of telling the target's motion by frames that are solved with it."""
 
 
 @one_thread_with_scipy
@@ -214,8 +216,9 @@ def _down(
             problem = replace(problem, motion=motion_of(state.rig_from_target, frame_times(observations)))
             thin = _thin(problem)
     found = descend_rig(problem, state, max_iterations=steps, loss="cauchy", small_decrease=1e-6)
-    if options.estimates_delays:  # by poses of which all sightings tell
+    for _ in range(MOTION_ROUNDS if options.estimates_delays else 0):  # by poses of which all sightings tell
         problem = replace(problem, motion=motion_of(found.state.rig_from_target, frame_times(observations)))
+        found = descend_rig(problem, found.state, max_iterations=steps, loss="cauchy", small_decrease=1e-6)
     return settled(problem, found, observations, alone, options)
 
 
