@@ -16,7 +16,7 @@ from calib.observe.rig_swapped import swapped_cameras
 from calib.rigs.bent import with_bend_error
 from calib.rigs.halves import half_solver, rig_halves
 from calib.rigs.options import RigOptions
-from calib.rigs.solve_as_told import solve_as_told
+from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error
 from calib.solver.costs import IMAGE
 from calib.solver.options import SolveOptions
@@ -133,7 +133,7 @@ def judged_rig(
     choices, said = choices_of(seen.observations, wishes, progress)
     observations = with_remarks(seen.observations, said)
     progress("solving", 0, 0)
-    solved, options = solve_as_told(observations, choices, options)
+    solved = solve_rig(observations, choices, options)
     found = with_bend_error(with_target_error(solved, seen.made), seen.bend)
     progress("judging", 0, 0)
     judged = judge_rig(found, rig_halves(found, half_solver(found, choices, options)), limits)

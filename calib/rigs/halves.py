@@ -173,7 +173,8 @@ def half_solver(found: RigCalibration, choices: Sequence[CameraChoice], options:
             raise InputError("frames were left out of the solution; leave them out of its input, too")
         if carrier is not None:
             carrier = replace(carrier, rig_from_carrier=carrier.rig_from_carrier[rows])
-        return solve_rig(half, near, replace(options, carrier=carrier, reject_sigma=None))
+        has_slack = found.slack is not None
+        return solve_rig(half, near, replace(options, carrier=carrier, reject_sigma=None, allows_slack=has_slack))
 
     return solve_half
 

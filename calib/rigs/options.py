@@ -53,7 +53,9 @@ class RigOptions:
     weighted: bool = True
     loss: Loss = "squares"
     reject_sigma: float | None = None
-    allows_slack: bool = True  # of single photos, where they do not fit together, see `calib.rigs.slack`
+    allows_slack: bool | None = None
+    """Of single photos, where they do not fit together; None: also only if each camera tells its lens by itself, or
+    something carries them; see `solve_rig`."""
     estimates_delays: bool = False  # of cameras, from time stamps
     carrier: Carrier | None = None
     max_iterations: int = 100

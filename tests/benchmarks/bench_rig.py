@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import calib
-import calib.rigs.solve
+import calib.rigs.adjust
 from calib.api.rendering_rigs import render_rig
 from calib.cameras.camera import camera_or_preset
 from calib.cameras.rig import Rig
@@ -241,7 +241,7 @@ def print_others(rigs: int) -> None:
 @contextmanager
 def phases_told(*names: str) -> Iterator[None]:
     """Say how long functions of the solver take."""
-    module = calib.rigs.solve
+    module = calib.rigs.adjust
     originals = {name: getattr(module, name) for name in names}
     spent = dict.fromkeys(names, 0.0)
 
@@ -285,7 +285,7 @@ def print_large(frames: int = 1500) -> None:
     )
     for run in ("with compilation or its cache", "again"):
         begin = time.perf_counter()
-        with phases_told("solve_alone", "joined", "_start", "_down", "_calibration"):
+        with phases_told("start_rig", "_down", "_calibration"):
             found = solved(scene)
         seconds = time.perf_counter() - begin
         most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6

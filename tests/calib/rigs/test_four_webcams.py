@@ -7,7 +7,7 @@ import pytest
 
 from calib.core.types import Observations
 from calib.rigs.options import CameraChoice, RigOptions
-from calib.rigs.solve_as_told import solve_as_told
+from calib.rigs.solve import solve_rig
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
@@ -22,11 +22,11 @@ def test_corners_of_other_frames_are_placed_in_any_order() -> None:
     is_first = np.isin(corners.frame, np.unique(corners.frame)[::2])
     seen = replace(observed(corners.of(is_first)), time_s=None)
     choices = [CameraChoice("opencv")] * seen.camera_count
-    found, options = solve_as_told(seen, choices, RigOptions())
-    assert not options.allows_slack
+    found = solve_rig(seen, choices)
+    assert found.slack is None
     assert length_errors(found.rig, corners.of(~is_first))[0] <= 0.95
     mixed = shuffled(seen, np.random.default_rng(2))  # from here the first descent ends short of the minimum
-    again, _ = solve_as_told(mixed, choices, RigOptions(reference=mixed.camera_names.index("cam0")))
+    again = solve_rig(mixed, choices, RigOptions(reference=mixed.camera_names.index("cam0")))
     rows = [again.rig.row(name) for name in found.rig.names]
     np.testing.assert_allclose(again.rig.center_mm[rows], found.rig.center_mm, atol=0.05)
 
@@ -42,14 +42,14 @@ def test_photos_that_tell_their_lens_may_have_slack_and_others_none(monkeypatch:
         solved.append(model)
         return solve(seen, model, options)
 
-    for module in ("start", "solve_as_told"):
+    for module in ("start", "solve"):
         monkeypatch.setattr(f"calib.rigs.{module}.solve", counted)
     pair = stereo_pair(frames=10).observations
     choices = [CameraChoice("opencv")] * 2
-    assert not solve_as_told(pair, choices, RigOptions())[1].allows_slack
+    assert solve_rig(pair, choices).slack is None
     right = pair.sightings[1]
     shift_px = np.random.default_rng(0).normal(0, 3.0, (right.view_count, 2))
     late = replace(right, center_px=right.center_px + shift_px[right.view])
     solved.clear()
-    assert solve_as_told(replace(pair, sightings=(pair.sightings[0], late)), choices, RigOptions())[1].allows_slack
+    assert solve_rig(replace(pair, sightings=(pair.sightings[0], late)), choices).slack is not None
     assert len(solved) == 2

@@ -1,0 +1,186 @@
+"""From starting values to the most likely rig, and how sure that is: one adjustment of all sightings."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import parameter_names
+from calib.core.types import RigObservations
+from calib.rigs.accuracy import Found, RigAccuracy, accuracy_of_rig
+from calib.rigs.carrier import carrier_errors
+from calib.rigs.descend import descend_rig
+from calib.rigs.in_space import RigInSpace, rig_in_space, space_remark, with_step
+from calib.rigs.motion import motion_of
+from calib.rigs.options import RigOptions
+from calib.rigs.problem import RigProblem, RigState, frame_times, without_params
+from calib.rigs.result import CarrierFit, RigCalibration
+from calib.rigs.rig_start import RigStart, start_rig, thinned
+from calib.rigs.start import Alone
+from calib.rigs.worth import DISAGREES, disagreement, residuals, scales_left, settled
+from calib.solver.blocks import KNEE
+from calib.solver.calibration import Status
+from calib.solver.costs import IMAGE
+from calib.solver.problem import Problem, target_covariance, target_poses
+
+Array = NDArray[np.float64]
+
+SURELY, LEAST_OFF = 4.0, 2e-3
+"""Standard deviations, and parts, from which on a target's size is said to be off."""
+MOTION_ROUNDS = 3
+"""Of telling the target's motion by frames that are solved with it."""
+
+
+def adjusted(observations: RigObservations, options: RigOptions, alone: Sequence[Alone]) -> RigCalibration:
+    """The rig that is most likely; arguments as those of `start_rig`, and it raises what that does.
+
+    Raises:
+        InputError: it has no minimum in space.
+    """
+    begin = time.perf_counter()
+    started = start_rig(observations, alone, options)
+    image, problem = _down(started)
+    is_image = options.minimise == IMAGE or not image.converged
+    there = None if is_image else rig_in_space(problem, image, started.observations, started.alone, started.options)
+    return _calibration(image, problem, there, started, begin)
+
+
+def _down(start: RigStart) -> tuple[Found, RigProblem]:
+    """Down to the minimum at which the observations are worth what their residuals say."""
+    observations, options, problem, state = start.observations, start.options, start.problem, start.state
+    steps = options.max_iterations
+    thin = thinned(problem)
+    for places in (without_params(thin), thin):
+        rough = replace(places, scale=np.maximum(problem.scale, scales_left(places, state)))
+        state = descend_rig(rough, state, max_iterations=steps, loss="cauchy", small_decrease=1e-4).state
+        if options.estimates_delays:
+            problem = replace(problem, motion=motion_of(state.rig_from_target, frame_times(observations)))
+            thin = thinned(problem)
+    found = descend_rig(problem, state, max_iterations=steps, loss="cauchy", small_decrease=1e-6)
+    for _ in range(MOTION_ROUNDS if options.estimates_delays else 0):  # by poses of which all sightings tell
+        problem = replace(problem, motion=motion_of(found.state.rig_from_target, frame_times(observations)))
+        found = descend_rig(problem, found.state, max_iterations=steps, loss="cauchy", small_decrease=1e-6)
+    return settled(problem, found, observations, start.alone, options)
+
+
+def _calibration(
+    image: Found, problem: RigProblem, there: RigInSpace | None, start: RigStart, begin: float
+) -> RigCalibration:
+    """The result, of the minimum in the image or of that in space if there is one."""
+    observations, alone, options, remarks = start.observations, start.alone, start.options, start.remarks
+    found, scale = (image, problem.scale) if there is None else (there.found, there.scale)
+    state, packed = found.state, _sized(problem, found.state)
+    accuracy = accuracy_of_rig(problem, image, _labels(problem, observations, state), KNEE[options.loss])
+    if there is not None:
+        remarks = (space_remark(options.minimise, problem, image.state, state, accuracy), *remarks)
+        accuracy = with_step(accuracy, image.state, state)
+    frames = target_poses(packed, state.rig_from_target)
+    carrier = None
+    if problem.prior is not None:
+        carrier = replace(_carrier_fit(found, problem, accuracy), undetermined=start.undetermined)
+        remarks = (*remarks, *start.undetermined, *_size_remark(carrier))
+    remarks = (*remarks, *_why_disagreeing(disagreement(problem, state, alone), observations, alone, options))
+    status: Status = "degenerate" if accuracy.weakest else "converged" if found.converged else "stopped"
+    if accuracy.weakest:
+        remarks = (accuracy.weakest, *remarks)
+    elif not found.converged:
+        remarks = (f"stopped after {found.iterations} steps, short of the minimum; allow more", *remarks)
+    reference = options.reference if problem.prior is None else -1
+    return RigCalibration(
+        observations, state.cameras, state.cam_from_rig, frames,
+        tuple(np.ascontiguousarray(one.T) for one in residuals(problem, state)),
+        tuple(~one.problem.is_used for one in problem.seen), scale, accuracy.covariance,
+        target_covariance(packed, state.rig_from_target, accuracy.frame_covariance), reference,
+        observations.camera_names[reference] if problem.prior is None else _frame_name(options),
+        tuple(bool((one.tie.row >= 0).any()) for one in alone),
+        options.weighted and all(one.cov_px2 is not None for one in observations.sightings), status, remarks,
+        found.iterations, time.perf_counter() - begin,
+        state.delay_s if options.estimates_delays else None,
+        accuracy.delay_sigma_s if options.estimates_delays else None, carrier,
+        problem.slack[0].size if problem.slack else None, np.array([one.scale for one in alone]),
+    )  # fmt: skip
+
+
+def _why_disagreeing(
+    ratio: Array, observations: RigObservations, alone: Sequence[Alone], options: RigOptions
+) -> list[str]:
+    """A word on cameras whose photos fit a camera alone, but not the rig."""
+    far = np.flatnonzero(ratio > DISAGREES).tolist()
+    if not far or options.carrier is not None:
+        return []
+    unit = " in px" if not options.weighted or observations.sightings[0].cov_px2 is None else " in stated deviations"
+    told = ", ".join(
+        f"{observations.camera_names[number]} {alone[number].scale:.2g} alone, "
+        f"{ratio[number] * alone[number].scale:.2g} in the rig"
+        for number in far
+    )
+    cause = "a camera that was moved, or a target that is not as its file says"
+    if options.estimates_delays:
+        cause = "a target that moves faster than its frames tell, " + cause
+    else:
+        cause = "photos of a moving target that were not taken at once (estimate the time offsets), " + cause
+    slack = (
+        "; each photo counts as little as that shows, and what is stated has it in it" if options.allows_slack else ""
+    )
+    return [f"photos that fit each camera alone do not fit together (residuals{unit}: {told}): {cause}{slack}"]
+
+
+def _sized(problem: RigProblem, state: RigState) -> Problem:
+    """The first camera's sightings with the points' middle where it is on a target of the solved size."""
+    packed = problem.seen[0].problem
+    return replace(packed, origin_mm=state.size * packed.origin_mm)
+
+
+def _size_remark(carrier: CarrierFit) -> list[str]:
+    """A word on a target that is not as large as its file says, by the robot's ways."""
+    off, sigma = carrier.size - 1, carrier.size_sigma
+    if not abs(off) > max(SURELY * sigma, LEAST_OFF):
+        return []
+    return [
+        f"by the robot's ways the target is {100 * abs(off):.2f} +- {100 * sigma:.2f} % "
+        f"{'smaller' if off < 0 else 'larger'} than its file says, or the robot's lengths are as much off: measure one"
+    ]
+
+
+def _labels(problem: RigProblem, observations: RigObservations, state: RigState) -> list[str]:
+    """What the shared unknowns are called.  # (G,)"""
+    label = [""] * (problem.shared_count + 1)  # what is fixed takes the last
+    for one, camera, name in zip(problem.seen, state.cameras, observations.camera_names, strict=True):
+        for place, parameter in zip(one.params.tolist(), parameter_names(camera.model), strict=False):
+            label[place] = f"{parameter} of {name}"
+        for axis, place in enumerate(one.pose.tolist()):
+            label[place] = f"{'the direction' if axis < 3 else 'the place'} of {name}"
+        label[one.delay[0]] = f"the time offset of {name}"
+    for place in () if problem.prior is None else problem.prior.column.tolist():
+        label[place] = "where the target sits"
+    label[problem.size_column] = "the size of the target"
+    return label[:-1]
+
+
+def _frame_name(options: RigOptions) -> str:
+    """Whose frame the rig's is, with a carrier."""
+    carrier = options.carrier
+    if carrier is None or carrier.is_camera_in_hand:
+        return "flange"
+    return "table" if carrier.is_turntable else "base"
+
+
+def _carrier_fit(found: Found, problem: RigProblem, accuracy: RigAccuracy) -> CarrierFit:
+    """What the photos show of the carrier."""
+    prior, state = problem.prior, found.state
+    if prior is None or accuracy.carrier_covariance is None:
+        raise ValueError("a rig without a carrier")
+    packed = _sized(problem, state)
+    target = state.carrier_from_target[None]
+    error = carrier_errors(prior, state.rig_from_target, state.carrier_from_target)
+    angle = None
+    if prior.carrier.is_turntable:
+        turn = prior.carrier.rig_from_carrier
+        angle = np.arctan2(turn[:, 1, 0], turn[:, 0, 0]) + (error[:, 2] if prior.carrier.has_free_angles else 0.0)
+    return CarrierFit(
+        prior.carrier.kind, target_poses(packed, target)[0],
+        target_covariance(packed, target, accuracy.carrier_covariance[None])[0],
+        float(prior.sigma[0]), float(prior.sigma[1]), error, angle, size=state.size, size_sigma=accuracy.size_sigma,
+    )  # fmt: skip

@@ -1,0 +1,139 @@
+"""Starting values of all unknowns of a rig: by the cameras' own poses, and by the carrier's where there is one."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.core.se3 import invert
+from calib.core.types import RigObservations, keep_frames
+from calib.rigs.hand_eye import HandEyeStart, start_hand_eye
+from calib.rigs.motion import motion_of
+from calib.rigs.options import Carrier, RigOptions
+from calib.rigs.problem import RigProblem, RigState, frame_times, pack_rig
+from calib.rigs.shifted import require_same_frames
+from calib.rigs.start import Alone, frame_candidates, joined, synchronised
+from calib.rigs.turntable import start_turntable, turned_by
+from calib.rigs.worth import LEAST_SCALE, LEAST_SIGMA
+from calib.solver.problem import few_per_view, select
+
+Array = NDArray[np.float64]
+
+FIRST_SIGMA = (2e-3, 1.0)
+"""Of a carrier's errors, rad and mm, to begin with."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigStart:
+    """Where the descent begins."""
+
+    observations: RigObservations  # of the frames in which a camera has a pose
+    alone: Sequence[Alone]
+    options: RigOptions
+    problem: RigProblem
+    state: RigState
+    remarks: tuple[str, ...]  # on frames that were left out
+    undetermined: tuple[str, ...] = ()  # what a carrier's motions do not tell
+
+
+def start_rig(observations: RigObservations, alone: Sequence[Alone], options: RigOptions) -> RigStart:
+    """All unknowns of a rig as its cameras tell them one by one.
+
+    Args:
+        observations: what was seen.
+        alone: each camera by itself.
+        options: as those of `solve_rig`.
+
+    Raises:
+        InputError: no frames join some cameras to the others, or those of one would have to be shifted to fit.
+    """
+    delay_s = np.zeros(len(alone))
+    if options.estimates_delays:
+        alone, delay_s = synchronised(observations, alone)
+    else:
+        require_same_frames(observations, alone)
+    reference = options.reference if options.carrier is None else _busiest(alone)
+    cam_from_rig = joined(observations, alone, reference)
+    observations, alone, options, remarks = _placed(observations, alone, options)
+    scale = np.array([max(one.scale, LEAST_SCALE) if np.isfinite(one.scale) else 1.0 for one in alone])
+    carrier = options.carrier
+    problem = pack_rig(
+        observations, [one.tie.row for one in alone],
+        [carrier is None and number == reference for number in range(len(alone))], weighted=options.weighted,
+        loss=options.loss, scale=scale, with_delays=options.estimates_delays, carrier=carrier,
+    )  # fmt: skip
+    frames, _ = frame_candidates(thinned(problem), observations, alone, cam_from_rig, problem.seen[0].problem.origin_mm)
+    state = RigState(tuple(one.camera for one in alone), cam_from_rig, frames, delay_s, np.eye(4))
+    if options.estimates_delays:
+        problem = replace(problem, motion=motion_of(frames, frame_times(observations)))
+    begin = RigStart(observations, alone, options, problem, state, remarks)
+    return begin if carrier is None else _of_carrier(begin, carrier)
+
+
+def _of_carrier(begin: RigStart, carrier: Carrier) -> RigStart:
+    """The start with where the carrier holds the rig or the target, and how it errs."""
+    problem, frames = begin.problem, begin.state.rig_from_target
+    start = start_hand_eye(frames, carrier.rig_from_carrier) if not carrier.is_turntable else None
+    if start is None:
+        turn = carrier.rig_from_carrier
+        table = start_turntable(frames, None if carrier.has_free_angles else np.arctan2(turn[:, 1, 0], turn[:, 0, 0]))
+        start, carrier = table.start, replace(carrier, rig_from_carrier=turned_by(table.angle_rad))
+        problem = replace(problem, prior=problem.prior and replace(problem.prior, carrier=carrier))
+    return replace(
+        begin, problem=_with_noise(problem, start), state=_carried(begin.state, start), undetermined=start.undetermined
+    )
+
+
+def _busiest(alone: Sequence[Alone]) -> int:
+    """The camera that has most poses of its own."""
+    return int(np.argmax([int(np.isfinite(one.cam_from_target[:, 0, 0]).sum()) for one in alone]))
+
+
+def _placed(
+    observations: RigObservations, alone: Sequence[Alone], options: RigOptions
+) -> tuple[RigObservations, Sequence[Alone], RigOptions, tuple[str, ...]]:
+    """Without the frames in which no camera has a pose."""
+    has_pose = np.zeros(observations.frame_count, dtype=bool)
+    for frames, one in zip(observations.frame, alone, strict=True):
+        has_pose[frames[np.isfinite(one.cam_from_target[:, 0, 0])]] = True
+    if has_pose.all():
+        return observations, alone, options, ()
+    lost = [name for name, ok in zip(observations.frame_names, has_pose.tolist(), strict=True) if not ok]
+    kept = [
+        replace(one, cam_from_target=one.cam_from_target[has_pose[frames]])
+        for frames, one in zip(observations.frame, alone, strict=True)
+    ]
+    carrier = options.carrier
+    if carrier is not None:
+        options = replace(options, carrier=replace(carrier, rig_from_carrier=carrier.rig_from_carrier[has_pose]))
+    remarks = tuple(f"frame {name}: left out: no camera's sightings show where the target was" for name in lost)
+    return keep_frames(observations, has_pose), kept, options, remarks
+
+
+def _carried(state: RigState, start: HandEyeStart) -> RigState:
+    """The state in the carrier's frame."""
+    back = invert(start.cam_from_rig)
+    return replace(
+        state, cam_from_rig=state.cam_from_rig @ start.cam_from_rig, rig_from_target=back @ state.rig_from_target,
+        carrier_from_target=start.carrier_from_target,
+    )  # fmt: skip
+
+
+def _with_noise(problem: RigProblem, start: HandEyeStart) -> RigProblem:
+    """The carrier's noise as it is given, or as the first guess leaves it."""
+    prior = problem.prior
+    if prior is None:
+        return problem
+    guess = np.maximum([start.rotation_rms_rad / np.sqrt(3), start.shift_rms_mm / np.sqrt(3)], LEAST_SIGMA)
+    guess = np.where(np.isfinite(guess), guess, FIRST_SIGMA)
+    return replace(problem, prior=replace(prior, sigma=np.where(np.isfinite(prior.sigma), prior.sigma, guess)))
+
+
+def thinned(problem: RigProblem) -> RigProblem:
+    """The problem with a few sightings of each view."""
+    seen = tuple(
+        replace(one, problem=select(one.problem, np.arange(one.problem.view_count), few_per_view(problem.frame_count)))
+        for one in problem.seen
+    )
+    return replace(problem, seen=seen)
