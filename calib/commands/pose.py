@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.commands.camera_argument import read_camera
-from calib.commands.options import CameraArgument, PhotoJobsOption, TargetArgument, WeightedOption
+from calib.commands.options import PhotoJobsOption, TargetArgument, WeightedOption
 from calib.show.screen import progress_bars
 from designer.base.answer import Summary
 from designer.base.errors import InputError
 from designer.base.words import printable
+from designer.kinds.presets import camera_templates
 from designer.page.terminal import shown
 
 if TYPE_CHECKING:
@@ -21,7 +22,13 @@ NO_POSE = 1
 
 def pose(
     target: TargetArgument,
-    camera: CameraArgument,
+    camera: Annotated[
+        str,
+        typer.Argument(
+            help="camera file of ours or of another tool, or a camera template; with --rig a folder of photos",
+            autocompletion=camera_templates,
+        ),
+    ],
     photos: Annotated[
         list[str] | None, typer.Argument(help="images, folders of images, or patterns such as 'run/*.png'")
     ] = None,

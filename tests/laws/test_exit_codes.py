@@ -92,6 +92,7 @@ CALIB = (
     Case((*FOR_POSES, "photos", "-o", "poses.json", "--overlay", "seen"), 0),
     Case((*FOR_POSES, "blank"), 1),
     Case((*FOR_POSES, "none.png"), 2),
+    Case(("pose", "--rig", "pair.rig.json", "board.target.json", "photos", "blank"), 2),
     Case(("diff", "camera.json", "other.json", "--picture", "map.png"), 0),
     Case(("diff", "camera.json", "no-camera.json"), 2),
     Case(("measure", "board.target.json", "--measured-length", "ring 0 to ring 6:72.1mm", "-o", "m.target.json"), 0),

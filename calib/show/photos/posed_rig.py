@@ -34,6 +34,7 @@ from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headl
 GOOD_EXCESS, USABLE_EXCESS = 1.5, 3.0
 """Residuals in what noise and the rig's own errors let expect, in the median frame. What exceeds them is no error that
 a covariance holds: a camera that was moved, photos that were not taken at once, another target."""
+CLOCKS = "The rig's cameras are not synchronous: the target must stand still in each frame."
 FILES = ((PHOTOS_FILE, "what this page is built from: poses and standard deviations"),)
 COLUMNS = (
     Column("frame", is_number=False),
@@ -84,6 +85,7 @@ def told_before_rig(
         "The photos with the largest residuals first.", FILES, lead=_camera_words(found),
         notes=(
             *(Finding("note", "Photos", printable(line)) for line in found.photos.remarks),
+            *((Finding("note", "Clocks", CLOCKS),) if found.rig.delay_s is not None else ()),
             *(Finding("usable", "No pose", line) for line in some_of(without)),
         ),
         table_note=f"Marked: residuals more than {STANDS_OUT:g} times the usual frame's.",
