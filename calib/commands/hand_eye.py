@@ -1,19 +1,16 @@
 """The command `calib hand-eye`."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from calib.commands import options
-from calib.commands.rig import told_rig
+from calib.commands.rig import answers, told_rig
 from calib.core.files import named_in_files
 from calib.show.screen import progress_bars
 from calib.solver.costs import IMAGE
-from designer.base.answer import NegativeError, StoppedError, Summary
-from designer.base.command import NOTHING_WRITTEN
+from designer.base.answer import Summary
 from designer.base.errors import InputError
 
 TargetArgument = Annotated[
@@ -66,7 +63,7 @@ def hand_eye(
     from calib.api.rig_result import RigWriter
 
     writer = RigWriter(out)
-    with answers(), progress_bars() as progress:
+    with answers("camera"), progress_bars() as progress:
         found = solve(
             target, photos or (), robot=robot, table=table, target_in_hand=target_in_hand, inverted=inverted,
             unit=unit, euler=euler, camera=camera, refine=refine, model=model, fix=fix or (),
@@ -75,20 +72,6 @@ def hand_eye(
             settings=kept_settings(target, table, robot),
         )  # fmt: skip
     return told_rig(found, writer, page=page, verbose=verbose)
-
-
-@contextmanager
-def answers() -> Iterator[None]:
-    """What a person stopped, or photos do not tell, ends with an answer."""
-    from calib.api.rig_observing import BlindCameraError
-    from calib.solver.accuracy import UndeterminedError
-
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise StoppedError(NOTHING_WRITTEN, Summary({})) from None
-    except (BlindCameraError, UndeterminedError) as error:
-        raise NegativeError(f"no camera: {error}", Summary({"verdict": None}, remarks=(str(error),))) from None
 
 
 def _noise_of(text: str | None) -> tuple[float, float] | None:

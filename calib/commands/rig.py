@@ -1,5 +1,7 @@
 """The command `calib rig`."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -77,27 +79,34 @@ def rig(
 
     The exit code is 1 if the frames do not determine the rig, or if the verdict is: do not use.
     """
-    from calib.api.rig_observing import BlindCameraError
     from calib.api.rig_result import RigWriter
     from calib.api.rigging import rig as solve_rig
     from calib.commands.rig_screen import lenses_of, models_of, refined_of, tolerance_of
-    from calib.solver.accuracy import UndeterminedError
 
     writer = RigWriter(out if out is not None else Path("rig") if target is None else exports_folder(target) / "rig")
+    with answers("rig"), progress_bars() as progress:
+        found = solve_rig(
+            target, photos or (), table=table, pattern=pattern, times=times, tolerance_s=tolerance_of(tolerance),
+            model=models_of(model), cameras=lenses_of(camera), refine=refined_of(refine), fix=fix or (),
+            reference=reference, loss=loss, reject_sigma=reject, weighted=weighted, minimise=minimise,
+            delays=delays, made=made, criteria=criteria, jobs=jobs, progress=progress,
+            settings=_settings(target, photos, table, made),
+        )  # fmt: skip
+    return told_rig(found, writer, page=page, verbose=verbose)
+
+
+@contextmanager
+def answers(sought: str) -> Iterator[None]:
+    """What a person stopped, or photos do not tell, ends with an answer: there is no rig, no camera."""
+    from calib.api.rig_observing import BlindCameraError
+    from calib.solver.accuracy import UndeterminedError
+
     try:
-        with progress_bars() as progress:
-            found = solve_rig(
-                target, photos or (), table=table, pattern=pattern, times=times, tolerance_s=tolerance_of(tolerance),
-                model=models_of(model), cameras=lenses_of(camera), refine=refined_of(refine), fix=fix or (),
-                reference=reference, loss=loss, reject_sigma=reject, weighted=weighted, minimise=minimise,
-                delays=delays, made=made, criteria=criteria, jobs=jobs, progress=progress,
-                settings=_settings(target, photos, table, made),
-            )  # fmt: skip
+        yield
     except KeyboardInterrupt:
         raise StoppedError(NOTHING_WRITTEN, Summary({})) from None
     except (BlindCameraError, UndeterminedError) as error:
-        raise NegativeError(f"no rig: {error}", Summary({"verdict": None}, remarks=(str(error),))) from None
-    return told_rig(found, writer, page=page, verbose=verbose)
+        raise NegativeError(f"no {sought}: {error}", Summary({"verdict": None}, remarks=(str(error),))) from None
 
 
 def told_rig(found: "RigResult", writer: "RigWriter", *, page: bool, verbose: bool) -> Summary:

@@ -13,10 +13,9 @@ from calib.commands.hand_eye import (
     RefineOption,
     TableOption,
     TargetArgument,
-    answers,
     kept_settings,
 )
-from calib.commands.rig import told_rig
+from calib.commands.rig import answers, told_rig
 from calib.show.screen import progress_bars
 from calib.solver.costs import IMAGE
 from designer.base.answer import Summary
@@ -53,7 +52,7 @@ def turntable(
 
     writer = RigWriter(out)
     angle_rad = None if step is None else parsed("--step", step, parse_angle_rad)
-    with answers(), progress_bars() as progress:
+    with answers("camera"), progress_bars() as progress:
         found = solve(
             target, photos or (), step_deg=None if angle_rad is None else math.degrees(angle_rad),
             table=table, camera=camera, refine=refine, model=model, fix=fix or (), minimise=minimise, made=made,

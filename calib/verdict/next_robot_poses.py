@@ -123,7 +123,15 @@ def next_robot_poses(found: RigCalibration, halves: RigHalves | NoRigHalves) -> 
                   for one in (before, after[best])]  # fmt: skip
         chosen.append(_told(found, tried, best, *sigmas))
         told = told + each[best]
+        each[best] = 0.0  # the same pose again would show what it hides again, too
     return tuple(chosen)
+
+
+def poses_in_reach(found: RigCalibration) -> Array:
+    """All poses of the robot that are tried: base_from_flange (K, 4, 4)."""
+    if found.carrier is None:
+        raise ValueError("a rig without a carrier")
+    return _candidates(found, found.carrier, some_points(found)).base_from_flange
 
 
 def rig_from_target_at(found: RigCalibration, base_from_flange: Array) -> Array:

@@ -146,8 +146,9 @@ def test_what_turns_about_one_axis_leave_open_the_first_pose_ends(kind: str) -> 
 
 
 def test_each_pose_is_in_reach_and_says_how_to_get_there(by_one: RigCalibration) -> None:
-    """It is a used pose turned about one axis of the flange, not far beside where the flange has been."""
+    """It is a used pose turned about one axis of the flange, not far beside where that has been; none comes twice."""
     poses = next_robot_poses(by_one, ALONE)
+    assert len({pose.base_from_flange.tobytes() for pose in poses}) == len(poses)
     low, high = (end(ONE.base_from_flange[:, :3, 3], axis=0) for end in (np.min, np.max))
     for pose in poses:
         where = pose.base_from_flange[:3, 3]
