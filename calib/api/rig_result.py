@@ -27,7 +27,7 @@ from calib.rigs.result import RigCalibration
 from calib.show.folder import PAGE_FILE, why_no_page, write_folder_page
 from calib.show.parts.kept_target import keep_target
 from calib.solver.options import SolveOptions
-from calib.verdict.next_robot_poses import NextPose
+from calib.verdict.next_robot_poses import NextPose, photo_names
 from calib.verdict.rig_judge import RIG_VERDICT, RIG_VERDICT_FILE, JudgedRig
 from calib.verdict.verdict import Verdict
 from designer.base.answer import program
@@ -150,8 +150,7 @@ class RigWriter:
             tables[self.folder / HAND_EYE_FILE] = HAND_EYE.text(found.hand_eye)
         if found.next_poses:
             poses = np.stack([one.base_from_flange for one in found.next_poses])
-            names = [f"next_{number}" for number in range(1, len(poses) + 1)]
-            tables[self.folder / NEXT_POSES_FILE] = robot_poses_to_csv(names, poses)
+            tables[self.folder / NEXT_POSES_FILE] = robot_poses_to_csv(photo_names(found.next_poses), poses)
         write_files(tables)
         if not found.next_poses:
             (self.folder / NEXT_POSES_FILE).unlink(missing_ok=True)  # those of an earlier run help no more

@@ -12,6 +12,7 @@ by which a pose that ends that comes first.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -125,6 +126,11 @@ def next_robot_poses(found: RigCalibration, halves: RigHalves | NoRigHalves) -> 
         told = told + each[best]
         each[best] = 0.0  # the same pose again would show what it hides again, too
     return tuple(chosen)
+
+
+def photo_names(poses: Sequence[NextPose]) -> tuple[str, ...]:
+    """What the photos from there are to be called, as in `next_poses.csv`."""
+    return tuple(f"next_{number}" for number in range(1, len(poses) + 1))
 
 
 def poses_in_reach(found: RigCalibration) -> Array:

@@ -9,7 +9,7 @@ from calib.core.number_text import figure as digits
 from calib.observe.robot_rotations import to_quaternion
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.show.parts.folder_blocks import number
-from calib.verdict.next_robot_poses import NextPose, gain_words
+from calib.verdict.next_robot_poses import NextPose, gain_words, photo_names
 from designer.base.words import capital, printable
 from designer.page.blocks import Block, Cell, Column, Facts, Finding, Findings, Section, Table
 
@@ -54,12 +54,12 @@ def next_poses_table(poses: Sequence[NextPose]) -> Table:
     )
     rows = tuple(
         (
-            Cell(f"next_{row}"),
+            Cell(name),
             *(Cell(f"{value + 0.0:.2f}", value) for value in one.base_from_flange[:3, 3].tolist()),
             *(Cell(f"{value + 0.0:.5f}", value) for value in to_quaternion(one.base_from_flange[:3, :3]).tolist()),
             number(math.degrees(one.turn_sigma_rad_after), 2), number(one.place_sigma_mm_after, 2),
         )
-        for row, one in enumerate(poses, start=1)
+        for name, one in zip(photo_names(poses), poses, strict=True)
     )  # fmt: skip
     return Table("The robot's next poses, base_from_flange", columns, rows)
 

@@ -16,6 +16,7 @@ from calib.show.rig.scene import rig_view, rig_words
 from calib.show.rig.tables import cameras_table, halves_table, pairs_table, places_table, ties_table
 from calib.show.rig.words import halves_words, limits_of, next_steps, rig_facts, rig_headline, sentence
 from calib.show.run.sections import check_findings
+from calib.verdict.next_robot_poses import photo_names
 from designer.base.words import capital, printable
 from designer.page.blocks import Block, Command, Finding, Findings, Fold, Page, Paragraph, Section, Steps
 
@@ -79,7 +80,8 @@ def _next(view: RigPageView) -> Section | None:
     run = view.run
     advice = () if run.verdict is None else run.verdict.advice
     frames, poses = ((), ()) if run.judged is None else (run.judged.next_frames, run.judged.next_poses)
-    proposed = (*(frame.sentence for frame in frames), *(pose.sentence for pose in poses))
+    named = (f"{name}: {pose.sentence}" for name, pose in zip(photo_names(poses), poses, strict=True))
+    proposed = (*(frame.sentence for frame in frames), *(f"pose {line}" for line in named))
     steps = (*map(sentence, advice), *map(sentence, proposed))
     commands = tuple(Command(line, purpose) for line, purpose in next_steps(run))
     tables = (next_poses_table(poses),) if poses else ()
