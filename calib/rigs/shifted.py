@@ -47,6 +47,8 @@ def require_same_frames(observations: RigObservations, alone: Sequence[Alone]) -
     raise InputError(
         f"{told}: what it shows in {printable(frames[first])} the others show in {printable(frames[first + by])}; "
         "name or list the photos of one moment alike"
+        + ", or estimate the time offsets of the cameras"
+        * (observations.time_s is not None)
     )
 
 
