@@ -43,6 +43,8 @@ MOST_POSES = 5
 LITTLE_GAIN = 0.97
 """A pose that leaves more than this of the deviation is not worth taking."""
 MOST_CANDIDATES = 1000
+MOST_UNKNOWNS = 60
+"""Of a camera: those of a lens with a surface, solved with the robot, are hundreds, and would take minutes."""
 GOLDEN = 0.6180339887498949
 TURNS = 8
 """Of those that were used, spread over all of them."""
@@ -104,11 +106,10 @@ def next_robot_poses(found: RigCalibration, halves: RigHalves | NoRigHalves) -> 
         return ()
     if not (fit.sigma_rad > 0 and fit.sigma_mm > 0 and (found.noise_px > 0).all()):
         return ()
-    points = some_points(found)
+    points, basis = some_points(found), _directions(found)
     tried = _candidates(found, fit, points)
-    if not len(tried.like_frame):
+    if not len(tried.like_frame) or basis.shape[1] > MOST_UNKNOWNS:
         return ()
-    basis = _directions(found)
     told = frame_information(found, basis).sum(axis=0) + _weak(found, basis)
     each = frame_information(_imagined(found, fit, tried, points), basis)
     factor = halves.factor if isinstance(halves, RigHalves) else 1.0

@@ -174,6 +174,12 @@ def test_deviations_are_told_as_halves_enlarge_them_and_nothing_where_no_robot_i
     assert next_robot_poses(replace(by_one, status="stopped"), ALONE) == ()
 
 
+def test_lenses_of_hundreds_of_numbers_are_left_alone(by_one: RigCalibration, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What would take minutes and gigabytes proposes nothing."""
+    monkeypatch.setattr("calib.verdict.next_robot_poses.MOST_UNKNOWNS", 5)
+    assert next_robot_poses(by_one, ALONE) == ()
+
+
 def test_poses_are_read_as_they_were_written(tmp_path: Path) -> None:
     """The robot's table is one that its own reader takes."""
     poses = ONE.base_from_flange
