@@ -40,6 +40,10 @@ POINTS = "ringsolid.points"
 TABLE_SUFFIX = ".csv"
 NOTICEABLE = 1.05
 """Times as much scatter as stated, that is taken into account."""
+OWN_TARGET = (
+    "the rig was solved from this very target: an error of its size is in both, so known distances and scale agree "
+    "whatever it is; show a second target"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +134,10 @@ def triangulate(
     seen_target = seen_of_object(known, sightings, target, photos, jobs, progress)
     if seen_target is not None:
         settings |= _named(sightings, target)
-        found = _of_target(known, as_points(known, seen_target), noise, rejects=rejects)
+        seen = as_points(known, seen_target)
+        if known.geometry_id and seen_target.points.geometry_id == known.geometry_id:
+            seen = replace(seen, remarks=(*seen.remarks, OWN_TARGET))
+        found = _of_target(known, seen, noise, rejects=rejects)
         lengths = check_lengths(found, seen_target.points.position_mm, "the check object")
     else:
         if isinstance(sightings, PointSightings):

@@ -76,7 +76,7 @@ def pose(
     say_photos(told)
     if out is not None:
         print(f"wrote {shown(out)}: cam_from_target and its covariance, photo by photo")
-    else:
+    elif found.poses:
         print("next  the same command with -o poses.json keeps the poses")
     summary = Summary(
         poses_answer(found), (*(() if out is None else (out,)), *pictures), remarks=named.remarks,

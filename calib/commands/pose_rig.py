@@ -44,7 +44,7 @@ def pose_before_rig(
         say_table(poses_table(found))
     if out is not None:
         print(f"wrote {shown(out)}: rig_from_target and its covariance, frame by frame")
-    else:
+    elif found.poses:
         print("next  the same command with -o poses.json keeps the poses")
     summary = Summary(
         rig_poses_answer(found), (*(() if out is None else (out,)), *pictures), remarks=found.photos.remarks,

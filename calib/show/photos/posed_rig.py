@@ -163,6 +163,8 @@ def _facts(found: RigPoseResult, target: Path, rig_file: Path, out: Path | None)
 
 def _camera_words(found: RigPoseResult) -> str:
     """What each camera leaves over."""
+    if not found.poses:
+        return ""
     words = []
     for name in found.photos.camera_names:
         own = [one.rms_px for pose in found.poses for one in pose.cameras if one.camera == name and one.rings]

@@ -137,7 +137,7 @@ def limits_of(run: RigRun) -> tuple[str, ...]:
     """What the numbers do not hold, a line each."""
     found = run.found
     lines = []
-    if found.target_covariance is None:
+    if found.target_covariance is None or not found.target_covariance.any():  # not known, or taken as exact
         lines.append(
             "The target is taken to be as its file says. All lengths have its scale: printed 0.1 % too large, they are "
             "0.1 % too large, whatever the standard deviations say."

@@ -125,6 +125,8 @@ def test_without_a_pose_the_answer_is_negative(folder: Path) -> None:
     answer = command(*POSE, "blank")
     assert answer.code == 1
     assert "99: no camera shows the target" in answer.out
+    assert "keeps the poses" not in answer.out
+    assert "residuals in the usual frame" not in answer.out
 
 
 def test_a_camera_and_a_rig_are_not_both_given() -> None:

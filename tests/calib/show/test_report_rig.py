@@ -17,6 +17,7 @@ from calib.show.folder import build_page, write_folder_page
 from calib.show.parts.origin import Origin
 from calib.show.rig.pictures import WORST, pictured
 from calib.show.rig.rig_page import rig_page_of
+from calib.show.rig.words import limits_of
 from calib.verdict.criteria import read_rig_criteria
 from calib.verdict.rig_judge import JudgedRig, judge_rig
 from designer.base.errors import InputError
@@ -110,6 +111,15 @@ def test_the_page_has_each_check_and_the_numbers_of_the_pairs() -> None:
     steps = next(block for block in blocks if isinstance(block, Steps))
     assert any(step.startswith("Hold the target where") for step in steps.items)
     assert "What is not in the numbers" in titles(page)
+
+
+@pytest.mark.parametrize(("variance", "is_inside"), [(None, False), (0.0, False), (1e-6, True)])
+def test_an_exact_target_is_not_said_to_be_in_the_deviations(variance: float | None, is_inside: bool) -> None:
+    """Only a covariance that is not zero holds anything of the target; else its scale is in all lengths, and said."""
+    covariance = None if variance is None else variance * np.eye(len(found().covariance))
+    lines = " ".join(limits_of(RigRun(replace(found(), target_covariance=covariance), PROVENANCE, judged())))
+    assert ("is in the standard deviations" in lines) == is_inside
+    assert ("taken to be as its file says" in lines) != is_inside
 
 
 def test_ellipses_are_the_deviations_times_what_is_said() -> None:
