@@ -99,8 +99,12 @@ def _propagated(rig: Rig, point_mm: Array, seen: NDArray[np.bool_], noise_px: Ar
     return propagate(rig, calibration_factor(rig), point_mm, rays)
 
 
-def over_volume(rig: Rig, volume: WorkingVolume, noise_px: Array, seen_by: int) -> tuple[Expected, float]:
+def over_volume(
+    rig: Rig, volume: WorkingVolume, noise_px: Array, seen_by: int, other: Rig | None = None
+) -> tuple[Expected, float]:
     """What is to be expected where enough cameras see, evenly over a volume; and what share of it that is.
+
+    With another rig, to compare with, only where enough of its cameras see, too, if there is such a place.
 
     Raises:
         InputError: they see nothing of it.
@@ -116,7 +120,8 @@ def over_volume(rig: Rig, volume: WorkingVolume, noise_px: Array, seen_by: int) 
             f"no point of the volume ({volume.words}) is seen by {seen_by} cameras; give another --volume, --distance "
             "or --seen-by"
         )
-    points, factor = every[seen], calibration_factor(rig)
+    both = seen if other is None else seen & (seen_by_cameras(other, every).sum(axis=1) >= seen_by)
+    points, factor = every[both if both.any() else seen], calibration_factor(rig)
     most = MOST_POINTS if factor is None else min(MOST_POINTS, MOST_NUMBERS // (3 * max(factor.shape[1], 1)))
     expected = expected_errors(rig, points[:: -(-len(points) // most)], noise_px, seen_by)
     known = np.asarray(np.isfinite(expected.noise_mm2).all(axis=(1, 2)))

@@ -93,7 +93,7 @@ def _across(center: Array, rig: Rig) -> Array:
 
 
 def what_ifs(rig: Rig, volume: WorkingVolume, noise_px: Array, seen_by: int) -> tuple[ChangedRig, ...]:
-    """What changes of a rig would buy, over the same volume."""
+    """What changes of a rig would buy, where it sees the volume as it is and changed."""
     changes: dict[str, tuple[str, Rig | None, Array]] = {
         "four times as many frames": (
             "the covariance is a quarter: true of noise, not of errors of the target, which more frames leave",
@@ -111,15 +111,15 @@ def what_ifs(rig: Rig, volume: WorkingVolume, noise_px: Array, seen_by: int) -> 
     return tuple(
         told
         for change, (assumes, changed, noise) in changes.items()
-        if changed is not None and (told := _told(change, assumes, changed, volume, noise, seen_by)) is not None
+        if changed is not None and (told := _told(change, assumes, changed, rig, volume, noise, seen_by)) is not None
     )
 
 
 def _told(
-    change: str, assumes: str, rig: Rig, volume: WorkingVolume, noise_px: Array, seen_by: int
+    change: str, assumes: str, rig: Rig, unchanged: Rig, volume: WorkingVolume, noise_px: Array, seen_by: int
 ) -> ChangedRig | None:
     try:
-        expected, share = over_volume(rig, volume, noise_px, seen_by)
+        expected, share = over_volume(rig, volume, noise_px, seen_by, unchanged)
     except InputError:  # it would see nothing of the volume
         return None
     return ChangedRig(change, assumes, position_errors(expected), shape_errors(expected), share)

@@ -145,9 +145,42 @@ def _baselines(evidence: RigEvidence, criteria: Criteria) -> Found | None:
     return Found(at_most(100 * share, criteria["baselines"]), 100 * share, sentence)
 
 
+def _carrier(evidence: RigEvidence, criteria: Criteria) -> Found | None:
+    """How far the carrier's own turns are off those that photos show: what is not a robot's, or table's, to be."""
+    carrier = evidence.carrier
+    if carrier is None or not math.isfinite(carrier.sigma_rad):
+        return None
+    degrees, limits = math.degrees(carrier.sigma_rad), criteria["carrier"]
+    sentence = (
+        f"the {printable(carrier.kind.partition(',')[0])}'s own errors are {figure(degrees, 2)} deg and "
+        f"{figure(carrier.sigma_mm, 2)} mm a coordinate"
+    )
+    grade = at_most(degrees, limits)
+    if grade == "bad":
+        sentence += ": its poses are not those of these photos, or their order, unit or sense is another"
+    return Found(grade, degrees, sentence)
+
+
+def _carried(evidence: RigEvidence, criteria: Criteria) -> Found | None:
+    """What the pose of one camera on its carrier does to a point where the target was, as a share of its distance."""
+    found = evidence.carried
+    if found is None:
+        return None
+    if not math.isfinite(found.sigma_mm):
+        return Found("unknown", None, NOT_KNOWN)
+    share = 100 * found.sigma_mm / found.away_mm
+    sentence = (
+        f"a point where the target was, {figure(found.away_mm, 3)} mm from the camera and known there, is known to "
+        f"{figure(found.sigma_mm, 2)} mm (1 sigma) in the frame of what the camera is held by"
+    )
+    return Found(at_most(share, criteria["space"]), share, sentence)
+
+
 def _space(evidence: RigEvidence, criteria: Criteria) -> Found | None:
     """A point in the middle, as a share of how far away it is."""
     found = evidence.middle
+    if evidence.carried is not None:
+        return _carried(evidence, criteria)
     if found is None:
         if len(evidence.cameras) < 2:
             return None
@@ -174,12 +207,13 @@ RIG_CHECKS: Mapping[str, CheckKind[RigEvidence]] = {
         CheckKind("residuals", "Residuals", "px", _residuals, is_needed=True),
         CheckKind("outliers", "Outliers", "%", _outliers, most=100.0),
         CheckKind("delays", "Delays", "px", _delays),
+        CheckKind("carrier", "Errors of what carries", "deg", _carrier, most=180.0),
         CheckKind("baselines", "Distances of the cameras", "%", _baselines, most=100.0),
         CheckKind("space", "Error in space", "%", _space, most=100.0),
     )
 }
 """All checks in the order of reading. Their limits are in `templates/criteria`, beside those of cameras."""
-FIRST = ("solution", "residuals", "outliers", "halves", "frames", "delays", "baselines", "space", "lenses", "coverage")
+FIRST = ("carrier", "solution", "residuals", "outliers", "halves", "frames", "delays", "baselines", "space", "lenses", "coverage")
 """Of checks that are beyond their limits alike, the one that is named first: what spoils the data comes before what a
 few more frames mend."""
 

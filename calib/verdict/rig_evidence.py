@@ -11,8 +11,8 @@ from calib.core.se3 import transform
 from calib.rigs.camera_alone import camera_alone
 from calib.rigs.figures import CameraFigures, CameraTie, PairFigures, camera_figures, pair_figures, ties_of
 from calib.rigs.halves import NoRigHalves, RigHalves, enlarged
-from calib.rigs.middle import MiddleError, middle_error
-from calib.rigs.result import RigCalibration
+from calib.rigs.middle import CarriedError, MiddleError, carried_error, middle_error
+from calib.rigs.result import CarrierFit, RigCalibration
 from calib.solver.calibration import Status
 from calib.verdict.coverage import Coverage, coverage_of
 
@@ -33,6 +33,8 @@ class RigEvidence:
     coverages: tuple[Coverage | None, ...]  # (C,) None: its lens was given
     halves: RigHalves | NoRigHalves
     middle: MiddleError | None  # None: no two cameras see the middle
+    carrier: CarrierFit | None  # what carried the cameras or the target; None: nothing that says how
+    carried: CarriedError | None  # None: no such, or more cameras than one
     delay_px: tuple[float, ...]  # (C,) what the delays' standard deviations move a sighting by; (): no delays
 
     @property
@@ -58,6 +60,8 @@ def rig_evidence(found: RigCalibration, halves: RigHalves | NoRigHalves) -> RigE
         ),
         halves=halves,
         middle=middle_error(told) if found.status != "degenerate" else None,
+        carrier=found.carrier,
+        carried=carried_error(told) if found.status != "degenerate" else None,
         delay_px=_delay_px(told),
     )
 

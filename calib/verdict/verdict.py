@@ -11,6 +11,8 @@ from designer.base.marks import AtLeast, AtMost, Length, Line, Word
 Grade = Literal["good", "usable", "bad", "unknown"]
 """`bad`: do not use; `unknown`: could not be checked, which is said and worsens nothing but leaves no praise."""
 
+COUNTED = "frames"
+"""The unit of what is a whole number."""
 MOST_DIGITS = 9
 Number = Annotated[float, AtLeast(-1e15), AtMost(1e15)]
 
@@ -83,7 +85,7 @@ def measured_text(value: float, unit: str, limits: tuple[float, ...]) -> str:
     """A measured number, as short as is useful: rounded, it must not stand on another side of a limit."""
     if not math.isfinite(value):
         return figure(value)
-    texts = [f"{value:.0f}"] if unit == "%" and value >= 10 else []
+    texts = [f"{value:.0f}"] if unit == COUNTED or (unit == "%" and value >= 10) else []
     texts += [figure(value, digits) for digits in range(2, MOST_DIGITS)]
     beside = [[(value > limit) - (value < limit) for limit in limits] for value in (value, *map(float, texts))]
     return next((text for text, sides in zip(texts, beside[1:], strict=True) if sides == beside[0]), texts[-1])
