@@ -17,7 +17,9 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import invert
 from calib.core.types import Observations, RigObservations, keep_views
 from calib.observe.photos import Search
+from calib.observe.rig_photo_table import tells_cameras
 from calib.observe.rig_photos import RigPhoto, RigPhotos
+from calib.observe.rig_sightings import read_rig_sightings
 from calib.observe.robot_poses import RobotPoses, poses_of, read_robot_poses
 from calib.rigs.bent import bent_alone
 from calib.rigs.options import CameraChoice, Carrier, RigOptions
@@ -213,7 +215,7 @@ def _seen(
     """What the camera saw, from photos or a table."""
     if table is not None:
         geometry = None if target is None else target_of(target)
-        one = table if isinstance(table, Observations) else load_observations(table, geometry)
+        one = table if isinstance(table, Observations) else _table_of(table, geometry)
         return _Seen(geometry, _rig_of(one), {name: row for row, name in enumerate(one.view_names)})
     if target is None:
         raise InputError("no target; give the target file of what the photos show, or a table of observations")
@@ -227,6 +229,17 @@ def _seen(
     search, one = search_one(geometry, found, wish.given.get(CAMERA), plan, jobs, progress)
     order = {result.photo.name: row for row, result in enumerate(search.results)}
     return _Seen(geometry, _rig_of(one), order, _rig_search(search))
+
+
+def _table_of(table: Place, geometry: TargetGeometry | None) -> Observations:
+    """What one camera saw, of a table of one camera, or of the sightings that this wrote."""
+    path = place_of(table, "a table of observations")
+    if not (path.is_file() and tells_cameras(path)):
+        return load_observations(path, geometry)
+    seen = read_rig_sightings(path, geometry, fewest=1)
+    if len(seen.sightings) > 1:
+        raise InputError(f"{path}: holds the sightings of {len(seen.sightings)} cameras; give those of one")
+    return seen.sightings[0]
 
 
 def _rig_search(search: Search) -> RigSearch:

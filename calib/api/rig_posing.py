@@ -16,6 +16,7 @@ from calib.observe.target_poses import TOO_FEW, target_poses
 from calib.records.rig_poses_file import CameraResidual, FrameWithoutPose, RigPoseResult, RigTargetPose
 from calib.rigs.target_pose import CameraSight, RigPose, pose_in_rig
 from designer.base.errors import InputError
+from designer.base.words import printable
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
@@ -50,14 +51,14 @@ def pose_before_rig(
     taken = photos_of_rig(given)
     lenses = {name: known.cameras[known.row(name)] for name in taken.camera_names}
     search = search_with_lenses(geometry, taken, lenses, jobs, progress)
-    sights = _sights(known, search, weighted=weighted)
+    sights, said = _sights(known, search, weighted=weighted), _said(search)
     poses: list[RigTargetPose] = []
     failed: list[FrameWithoutPose] = []
     for frame in taken.frame_names:
         own = sights.get(frame, [])
         found = pose_in_rig(known, own, geometry.center_mm, weighted=weighted) if own else None
         if found is None:
-            failed.append(FrameWithoutPose(frame, TOO_FEW if own else NOT_SEEN))
+            failed.append(FrameWithoutPose(frame, TOO_FEW if own else NOT_SEEN + said.get(frame, "")))
         else:
             poses.append(_pose(frame, known, own, found))
     return RigPoseResult(geometry, known, taken, search.searches, tuple(poses), tuple(failed))
@@ -77,6 +78,17 @@ def _sights(rig: Rig, search: RigSearch, *, weighted: bool) -> dict[str, list[Ca
         for shown in seen:
             sights.setdefault(frames[shown.image], []).append(CameraSight(row, shown, alone.get(shown.image)))
     return sights
+
+
+def _said(search: RigSearch) -> dict[str, str]:
+    """What the detector says of photos that show no target to it, of each frame that of its first camera."""
+    said: dict[str, str] = {}
+    for name, one in zip(search.photos.camera_names, search.searches, strict=True):
+        frames = frames_of(search.photos, name, {result.photo.path: result.photo.name for result in one.results})
+        for result in one.results:
+            if result.seen is not None and not len(result.seen.ring) and result.seen.remarks:
+                said.setdefault(frames[result.photo.name], f"; {printable(name)}: {result.seen.remarks[0]}")
+    return said
 
 
 def frames_of(photos: RigPhotos, camera: str, names: Mapping[Path, str]) -> dict[str, str]:

@@ -29,7 +29,7 @@ class RigSightings:
 
 
 def rig_observations(
-    cameras: Sequence[RigSightings], frame_names: Sequence[str], remarks: Sequence[str] = ()
+    cameras: Sequence[RigSightings], frame_names: Sequence[str], remarks: Sequence[str] = (), *, fewest: int = 2
 ) -> RigObservations:
     """The sightings of all cameras as one; frames that no camera has a view of are left out.
 
@@ -37,11 +37,12 @@ def rig_observations(
         cameras: of the rig, which saw the same points.
         frame_names: of all frames, in their order.
         remarks: on the whole.
+        fewest: so many cameras there must be.
 
     Raises:
         InputError: names that cannot be, or the same pictures from two cameras.
     """
-    require_names([one.name for one in cameras])
+    require_names([one.name for one in cameras], fewest)
     number = {name: row for row, name in enumerate(frame_names)}
     parts, frames, times = [], [], []
     for one in cameras:
@@ -79,8 +80,8 @@ def _in_order_of(seen: Observations, order: NDArray[np.int64]) -> Observations:
     )
 
 
-def require_names(names: Sequence[str]) -> None:
-    """Refuse names that two cameras have, and those that no folder can have.
+def require_names(names: Sequence[str], fewest: int = 2) -> None:
+    """Refuse names that two cameras have, those that no folder can have, and a single one if that is too few.
 
     Raises:
         InputError: the message shows the name.
@@ -95,7 +96,7 @@ def require_names(names: Sequence[str]) -> None:
         other = known.setdefault(name.casefold(), name)
         if other is not name and (other != name or names.count(name) > 1):
             raise InputError(f"two cameras are named {shown(other)} and {shown(name)}; give each its own name")
-    if len(names) == 1:
+    if len(names) == 1 < fewest:
         raise InputError(f"one camera, {shown(names[0])}; a rig has two or more (calib run calibrates one)")
 
 

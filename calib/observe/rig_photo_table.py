@@ -18,10 +18,18 @@ FRAME, FILE = "frame", "file"
 
 def is_sightings(path: Path) -> bool:
     """Whether a table holds pixels, not files."""
+    return FILE not in _columns(path) or tells_cameras(path)
+
+
+def tells_cameras(path: Path) -> bool:
+    """Whether a table holds pixels, of cameras that it names."""
+    return _columns(path) >= set(SEEN)
+
+
+def _columns(path: Path) -> set[str]:
     stream = io.StringIO(read_text(path, "a table of files or of sightings"), newline="")
     skip_comments(stream)
-    names = [name.strip() for name in stream.readline().split(",")]
-    return FILE not in names or set(SEEN) <= set(names)
+    return {name.strip() for name in stream.readline().split(",")}
 
 
 def read_photo_table(path: Path) -> tuple[RigPhoto, ...]:

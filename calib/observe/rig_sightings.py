@@ -41,12 +41,13 @@ MAX_FILE_BYTES = 256 * 2**20
 _CAMERA = re.compile(r"#\s*camera\s+(\S.*?)\s+(\d{1,7})\s*[x×]\s*(\d{1,7})\s*(?:px)?\s*", re.IGNORECASE)
 
 
-def read_rig_sightings(path: Path, target: TargetGeometry | None = None) -> RigObservations:
+def read_rig_sightings(path: Path, target: TargetGeometry | None = None, *, fewest: int = 2) -> RigObservations:
     """Read a table of sightings.
 
     Args:
         path: of the table.
         target: whose points were seen; None: the table holds its own.
+        fewest: so many cameras there must be.
 
     Raises:
         InputError: it cannot be read, a line breaks a rule, or nothing is left of a camera; the message names it.
@@ -75,7 +76,9 @@ def read_rig_sightings(path: Path, target: TargetGeometry | None = None) -> RigO
         for name, size in sizes.items()
         if name in table.cells["camera"]
     ]
-    return rig_observations(cameras, frames, (*every.remarks, *_unused(table, sizes, of_target=of_target)))
+    return rig_observations(
+        cameras, frames, (*every.remarks, *_unused(table, sizes, of_target=of_target)), fewest=fewest
+    )
 
 
 def _unused(table: CsvTable, sizes: Iterable[str], *, of_target: bool) -> Iterable[str]:

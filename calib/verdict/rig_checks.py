@@ -213,7 +213,19 @@ RIG_CHECKS: Mapping[str, CheckKind[RigEvidence]] = {
     )
 }
 """All checks in the order of reading. Their limits are in `templates/criteria`, beside those of cameras."""
-FIRST = ("carrier", "solution", "residuals", "outliers", "halves", "frames", "delays", "baselines", "space", "lenses", "coverage")
+FIRST = (
+    "carrier",
+    "solution",
+    "residuals",
+    "outliers",
+    "halves",
+    "frames",
+    "delays",
+    "baselines",
+    "space",
+    "lenses",
+    "coverage",
+)
 """Of checks that are beyond their limits alike, the one that is named first: what spoils the data comes before what a
 few more frames mend."""
 
@@ -224,9 +236,20 @@ def rig_checks(evidence: RigEvidence, criteria: Criteria) -> tuple[Check, ...]:
 
 
 def rig_faults(checks: Sequence[Check], grade: Grade) -> tuple[Check, ...]:
-    """The checks of a grade, the one that is farthest beyond its limit first; coverage last, which no rig fails by."""
+    """The checks of a grade, the one that is farthest beyond its limit first; coverage last, which no rig fails by.
+
+    A carrier that is lost is told before all: what it spoils may be beyond every limit.
+    """
     order = list(dict.fromkeys((*FIRST, *RIG_CHECKS)))
     faults = (check for check in checks if check.grade == grade)
     return tuple(
-        sorted(faults, key=lambda check: (check.name == "coverage", -check.times_beyond, order.index(check.name)))
+        sorted(
+            faults,
+            key=lambda check: (
+                check.name == "coverage",
+                check.name != "carrier" or grade != "bad",
+                -check.times_beyond,
+                order.index(check.name),
+            ),
+        )
     )

@@ -19,7 +19,7 @@ from designer.base.words import printable
 
 MENDED_BY_FRAMES = ("frames", "baselines", "space", "halves")
 """Checks that more frames may make good."""
-SPOILT = ("solution", "residuals", "halves")
+SPOILT = ("solution", "carrier", "residuals", "halves")
 """Checks that more frames like these mend in no way; a robot's next poses may mend what its poses so far leave open."""
 OF_A_RIG = "rig"
 """What a verdict says in the place of a camera's model."""
@@ -97,6 +97,8 @@ def _why_good(evidence: RigEvidence) -> str:
         parts.append(f"the distances of the cameras are known to {figure(worst, 2)} mm or better")
     if evidence.middle is not None:
         parts.append(f"a point in the middle to {figure(evidence.middle.sigma_mm, 2)} mm")
+    if evidence.carried is not None:
+        parts.append(f"a point where the target was is known to {figure(evidence.carried.sigma_mm, 2)} mm")
     parts.append("halves of the frames agree")
     return f"{', '.join(parts[:-1])}{',' if len(parts) > 2 else ''} and {parts[-1]}" if parts[1:] else parts[0]
 

@@ -25,7 +25,7 @@ FILES = (
     ("rig_verdict.json", "what was checked, for programs"),
     ("rig_calibration.json", "the whole solution: poses, frames, covariances"),
     ("target.json", "the target as it was used"),
-    ("sightings.csv", "what the cameras saw; calib rig --table solves it again"),
+    ("sightings.csv", "what the cameras saw; --table solves it again"),
     ("hand_eye.json", "where the camera sits on what moves, or beside it, for a robot's program"),
     ("next_poses.csv", "the robot's next poses; calib hand-eye --robot reads it"),
 )

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import calib
-from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose
+from calib.cameras.rig import Rig
+from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose, transform
 from calib.core.types import Observations
 from calib.observe.robot_poses import read_robot_poses
 from calib.records.hand_eye_file import HAND_EYE
+from calib.rigs.middle import carried_error
 from calib.rigs.turntable import turned_by
 from tests.support import command_line, rig_views, solver_scenes
 
@@ -24,6 +26,17 @@ def written(seen: Observations, path: Path) -> Path:
         rows.append(",".join([seen.view_names[view], *(f"{value:.6f}" for value in (*pixel, *point))]))
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
     return path
+
+
+def scatter_mm(rig: Rig, away_mm: float) -> float:
+    """How far a point on the first camera's axis scatters in the rig's frame, poses drawn from their covariance."""
+    assert rig.covariance is not None
+    rows, point = rig.pose_rows(0), np.array([0.0, 0.0, away_mm])
+    drawn = np.random.default_rng(4).multivariate_normal(np.zeros(6), rig.covariance[rows, rows], 4000)
+    pose = rig.cam_from_rig[0]
+    moved = make_pose(exp_rotation(drawn[:, :3]) @ pose[:3, :3], pose[:3, 3] + drawn[:, 3:])
+    off = transform(invert(moved), point) - transform(invert(pose), point)
+    return float(np.sqrt((off**2).sum(axis=1).mean()))
 
 
 CAM_FROM_FLANGE = make_pose(exp_rotation(np.array([0.1, -0.2, 1.0])), np.array([30.0, -20.0, 60.0]))
@@ -76,6 +89,11 @@ def test_a_camera_in_hand_is_found_and_written_for_programs(folder: Path, tmp_pa
     assert len(said) >= 1
     assert "next_poses.csv: the camera's direction" in answer.out
     assert told.target_size == pytest.approx(1.0, abs=5 * told.target_size_sigma)
+    error = carried_error(found.calibration)
+    assert error is not None
+    assert error.sigma_mm == pytest.approx(scatter_mm(found.calibration.rig, error.away_mm), rel=0.1)
+    again = calib.hand_eye(None, table=out / "sightings.csv", robot=robot)
+    assert np.allclose(again.hand_eye.flange_from_cam, told.flange_from_cam, atol=1e-3)
 
 
 @pytest.mark.parametrize(

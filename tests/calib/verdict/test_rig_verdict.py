@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
-from calib.rigs.result import RigCalibration
+from calib.rigs.middle import CarriedError
+from calib.rigs.result import CarrierFit, RigCalibration
 from calib.verdict.coverage import Coverage
 from calib.verdict.criteria import read_criteria, read_rig_criteria
 from calib.verdict.rig_checks import RIG_CHECKS
@@ -47,6 +48,29 @@ def test_a_sound_rig_is_good_and_says_how_well_it_is_known() -> None:
     assert "the distances of the cameras are known to" in verdict.sentence
     assert verdict.advice == ()
     assert "lenses" not in {check.name for check in verdict.checks}
+
+
+def carried(degrees: float) -> CarrierFit:
+    """A turntable that is off its own angles by so much."""
+    return CarrierFit("turntable", np.eye(4), None, float(np.radians(degrees)), 0.1, None)
+
+
+def test_poses_that_are_not_the_photos_lead_whatever_else_they_spoil() -> None:
+    """A robot's noise of degrees is none: the verdict says that its poses and the photos do not belong together."""
+    assert rig_verdict(evidence(carrier=carried(0.05)), STANDARD).grade == "good"
+    assert rig_verdict(evidence(carrier=carried(0.5)), STANDARD).leads_with == "carrier"
+    lost = rig_verdict(evidence(carrier=carried(53.0), status="stopped", status_reason="allow more"), STANDARD)
+    assert (lost.grade, lost.leads_with) == ("bad", "carrier")
+    assert lost.sentence.startswith("the turntable's own errors are 53 deg")
+
+
+def test_one_camera_on_a_robot_is_judged_by_what_its_pose_leaves_open() -> None:
+    """As a share of how far away the target was: of a camera without pairs nothing else says how well it is placed."""
+    for sigma_mm, grade in ((0.4, "good"), (2.0, "usable"), (7.6, "bad")):
+        known = evidence(pairs=(), ties=(), middle=None, carried=CarriedError(500.0, sigma_mm), carrier=carried(0.05))
+        assert rig_verdict(known, STANDARD).grade == grade
+    unknown = evidence(pairs=(), ties=(), middle=None, carried=CarriedError(500.0, np.nan), carrier=carried(0.05))
+    assert {check.name: check.grade for check in rig_verdict(unknown, STANDARD).checks}["space"] == "unknown"
 
 
 def test_a_lens_that_was_kept_makes_no_rig_good() -> None:
