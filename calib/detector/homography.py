@@ -134,7 +134,7 @@ def equations(
 
 @jit
 def fit_entries(
-    x: Floats, image: Floats, weight: Floats, rounds: int, h: Floats, normal: Floats, residual: Floats
+    x: Floats, image: Floats, weight: Floats, rounds: int | np.int64, h: Floats, normal: Floats, residual: Floats
 ) -> bool:
     """Gauss-Newton from the direct solution, points at their mean; `normal` is the last step's; false if singular."""
     gradient, step, damped = np.empty(ENTRIES), np.empty(ENTRIES), np.empty((ENTRIES, ENTRIES))
@@ -184,7 +184,7 @@ def direct(plane: Floats, image: Floats) -> Floats:
 
 
 @jit
-def _fit(plane: Floats, image: Floats, weight: Floats, rounds: int) -> tuple[Floats, Floats, Floats]:
+def _fit(plane: Floats, image: Floats, weight: Floats, rounds: int | np.int64) -> tuple[Floats, Floats, Floats]:
     count = len(plane)
     residual = np.full((count, 2), np.nan)
     covariance = np.full((ENTRIES, ENTRIES), np.nan)
@@ -213,7 +213,8 @@ def _fit_near(
     plane: Floats, image: Floats, weight: Floats, slack: float, least: int
 ) -> tuple[Floats, Floats, Floats, NDArray[np.bool_]]:
     keep = np.ones(len(plane), dtype=np.bool_)
-    matrix, covariance, residual = _fit(plane, image, weight, 4)
+    rounds = np.int64(4)  # a bare 4 would be a type of its own, and all of this compiled for it
+    matrix, covariance, residual = _fit(plane, image, weight, rounds)
     size = np.empty(len(plane))
     for _ in range(3):
         for n in range(len(plane)):
@@ -221,7 +222,7 @@ def _fit_near(
         new = size <= FAR * np.median(size[keep]) + slack
         if new.sum() < least or (new == keep).all() or not determines(plane[new]):
             break
-        better, its_covariance, _ = _fit(plane[new], image[new], weight[new], 4)
+        better, its_covariance, _ = _fit(plane[new], image[new], weight[new], rounds)
         if not np.isfinite(better).all():
             break
         keep, matrix, covariance = new, better, its_covariance
@@ -285,4 +286,4 @@ def vanishing_covariance(homography: Floats, plane: Floats, covariance: Floats, 
 
 
 def _as_kernels_want(numbers: Floats) -> Floats:
-    return np.ascontiguousarray(numbers, dtype=np.float64)
+    return np.require(numbers, dtype=np.float64, requirements=["C", "W"])

@@ -62,7 +62,7 @@ def _lens_equations(
     are in half diagonals, as is `floor`, a distance that is never too far.
     """
     n11 = n12 = n22 = g1 = g2 = cost = 0.0
-    h = np.empty(9)
+    h, once = np.empty(9), np.int64(1)  # a bare 1 would be a type of its own
     normal, gradient = np.empty((8, 8)), np.empty(8)
     for g in range(len(first) - 1):
         x, pixel = plane[first[g] : first[g + 1]], offset[first[g] : first[g + 1]]
@@ -73,7 +73,7 @@ def _lens_equations(
             for c in range(2):
                 straight[n, c] = pixel[n, c] * (1.0 + k1 * r2 + k2 * r2 * r2)
         weight = np.ones(len(x))
-        if not fit_entries(x, straight, weight, 1, h, normal, residual):
+        if not fit_entries(x, straight, weight, once, h, normal, residual):
             continue
         for n in range(len(x)):
             size[n] = np.hypot(residual[n, 0], residual[n, 1])
@@ -83,7 +83,7 @@ def _lens_equations(
             weight, residual = weight[keep], residual[keep]
             if len(x) < 6 or not determines(x):
                 continue
-            if not fit_entries(x, straight, weight, 1, h, normal, residual):
+            if not fit_entries(x, straight, weight, once, h, normal, residual):
                 continue
         equations(x, straight, weight, h, normal, gradient, residual)
         if not cholesky_factor(normal):

@@ -215,14 +215,13 @@ def _moving(
     return joint, cam_from_world @ invert(cam_from_world[0]), [CameraChoice("opencv")] * 4
 
 
-@pytest.mark.parametrize("step_s", [0.1, 0.4])
-def test_time_offsets_are_found_within_their_sigmas(step_s: float) -> None:
+def test_time_offsets_are_found_within_their_sigmas() -> None:
     """Clocks that run 20 to 50 ms apart, and jitter by 4 ms: the offsets and the rig lie within what is stated.
 
-    So they do where few frames show the motion, and what it is in between is a guess.
+    Few frames show the motion here, so what it is in between is a guess.
     """
     delay = (0.0, 0.02, -0.03, 0.05)
-    observations, truth, models = _moving(delay, 0.004, step_s=step_s)
+    observations, truth, models = _moving(delay, 0.004, step_s=0.4)
     found = solve_rig(observations, models, RigOptions(estimates_delays=True))
     assert found.delay_s is not None
     assert found.delay_sigma_s is not None
