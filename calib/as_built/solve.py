@@ -421,7 +421,7 @@ def _remarks(started: Sequence[Calibration], target: TargetGeometry, measured: _
             said.append(one.remarks[0])
         said.extend(line for line in one.remarks if ": left out: " in line)
     if not measured.minimum.converged:
-        said.append("stopped short of the minimum; allow more steps")
+        said.append("stopped short of the minimum")
     for one, residual in zip(started, measured.minimum.normal.residual_px, strict=True):
         said.extend(far_off(one.observations, residual))
     left_out = sum(int((~one.problem.is_used).sum()) for one in measured.joint.sets)

@@ -86,7 +86,7 @@ def _calibration(
     if accuracy.weakest:
         remarks = (accuracy.weakest, *remarks)
     elif not found.converged:
-        remarks = (f"stopped after {found.iterations} steps, short of the minimum; allow more", *remarks)
+        remarks = (f"stopped after {found.iterations} steps, short of the minimum", *remarks)
     reference = options.reference if problem.prior is None else -1
     return RigCalibration(
         observations, state.cameras, state.cam_from_rig, frames,

@@ -155,7 +155,7 @@ def _calibration(
     if reason:
         remarks = [reason, *remarks]
     elif not found.converged:
-        remarks = [f"stopped after {found.iterations} steps, short of the minimum; allow more", *remarks]
+        remarks = [f"stopped after {found.iterations} steps, short of the minimum", *remarks]
     else:
         remarks = [*remarks, *shifted_photo(lens.blocks.products, tie, observations.view_names)]
     accuracy = down.surface_accuracy or accuracy

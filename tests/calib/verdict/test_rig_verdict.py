@@ -59,7 +59,7 @@ def test_poses_that_are_not_the_photos_lead_whatever_else_they_spoil() -> None:
     """A robot's noise of degrees is none: the verdict says that its poses and the photos do not belong together."""
     assert rig_verdict(evidence(carrier=carried(0.05)), STANDARD).grade == "good"
     assert rig_verdict(evidence(carrier=carried(0.5)), STANDARD).leads_with == "carrier"
-    lost = rig_verdict(evidence(carrier=carried(53.0), status="stopped", status_reason="allow more"), STANDARD)
+    lost = rig_verdict(evidence(carrier=carried(53.0), status="stopped", status_reason="too far"), STANDARD)
     assert (lost.grade, lost.leads_with) == ("bad", "carrier")
     assert lost.sentence.startswith("the turntable's own errors are 53 deg")
 
