@@ -140,6 +140,12 @@ class KnownPoints:
         freeze(self, "face", dtype=np.int64)
         freeze(self, "position_mm", "plane")
 
+    @property
+    def middle_mm(self) -> NDArray[np.float64]:
+        """Of the box around them.  # (3,)"""
+        middle: NDArray[np.float64] = 0.5 * (self.position_mm.min(axis=0) + self.position_mm.max(axis=0))
+        return middle
+
 
 @dataclass(frozen=True, eq=False)
 class Observations:

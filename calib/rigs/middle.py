@@ -37,8 +37,8 @@ class MiddleError:
 
 def middle_error(found: RigCalibration) -> MiddleError | None:
     """The expected error of a triangulated point in the middle of all held targets; None if not two cameras see it."""
-    rig, points = found.rig, found.observations.points.position_mm
-    middle = np.median(transform(found.rig_from_target, 0.5 * (points.min(axis=0) + points.max(axis=0))), axis=0)
+    rig = found.rig
+    middle = np.median(transform(found.rig_from_target, found.observations.points.middle_mm), axis=0)
     if len(rig.names) < 2 or not (found.noise_px > 0).all():
         return None
     expected = expected_errors(rig, middle[None], found.noise_px)
@@ -61,12 +61,11 @@ class CarriedError:
 
 def carried_error(found: RigCalibration) -> CarriedError | None:
     """Of a point where the target's middle usually was; None without a carrier, or of several cameras."""
-    rig, points = found.rig, found.observations.points.position_mm
+    rig = found.rig
     if found.carrier is None or len(rig.names) != 1:
         return None
     pose, frames = rig.cam_from_rig[0], found.observations.frame[0]
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    seen = np.median(transform(pose @ found.rig_from_target[frames], middle), axis=0)
+    seen = np.median(transform(pose @ found.rig_from_target[frames], found.observations.points.middle_mm), axis=0)
     away_mm = float(np.linalg.norm(seen))
     if rig.covariance is None:
         return CarriedError(away_mm, math.nan)

@@ -55,7 +55,7 @@ def pack(observations: Observations, *, weighted: bool) -> Problem:
         if not np.isfinite(whitener).all():
             raise ValueError("a covariance that is not positive definite")
     position = observations.points.position_mm
-    origin = 0.5 * (position.min(axis=0) + position.max(axis=0))
+    origin = observations.points.middle_mm
     moved = np.ascontiguousarray((position - origin).T)
     return Problem(
         observations.image_size,

@@ -32,6 +32,7 @@ from calib.rigs.relative import center_covariance
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.rigs.target_error import carrier_prior
 from calib.solver.free_shape import free_directions
+from calib.verdict.few_of_many import few_of_many
 from calib.verdict.next_view_words import short
 from calib.verdict.points_seen import is_new, some_points, that_look
 from designer.base.marks import ONE_LINE, Gap, Length, Shape
@@ -45,7 +46,6 @@ LITTLE_GAIN = 0.97
 MOST_CANDIDATES = 1000
 MOST_UNKNOWNS = 60
 """Of a camera: those of a lens with a surface, solved with the robot, are hundreds, and would take minutes."""
-GOLDEN = 0.6180339887498949
 TURNS = 8
 """Of those that were used, spread over all of them."""
 TILTS_RAD = (math.radians(20), math.radians(40))
@@ -212,10 +212,8 @@ def _is_vague(found: RigCalibration) -> bool:
 
 def _middle(found: RigCalibration) -> Array:
     """Of the target, as large as it was found."""
-    points = found.observations.points.position_mm
     size = 1.0 if found.carrier is None else found.carrier.size
-    middle: Array = 0.5 * size * (points.min(axis=0) + points.max(axis=0))
-    return middle
+    return size * found.observations.points.middle_mm
 
 
 def _usual_mm(found: RigCalibration) -> float:
@@ -245,9 +243,7 @@ def _candidates(found: RigCalibration, fit: CarrierFit, points: KnownPoints) -> 
     usual = np.median([np.bincount(seen.view).max() for seen in found.observations.sightings])
     share = len(found.observations.points.position_mm) / len(points.position_mm)
     good = np.flatnonzero((shown.sum(axis=1) * share >= USUAL_SHARE * usual) & _in_reach(found, goal, used))
-    # Not every so many-th: that would be the same turn at each place.
-    few = np.argsort((np.arange(len(good)) * GOLDEN) % 1.0, kind="stable")[:MOST_CANDIDATES]
-    rows = good[np.sort(few)]
+    rows = good[few_of_many(len(good), MOST_CANDIDATES)]
     return _TriedPoses(goal[rows], held[rows], like[rows], tilt_rad[rows], shown[rows])
 
 

@@ -71,11 +71,9 @@ def _delay_px(found: RigCalibration) -> tuple[float, ...]:
     seen = found.observations
     if found.delay_sigma_s is None or seen.time_s is None:
         return ()
-    points = seen.points.position_mm
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     moved = []
     for row, (camera, sigma) in enumerate(zip(found.cameras, found.delay_sigma_s.tolist(), strict=True)):
-        place = transform(found.cam_from_rig[row] @ found.rig_from_target[seen.frame[row]], middle)
+        place = transform(found.cam_from_rig[row] @ found.rig_from_target[seen.frame[row]], seen.points.middle_mm)
         step = np.linalg.norm(np.diff(project(camera, place), axis=0), axis=1)
         time = np.diff(seen.time_s[row])
         speed = step[time > 0] / time[time > 0]

@@ -23,6 +23,7 @@ from calib.core.types import KnownPoints, frozen_array
 from calib.rigs.halves import NoRigHalves, RigHalves, enlarged
 from calib.rigs.relative import relative
 from calib.rigs.result import RigCalibration
+from calib.verdict.few_of_many import few_of_many
 from calib.verdict.next_view_words import distance_words, place_of, place_words, short
 from calib.verdict.points_seen import is_new, some_points, that_look
 from designer.base.marks import ONE_LINE, AtLeast, AtMost, Length, Shape, Word
@@ -38,7 +39,6 @@ MOST_CAMERAS = 16
 """Of larger rigs the candidates would take long."""
 MOST_CANDIDATES, FEWEST_CANDIDATES = 800, 50
 """Times cameras, and of any rig."""
-GOLDEN = 0.6180339887498949
 ROUNDING = 1e-12
 """Of the largest eigenvalue: what is less tells nothing."""
 FEWEST_SEEN = 6
@@ -189,8 +189,7 @@ def _candidates(found: RigCalibration, factor: float) -> _Held:
 
 def _held_poses(found: RigCalibration) -> tuple[Array, NDArray[np.int64]]:
     """Poses of the target (K, 4, 4), and the frame each is turned as in (K,)."""
-    points = found.observations.points.position_mm
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    middle = found.observations.points.middle_mm
     frames = np.unique(np.linspace(0, len(found.rig_from_target) - 1, TURNS).astype(np.int64))
     places = [np.median(transform(found.rig_from_target, middle), axis=0)]
     for camera, rig_from_cam, seen in zip(found.cameras, found.rig.rig_from_cam, found.observations.frame, strict=True):
@@ -203,9 +202,7 @@ def _held_poses(found: RigCalibration) -> tuple[Array, NDArray[np.int64]]:
         places += [centre + times * usual * one for times in (NEARER, 1.0, FARTHER) for one in ray]
     pairs = [(place, frame) for place in places for frame in frames.tolist()]
     most = max(MOST_CANDIDATES // len(found.cameras), FEWEST_CANDIDATES)
-    # Not every so many-th: that would be the same turn at each place.
-    order = np.argsort((np.arange(len(pairs)) * GOLDEN) % 1.0, kind="stable")[:most]
-    pairs = [pairs[row] for row in np.sort(order).tolist()]
+    pairs = [pairs[row] for row in few_of_many(len(pairs), most).tolist()]
     turn = found.rig_from_target[[frame for _, frame in pairs], :3, :3]
     shift = np.array([place for place, _ in pairs]) - turn @ middle
     return make_pose(turn, shift), np.array([frame for _, frame in pairs], dtype=np.int64)
@@ -272,7 +269,7 @@ def _share(sigma_mm: float, baseline_mm: float) -> float:
 def _where(found: RigCalibration, pose: Array, seeing: list[int]) -> str:
     """Between which cameras, how far from them, and where in the image of the nearest."""
     points = found.observations.points.position_mm
-    middle = transform(pose, 0.5 * (points.min(axis=0) + points.max(axis=0)))
+    middle = transform(pose, found.observations.points.middle_mm)
     away = np.linalg.norm(found.rig.center_mm[seeing] - middle, axis=1)
     names = [short(found.observations.camera_names[k]) for k in seeing]
     nearest = int(np.argmin(away))

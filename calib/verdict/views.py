@@ -252,8 +252,7 @@ def view_facts(calibration: Calibration) -> ViewFacts:
     seen, counted = calibration.observations, ~calibration.is_outlier
     views = seen.view_count
     shape = shape_of(calibration)
-    points = seen.points.position_mm
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0)) if shape is None else shape.center_mm
+    middle = seen.points.middle_mm if shape is None else shape.center_mm
     view, pixel = seen.view[counted], seen.center_px[counted]
     rings = np.bincount(view, minlength=views)
     low, high = np.full((views, 2), np.inf), np.full((views, 2), -np.inf)
