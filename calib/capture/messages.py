@@ -9,7 +9,8 @@ header, the header, and the bytes of the image.
                      binary: `FrameHeader` and a JPEG of what another source sees
 
 A page that uses the browser's camera sends its next frame when the look at the last one has come, or after a second.
-The frame that was looked at is the one that is kept: nothing is taken again.
+The frame that was looked at is the one that is kept: nothing is taken again. A page that another one took over from
+is told so by its last state, before its socket is closed. The page's addresses are in `calib.capture.page_files`.
 """
 
 import json
