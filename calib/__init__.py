@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from calib.cameras.rig import Rig
     from calib.cameras.undistortion import Undistorted
     from calib.core.types import Detections, Observations, RigObservations
+    from calib.guide.guide import Guide
     from calib.observe.target_poses import PoseResult
     from calib.records.hand_eye_file import HandEye
     from calib.records.rig_poses_file import RigPoseResult
@@ -58,6 +59,7 @@ __all__ = [
     "Detections",
     "Detector",
     "EvaluationResult",
+    "Guide",
     "HandEye",
     "InputError",
     "MeasureResult",
@@ -203,6 +205,7 @@ _HOMES = {
         "Observations",
         "RigObservations",
     ),
+    "calib.guide.guide": ("Guide",),
     "calib.observe.target_poses": ("PoseResult",),
     "calib.records.hand_eye_file": ("HandEye",),
     "calib.records.rig_poses_file": ("RigPoseResult",),

@@ -124,6 +124,13 @@ def scene_of(
     )  # fmt: skip
 
 
+def of_candidates(scene: ViewChoice, which: NDArray[np.bool_]) -> ViewChoice:
+    """The same of some of its candidates (C,)."""
+    return replace(
+        scene, candidates=scene.candidates[which], information=scene.information[which], covers=scene.covers[which]
+    )
+
+
 def start_of(scene: ViewChoice, calibration: Calibration) -> SoFar:
     """Before the first choice."""
     size = scene.known.basis.shape[1] + len(scene.modes_mm)

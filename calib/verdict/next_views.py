@@ -30,6 +30,7 @@ from calib.verdict.choose_views import (
     for_accuracy,
     for_coverage,
     new_area,
+    of_candidates,
     scene_of,
     start_of,
     with_photo,
@@ -120,6 +121,8 @@ def next_views(
     face_share: float | None = None,
     factor: float = 1.0,
     prior: ShapePrior | None = None,
+    little_gain: float = LITTLE_GAIN,
+    is_avoided: Callable[[Array], NDArray[np.bool_]] | None = None,
 ) -> tuple[NextView, ...]:
     """The photos to take next, the most useful first; none if both goals are reached, or `why_no_next_views` says why.
 
@@ -131,11 +134,15 @@ def next_views(
         face_share: so much of a face must be seen for its rings to be read; None: as in the photos taken so far.
         factor: that halves of the photos enlarge the standard deviations of the noise by.
         prior: of how the target was made; None: not known, or no matter.
+        little_gain: a photo that leaves more than this of the deviation is not worth taking.
+        is_avoided: which of poses (C, 4, 4) are not to be proposed (C,).
     """
     calibration = without_surface(calibration)  # what tells most of the base tells most of what lies around it
     scene = None if why_no_next_views(calibration) else scene_of(calibration, face_share, factor, prior)
     if scene is None:
         return ()
+    if is_avoided is not None:
+        scene = of_candidates(scene, ~is_avoided(scene.candidates.cam_from_target))
     change = image_change(scene.known)
     if not len(change) or not len(scene.candidates.distance_mm):
         return ()
@@ -154,7 +161,7 @@ def next_views(
     chosen: list[NextView] = []
     while len(chosen) < most:
         wants_accuracy = not is_known or before > goal_px
-        photo = _more_accurate(scene, so_far, within_px, LITTLE_GAIN * before) if wants_accuracy else None
+        photo = _more_accurate(scene, so_far, within_px, little_gain * before) if wants_accuracy else None
         if photo is None and so_far.covered < goal_covered:
             photo = for_coverage(scene, so_far)
             photo = photo if new_area(so_far, photo.area) > LITTLE_AREA else None
@@ -166,7 +173,7 @@ def next_views(
         wants_area = so_far.covered < goal_covered
         gain = ViewGain(
             shown, after, so_far.covered, then.covered, is_rough=is_rough,
-            tells_sigma=wants_accuracy and after <= LITTLE_GAIN * shown,
+            tells_sigma=wants_accuracy and after <= little_gain * shown,
             tells_area=wants_area and new_area(so_far, photo.area) > LITTLE_AREA,
         )  # fmt: skip
         chosen.append(_view(scene, calibration, lit, photo, gain))

@@ -52,12 +52,18 @@ class Habits:
 def shape_of(calibration: Calibration) -> TargetShape | None:
     """The shape of a calibration's target; None if no three of its points lie on known planes."""
     points = calibration.observations.points
-    rows = np.flatnonzero(points.face >= 0)
-    if len(rows) < 3:
+    position = points.position_mm[points.face >= 0]
+    if len(position) < 3:
         return None
+    center = 0.5 * (position.min(axis=0) + position.max(axis=0))
+    return shape_of_points(points, _towards_camera(calibration, points, center))
+
+
+def shape_of_points(points: KnownPoints, normal: Array) -> TargetShape:
+    """The shape of three points or more on known planes, whose normals (F, 3) point to the side that is seen."""
+    rows = np.flatnonzero(points.face >= 0)
     position, face = points.position_mm[rows], points.face[rows]
     center = 0.5 * (position.min(axis=0) + position.max(axis=0))
-    normal = _towards_camera(calibration, points, center)
     count = np.bincount(face, minlength=len(points.plane))
     total = sums_by(face, position, len(points.plane))
     middle = np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], np.nan)

@@ -55,7 +55,7 @@ class Narrow:
 
 
 @dataclass(frozen=True)
-class Look:
+class RuleLook:
     """What a rule looked at, and what it has to say."""
 
     measured: str = ""  # with its unit
@@ -74,7 +74,7 @@ class Rule:
     """A design rule; its look is None where it does not apply."""
 
     title: str
-    look: Callable[[TargetGeometry, PrintSpec], Look | None]
+    look: Callable[[TargetGeometry, PrintSpec], RuleLook | None]
     holding: str = "Two lines or more."  # said where it holds
 
 
@@ -83,7 +83,7 @@ class PrintCheck:
     """All findings, and what each rule that applies looked at."""
 
     findings: tuple[PrintFinding, ...]
-    looks: Mapping[str, Look]
+    looks: Mapping[str, RuleLook]
 
     @property
     def holding(self) -> tuple[str, ...]:
@@ -99,7 +99,7 @@ class PrintCheck:
         """The findings for a reader, worst first, then the rules that hold without a word."""
         rows = []
         for found in sorted(self.findings, key=lambda finding: [*LEVELS].index(finding.level)):
-            look = self.looks[found.rule] if found.rule in self.looks else Look()
+            look = self.looks[found.rule] if found.rule in self.looks else RuleLook()
             title = ", ".join(RULES[rule].title for rule in found.rules)
             rows.append(Finding(LEVELS[found.level], title, sentence(found.text), look.measured, look.limit))
         said = {rule for finding in self.findings for rule in finding.rules}
@@ -153,7 +153,7 @@ def _said_once(narrow: Mapping[str, Narrow]) -> Iterator[PrintFinding]:
 
 def _width(
     what: str, remedy: str, width_mm: Callable[[Widths, float], float]
-) -> Callable[[TargetGeometry, PrintSpec], Look | None]:
+) -> Callable[[TargetGeometry, PrintSpec], RuleLook | None]:
     """The rule of a width: what the nozzle can lay is needed, one line fills well, two lines are good.
 
     Args:
@@ -162,7 +162,7 @@ def _width(
         width_mm: of a target's narrowest widths and the ink offset; infinite where there is no such thing.
     """
 
-    def look(target: TargetGeometry, printing: PrintSpec) -> Look | None:
+    def look(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:
         widths, offset = narrowest_widths(target), printing.ink_offset_mm
         width = width_mm(widths, offset)
         if math.isinf(width):
@@ -182,7 +182,7 @@ def _width(
             effect = ("prints less truly", "print less truly")
             said = (("warning", Narrow(size, f"two lines ({2 * line:g}mm)", effect, remedy)),)
         holding = "One line or more: fine marks are what it is for." if is_graded else ""
-        return Look(f"{width:.3g} mm", f"at least {good:g} mm", said, holding)
+        return RuleLook(f"{width:.3g} mm", f"at least {good:g} mm", said, holding)
 
     return look
 
@@ -190,16 +190,16 @@ def _width(
 _border_look = _width("border", "use a wider border or a finer nozzle", lambda w, offset: w.border_mm + offset)
 
 
-def _border(target: TargetGeometry, printing: PrintSpec) -> Look | None:
+def _border(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:
     """A plate may do without."""
     return _border_look(target, printing) if not target.is_plate or border_width_mm(target) > 0 else None
 
 
-def _inlay(target: TargetGeometry, printing: PrintSpec) -> Look | None:
+def _inlay(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:
     if not printing.is_two_filament:
         return None
     said = tuple(_inlay_remarks(target, printing))
-    return Look(f"{printing.inlay_mm:g} mm", f"layers of {printing.printer.layer_height_mm:g} mm", said)
+    return RuleLook(f"{printing.inlay_mm:g} mm", f"layers of {printing.printer.layer_height_mm:g} mm", said)
 
 
 def _inlay_remarks(target: TargetGeometry, printing: PrintSpec) -> Iterator[tuple[Level, str]]:
@@ -245,7 +245,7 @@ def _plate_remarks(target: TargetGeometry, depth: float, layer: float) -> Iterat
         )
 
 
-def _bed(target: TargetGeometry, printing: PrintSpec) -> Look | None:
+def _bed(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:
     if not printing.way.has_body or printing.way.is_in_parts:  # whose plates are made, or refused
         return None
     size, bed = printed_size_mm(target, printing), printing.printer.bed_mm
@@ -259,7 +259,7 @@ def _bed(target: TargetGeometry, printing: PrintSpec) -> Look | None:
         )
         said = (("violation", text),)
     lies = " x ".join(f"{round(length, 1 if length < 10 else 0):g}" for length in size)
-    return Look(f"{lies} mm", f"of {room} mm", said)
+    return RuleLook(f"{lies} mm", f"of {room} mm", said)
 
 
 def _in_parts(target: TargetGeometry) -> str:
@@ -268,7 +268,7 @@ def _in_parts(target: TargetGeometry) -> str:
     return "".join(f", build {name}" for name in names)
 
 
-def _overhang(target: TargetGeometry, printing: PrintSpec) -> Look | None:
+def _overhang(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:
     over = None if printing.way.is_in_parts else overhang(target, printing)
     if over is None:
         return None
@@ -277,7 +277,7 @@ def _overhang(target: TargetGeometry, printing: PrintSpec) -> Look | None:
         f"the {COUNT[count]} faces beside the bottom face rise at {math.degrees(slope):.1f} deg from the bed: "
         "most printers do that without supports; put supports on if yours does not"
     )
-    return Look(said=(("note", text),))
+    return RuleLook(said=(("note", text),))
 
 
 RULES: dict[str, Rule] = {

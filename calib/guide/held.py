@@ -1,0 +1,85 @@
+"""How a target is held before a camera, and by how much it is held differently elsewhere, as a person sees it."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import project
+from calib.cameras.camera import Camera
+from calib.core.se3 import angles_between, transform
+from calib.verdict.candidate_views import LONG
+from calib.verdict.views import TargetShape
+
+Array = NDArray[np.float64]
+
+SAME_TURN_DEG = 15.0
+"""A person holds a target to about 5 degrees about each axis, so that the whole turn is now and then this far off."""
+SAME_PLACE_MM, SAME_PLACE = 40.0, 0.1
+"""Likewise to about 20 mm along each axis, and no better than a part of the distance."""
+QUARTER, HALF = math.pi / 2, math.pi
+
+
+@dataclass(frozen=True, eq=False)
+class HeldTarget:
+    """Where a target is, and how it is turned."""
+
+    middle_mm: Array  # (3,) in the camera's frame
+    middle_px: Array  # (2,) nan: not in the image
+    normal: Array  # (3,) of a flat target, to the side that is seen; z of a solid
+    long_side: Array  # (3,) its long side
+
+    @property
+    def distance_mm(self) -> float:
+        """From the camera."""
+        return float(np.linalg.norm(self.middle_mm))
+
+    @property
+    def tilt_deg(self) -> float:
+        """Of a flat target against the sensor."""
+        return math.degrees(math.acos(min(max(-float(self.normal[2]), -1.0), 1.0)))
+
+    @property
+    def away(self) -> Array:
+        """Where its far side is, right and down, as long as the sine of its tilt.  # (2,)"""
+        return self.normal[:2]
+
+
+def held_at(camera: Camera, shape: TargetShape, cam_from_target: Array) -> HeldTarget:
+    """How a target is held at a pose."""
+    middle = transform(cam_from_target, shape.center_mm)
+    turn = cam_from_target[:3, :3]
+    return HeldTarget(middle, project(camera, middle[None])[0], turn @ shape.axes[2], turn @ shape.axes[0])
+
+
+def turn_between(shape: TargetShape, first: HeldTarget, second: HeldTarget) -> tuple[float, float]:
+    """By how much a flat target is tilted and turned in its plane from one to the other (rad).
+
+    A board tells the same upside down, and a square one also with another side up.
+    """
+    tilt = float(angles_between(first.normal, second.normal))
+    along = second.long_side - first.normal * float(first.normal @ second.long_side)
+    across = np.cross(first.normal, first.long_side)
+    angle = math.atan2(float(across @ along), float(first.long_side @ along))
+    period = HALF if shape.aspect > LONG else QUARTER
+    return tilt, angle - period * round(angle / period)
+
+
+def are_near(shape: TargetShape, pose: Array, cam_from_target: Array) -> NDArray[np.bool_]:
+    """Which of poses (C, 4, 4) hold a target about as another one does, whichever way it is turned in its plane."""
+    place, wanted = transform(cam_from_target, shape.center_mm), transform(pose, shape.center_mm)
+    near = max(SAME_PLACE_MM, SAME_PLACE * float(np.linalg.norm(wanted)))
+    is_near: NDArray[np.bool_] = np.linalg.norm(place - wanted, axis=1) <= near
+    if shape.is_flat:
+        facing = cam_from_target[:, :3, :3] @ shape.axes[2]
+        is_near &= facing @ (pose[:3, :3] @ shape.axes[2]) >= math.cos(math.radians(SAME_TURN_DEG))
+    return is_near
+
+
+def is_same(shape: TargetShape, wanted: HeldTarget, now: HeldTarget) -> bool:
+    """Whether a person who was to hold a target in one way holds it so; a solid may show any side."""
+    apart_mm = float(np.linalg.norm(now.middle_mm - wanted.middle_mm))
+    if apart_mm > max(SAME_PLACE_MM, SAME_PLACE * wanted.distance_mm):
+        return False
+    return not shape.is_flat or math.hypot(*turn_between(shape, wanted, now)) <= math.radians(SAME_TURN_DEG)

@@ -1,0 +1,107 @@
+"""How good a camera is after the photos so far, and which view would make it better."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.core.parallel import one_thread
+from calib.guide.held import are_near
+from calib.guide.insight import Insight
+from calib.guide.settings import GuideSettings
+from calib.solver.calibration import Calibration
+from calib.solver.image_field import with_image_field
+from calib.solver.options import SolveOptions
+from calib.solver.target_error import stated_prior
+from calib.verdict.evidence import CameraEvidence, evidence_of
+from calib.verdict.halves import half_split
+from calib.verdict.judge import judge
+from calib.verdict.next_views import LITTLE_GAIN, NextView, next_views
+from calib.verdict.verdict import Verdict
+from calib.verdict.views import TargetShape
+
+Array = NDArray[np.float64]
+
+ENOUGH_PHOTOS = 12
+"""With so many, checks that fail although the camera is known as well as wanted fail for another reason than chance."""
+LITTLE_OF_NOISE = 0.995
+"""A photo that leaves more than this of the deviation is not worth taking, where noise is most of it: several do."""
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What is to be said of a camera that the photos determine whole."""
+
+    calibration: Calibration
+    evidence: CameraEvidence
+    verdict: Verdict
+
+
+@one_thread
+def standing_of(insight: Insight, settings: GuideSettings) -> Standing | None:
+    """The verdict on a camera; None as long as the photos do not determine all of it."""
+    found = insight.whole
+    if found is None:
+        return None
+    halves = half_split(found, SolveOptions())
+    standing = Standing(found, evidence := evidence_of([found], 0, halves), judge(evidence, settings.criteria))
+    if standing.verdict.grade != "good":
+        return standing
+    # What is fixed in the image takes as long as all the rest, and may only make worse what is good without.
+    found = with_image_field(found)
+    return Standing(found, evidence := evidence_of([found], 0, halves), judge(evidence, settings.criteria))
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A view to take next."""
+
+    cam_from_target: Array  # (4, 4)
+    view: NextView | None  # what it gives; None: no camera is known
+    is_for_accuracy: bool = True  # the camera is better known by it; else a part of the image is shown first
+
+
+def proposal_of(
+    calibration: Calibration,
+    standing: Standing | None,
+    settings: GuideSettings,
+    shape: TargetShape,
+    avoided: Sequence[Array],
+) -> Proposal | None:
+    """The view that tells most of those that are not avoided; None if none tells anything.
+
+    Args:
+        calibration: what is known, whole or in part.
+        standing: of the whole; None: in part.
+        settings: what is asked.
+        shape: of the target.
+        avoided: poses of what cannot be done (4, 4).
+    """
+    if standing is not None and standing.verdict.grade == "good":
+        return None
+    criteria, uncertain = settings.criteria, None if standing is None else standing.evidence.uncertainty
+    wanted_px, wanted_share = criteria["uncertainty"].good, criteria["coverage"].good / 100
+    goals = [(wanted_px, wanted_share, LITTLE_GAIN)]
+    if uncertain is not None and not uncertain.by_target and not uncertain.by_field:
+        goals.append((wanted_px, wanted_share, LITTLE_OF_NOISE))
+    if calibration.observations.view_count < ENOUGH_PHOTOS:
+        goals.append((0.0, 1.0, LITTLE_OF_NOISE))
+    prior = stated_prior(calibration, settings.target)
+
+    def is_avoided(poses: Array) -> NDArray[np.bool_]:
+        near = np.zeros(len(poses), dtype=np.bool_)
+        for pose in avoided:
+            near |= are_near(shape, pose, poses)
+        return near
+
+    for goal_px, goal_covered, little_gain in goals:
+        views = next_views(
+            calibration, most=1, goal_px=goal_px, goal_covered=goal_covered, prior=prior, little_gain=little_gain,
+            factor=1.0 if uncertain is None else uncertain.factor, is_avoided=is_avoided if avoided else None,
+        )  # fmt: skip
+        if views:
+            view = views[0]
+            tells = view.sigma_px_before > goal_px and view.sigma_px_after <= little_gain * view.sigma_px_before
+            return Proposal(view.cam_from_target, view, tells)
+    return None
