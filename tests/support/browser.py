@@ -22,15 +22,15 @@ _WIDE = """() => Math.max(document.documentElement.scrollWidth, document.body.sc
 
 
 @contextmanager
-def started_browser() -> Iterator[Browser]:
-    """Chromium; the test is skipped where there is none."""
+def started_browser(*arguments: str) -> Iterator[Browser]:
+    """Chromium, with more arguments if told; the test is skipped where there is none."""
     program = next(
         (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), ""
     )
     if not program:
         pytest.skip("no chromium: install the Debian package chromium")
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=program, args=_ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=program, args=[*_ARGUMENTS, *arguments])
         try:
             yield browser
         finally:
@@ -71,6 +71,15 @@ def open_page(
     finally:
         context.close()
     assert troubles == []
+
+
+@contextmanager
+def complaints(page: Page) -> Iterator[list[str]]:
+    """What a page of a server complains of: errors and warnings on its console, exceptions."""
+    troubles: list[str] = []
+    page.on("console", lambda said: troubles.extend(_complaint(said)))
+    page.on("pageerror", lambda error: troubles.append(str(error)))
+    yield troubles
 
 
 def _complaint(said: ConsoleMessage) -> list[str]:

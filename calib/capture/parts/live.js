@@ -1,0 +1,324 @@
+/* The live page: what the server says is shown, what the person does is told to it. Texts come from files and may hold
+   anything: they reach the page as text nodes alone. */
+
+import { BrowserCamera } from "./camera.js";
+import { made, showPanel } from "./panel.js";
+import { PhotoStrip } from "./photos.js";
+import { Picture } from "./picture.js";
+import { Sound } from "./sound.js";
+import { Space } from "./space.js";
+import { connect } from "./wire.js";
+import { instruction, mirrored } from "./words.js";
+
+const LATE_MS = 1000; // a look that has not come by then is not waited for
+const STEADY_MS = 350; // words in large letters stay at least so long
+const SAID_MS = 2500; // and are not read aloud oftener
+const NOTICE_MS = { line: 6000, fault: 15000 };
+const FLASH_MS = 500;
+
+const part = (id) => document.getElementById(id);
+const model = {
+  state: null, guidance: null, look: null, fault: "", isLost: false, isMirrored: false, hasMap: false, endsAt: null,
+};
+const pictures = [];
+const sound = new Sound();
+const space = new Space(part("space-view"));
+part("space").hidden = !space.isThere;
+let camera = null;
+let sent = { number: -1, at: -Infinity };
+let answered = -1;
+
+const wire = connect({
+  open: () => { model.isLost = false; sent = { number: sent.number, at: -Infinity }; if (model.fault) tellFault(); showWords(); },
+  lost: () => { model.isLost = true; showWords(); },
+  message: (message) => HANDLERS[message.kind]?.(message),
+  image: (header, bytes) => pictures[header.source]?.setImage(header, bytes),
+});
+const strip = new PhotoStrip({ list: part("photos"), box: part("photo-box"), command: wire.command });
+
+// ---- what the server says
+
+const HANDLERS = {
+  state(state) {
+    const before = model.state;
+    model.state = state;
+    model.endsAt = state.ends_in_s === null ? null : performance.now() + 1000 * state.ends_in_s;
+    if (!before) makePictures(state.sources);
+    if (!state.is_here) { wire.stayAway(); camera?.close(); }
+    part("automatic").setAttribute("aria-pressed", String(state.is_automatic));
+    if (state.phase !== before?.phase) enter(state.phase);
+    showPanels();
+    showWords();
+  },
+  guidance({ guidance, scene }) {
+    const wasGood = model.guidance === null || model.guidance.stage === "good";
+    model.guidance = guidance;
+    if (scene) space.setScene(scene);
+    pictures.forEach((picture, row) => picture.setCamera(guidance.cameras[row] ?? null));
+    space.setGhost(guidance.ghost?.cam_from_target ?? null, guidance.cameras[0]?.image_size ?? [3, 2]);
+    strip.show(guidance.photos, guidance.cameras[0]?.image_size);
+    part("delete").disabled = guidance.photos.length === 0;
+    part("size").disabled = guidance.photos.length > 0;
+    part("size").title = guidance.photos.length > 0 ? "All photos have one size" : "";
+    if (guidance.stage === "good" && !wasGood) sound.play("good");
+    showPanels();
+    showWords();
+  },
+  look(look) {
+    if (isBrowser(look.source)) answered = Math.max(answered, look.number);
+    model.look = look;
+    pictures[look.source]?.setLook(look);
+    space.setLive(look.look.cam_from_target);
+    part("notes").replaceChildren(...look.look.notes.map((note) => made("li", note.forbids ? "forbids" : "", note.sentence)));
+    showWords();
+  },
+  taken({ name }) {
+    sound.play("taken");
+    flash();
+    notice(`Photo ${name} taken`, false);
+  },
+  notice({ said, is_fault: isFault }) {
+    if (isFault) sound.play("wrong");
+    notice(said, isFault);
+  },
+};
+
+const isBrowser = (source) => model.state?.sources[source]?.kind === "browser";
+
+function makePictures(sources) {
+  for (const [row, source] of sources.entries()) {
+    const picture = new Picture(sources.length > 1 ? source.name : "");
+    pictures.push(picture);
+    part("pictures").append(picture.element);
+    if (source.kind === "browser") startCamera(row, picture);
+  }
+  part("pictures").dataset.count = String(sources.length);
+}
+
+function enter(phase) {
+  document.body.dataset.phase = phase;
+  if (phase !== "taking" && phase !== "ending") camera?.close();
+  if (phase === "done") showReport();
+}
+
+/** The report stays when the server ends. */
+function showReport() {
+  const frame = part("report");
+  frame.addEventListener("load", () => { wire.stayAway(); wire.command("bye"); }, { once: true });
+  frame.hidden = false;
+  frame.src = "report";
+}
+
+// ---- the browser's camera
+
+function startCamera(row, picture) {
+  camera = new BrowserCamera({
+    isFree: () => wire.isFree() && model.state.is_here && (answered >= sent.number || performance.now() - sent.at > LATE_MS),
+    frame(about, grey) {
+      sent = { number: sent.number + 1, at: performance.now() };
+      wire.frame({ source: row, number: sent.number, ...about }, grey);
+    },
+    fault(line) { model.fault = line; model.look = null; tellFault(); showWords(); sound.play("wrong"); },
+    ready(about) {
+      const wasFaulty = model.fault !== "";
+      model.fault = "";
+      if (wasFaulty) tellFault();
+      picture.setSize(about.width, about.height);
+      showChoices(about);
+      if (about.isFront !== model.isMirrored && !part("mirror").dataset.chosen) setMirrored(about.isFront);
+      showWords();
+    },
+  });
+  picture.setVideo(camera.video);
+  part("mirror").hidden = false;
+  part("choices").hidden = false;
+  part("device").addEventListener("change", () => camera.open({ deviceId: part("device").value }));
+  part("size").addEventListener("change", () => {
+    const [width, height] = part("size").value.split("x").map(Number);
+    camera.open({ deviceId: part("device").value, width, height });
+  });
+  // Photos that are there already say which size is wanted; they are told right after the state.
+  setTimeout(() => camera.open(sizeOfPhotos()), 150);
+}
+
+function sizeOfPhotos() {
+  const guidance = model.guidance;
+  if (!guidance || guidance.photos.length === 0) return {};
+  const [width, height] = guidance.cameras[0].image_size;
+  return { width, height };
+}
+
+function tellFault() {
+  wire.command("source", model.fault);
+}
+
+function showChoices({ deviceId, width, height, sizes, devices }) {
+  const option = (value, text, isChosen) => new Option(text, value, isChosen, isChosen);
+  part("device").replaceChildren(...devices.map((one, n) => (
+    option(one.deviceId, one.label || `camera ${n}`, one.deviceId === deviceId))));
+  const all = sizes.some(([w, h]) => w === width && h === height) ? sizes : [[width, height], ...sizes];
+  part("size").replaceChildren(...all.map(([w, h]) => option(`${w}x${h}`, `${w} × ${h}`, w === width && h === height)));
+}
+
+// ---- words
+
+let shownAt = -Infinity;
+let saidAt = -Infinity;
+let later = 0;
+
+/** Words change no oftener than a person can read. */
+function showWords() {
+  const wait = STEADY_MS - (performance.now() - shownAt);
+  clearTimeout(later);
+  const { tone, big, small } = instruction(counted());
+  const isUrgent = tone !== document.body.dataset.tone && tone !== "plain" && tone !== "warn";
+  if (wait > 0 && !isUrgent && big !== part("big").textContent) { later = setTimeout(showWords, wait); return; }
+  if (big !== part("big").textContent) {
+    shownAt = performance.now();
+    part("big").textContent = big;
+    fitWords();
+  }
+  part("small").textContent = small;
+  document.body.dataset.tone = tone;
+  sayAloud(big);
+  showCard();
+}
+
+/** What is left of a countdown. */
+function counted() {
+  if (model.endsAt === null || model.state === null) return model;
+  const left = Math.max(0, (model.endsAt - performance.now()) / 1000);
+  return { ...model, state: { ...model.state, ends_in_s: left } };
+}
+
+function sayAloud(text) {
+  if (performance.now() - saidAt < SAID_MS || part("said").textContent === text) return;
+  saidAt = performance.now();
+  part("said").textContent = text;
+}
+
+const ruler = document.createElement("canvas").getContext("2d");
+
+/** The largest letters with which the words take two lines at most. */
+function fitWords() {
+  const big = part("big");
+  const style = getComputedStyle(big);
+  ruler.font = `${style.fontWeight} 100px ${style.fontFamily}`;
+  const width = ruler.measureText(big.textContent).width / 100 || 1;
+  const [wide, high] = [big.clientWidth, big.clientHeight];
+  const one = Math.min(wide / (1.03 * width), high / 1.15);
+  const two = Math.min((1.7 * wide) / width, high / 2.3);
+  const three = Math.min((2.4 * wide) / width, high / 3.4);
+  big.style.fontSize = `${Math.max(one, two, three).toFixed(1)}px`;
+}
+
+function showPanels() {
+  const seen = model.isMirrored ? mirrored : (text) => text;
+  if (model.guidance) showPanel(model.guidance, model.state, seen, model.isMirrored);
+}
+
+function notice(text, isFault) {
+  const line = made("li", isFault ? "fault" : "", text);
+  part("notices").append(line);
+  while (part("notices").children.length > 3) part("notices").firstChild.remove();
+  setTimeout(() => line.remove(), isFault ? NOTICE_MS.fault : NOTICE_MS.line);
+}
+
+function flash() {
+  part("flash").classList.add("on");
+  setTimeout(() => part("flash").classList.remove("on"), FLASH_MS);
+}
+
+// ---- questions over the picture
+
+const reload = () => window.location.reload();
+const CARDS = {
+  elsewhere: { words: "This session is shown in another tab or window.", buttons: [["Take it back here", reload]] },
+  fault: { words: "", buttons: [["Try again", () => camera.open(camera.wish)]] },
+  ending: {
+    words: "The camera is known well enough.",
+    buttons: [["Take more photos", () => wire.command("more")], ["Finish now", () => wire.command("finish")]],
+  },
+};
+let shownCard = "";
+
+function showCard() {
+  const name = cardNow();
+  if (name === shownCard) return;
+  shownCard = name;
+  part("card").hidden = !name;
+  const { words, buttons } = CARDS[name] ?? { words: "", buttons: [] };
+  part("card-words").textContent = words;
+  part("card-buttons").replaceChildren(...buttons.map(([text, action]) => {
+    const button = Object.assign(made("button", "primary", text), { type: "button" });
+    button.addEventListener("click", action);
+    return button;
+  }));
+  part("card-buttons").querySelector("button")?.focus({ preventScroll: true });
+}
+
+function cardNow() {
+  if (model.state && !model.state.is_here) return "elsewhere";
+  if (model.isLost) return "";
+  if (model.state?.phase === "ending") return "ending";
+  return model.fault && model.state?.phase === "taking" ? "fault" : "";
+}
+
+// ---- what the person does
+
+function setMirrored(isMirrored) {
+  model.isMirrored = isMirrored;
+  part("mirror").setAttribute("aria-pressed", String(isMirrored));
+  pictures.forEach((picture) => picture.set({ isMirrored }));
+  space.setMirrored(isMirrored);
+  showPanels();
+  showWords();
+}
+
+const ACTIONS = {
+  take: () => wire.command(model.state?.phase === "ending" ? "more" : "take"),
+  skip: () => wire.command("skip"),
+  delete: () => { const last = model.guidance?.photos.at(-1); if (last) wire.command("delete", last.name); },
+  automatic: () => wire.command(model.state?.is_automatic ? "by_hand" : "automatic"),
+  map() {
+    model.hasMap = !model.hasMap;
+    part("map").setAttribute("aria-pressed", String(model.hasMap));
+    pictures.forEach((picture) => picture.set({ hasMap: model.hasMap }));
+  },
+  mirror() { part("mirror").dataset.chosen = "yes"; setMirrored(!model.isMirrored); },
+  sound() { sound.toggle(); part("sound").setAttribute("aria-pressed", String(sound.isOn)); },
+  finish: () => wire.command("finish"),
+  help: () => part("help-box").showModal(),
+};
+const KEYS = {
+  " ": "take", n: "skip", Delete: "delete", Backspace: "delete", a: "automatic", m: "map", i: "mirror", s: "sound", f: "finish",
+  "?": "help",
+};
+
+for (const [name, action] of Object.entries(ACTIONS)) {
+  part(name).addEventListener("click", (event) => {
+    action();
+    if (event.detail > 0) part(name).blur(); // so that the space bar takes a photo, and is not this button again
+  });
+}
+document.addEventListener("keydown", (event) => {
+  const action = KEYS[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+  if (!action || event.repeat || event.ctrlKey || event.metaKey || event.altKey || isElsewhere(event)) return;
+  event.preventDefault();
+  ACTIONS[action]();
+});
+
+/** Whether a key is for what has the focus. */
+function isElsewhere(event) {
+  const isOnButton = event.key === " " && event.target.closest("button, summary, a");
+  return Boolean(event.target.closest("select, input, textarea, dialog") || isOnButton);
+}
+
+for (const box of document.querySelectorAll("dialog")) {
+  box.addEventListener("click", (event) => {
+    if (event.target === box || event.target.closest("[data-close]")) box.close();
+  });
+}
+window.addEventListener("resize", fitWords);
+setInterval(() => { if (model.endsAt !== null) showWords(); }, 250);
+showWords();

@@ -1,0 +1,101 @@
+/* What the page says in large letters, from what is known: pure, no element is touched here. */
+
+const OPPOSITE = {
+  left: "right", right: "left", clockwise: "counter-clockwise", "counter-clockwise": "clockwise",
+  anticlockwise: "clockwise",
+};
+
+/** Directions as in a mirror: the server's are those of the photo. */
+export function mirrored(text) {
+  return text.replace(/\b(left|right|counter-clockwise|anticlockwise|clockwise)\b/giu, (word) => {
+    const other = OPPOSITE[word.toLowerCase()];
+    return word[0] === word[0].toUpperCase() ? other[0].toUpperCase() + other.slice(1) : other;
+  });
+}
+
+export function capital(text) {
+  return text ? text[0].toUpperCase() + text.slice(1) : text;
+}
+
+/**
+ * What to do now.
+ * @returns {{tone: "plain"|"hold"|"warn"|"good"|"fault", big: string, small: string}}
+ */
+export function instruction({ state, guidance, look, fault, isLost, isMirrored }) {
+  if (state && !state.is_here) return { tone: "fault", big: "Another tab has the session", small: "" };
+  if (isLost && state?.phase !== "done") {
+    return {
+      tone: "fault",
+      big: "Connection lost",
+      small: "The photos are kept. If the program ended, start it again with --resume.",
+    };
+  }
+  if (!state) return { tone: "plain", big: "Connecting", small: "" };
+  const ofPhase = { ending, solving, done, failed }[state.phase];
+  if (ofPhase) return ofPhase(state, guidance);
+  const broken = state.sources.find((source) => source.fault);
+  if (fault || broken) return { tone: "fault", big: fault || capital(`${broken.name}: ${broken.fault}`), small: "" };
+  return taking(state, guidance, look, isMirrored ? mirrored : (text) => text);
+}
+
+function ending(state, guidance) {
+  const count = state.ends_in_s === null ? "" : `The calibration is computed in ${Math.ceil(state.ends_in_s)} s. `;
+  return { tone: "good", big: "Enough photos", small: count + (guidance?.headline ?? "") };
+}
+
+function solving(state) {
+  return { tone: "hold", big: "Computing the calibration", small: state.said };
+}
+
+function done(state, guidance) {
+  return { tone: guidance?.stage === "good" ? "good" : "plain", big: capital(state.said) || "Done", small: "" };
+}
+
+function failed(state) {
+  return { tone: "fault", big: "No calibration", small: state.said };
+}
+
+function taking(state, guidance, look, seen) {
+  const ghost = guidance?.ghost ?? null;
+  const place = ghost ? capital(seen(ghost.short)) : "";
+  const small = ghost ? numbers(ghost, look) : guidance?.headline ?? "";
+  if (!look) {
+    const isFolder = state.sources.length > 0 && state.sources.every((source) => source.kind === "folder");
+    return { tone: "plain", big: place || (isFolder ? "Waiting for photos" : "Waiting for the camera"), small };
+  }
+  const isSeen = look.look.outline_px.length > 0;
+  const note = forbidding(look.look);
+  if (note) return { tone: "warn", big: capital(note.sentence), small };
+  if (!isSeen) return { tone: "plain", big: place || "Show the target to the camera", small };
+  if (look.look.is_wanted) return { tone: "hold", big: state.is_automatic ? "Hold still" : "Good: press space", small };
+  return { tone: "plain", big: capital(seen(look.look.hint)) || place || "Show another view", small };
+}
+
+/** What keeps this frame from being taken; motion only where nothing is left but to hold still. */
+function forbidding(look) {
+  const isThere = look.is_match || look.hint === "";
+  return look.notes.find((note) => note.forbids && (note.name !== "motion" || isThere)) ?? null;
+}
+
+/** Distance and tilt, as they are and as they are to be. */
+function numbers(ghost, look) {
+  const pose = look?.look.cam_from_target ?? null;
+  const words = [];
+  const wanted = metres(ghost.distance_mm);
+  words.push(pose ? `${metres(Math.hypot(pose[0][3], pose[1][3], pose[2][3]))} → ${wanted}` : wanted);
+  if (ghost.tilt_deg !== null) {
+    const goal = `${Math.round(ghost.tilt_deg)}°`;
+    words.push(pose ? `tilt ${Math.round(tilt(pose))}° → ${goal}` : `tilt ${goal}`);
+  }
+  if (ghost.gain) words.push(ghost.gain);
+  return words.join("  ·  ");
+}
+
+/** Of a flat target against the sensor, in degrees. */
+function tilt(pose) {
+  return (Math.acos(Math.min(1, Math.abs(pose[2][2]))) * 180) / Math.PI;
+}
+
+function metres(mm) {
+  return mm < 100 ? `${Math.round(mm)} mm` : `${(mm / 1000).toFixed(2)} m`;
+}
