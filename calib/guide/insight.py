@@ -35,6 +35,8 @@ ROUGH_SHARE = 0.02
 """Of the image's longer side: a camera that is less sure than that over its image is solved with fewer parameters."""
 UNSURE = 2 * UNSURE_FOCAL
 """Standard deviation of a focal length, as a part of it, with which there is no camera yet."""
+MOST_OF_LENS = 1.5
+"""A coefficient of a lens of which a part is solved."""
 CONTRADICTS, LEAST_FAR_PX = 5.0, 0.3
 """Times the others' residuals that a photo leaves, and pixels, if something is wrong with it."""
 FEWEST_OTHERS = 3
@@ -129,8 +131,26 @@ def _solved(seen: Observations, model: str) -> Calibration | None:
             found = solve(seen, model, options)
             rough_px = ROUGH_SHARE * max(seen.image_size)
             if found.status == "converged" and sigma_over_lit_px(lit_part(found), found.param_covariance) < rough_px:
-                return found if not options.fixed else _opened(found)
+                if not options.fixed:
+                    return found
+                if _is_usual(found):
+                    return _opened(found)
     return None
+
+
+def _is_usual(found: Calibration) -> bool:
+    """Whether the lens is one of those that the guess of what is open is of.
+
+    With the centre held where it is not, boards that face the camera seem to be far away and tilted, and the lens
+    bends what remains.
+    """
+    parameters = told_parameters(found.camera.model)
+    off = [
+        abs(value - parameter.neutral)
+        for parameter, value in zip(parameters, found.camera.params.tolist(), strict=True)
+        if parameter.name not in FOCAL_CENTRE
+    ]
+    return max(off, default=0.0) < MOST_OF_LENS
 
 
 def _opened(found: Calibration) -> Calibration:
