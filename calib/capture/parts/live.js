@@ -173,12 +173,12 @@ function showWords() {
   const { tone, big, small } = instruction(counted());
   const isUrgent = tone !== document.body.dataset.tone && tone !== "plain" && tone !== "warn";
   if (wait > 0 && !isUrgent && big !== part("big").textContent) { later = setTimeout(showWords, wait); return; }
+  part("small").textContent = small;
   if (big !== part("big").textContent) {
     shownAt = performance.now();
     part("big").textContent = big;
     fitWords();
   }
-  part("small").textContent = small;
   document.body.dataset.tone = tone;
   sayAloud(big);
   showCard();
@@ -199,16 +199,16 @@ function sayAloud(text) {
 
 const ruler = document.createElement("canvas").getContext("2d");
 
-/** The largest letters with which the words take two lines at most. */
+/** The largest letters with which the words have room, on three lines at most. */
 function fitWords() {
   const big = part("big");
   const style = getComputedStyle(big);
   ruler.font = `${style.fontWeight} 100px ${style.fontFamily}`;
   const width = ruler.measureText(big.textContent).width / 100 || 1;
   const [wide, high] = [big.clientWidth, big.clientHeight];
-  const one = Math.min(wide / (1.03 * width), high / 1.15);
-  const two = Math.min((1.7 * wide) / width, high / 2.3);
-  const three = Math.min((2.4 * wide) / width, high / 3.4);
+  const one = Math.min(wide / (1.03 * width), high / 1.2);
+  const two = Math.min((1.7 * wide) / width, high / 2.35);
+  const three = Math.min((2.4 * wide) / width, high / 3.5);
   big.style.fontSize = `${Math.max(one, two, three).toFixed(1)}px`;
 }
 
@@ -319,6 +319,6 @@ for (const box of document.querySelectorAll("dialog")) {
     if (event.target === box || event.target.closest("[data-close]")) box.close();
   });
 }
-window.addEventListener("resize", fitWords);
+new ResizeObserver(fitWords).observe(part("big"));
 setInterval(() => { if (model.endsAt !== null) showWords(); }, 250);
 showWords();

@@ -46,7 +46,8 @@ export class Picture {
   }
 
   setSize(width, height) {
-    this.size = width && height ? [width, height] : this.size;
+    if (width && height) this.size = [width, height];
+    if (this.size) this.element.closest("main")?.style.setProperty("--aspect", String(this.size[0] / this.size[1]));
     this.request();
   }
 
@@ -95,7 +96,7 @@ export class Picture {
     if (this.video === null && this.still.width === 300) this.frame(pen);
     if (this.look) this.drawFound(pen);
     this.drawGhost(pen);
-    if (this.look) this.drawStill(pen);
+    if (this.look) { this.drawWay(pen); this.drawStill(pen); }
   }
 
   /** From pixels of the photo, the middle of the first at (0, 0), to the element's. */
@@ -179,12 +180,39 @@ export class Picture {
     stroke(pen, faces, colour, 3.5, isMatch ? [] : [14, 8]);
   }
 
+  /** An arrow from the target to where it is to be, if that is some way off. */
+  drawWay(pen) {
+    const { look } = this.look;
+    const goals = this.camera?.ghost_px ?? [];
+    if (look.is_wanted || look.outline_px.length === 0 || goals.length === 0) return;
+    const [from, to] = [this.middleOf(look.outline_px), this.middleOf(goals)];
+    const length = Math.hypot(to[0] - from[0], to[1] - from[1]);
+    const thick = 0.016 * Math.min(this.element.clientWidth, this.element.clientHeight);
+    if (length < 8 * thick) return;
+    const at = (along, across) => [0, 1].map((axis) => {
+      const [way, side] = [(to[axis] - from[axis]) / length, (axis ? 1 : -1) * (to[1 - axis] - from[1 - axis]) / length];
+      return from[axis] + along * way + across * side;
+    });
+    const path = new Path2D();
+    path.moveTo(...at(0, 0));
+    path.lineTo(...at(length, 0));
+    path.moveTo(...at(length - 2.5 * thick, 2 * thick));
+    path.lineTo(...at(length, 0));
+    path.lineTo(...at(length - 2.5 * thick, -2 * thick));
+    stroke(pen, [path], CASING, 1.7 * thick);
+    stroke(pen, [path], GHOST, thick);
+  }
+
+  middleOf(lines) {
+    const points = lines.flat().map((point) => this.place(point));
+    return [0, 1].map((axis) => points.reduce((sum, point) => sum + point[axis], 0) / points.length);
+  }
+
   /** A ring that closes while the target is held still. */
   drawStill(pen) {
     const { still, look } = this.look;
     if (!look.is_wanted || look.outline_px.length === 0) return;
-    const points = look.outline_px.flat().map((point) => this.place(point));
-    const middle = [0, 1].map((axis) => points.reduce((sum, point) => sum + point[axis], 0) / points.length);
+    const middle = this.middleOf(look.outline_px);
     const radius = 0.1 * Math.min(this.element.clientWidth, this.element.clientHeight);
     const from = -Math.PI / 2;
     const arc = (share) => {
@@ -192,10 +220,8 @@ export class Picture {
       path.arc(...middle, radius, from, from + 2 * Math.PI * share);
       return [path];
     };
-    pen.lineCap = "round";
     stroke(pen, arc(1), CASING, radius / 4);
     stroke(pen, arc(Math.min(1, still)), MATCH, radius / 5);
-    pen.lineCap = "butt";
   }
 }
 
@@ -203,6 +229,7 @@ function stroke(pen, paths, colour, width, dashes = []) {
   pen.strokeStyle = colour;
   pen.lineWidth = width;
   pen.lineJoin = "round";
+  pen.lineCap = dashes.length ? "butt" : "round";
   pen.setLineDash(dashes);
   paths.forEach((path) => pen.stroke(path));
   pen.setLineDash([]);

@@ -4,7 +4,7 @@
 const FIELD_OF_VIEW = 30;
 const GHOST_OPACITY = 0.4;
 const FOCAL_SHARE = 0.9; // of the longer side: how wide the camera's pyramid is drawn
-const VIEWER = [-0.6, -0.55, -0.8]; // from the middle: behind the camera, above it and to its left
+const VIEWER = [-0.4, -0.5, -0.9]; // from the middle: behind the camera, above it and a little to its left
 const SIGN_COLOUR = 0x8a9099;
 
 export class Space {
@@ -75,7 +75,7 @@ export class Space {
   fit(distance) {
     this.distance = distance;
     const middle = new THREE.Vector3(0, 0, 0.55 * distance);
-    const reach = 0.4 * distance + this.radius;
+    const reach = 0.36 * distance + this.radius;
     const away = reach / Math.sin((FIELD_OF_VIEW * Math.PI) / 360);
     this.viewer.position.copy(middle).addScaledVector(new THREE.Vector3(...VIEWER).normalize(), away);
     this.viewer.near = away / 50;

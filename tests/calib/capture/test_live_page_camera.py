@@ -1,4 +1,4 @@
-"""The live page with the browser's camera, in a real browser: frames, faults, tabs."""
+"""The live page with the browser's camera, in a real browser that has no WebGL: frames, faults, tabs."""
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Page
 
 from calib.capture.messages import Command
 from tests.support import live_messages as told
@@ -17,11 +17,15 @@ from tests.support.live_server import ScriptedServer, scripted_server
 
 WIDTH, HEIGHT = 640, 480
 CAMERA = ("--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream")
-REFUSED = """() => {
-  window.real = navigator.mediaDevices.getUserMedia.bind(navigator.mediaDevices);
-  navigator.mediaDevices.getUserMedia = async () => {
-    if (window.isAllowed) return window.real({ video: true });
-    throw new DOMException("no", window.refusal ?? "NotAllowedError");
+CAMERA_SCRIPT = """() => {
+  HTMLCanvasElement.prototype.getContext = ((real) => function (kind, ...more) {
+    return kind.startsWith("webgl") ? null : real.call(this, kind, ...more);
+  })(HTMLCanvasElement.prototype.getContext);
+  const real = navigator.mediaDevices?.getUserMedia.bind(navigator.mediaDevices);
+  if (real) navigator.mediaDevices.getUserMedia = async (wish) => {
+    const why = window.name;  // kept when the page is loaded
+    if (why) throw new DOMException("refused", why);
+    return real(wish);
   };
 }"""
 
@@ -37,29 +41,25 @@ def colours() -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     """With a camera that shows the fields."""
     movie: Path = tmp_path_factory.mktemp("camera") / "fields.mjpeg"
     jpeg = cv2.imencode(".jpg", colours(), [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
     movie.write_bytes(4 * jpeg)
     with started_browser(*CAMERA, f"--use-file-for-fake-video-capture={movie}") as started:
-        yield started
+        page = started.new_context(viewport={"width": 1280, "height": 800}, reduced_motion="reduce").new_page()
+        page.add_init_script(f"({CAMERA_SCRIPT})()")
+        yield page
 
 
 @contextmanager
-def opened(browser: Browser, server: ScriptedServer, script: str = "") -> Iterator[Page]:
+def opened(page: Page, server: ScriptedServer) -> Iterator[Page]:
     """The page, which must complain of nothing."""
-    context = browser.new_context(viewport={"width": 1280, "height": 800}, reduced_motion="reduce")
-    try:
-        page = context.new_page()
-        if script:
-            page.add_init_script(f"({script})()")
-        with complaints(page) as troubles:
-            page.goto(server.address)
-            yield page
-        assert troubles == []
-    finally:
-        context.close()
+    with complaints(page) as troubles:
+        page.goto(server.address)
+        yield page
+        page.goto("about:blank")
+    assert troubles == []
 
 
 def live() -> AbstractContextManager[ScriptedServer]:
@@ -72,10 +72,10 @@ def frames(server: ScriptedServer, count: int) -> None:
     server.wait(lambda: Command("bye") if len(server.frames) >= count else None)
 
 
-def test_frames_are_the_cameras_pixels_in_grey(browser: Browser) -> None:
+def test_frames_are_the_cameras_pixels_in_grey(page: Page) -> None:
     """A frame has the camera's size, OpenCV's grey levels, and numbers and times that grow; one is sent an answer."""
     with scripted_server(told.state(), told.guidance(0), answer=lambda h: told.nothing_seen(h.number)) as server:
-        with opened(browser, server):
+        with opened(page, server):
             frames(server, 3)
         grey = cv2.cvtColor(colours(), cv2.COLOR_BGR2GRAY)
         header, sent = server.frames[-1]
@@ -89,32 +89,33 @@ def test_frames_are_the_cameras_pixels_in_grey(browser: Browser) -> None:
         assert header.source == 0
 
 
-def test_next_frame_waits_for_the_look_at_the_last(browser: Browser) -> None:
+def test_next_frame_waits_for_the_look_at_the_last(page: Page) -> None:
     """A server that is slow is not sent frames that it cannot look at: no more than one a second without answer."""
-    with scripted_server(told.state(), told.guidance(0)) as server, opened(browser, server) as page:
+    with scripted_server(told.state(), told.guidance(0)) as server, opened(page, server):
         frames(server, 1)
         page.wait_for_timeout(700)
         assert len(server.frames) == 1
 
 
-def test_camera_that_may_not_be_used_is_said_and_tried_again(browser: Browser) -> None:
+def test_camera_that_may_not_be_used_is_said_and_tried_again(page: Page) -> None:
     """Refused, the page says the remedy and tells the server why; a button tries again, which is told too."""
-    with scripted_server(told.state(), told.guidance(0)) as server, opened(browser, server, REFUSED) as page:
+    page.evaluate("() => { window.name = 'NotAllowedError'; }")
+    with scripted_server(told.state(), told.guidance(0)) as server, opened(page, server):
         assert "may not use the camera" in server.heard("source").name
         page.get_by_text("Allow it at the camera sign", exact=False).first.wait_for()
-        page.evaluate("() => { window.refusal = 'NotReadableError'; }")
+        page.evaluate("() => { window.name = 'NotReadableError'; }")
         page.get_by_role("button", name="Try again").click()
         assert "another program" in server.heard("source").name
-        page.evaluate("() => { window.isAllowed = true; }")
+        page.evaluate("() => { window.name = ''; }")
         page.get_by_role("button", name="Try again").click()
         assert server.heard("source").name == ""
         frames(server, 1)
         assert page.get_by_role("button", name="Try again").count() == 0
 
 
-def test_unplugged_camera_is_said_at_once_and_taken_up_again(browser: Browser) -> None:
+def test_unplugged_camera_is_said_at_once_and_taken_up_again(page: Page) -> None:
     """A track that ends is a fault; when devices change, the camera is opened again."""
-    with live() as server, opened(browser, server) as page:
+    with live() as server, opened(page, server):
         frames(server, 1)
         page.evaluate(
             "() => document.querySelector('video').srcObject.getTracks()[0].dispatchEvent(new Event('ended'))"
@@ -125,10 +126,10 @@ def test_unplugged_camera_is_said_at_once_and_taken_up_again(browser: Browser) -
         assert server.heard("source").name == ""
 
 
-def test_tab_that_lost_the_session_stops_and_can_take_it_back(browser: Browser) -> None:
+def test_tab_that_lost_the_session_stops_and_can_take_it_back(page: Page) -> None:
     """Told that it is not here any more, a page sends nothing and does not come back by itself; a button reloads it."""
     away = replace(told.state(), is_here=False)
-    with live() as server, opened(browser, server) as page:
+    with live() as server, opened(page, server):
         frames(server, 1)
         server.say(away)
         page.get_by_text("Another tab has the session").first.wait_for()
@@ -142,9 +143,9 @@ def test_tab_that_lost_the_session_stops_and_can_take_it_back(browser: Browser) 
         server.wait(lambda: Command("bye") if len(server.sockets) == 2 else None)
 
 
-def test_lost_connection_says_how_to_go_on_and_comes_back(browser: Browser) -> None:
+def test_lost_connection_says_how_to_go_on_and_comes_back(page: Page) -> None:
     """Without the server the page says that photos are kept; it comes back to a server that answers again."""
-    with scripted_server(told.state(), told.guidance(2)) as server, opened(browser, server) as page:
+    with scripted_server(told.state(), told.guidance(2)) as server, opened(page, server):
         server.wait(lambda: Command("bye") if server.sockets else None)
         server.hang_up()
         page.get_by_text("--resume").first.wait_for()
