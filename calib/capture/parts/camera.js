@@ -17,7 +17,10 @@ const UNPLUGGED = "The camera was unplugged. Plug it in again.";
 const SILENT = "The camera sends no pictures. Is it covered by another program? Unplug it and plug it in again.";
 
 export class BrowserCamera {
-  /** @param {{frame: Function, fault: (line: string) => void, ready: Function, isFree: () => boolean}} on */
+  /**
+   * @param {{frame: Function, fault: (line: string) => void, asking: () => void, ready: Function,
+   *   isFree: () => boolean}} on
+   */
   constructor(on) {
     this.on = on;
     this.video = Object.assign(document.createElement("video"), { muted: true, playsInline: true, autoplay: true });
@@ -37,6 +40,7 @@ export class BrowserCamera {
     this.close();
     const turn = Symbol("turn"); // a later call overtakes this one
     this.turn = turn;
+    this.on.asking();
     try {
       const stream = await firstOf(constraintsFor(wish));
       if (this.turn !== turn) { stop(stream); return; }

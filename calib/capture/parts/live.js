@@ -18,18 +18,24 @@ const FLASH_MS = 500;
 
 const part = (id) => document.getElementById(id);
 const model = {
-  state: null, guidance: null, look: null, fault: "", isLost: false, isMirrored: false, hasMap: false, endsAt: null,
+  state: null, guidance: null, look: null, fault: "", isLost: false, isAsking: false,
+  isMirrored: false, hasMap: false, endsAt: null,
 };
 const pictures = [];
 const sound = new Sound();
 const space = new Space(part("space-view"));
 part("space").hidden = !space.isThere;
 let camera = null;
-let sent = { number: -1, at: -Infinity };
+const sent = { number: -1, at: -Infinity };
 let answered = -1;
 
 const wire = connect({
-  open: () => { model.isLost = false; sent = { number: sent.number, at: -Infinity }; if (model.fault) tellFault(); showWords(); },
+  open() {
+    model.isLost = false;
+    sent.at = -Infinity; // an answer to it is not to be waited for
+    if (model.fault) tellFault();
+    showWords();
+  },
   lost: () => { model.isLost = true; showWords(); },
   message: (message) => HANDLERS[message.kind]?.(message),
   image: (header, bytes) => pictures[header.source]?.setImage(header, bytes),
@@ -51,7 +57,7 @@ const HANDLERS = {
     showWords();
   },
   guidance({ guidance, scene }) {
-    const wasGood = model.guidance === null || model.guidance.stage === "good";
+    const isNewlyGood = guidance.stage === "good" && model.guidance !== null && model.guidance.stage !== "good";
     model.guidance = guidance;
     if (scene) space.setScene(scene);
     pictures.forEach((picture, row) => picture.setCamera(guidance.cameras[row] ?? null));
@@ -60,7 +66,7 @@ const HANDLERS = {
     part("delete").disabled = guidance.photos.length === 0;
     part("size").disabled = guidance.photos.length > 0;
     part("size").title = guidance.photos.length > 0 ? "All photos have one size" : "";
-    if (guidance.stage === "good" && !wasGood) sound.play("good");
+    if (isNewlyGood) sound.play("good");
     showPanels();
     showWords();
   },
@@ -69,7 +75,7 @@ const HANDLERS = {
     model.look = look;
     pictures[look.source]?.setLook(look);
     space.setLive(look.look.cam_from_target);
-    part("notes").replaceChildren(...look.look.notes.map((note) => made("li", note.forbids ? "forbids" : "", note.sentence)));
+    showNotes(look.look.notes);
     showWords();
   },
   taken({ name }) {
@@ -115,13 +121,19 @@ function startCamera(row, picture) {
   camera = new BrowserCamera({
     isFree: () => wire.isFree() && model.state.is_here && (answered >= sent.number || performance.now() - sent.at > LATE_MS),
     frame(about, grey) {
-      sent = { number: sent.number + 1, at: performance.now() };
+      Object.assign(sent, { number: sent.number + 1, at: performance.now() });
       wire.frame({ source: row, number: sent.number, ...about }, grey);
     },
-    fault(line) { model.fault = line; model.look = null; tellFault(); showWords(); sound.play("wrong"); },
+    asking() { model.isAsking = true; showWords(); },
+    fault(line) {
+      Object.assign(model, { fault: line, look: null, isAsking: false });
+      tellFault();
+      showWords();
+      sound.play("wrong");
+    },
     ready(about) {
       const wasFaulty = model.fault !== "";
-      model.fault = "";
+      Object.assign(model, { fault: "", isAsking: false });
       if (wasFaulty) tellFault();
       picture.setSize(about.width, about.height);
       showChoices(about);
@@ -212,6 +224,13 @@ function fitWords() {
   big.style.fontSize = `${Math.max(one, two, three).toFixed(1)}px`;
 }
 
+function showNotes(notes) {
+  const text = JSON.stringify(notes);
+  if (text === part("notes").dataset.shown) return;
+  part("notes").dataset.shown = text;
+  part("notes").replaceChildren(...notes.map((note) => made("li", note.forbids ? "forbids" : "", note.sentence)));
+}
+
 function showPanels() {
   const seen = model.isMirrored ? mirrored : (text) => text;
   if (model.guidance) showPanel(model.guidance, model.state, seen, model.isMirrored);
@@ -236,7 +255,7 @@ const CARDS = {
   elsewhere: { words: "This session is shown in another tab or window.", buttons: [["Take it back here", reload]] },
   fault: { words: "", buttons: [["Try again", () => camera.open(camera.wish)]] },
   ending: {
-    words: "The camera is known well enough.",
+    words: "",
     buttons: [["Take more photos", () => wire.command("more")], ["Finish now", () => wire.command("finish")]],
   },
 };

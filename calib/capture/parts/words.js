@@ -1,13 +1,10 @@
 /* What the page says in large letters, from what is known: pure, no element is touched here. */
 
-const OPPOSITE = {
-  left: "right", right: "left", clockwise: "counter-clockwise", "counter-clockwise": "clockwise",
-  anticlockwise: "clockwise",
-};
+const OPPOSITE = { left: "right", right: "left", clockwise: "counterclockwise", counterclockwise: "clockwise" };
 
 /** Directions as in a mirror: the server's are those of the photo. */
 export function mirrored(text) {
-  return text.replace(/\b(left|right|counter-clockwise|anticlockwise|clockwise)\b/giu, (word) => {
+  return text.replace(/\b(left|right|clockwise|counterclockwise)\b/giu, (word) => {
     const other = OPPOSITE[word.toLowerCase()];
     return word[0] === word[0].toUpperCase() ? other[0].toUpperCase() + other.slice(1) : other;
   });
@@ -21,7 +18,7 @@ export function capital(text) {
  * What to do now.
  * @returns {{tone: "plain"|"hold"|"warn"|"good"|"fault", big: string, small: string}}
  */
-export function instruction({ state, guidance, look, fault, isLost, isMirrored }) {
+export function instruction({ state, guidance, look, fault, isLost, isAsking, isMirrored }) {
   if (state && !state.is_here) return { tone: "fault", big: "Another tab has the session", small: "" };
   if (isLost && state?.phase !== "done") {
     return {
@@ -35,12 +32,18 @@ export function instruction({ state, guidance, look, fault, isLost, isMirrored }
   if (ofPhase) return ofPhase(state, guidance);
   const broken = state.sources.find((source) => source.fault);
   if (fault || broken) return { tone: "fault", big: fault || capital(`${broken.name}: ${broken.fault}`), small: "" };
+  if (isAsking) return { tone: "plain", big: "Let the browser use the camera", small: "It asks beside the address." };
   return taking(state, guidance, look, isMirrored ? mirrored : (text) => text);
 }
 
 function ending(state, guidance) {
   const count = state.ends_in_s === null ? "" : `The calibration is computed in ${Math.ceil(state.ends_in_s)} s. `;
-  return { tone: "good", big: "Enough photos", small: count + (guidance?.headline ?? "") };
+  const isAll = guidance?.stage === "exhausted";
+  return {
+    tone: isAll ? "plain" : "good",
+    big: isAll ? "More photos would not help" : "Enough photos",
+    small: count + (guidance?.headline ?? ""),
+  };
 }
 
 function solving(state) {

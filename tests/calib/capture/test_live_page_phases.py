@@ -115,7 +115,7 @@ def test_mirror_turns_picture_and_words_alike(shown: Shown) -> None:
     words = page.evaluate(
         "async (text) => (await import('./words.js')).mirrored(text)", "Left, turned clockwise; 3 copyrights"
     )
-    assert words == "Right, turned counter-clockwise; 3 copyrights"
+    assert words == "Right, turned counterclockwise; 3 copyrights"
     page.keyboard.press("i")
 
 
@@ -161,6 +161,8 @@ def test_end_is_announced_and_the_report_outlives_the_server(shown: Shown) -> No
     assert "9 s" in page.locator("#small").inner_text()
     page.get_by_role("button", name="Take more photos").click()
     server.heard("more")
+    server.say(replace(told.state("camera"), phase="ending", ends_in_s=9.0), told.guidance(stage="exhausted"))
+    big(page, "More photos would not help")
     server.say(replace(told.state("camera"), phase="solving", said="detecting photo 3 of 11"))
     big(page, "Computing the calibration")
     assert page.locator("#small").inner_text() == "detecting photo 3 of 11"
