@@ -1,5 +1,6 @@
 """Guidance while photos are taken, as a value: photo after photo, and frame after frame."""
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 from os import PathLike
@@ -15,10 +16,11 @@ from calib.guide.insight import Insight, insight_of
 from calib.guide.looking import LookedFor, frame_pose, look_at_frame
 from calib.guide.settings import ALL, settings_of
 from calib.guide.standing import Proposal, Standing, proposal_of, standing_of
-from calib.guide.telling import bars_of, covered_of, ghost_of, headline_of, map_of, photos_of, told_sigma_px
-from calib.guide.told import CameraGuidance, FrameNote, Guidance, Look, Stage
+from calib.guide.telling import bars_of, ghost_of, headline_of, map_of, photos_of, told_sigma_px
+from calib.guide.told import CameraGuidance, FrameNote, Ghost, Guidance, Line, Look, SensorMap, Stage
 from calib.guide.view_worth import ViewGains, gains_of
 from calib.solver.calibration import Calibration
+from calib.verdict.coverage import Coverage, coverage, coverage_of
 from calib.verdict.criteria import STANDARD
 from calib.verdict.next_views import outline_px
 from calib.verdict.verdict import Criteria, Verdict
@@ -137,22 +139,23 @@ class Guide:
     @cached_property
     def told(self) -> Guidance:
         """All that is to be shown between two photos."""
-        calibration, standing, criteria = self.calibration, self._standing, self._settings.criteria
-        sigma_px = float("inf") if calibration is None else told_sigma_px(calibration, standing)
-        covered, counted = covered_of(self._insight.observations), self._counted
-        map_ = None if calibration is None else map_of(calibration, standing, criteria["uncertainty"].good)
-        ghost_px = (
-            () if self._proposal is None else outline_px(self._camera, self._shape, self._proposal.cam_from_target)
-        )
-        ghost = None
+        calibration, standing, covered = self.calibration, self._standing, self._covered
+        sigma_px = math.inf if calibration is None else told_sigma_px(calibration, standing)
+        share = 0.0 if covered is None else covered.share
+        map_: SensorMap | None = None
+        ghost: Ghost | None = None
+        ghost_px: tuple[Line, ...] = ()
+        if calibration is not None and covered is not None:
+            map_ = map_of(calibration, standing, covered, self._settings.criteria["uncertainty"].good)
         if self._proposal is not None:
             ghost = ghost_of(self._proposal, self._camera, self._shape, is_rough=standing is None)
-        remarks = () if calibration is None else tuple(calibration.remarks)
+            ghost_px = outline_px(self._camera, self._shape, self._proposal.cam_from_target)
         return Guidance(
-            self._stage, headline_of(self._stage, sigma_px, covered, standing, self._settings, counted),
-            bars_of(covered, sigma_px, standing, self._settings),
+            self._stage, headline_of(self._stage, sigma_px, share, standing, self._settings, self._counted),
+            bars_of(share, sigma_px, standing, self._settings),
             (CameraGuidance(NAME, self._camera.image_size, map_, ghost_px),), ghost,
-            photos_of(self._photos, self._insight, self._settings.points.face), remarks,
+            photos_of(self._photos, self._insight, self._settings.points.face),
+            () if calibration is None else calibration.remarks,
         )  # fmt: skip
 
     @property
@@ -175,6 +178,18 @@ class Guide:
     @cached_property
     def _standing(self) -> Standing | None:
         return standing_of(self._insight, self._settings)
+
+    @cached_property
+    def _covered(self) -> Coverage | None:
+        """What the sightings surround; None without any."""
+        if self._standing is not None:
+            return self._standing.evidence.coverage
+        if self._insight.calibration is not None:
+            return coverage_of(self._insight.calibration)
+        seen = self._insight.observations
+        return (
+            None if seen is None else coverage(seen.image_size, seen.center_px, seen.view, seen.points.face[seen.point])
+        )
 
     @cached_property
     def _shape(self) -> TargetShape:
@@ -208,10 +223,10 @@ class Guide:
 
     @cached_property
     def _gains(self) -> ViewGains | None:
-        proposal = self._proposal
-        if self.calibration is None or proposal is None or proposal.view is None:
+        proposal, covered = self._proposal, self._covered
+        if self.calibration is None or covered is None or proposal is None or proposal.view is None:
             return None
-        return gains_of(self.calibration, self._shape, proposal.view, is_for_accuracy=proposal.is_for_accuracy)
+        return gains_of(self.calibration, self._shape, covered, proposal.view, is_for_accuracy=proposal.is_for_accuracy)
 
     @cached_property
     def _looked_for(self) -> LookedFor:

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 ENOUGH_PHOTOS = 12
 """With so many, checks that fail although the camera is known as well as wanted fail for another reason than chance."""
+LITTLE_BY_TARGET = 0.3
+"""Of the uncertainty: a smaller part by the target enlarges it by less than a twentieth."""
 LITTLE_OF_NOISE = 0.995
 """A photo that leaves more than this of the deviation is not worth taking, where noise is most of it: several do."""
 
@@ -87,7 +89,9 @@ def proposal_of(
         goals.append((wanted_px, wanted_share, LITTLE_OF_NOISE))
     if calibration.observations.view_count < ENOUGH_PHOTOS:
         goals.append((0.0, 1.0, LITTLE_OF_NOISE))
-    prior = stated_prior(calibration, settings.target)
+    # To follow what photos tell of the target's shape takes a while, and is worth it where that is a part of the error.
+    is_targets = uncertain is not None and uncertain.target_px > LITTLE_BY_TARGET * (uncertain.image_px or 0.0)
+    prior = stated_prior(calibration, settings.target) if is_targets else None
 
     def is_avoided(poses: Array) -> NDArray[np.bool_]:
         near = np.zeros(len(poses), dtype=np.bool_)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
 from calib.core.number_text import figure
-from calib.core.types import Detections, Observations
+from calib.core.types import Detections
 from calib.guide.held import held_at
 from calib.guide.hints import short_of, side_words
 from calib.guide.insight import Insight
@@ -19,7 +19,7 @@ from calib.guide.told import Bar, Ghost, Line, SensorMap, Stage, TakenPhoto
 from calib.solver.accuracy import projected_sigma_px, share_px
 from calib.solver.calibration import Calibration
 from calib.verdict.checks import px
-from calib.verdict.coverage import coverage, coverage_of
+from calib.verdict.coverage import Coverage
 from calib.verdict.information import knowledge_of
 from calib.verdict.lit_part import lit_part
 from calib.verdict.next_view_words import place_of, place_words, tilt_words
@@ -47,17 +47,15 @@ def covariance_of(calibration: Calibration, standing: Standing | None) -> Array:
     return calibration.stated_covariance + more * calibration.param_covariance
 
 
-def map_of(calibration: Calibration, standing: Standing | None, wanted_px: float) -> SensorMap:
+def map_of(calibration: Calibration, standing: Standing | None, covered: Coverage, wanted_px: float) -> SensorMap:
     """What is known of each part of the image."""
     pixel = image_grid(calibration.camera.image_size, *MAP)
-    flat = pixel.reshape(-1, 2)
+    flat, cells = pixel.reshape(-1, 2), covered.is_covered
     sigma = projected_sigma_px(lit_part(calibration).camera, covariance_of(calibration, standing), flat)
-    cells = coverage_of(calibration).is_covered if standing is None else standing.evidence.coverage.is_covered
-    size = np.array(calibration.camera.image_size)
-    column, row = ((flat + 0.5) / size * cells.shape[::-1]).astype(np.int64).T
+    place = (flat + 0.5) / calibration.camera.image_size * cells.shape[::-1]
+    column, row = np.clip(place.astype(np.int64), 0, np.array(cells.shape[::-1]) - 1).T
     shape = pixel.shape[:2]
-    covered = cells[row.clip(0, cells.shape[0] - 1), column.clip(0, cells.shape[1] - 1)]
-    return SensorMap(sigma.reshape(shape), covered.reshape(shape), wanted_px)
+    return SensorMap(sigma.reshape(shape), cells[row, column].reshape(shape), wanted_px)
 
 
 def told_sigma_px(calibration: Calibration, standing: Standing | None) -> float:
@@ -68,13 +66,6 @@ def told_sigma_px(calibration: Calibration, standing: Standing | None) -> float:
     lit = lit_part(calibration)
     pixel = image_grid(calibration.camera.image_size, *MAP).reshape(-1, 2)
     return share_px(projected_sigma_px(lit.camera, covariance_of(calibration, None), pixel[lit.is_lit(pixel)]))
-
-
-def covered_of(seen: Observations | None) -> float:
-    """How much of the image sightings surround, 0 to 1."""
-    if seen is None:
-        return 0.0
-    return coverage(seen.image_size, seen.center_px, seen.view, seen.points.face[seen.point]).share
 
 
 def count_words(photos: int) -> str:

@@ -13,7 +13,7 @@ from calib.core.linear_algebra import covariance_with_prior
 from calib.solver.accuracy import SHARE_PERCENT
 from calib.solver.calibration import Calibration
 from calib.verdict.candidate_views import shown_in
-from calib.verdict.coverage import Coverage, coverage, coverage_of
+from calib.verdict.coverage import Coverage, coverage
 from calib.verdict.information import Knowledge, image_change, knowledge_of, sigma_px, view_information
 from calib.verdict.next_views import NextView
 from calib.verdict.views import TargetShape, habits_of
@@ -42,12 +42,14 @@ class ViewGains:
     by_area: float  # of the image, that the proposal shows first; 0: it is for accuracy
 
 
-def gains_of(calibration: Calibration, shape: TargetShape, view: NextView, *, is_for_accuracy: bool) -> ViewGains:
+def gains_of(
+    calibration: Calibration, shape: TargetShape, covered: Coverage, view: NextView, *, is_for_accuracy: bool
+) -> ViewGains:
     """What views of a calibration's target are measured against, with one that is proposed."""
     known, points = knowledge_of(calibration), calibration.observations.points
     change = image_change(known, *COARSE_MAP)
     before = _within_px(change, np.eye(change.shape[2]))
-    none = ViewGains(known, change, points.position_mm, points.face, coverage_of(calibration), before, 0.0, 0.0)
+    none = ViewGains(known, change, points.position_mm, points.face, covered, before, 0.0, 0.0)
     pose, every = view.cam_from_target, np.arange(len(shape.face))
     shown = shown_in(known.camera, shape, habits_of(calibration, shape), pose[None], every)
     rows, pixel = np.flatnonzero(points.face >= 0)[shown.is_read[0]], shown.pixel[0, shown.is_read[0]]
