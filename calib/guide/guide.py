@@ -64,7 +64,7 @@ class Guide:
         made: str | None = None, camera: Camera | None = None, image_size: tuple[int, int] | None = None,
     ) -> None:  # fmt: skip
         geometry = target if isinstance(target, TargetGeometry) else load_target(target, "rings")
-        self._settings = settings_of(geometry, criteria, model, made, camera)
+        self.settings = settings_of(geometry, criteria, model, made, camera)
         self._image_size = image_size or (USUAL_SIZE if camera is None else camera.image_size)
         self._photos: tuple[Detections, ...] = ()
         self._skipped: tuple[Array, ...] = ()  # poses (4, 4) that cannot be held
@@ -146,15 +146,15 @@ class Guide:
         ghost: Ghost | None = None
         ghost_px: tuple[Line, ...] = ()
         if calibration is not None and covered is not None:
-            map_ = map_of(calibration, standing, covered, self._settings.criteria["uncertainty"].good)
+            map_ = map_of(calibration, standing, covered, self.settings.criteria["uncertainty"].good)
         if self._proposal is not None:
-            ghost = ghost_of(self._proposal, self._camera, self._shape, is_rough=standing is None)
-            ghost_px = outline_px(self._camera, self._shape, self._proposal.cam_from_target)
+            ghost = ghost_of(self._proposal, self._camera, self.shape, is_rough=standing is None)
+            ghost_px = outline_px(self._camera, self.shape, self._proposal.cam_from_target)
         return Guidance(
-            self._stage, headline_of(self._stage, sigma_px, share, standing, self._settings, self._counted),
-            bars_of(share, sigma_px, standing, self._settings),
+            self._stage, headline_of(self._stage, sigma_px, share, standing, self.settings, self._counted),
+            bars_of(share, sigma_px, standing, self.settings),
             (CameraGuidance(NAME, self._camera.image_size, map_, ghost_px),), ghost,
-            photos_of(self._photos, self._insight, self._settings.points.face),
+            photos_of(self._photos, self._insight, self.settings.points.face),
             () if calibration is None else calibration.remarks,
         )  # fmt: skip
 
@@ -173,11 +173,11 @@ class Guide:
 
     @cached_property
     def _insight(self) -> Insight:
-        return insight_of(self._photos, self._settings)
+        return insight_of(self._photos, self.settings)
 
     @cached_property
     def _standing(self) -> Standing | None:
-        return standing_of(self._insight, self._settings)
+        return standing_of(self._insight, self.settings)
 
     @cached_property
     def _covered(self) -> Coverage | None:
@@ -192,8 +192,9 @@ class Guide:
         )
 
     @cached_property
-    def _shape(self) -> TargetShape:
-        points, found = self._settings.points, self._insight.calibration
+    def shape(self) -> TargetShape:
+        """Of the target."""
+        points, found = self.settings.points, self._insight.calibration
         shape = None if found is None else shape_of(found)
         return shape_of_points(points, points.plane[:, :3]) if shape is None else shape
 
@@ -203,41 +204,41 @@ class Guide:
         if self.calibration is not None:
             return self.calibration.camera
         seen = self._insight.observations
-        return guessed_camera(self._image_size if seen is None else seen.image_size, self._settings.camera)
+        return guessed_camera(self._image_size if seen is None else seen.image_size, self.settings.camera)
 
     @cached_property
     def _taken(self) -> Array:
         """Where the target was in the photos that count, by the camera as it is known.  # (V, 4, 4)"""
         if self.calibration is not None:
             return self.calibration.cam_from_target
-        poses = [frame_pose(one, self._camera, self._settings.points) for one in self._photos]
+        poses = [frame_pose(one, self._camera, self.settings.points) for one in self._photos]
         return np.array([pose for pose in poses if pose is not None]).reshape(-1, 4, 4)
 
     @cached_property
     def _proposal(self) -> Proposal | None:
         if self.calibration is None:
             taken = np.concatenate([self._taken, np.array(self._skipped).reshape(-1, 4, 4)])
-            return Proposal(first_pose(self._camera, self._shape, taken), None)
+            return Proposal(first_pose(self._camera, self.shape, taken), None)
         avoided = (*self._skipped, self._taken[-1])  # the last photo once more is no progress
-        return proposal_of(self.calibration, self._standing, self._settings, self._shape, avoided)
+        return proposal_of(self.calibration, self._standing, self.settings, self.shape, avoided)
 
     @cached_property
     def _gains(self) -> ViewGains | None:
         proposal, covered = self._proposal, self._covered
         if self.calibration is None or covered is None or proposal is None or proposal.view is None:
             return None
-        return gains_of(self.calibration, self._shape, covered, proposal.view, is_for_accuracy=proposal.is_for_accuracy)
+        return gains_of(self.calibration, self.shape, covered, proposal.view, is_for_accuracy=proposal.is_for_accuracy)
 
     @cached_property
     def _looked_for(self) -> LookedFor:
         wanted = None
         if self._proposal is not None:
-            wanted = held_at(self._camera, self._shape, self._proposal.cam_from_target)
+            wanted = held_at(self._camera, self.shape, self._proposal.cam_from_target)
         last = self._photos[-1] if self._photos else None
-        return LookedFor(self._camera, self._settings.points, self._shape, wanted, self._gains, self._taken, last)
+        return LookedFor(self._camera, self.settings.points, self.shape, wanted, self._gains, self._taken, last)
 
     def _with(self, photos: tuple[Detections, ...], skipped: tuple[Array, ...]) -> "Guide":
         other = object.__new__(Guide)
-        other._settings, other._image_size = self._settings, self._image_size
+        other.settings, other._image_size = self.settings, self._image_size
         other._photos, other._skipped = photos, skipped
         return other

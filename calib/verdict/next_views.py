@@ -38,7 +38,7 @@ from calib.verdict.choose_views import (
 from calib.verdict.information import image_change, sigma_px
 from calib.verdict.lit_part import LitPart, lit_part
 from calib.verdict.next_view_words import Hold, ViewGain, place_of, sentence_of
-from calib.verdict.views import TargetShape, shape_of
+from calib.verdict.views import TargetShape
 from designer.base.file_kind import FileKind
 from designer.base.marks import ONE_LINE, AtLeast, AtMost, Length, NullIs, Shape
 from designer.tolerance.prior import ShapePrior
@@ -107,7 +107,7 @@ def why_no_next_views(calibration: Calibration) -> str:
     typical = float(np.sqrt(np.median((calibration.residual_px**2).sum(axis=1))))
     if not typical < NO_FIT * max(calibration.camera.image_size):
         return "the solution does not fit its photos"
-    if shape_of(calibration) is None:
+    if int((calibration.observations.points.face >= 0).sum()) < 3:
         return "the points lie on no known plane, so which of them a photo would show is not known"
     return ""
 
