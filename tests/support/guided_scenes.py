@@ -51,11 +51,13 @@ def found_at(
     )  # fmt: skip
 
 
-def held_by_person(cam_from_target: Array, target: TargetGeometry, rng: np.random.Generator) -> Array:
-    """About that pose, as well as a person holds a target."""
+def held_by_person(
+    cam_from_target: Array, target: TargetGeometry, rng: np.random.Generator, steady: float = 1.0
+) -> Array:
+    """About that pose, as well as a person holds a target; one who is steady is off by less (mm times that)."""
     middle = target.center_mm.mean(axis=0)
     tremor = np.clip(rng.standard_normal((2, 3)), -FEW, FEW)
     pose = np.array(cam_from_target)
     pose[:3, :3] = exp_rotation(np.radians(TREMOR_DEG) * tremor[0]) @ pose[:3, :3]
-    pose[:3, 3] = transform(cam_from_target, middle) + TREMOR_MM * tremor[1] - pose[:3, :3] @ middle
+    pose[:3, 3] = transform(cam_from_target, middle) + steady * TREMOR_MM * tremor[1] - pose[:3, :3] @ middle
     return pose

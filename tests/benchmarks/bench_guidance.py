@@ -1,0 +1,250 @@
+"""Whether guidance saves photos: how many until a camera is good, for persons who follow it and for others.
+
+`python -m tests.benchmarks.bench_guidance [--scenes N] [--first N] [--seeds N] [--made WAY] [--odd] [--trace]`
+
+Each scene is a camera (640 to 4000 px wide, 30 to 110 degrees) and a target (boards, icosahedra of 20 to 100 mm edges);
+sightings are computed with noise that grows for small rings. Three persons take photos of it until the same verdict on
+them is good: one holds the target as the guide's ghost asks for, to 5 degrees and 20 mm (or a tenth of the distance, if
+that is less); one waves it about at random; one fills the bars of ROS' cameracalibrator, which takes whole boards only,
+and goes on when they are full. Stated is what 95 % of the image is uncertain by (1 sigma); true is what 95 % of it
+differs by from the true camera, their best rotation removed. The promise is that true is within two stated.
+
+`--made sheet-print,fdm-dual-calibrated` draws targets that came out so, boards and icosahedra; `--odd` gives lenses
+what the model they are solved with does not have.
+"""
+
+import argparse
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[name] = "1"  # before NumPy is loaded
+
+import numpy as np  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+
+from calib.cameras.refit import camera_difference  # noqa: E402
+from calib.guide.guide import Guide  # noqa: E402
+from calib.solver.accuracy import SHARE_PERCENT  # noqa: E402
+from designer.base.errors import InputError  # noqa: E402
+from tests.support.simulated_person import PhotoScene, filling_bars, scene_of, taken_with, waved  # noqa: E402
+
+Array = NDArray[np.float64]
+
+SCENES, MOST_PHOTOS = 40, 60
+COLUMNS = 24
+WITHIN_SIGMAS = 2.0
+"""Of the stated deviation: so far the true camera may be off in 95 % of the image."""
+FEWEST_FIXED, EVERY = 6, 3
+"""Photos from which on, and every how many, the figures of those who wave are looked at whether good or not."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """What is known after a photo."""
+
+    photos: int
+    grade: str  # of the verdict; "" if there is none
+    stated_px: float
+    true_px: float
+    are_bars_full: bool
+    note: str
+
+    @property
+    def ratio(self) -> float:
+        """True over stated."""
+        return self.true_px / self.stated_px
+
+    @property
+    def is_known(self) -> bool:
+        """Whether anything is stated."""
+        return bool(np.isfinite(self.stated_px))
+
+
+@dataclass(frozen=True)
+class Run:
+    """All photos of one person."""
+
+    scene: PhotoScene
+    person: str
+    steps: tuple[Step, ...]
+    seconds: float  # a photo
+
+    @property
+    def is_good(self) -> bool:
+        """Whether it ended well."""
+        return bool(self.steps) and self.steps[-1].grade == "good"
+
+    @property
+    def photos(self) -> float:
+        """Until it was good; infinite if it never was."""
+        return self.steps[-1].photos if self.is_good else np.inf
+
+
+def step_of(scene: PhotoScene, guide: Guide, *, are_bars_full: bool = False, note: str = "") -> Step:
+    """What a guide knows, and what is true."""
+    photos, verdict, known = len(guide.photos), guide.verdict, guide.calibration
+    if verdict is None or known is None:
+        return Step(photos, "", np.inf, np.inf, are_bars_full, note)
+    stated = next((check.value for check in verdict.checks if check.name == "uncertainty"), None)
+    try:
+        length = camera_difference(scene.camera, known.camera, columns=COLUMNS).length_px
+        true = float(np.percentile(np.where(np.isfinite(length), length, np.inf), SHARE_PERCENT, method="lower"))
+    except InputError:
+        true = np.inf
+    bad = ", ".join(check.name for check in verdict.checks if check.grade in ("usable", "bad"))
+    return Step(photos, verdict.grade, np.inf if stated is None else stated, true, are_bars_full, f"{note} {bad}")
+
+
+def first_guide(scene: PhotoScene) -> Guide:
+    """Before the first photo."""
+    return Guide(scene.target, made=scene.made, image_size=scene.camera.image_size)
+
+
+def guided(scene: PhotoScene, rng: np.random.Generator) -> Iterator[Step]:
+    """Who follows the ghost."""
+    guide = first_guide(scene)
+    while (told := guide.told).ghost is not None:
+        guide, skipped = taken_with(guide, scene, rng)
+        note = f"{skipped * 's'} {told.ghost.short}, {told.ghost.gain}, {len(guide.photos[-1].ring)} rings:"
+        yield step_of(scene, guide, note=note)
+
+
+def random(scene: PhotoScene, rng: np.random.Generator) -> Iterator[Step]:
+    """Who waves the target about."""
+    guide = first_guide(scene)
+    for found in waved(scene, rng):
+        guide = guide.with_photo(found)
+        yield step_of(scene, guide)
+
+
+def with_bars(scene: PhotoScene, rng: np.random.Generator) -> Iterator[Step]:
+    """Who fills bars."""
+    guide = first_guide(scene)
+    for found, bars in filling_bars(scene, rng):
+        guide = guide.with_photo(found)
+        yield step_of(scene, guide, are_bars_full=bars.are_full)
+
+
+PERSONS: dict[str, Callable[[PhotoScene, np.random.Generator], Iterator[Step]]] = {
+    "guided": guided, "random": random, "ros": with_bars,
+}  # fmt: skip
+
+
+def run_of(scene: PhotoScene, person: str, seed: int, most: int) -> Run:
+    """Photos until it is good, or too many."""
+    begin, steps = time.process_time(), []
+    for step in islice(PERSONS[person](scene, np.random.default_rng([21, seed])), most):
+        steps.append(step)
+        if step.grade == "good":
+            break
+    return Run(scene, person, tuple(steps), (time.process_time() - begin) / max(len(steps), 1))
+
+
+def print_run(run: Run, *, is_traced: bool) -> None:
+    """A line, or one for each photo."""
+    last = run.steps[-1]
+    print(
+        f"{run.scene.name} {run.person:7}{last.photos:4} photos  {last.grade or '-':7} stated {last.stated_px:6.3f} "
+        f"true {last.true_px:6.3f} ratio {last.ratio:4.2f}  {run.seconds:5.2f} s {'' if run.is_good else last.note}",
+        flush=True,
+    )
+    for step in run.steps if is_traced else ():
+        print(f"    {step.photos:3} {step.stated_px:8.3f} {step.true_px:8.3f}  {step.note}")
+
+
+def beyond(steps: Sequence[Step]) -> str:
+    """How often the truth is beyond the promise, and how true compares with stated."""
+    known = [step for step in steps if step.is_known]
+    over = sum(step.ratio > WITHIN_SIGMAS for step in known)
+    ratio = np.array([step.ratio for step in known] or [np.nan])
+    rms = float(np.sqrt(np.mean(np.minimum(ratio, 10) ** 2)))
+    share = 100 * over / max(len(known), 1)
+    return f"{over:3} of {len(known):4} ({share:4.1f} %), ratio {np.median(ratio):.2f} (rms {rms:.2f})"
+
+
+def print_persons(runs: Sequence[Run]) -> None:
+    """Photos until good, and whether it is true, by person."""
+    print(f"\n{'person':8}{'runs':>5}{'good':>5}   photos: quartiles       s/photo  true beyond two stated when good")
+    for person in dict.fromkeys(run.person for run in runs):
+        part = [run for run in runs if run.person == person]
+        good = [run for run in part if run.is_good]
+        quartiles = np.percentile([run.photos for run in part], (25, 50, 75), method="higher")
+        cells = " ".join(f"{value:6.0f}" for value in quartiles)
+        seconds = np.median([run.seconds for run in part])
+        print(
+            f"{person:8}{len(part):5}{len(good):5}   {cells}{seconds:16.2f}  {beyond([run.steps[-1] for run in good])}"
+        )
+
+
+def print_ratios(runs: Sequence[Run]) -> None:
+    """The same scene and draw, who follows against others."""
+    by_case: dict[str, dict[str, list[Run]]] = {}
+    for run in runs:
+        by_case.setdefault(run.person, {}).setdefault(run.scene.name, []).append(run)
+    for person in (one for one in by_case if one != "guided"):
+        pairs = [
+            (a.photos, b.photos) for name, theirs in by_case[person].items()
+            for a, b in zip(by_case["guided"].get(name, ()), theirs, strict=False)
+        ]  # fmt: skip
+        both = np.array([pair for pair in pairs if np.isfinite(pair).all()]).reshape(-1, 2)
+        fewer = 100 * (1 - both[:, 0] / both[:, 1])
+        total = 100 * (1 - both[:, 0].sum() / both[:, 1].sum())
+        q = np.percentile(fewer, (25, 50, 75)) if len(both) else np.full(3, np.nan)
+        alone = sum(a < np.inf and b == np.inf for a, b in pairs), sum(a == np.inf and b < np.inf for a, b in pairs)
+        print(
+            f"guided against {person}: {q[1]:.0f} % fewer photos (median; quartiles {q[0]:.0f} and {q[2]:.0f}), "
+            f"{total:.0f} % of all; only guided good {alone[0]}, only {person} good {alone[1]}, of {len(pairs)}"
+        )
+
+
+def print_honesty(runs: Sequence[Run]) -> None:
+    """How far what is stated can be relied on where nobody stopped because of it, and what bars are worth."""
+    waved_steps = [
+        step for run in runs if run.person == "random" for step in run.steps[FEWEST_FIXED - 1 :: EVERY]
+        if step.grade != "good"
+    ]  # fmt: skip
+    print(f"random, whether good or not, from {FEWEST_FIXED} photos on:        {beyond(waved_steps)}")
+    firsts = [next((s for s in run.steps if s.are_bars_full), None) for run in runs if run.person == "ros"]
+    full = [step for step in firsts if step is not None]
+    if full:
+        fine = sum(step.true_px <= 0.1 for step in full)
+        photos = np.median([step.photos for step in full])
+        true = np.percentile([step.true_px for step in full], (25, 50, 75), method="higher")
+        cells = " ".join(f"{value:.3f}" for value in true)
+        print(
+            f"bars full {len(full)} of {len(firsts)} before the verdict is good, after {photos:.0f} photos (median): "
+        )
+        print(f"  then within 0.1 px {fine}; true error, quartiles {cells} px")
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", type=int, default=SCENES)
+    parser.add_argument("--first", type=int, default=0, help="seed of the first scene")
+    parser.add_argument("--seeds", type=int, default=1, help="times that each scene is photographed")
+    parser.add_argument("--made", default="exact")
+    parser.add_argument("--odd", action="store_true", help="lenses that the model does not fit quite")
+    parser.add_argument("--most", type=int, default=MOST_PHOTOS)
+    parser.add_argument("--persons", default=",".join(PERSONS))
+    parser.add_argument("--trace", action="store_true", help="a line for each photo")
+    arguments = parser.parse_args()
+    runs: list[Run] = []
+    for number in range(arguments.first, arguments.first + arguments.scenes):
+        scene = scene_of(number, made=arguments.made, is_lens_odd=arguments.odd)
+        for seed in range(arguments.seeds):
+            for person in arguments.persons.split(","):
+                if person != "ros" or scene.is_flat:
+                    runs.append(run_of(scene, person, 1000 * number + seed, arguments.most))
+                    print_run(runs[-1], is_traced=arguments.trace)
+    print_persons(runs)
+    print_ratios(runs)
+    print_honesty(runs)
+
+
+if __name__ == "__main__":
+    main()
