@@ -2,7 +2,7 @@
 
 const LEAST_FPS = 10;
 const LARGEST = { width: 8192, height: 6144 }; // more than any has: the browser takes the largest there is
-const SILENT_MS = 4000;
+const SILENT_MS = 6000;
 const SIZES = [
   [4096, 3072], [4096, 2160], [3840, 2160], [2592, 1944], [2560, 1440], [2048, 1536], [1920, 1080], [1600, 1200],
   [1280, 960], [1280, 720], [800, 600], [640, 480],
@@ -14,7 +14,7 @@ const FAULTS = {
   OverconstrainedError: "The camera does not give pictures of this size. Choose another one, then try again.",
 };
 const UNPLUGGED = "The camera was unplugged. Plug it in again.";
-const SILENT = "The camera sends no pictures. Is it covered by another program? Unplug it and plug it in again.";
+const SILENT = "The camera sends no pictures. Does another program use it? Unplug it and plug it in again.";
 
 export class BrowserCamera {
   /**
@@ -29,7 +29,7 @@ export class BrowserCamera {
     this.isBusy = false;
     this.wish = {};
     this.track = null;
-    this.isFaulty = false;
+    this.isFaulty = this.isSilent = false;
     navigator.mediaDevices?.addEventListener("devicechange", () => { if (this.isFaulty) this.open(this.wish); });
     setInterval(() => this.watch(), 1000);
   }
@@ -55,7 +55,7 @@ export class BrowserCamera {
     this.track.addEventListener("ended", () => this.fail(UNPLUGGED), { once: true });
     this.video.srcObject = stream;
     await this.video.play();
-    this.isFaulty = false;
+    this.isFaulty = this.isSilent = false;
     this.heardAt = performance.now();
     this.on.ready(await this.about());
     this.next();
@@ -94,7 +94,7 @@ export class BrowserCamera {
     const { track } = this;
     const grab = (now, about) => {
       if (this.track !== track) return;
-      this.heardAt = performance.now();
+      this.heard();
       this.grab((about?.captureTime ?? now) / 1000);
       this.next();
     };
@@ -118,10 +118,20 @@ export class BrowserCamera {
     if (this.track && image) this.on.frame({ time_s: time, width: image.width, height: image.height }, image.grey);
   }
 
-  /** A camera that sends nothing, though the page is seen. */
+  /** A camera that sends nothing, though the page is seen; it stays open, for it may be slow. */
   watch() {
     if (document.hidden || !this.track) this.heardAt = performance.now();
-    else if (performance.now() - this.heardAt > SILENT_MS) this.fail(SILENT);
+    else if (!this.isSilent && performance.now() - this.heardAt > SILENT_MS) {
+      this.isSilent = true;
+      this.on.fault(SILENT);
+    }
+  }
+
+  async heard() {
+    this.heardAt = performance.now();
+    if (!this.isSilent) return;
+    this.isSilent = false;
+    this.on.ready(await this.about());
   }
 }
 

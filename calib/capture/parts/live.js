@@ -19,7 +19,7 @@ const FLASH_MS = 500;
 const part = (id) => document.getElementById(id);
 const model = {
   state: null, guidance: null, look: null, fault: "", isLost: false, isAsking: false,
-  isMirrored: false, hasMap: false, endsAt: null,
+  isWaiting: false, isMirrored: false, hasMap: false, endsAt: null,
 };
 const pictures = [];
 const sound = new Sound();
@@ -72,7 +72,7 @@ const HANDLERS = {
   },
   look(look) {
     if (isBrowser(look.source)) answered = Math.max(answered, look.number);
-    model.look = look;
+    Object.assign(model, { look, isWaiting: false });
     pictures[look.source]?.setLook(look);
     space.setLive(look.look.cam_from_target);
     showNotes(look.look.notes);
@@ -121,6 +121,7 @@ function startCamera(row, picture) {
   camera = new BrowserCamera({
     isFree: () => wire.isFree() && model.state.is_here && (answered >= sent.number || performance.now() - sent.at > LATE_MS),
     frame(about, grey) {
+      if (answered < 0 && sent.number >= 1) { model.isWaiting = true; showWords(); }
       Object.assign(sent, { number: sent.number + 1, at: performance.now() });
       wire.frame({ source: row, number: sent.number, ...about }, grey);
     },

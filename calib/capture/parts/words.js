@@ -18,7 +18,7 @@ export function capital(text) {
  * What to do now.
  * @returns {{tone: "plain"|"hold"|"warn"|"good"|"fault", big: string, small: string}}
  */
-export function instruction({ state, guidance, look, fault, isLost, isAsking, isMirrored }) {
+export function instruction({ state, guidance, look, fault, isLost, isAsking, isWaiting, isMirrored }) {
   if (state && !state.is_here) return { tone: "fault", big: "Another tab has the session", small: "" };
   if (isLost && state?.phase !== "done") {
     return {
@@ -32,7 +32,9 @@ export function instruction({ state, guidance, look, fault, isLost, isAsking, is
   if (ofPhase) return ofPhase(state, guidance);
   const broken = state.sources.find((source) => source.fault);
   if (fault || broken) return { tone: "fault", big: fault || capital(`${broken.name}: ${broken.fault}`), small: "" };
+  if (!guidance) return { tone: "plain", big: "Getting ready", small: state.target };
   if (isAsking) return { tone: "plain", big: "Let the browser use the camera", small: "It asks beside the address." };
+  if (isWaiting) return { tone: "plain", big: "Getting ready", small: "The first look at a picture takes up to a minute." };
   return taking(state, guidance, look, isMirrored ? mirrored : (text) => text);
 }
 
@@ -59,9 +61,9 @@ function failed(state) {
 }
 
 function taking(state, guidance, look, seen) {
-  const ghost = guidance?.ghost ?? null;
+  const { ghost } = guidance;
   const place = ghost ? capital(seen(ghost.short)) : "";
-  const small = ghost ? numbers(ghost, look) : guidance?.headline ?? "";
+  const small = ghost ? numbers(ghost, look) : guidance.headline;
   if (!look) {
     const isFolder = state.sources.length > 0 && state.sources.every((source) => source.kind === "folder");
     return { tone: "plain", big: place || (isFolder ? "Waiting for photos" : "Waiting for the camera"), small };
