@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from calib.cameras.camera import Camera
     from calib.cameras.rig import Rig
     from calib.cameras.undistortion import Undistorted
+    from calib.capture.live import live
     from calib.core.types import Detections, Observations, RigObservations
     from calib.guide.guide import Guide
     from calib.observe.target_poses import PoseResult
@@ -91,6 +92,7 @@ __all__ = [
     "detect",
     "evaluate",
     "hand_eye",
+    "live",
     "load_camera",
     "load_observations",
     "load_rig",
@@ -200,6 +202,7 @@ _HOMES = {
     "calib.cameras.camera": ("Camera",),
     "calib.cameras.rig": ("Rig",),
     "calib.cameras.undistortion": ("Undistorted",),
+    "calib.capture.live": ("live",),
     "calib.core.types": (
         "Detections",
         "Observations",

@@ -9,6 +9,7 @@ from calib.commands.detect import detect
 from calib.commands.diff import diff
 from calib.commands.evaluate import evaluate
 from calib.commands.hand_eye import hand_eye
+from calib.commands.live import live
 from calib.commands.measure import measure
 from calib.commands.pose import pose
 from calib.commands.render import render
@@ -32,7 +33,7 @@ PRINT, MAKE, CALIBRATE, JUDGE, USE = "Print right", "Make photos", "Calibrate", 
 IN_SPACE = "Measure in space"
 TASKS: tuple[tuple[str, tuple[Command, ...]], ...] = (
     (PRINT, (coupon,)),
-    (CALIBRATE, (run_all, rig, hand_eye, turntable, detect, solve, measure)),
+    (CALIBRATE, (live, run_all, rig, hand_eye, turntable, detect, solve, measure)),
     (JUDGE, (evaluate, report, diff)),
     (USE, (pose, undistort, convert)),
     (IN_SPACE, (triangulate, budget)),

@@ -31,13 +31,20 @@ def report_of(run: "RunResult", writer: "RunWriter", *, page: bool, verbose: boo
         more: what to do with more photos, as in "and add them to the photos".
         evaluate: what to type to evaluate the best camera; "" for nothing.
     """
-    from calib.commands.run_screen import next_steps, say_files, say_next, say_run
-
     try:
         with waiting("drawing the page"):
             remark = writer.write_page(run, command_line()) if page else writer.earlier_page()
     except KeyboardInterrupt:
         stopped(writer)
+    return said_report(run, writer, remark, verbose=verbose, more=more, evaluate=evaluate)
+
+
+def said_report(
+    run: "RunResult", writer: "RunWriter", remark: str, *, verbose: bool, more: str, evaluate: str
+) -> Summary:
+    """Say what came of a run whose page is written, or not for a reason that is remarked; the rest as `report_of`."""
+    from calib.commands.run_screen import next_steps, say_files, say_next, say_run
+
     remarks = tuple(filter(None, [remark]))
     say_run(run, writer.told(run), verbose=verbose)
     say_files(writer.folder, writer.files, remarks)

@@ -1,0 +1,119 @@
+"""The folder of a session: photos are written to it as they are taken, and a record by which it can be resumed.
+
+    OUT/session.json     what is photographed, by which sources, and which photos were deleted
+    OUT/photos/0001.png  each frame that was taken, grey, as it was judged
+    OUT/...              at the end what `calib run` writes
+
+A photo that is deleted on the page stays where it is and is only left out, so that nothing is ever lost.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.core.files import check_folder, write_files
+from calib.observe.photos import images_in
+from designer.base.errors import InputError
+from designer.base.file_kind import FileKind
+from designer.base.marks import Length, Line, Word
+from designer.base.own_files import require_ours
+from designer.base.words import shown
+from designer.target import TargetGeometry
+
+PHOTOS, SESSION_FILE = "photos", "session.json"
+LIGHTLY = (cv2.IMWRITE_PNG_COMPRESSION, 1)
+"""A photo of a megapixel is written in 20 ms; thoroughly packed it takes ten times as long and is hardly smaller."""
+MOST_PHOTOS, MOST_SOURCES = 9999, 16
+
+
+@dataclass(frozen=True)
+class SessionRecord:
+    """What a folder keeps of a session."""
+
+    layout_id: Word  # of the target
+    geometry_id: Word
+    sources: Annotated[tuple[Line, ...], Length(1, MOST_SOURCES)]
+    left_out: Annotated[tuple[Annotated[str, Length(1, 4000)], ...], Length(0, MOST_PHOTOS)] = ()  # deleted photos
+
+
+SESSION = FileKind(SessionRecord, "session", "a session.json", "begin another session, in another folder with -o")
+
+
+class PhotoFolder:
+    """Where one session's photos go.
+
+    Raises:
+        InputError: the folder takes no files, holds another session's photos, or another target's.
+    """
+
+    def __init__(self, folder: Path, target: TargetGeometry, sources: tuple[str, ...], *, resume: bool) -> None:
+        check_folder(folder)
+        check_folder(folder / PHOTOS)
+        require_ours(folder / SESSION_FILE, kind=SESSION.format)
+        self.folder, self.photos = folder, folder / PHOTOS
+        before = SESSION.read_if_there(folder / SESSION_FILE)
+        there = images_in(self.photos)
+        if not resume and (there or before is not None):
+            raise InputError(
+                f"{folder}: holds a session with {len(there)} photo{'s' * (len(there) != 1)}; go on by --resume, "
+                "or choose another folder with -o"
+            )
+        if resume and before is None:
+            raise InputError(f"{folder}: holds no session ({SESSION_FILE}); leave --resume out to begin one")
+        if before is not None and before.layout_id != target.layout_id:
+            raise InputError(
+                f"{folder}: its session is of a target of layout {shown(before.layout_id)}, this one has "
+                f"{target.layout_id}; give the target file that it was begun with"
+            )
+        left_out = () if before is None else before.left_out
+        self.record = SessionRecord(target.layout_id, target.geometry_id, sources, left_out)
+        self._number = max((int(path.stem) for path in there if path.stem.isdecimal()), default=0)
+
+    def begin(self) -> None:
+        """Write the record.
+
+        Raises:
+            InputError: the folder cannot be written.
+        """
+        write_files({self.folder / SESSION_FILE: SESSION.text(self.record)})
+
+    @property
+    def kept(self) -> list[Path]:
+        """The photos that were written, in their order, those that are left out among them."""
+        return images_in(self.photos)
+
+    def write(self, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> Path:
+        """Write a frame, whole or not at all; where it is.
+
+        Raises:
+            NotWrittenError: the disk is full, or the folder is gone and cannot be made.
+            InputError: somebody else's file has the name.
+        """
+        path = self.photos / f"{self._number + 1:04d}.png"
+        is_packed, packed = cv2.imencode(".png", pixels, LIGHTLY)
+        if not is_packed:
+            raise InputError(f"{path}: a frame of shape {pixels.shape} cannot be written; choose another resolution")
+        write_files({path: packed.tobytes()})
+        self._number += 1
+        return path
+
+    def leave_out(self, name: str) -> None:
+        """Note that a photo is not to count.
+
+        Raises:
+            NotWrittenError: the disk is full.
+        """
+        self._note((*self.record.left_out, name))
+
+    def take_back(self, name: str) -> None:
+        """Note that it is to count again; errors as `leave_out`."""
+        self._note(tuple(one for one in self.record.left_out if one != name))
+
+    def _note(self, left_out: tuple[str, ...]) -> None:
+        record = replace(self.record, left_out=left_out)
+        write_files({self.folder / SESSION_FILE: SESSION.text(record)})
+        self.record = record

@@ -1,0 +1,201 @@
+"""The server of the live page: on this machine only, for whoever knows its address, and for no other page.
+
+A page of another site may make the browser send requests here. It knows neither the token in the address, nor can it
+say that it is ours: `Host` must be this machine by its own name (which a rebound name server cannot fake), and a
+WebSocket's `Origin` must be this server.
+"""
+
+import asyncio
+import secrets
+import socket
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calib.capture.messages import Command, Message, StateMessage, command_from, header_of, text_of
+from calib.capture.page_files import PAGE_POLICY, REPORT_POLICY, page_files
+from calib.capture.sources.source import Frame
+from designer.base.errors import InputError
+
+if TYPE_CHECKING:
+    from starlette.applications import Starlette
+    from starlette.requests import Request
+    from starlette.websockets import WebSocket
+
+LOOPBACK = "127.0.0.1"
+MOST_BYTES = 64 * 2**20
+"""Of a message: a frame of 60 megapixels."""
+MOST_SIDE_PX = 20_000
+REFUSED = "this is the page of a calib live that runs on this machine; open the address that it printed\n"
+COMMON_HEADERS = {
+    "Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Resource-Policy": "same-origin", "Cross-Origin-Opener-Policy": "same-origin",
+}  # fmt: skip
+TAKEN_OVER, NOT_OURS = 4001, 4003
+BACKLOG = 64
+"""Messages that wait for a page that does not read; further pictures are of no use to it."""
+
+
+class Pages:
+    """The pages that are open, of which the newest has the session."""
+
+    def __init__(self, greet: Callable[[], None], put: Callable[[Frame], None], do: Callable[[Command], None]) -> None:
+        self.greet, self.put, self.do = greet, put, do
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._out: asyncio.Queue[str | bytes | None] | None = None
+        self._state: StateMessage | None = None
+
+    @property
+    def has_one(self) -> bool:
+        """Whether a page is open."""
+        return self._out is not None
+
+    def tell(self, message: Message) -> None:
+        """A message to the page that has the session; of any thread."""
+        if isinstance(message, StateMessage):
+            self._state = message
+        self.send(text_of(message))
+
+    def send(self, data: str | bytes) -> None:
+        """A text, or a frame's picture; of any thread."""
+        loop = self._loop
+        if loop is not None and not loop.is_closed():
+            with suppress(RuntimeError):  # it closes just now
+                loop.call_soon_threadsafe(self._put_out, data)
+
+    def _put_out(self, data: str | bytes) -> None:
+        if self._out is not None and not (isinstance(data, bytes) and self._out.qsize() > BACKLOG):
+            self._out.put_nowait(data)
+
+    async def serve(self, page: "WebSocket") -> None:
+        """Talk to a page until it is closed, or another one takes over."""
+        await page.accept()
+        self._loop = asyncio.get_running_loop()
+        if self._out is not None:
+            self._out.put_nowait(None)
+        mine: asyncio.Queue[str | bytes | None] = asyncio.Queue()
+        self._out = mine
+        writing = asyncio.create_task(self._write(page, mine))
+        self.greet()
+        try:
+            await self._read(page, mine)
+        finally:
+            if self._out is mine:
+                self._out = None
+            mine.put_nowait(None)
+            await asyncio.gather(writing, return_exceptions=True)  # a page that is gone cannot be written to
+
+    async def _write(self, page: "WebSocket", mine: "asyncio.Queue[str | bytes | None]") -> None:
+        while (data := await mine.get()) is not None:
+            await (page.send_text(data) if isinstance(data, str) else page.send_bytes(data))
+        if self._out is not None and self._out is not mine and self._state is not None:
+            await page.send_text(text_of(replace(self._state, is_here=False)))
+            await page.close(TAKEN_OVER)
+
+    async def _read(self, page: "WebSocket", mine: "asyncio.Queue[str | bytes | None]") -> None:
+        """Frames and commands; what is neither is passed over, as is what a page says that has the session no more."""
+        while (message := await page.receive())["type"] != "websocket.disconnect":
+            text, data = message.get("text"), message.get("bytes")
+            with suppress(ValueError, RecursionError, InputError):
+                if self._out is not mine:
+                    continue
+                if text is not None:
+                    self.do(command_from(text))
+                elif data is not None:
+                    self.put(frame_of(data))
+
+
+def frame_of(data: bytes) -> Frame:
+    """A frame from a page's message.
+
+    Raises:
+        ValueError: it is none.
+    """
+    header, image = header_of(data)
+    if not (0 < header.width <= MOST_SIDE_PX and 0 < header.height <= MOST_SIDE_PX and header.source == 0):
+        raise ValueError("a frame of no size")
+    if len(image) != header.width * header.height:
+        raise ValueError("a frame of another size than its header says")
+    pixels = np.frombuffer(image, dtype=np.uint8).reshape(header.height, header.width).copy()
+    return Frame(header.source, header.number, header.time_s, pixels)
+
+
+def application(
+    token: str, port: int, pages: Pages, photo_of: Callable[[str], Path | None], report: Callable[[], Path | None]
+) -> "Starlette":
+    """What answers requests.
+
+    Args:
+        token: in every address.
+        port: that it is bound to.
+        pages: that talk to the session.
+        photo_of: the file of a photo's name; None: there is no such photo.
+        report: the report, at the end; None: not yet.
+    """
+    from starlette.applications import Starlette
+    from starlette.responses import FileResponse, PlainTextResponse, Response
+    from starlette.routing import Route, WebSocketRoute
+
+    hosts = {f"{LOOPBACK}:{port}", f"localhost:{port}"}
+
+    def is_ours(request: "Request | WebSocket") -> bool:
+        given = str(request.path_params.get("token", ""))
+        return request.headers.get("host") in hosts and secrets.compare_digest(given.encode(), token.encode())
+
+    def refused(_: "Request") -> Response:
+        return PlainTextResponse(REFUSED, 403, COMMON_HEADERS)
+
+    async def part(request: "Request") -> Response:
+        found = page_files().get(request.path_params.get("name", "")) if is_ours(request) else None
+        if found is None:
+            return refused(request)
+        headers = {**COMMON_HEADERS, "Content-Security-Policy": PAGE_POLICY, "Content-Type": found.media_type}
+        return Response(found.content, headers=headers)
+
+    async def photo(request: "Request") -> Response:
+        path = photo_of(request.path_params["name"]) if is_ours(request) else None
+        if path is None or not path.is_file():
+            return refused(request)
+        return FileResponse(path, headers={**COMMON_HEADERS, "Content-Security-Policy": "default-src 'none'"})
+
+    async def last_report(request: "Request") -> Response:
+        path = report() if is_ours(request) else None
+        if path is None or not path.is_file():
+            return refused(request)
+        headers = {**COMMON_HEADERS, "Content-Security-Policy": REPORT_POLICY}
+        return FileResponse(path, media_type="text/html", headers=headers)
+
+    async def talk(page: "WebSocket") -> None:
+        origins = {f"http://{host}" for host in hosts}
+        if not is_ours(page) or page.headers.get("origin") not in origins:
+            await page.close(NOT_OURS)
+            return
+        await pages.serve(page)
+
+    return Starlette(
+        routes=[
+            Route("/{token}/", part), Route("/{token}/report", last_report), Route("/{token}/photos/{name}", photo),
+            Route("/{token}/{name}", part), WebSocketRoute("/{token}/socket", talk), Route("/{path:path}", refused),
+        ]
+    )  # fmt: skip
+
+
+def bound_socket(port: int) -> socket.socket:
+    """A socket of this machine alone; port 0: any that is free.
+
+    Raises:
+        InputError: the port is taken, or may not be used.
+    """
+    found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        found.bind((LOOPBACK, port))
+    except (OSError, OverflowError) as error:
+        found.close()
+        why = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"--port {port}: cannot be used: {why}; give another, or 0 for any that is free") from None
+    return found

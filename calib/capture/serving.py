@@ -1,0 +1,180 @@
+"""A session with all that runs beside it: its worker, its sources, and the server of its page."""
+
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+
+from calib.api.run_result import RunResult
+from calib.capture.messages import Command, FrameHeader, Message, NoticeMessage, TakenMessage, with_header
+from calib.capture.photo_folder import PhotoFolder
+from calib.capture.server import LOOPBACK, Pages, application
+from calib.capture.session import Session
+from calib.capture.sources.source import Frame, Source
+from calib.capture.worker import Worker
+from calib.guide.guide import Guide
+from calib.show.folder import PAGE_FILE
+from designer.base.errors import InputError
+from designer.target import TargetGeometry
+
+PREVIEW_PX, PREVIEW_QUALITY = 1280, 70
+PAGE_LEAVES_S = 60.0
+"""So long a page has to fetch the report, and to say so."""
+PAGE_COMES_BACK_S = 5.0
+"""So long a page that is being reloaded is away."""
+STEP_S = 0.1
+Heard = Callable[[str], None]
+Solve = Callable[[Session], RunResult]
+
+
+class Serving:
+    """`Serving(target, guide, folder, sources, solve, heard).until_done(bound, opened)`.
+
+    Args:
+        target: that is photographed.
+        guide: of it, without photos.
+        folder: that photos are written to.
+        sources: that frames come from.
+        solve: makes the whole run of a session's photos.
+        heard: is told a line of each photo, and of what goes wrong.
+    """
+
+    def __init__(
+        self, target: TargetGeometry, guide: Guide, folder: PhotoFolder, sources: tuple[Source, ...], solve: Solve,
+        heard: Heard,
+    ) -> None:  # fmt: skip
+        self._solve, self._heard, self._sources, self._folder = solve, heard, sources, folder
+        self._session = Session(target, guide, folder, sources, self._tell, self._show)
+        self._worker = Worker(self._session, self._finish, self._fail)
+        self._pages = Pages(lambda: self._worker.call(self._session.greet), self._worker.put, self._do)
+        self._is_over = threading.Event()
+        self._result: RunResult | None = None
+        self._error: BaseException | None = None
+
+    def until_done(self, bound: socket.socket, opened: Heard) -> RunResult:
+        """Serve until the run is made, or cannot be.
+
+        Args:
+            bound: to the address of the page.
+            opened: is told it.
+
+        Raises:
+            InputError: the photos determine no camera.
+            KeyboardInterrupt: a person stopped it; the photos are there.
+        """
+        import uvicorn
+
+        from calib.capture.server import MOST_BYTES
+
+        token, port = secrets.token_urlsafe(24), int(bound.getsockname()[1])
+        app = application(token, port, self._pages, self._photo_file, self._report_file)
+        settings = uvicorn.Config(
+            app, log_level="critical", access_log=False, ws="websockets-sansio", ws_max_size=MOST_BYTES,
+            timeout_graceful_shutdown=1, server_header=False,
+        )  # fmt: skip
+        server = uvicorn.Server(settings)
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [bound]}, daemon=True)
+        try:
+            self._worker.call(self._session.resume)
+            self._worker.start()
+            thread.start()
+            for row, source in enumerate(self._sources):
+                source.start(row, self._worker.put, self._source_says(row))
+            opened(f"http://{LOOPBACK}:{port}/{token}/")
+            self._wait()
+        finally:
+            for source in self._sources:
+                source.stop()
+            self._worker.stop()
+            server.should_exit = True
+            thread.join(STEP_S * 50)
+        if self._error is not None:
+            raise self._error
+        if self._result is None:
+            raise InputError("the session ended without a photo; begin it again")
+        return self._result
+
+    def _wait(self) -> None:
+        """Until a page has the report, or there is none that could fetch it."""
+        ended_s: float | None = None
+        page_s = time.monotonic()
+        while not self._is_over.wait(STEP_S):
+            now = time.monotonic()
+            page_s = now if self._pages.has_one else page_s
+            if self._session.phase not in ("done", "failed"):
+                ended_s = None
+                continue
+            ended_s = now if ended_s is None else ended_s
+            is_late = self._session.phase == "done" and now - ended_s > PAGE_LEAVES_S
+            if is_late or now - page_s > PAGE_COMES_BACK_S:
+                return
+
+    # ---- what the session and the page ask for
+
+    def _tell(self, message: Message) -> None:
+        self._pages.tell(message)
+        if isinstance(message, TakenMessage):
+            self._heard(f"took {message.name}{'' if message.by_itself else ' by hand'}")
+        elif isinstance(message, NoticeMessage):
+            self._heard(message.said)
+
+    def _show(self, frame: Frame) -> None:
+        """A picture of what another source than the page's own camera sees."""
+        if self._pages.has_one:
+            self._pages.send(preview_of(frame))
+
+    def _source_says(self, row: int) -> Heard:
+        def say(fault: str) -> None:
+            if fault:
+                self._heard(fault)
+            self._worker.call(lambda: self._session.source_says(row, fault))
+
+        return say
+
+    def _do(self, command: Command) -> None:
+        if command.kind == "bye":
+            if self._session.phase in ("done", "failed"):
+                self._is_over.set()
+            return
+        self._worker.do(command)
+
+    def _finish(self) -> None:
+        """Make the whole run of the photos; the session's thread does so."""
+        if self._session.phase not in ("taking", "ending", "failed"):
+            return
+        if not self._session.begin_to_solve():
+            return
+        try:
+            self._result, self._error = self._solve(self._session), None
+        except InputError as error:
+            self._error = error
+            self._session.report("failed", str(error))
+        else:
+            self._session.report("done", str(self._result.verdict.sentence))
+
+    def _fail(self, error: BaseException) -> None:
+        self._error = error
+        self._is_over.set()
+
+    def _photo_file(self, name: str) -> Path | None:
+        photo = self._session.kept.get(name)
+        return None if photo is None else photo.path
+
+    def _report_file(self) -> Path | None:
+        return self._folder.folder / PAGE_FILE if self._session.phase == "done" else None
+
+
+def preview_of(frame: Frame) -> bytes:
+    """A frame's picture for the page, small enough to be sent often."""
+    height, width = frame.pixels.shape
+    small, scale = frame.pixels, PREVIEW_PX / max(width, height)
+    if scale < 1:
+        small = cv2.resize(small, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)  # type: ignore[assignment]  # its depth stays
+    if small.dtype != "uint8":
+        small = (small >> 8).astype("uint8")
+    packed = cv2.imencode(".jpg", small, (cv2.IMWRITE_JPEG_QUALITY, PREVIEW_QUALITY))[1]
+    return with_header(FrameHeader(frame.source, frame.number, frame.time_s, width, height), packed.tobytes())

@@ -1,0 +1,116 @@
+"""A folder that another program writes photos to, as of a tethered camera: each is read when it is complete."""
+
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from calib.capture.messages import SourceKind
+from calib.capture.sources.source import Frame, Put, Say
+from calib.observe.images import read_image
+from calib.observe.photos import OVERLAY_MARK, images_in
+from designer.base.errors import InputError
+from designer.base.words import printable
+
+LOOK_S = 0.3
+STOP_S = 5.0
+GIVEN_UP_S = 5.0
+"""A file that did not change for so long and still cannot be read is named."""
+
+
+@dataclass(frozen=True)
+class _State:
+    """What a file looked like."""
+
+    size: int
+    changed_ns: int
+    since_s: float  # when it was first seen so
+
+
+class WatchedFolder:
+    """`WatchedFolder(Path("incoming"))`; what is in it already counts, too.
+
+    Raises:
+        InputError: it is no folder.
+    """
+
+    kind: SourceKind = "folder"
+
+    def __init__(self, folder: Path) -> None:
+        if not folder.is_dir():
+            raise InputError(f"--watch {folder}: no such folder; make it, or give the one that the photos come to")
+        self.folder, self.name = folder, printable(folder.name or str(folder))
+        self._is_over, self._thread = threading.Event(), threading.Thread(target=self._watch, daemon=True)
+        self._waiting: dict[Path, _State] = {}  # not yet read
+        self._done: dict[Path, _State] = {}  # read, or given up as it is
+        self._broken: dict[Path, str] = {}  # given up, and why
+        self._fault = ""
+        self._row, self._number, self._begin_s = 0, 0, time.monotonic()
+        self._put: Put = lambda frame: None
+        self._say: Say = lambda fault: None
+
+    def start(self, row: int, put: Put, say: Say) -> None:
+        """As `Source`."""
+        self._row, self._put, self._say = row, put, say
+        self._thread.start()
+
+    def stop(self) -> None:
+        """As `Source`."""
+        self._is_over.set()
+        if self._thread.is_alive():
+            self._thread.join(STOP_S)
+
+    def _watch(self) -> None:
+        while not self._is_over.is_set():
+            if self.folder.is_dir():
+                self._tell(self._looked())
+            else:
+                self._tell(f"{self.name}: the folder is gone; make it again, or finish with the photos so far")
+            self._is_over.wait(LOOK_S)
+
+    def _tell(self, fault: str) -> None:
+        """A fault once, and when it is over."""
+        if fault != self._fault:
+            self._fault = fault
+            self._say(fault)
+
+    def _looked(self) -> str:
+        """Read what is complete; what is wrong with the folder's files, "" for nothing."""
+        now = time.monotonic()
+        for path in images_in(self.folder):
+            state = _state_of(path, now)
+            if state is None or path.stem.endswith(OVERLAY_MARK) or _is_same(self._done.get(path), state):
+                continue
+            self._broken.pop(path, None)
+            before = self._waiting.get(path)
+            if before is None or not _is_same(before, state):
+                self._waiting[path] = state
+                continue
+            if reason := self._read(path):
+                if now - before.since_s < GIVEN_UP_S:
+                    continue
+                self._broken[path] = f"{reason}; it is left out"
+            self._done[path] = self._waiting.pop(path)
+        return next((fault for path, fault in self._broken.items() if path.exists()), "")
+
+    def _read(self, path: Path) -> str:
+        """Hand on a photo; why it cannot be read, "" if it can."""
+        try:
+            pixels = read_image(path).pixels
+        except InputError as error:
+            return str(error)
+        self._put(Frame(self._row, self._number, time.monotonic() - self._begin_s, pixels, path))
+        self._number += 1
+        return ""
+
+
+def _state_of(path: Path, now: float) -> _State | None:
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return _State(found.st_size, found.st_mtime_ns, now)
+
+
+def _is_same(one: _State | None, other: _State) -> bool:
+    return one is not None and (one.size, one.changed_ns) == (other.size, other.changed_ns)

@@ -1,0 +1,91 @@
+"""The one thread that does a session's work: what a person does comes first, then the newest frame of each source."""
+
+import threading
+from collections import deque
+from collections.abc import Callable
+
+from calib.capture.messages import Command
+from calib.capture.session import Session
+from calib.capture.sources.source import Frame
+
+TICK_S = 0.2
+STOP_S = 30.0
+
+
+class Worker:
+    """Runs a session: `worker.put(frame)` and `worker.do(command)` return at once.
+
+    Args:
+        session: whose work it does.
+        finish: makes the whole run of the photos, at the end.
+        failed: takes an error that nobody foresaw, which ends the session.
+    """
+
+    def __init__(self, session: Session, finish: Callable[[], None], failed: Callable[[BaseException], None]) -> None:
+        self._session, self._finish, self._failed = session, finish, failed
+        self._work = threading.Condition()
+        self._frames: dict[int, Frame] = {}  # the newest of each source
+        self._photos: deque[Frame] = deque()  # a person's own, none of which may be lost
+        self._todo: deque[Callable[[], None]] = deque()
+        self._is_over = False
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End after what is being done."""
+        with self._work:
+            self._is_over = True
+            self._work.notify()
+        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+            self._thread.join(STOP_S)
+
+    def put(self, frame: Frame) -> None:
+        """A frame, instead of an older one of its source that nobody has looked at."""
+        with self._work:
+            if frame.file is None:
+                self._frames[frame.source] = frame
+            else:
+                self._photos.append(frame)
+            self._work.notify()
+
+    def do(self, command: Command) -> None:
+        """What a person does."""
+        self.call(self._finish if command.kind == "finish" else lambda: self._session.command(command))
+
+    def call(self, work: Callable[[], None]) -> None:
+        """Something to be done by the session's thread, in turn."""
+        with self._work:
+            self._todo.append(work)
+            self._work.notify()
+
+    def _run(self) -> None:
+        try:
+            while (work := self._next()) is not None:
+                work()
+                if self._session.tick():
+                    self._finish()
+        except BaseException as error:  # it ends the session, and is raised where the session was begun
+            self._failed(error)
+
+    def _next(self) -> Callable[[], None] | None:
+        """What to do next; None: it is over."""
+        with self._work:
+            if not (self._todo or self._photos or self._frames or self._is_over):
+                self._work.wait(TICK_S)
+            if self._is_over:
+                return None
+            if self._todo:
+                return self._todo.popleft()
+            frame = self._photos.popleft() if self._photos else self._newest()
+        return _nothing if frame is None else lambda: self._session.frame(frame)
+
+    def _newest(self) -> Frame | None:
+        """The frame of the source that waited longest."""
+        return self._frames.pop(next(iter(self._frames))) if self._frames else None
+
+
+def _nothing() -> None:
+    """Time passes."""
