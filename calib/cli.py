@@ -33,7 +33,7 @@ PRINT, MAKE, CALIBRATE, JUDGE, USE = "Print right", "Make photos", "Calibrate", 
 IN_SPACE = "Measure in space"
 TASKS: tuple[tuple[str, tuple[Command, ...]], ...] = (
     (PRINT, (coupon,)),
-    (CALIBRATE, (live, run_all, rig, hand_eye, turntable, detect, solve, measure)),
+    (CALIBRATE, (run_all, live, rig, hand_eye, turntable, detect, solve, measure)),
     (JUDGE, (evaluate, report, diff)),
     (USE, (pose, undistort, convert)),
     (IN_SPACE, (triangulate, budget)),

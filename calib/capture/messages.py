@@ -4,7 +4,7 @@ A text message is JSON with a `kind`. A binary one carries an image: four bytes,
 header, the header, and the bytes of the image.
 
     page -> server   binary: `FrameHeader` and its grey levels, one byte a pixel, row by row
-                     text:   `Command`
+                     text:   `PageCommand`
     server -> page   text:   `StateMessage`, `GuidanceMessage`, `LookMessage`, `TakenMessage`, `NoticeMessage`
                      binary: `FrameHeader` and a JPEG of what another source sees
 
@@ -41,7 +41,7 @@ class FrameHeader:
 
 
 @dataclass(frozen=True)
-class Command:
+class PageCommand:
     """What a person does, or the browser's camera."""
 
     kind: CommandKind
@@ -125,13 +125,13 @@ def text_of(message: Message) -> str:
     return json.dumps({"kind": KINDS[type(message)], **fields}, allow_nan=False)
 
 
-def command_from(text: str) -> Command:
+def command_from(text: str) -> PageCommand:
     """What the page says.
 
     Raises:
         ValueError: it is no command.
     """
-    return decode(Command, cast("JsonValue", json.loads(text)))
+    return decode(PageCommand, cast("JsonValue", json.loads(text)))
 
 
 def with_header(header: FrameHeader, image: bytes) -> bytes:

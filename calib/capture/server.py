@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.capture.messages import Command, Message, StateMessage, command_from, header_of, text_of
+from calib.capture.messages import Message, PageCommand, StateMessage, command_from, header_of, text_of
 from calib.capture.page_files import PAGE_POLICY, REPORT_POLICY, page_files
 from calib.capture.sources.source import Frame
 from designer.base.errors import InputError
@@ -43,7 +43,9 @@ BACKLOG = 64
 class Pages:
     """The pages that are open, of which the newest has the session."""
 
-    def __init__(self, greet: Callable[[], None], put: Callable[[Frame], None], do: Callable[[Command], None]) -> None:
+    def __init__(
+        self, greet: Callable[[], None], put: Callable[[Frame], None], do: Callable[[PageCommand], None]
+    ) -> None:
         self.greet, self.put, self.do = greet, put, do
         self._loop: asyncio.AbstractEventLoop | None = None
         self._out: asyncio.Queue[str | bytes | None] | None = None

@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 
 from calib.api.run_result import RunResult
-from calib.capture.messages import Command, FrameHeader, Message, NoticeMessage, TakenMessage, with_header
+from calib.capture.messages import FrameHeader, Message, NoticeMessage, PageCommand, TakenMessage, with_header
 from calib.capture.photo_folder import PhotoFolder
 from calib.capture.server import LOOPBACK, Pages, application
 from calib.capture.session import Session
@@ -135,7 +135,7 @@ class Serving:
 
         return say
 
-    def _do(self, command: Command) -> None:
+    def _do(self, command: PageCommand) -> None:
         if command.kind == "bye":
             if self._session.phase in ("done", "failed"):
                 self._is_over.set()

@@ -12,11 +12,11 @@ import numpy as np
 
 from calib.api.detecting import Detector
 from calib.capture.messages import (
-    Command,
     GuidanceMessage,
     LookMessage,
     Message,
     NoticeMessage,
+    PageCommand,
     Phase,
     SourceState,
     StateMessage,
@@ -228,7 +228,7 @@ class Session:
         """Whether time has come to end."""
         return self._ends_s is not None and self._now_s() >= self._ends_s
 
-    def command(self, command: Command) -> None:
+    def command(self, command: PageCommand) -> None:
         """What a person does; `finish` and `bye` are for whoever calls."""
         does = {
             "take": self._take_last, "delete": self._delete, "restore": self._restore, "skip": self._skip,
@@ -240,7 +240,7 @@ class Session:
         except NotWrittenError as error:
             self._notice(str(error))
 
-    def _may_go_on(self, command: Command) -> bool:
+    def _may_go_on(self, command: PageCommand) -> bool:
         """Whether more photos are to mend a run that failed."""
         return command.kind == "more" and self.phase == "failed"
 

@@ -4,7 +4,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 
-from calib.capture.messages import Command
+from calib.capture.messages import PageCommand
 from calib.capture.session import Session
 from calib.capture.sources.source import Frame
 
@@ -51,7 +51,7 @@ class Worker:
                 self._photos.append(frame)
             self._work.notify()
 
-    def do(self, command: Command) -> None:
+    def do(self, command: PageCommand) -> None:
         """What a person does."""
         self.call(self._finish if command.kind == "finish" else lambda: self._session.command(command))
 

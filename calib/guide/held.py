@@ -22,7 +22,7 @@ QUARTER, HALF = math.pi / 2, math.pi
 
 
 @dataclass(frozen=True, eq=False)
-class HeldTarget:
+class HeldView:
     """Where a target is, and how it is turned."""
 
     middle_mm: Array  # (3,) in the camera's frame
@@ -46,14 +46,14 @@ class HeldTarget:
         return self.normal[:2]
 
 
-def held_at(camera: Camera, shape: TargetShape, cam_from_target: Array) -> HeldTarget:
+def held_at(camera: Camera, shape: TargetShape, cam_from_target: Array) -> HeldView:
     """How a target is held at a pose."""
     middle = transform(cam_from_target, shape.center_mm)
     turn = cam_from_target[:3, :3]
-    return HeldTarget(middle, project(camera, middle[None])[0], turn @ shape.axes[2], turn @ shape.axes[0])
+    return HeldView(middle, project(camera, middle[None])[0], turn @ shape.axes[2], turn @ shape.axes[0])
 
 
-def turn_between(shape: TargetShape, first: HeldTarget, second: HeldTarget) -> tuple[float, float]:
+def turn_between(shape: TargetShape, first: HeldView, second: HeldView) -> tuple[float, float]:
     """By how much a flat target is tilted and turned in its plane from one to the other (rad).
 
     A board tells the same upside down, and a square one also with another side up.
@@ -77,7 +77,7 @@ def are_near(shape: TargetShape, pose: Array, cam_from_target: Array) -> NDArray
     return is_near
 
 
-def is_same(shape: TargetShape, wanted: HeldTarget, now: HeldTarget) -> bool:
+def is_same(shape: TargetShape, wanted: HeldView, now: HeldView) -> bool:
     """Whether a person who was to hold a target in one way holds it so; a solid may show any side."""
     apart_mm = float(np.linalg.norm(now.middle_mm - wanted.middle_mm))
     if apart_mm > max(SAME_PLACE_MM, SAME_PLACE * wanted.distance_mm):

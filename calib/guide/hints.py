@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.guide.held import HeldTarget, turn_between
+from calib.guide.held import HeldView, turn_between
 from calib.verdict.next_view_words import A_LITTLE, distance_words
 from calib.verdict.views import TargetShape
 
@@ -38,7 +38,7 @@ def side_words(away: Array) -> str:
     return f"{' '.join(words)} {'corner' if len(words) > 1 else 'side'}"
 
 
-def short_of(held: HeldTarget, place: tuple[float, float], *, is_flat: bool) -> str:
+def short_of(held: HeldView, place: tuple[float, float], *, is_flat: bool) -> str:
     """How a target is held: "bottom left, right side back, 0.45 m"."""
     words = [place_short(place)]
     if is_flat:
@@ -46,14 +46,14 @@ def short_of(held: HeldTarget, place: tuple[float, float], *, is_flat: bool) -> 
     return ", ".join([*words, distance_words(held.distance_mm)])
 
 
-def hint_of(shape: TargetShape, wanted: HeldTarget, now: HeldTarget, longer_px: int) -> str:
+def hint_of(shape: TargetShape, wanted: HeldView, now: HeldView, longer_px: int) -> str:
     """How to come from one place to another, what is farthest off first: "closer, and to the left"; "" if there."""
     steps = sorted([_shift(wanted, now, longer_px), _nearer(wanted, now), *_turns(shape, wanted, now)], reverse=True)
     words = [words for size, words in steps if size > 1][:2]
     return ", and ".join(words)
 
 
-def _shift(wanted: HeldTarget, now: HeldTarget, longer_px: int) -> tuple[float, str]:
+def _shift(wanted: HeldView, now: HeldView, longer_px: int) -> tuple[float, str]:
     """How far it is to be moved in the image, in units of what is little, and where to."""
     off = (wanted.middle_px - now.middle_px) / longer_px
     if not np.isfinite(off).all():
@@ -66,12 +66,12 @@ def _shift(wanted: HeldTarget, now: HeldTarget, longer_px: int) -> tuple[float, 
     return math.hypot(*off) / LITTLE_SHIFT, " and ".join(words)
 
 
-def _nearer(wanted: HeldTarget, now: HeldTarget) -> tuple[float, str]:
+def _nearer(wanted: HeldView, now: HeldView) -> tuple[float, str]:
     ratio = now.distance_mm / wanted.distance_mm
     return abs(math.log(ratio)) / math.log(LITTLE_NEARER), "closer" if ratio > 1 else "farther away"
 
 
-def _turns(shape: TargetShape, wanted: HeldTarget, now: HeldTarget) -> list[tuple[float, str]]:
+def _turns(shape: TargetShape, wanted: HeldView, now: HeldView) -> list[tuple[float, str]]:
     """How a flat target is to be tilted, and turned in its plane."""
     if not shape.is_flat:
         return []

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.cameras.camera import Camera
 from calib.core.types import LEAST_POINTS, Detections, KnownPoints, Observations
 from calib.guide.first_views import novelty
-from calib.guide.held import HeldTarget, held_at, is_same
+from calib.guide.held import HeldView, held_at, is_same
 from calib.guide.hints import hint_of
 from calib.guide.telling import outlines_of
 from calib.guide.told import FrameNote, Look
@@ -42,7 +42,7 @@ class LookedFor:
     camera: Camera  # as it is known, or a usual one
     points: KnownPoints
     shape: TargetShape
-    wanted: HeldTarget | None  # None: nothing is proposed
+    wanted: HeldView | None  # None: nothing is proposed
     gains: ViewGains | None  # None: no camera is known
     taken: Array  # (V, 4, 4) poses of the photos by the camera
     last: Detections | None  # the photo taken before

@@ -109,6 +109,7 @@ CALIB = (
     Case(("rig", "board.target.json", "--table", "blind.csv", "-o", "out", "--no-page"), 1),
     Case(("hand-eye", "board.target.json", "photos", "--robot", "rig.csv", "-o", "out"), 2),
     Case(("turntable", "board.target.json", "photos", "--step", "0deg", "-o", "out"), 2),
+    Case(("live", "board.target.json", "--watch", "none", "-o", "out"), 2),
     Case(("report", "solved"), 0),
     Case(("report", "solved", "--criteria", "metrology"), 1),
     Case(("report", "photos"), 2),

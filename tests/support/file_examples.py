@@ -12,6 +12,7 @@ from calib.as_built.lengths import FittedLength
 from calib.as_built.seats import Seat, SeatLimits, Seats
 from calib.cameras.camera import Camera, CameraDocument, LearnedMap
 from calib.cameras.rig import Rig
+from calib.capture.photo_folder import SessionRecord
 from calib.core.types import FaceRecord
 from calib.coupons.ink_of_rings import InkBleed
 from calib.coupons.result import CouponMadeWith, NextPrint, PrinterFaults, Width
@@ -114,6 +115,10 @@ def _verdict() -> Judged:
 def _next_views() -> NextViews:
     outline = (np.array([[0.25, 1.5], [10, 20], [0.25, 1.5]]),)
     return NextViews((NextView(POSE, "hold it closer", math.inf, 0.2, 0.1, 0.3, outline),))
+
+
+def _session() -> SessionRecord:
+    return SessionRecord("l1", "g1", ("camera 0", "the browser's camera"), ("0002.png",))
 
 
 def _records() -> Records:
@@ -392,6 +397,7 @@ EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.triangulation": _triangulation,
     "ringsolid.verdict": _verdict,
     "ringsolid.next_views": _next_views,
+    "ringsolid.session": _session,
     "ringsolid.records": _records,
     "ringsolid.truth": _truth,
     "ringsolid.rig_truth": _rig_truth,

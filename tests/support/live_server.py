@@ -18,10 +18,10 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from calib.capture.messages import (
-    Command,
     FrameHeader,
     LookMessage,
     Message,
+    PageCommand,
     command_from,
     header_of,
     text_of,
@@ -43,7 +43,7 @@ class ScriptedServer:
     photos: dict[str, bytes] = field(default_factory=dict)
     address: str = ""
     frames: list[Frame] = field(default_factory=list)
-    commands: list[Command] = field(default_factory=list)
+    commands: list[PageCommand] = field(default_factory=list)
     sockets: list[WebSocket] = field(default_factory=list)
     is_refusing: bool = False
     _loop: asyncio.AbstractEventLoop | None = None
@@ -65,11 +65,11 @@ class ScriptedServer:
         assert self._loop is not None
         asyncio.run_coroutine_threadsafe(work, self._loop).result(10)  # type: ignore[arg-type]
 
-    def heard(self, kind: str, within_s: float = 10.0) -> Command:
+    def heard(self, kind: str, within_s: float = 10.0) -> PageCommand:
         """The last command of this kind, which must come in time; earlier ones are forgotten with it."""
         return self.wait(lambda: self._forget(kind), within_s)
 
-    def _forget(self, kind: str) -> Command | None:
+    def _forget(self, kind: str) -> PageCommand | None:
         row = next((row for row, said in enumerate(self.commands) if said.kind == kind), None)
         if row is None:
             return None
@@ -77,7 +77,7 @@ class ScriptedServer:
         del self.commands[: row + 1]
         return said
 
-    def wait(self, found: "Callable[[], Command | None]", within_s: float = 10.0) -> Command:
+    def wait(self, found: "Callable[[], PageCommand | None]", within_s: float = 10.0) -> PageCommand:
         """What is found, once it is."""
         until = time.monotonic() + within_s
         while time.monotonic() < until:

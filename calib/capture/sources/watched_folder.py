@@ -19,7 +19,7 @@ GIVEN_UP_S = 5.0
 
 
 @dataclass(frozen=True)
-class _State:
+class _FileState:
     """What a file looked like."""
 
     size: int
@@ -41,8 +41,8 @@ class WatchedFolder:
             raise InputError(f"--watch {folder}: no such folder; make it, or give the one that the photos come to")
         self.folder, self.name = folder, printable(folder.name or str(folder))
         self._is_over, self._thread = threading.Event(), threading.Thread(target=self._watch, daemon=True)
-        self._waiting: dict[Path, _State] = {}  # not yet read
-        self._done: dict[Path, _State] = {}  # read, or given up as it is
+        self._waiting: dict[Path, _FileState] = {}  # not yet read
+        self._done: dict[Path, _FileState] = {}  # read, or given up as it is
         self._broken: dict[Path, str] = {}  # given up, and why
         self._fault = ""
         self._row, self._number, self._begin_s = 0, 0, time.monotonic()
@@ -104,13 +104,13 @@ class WatchedFolder:
         return ""
 
 
-def _state_of(path: Path, now: float) -> _State | None:
+def _state_of(path: Path, now: float) -> _FileState | None:
     try:
         found = path.stat()
     except OSError:
         return None
-    return _State(found.st_size, found.st_mtime_ns, now)
+    return _FileState(found.st_size, found.st_mtime_ns, now)
 
 
-def _is_same(one: _State | None, other: _State) -> bool:
+def _is_same(one: _FileState | None, other: _FileState) -> bool:
     return one is not None and (one.size, one.changed_ns) == (other.size, other.changed_ns)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from calib.capture.messages import Command
+from calib.capture.messages import PageCommand
 from tests.support import live_messages as told
 from tests.support.browser import complaints, started_browser
 from tests.support.live_server import ScriptedServer, scripted_server
@@ -69,7 +69,7 @@ def live() -> AbstractContextManager[ScriptedServer]:
 
 def frames(server: ScriptedServer, count: int) -> None:
     """Wait for so many frames."""
-    server.wait(lambda: Command("bye") if len(server.frames) >= count else None)
+    server.wait(lambda: PageCommand("bye") if len(server.frames) >= count else None)
 
 
 def test_frames_are_the_cameras_pixels_in_grey(page: Page) -> None:
@@ -140,14 +140,14 @@ def test_tab_that_lost_the_session_stops_and_can_take_it_back(page: Page) -> Non
         page.wait_for_timeout(200)
         assert len(server.frames) == count
         page.get_by_role("button", name="Take it back here").click()
-        server.wait(lambda: Command("bye") if len(server.sockets) == 2 else None)
+        server.wait(lambda: PageCommand("bye") if len(server.sockets) == 2 else None)
 
 
 def test_lost_connection_says_how_to_go_on_and_comes_back(page: Page) -> None:
     """Without the server the page says that photos are kept; it comes back to a server that answers again."""
     with scripted_server(told.state(), told.guidance(2)) as server, opened(page, server):
-        server.wait(lambda: Command("bye") if server.sockets else None)
+        server.wait(lambda: PageCommand("bye") if server.sockets else None)
         server.hang_up()
         page.get_by_text("--resume").first.wait_for()
-        server.wait(lambda: Command("bye") if len(server.sockets) == 2 else None)
+        server.wait(lambda: PageCommand("bye") if len(server.sockets) == 2 else None)
         page.wait_for_function("() => document.body.dataset.tone !== 'fault'")
