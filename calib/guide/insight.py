@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from calib.cameras import WIDE, told_parameters
 from calib.core.types import LEAST_POINTS, Detections, Observations, keep_views
+from calib.guide.odd_photo import odd_photo
 from calib.guide.settings import GuideSettings
 from calib.observe.observations import observations_from_detections
 from calib.solver.accuracy import NO_FIT, UNSURE_FOCAL
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.solver.suited import ruled_out
+from calib.solver.suited import lens_kind
 from calib.solver.target_error import with_target_error
 from calib.verdict.information import knowledge_of
 from calib.verdict.lit_part import lit_part, sigma_over_lit_px
@@ -35,12 +36,10 @@ ROUGH_SHARE = 0.02
 """Of the image's longer side: a camera that is less sure than that over its image is solved with fewer parameters."""
 UNSURE = 2 * UNSURE_FOCAL
 """Standard deviation of a focal length, as a part of it, with which there is no camera yet."""
+NOISY = 2.0
+"""Times the stated noise that are left over, beyond which another kind of lens is thought of."""
 MOST_OF_LENS = 1.5
 """A coefficient of a lens of which a part is solved."""
-CONTRADICTS, LEAST_FAR_PX = 5.0, 0.3
-"""Times the others' residuals that a photo leaves, and pixels, if something is wrong with it."""
-FEWEST_OTHERS = 3
-"""Photos that must agree before another one is said to contradict them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,15 +71,21 @@ def insight_of(photos: Sequence[Detections], settings: GuideSettings) -> Insight
         left_out += [(one.image, why) for one in used if one.image not in kept]
     if seen is None or not seen.view_count:
         return Insight(None, tuple(left_out), None)
+    return _without_odd(seen, tuple(left_out), settings)
+
+
+def _without_odd(seen: Observations, left_out: tuple[tuple[str, str], ...], settings: GuideSettings) -> Insight:
+    """What is known without the photos that do not go with the others."""
     found = _camera(seen, settings)
-    odd = None if found is None else _contradicting(found)
-    if found is not None and odd is not None:
-        others = keep_views(seen, np.array(seen.view_names) != odd)
-        again = _camera(others, settings)
-        if again is not None and _rms_px(again) < _rms_px(found) / 2:
-            why = "contradicts the other photos: damaged, or the target moved or bent"
-            return Insight(others, (*left_out, (odd, why)), again)
-    return Insight(seen, tuple(left_out), found)
+    if found is None:
+        return Insight(seen, left_out, None)
+    lost = set(seen.view_names) - set(found.observations.view_names)
+    left_out += tuple((name, "nowhere could the target show its rings so") for name in seen.view_names if name in lost)
+    odd = odd_photo(found)
+    if odd is None or len(left_out) > seen.view_count:
+        return Insight(found.observations, left_out, found)
+    others = keep_views(found.observations, np.array(found.observations.view_names) != odd[0])
+    return _without_odd(others, (*left_out, odd), settings)
 
 
 def _usable(photos: Sequence[Detections], settings: GuideSettings) -> tuple[list[Detections], list[tuple[str, str]]]:
@@ -108,7 +113,7 @@ def _usable(photos: Sequence[Detections], settings: GuideSettings) -> tuple[list
 def _camera(seen: Observations, settings: GuideSettings) -> Calibration | None:
     """The camera that the observations determine as far as they do; None if not even its focal length."""
     found = _solved(seen, settings.model)
-    if settings.may_be_wide and ruled_out(settings.model, found, seen, SolveOptions()):
+    if settings.may_be_wide and not _is_of_noise(found) and lens_kind(seen).is_wide:
         found = _solved(seen, WIDE)
     if found is None or not _fits(found):
         return None
@@ -117,6 +122,11 @@ def _camera(seen: Observations, settings: GuideSettings) -> Calibration | None:
     basis = knowledge_of(found).basis
     focal = math.sqrt(float(basis[0] @ basis[0])) / float(found.camera.params[0])
     return found if focal < UNSURE else None
+
+
+def _is_of_noise(found: Calibration | None) -> bool:
+    """Whether the whole of a model leaves no more over than the noise that is stated: then it suits the lens."""
+    return found is not None and found.status == "converged" and found.weighted and found.scale < NOISY
 
 
 def _fits(found: Calibration) -> bool:
@@ -173,16 +183,3 @@ def _rms_px(calibration: Calibration) -> float:
     """Root mean square length of the residuals that count."""
     square = (calibration.residual_px[~calibration.is_outlier] ** 2).sum(axis=1)
     return math.sqrt(float(square.mean())) if len(square) else math.inf
-
-
-def _contradicting(found: Calibration) -> str | None:
-    """The photo whose residuals are far beyond those of all others; None if there is none."""
-    seen = found.observations
-    count = np.bincount(seen.view, minlength=seen.view_count)
-    square = np.bincount(seen.view, (found.residual_px**2).sum(axis=1), seen.view_count) / np.maximum(count, 1)
-    if seen.view_count <= FEWEST_OTHERS:
-        return None
-    worst = int(square.argmax())
-    usual = float(np.median(np.delete(square, worst)))
-    is_far = square[worst] > max(CONTRADICTS**2 * usual, LEAST_FAR_PX**2)
-    return seen.view_names[worst] if is_far else None

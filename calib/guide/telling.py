@@ -81,8 +81,9 @@ def headline_of(
     if stage == "first":
         return f"no camera yet; {count_words(photos)}"
     if standing is None:
-        known = f"about {figure(sigma_px, 1)} px" if math.isfinite(sigma_px) else "a first camera"
-        return f"{known} in 95 % of the image by a first camera, {px(wanted)} wanted; {count_words(photos)}"
+        known = f"about {figure(sigma_px, 1)} px in 95 % of the image" if math.isfinite(sigma_px) else "hardly anything"
+        more = "; no view is found that would help" if stage == "exhausted" else ""
+        return f"{known} by a first camera, {px(wanted)} wanted; {count_words(photos)}{more}"
     known = f"{px(sigma_px)} in 95 % of the image" if math.isfinite(sigma_px) else "part of the image is not known"
     if stage == "good":
         return f"good: {known}, {100 * covered:.0f} % covered; {count_words(photos)} are enough"

@@ -10,6 +10,7 @@ against their median, and against the largest of them, which a model that does n
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,10 +97,20 @@ def deviations(residual_px: Array, cov_px2: Array | None, sigma_px: float | None
     return shorter
 
 
-def shifted_photo(products: Array, tie: Tie, names: Sequence[str]) -> list[str]:
-    """A word on the photo whose picture is shifted most, if not by chance, from the views' blocks at the minimum."""
+@dataclass(frozen=True)
+class PhotoShift:
+    """A photo whose picture is shifted against the others'."""
+
+    view: int
+    right_px: float
+    down_px: float
+    times: float  # what the others scatter
+
+
+def shift_of_photo(products: Array, tie: Tie) -> PhotoShift | None:
+    """The photo that is shifted most, if not by chance, from the views' blocks at the minimum."""
     if len(products) < LEAST_VIEWS or (tie.row[PRINCIPAL_POINT] < 0).any():
-        return []
+        return None
     reduced = reduced_blocks(products)
     block, gradient = reduced[:, :-1, :-1], reduced[:, :-1, -1]  # (V, P, P), (V, P)
     free = np.zeros((len(tie.row), int(tie.row.max()) + 1))
@@ -117,11 +128,19 @@ def shifted_photo(products: Array, tie: Tie, names: Sequence[str]) -> list[str]:
     usual = float(np.median(of_others)) / MEDIAN_SQUARE
     is_alone = gain[worst] > SURE**2 * usual and gain[worst] > CLEAR**2 * of_others.max()
     if not (is_alone and np.hypot(*shift_px) > LEAST_PX):
+        return None
+    return PhotoShift(worst, float(shift_px[0]), float(shift_px[1]), float(np.sqrt(gain[worst] / usual)))
+
+
+def shifted_photo(products: Array, tie: Tie, names: Sequence[str]) -> list[str]:
+    """A word on the photo that is shifted, if there is one."""
+    found = shift_of_photo(products, tie)
+    if found is None:
         return []
     return [
-        f"{names[worst]}: its picture is shifted by about {shift_px[0]:.2g}, {shift_px[1]:.2g} px against the others' "
-        f"({np.sqrt(gain[worst] / usual):.0f} times what they scatter): damaged, cropped, or taken with another zoom, "
-        "focus or a stabiliser; leave it out"
+        f"{names[found.view]}: its picture is shifted by about {found.right_px:.2g}, {found.down_px:.2g} px against "
+        f"the others' ({found.times:.0f} times what they scatter): damaged, cropped, or taken with another zoom, focus "
+        "or a stabiliser; leave it out"
     ]
 
 

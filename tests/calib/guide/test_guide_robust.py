@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import calib
 from calib.core.se3 import exp_rotation
@@ -32,6 +33,11 @@ def five() -> list[Detections]:
 def new() -> Guide:
     """A guide that knows nothing yet."""
     return calib.Guide(TARGET, image_size=WEBCAM.image_size, made="exact")
+
+
+def noise() -> NDArray[np.float64]:
+    """A shift that makes a photo another one."""
+    return np.random.default_rng(8).normal(0, 0.05, 2)
 
 
 def with_all(found: list[Detections]) -> Guide:
@@ -77,6 +83,29 @@ def test_a_photo_that_contradicts_the_others_is_named_and_does_not_count() -> No
     assert "contradicts" in after.told.photos[-1].remark
     assert after.calibration is not None
     np.testing.assert_allclose(after.calibration.camera.params[:2], WEBCAM.params[:2], rtol=2e-3)
+
+
+def test_a_photo_with_another_centre_is_named_and_does_not_count() -> None:
+    """Its residuals are as those of the others, as its pose takes the shift up: the others tell it."""
+    shifted = replace(five()[2], image="bad.png", center_px=five()[2].center_px + np.array([12.0, 0.0]))
+    others = [replace(one, image=f"again-{one.image}", center_px=one.center_px + noise()) for one in five()]
+    after = with_all([*five(), *others[:2], *others[3:]]).with_photo(shifted)
+    assert "shifted by about" in after.told.photos[-1].remark
+    assert [photo.is_counted for photo in after.told.photos] == [True] * 9 + [False]
+
+
+def test_a_lens_that_is_wide_is_solved_as_one_without_being_told() -> None:
+    """Ordinary models squeeze it into what they can show; a few photos tell that it is another one."""
+    wide = replace(WEBCAM, model="fisheye", params=np.array([450.0, 450, 640, 360, 0.01, -0.005, 0.001, 0.0]))
+    guide, rng = new(), np.random.default_rng(6)
+    while guide.told.stage != "good" and len(guide.photos) < 6:
+        ghost = guide.told.ghost
+        assert ghost is not None
+        name = f"{len(guide.photos)}.png"
+        found = found_at(held_by_person(ghost.cam_from_target, TARGET, rng), TARGET, rng, name, camera=wide)
+        guide = guide.with_photo(found)
+    assert guide.calibration is not None
+    assert (guide.calibration.camera.model, guide.calibration.status) == ("fisheye", "converged")
 
 
 def test_deleting_photos_is_as_if_they_had_not_been_taken() -> None:
