@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.guide.first_views import first_pose, guessed_camera
+from calib.guide.ghost_lines import ghost_lines
 from calib.guide.held import held_at
 from calib.guide.insight import Insight, insight_of
 from calib.guide.looking import LookedFor, frame_pose, look_at_frame
@@ -22,7 +23,6 @@ from calib.guide.view_worth import ViewGains, gains_of
 from calib.solver.calibration import Calibration
 from calib.verdict.coverage import Coverage, coverage, coverage_of
 from calib.verdict.criteria import STANDARD
-from calib.verdict.next_views import outline_px
 from calib.verdict.verdict import Criteria, Verdict
 from calib.verdict.views import TargetShape, shape_of, shape_of_points
 from designer.base.errors import InputError
@@ -149,7 +149,7 @@ class Guide:
             map_ = map_of(calibration, standing, covered, self.settings.criteria["uncertainty"].good)
         if self._proposal is not None:
             ghost = ghost_of(self._proposal, self._camera, self.shape, is_rough=standing is None)
-            ghost_px = outline_px(self._camera, self.shape, self._proposal.cam_from_target)
+            ghost_px = ghost_lines(self.settings.target, self._camera, self._proposal.cam_from_target)
         return Guidance(
             self._stage, headline_of(self._stage, sigma_px, share, standing, self.settings, self._counted),
             bars_of(share, sigma_px, standing, self.settings),
