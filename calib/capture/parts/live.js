@@ -1,6 +1,7 @@
 /* The live page: what the server says is shown, what the person does is told to it. Texts come from files and may hold
    anything: they reach the page as text nodes alone. */
 
+import { Band } from "./band.js";
 import { BrowserCamera } from "./camera.js";
 import { made, showPanel } from "./panel.js";
 import { PhotoStrip } from "./photos.js";
@@ -10,9 +11,10 @@ import { Space } from "./space.js";
 import { connect } from "./wire.js";
 import { instruction, mirrored } from "./words.js";
 
+const OLD_MS = 1500; // what was found so long ago is not shown
+const SLOW = 2.5; // times what looks take, if that is longer
+const ASKING_MS = 1000; // before it is said that the browser asks
 const LATE_MS = 1000; // a look that has not come by then is not waited for
-const STEADY_MS = 350; // words in large letters stay at least so long
-const SAID_MS = 2500; // and are not read aloud oftener
 const NOTICE_MS = { line: 6000, fault: 15000 };
 const FLASH_MS = 500;
 
@@ -22,6 +24,7 @@ const model = {
   isWaiting: false, isMirrored: false, hasMap: false, endsAt: null,
 };
 const pictures = [];
+const band = new Band();
 const sound = new Sound();
 const space = new Space(part("space-view"));
 part("space").hidden = !space.isThere;
@@ -72,11 +75,10 @@ const HANDLERS = {
   },
   look(look) {
     if (isBrowser(look.source)) answered = Math.max(answered, look.number);
-    Object.assign(model, { look, isWaiting: false });
-    pictures[look.source]?.setLook(look);
-    space.setLive(look.look.cam_from_target);
-    showNotes(look.look.notes);
-    showWords();
+    model.isWaiting = false;
+    showLook(look.source, look);
+    clearTimeout(forgetting);
+    forgetting = setTimeout(() => showLook(look.source, null), Math.max(OLD_MS, SLOW * look.look_ms));
   },
   taken({ name }) {
     sound.play("taken");
@@ -88,6 +90,16 @@ const HANDLERS = {
     notice(said, isFault);
   },
 };
+
+let forgetting = 0;
+
+function showLook(source, look) {
+  model.look = look;
+  pictures[source]?.setLook(look);
+  space.setLive(look?.look.cam_from_target ?? null);
+  showNotes(look?.look.notes ?? []);
+  showWords();
+}
 
 const isBrowser = (source) => model.state?.sources[source]?.kind === "browser";
 
@@ -117,6 +129,8 @@ function showReport() {
 
 // ---- the browser's camera
 
+let asking = 0;
+
 function startCamera(row, picture) {
   camera = new BrowserCamera({
     isFree: () => wire.isFree() && model.state.is_here && (answered >= sent.number || performance.now() - sent.at > LATE_MS),
@@ -125,8 +139,12 @@ function startCamera(row, picture) {
       Object.assign(sent, { number: sent.number + 1, at: performance.now() });
       wire.frame({ source: row, number: sent.number, ...about }, grey);
     },
-    asking() { model.isAsking = true; showWords(); },
+    asking() {
+      clearTimeout(asking);
+      asking = setTimeout(() => { model.isAsking = true; showWords(); }, ASKING_MS);
+    },
     fault(line) {
+      clearTimeout(asking);
       Object.assign(model, { fault: line, look: null, isAsking: false });
       tellFault();
       showWords();
@@ -134,6 +152,7 @@ function startCamera(row, picture) {
     },
     ready(about) {
       const wasFaulty = model.fault !== "";
+      clearTimeout(asking);
       Object.assign(model, { fault: "", isAsking: false });
       if (wasFaulty) tellFault();
       picture.setSize(about.width, about.height);
@@ -175,26 +194,8 @@ function showChoices({ deviceId, width, height, sizes, devices }) {
 
 // ---- words
 
-let shownAt = -Infinity;
-let saidAt = -Infinity;
-let later = 0;
-
-/** Words change no oftener than a person can read. */
 function showWords() {
-  const wait = STEADY_MS - (performance.now() - shownAt);
-  clearTimeout(later);
-  const { tone, big, small } = instruction(counted());
-  const isUrgent = tone !== document.body.dataset.tone && tone !== "plain" && tone !== "warn";
-  if (wait > 0 && !isUrgent && big !== part("big").textContent) { later = setTimeout(showWords, wait); return; }
-  part("small").textContent = small;
-  if (big !== part("big").textContent) {
-    shownAt = performance.now();
-    part("big").textContent = big;
-    fitWords();
-  }
-  document.body.dataset.tone = tone;
-  sayAloud(big);
-  showCard();
+  band.show(() => instruction(counted()), showCard);
 }
 
 /** What is left of a countdown. */
@@ -202,27 +203,6 @@ function counted() {
   if (model.endsAt === null || model.state === null) return model;
   const left = Math.max(0, (model.endsAt - performance.now()) / 1000);
   return { ...model, state: { ...model.state, ends_in_s: left } };
-}
-
-function sayAloud(text) {
-  if (performance.now() - saidAt < SAID_MS || part("said").textContent === text) return;
-  saidAt = performance.now();
-  part("said").textContent = text;
-}
-
-const ruler = document.createElement("canvas").getContext("2d");
-
-/** The largest letters with which the words have room, on three lines at most. */
-function fitWords() {
-  const big = part("big");
-  const style = getComputedStyle(big);
-  ruler.font = `${style.fontWeight} 100px ${style.fontFamily}`;
-  const width = ruler.measureText(big.textContent).width / 100 || 1;
-  const [wide, high] = [big.clientWidth, big.clientHeight];
-  const one = Math.min(wide / (1.03 * width), high / 1.2);
-  const two = Math.min((1.7 * wide) / width, high / 2.35);
-  const three = Math.min((2.4 * wide) / width, high / 3.5);
-  big.style.fontSize = `${Math.max(one, two, three).toFixed(1)}px`;
 }
 
 function showNotes(notes) {
@@ -339,6 +319,5 @@ for (const box of document.querySelectorAll("dialog")) {
     if (event.target === box || event.target.closest("[data-close]")) box.close();
   });
 }
-new ResizeObserver(fitWords).observe(part("big"));
 setInterval(() => { if (model.endsAt !== null) showWords(); }, 250);
 showWords();

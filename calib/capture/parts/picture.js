@@ -7,7 +7,6 @@ const GHOST = "#ffc83d";
 const MATCH = "#4fe0ae";
 const CASING = "rgb(0 0 0 / 65%)";
 const MAP_ALPHA = 0.55;
-const OLD_MS = 1200; // what was found so long ago is not drawn
 
 export class Picture {
   constructor(name) {
@@ -51,10 +50,9 @@ export class Picture {
     this.request();
   }
 
+  /** What was found; null: nothing is known any more. */
   setLook(look) {
     this.look = look;
-    clearTimeout(this.forgetting);
-    this.forgetting = setTimeout(() => { this.look = null; this.request(); }, OLD_MS);
     this.request();
   }
 

@@ -63,12 +63,12 @@ function failed(state) {
 function taking(state, guidance, look, seen) {
   const { ghost } = guidance;
   const place = ghost ? capital(seen(ghost.short)) : "";
-  const small = ghost ? numbers(ghost, look) : guidance.headline;
+  const isSeen = Boolean(look && look.look.outline_px.length > 0);
+  const small = ghost ? numbers(ghost, isSeen ? look.look.cam_from_target : null) || capital(seen(ghost.sentence)) : guidance.headline;
   if (!look) {
     const isFolder = state.sources.length > 0 && state.sources.every((source) => source.kind === "folder");
     return { tone: "plain", big: place || (isFolder ? "Waiting for photos" : "Waiting for the camera"), small };
   }
-  const isSeen = look.look.outline_px.length > 0;
   const note = forbidding(look.look);
   if (note) return { tone: "warn", big: capital(note.sentence), small };
   if (!isSeen) return { tone: "plain", big: place || "Show the target to the camera", small };
@@ -82,12 +82,10 @@ function forbidding(look) {
   return look.notes.find((note) => note.forbids && (note.name !== "motion" || isThere)) ?? null;
 }
 
-/** Distance and tilt, as they are and as they are to be. */
-function numbers(ghost, look) {
-  const pose = look?.look.cam_from_target ?? null;
+/** Distance and tilt, as they are, if that is known, and as they are to be. */
+function numbers(ghost, pose) {
   const words = [];
-  const wanted = metres(ghost.distance_mm);
-  words.push(pose ? `${metres(Math.hypot(pose[0][3], pose[1][3], pose[2][3]))} → ${wanted}` : wanted);
+  if (pose) words.push(`${metres(Math.hypot(pose[0][3], pose[1][3], pose[2][3]))} → ${metres(ghost.distance_mm)}`);
   if (ghost.tilt_deg !== null) {
     const goal = `${Math.round(ghost.tilt_deg)}°`;
     words.push(pose ? `tilt ${Math.round(tilt(pose))}° → ${goal}` : `tilt ${goal}`);
