@@ -3,6 +3,7 @@
 It knows neither threads nor sockets: one worker calls it, and it calls `tell` with each message at once.
 """
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -25,8 +26,11 @@ from calib.capture.messages import (
 from calib.capture.photo_folder import PhotoFolder
 from calib.capture.sources.source import Frame, Source
 from calib.core.types import Detections
+from calib.detector.frame_quality import frame_quality
+from calib.guide.frame_notes import notes_of
 from calib.guide.guide import Guide
 from calib.guide.shutter import Shutter
+from calib.guide.told import FrameNote
 from calib.observe.images import Grey, read_image
 from designer.base.errors import InputError, NotWrittenError
 from designer.page.scene import scene_json
@@ -78,6 +82,7 @@ class Session:
         self._shutter = Shutter()
         self._last: Frame | None = None  # that was looked at
         self._detector = Detector(target)
+        self._sharpest_px = math.inf
 
     # ---- what the page is told
 
@@ -202,7 +207,7 @@ class Session:
             found = self._detector.detect(frame.pixels, f"frame {frame.number}")
         else:
             found = self._exact(frame.pixels, frame.file.name)
-        look = self.guide.look(found)
+        look = self.guide.look(found, self._notes(frame, found))
         self._shutter = self._shutter.after(frame.time_s, found, look)
         circles = np.column_stack([found.center_px, found.ellipse_px[:, 2]])
         took_ms = 1000 * (time.perf_counter() - begin)
@@ -216,6 +221,14 @@ class Session:
         self._last = frame
         if self._shutter.is_due and self._is_automatic and self.phase == "taking":
             self._take(frame, by_itself=True)
+
+    def _notes(self, frame: Frame, found: Detections) -> tuple[FrameNote, ...]:
+        """What is wrong with a frame; the sharpest one so far tells what the lens can do."""
+        quality = frame_quality(frame.pixels, found, self.target)
+        notes = notes_of(quality, self._sharpest_px)
+        if quality is not None and quality.blur_px > 0 and not notes:
+            self._sharpest_px = min(self._sharpest_px, quality.blur_px)
+        return notes
 
     def _fit_guide(self, image_size: tuple[int, int]) -> None:
         """The first proposal is for images of the size that come."""
