@@ -47,8 +47,12 @@ AGAIN = 0.1
 """The same for a place that was proposed already, because the lens may be less even than its model takes it to be."""
 WORTH_OF_NEW = 0.2
 """The same for a photo that shows nothing where nothing was seen yet, against the one that shows most there."""
+MOST_FOR_NEW = 0.5
+"""Of what the best photo gains: more of it is not given up for what is new."""
 CELLS = (16, 12)
 """Parts of the image, by which what is new is counted."""
+LEAST_NEW = 0.06
+"""Of the image: where less is new of what any photo shows, that makes up for less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,11 +158,13 @@ def for_accuracy(scene: ViewChoice, so_far: SoFar) -> Iterator[CandidatePhoto]:
     """Photos that make the camera best known by the noise, the best first."""
     flat = scene.change.reshape(-1, scene.change.shape[2])
     mean_square = flat.T @ flat / len(scene.change)
-    nothing_new = 1 - _new_cells(scene, so_far)
-    effort = _effort(scene, so_far) * (1 + WORTH_OF_NEW * nothing_new)
     size = scene.known.basis.shape[1]
-    after = covariance_with_prior(so_far.told[:size, :size] + scene.information)
+    told = so_far.told[:size, :size]
+    after = covariance_with_prior(told + scene.information)
     square = np.einsum("cij,ji->c", after, mean_square)
+    gain = 1 - np.sqrt(square.min() / np.einsum("ij,ji", covariance_with_prior(told), mean_square))
+    worth_of_new = min(WORTH_OF_NEW, MOST_FOR_NEW * float(gain))
+    effort = _effort(scene, so_far) * (1 + worth_of_new * (1 - _new_cells(scene, so_far)))
     best = np.argsort(square * effort**2, kind="stable")[:COMPARED_IN_FULL]
     share = compared_px(scene, after[best])
     order = best[np.argsort(share * effort[best], kind="stable")]
@@ -227,13 +233,13 @@ def _cells(camera: Camera, pixel: Array, is_read: NDArray[np.bool_]) -> NDArray[
 
 
 def _new_cells(scene: ViewChoice, so_far: SoFar) -> Array:
-    """What each candidate shows of what is not covered yet (C,), of the one that shows most: 0 to 1."""
+    """What each candidate shows of what is not covered yet (C,), of the one that shows most or of a part: 0 to 1."""
     columns, rows = CELLS
     fine = so_far.is_covered
     row = ((np.arange(rows) + 0.5) / rows * fine.shape[0]).astype(np.int64)
     column = ((np.arange(columns) + 0.5) / columns * fine.shape[1]).astype(np.int64)
     new = (scene.covers & ~fine[np.ix_(row, column)].ravel()).sum(axis=1)
-    share: Array = new / max(int(new.max(initial=0)), 1)
+    share: Array = new / max(int(new.max(initial=0)), LEAST_NEW * columns * rows)
     return share
 
 

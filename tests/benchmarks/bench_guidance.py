@@ -18,7 +18,6 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
 
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[name] = "1"  # before NumPy is loaded
@@ -34,12 +33,15 @@ from tests.support.simulated_person import PhotoScene, filling_bars, scene_of, t
 
 Array = NDArray[np.float64]
 
-SCENES, MOST_PHOTOS = 40, 60
+SCENES, MOST_PHOTOS = 40, 42
 COLUMNS = 24
 WITHIN_SIGMAS = 2.0
 """Of the stated deviation: so far the true camera may be off in 95 % of the image."""
-FEWEST_FIXED, EVERY = 6, 3
-"""Photos from which on, and every how many, the figures of those who wave are looked at whether good or not."""
+JUDGED = (*range(1, 17), *range(18, 31, 2), *range(33, MOST_PHOTOS + 1, 3))
+"""Numbers of photos after which a camera is judged that was not guided; in favour of those who do without, the first
+number that might have been good counts."""
+FIXED = (6, 9, 12, 15, 20, 30)
+"""Numbers of photos at which the figures of those who wave are looked at because nobody stopped there for them."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,9 @@ class Run:
     @property
     def photos(self) -> float:
         """Until it was good; infinite if it never was."""
-        return self.steps[-1].photos if self.is_good else np.inf
+        if not self.is_good:
+            return np.inf
+        return self.steps[-2].photos + 1 if len(self.steps) > 1 else self.steps[-1].photos
 
 
 def step_of(scene: PhotoScene, guide: Guide, *, are_bars_full: bool = False, note: str = "") -> Step:
@@ -116,17 +120,20 @@ def guided(scene: PhotoScene, rng: np.random.Generator) -> Iterator[Step]:
 def random(scene: PhotoScene, rng: np.random.Generator) -> Iterator[Step]:
     """Who waves the target about."""
     guide = first_guide(scene)
-    for found in waved(scene, rng):
+    for number, found in enumerate(waved(scene, rng), 1):
         guide = guide.with_photo(found)
-        yield step_of(scene, guide)
+        if number in JUDGED:
+            yield step_of(scene, guide)
 
 
 def with_bars(scene: PhotoScene, rng: np.random.Generator) -> Iterator[Step]:
     """Who fills bars."""
-    guide = first_guide(scene)
-    for found, bars in filling_bars(scene, rng):
+    guide, were_full = first_guide(scene), False
+    for number, (found, bars) in enumerate(filling_bars(scene, rng), 1):
         guide = guide.with_photo(found)
-        yield step_of(scene, guide, are_bars_full=bars.are_full)
+        if number in JUDGED or bars.are_full != were_full:
+            yield step_of(scene, guide, are_bars_full=bars.are_full)
+        were_full = bars.are_full
 
 
 PERSONS: dict[str, Callable[[PhotoScene, np.random.Generator], Iterator[Step]]] = {
@@ -137,11 +144,11 @@ PERSONS: dict[str, Callable[[PhotoScene, np.random.Generator], Iterator[Step]]] 
 def run_of(scene: PhotoScene, person: str, seed: int, most: int) -> Run:
     """Photos until it is good, or too many."""
     begin, steps = time.process_time(), []
-    for step in islice(PERSONS[person](scene, np.random.default_rng([21, seed])), most):
+    for step in PERSONS[person](scene, np.random.default_rng([21, seed])):
         steps.append(step)
-        if step.grade == "good":
+        if step.grade == "good" or step.photos >= most:
             break
-    return Run(scene, person, tuple(steps), (time.process_time() - begin) / max(len(steps), 1))
+    return Run(scene, person, tuple(steps), (time.process_time() - begin) / max(steps[-1].photos, 1))
 
 
 def print_run(run: Run, *, is_traced: bool) -> None:
@@ -204,10 +211,9 @@ def print_ratios(runs: Sequence[Run]) -> None:
 def print_honesty(runs: Sequence[Run]) -> None:
     """How far what is stated can be relied on where nobody stopped because of it, and what bars are worth."""
     waved_steps = [
-        step for run in runs if run.person == "random" for step in run.steps[FEWEST_FIXED - 1 :: EVERY]
-        if step.grade != "good"
+        step for run in runs if run.person == "random" for step in run.steps if step.photos in FIXED
     ]  # fmt: skip
-    print(f"random, whether good or not, from {FEWEST_FIXED} photos on:        {beyond(waved_steps)}")
+    print(f"random, at {FIXED} photos: {beyond(waved_steps)}")
     firsts = [next((s for s in run.steps if s.are_bars_full), None) for run in runs if run.person == "ros"]
     full = [step for step in firsts if step is not None]
     if full:
