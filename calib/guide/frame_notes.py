@@ -11,8 +11,8 @@ from calib.guide.told import FrameNote
 
 MOST_MOTION = 0.3
 """Of a ring's smaller semi-axis, moved during the exposure."""
-LEAST_MOTION_PX = 1.0
-"""What moves by less is as sharp as pixels are."""
+LEAST_MOTION_PX, MOST_MOTION_PX = 1.0, 2.0
+"""What moves by less is as sharp as pixels are; by more, a rolling shutter bends what it takes row after row."""
 MOST_BLUR = 0.22
 """Standard deviation of the blur, of a ring's smaller semi-axis: beyond, ink and white run into each other."""
 SOFTER, SOFTER_PX = 1.6, 0.4
@@ -44,7 +44,7 @@ def notes_of(quality: FrameQuality | None, sharpest_px: float = math.inf) -> tup
         )
     if quality.contrast < FAINT or quality.black_share > BLACK:
         notes.append(FrameNote("dark", "too dark: more light on the target", forbids=True))
-    if quality.motion_px > max(LEAST_MOTION_PX, MOST_MOTION * quality.radius_px):
+    if quality.motion_px > min(max(LEAST_MOTION_PX, MOST_MOTION * quality.radius_px), MOST_MOTION_PX):
         sector = SECTORS[round(quality.motion_rad / (math.pi / 4)) % 4]
         said = f"hold still: blurred by {quality.motion_px:.0f} px {sector}"
         notes.append(FrameNote("motion", said, forbids=True))
