@@ -82,13 +82,7 @@ def proposal_of(
     """
     if standing is not None and standing.verdict.grade == "good":
         return None
-    criteria, uncertain = settings.criteria, None if standing is None else standing.evidence.uncertainty
-    wanted_px, wanted_share = criteria["uncertainty"].good, criteria["coverage"].good / 100
-    goals = [(wanted_px, wanted_share, LITTLE_GAIN)]
-    if uncertain is not None and not uncertain.by_target and not uncertain.by_field:
-        goals.append((wanted_px, wanted_share, LITTLE_OF_NOISE))
-    if calibration.observations.view_count < ENOUGH_PHOTOS:
-        goals.append((0.0, 1.0, LITTLE_OF_NOISE))
+    uncertain = None if standing is None else standing.evidence.uncertainty
     # To follow what photos tell of the target's shape takes a while, and is worth it where that is a part of the error.
     is_targets = uncertain is not None and uncertain.target_px > LITTLE_BY_TARGET * (uncertain.image_px or 0.0)
     prior = stated_prior(calibration, settings.target) if is_targets else None
@@ -99,7 +93,7 @@ def proposal_of(
             near |= are_near(shape, pose, poses)
         return near
 
-    for goal_px, goal_covered, little_gain in goals:
+    for goal_px, goal_covered, little_gain in _goals(standing, settings, calibration.observations.view_count):
         views = next_views(
             calibration, most=1, goal_px=goal_px, goal_covered=goal_covered, prior=prior, little_gain=little_gain,
             factor=1.0 if uncertain is None else uncertain.factor, is_avoided=is_avoided if avoided else None,
@@ -109,3 +103,24 @@ def proposal_of(
             tells = view.sigma_px_before > goal_px and view.sigma_px_after <= little_gain * view.sigma_px_before
             return Proposal(view.cam_from_target, view, tells)
     return None
+
+
+def _goals(standing: Standing | None, settings: GuideSettings, photos: int) -> list[tuple[float, float, float]]:
+    """What views are sought for, one after the other: the deviation, what is covered, and which gain is little.
+
+    As long as some of the image is not covered, a view that hardly makes the camera better known gives way to one that
+    shows more. What is as good as wanted, and yet not good in the verdict, is to be better than wanted.
+    """
+    wanted_px, wanted_share = settings.criteria["uncertainty"].good, settings.criteria["coverage"].good / 100
+    beyond = [(0.0, 1.0, LITTLE_OF_NOISE)] if photos < ENOUGH_PHOTOS else []
+    if standing is None:
+        return [(wanted_px, wanted_share, LITTLE_GAIN), *beyond]
+    uncertain, covered = standing.evidence.uncertainty, standing.evidence.coverage.share
+    is_sure = uncertain.image_px is not None and uncertain.image_px <= wanted_px
+    if is_sure and covered >= wanted_share:
+        return beyond
+    if not is_sure and (uncertain.by_target or uncertain.by_field):
+        # More photos than are reckoned with here also tell the target's shape: some are always taken.
+        return [(wanted_px, wanted_share, LITTLE_GAIN), *beyond]
+    some = [(wanted_px, wanted_share, LITTLE_GAIN)] if covered < wanted_share else []
+    return [*some, (wanted_px, wanted_share, LITTLE_OF_NOISE), *beyond]
