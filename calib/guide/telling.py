@@ -119,7 +119,7 @@ def bars_of(covered: float, sigma_px: float, standing: Standing | None, settings
         limit, part = criteria["uncertainty"].good, criteria["coverage"].good
         known = f"about {figure(sigma_px, 1)} px" if math.isfinite(sigma_px) else "not known yet"
         share = min(limit / sigma_px, 1.0) if sigma_px > 0 else 0.0
-        area = min(100 * covered / part, 1.0)
+        area = min(100 * covered / part, 1.0) if part > 0 else 1.0
         grade: Grade = "good" if area >= 1 else "bad"
         return (
             Bar("uncertainty", ALWAYS["uncertainty"], f"{known}, {px(limit)} wanted", share, "unknown"),
@@ -132,7 +132,7 @@ def bars_of(covered: float, sigma_px: float, standing: Standing | None, settings
 
 def _bar(check: Check) -> Bar:
     limit, value, share = check.good, check.value, float(check.grade == "good")
-    if value is not None and not share:
+    if value and limit and not share:
         share = value / limit if check.is_at_least else limit / value
     wanted = f"{check.good:g} {check.unit}".rstrip()
     text = f"{check.measured}, {wanted} wanted" if check.measured else "not to be told yet"
