@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import WIDE, told_parameters
+from calib.core.parallel import one_thread
 from calib.core.types import LEAST_POINTS, Detections, Observations, keep_views
 from calib.guide.odd_photo import odd_photo
 from calib.guide.settings import GuideSettings
@@ -57,6 +58,7 @@ class Insight:
         return found if found is not None and found.status == "converged" else None
 
 
+@one_thread
 def insight_of(photos: Sequence[Detections], settings: GuideSettings) -> Insight:
     """Solve what can be solved."""
     used, left_out = _usable(photos, settings)

@@ -64,6 +64,7 @@ class Proposal:
     is_for_accuracy: bool = True  # the camera is better known by it; else a part of the image is shown first
 
 
+@one_thread
 def proposal_of(
     calibration: Calibration,
     standing: Standing | None,

@@ -102,14 +102,14 @@ def not_good(standing: Standing) -> list[Check]:
 
 
 def why_exhausted(standing: Standing) -> str:
-    """Why more photos would not help."""
+    """Why more photos would help little: where the target limits it, four times as many halve its part."""
     uncertain = standing.evidence.uncertainty
     if uncertain.by_target:
         part = px(uncertain.target_px)
-        return f"more would not help: what the target may be off limits it ({part}); measure it with calib measure"
+        return f"more would help little: what the target may be off limits it ({part}); measure it with calib measure"
     if uncertain.field_px and uncertain.by_field:
         return "more would not help: the lens does things that no formula follows; calib run tries a model that does"
-    return f"more would not help: {standing.verdict.sentence}"
+    return f"more would help little: {standing.verdict.sentence}"
 
 
 def bars_of(covered: float, sigma_px: float, standing: Standing | None, settings: GuideSettings) -> tuple[Bar, ...]:
