@@ -52,7 +52,7 @@ def live(
     writer = RunWriter(out if out is not None else exports_folder(target) / "live", models_of(model))
 
     def opened(address: str) -> None:
-        print(f"open     {address}")
+        _said(f"open     {address}")
         if browser:
             webbrowser.open(address)
 
@@ -70,8 +70,8 @@ def live(
 
 
 def _said(line: str) -> None:
-    """A line of what happens."""
-    print(printable(line))
+    """A line of what happens, at once: who waits for the address may be a program."""
+    print(printable(line), flush=True)
 
 
 def _stopped(target: Path, writer: "RunWriter") -> None:
