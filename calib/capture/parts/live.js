@@ -12,7 +12,7 @@ import { connect } from "./wire.js";
 import { instruction, mirrored } from "./words.js";
 
 const OLD_MS = 1500; // what was found so long ago is not shown
-const SLOW = 2.5; // times what looks take, if that is longer
+const SLOW = 3; // times what there is between two looks, if that is longer
 const ASKING_MS = 1000; // before it is said that the browser asks
 const LATE_MS = 1000; // a look that has not come by then is not waited for
 const NOTICE_MS = { line: 6000, fault: 15000 };
@@ -78,7 +78,9 @@ const HANDLERS = {
     model.isWaiting = false;
     showLook(look.source, look);
     clearTimeout(forgetting);
-    forgetting = setTimeout(() => showLook(look.source, null), Math.max(OLD_MS, SLOW * look.look_ms));
+    const between = Math.min(performance.now() - lookedAt, OLD_MS);
+    lookedAt = performance.now();
+    forgetting = setTimeout(() => showLook(look.source, null), Math.max(OLD_MS, SLOW * between));
   },
   taken({ name }) {
     sound.play("taken");
@@ -92,6 +94,7 @@ const HANDLERS = {
 };
 
 let forgetting = 0;
+let lookedAt = -Infinity;
 
 function showLook(source, look) {
   model.look = look;

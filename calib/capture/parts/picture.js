@@ -161,7 +161,8 @@ export class Picture {
     const isMatch = Boolean(this.look?.look.is_match);
     const share = isMatch ? 1 : Math.min(1, Math.max(0, this.look?.look.worth ?? 0));
     const heights = this.camera.ghost_px.flat().map((point) => this.place(point)[1]);
-    const [top, bottom] = [Math.min(...heights), Math.max(...heights)];
+    const box = this.box();
+    const [top, bottom] = [Math.max(box.y, Math.min(...heights)), Math.min(box.y + box.height, Math.max(...heights))];
     const colour = isMatch ? MATCH : GHOST;
     pen.save();
     const all = new Path2D();
@@ -174,8 +175,9 @@ export class Picture {
     const level = bottom - share * (bottom - top);
     pen.fillRect(0, level, this.element.clientWidth, bottom - level);
     pen.restore();
-    stroke(pen, faces, CASING, 7);
-    stroke(pen, faces, colour, 3.5, isMatch ? [] : [14, 8]);
+    const isOne = faces.length === 1; // neighbours' sides lie on each other: dashes would not
+    stroke(pen, faces, CASING, isOne ? 7 : 6);
+    stroke(pen, faces, colour, isOne ? 3.5 : 2.5, isMatch || !isOne ? [] : [14, 8]);
   }
 
   /** An arrow from the target to where it is to be, if that is some way off. */

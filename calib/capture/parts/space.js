@@ -50,11 +50,11 @@ export class Space {
     if (!this.ghost) return;
     put(this.ghost, pose);
     if (pose) {
-      const distance = Math.hypot(pose[0][3], pose[1][3], pose[2][3]);
+      this.goal = new THREE.Vector3(pose[0][3], pose[1][3], pose[2][3]);
       if (this.sign) this.content.remove(this.sign);
-      this.sign = cameraSign(imageSize, 0.25 * distance);
+      this.sign = cameraSign(imageSize, 0.25 * this.goal.length());
       this.content.add(this.sign);
-      if (this.distance !== distance) this.fit(distance);
+      this.fit();
     }
     this.request();
   }
@@ -68,14 +68,15 @@ export class Space {
   setMirrored(isMirrored) {
     if (!this.isThere) return;
     this.content.scale.x = isMirrored ? -1 : 1;
+    if (this.goal) this.fit();
     this.request();
   }
 
-  /** Stand where camera and target are seen. */
-  fit(distance) {
-    this.distance = distance;
-    const middle = new THREE.Vector3(0, 0, 0.55 * distance);
-    const reach = 0.36 * distance + this.radius;
+  /** Stand where the camera, and the target as it is to be held, are seen. */
+  fit() {
+    const middle = this.goal.clone().multiplyScalar(0.55);
+    middle.x *= this.content.scale.x;
+    const reach = 0.4 * this.goal.length() + this.radius;
     const away = reach / Math.sin((FIELD_OF_VIEW * Math.PI) / 360);
     this.viewer.position.copy(middle).addScaledVector(new THREE.Vector3(...VIEWER).normalize(), away);
     this.viewer.near = away / 50;

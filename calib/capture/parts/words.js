@@ -10,8 +10,9 @@ export function mirrored(text) {
   });
 }
 
+/** As a sentence that is shown alone. */
 export function capital(text) {
-  return text ? text[0].toUpperCase() + text.slice(1) : text;
+  return text.slice(0, 1).toUpperCase() + text.slice(1).replaceAll("->", "\u2192");
 }
 
 /**
@@ -90,7 +91,7 @@ function numbers(ghost, pose) {
     const goal = `${Math.round(ghost.tilt_deg)}°`;
     words.push(pose ? `tilt ${Math.round(tilt(pose))}° → ${goal}` : `tilt ${goal}`);
   }
-  if (ghost.gain) words.push(ghost.gain);
+  if (ghost.gain) words.push(capital(ghost.gain));
   return words.join("  ·  ");
 }
 
