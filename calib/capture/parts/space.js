@@ -5,17 +5,19 @@ const FIELD_OF_VIEW = 30;
 const GHOST_OPACITY = 0.4;
 const FOCAL_SHARE = 0.9; // of the longer side: how wide the camera's pyramid is drawn
 const VIEWER = [-0.4, -0.5, -0.9]; // from the middle: behind the camera, above it and a little to its left
+const REST = 9; // times what a drawing took, before the next one
 const SIGN_COLOUR = 0x8a9099;
 
 export class Space {
   constructor(element) {
     this.element = element;
     this.canvas = document.createElement("canvas");
-    this.isThere = Boolean(this.canvas.getContext("webgl2", { antialias: true, alpha: true }));
+    this.context = this.canvas.getContext("webgl2", { antialias: true, alpha: true });
+    this.isThere = this.context !== null;
     if (!this.isThere) return;
     element.append(this.canvas);
-    const context = this.canvas.getContext("webgl2");
-    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, context, alpha: true, antialias: true });
+    this.restUntil = 0;
+    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, context: this.context, alpha: true, antialias: true });
     this.renderer.setClearColor(0, 0);
     this.viewer = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 1, 1e5);
     this.viewer.up.set(0, -1, 0);
@@ -85,8 +87,11 @@ export class Space {
     this.controls.update();
   }
 
+  /** Draw soon; where a machine draws slowly, seldom, for the picture goes first. */
   request() {
-    this.pending ??= requestAnimationFrame(() => { this.pending = undefined; this.draw(); });
+    if (this.isPending) return;
+    this.isPending = true;
+    setTimeout(() => requestAnimationFrame(() => { this.isPending = false; this.draw(); }), this.restUntil - performance.now());
   }
 
   draw() {
@@ -96,7 +101,10 @@ export class Space {
     this.renderer.setSize(width, height, false);
     this.viewer.aspect = width / height;
     this.viewer.updateProjectionMatrix();
+    const start = performance.now();
     this.renderer.render(this.world, this.viewer);
+    this.context.readPixels(0, 0, 1, 1, this.context.RGBA, this.context.UNSIGNED_BYTE, new Uint8Array(4)); // waits for it
+    this.restUntil = performance.now() + REST * (performance.now() - start);
   }
 }
 
