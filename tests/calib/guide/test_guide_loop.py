@@ -17,7 +17,7 @@ def one_more(guide: Guide, target: TargetGeometry, rng: np.random.Generator) -> 
     assert ghost is not None
     for _ in range(MOST_TRIES):
         pose = held_by_person(ghost.cam_from_target, target, rng)
-        found = found_at(pose, target, rng, f"{len(guide.photos):04d}.png")
+        found = found_at(pose, target, rng, f"{len(guide.photos):04d}.png", noise_px=0.03)
         if guide.look(found).is_wanted:
             return guide.with_photo(found)
     raise AssertionError(f"nothing was wanted of {ghost.sentence}")

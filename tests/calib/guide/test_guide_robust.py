@@ -35,6 +35,12 @@ def new() -> Guide:
     return calib.Guide(TARGET, image_size=WEBCAM.image_size, made="exact")
 
 
+@cache
+def after_five() -> Guide:
+    """After the five."""
+    return with_all(five())
+
+
 def noise() -> NDArray[np.float64]:
     """A shift that makes a photo another one."""
     return np.random.default_rng(8).normal(0, 0.05, 2)
@@ -62,7 +68,7 @@ def test_a_photo_that_is_no_good_is_named_and_does_not_count(
     said: str, spoil: Callable[[Detections], Detections]
 ) -> None:
     """It is told why; all that is known of the camera is as without it."""
-    before = with_all(five())
+    before = after_five()
     after = before.with_photo(replace(spoil(five()[4]), image="bad.png"))
     told = after.told.photos[-1]
     assert (told.name, told.is_counted) == ("bad.png", False)
@@ -78,7 +84,7 @@ def test_a_photo_that_contradicts_the_others_is_named_and_does_not_count() -> No
     bad = replace(
         five()[0], image="bad.png", center_px=five()[0].center_px * [1.02, 1.0] + 3.0 * (five()[0].ring % 2)[:, None]
     )
-    after = with_all(five()).with_photo(bad)
+    after = after_five().with_photo(bad)
     assert [photo.is_counted for photo in after.told.photos] == [True] * 5 + [False]
     assert "contradicts" in after.told.photos[-1].remark
     assert after.calibration is not None
@@ -110,7 +116,7 @@ def test_a_lens_that_is_wide_is_solved_as_one_without_being_told() -> None:
 
 def test_deleting_photos_is_as_if_they_had_not_been_taken() -> None:
     """Down to none; of a name that is not there it is bad input."""
-    guide, fewer = with_all(five()), with_all(five()[:2])
+    guide, fewer = after_five(), with_all(five()[:2])
     for number in (4, 3, 2):
         guide = guide.without_photo(f"{number}.png")
     assert guide.told.headline == fewer.told.headline
@@ -181,7 +187,7 @@ def test_a_wrong_first_guess_does_no_harm() -> None:
     guide = calib.Guide(TARGET, camera=guess, made="exact")
     for one in five():
         guide = guide.with_photo(one)
-    plain = with_all(five()).calibration
+    plain = after_five().calibration
     assert guide.calibration is not None
     assert plain is not None
     np.testing.assert_array_equal(guide.calibration.camera.params, plain.camera.params)
