@@ -127,7 +127,8 @@ def equations_of(
     slot = np.zeros(len(own_mm), dtype=np.int64)
     slot[used] = np.arange(len(used))
     # The residuals stand behind the other columns.
-    products, block, cross = np.zeros((dense + 1,) * 2), np.zeros((len(used), each, each)), np.zeros((count, dense + 1))
+    products, block = np.zeros((dense + 1,) * 2), np.zeros((len(used), each, each))
+    cross = np.zeros((len(used), each, dense + 1))
     taken, taken_own, equations = [np.zeros((0, dense + 1))], [np.zeros((0, count))], 0
     for view in posed:
         point, by_place = view.point, view.by_place
@@ -136,24 +137,31 @@ def equations_of(
         by_modes = by_place @ modes_mm[:, point].transpose(1, 2, 0)
         common = np.concatenate([view.by_camera, by_modes, view.residual], axis=2)
         own, row = by_place @ own_mm[point], slot[point]
-        column = each * row[:, None] + np.arange(each)
         flat = common.reshape(-1, dense + 1)
         products += flat.T @ flat
-        np.add.at(block, row, own.transpose(0, 2, 1) @ own)
-        np.add.at(cross, column, own.transpose(0, 2, 1) @ common)
+        _add_to(block, row, own.transpose(0, 2, 1) @ own)
+        _add_to(cross, row, own.transpose(0, 2, 1) @ common)
         across = view.poses_taken()
-        part = np.zeros((POSE, count))
-        np.add.at(part, (np.arange(POSE)[:, None], column[:, None, :]), across.transpose(0, 2, 1) @ own)
+        part = np.zeros((len(used), POSE, each))
+        _add_to(part, row, across.transpose(0, 2, 1) @ own)
         taken.append(across.reshape(-1, POSE).T @ flat)
-        taken_own.append(part)
+        taken_own.append(part.transpose(1, 0, 2).reshape(POSE, count))
         equations += 2 * len(point) - POSE
     by_poses, own_by_poses = np.concatenate(taken), np.concatenate(taken_own)
     products -= by_poses.T @ by_poses
-    cross -= own_by_poses.T @ by_poses
+    of_own = cross.reshape(count, dense + 1) - own_by_poses.T @ by_poses
     if len(own_by_poses) > count:  # of many photos only the product counts
         own_by_poses = np.asarray(np.linalg.qr(own_by_poses, mode="r"))
-    alone = OwnEquations(block, own_by_poses, np.ascontiguousarray(cross[:, :-1].T), cross[:, -1])
+    alone = OwnEquations(block, own_by_poses, np.ascontiguousarray(of_own[:, :-1].T), of_own[:, -1])
     return ShapeEquations(basis, products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), equations, alone)
+
+
+def _add_to(total: Array, row: NDArray[np.int64], part: Array) -> None:
+    """Add parts (M, ...) to rows of a sum; rows come twice only where several cameras of a pose see a point."""
+    if len(np.unique(row)) == len(row):
+        total[row] += part
+    else:
+        np.add.at(total, row, part)
 
 
 def whitened_views(calibration: Calibration, basis: Array) -> Iterator[WhitenedView]:
