@@ -11,6 +11,9 @@ from calib.api.loading import Place, camera_of, target_of
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.detector import pipeline
+from calib.detector.glance import glance
+from calib.detector.lens import CameraLens
+from calib.detector.plan import plan_for
 from calib.observe.images import Grey, grey_of, read_image
 from calib.observe.photos import PhotoFile, require_size
 from calib.show.photos.why_nothing import explained
@@ -55,6 +58,27 @@ class Detector:
         if isinstance(image, str | PathLike):
             name = name or Path(image).name
         return self.look(PhotoFile(Path(name or "the image"), name or "image"), pixels)
+
+    def glance(self, image: Pixels | Place, name: str = "") -> Detections:
+        """The same in a quarter of the time, for live video: the same names, and centres to about .2 px.
+
+        >>> seen = detector.glance(frame)
+
+        Each frame is looked at afresh: nothing is kept from the one before. Names are as sure as `detect` makes them,
+        if fewer; `cov_px2` says how rough the centres are. Where another target is in view, `remarks` say so; why it
+        is taken for another, `detect` says at more length.
+
+        Args:
+            image: as for `detect`.
+            name: what the frame is called in the result.
+
+        Raises:
+            InputError: no such file, no image, or one of another size than the camera's.
+        """
+        pixels = grey_pixels(image)
+        require_size(name or "the image", pixels, self.camera)
+        lens = None if self.camera is None else CameraLens(self.camera)
+        return glance(pixels, plan_for(self.target), name or "image", lens)
 
     def look(self, photo: PhotoFile, pixels: Grey) -> Detections:
         """The same of grey levels that are read already, as `calib.observe.photos.detect_photos` asks."""

@@ -93,7 +93,7 @@ def find(pixels: NDArray[np.generic], target: TargetGeometry) -> NamedRings | No
     """
     if min(pixels.shape) < LEAST_SIDE_PX:
         return None
-    return _search(_as_kernels_want(pixels), plan_for(target))
+    return _search(as_kernels_want(pixels), plan_for(target))
 
 
 def detect(
@@ -123,7 +123,7 @@ def detect(
     """
     if pixels.ndim != 2:
         raise ValueError(f"the image has the shape {pixels.shape}; it must be height x width, grey")
-    pixels = _as_kernels_want(pixels)
+    pixels = as_kernels_want(pixels)
     image_size = (pixels.shape[1], pixels.shape[0])
     if camera is not None and camera.image_size != image_size:
         raise ValueError(
@@ -133,30 +133,30 @@ def detect(
     plan = plan_for(target)
     camera_lens = CameraLens(camera) if camera is not None else None
     if min(pixels.shape) < LEAST_SIDE_PX:
-        return _nothing(plan, name, image_size, None, ("the image is too small to hold a ring",))
+        return nothing_found(plan, name, image_size, None, ("the image is too small to hold a ring",))
     found = _search(pixels, plan) if found is None else found
     if not found.named:
-        return _nothing(plan, name, image_size, found.candidates, found.remarks)
-    first = _naming(plan, found.named)
+        return nothing_found(plan, name, image_size, found.candidates, found.remarks)
+    first = naming_of(plan, found.named)
     naming, strangers = without_strangers(plan, found.candidates, first, image_size, camera_lens)
     dropped, remarks = len(first.ring) - len(naming.ring), list(found.remarks)
     if strangers and len(np.unique(target.ring_face[naming.ring])) < 2:
-        return _nothing(plan, name, image_size, found.candidates, (*remarks, "the faces contradict each other"))
+        return nothing_found(plan, name, image_size, found.candidates, (*remarks, "the faces contradict each other"))
     if strangers:
         remarks.append(f"{len(strangers)} faces contradicted the others and were left out")
     if len(naming.ring) < 4:
-        return _nothing(plan, name, image_size, found.candidates, (*remarks, "too few rings could be named"))
+        return nothing_found(plan, name, image_size, found.candidates, (*remarks, "too few rings could be named"))
     placed = found.placed if camera_lens is None and not strangers else None
     naming, placement = placed or complete(plan, found.candidates, naming, image_size, camera_lens)
     if placement.is_mirrored:
-        return _nothing(plan, name, image_size, found.candidates, (*remarks, MIRRORED))
-    contrast = _contrast(pixels, found.candidates)
+        return nothing_found(plan, name, image_size, found.candidates, (*remarks, MIRRORED))
+    contrast = usual_contrast(pixels, found.candidates)
     measured = measure(pixels, plan, found.candidates, naming, placement, contrast, camera_lens)
     evidence = gather(pixels, contrast, plan, found.candidates, found.grids, naming, dropped, placement, measured)
     if camera_lens is not None:
         remarks += _camera_remarks(plan, found.candidates, naming, camera_lens, image_size)
     if why := refusal(evidence):
-        return _nothing(plan, name, image_size, found.candidates, (*remarks, f"this cannot be the target: {why}"))
+        return nothing_found(plan, name, image_size, found.candidates, (*remarks, f"this cannot be the target: {why}"))
     if odd := proportion_remark(evidence):
         remarks.append(odd)
     remarks += measured.remarks
@@ -177,7 +177,7 @@ def _camera_remarks(
     ]
 
 
-def _as_kernels_want(pixels: NDArray[np.generic]) -> NDArray[np.generic]:
+def as_kernels_want(pixels: NDArray[np.generic]) -> NDArray[np.generic]:
     """Bytes or single floats, contiguous and writable: every other kind would be compiled for, which takes 20 s.
 
     What sixteen bits hold of an 8-bit photo are its bytes, written twice or moved up.
@@ -213,7 +213,7 @@ def _search_at(pixels: NDArray[np.generic], plan: TargetPlan, factor: int) -> Na
         candidates = more if candidates is None else merged(candidates, more)
         if candidates.count == before and found is not None:
             continue
-        new = _name(pixels, plan, candidates)
+        new = name_grids(pixels, plan, candidates)
         # More candidates can also confuse a grid: what named more stays.
         found = new if found is None or new.is_mirrored or new.size >= found.size else found
         if found.is_mirrored:
@@ -233,7 +233,7 @@ def _completed(pixels: NDArray[np.generic], plan: TargetPlan, found: NamedRings)
     """
     if len(found.named) < plan.target.shown_at_once:
         return found, False
-    naming = _naming(plan, found.named)
+    naming = naming_of(plan, found.named)
     if np.isin(np.flatnonzero(~plan.target.is_dot), naming.ring).all():
         return found, True
     image_size = (pixels.shape[1], pixels.shape[0])
@@ -244,10 +244,10 @@ def _completed(pixels: NDArray[np.generic], plan: TargetPlan, found: NamedRings)
     return replace(found, placed=(naming, placement)), is_whole
 
 
-def _name(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates) -> NamedRings:
+def name_grids(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates) -> NamedRings:
     """Grow grids and name them."""
     grids = grow_grids(candidates, plan.lattice, across_gaps=not plan.is_coded)
-    contrast = _contrast(pixels, candidates)
+    contrast = usual_contrast(pixels, candidates)
     if not grids:
         return NamedRings(candidates, (), (), ("no grid of rings was found",))
     if plan.is_coded:
@@ -261,7 +261,7 @@ def _name(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates)
     return NamedRings(candidates, grids, (board.named,) if board.named else (), remarks, board.is_mirrored)
 
 
-def _contrast(pixels: NDArray[np.generic], candidates: Candidates) -> float:
+def usual_contrast(pixels: NDArray[np.generic], candidates: Candidates) -> float:
     """White minus ink of the usual ring, in grey levels."""
     rings = np.flatnonzero(candidates.ratio > 0)
     if not len(rings):
@@ -282,7 +282,7 @@ def _contrast(pixels: NDArray[np.generic], candidates: Candidates) -> float:
     return max(float(np.median(steps)), 1e-6)
 
 
-def _naming(plan: TargetPlan, named: tuple[NamedGrid, ...]) -> Naming:
+def naming_of(plan: TargetPlan, named: tuple[NamedGrid, ...]) -> Naming:
     """Candidates and target rows of all named grids."""
     candidate, ring = [], []
     for item in named:
@@ -317,7 +317,7 @@ def _result(
         position_mm=plan.target.center_mm[measured.ring[order]],
         center_px=measured.center_px[order],
         cov_px2=measured.cov_px2[order],
-        ellipse_px=_ellipses(measured.center_px[order], measured.shape[order]),
+        ellipse_px=ellipses_px(measured.center_px[order], measured.shape[order]),
         faces=face_records(plan, found, placement, measured),
         remarks=remarks,
         rejected_px=found.candidates.ellipse[rejected, :2],
@@ -326,7 +326,7 @@ def _result(
     )
 
 
-def _ellipses(center_px: Floats, shape: Floats) -> Floats:
+def ellipses_px(center_px: Floats, shape: Floats) -> Floats:
     """Centre, semi-axes and the angle of the larger one.  # (N, 2), (N, 3) -> (N, 5)"""
     if not len(shape):
         return np.zeros((0, 5))
@@ -337,7 +337,7 @@ def _ellipses(center_px: Floats, shape: Floats) -> Floats:
     return np.column_stack([center_px, large, small, (angle + np.pi / 2) % np.pi - np.pi / 2])
 
 
-def _nothing(
+def nothing_found(
     plan: TargetPlan,
     name: str,
     image_size: tuple[int, int],

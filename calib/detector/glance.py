@@ -1,0 +1,199 @@
+"""A quick look at a frame of a video: the same names as the exact pass gives, and centres to about .2 px.
+
+Every frame is looked at afresh, so that no name can slip from one to the next. Time is saved where a name does not hang
+on it: candidates by one threshold, more only if that fails; one lens; and no edge is measured. A border search knows a
+ring to some tenths of a pixel. A face's homography passes through all its rings, and is what their centres are told by.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.core.types import Detections
+from calib.detector.borders import Threshold, reduced, thresholds
+from calib.detector.candidates import Candidates, find_candidates, merged
+from calib.detector.lens import Lens
+from calib.detector.measure import Measured
+from calib.detector.pipeline import (
+    LEAST_SIDE_PX,
+    MIRRORED,
+    REGIONS_APART,
+    NamedRings,
+    as_kernels_want,
+    ellipses_px,
+    face_records,
+    name_grids,
+    naming_of,
+    nothing_found,
+    usual_contrast,
+)
+from calib.detector.place import Naming, Placement, Places, complete, predict, without_strangers
+from calib.detector.plan import TargetPlan
+from calib.detector.verify import gather, refusal
+from calib.detector.wide_guess import guess_lens
+
+Floats: TypeAlias = NDArray[np.float64]
+Grey: TypeAlias = NDArray[np.generic]
+Size: TypeAlias = tuple[int, int]
+
+GLANCE_PIXELS = 2_100_000
+"""Larger frames are reduced to about this size, 1920 x 1080, and looked at in full only if nothing is found so."""
+ENOUGH = 0.5
+"""With this share of the rings that should be in view no other threshold is tried."""
+LEAST_SIGMA_PX = 0.04
+"""What light and lens move a whole face by, which its rings do not tell."""
+SLACK = 2.0
+"""Of variances: borders of neighbours err alike, and places at a face's rim are known less well than its middle."""
+TOO_FEW = "too few rings could be named"
+TOLERATED_PITCHES = 0.1
+"""Farther from where its face puts it no ring is believed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Glimpse:
+    """What one set of candidates gives."""
+
+    found: Detections
+    share: float  # of the plain features in view that were named
+
+
+def glance(pixels: Grey, plan: TargetPlan, name: str = "", camera_lens: Lens | None = None) -> Detections:
+    """Names and rough centres in a frame: `glance(pixels, plan_for(target))`.
+
+    Args:
+        pixels: grey levels, uint8, uint16 or float32.  # (H, W)
+        plan: of the target that is looked for.
+        name: what the frame is called in the result.
+        camera_lens: of the camera, if it is known; else a lens is guessed from each frame's grids.
+
+    Returns:
+        As the exact pass gives it, with covariances that say how rough the centres are; blur is not measured.
+    """
+    pixels = as_kernels_want(pixels)
+    size = (pixels.shape[1], pixels.shape[0])
+    if min(size) < LEAST_SIDE_PX:
+        return nothing_found(plan, name, size, None, ("the image is too small to hold a ring",))
+    factor = 2 ** max(0, math.ceil(math.log(pixels.size / GLANCE_PIXELS, 4)))
+    found = _glance_at(pixels, plan, name, camera_lens, factor)
+    while factor > 1 and not len(found.ring) and MIRRORED not in found.remarks:
+        factor //= 2
+        found = _glance_at(pixels, plan, name, camera_lens, factor)
+    return found
+
+
+def _glance_at(pixels: Grey, plan: TargetPlan, name: str, camera_lens: Lens | None, factor: int) -> Detections:
+    """By one threshold after the other, until about half of what should be in view is found."""
+    grey = reduced(pixels, factor)
+    candidates: Candidates | None = None
+    best: Glimpse | None = None
+    for number, threshold in enumerate(thresholds(grey)):
+        candidates = _with_more(candidates, grey, threshold, factor, number, plan)
+        glimpse = _glimpse(pixels, plan, name, candidates, camera_lens)
+        if best is None or len(glimpse.found.ring) > len(best.found.ring):
+            best = glimpse
+        if best.share >= ENOUGH or MIRRORED in glimpse.found.remarks:
+            break
+    assert best is not None  # noqa: S101 - there is at least one threshold
+    return best.found
+
+
+def _with_more(
+    before: Candidates | None, grey: NDArray[np.uint8], threshold: Threshold, factor: int, number: int, plan: TargetPlan
+) -> Candidates:
+    """The candidates so far, and those of one more threshold."""
+    more = find_candidates(grey, threshold, factor, number * REGIONS_APART, plan.ratio)
+    return more if before is None else merged(before, more)
+
+
+def _glimpse(pixels: Grey, plan: TargetPlan, name: str, candidates: Candidates, camera_lens: Lens | None) -> Glimpse:
+    """Names of candidates, held against the target as the exact pass does it."""
+    size = (pixels.shape[1], pixels.shape[0])
+
+    def none(*remarks: str) -> Glimpse:
+        return Glimpse(nothing_found(plan, name, size, candidates, remarks), 0.0)
+
+    named = name_grids(pixels, plan, candidates)
+    if not named.named:
+        return none(*named.remarks)
+    first = naming_of(plan, named.named)
+    lens = camera_lens or guess_lens(plan.by_face(first.ring, candidates.ellipse[first.candidate, :2]), size)
+    naming, strangers = without_strangers(plan, candidates, first, size, lens)
+    if strangers and len(np.unique(plan.target.ring_face[naming.ring])) < 2:
+        return none(*named.remarks, "the faces contradict each other")
+    dropped = len(first.ring) - len(naming.ring)
+    if len(naming.ring) < 4:
+        return none(*named.remarks, TOO_FEW)
+    naming, placement = complete(plan, candidates, naming, size, lens)
+    if placement.is_mirrored:
+        return none(*named.remarks, MIRRORED)
+    places = predict(plan, placement, size)
+    seen = _seen(plan, candidates, naming, places)
+    if len(seen.ring) < 4:
+        return none(*named.remarks, TOO_FEW)
+    contrast = usual_contrast(pixels, candidates)
+    evidence = gather(pixels, contrast, plan, candidates, named.grids, naming, dropped, placement, seen)
+    if why := refusal(evidence):
+        return none(*named.remarks, f"this cannot be the target: {why}")
+    return Glimpse(
+        _detections(plan, name, size, named, naming, placement, seen), evidence.found / max(evidence.expected, 1)
+    )
+
+
+def _seen(plan: TargetPlan, candidates: Candidates, naming: Naming, places: Places) -> Measured:
+    """Candidates that are what their names say, at the centres that their faces give them."""
+    row_of = np.full(plan.target.ring_count, -1)
+    row_of[places.ring] = np.arange(len(places.ring))
+    in_view = row_of[naming.ring] >= 0
+    naming = Naming(naming.candidate[in_view], naming.ring[in_view])
+    at, ratio = row_of[naming.ring], candidates.ratio[naming.candidate]
+    off_px = np.linalg.norm(candidates.ellipse[naming.candidate, :2] - places.center_px[at], axis=1)
+    pitch_px = plan.pitch_radii / np.sqrt(places.shape[at, 0] * places.shape[at, 2])
+    is_like = ((ratio == 0) == plan.target.is_dot[naming.ring]) & (off_px < TOLERATED_PITCHES * pitch_px)
+    ring, off_px = naming.ring[is_like], off_px[is_like]
+    sigma_px = _sigma_px(plan.target.ring_face[ring], off_px)
+    return Measured(
+        ring=ring,
+        center_px=places.center_px[at[is_like]],
+        cov_px2=sigma_px[:, None, None] ** 2 * np.eye(2),
+        shape=candidates.ellipse[naming.candidate[is_like], 2:],
+        ratio=ratio[is_like],
+        blur_px=np.full(len(ring), np.nan),
+        missing=(),
+    )
+
+
+def _sigma_px(face: NDArray[np.int64], off_px: Floats) -> Floats:
+    """What centres of a face are off by, per axis: N borders fix eight numbers of its homography.  # (N,)"""
+    count = np.maximum(np.bincount(face), 1)
+    variance = np.bincount(face, off_px**2) / (2 * count)
+    left = SLACK * np.minimum(4 / count, 1) * variance
+    return np.asarray(np.hypot(np.sqrt(left), LEAST_SIGMA_PX)[face])
+
+
+def _detections(
+    plan: TargetPlan, name: str, size: Size, named: NamedRings, naming: Naming, placement: Placement, seen: Measured
+) -> Detections:
+    """In the order of the target's rows."""
+    order = np.argsort(seen.ring, kind="stable")
+    used = naming.candidate[np.isin(naming.ring, seen.ring)]
+    rejected = np.setdiff1d(np.flatnonzero(named.candidates.ratio > 0), used)
+    ring = seen.ring[order]
+    return Detections(
+        image=name,
+        image_size=size,
+        layout_id=plan.target.layout_id,
+        geometry_id=plan.target.geometry_id,
+        ring=ring,
+        position_mm=plan.target.center_mm[ring],
+        center_px=seen.center_px[order],
+        cov_px2=seen.cov_px2[order],
+        ellipse_px=ellipses_px(seen.center_px[order], seen.shape[order]),
+        faces=face_records(plan, named, placement, seen),
+        remarks=named.remarks,
+        rejected_px=named.candidates.ellipse[rejected, :2],
+        ratio=seen.ratio[order],
+        blur_px=seen.blur_px[order],
+    )
