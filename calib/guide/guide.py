@@ -121,7 +121,7 @@ class Guide:
 
     def sized(self, image_size: tuple[int, int]) -> "Guide":
         """With the size of the frames; that of photos goes before it."""
-        if image_size == self._image_size:
+        if image_size == self._image_size or self._counted:
             return self
         other = self._with(self._photos, self._skipped)
         other._image_size = image_size
