@@ -7,6 +7,7 @@ const GHOST = "#ffc83d";
 const MATCH = "#4fe0ae";
 const CASING = "rgb(0 0 0 / 65%)";
 const MAP_ALPHA = 0.55;
+const FADED = 0.4;
 
 export class Picture {
   constructor(name) {
@@ -164,20 +165,23 @@ export class Picture {
     const box = this.box();
     const [top, bottom] = [Math.max(box.y, Math.min(...heights)), Math.min(box.y + box.height, Math.max(...heights))];
     const colour = isMatch ? MATCH : GHOST;
+    const strength = this.look?.look.is_wanted && !isMatch ? FADED : 1; // here will do: nothing is to draw away from it
     pen.save();
     const all = new Path2D();
     faces.forEach((face) => all.addPath(face));
     pen.clip(all);
     pen.fillStyle = colour;
-    pen.globalAlpha = 0.1;
+    pen.globalAlpha = 0.1 * strength;
     pen.fillRect(0, top, this.element.clientWidth, bottom - top);
-    pen.globalAlpha = 0.38;
+    pen.globalAlpha = 0.38 * strength;
     const level = bottom - share * (bottom - top);
     pen.fillRect(0, level, this.element.clientWidth, bottom - level);
     pen.restore();
+    pen.globalAlpha = strength;
     const isOne = faces.length === 1; // neighbours' sides lie on each other: dashes would not
     stroke(pen, faces, CASING, isOne ? 7 : 6);
     stroke(pen, faces, colour, isOne ? 3.5 : 2.5, isMatch || !isOne ? [] : [14, 8]);
+    pen.globalAlpha = 1;
   }
 
   /** An arrow from the target to where it is to be, if that is some way off. */
