@@ -1,6 +1,7 @@
 """Whether guidance saves photos: how many until a camera is good, for persons who follow it and for others.
 
-`python -m tests.benchmarks.bench_guidance [--scenes N] [--first N] [--seeds N] [--made WAY] [--odd] [--trace]`
+`python -m tests.benchmarks.bench_guidance [--scenes N] [--first N] [--seeds N] [--made WAY] [--odd] [--trace]`;
+`--scenes 2` takes less than a minute.
 
 Each scene is a camera (640 to 4000 px wide, 30 to 110 degrees) and a target (boards, icosahedra of 20 to 100 mm edges);
 sightings are computed with noise that grows for small rings. Three persons take photos of it until the same verdict on
