@@ -53,8 +53,10 @@ function solving(state) {
   return { tone: "hold", big: "Computing the calibration", small: state.said };
 }
 
+/** What came of it stands in the report. */
 function done(state, guidance) {
-  return { tone: guidance?.stage === "good" ? "good" : "plain", big: capital(state.said) || "Done", small: "" };
+  const tone = guidance?.stage === "good" ? "good" : "plain";
+  return { tone, big: "Done", small: `The report is kept in ${state.folder}; this page may be closed.` };
 }
 
 function failed(state) {

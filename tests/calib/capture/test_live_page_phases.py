@@ -175,7 +175,7 @@ def test_end_is_announced_and_the_report_outlives_the_server(shown: Shown) -> No
     server.heard("bye")
     server.hang_up()
     page.wait_for_timeout(100)
-    big(page, "Good: 0.04 px")
+    big(page, "Done")
     assert page.frame_locator("#report").get_by_text("The report").is_visible()
 
 
