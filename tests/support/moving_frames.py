@@ -20,7 +20,8 @@ from calib.renderer.view import render_view
 Array = NDArray[np.float64]
 
 FINEST_PX = 0.5
-MOST_MOMENTS = 48
+MOST_MOMENTS = 16
+"""What moves faster is blurred beyond use, whatever it is summed from."""
 
 
 @dataclass(frozen=True)
