@@ -39,6 +39,8 @@ from designer.target_scene import target_scene
 
 ENDS_IN_S = 10.0
 """Between "it is good" and the end: time enough to read it, and to say that one goes on."""
+MANY_RINGS = 15
+"""So many ring-like things without a name are more than chance."""
 BODY, INK = "#f4f4f2", "#2b2b2b"
 Tell = Callable[[Message], None]
 Show = Callable[[Frame], None]
@@ -204,7 +206,7 @@ class Session:
         if self.sources[frame.source].kind != "browser":
             self._show(frame)
         if frame.file is None:
-            found = self._detector.detect(frame.pixels, f"frame {frame.number}")
+            found = self._detector.glance(frame.pixels, f"frame {frame.number}")
         else:
             found = self._exact(frame.pixels, frame.file.name)
         look = self.guide.look(found, self._notes(frame, found))
@@ -224,6 +226,9 @@ class Session:
 
     def _notes(self, frame: Frame, found: Detections) -> tuple[FrameNote, ...]:
         """What is wrong with a frame; the sharpest one so far tells what the lens can do."""
+        strange = 0 if found.rejected_px is None else len(found.rejected_px)
+        if not len(found.ring) and strange >= MANY_RINGS and found.remarks:
+            return (FrameNote("target", f"rings, but not this target's: {found.remarks[-1]}", forbids=True),)
         quality = frame_quality(frame.pixels, found, self.target)
         notes = notes_of(quality, self._sharpest_px)
         if quality is not None and quality.blur_px > 0 and not notes:

@@ -189,3 +189,14 @@ def test_what_a_camera_lacks_is_told_until_it_works(told: Told) -> None:
     assert len(session.state.sources[0].fault) <= 300
     session.frame(Frame(0, 0, 0.0, np.full((360, 480), 90, np.uint8)))
     assert session.state.sources[0].fault == ""
+
+
+def test_another_target_in_view_is_said_at_once(told: Told) -> None:
+    """Rings that are not this target's are taken for no photo, and the first frame says so."""
+    session = told.begin()
+    other = ring_views.view_of(ring_views.board(columns=11, rows=9), 3).image
+    for frame in frames_of(np.asarray(other, dtype=np.uint8), 0):
+        session.frame(frame)
+    looks = [one for one in told.messages if isinstance(one, LookMessage)]
+    assert [note.name for note in looks[0].look.notes] == ["target"]
+    assert not session.kept
