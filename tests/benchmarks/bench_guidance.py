@@ -38,6 +38,8 @@ SCENES, MOST_PHOTOS = 40, 42
 COLUMNS = 24
 WITHIN_SIGMAS = 2.0
 """Of the stated deviation: so far the true camera may be off in 95 % of the image."""
+CIRCLE_SIGMAS = 2.45
+"""The radius of a circle that holds 95 % of a plane's normal errors: what two would be, were both axes as unsure."""
 JUDGED = (*range(1, 17), *range(18, 31, 2), *range(33, MOST_PHOTOS + 1, 3))
 """Numbers of photos after which a camera is judged that was not guided; in favour of those who do without, the first
 number that might have been good counts."""
@@ -167,11 +169,11 @@ def print_run(run: Run, *, is_traced: bool) -> None:
 def beyond(steps: Sequence[Step]) -> str:
     """How often the truth is beyond the promise, and how true compares with stated."""
     known = [step for step in steps if step.is_known]
-    over = sum(step.ratio > WITHIN_SIGMAS for step in known)
     ratio = np.array([step.ratio for step in known] or [np.nan])
+    over, far = (100 * float((ratio > limit).mean()) for limit in (WITHIN_SIGMAS, CIRCLE_SIGMAS))
     rms = float(np.sqrt(np.mean(np.minimum(ratio, 10) ** 2)))
-    share = 100 * over / max(len(known), 1)
-    return f"{over:3} of {len(known):4} ({share:4.1f} %), ratio {np.median(ratio):.2f} (rms {rms:.2f})"
+    shares = f"{over:4.1f} % of {len(known):4} ({far:.1f} % beyond {CIRCLE_SIGMAS})"
+    return f"{shares}, ratio {np.median(ratio):.2f} (rms {rms:.2f})"
 
 
 def print_persons(runs: Sequence[Run]) -> None:
@@ -189,24 +191,20 @@ def print_persons(runs: Sequence[Run]) -> None:
 
 
 def print_ratios(runs: Sequence[Run]) -> None:
-    """The same scene and draw, who follows against others."""
-    by_case: dict[str, dict[str, list[Run]]] = {}
-    for run in runs:
-        by_case.setdefault(run.person, {}).setdefault(run.scene.name, []).append(run)
-    for person in (one for one in by_case if one != "guided"):
-        pairs = [
-            (a.photos, b.photos) for name, theirs in by_case[person].items()
-            for a, b in zip(by_case["guided"].get(name, ()), theirs, strict=False)
-        ]  # fmt: skip
-        both = np.array([pair for pair in pairs if np.isfinite(pair).all()]).reshape(-1, 2)
-        fewer = 100 * (1 - both[:, 0] / both[:, 1])
-        total = 100 * (1 - both[:, 0].sum() / both[:, 1].sum())
-        q = np.percentile(fewer, (25, 50, 75)) if len(both) else np.full(3, np.nan)
-        alone = sum(a < np.inf and b == np.inf for a, b in pairs), sum(a == np.inf and b < np.inf for a, b in pairs)
-        print(
-            f"guided against {person}: {q[1]:.0f} % fewer photos (median; quartiles {q[0]:.0f} and {q[2]:.0f}), "
-            f"{total:.0f} % of all; only guided good {alone[0]}, only {person} good {alone[1]}, of {len(pairs)}"
-        )
+    """Each scene and draw, who follows against others; who is never good counts with the photos he took."""
+    mine = [run for run in runs if run.person == "guided"]
+    for person in dict.fromkeys(run.person for run in runs if run.person != "guided"):
+        theirs = [run for run in runs if run.person == person]
+        scenes = {run.scene.name for run in theirs}
+        pairs = list(zip((run for run in mine if run.scene.name in scenes), theirs, strict=False))
+        good = np.array([(a.steps[-1].photos, b.steps[-1].photos) for a, b in pairs if a.is_good]).reshape(-1, 2)
+        if len(good):
+            low, middle, high = np.percentile(100 * (1 - good[:, 0] / good[:, 1]), (25, 50, 75))
+            ours, others = (sum(pair[k].is_good and not pair[1 - k].is_good for pair in pairs) for k in (0, 1))
+            print(
+                f"guided against {person}: at least {middle:.0f} % fewer photos (median; quartiles {low:.0f}, "
+                f"{high:.0f}); only guided good {ours}, only {person} good {others}, of {len(pairs)}"
+            )
 
 
 def print_honesty(runs: Sequence[Run]) -> None:
