@@ -48,8 +48,10 @@ LEAST_SIGMA_PX = 0.04
 SLACK = 2.0
 """Of variances: borders of neighbours err alike, and places at a face's rim are known less well than its middle."""
 TOO_FEW = "too few rings could be named"
-TOLERATED_PITCHES = 0.1
-"""Farther from where its face puts it no ring is believed."""
+TOLERATED_PITCHES = 0.08
+"""Farther from where its face puts it no ring is believed ..."""
+FACE_PITCHES = 0.03
+"""... and no face whose rings lie so far off (root mean square): a stranger among few bends their homography."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +132,7 @@ def _glimpse(pixels: Grey, plan: TargetPlan, name: str, candidates: Candidates, 
     if placement.is_mirrored:
         return none(*named.remarks, MIRRORED)
     places = predict(plan, placement, size)
-    seen = _seen(plan, candidates, naming, places)
+    seen = _seen(plan, candidates, naming, places, np.array([item.face for item in named.named]))
     if len(seen.ring) < 4:
         return none(*named.remarks, TOO_FEW)
     contrast = usual_contrast(pixels, candidates)
@@ -142,16 +144,24 @@ def _glimpse(pixels: Grey, plan: TargetPlan, name: str, candidates: Candidates, 
     )
 
 
-def _seen(plan: TargetPlan, candidates: Candidates, naming: Naming, places: Places) -> Measured:
-    """Candidates that are what their names say, at the centres that their faces give them."""
+def _seen(
+    plan: TargetPlan, candidates: Candidates, naming: Naming, places: Places, read: NDArray[np.int64]
+) -> Measured:
+    """Candidates that are what their names say, at the centres that their faces give them, on faces that were read.
+
+    The few that other faces name on a face that hardly shows are not believed without a measured edge.
+    """
     row_of = np.full(plan.target.ring_count, -1)
     row_of[places.ring] = np.arange(len(places.ring))
-    in_view = row_of[naming.ring] >= 0
+    in_view = (row_of[naming.ring] >= 0) & np.isin(plan.target.ring_face[naming.ring], read)
     naming = Naming(naming.candidate[in_view], naming.ring[in_view])
     at, ratio = row_of[naming.ring], candidates.ratio[naming.candidate]
     off_px = np.linalg.norm(candidates.ellipse[naming.candidate, :2] - places.center_px[at], axis=1)
-    pitch_px = plan.pitch_radii / np.sqrt(places.shape[at, 0] * places.shape[at, 2])
-    is_like = ((ratio == 0) == plan.target.is_dot[naming.ring]) & (off_px < TOLERATED_PITCHES * pitch_px)
+    pitches = off_px * np.sqrt(places.shape[at, 0] * places.shape[at, 2]) / plan.pitch_radii
+    face = plan.target.ring_face[naming.ring]
+    square = np.bincount(face, pitches**2) / np.maximum(np.bincount(face), 1)
+    is_like = (ratio == 0) == plan.target.is_dot[naming.ring]
+    is_like &= (pitches < TOLERATED_PITCHES) & (square[face] < FACE_PITCHES**2)
     ring, off_px = naming.ring[is_like], off_px[is_like]
     sigma_px = _sigma_px(plan.target.ring_face[ring], off_px)
     return Measured(
