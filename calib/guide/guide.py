@@ -219,8 +219,9 @@ class Guide:
         if self.calibration is None:
             taken = np.concatenate([self._taken, np.array(self._skipped).reshape(-1, 4, 4)])
             return Proposal(first_pose(self._camera, self.shape, taken), None)
-        avoided = (*self._skipped, self._taken[-1])  # the last photo once more is no progress
-        return proposal_of(self.calibration, self._standing, self.settings, self.shape, avoided)
+        # The last photo once more is no progress, but of a small target held near all others are like it.
+        asked = (self.calibration, self._standing, self.settings, self.shape)
+        return proposal_of(*asked, (*self._skipped, self._taken[-1])) or proposal_of(*asked, self._skipped)
 
     @cached_property
     def _gains(self) -> ViewGains | None:

@@ -49,3 +49,11 @@ def test_bars_are_measured_of_boards_that_are_seen_whole() -> None:
     assert 0.2 < size < 0.5
     photos = [found for found, _ in islice(filling_bars(scene, np.random.default_rng(1)), 3)]
     assert all(ros_sample(scene, one) is not None for one in photos)
+
+
+def test_a_small_target_held_near_is_not_given_up_after_a_photo() -> None:
+    """Where all that can be proposed is near the first photo, that is no reason to propose nothing."""
+    scene, rng = scene_of(35), np.random.default_rng([21, 35000])
+    guide = Guide(scene.target, made=scene.made, image_size=scene.camera.image_size)
+    guide, _ = taken_with(guide, scene, rng)
+    assert guide.told.stage == "guiding"
