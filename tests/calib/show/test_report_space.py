@@ -20,6 +20,12 @@ from tests.support.command_scene import BOARD, CAMERA
 from tests.support.space_scenes import points_before, row_of_cameras, sighted
 
 
+@pytest.fixture(scope="module")
+def budget_of_pair() -> calib.BudgetResult:
+    """The budget of a pair, made once."""
+    return calib.budget(row_of_cameras(2), distance_mm=(700, 1500))
+
+
 def folder_of_points(folder: Path) -> Path:
     """Points of a pair."""
     rig = row_of_cameras(2)
@@ -81,10 +87,11 @@ def test_points_of_two_cameras_without_a_position_are_judged_as_before() -> None
     )
 
 
-def test_a_budgets_page_shows_depth_planes_and_what_would_help(tmp_path: Path) -> None:
+def test_a_budgets_page_shows_depth_planes_and_what_would_help(
+    tmp_path: Path, budget_of_pair: calib.BudgetResult
+) -> None:
     """Three figures of a pair; each change with what it assumes; the headline's number is the table's."""
-    found = calib.budget(row_of_cameras(2), distance_mm=(700, 1500))
-    found.save(tmp_path)
+    budget_of_pair.save(tmp_path)
     page = build_page(tmp_path, origin_in(tmp_path))
     figures = [block for section in page.sections for block in section.blocks if isinstance(block, Figure)]
     assert [one.title.split(",")[0] for one in figures] == [
@@ -104,9 +111,11 @@ def test_a_budgets_page_shows_depth_planes_and_what_would_help(tmp_path: Path) -
         ("noise_px", [-1.0, 0.1]), ("position", None), ("volume", {}),
     ],
 )  # fmt: skip
-def test_a_damaged_budget_is_refused_by_its_name(key: str, value: object, tmp_path: Path) -> None:
+def test_a_damaged_budget_is_refused_by_its_name(
+    key: str, value: object, tmp_path: Path, budget_of_pair: calib.BudgetResult
+) -> None:
     """One line, with the remedy; nothing is drawn of it."""
-    calib.budget(row_of_cameras(2), distance_mm=(700, 1500)).save(tmp_path)
+    budget_of_pair.save(tmp_path)
     path = tmp_path / "budget.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), key: value}))
     with pytest.raises(InputError, match=r"budget\.json: .*make the budget again"):
