@@ -162,7 +162,7 @@ class Guide:
     def _stage(self) -> Stage:
         if self.calibration is None:
             return "first"
-        if self._standing is not None and self._standing.verdict.grade == "good":
+        if self._standing is not None and self._standing.is_good and (self._standing.is_enough or not self._proposal):
             return "good"
         return "exhausted" if self._proposal is None else "guiding"
 

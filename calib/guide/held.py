@@ -16,8 +16,9 @@ Array = NDArray[np.float64]
 
 SAME_TURN_DEG = 15.0
 """A person holds a target to about 5 degrees about each axis, so that the whole turn is now and then this far off."""
-SAME_PLACE_MM, SAME_PLACE = 40.0, 0.1
-"""Likewise to about 20 mm along each axis, and no better than a part of the distance."""
+SAME_PLACE_MM, LEAST_PLACE, MOST_PLACE = 40.0, 0.1, 0.3
+"""Likewise to about 20 mm along each axis, and to no less and no more than parts of the distance: near the camera a
+hand is held by what is seen."""
 QUARTER, HALF = math.pi / 2, math.pi
 
 
@@ -69,7 +70,7 @@ def turn_between(shape: TargetShape, first: HeldView, second: HeldView) -> tuple
 def are_near(shape: TargetShape, pose: Array, cam_from_target: Array) -> NDArray[np.bool_]:
     """Which of poses (C, 4, 4) hold a target about as another one does, whichever way it is turned in its plane."""
     place, wanted = transform(cam_from_target, shape.center_mm), transform(pose, shape.center_mm)
-    near = max(SAME_PLACE_MM, SAME_PLACE * float(np.linalg.norm(wanted)))
+    near = _same_place_mm(float(np.linalg.norm(wanted)))
     is_near: NDArray[np.bool_] = np.linalg.norm(place - wanted, axis=1) <= near
     if shape.is_flat:
         facing = cam_from_target[:, :3, :3] @ shape.axes[2]
@@ -80,6 +81,11 @@ def are_near(shape: TargetShape, pose: Array, cam_from_target: Array) -> NDArray
 def is_same(shape: TargetShape, wanted: HeldView, now: HeldView) -> bool:
     """Whether a person who was to hold a target in one way holds it so; a solid may show any side."""
     apart_mm = float(np.linalg.norm(now.middle_mm - wanted.middle_mm))
-    if apart_mm > max(SAME_PLACE_MM, SAME_PLACE * wanted.distance_mm):
+    if apart_mm > _same_place_mm(wanted.distance_mm):
         return False
     return not shape.is_flat or math.hypot(*turn_between(shape, wanted, now)) <= math.radians(SAME_TURN_DEG)
+
+
+def _same_place_mm(distance_mm: float) -> float:
+    """How far apart two places are that are the same to a person."""
+    return max(min(SAME_PLACE_MM, MOST_PLACE * distance_mm), LEAST_PLACE * distance_mm)

@@ -25,6 +25,9 @@ Array = NDArray[np.float64]
 
 ENOUGH_PHOTOS = 12
 """With so many, checks that fail although the camera is known as well as wanted fail for another reason than chance."""
+FEWEST_PHOTOS = 6
+"""Halves of four photos agree by chance too often for their word to be taken: the true error of cameras that were good
+after so few was beyond twice the stated one in 2 of 9 (`bench_guidance`)."""
 LITTLE_BY_TARGET = 0.3
 """Of the uncertainty: a smaller part by the target enlarges it by less than a twentieth."""
 LITTLE_OF_NOISE = 0.995
@@ -39,6 +42,16 @@ class Standing:
     evidence: CameraEvidence
     verdict: Verdict
 
+    @property
+    def is_good(self) -> bool:
+        """Whether nothing is left to be wished for but more photos."""
+        return self.verdict.grade == "good"
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether so few photos as there are may be trusted to be good."""
+        return self.is_good and self.calibration.observations.view_count >= FEWEST_PHOTOS
+
 
 @one_thread
 def standing_of(insight: Insight, settings: GuideSettings) -> Standing | None:
@@ -48,7 +61,7 @@ def standing_of(insight: Insight, settings: GuideSettings) -> Standing | None:
         return None
     halves = half_split(found, SolveOptions())
     standing = Standing(found, evidence := evidence_of([found], 0, halves), judge(evidence, settings.criteria))
-    if standing.verdict.grade != "good":
+    if not standing.is_good:
         return standing
     # What is fixed in the image takes as long as all the rest, and may only make worse what is good without.
     found = with_image_field(found)
@@ -81,7 +94,7 @@ def proposal_of(
         shape: of the target.
         avoided: poses of what cannot be done (4, 4).
     """
-    if standing is not None and standing.verdict.grade == "good":
+    if standing is not None and standing.is_enough:
         return None
     uncertain = None if standing is None else standing.evidence.uncertainty
     # To follow what photos tell of the target's shape takes a while, and is worth it where that is a part of the error.

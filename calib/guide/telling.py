@@ -14,7 +14,7 @@ from calib.guide.held import held_at
 from calib.guide.hints import short_of, side_words
 from calib.guide.insight import Insight
 from calib.guide.settings import GuideSettings
-from calib.guide.standing import Proposal, Standing
+from calib.guide.standing import FEWEST_PHOTOS, Proposal, Standing
 from calib.guide.told import Bar, Ghost, Line, SensorMap, Stage, TakenPhoto
 from calib.solver.accuracy import projected_sigma_px, share_px
 from calib.solver.calibration import Calibration
@@ -93,6 +93,7 @@ def headline_of(
     if 100 * covered < percent:
         missing.append(f"{100 * covered:.0f} % covered, {percent:.0f} % wanted")
     missing = missing or [f"to be checked: {check.title.lower()}" for check in not_good(standing)[:1]]
+    missing = missing or [f"at least {FEWEST_PHOTOS} photos wanted"]
     return "; ".join([", ".join([known, *missing]), count_words(photos)])
 
 
