@@ -60,12 +60,12 @@ class Detector:
         return self.look(PhotoFile(Path(name or "the image"), name or "image"), pixels)
 
     def glance(self, image: Pixels | Place, name: str = "") -> Detections:
-        """The same in a quarter of the time, for live video: the same names, and centres to about .2 px.
+        """The same in a third of the time, for live video: the same names, and centres to about .2 px.
 
         >>> seen = detector.glance(frame)
 
-        Each frame is looked at afresh: nothing is kept from the one before. Names are as sure as `detect` makes them,
-        if fewer; `cov_px2` says how rough the centres are. Where another target is in view, `remarks` say so; why it
+        Each frame is looked at afresh: nothing is kept from the one before. Names are told as `detect` tells them, and
+        fewer of them; `cov_px2` says how rough the centres are. Where another target is in view, `remarks` say so; why it
         is taken for another, `detect` says at more length.
 
         Args:

@@ -3,8 +3,8 @@
 Run from the repository's root: `python -m tests.benchmarks.bench_glance [--frames N] [--first SEED] [--log FILE]`.
 Some views of icosahedra and boards are rendered; each frame is one of them, turned, moved, tilted and enlarged by a
 homography, which is known, and blurred, shaken, darkened, covered by hands, and made noisy. In every seventh frame
-another target is looked for than the one in view, or one more is put beside it. A frame has a seed of its own, and no
-look knows of the one before, so that 20,000 single frames stand for as many of videos, with every cut and jerk.
+another target is looked for than the one in view, or one more is put beside it. A frame has a seed of its own. No look
+knows of the one before, so that videos are no other than single frames to it; but the frames are of a few views.
 
 A name is wrong if its centre lies farther from its true place than .3 of the distance to its nearest neighbour and
 2 px, or if that ring cannot be seen at all.
@@ -154,7 +154,8 @@ def frame_of(seed: int) -> Frame:
     levels = np.clip(soft * rng.uniform(0.4, 1.2) + rng.normal(0, rng.uniform(0.5, 4), image.shape), 0, 255)
     inside = ((center_px > 0) & (center_px < np.array(HD) - 1)).all(axis=1)
     pixel = np.where(inside[:, None], np.nan_to_num(center_px), 0).astype(int)
-    free = inside & ~np.asarray(hidden)[pixel[:, 1], pixel[:, 0]]
+    covered: NDArray[np.bool_] = np.asarray(hidden)
+    free = inside & ~covered[pixel[:, 1], pixel[:, 0]]
     edge = ((center_px > 20) & (center_px < np.array(HD) - 21)).all(axis=1)
     return Frame(
         levels.astype(np.uint8),
