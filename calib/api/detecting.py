@@ -65,8 +65,8 @@ class Detector:
         >>> seen = detector.glance(frame)
 
         Each frame is looked at afresh: nothing is kept from the one before. Names are told as `detect` tells them, and
-        fewer of them; `cov_px2` says how rough the centres are. Where another target is in view, `remarks` say so; why it
-        is taken for another, `detect` says at more length.
+        fewer of them; `cov_px2` says how rough the centres are. Where another target is in view, `remarks` say so;
+        why it is taken for another, `detect` says at more length.
 
         Args:
             image: as for `detect`.
