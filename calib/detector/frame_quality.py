@@ -17,6 +17,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.linear_algebra import least_squares
 from calib.core.types import Detections
 from designer.target import TargetGeometry
 
@@ -161,7 +162,7 @@ def _moments(pixels: NDArray[np.generic], ellipse: Floats, ink: Floats) -> Float
         variances.append(_variance(step, share[mine].mean(axis=0)))
     if len(variances) < 4:
         return None
-    xx, xy, yy = np.linalg.lstsq(np.array(equations), np.array(variances), rcond=None)[0].tolist()
+    xx, xy, yy = least_squares(np.array(equations), np.array(variances)).tolist()
     return np.array([[xx, xy], [xy, yy]])
 
 

@@ -22,7 +22,7 @@ from calib.verdict.checks import px
 from calib.verdict.coverage import Coverage
 from calib.verdict.information import knowledge_of
 from calib.verdict.lit_part import lit_part
-from calib.verdict.next_view_words import place_of, place_words, tilt_words
+from calib.verdict.next_view_words import place_of, place_words, thing_word, tilt_words
 from calib.verdict.next_views import NextView, outline_px
 from calib.verdict.verdict import Check, Grade
 from calib.verdict.views import TargetShape
@@ -153,7 +153,7 @@ def ghost_of(proposal: Proposal, camera: Camera, shape: TargetShape, *, is_rough
         how = "any side to the camera"
         if shape.is_flat:
             how = tilt_words(5 * round(held.tilt_deg / 5), _sides(held.away))
-        thing = "board" if shape.is_flat else "target"
+        thing = thing_word(is_flat=shape.is_flat)
         sentence = f"hold the {thing} {place_words(place)}, {how}, so that it fills most of it"
     tilt = held.tilt_deg if shape.is_flat else math.nan
     return Ghost(pose, sentence, short_of(held, place, is_flat=shape.is_flat), held.distance_mm, tilt, gain, is_rough)

@@ -162,7 +162,8 @@ def for_accuracy(scene: ViewChoice, so_far: SoFar) -> Iterator[CandidatePhoto]:
     told = so_far.told[:size, :size]
     after = covariance_with_prior(told + scene.information)
     square = np.einsum("cij,ji->c", after, mean_square)
-    gain = 1 - np.sqrt(square.min() / np.einsum("ij,ji", covariance_with_prior(told), mean_square))
+    now = np.einsum("ij,ji", covariance_with_prior(told), mean_square)
+    gain = 1 - np.sqrt(max(square.min(), 0.0) / now) if now > 0 else 0.0  # rounding may leave less than nothing
     worth_of_new = min(WORTH_OF_NEW, MOST_FOR_NEW * float(gain))
     effort = _effort(scene, so_far) * (1 + worth_of_new * (1 - _new_cells(scene, so_far)))
     best = np.argsort(square * effort**2, kind="stable")[:COMPARED_IN_FULL]

@@ -55,10 +55,14 @@ class ViewGain:
     tells_area: bool = False  # what is covered is
 
 
+def thing_word(*, is_flat: bool) -> str:
+    """What people call a target."""
+    return "board" if is_flat else "target"
+
+
 def sentence_of(hold: Hold, gain: ViewGain) -> str:
     """What to do and what it gives."""
-    thing = "board" if hold.is_flat else "target"
-    parts = [f"hold the {thing} {place_words(hold.place)}"]
+    parts = [f"hold the {thing_word(is_flat=hold.is_flat)} {place_words(hold.place)}"]
     if hold.off_axis_deg is not None and any(hold.place):
         parts.append(f"{hold.off_axis_deg:.0f} deg off the axis")
     if hold.long_side:
