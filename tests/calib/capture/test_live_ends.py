@@ -1,0 +1,142 @@
+"""Whole sessions: from the first frame to the folder that is left, however they end."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+import calib
+from calib.capture.messages import FrameHeader, with_header
+from calib.capture.photo_folder import PhotoFolder
+from calib.guide.guide import Guide
+from designer.base.errors import InputError
+from designer.target import target_to_json
+from tests.support.live_frames import SIZE, held, image_at, target
+
+ROOT = Path(__file__).parents[3]
+LIMITS = str(ROOT / "tests/support/lenient.toml")
+SOLVED = {"model": "pinhole", "made": "exact", "criteria": LIMITS}
+
+
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Five photos as a guided person takes them."""
+    folder, rng = tmp_path_factory.mktemp("guided"), np.random.default_rng(3)
+    guide = Guide(target(), made="exact", image_size=SIZE, model="pinhole")
+    for number in range(5):
+        image = image_at(held(guide, rng), number)
+        cv2.imwrite(str(folder / f"{number}.png"), image)
+        guide = guide.with_photo(calib.detect(image, target(), name=f"{number}.png"))
+    return folder
+
+
+def page_of(address: str) -> ClientConnection:
+    """A page's socket, at the address that is printed."""
+    where = address.removeprefix("http://").split("/")[0]
+    return connect(f"ws{address[4:]}socket", origin=f"http://{where}", open_timeout=20, max_size=None)
+
+
+def until(page: ClientConnection, is_it: Callable[[dict[str, object]], bool]) -> dict[str, object]:
+    """The first message of a kind."""
+    while True:
+        data = page.recv(timeout=120)
+        if isinstance(data, str) and is_it(message := json.loads(data)):
+            return message
+
+
+def frame(image: np.ndarray, number: int) -> bytes:
+    return with_header(FrameHeader(0, number, 0.1 * number, image.shape[1], image.shape[0]), image.tobytes())
+
+
+def test_the_end_of_a_session_is_that_of_a_run(photos: Path, tmp_path: Path) -> None:
+    """The same files as `calib.run` of the same photos writes, the same camera, and the page is given the report."""
+    seen: list[dict[str, object]] = []
+
+    def be_page(address: str) -> None:
+        with page_of(address) as page:
+            for _ in range(5):
+                seen.append(until(page, lambda one: one["kind"] == "taken"))
+            page.send('{"kind": "finish"}')
+            seen.append(until(page, lambda one: one.get("phase") in ("done", "failed")))
+            page.send('{"kind": "bye"}')
+
+    pages: list[threading.Thread] = []
+
+    def opened(address: str) -> None:
+        pages.append(threading.Thread(target=be_page, args=(address,), daemon=True))
+        pages[0].start()
+
+    before = {path: path.read_bytes() for path in photos.iterdir()}
+    live = calib.live(target(), tmp_path / "live", watch=photos, opened=opened, **SOLVED)
+    pages[0].join(10)
+    run = calib.run(target(), photos, **SOLVED)
+    run.save(tmp_path / "run")
+    assert seen[-1]["phase"] == "done"
+    written = {path.relative_to(tmp_path / "live") for path in (tmp_path / "live").rglob("*")} - {Path("session.json")}
+    assert written == {path.relative_to(tmp_path / "run") for path in (tmp_path / "run").rglob("*")}
+    np.testing.assert_array_equal(live.best.camera.params, run.best.camera.params)
+    assert {path: path.read_bytes() for path in photos.iterdir()} == before
+
+
+def test_a_session_that_is_killed_or_stopped_loses_no_photo(photos: Path, tmp_path: Path) -> None:
+    """Killed after a photo was told it is there, and is resumed; Ctrl-C ends with 130 and a line that goes on."""
+    (tmp_path / "a.target.json").write_text(target_to_json(target()))
+    image = cv2.imread(str(photos / "0.png"), cv2.IMREAD_GRAYSCALE)
+    for words, ends_by, name in (((), signal.SIGKILL, "0001.png"), (("--resume",), signal.SIGINT, "0002.png")):
+        command = [sys.executable, "-m", "calib.cli", "live", "a.target.json", "-o", "out", "--no-open", *words]
+        with subprocess.Popen(
+            command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        ) as session:  # fmt: skip
+            assert session.stdout is not None
+            assert session.stderr is not None
+            address = re.search(r"http://\S+", session.stdout.readline())
+            assert address, session.stderr.read()
+            with page_of(address[0]) as page:
+                page.send(frame(image, 0))
+                until(page, lambda one: one["kind"] == "look")
+                page.send('{"kind": "take"}')
+                assert until(page, lambda one: one["kind"] == "taken")["name"] == name
+                session.send_signal(ends_by)
+                with pytest.raises(ConnectionClosed):
+                    until(page, lambda one: False)
+            said = session.stderr.read()
+            assert session.wait(60) == (130 if ends_by is signal.SIGINT else -signal.SIGKILL)
+    assert "calib live a.target.json -o out --resume" in said
+    kept = PhotoFolder(tmp_path / "out", target(), ("camera",), resume=True).kept
+    assert [path.name for path in kept] == ["0001.png", "0002.png"]
+    np.testing.assert_array_equal(cv2.imread(str(kept[1]), cv2.IMREAD_GRAYSCALE), image)
+
+
+def test_a_session_without_a_usable_photo_says_so(tmp_path: Path) -> None:
+    """Photos that show nothing determine no camera: the page is told why, and so is who called."""
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    cv2.imwrite(str(folder / "a.png"), np.full((360, 480), 90, np.uint8))
+    seen: list[dict[str, object]] = []
+
+    def be_page(address: str) -> None:
+        with page_of(address) as page:
+            until(page, lambda one: one["kind"] == "taken")
+            page.send('{"kind": "finish"}')
+            seen.append(until(page, lambda one: one.get("phase") in ("done", "failed")))
+            page.send('{"kind": "bye"}')
+
+    def opened(address: str) -> None:
+        threading.Thread(target=be_page, args=(address,), daemon=True).start()
+
+    with pytest.raises(InputError) as refused:
+        calib.live(target(), tmp_path / "out", watch=folder, opened=opened, **SOLVED)
+    assert seen[-1]["phase"] == "failed"
+    assert seen[-1]["said"] == str(refused.value)
