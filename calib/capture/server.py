@@ -187,7 +187,7 @@ def application(
 
 
 def bound_socket(port: int) -> socket.socket:
-    """A socket of this machine alone; port 0: any that is free.
+    """A socket that listens to this machine alone; port 0: any that is free.
 
     Raises:
         InputError: the port is taken, or may not be used.
@@ -196,6 +196,7 @@ def bound_socket(port: int) -> socket.socket:
     found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         found.bind((LOOPBACK, port))
+        found.listen()  # a browser that is quicker than the server waits for it
     except (OSError, OverflowError) as error:
         found.close()
         why = getattr(error, "strerror", None) or str(error)

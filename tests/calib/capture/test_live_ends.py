@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import cv2
@@ -98,7 +99,8 @@ def test_a_session_that_is_killed_or_stopped_loses_no_photo(photos: Path, tmp_pa
         with subprocess.Popen(
             command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             env={**os.environ, "PYTHONPATH": str(ROOT)},
-        ) as session:  # fmt: skip
+        ) as session, ExitStack() as ends:  # fmt: skip
+            ends.callback(session.kill)
             assert session.stdout is not None
             assert session.stderr is not None
             address = re.search(r"http://\S+", session.stdout.readline())
