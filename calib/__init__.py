@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from calib.capture.live import live
     from calib.core.types import Detections, Observations, RigObservations
     from calib.guide.guide import Guide
+    from calib.guide.rig_guide import RigGuide
     from calib.observe.target_poses import PoseResult
     from calib.records.hand_eye_file import HandEye
     from calib.records.rig_poses_file import RigPoseResult
@@ -75,6 +76,7 @@ __all__ = [
     "Rig",
     "RigBootstrapResult",
     "RigConversion",
+    "RigGuide",
     "RigObservations",
     "RigPoseResult",
     "RigResult",
@@ -209,6 +211,7 @@ _HOMES = {
         "RigObservations",
     ),
     "calib.guide.guide": ("Guide",),
+    "calib.guide.rig_guide": ("RigGuide",),
     "calib.observe.target_poses": ("PoseResult",),
     "calib.records.hand_eye_file": ("HandEye",),
     "calib.records.rig_poses_file": ("RigPoseResult",),

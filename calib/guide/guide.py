@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.core.types import Detections
+from calib.core.types import Detections, Observations
 from calib.guide.first_views import first_pose, guessed_camera
 from calib.guide.ghost_lines import ghost_lines
 from calib.guide.held import held_at
@@ -73,6 +73,11 @@ class Guide:
     def photos(self) -> tuple[Detections, ...]:
         """What was found in the photos, in the order they were taken."""
         return self._photos
+
+    @property
+    def observations(self) -> Observations | None:
+        """What the photos show that count; None: none does."""
+        return self._insight.observations
 
     @property
     def calibration(self) -> Calibration | None:
@@ -148,12 +153,12 @@ class Guide:
         if calibration is not None and covered is not None:
             map_ = map_of(calibration, standing, covered, self.settings.criteria["uncertainty"].good)
         if self._proposal is not None:
-            ghost = ghost_of(self._proposal, self._camera, self.shape, is_rough=standing is None)
-            ghost_px = ghost_lines(self.settings.target, self._camera, self._proposal.cam_from_target)
+            ghost = ghost_of(self._proposal, self.camera, self.shape, is_rough=standing is None)
+            ghost_px = ghost_lines(self.settings.target, self.camera, self._proposal.cam_from_target)
         return Guidance(
             self._stage, headline_of(self._stage, sigma_px, share, standing, self.settings, self._counted),
             bars_of(share, sigma_px, standing, self.settings),
-            (CameraGuidance(NAME, self._camera.image_size, map_, ghost_px),), ghost,
+            (CameraGuidance(NAME, self.camera.image_size, map_, ghost_px),), ghost,
             photos_of(self._photos, self._insight, self.settings.points.face),
             () if calibration is None else calibration.remarks,
         )  # fmt: skip
@@ -199,7 +204,7 @@ class Guide:
         return shape_of_points(points, points.plane[:, :3]) if shape is None else shape
 
     @cached_property
-    def _camera(self) -> Camera:
+    def camera(self) -> Camera:
         """As it is known, or a usual one."""
         if self.calibration is not None:
             return self.calibration.camera
@@ -207,21 +212,21 @@ class Guide:
         return guessed_camera(self._image_size if seen is None else seen.image_size, self.settings.camera)
 
     @cached_property
-    def _taken(self) -> Array:
+    def taken(self) -> Array:
         """Where the target was in the photos that count, by the camera as it is known.  # (V, 4, 4)"""
         if self.calibration is not None:
             return self.calibration.cam_from_target
-        poses = [frame_pose(one, self._camera, self.settings.points) for one in self._photos]
+        poses = [frame_pose(one, self.camera, self.settings.points) for one in self._photos]
         return np.array([pose for pose in poses if pose is not None]).reshape(-1, 4, 4)
 
     @cached_property
     def _proposal(self) -> Proposal | None:
         if self.calibration is None:
-            taken = np.concatenate([self._taken, np.array(self._skipped).reshape(-1, 4, 4)])
-            return Proposal(first_pose(self._camera, self.shape, taken), None)
+            taken = np.concatenate([self.taken, np.array(self._skipped).reshape(-1, 4, 4)])
+            return Proposal(first_pose(self.camera, self.shape, taken), None)
         # The last photo once more is no progress, but of a small target held near all others are like it.
         asked = (self.calibration, self._standing, self.settings, self.shape)
-        return proposal_of(*asked, (*self._skipped, self._taken[-1])) or proposal_of(*asked, self._skipped)
+        return proposal_of(*asked, (*self._skipped, self.taken[-1])) or proposal_of(*asked, self._skipped)
 
     @cached_property
     def _gains(self) -> ViewGains | None:
@@ -234,9 +239,9 @@ class Guide:
     def _looked_for(self) -> LookedFor:
         wanted = None
         if self._proposal is not None:
-            wanted = held_at(self._camera, self.shape, self._proposal.cam_from_target)
+            wanted = held_at(self.camera, self.shape, self._proposal.cam_from_target)
         last = self._photos[-1] if self._photos else None
-        return LookedFor(self._camera, self.settings.points, self.shape, wanted, self._gains, self._taken, last)
+        return LookedFor(self.camera, self.settings.points, self.shape, wanted, self._gains, self.taken, last)
 
     def _with(self, photos: tuple[Detections, ...], skipped: tuple[Array, ...]) -> "Guide":
         other = object.__new__(Guide)

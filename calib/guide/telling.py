@@ -128,10 +128,11 @@ def bars_of(covered: float, sigma_px: float, standing: Standing | None, settings
             Bar("halves", ALWAYS["halves"], "not to be told yet", 0.0, "unknown"),
         )
     some = [check for check in standing.verdict.checks if check.name in ALWAYS]
-    return tuple(_bar(check) for check in [*some, *(one for one in not_good(standing) if one.name not in ALWAYS)])
+    return tuple(bar_of(check) for check in [*some, *(one for one in not_good(standing) if one.name not in ALWAYS)])
 
 
-def _bar(check: Check) -> Bar:
+def bar_of(check: Check) -> Bar:
+    """How far a check is."""
     limit, value, share = check.good, check.value, float(check.grade == "good")
     if value and limit and not share:
         share = value / limit if check.is_at_least else limit / value

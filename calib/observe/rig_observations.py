@@ -94,7 +94,7 @@ def require_names(names: Sequence[str], fewest: int = 2) -> None:
                 f"camera {shown(name)}: no name for a camera; take one to {MOST_NAME} letters, digits, - or _"
             )
         other = known.setdefault(name.casefold(), name)
-        if other is not name and (other != name or names.count(name) > 1):
+        if other != name or names.count(name) > 1:
             raise InputError(f"two cameras are named {shown(other)} and {shown(name)}; give each its own name")
     if len(names) == 1 < fewest:
         raise InputError(f"one camera, {shown(names[0])}; a rig has two or more (calib run calibrates one)")
