@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from calib.cameras.rig import Rig
     from calib.cameras.undistortion import Undistorted
     from calib.capture.live import live
+    from calib.capture.live_rig import live_rig
     from calib.core.types import Detections, Observations, RigObservations
     from calib.guide.guide import Guide
     from calib.guide.rig_guide import RigGuide
@@ -95,6 +96,7 @@ __all__ = [
     "evaluate",
     "hand_eye",
     "live",
+    "live_rig",
     "load_camera",
     "load_observations",
     "load_rig",
@@ -205,6 +207,7 @@ _HOMES = {
     "calib.cameras.rig": ("Rig",),
     "calib.cameras.undistortion": ("Undistorted",),
     "calib.capture.live": ("live",),
+    "calib.capture.live_rig": ("live_rig",),
     "calib.core.types": (
         "Detections",
         "Observations",

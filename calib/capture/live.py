@@ -7,6 +7,7 @@ from calib.api.loading import Place, folder_of, target_of
 from calib.api.run_result import RunResult, RunWriter
 from calib.api.running import run
 from calib.api.solving import models_of
+from calib.capture.conversation import Conversation, Show, Tell
 from calib.capture.photo_folder import PhotoFolder
 from calib.capture.server import bound_socket
 from calib.capture.serving import Heard, Serving
@@ -24,7 +25,7 @@ from designer.target import TargetGeometry
 NEEDED = ("starlette", "uvicorn", "websockets")
 
 
-def _unheard(line: str) -> None:
+def unheard(line: str) -> None:
     """A line of which nobody is told."""
 
 
@@ -40,8 +41,8 @@ def live(
     criteria: str = STANDARD,
     made: str | None = None,
     port: int = 0,
-    opened: Heard = _unheard,
-    heard: Heard = _unheard,
+    opened: Heard = unheard,
+    heard: Heard = unheard,
     command: str = "",
 ) -> RunResult:
     """Take photos under guidance, and calibrate the camera: `live("ico.target.json", "camera", opened=print)`.
@@ -68,13 +69,16 @@ def live(
         InputError: files, cameras or options that do not do, a folder that holds another session, or photos that
             determine no camera.
     """
-    _require_server()
+    require_server()
     geometry, sources = target_of(target, "rings"), _sources(cameras, watch, size)
     writer = out if isinstance(out, RunWriter) else RunWriter(folder_of(out), models_of(model))
     guide = Guide(geometry, criteria=criteria, model=model, made=made)
     folder = PhotoFolder(writer.folder, geometry, tuple(one.name for one in sources), resume=resume)
 
-    def solve(session: Session) -> RunResult:
+    def begin(tell: Tell, show: Show) -> Session:
+        return Session(geometry, guide, folder, sources, tell, show)
+
+    def solve(session: Conversation[Guide]) -> RunResult:
         def tell(what: str, done: float, total: int) -> None:
             session.report("solving", f"{what} {done:.0f} of {total}" if total else what)
 
@@ -86,10 +90,10 @@ def live(
 
     with bound_socket(port) as bound:
         folder.begin()
-        return Serving(geometry, guide, folder, sources, solve, heard).until_done(bound, opened)
+        return Serving(begin, solve, heard).until_done(bound, opened)
 
 
-def _require_server() -> None:
+def require_server() -> None:
     """Refuse to begin without the web server.
 
     Raises:
@@ -109,7 +113,7 @@ def _sources(cameras: Sequence[str | int], watch: Place | None, size: tuple[int,
     if watch is not None and cameras:
         raise InputError("--watch and --camera: photos come from a folder, or from a camera; give one of them")
     if len(cameras) > 1:
-        raise InputError(f"--camera: {len(cameras)} cameras; give one, and calibrate several by calib rig")
+        raise InputError(f"--camera: {len(cameras)} cameras; calib.live_rig takes photos with several")
     if watch is not None:
         return (WatchedFolder(place_of(watch, "a folder")),)
     return tuple(OpenCVCamera(str(one), size) for one in cameras) or (BrowserCamera(),)

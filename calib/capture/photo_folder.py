@@ -2,11 +2,13 @@
 
     OUT/session.json     what is photographed, by which sources, and which photos were deleted
     OUT/photos/0001.png  each frame that was taken, grey, as it was judged
+    OUT/photos/left/...  of several cameras a folder each, photos of one moment named alike
     OUT/...              at the end what `calib run` writes
 
 A photo that is deleted on the page stays where it is and is only left out, so that nothing is ever lost.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -50,13 +52,16 @@ class PhotoFolder:
         InputError: the folder takes no files, holds another session's photos, or another target's.
     """
 
-    def __init__(self, folder: Path, target: TargetGeometry, sources: tuple[str, ...], *, resume: bool) -> None:
-        check_folder(folder)
-        check_folder(folder / PHOTOS)
+    def __init__(
+        self, folder: Path, target: TargetGeometry, sources: tuple[str, ...], *, resume: bool,
+        cameras: tuple[str, ...] = (),
+    ) -> None:  # fmt: skip
+        self.folder, self.photos, self.cameras = folder, folder / PHOTOS, cameras or ("",)
+        for place in (folder, *(self.photos / camera for camera in self.cameras)):
+            check_folder(place)
         require_ours(folder / SESSION_FILE, kind=SESSION.format)
-        self.folder, self.photos = folder, folder / PHOTOS
         before = SESSION.read_if_there(folder / SESSION_FILE)
-        there = images_in(self.photos)
+        there = self.kept
         if not resume and (there or before is not None):
             raise InputError(
                 f"{folder}: holds a session with {len(there)} photo{'s' * (len(there) != 1)}; go on by --resume, "
@@ -68,6 +73,11 @@ class PhotoFolder:
             raise InputError(
                 f"{folder}: its session is of a target of layout {shown(before.layout_id)}, this one has "
                 f"{target.layout_id}; give the target file that it was begun with"
+            )
+        if before is not None and (cameras or len(before.sources) > 1) and before.sources != sources:
+            raise InputError(
+                f"{folder}: its session is of {', '.join(map(shown, before.sources))}, not of "
+                f"{', '.join(map(shown, sources))}; give the cameras that it was begun with, in their order"
             )
         left_out = () if before is None else before.left_out
         self.record = SessionRecord(target.layout_id, target.geometry_id, sources, left_out)
@@ -84,7 +94,8 @@ class PhotoFolder:
     @property
     def kept(self) -> list[Path]:
         """The photos that were written, in their order, those that are left out among them."""
-        return images_in(self.photos)
+        places = [self.photos / camera for camera in self.cameras]
+        return [path for place in places if place.is_dir() for path in images_in(place)]
 
     def write(self, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> Path:
         """Write a frame, whole or not at all; where it is.
@@ -93,13 +104,15 @@ class PhotoFolder:
             NotWrittenError: the disk is full, or the folder is gone and cannot be made.
             InputError: somebody else's file has the name.
         """
-        path = self.photos / f"{self._number + 1:04d}.png"
-        is_packed, packed = cv2.imencode(".png", pixels, LIGHTLY)
-        if not is_packed:
-            raise InputError(f"{path}: a frame of shape {pixels.shape} cannot be written; choose another resolution")
-        write_files({path: packed.tobytes()})
+        return self.write_moment({"": pixels})[""]
+
+    def write_moment(self, pixels_of: Mapping[str, NDArray[np.uint8] | NDArray[np.uint16]]) -> dict[str, Path]:
+        """Write the frames of several cameras under one name, all or none; errors as `write`."""
+        name = f"{self._number + 1:04d}.png"
+        files = {camera: self.photos / camera / name for camera in pixels_of}
+        write_files({files[camera]: _packed(pixels, files[camera]) for camera, pixels in pixels_of.items()})
         self._number += 1
-        return path
+        return files
 
     def leave_out(self, name: str) -> None:
         """Note that a photo is not to count.
@@ -117,3 +130,10 @@ class PhotoFolder:
         record = replace(self.record, left_out=left_out)
         write_files({self.folder / SESSION_FILE: SESSION.text(record)})
         self.record = record
+
+
+def _packed(pixels: NDArray[np.uint8] | NDArray[np.uint16], path: Path) -> bytes:
+    is_packed, packed = cv2.imencode(".png", pixels, LIGHTLY)
+    if not is_packed:
+        raise InputError(f"{path}: a frame of shape {pixels.shape} cannot be written; choose another resolution")
+    return packed.tobytes()

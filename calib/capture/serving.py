@@ -6,20 +6,18 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Generic, Protocol, TypeVar
 
 import cv2
 
-from calib.api.run_result import RunResult
+from calib.capture.conversation import Conversation, Guiding, Show, Tell
 from calib.capture.messages import FrameHeader, Message, NoticeMessage, PageCommand, TakenMessage, with_header
-from calib.capture.photo_folder import PhotoFolder
 from calib.capture.server import LOOPBACK, Pages, application
-from calib.capture.session import Session
-from calib.capture.sources.source import Frame, Source
+from calib.capture.sources.source import Frame
 from calib.capture.worker import Worker
-from calib.guide.guide import Guide
 from calib.show.folder import PAGE_FILE
+from calib.verdict.verdict import Verdict
 from designer.base.errors import InputError
-from designer.target import TargetGeometry
 
 PREVIEW_PX, PREVIEW_QUALITY = 1280, 70
 PAGE_LEAVES_S = 60.0
@@ -28,34 +26,42 @@ PAGE_COMES_BACK_S = 5.0
 """So long a page that is being reloaded is away."""
 STEP_S = 0.1
 Heard = Callable[[str], None]
-Solve = Callable[[Session], RunResult]
 
 
-class Serving:
-    """`Serving(target, guide, folder, sources, solve, heard).until_done(bound, opened)`.
+class Judged(Protocol):
+    """What comes of the photos: a camera or a rig, with a verdict."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """On it."""
+
+
+G = TypeVar("G", bound=Guiding)
+R = TypeVar("R", bound=Judged)
+
+
+class Serving(Generic[G, R]):
+    """`Serving(begin, solve, heard).until_done(bound, opened)`.
 
     Args:
-        target: that is photographed.
-        guide: of it, without photos.
-        folder: that photos are written to.
-        sources: that frames come from.
+        begin: makes the session, from what it tells the page, and shows it.
         solve: makes the whole run of a session's photos.
         heard: is told a line of each photo, and of what goes wrong.
     """
 
     def __init__(
-        self, target: TargetGeometry, guide: Guide, folder: PhotoFolder, sources: tuple[Source, ...], solve: Solve,
-        heard: Heard,
-    ) -> None:  # fmt: skip
-        self._solve, self._heard, self._sources, self._folder = solve, heard, sources, folder
-        self._session = Session(target, guide, folder, sources, self._tell, self._show)
+        self, begin: Callable[[Tell, Show], Conversation[G]], solve: Callable[[Conversation[G]], R], heard: Heard
+    ) -> None:
+        self._solve, self._heard = solve, heard
+        self._session = begin(self._tell, self._show)
+        self._sources = self._session.sources
         self._worker = Worker(self._session, self._finish, self._fail)
         self._pages = Pages(lambda: self._worker.call(self._session.greet), self._worker.put, self._do)
         self._is_over = threading.Event()
-        self._result: RunResult | None = None
+        self._result: R | None = None
         self._error: BaseException | None = None
 
-    def until_done(self, bound: socket.socket, opened: Heard) -> RunResult:
+    def until_done(self, bound: socket.socket, opened: Heard) -> R:
         """Serve until the run is made, or cannot be.
 
         Args:
@@ -161,11 +167,10 @@ class Serving:
         self._is_over.set()
 
     def _photo_file(self, name: str) -> Path | None:
-        photo = self._session.kept.get(name)
-        return None if photo is None else photo.path
+        return self._session.photo_file(name)
 
     def _report_file(self) -> Path | None:
-        return self._folder.folder / PAGE_FILE if self._session.phase == "done" else None
+        return self._session.folder.folder / PAGE_FILE if self._session.phase == "done" else None
 
 
 def preview_of(frame: Frame) -> bytes:

@@ -1,18 +1,19 @@
-"""The one thread that does a session's work: what a person does comes first, then the newest frame of each source."""
+"""The one thread that does a session's work: what a person does comes first, then the newest frames of all sources."""
 
 import threading
 from collections import deque
 from collections.abc import Callable
+from typing import Generic
 
+from calib.capture.conversation import Conversation, G
 from calib.capture.messages import PageCommand
-from calib.capture.session import Session
 from calib.capture.sources.source import Frame
 
 TICK_S = 0.2
 STOP_S = 30.0
 
 
-class Worker:
+class Worker(Generic[G]):
     """Runs a session: `worker.put(frame)` and `worker.do(command)` return at once.
 
     Args:
@@ -21,7 +22,9 @@ class Worker:
         failed: takes an error that nobody foresaw, which ends the session.
     """
 
-    def __init__(self, session: Session, finish: Callable[[], None], failed: Callable[[BaseException], None]) -> None:
+    def __init__(
+        self, session: Conversation[G], finish: Callable[[], None], failed: Callable[[BaseException], None]
+    ) -> None:
         self._session, self._finish, self._failed = session, finish, failed
         self._work = threading.Condition()
         self._frames: dict[int, Frame] = {}  # the newest of each source
@@ -79,13 +82,15 @@ class Worker:
                 return None
             if self._todo:
                 return self._todo.popleft()
-            frame = self._photos.popleft() if self._photos else self._newest()
-        return _nothing if frame is None else lambda: self._session.frame(frame)
+            frames = [self._photos.popleft()] if self._photos else self._newest()
+        return lambda: self._look(frames)
 
-    def _newest(self) -> Frame | None:
-        """The frame of the source that waited longest."""
-        return self._frames.pop(next(iter(self._frames))) if self._frames else None
+    def _newest(self) -> list[Frame]:
+        """The frames of all sources together, so that they are of one moment."""
+        frames = list(self._frames.values())
+        self._frames.clear()
+        return frames
 
-
-def _nothing() -> None:
-    """Time passes."""
+    def _look(self, frames: list[Frame]) -> None:
+        for frame in frames:
+            self._session.frame(frame)

@@ -2,20 +2,15 @@
 
 import webbrowser
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from calib.commands import options
 from calib.commands.detect import exports_folder
 from calib.commands.running import negative, said_report, solutions_answer
-from designer.base.answer import StoppedError, Summary
+from designer.base.answer import Summary
 from designer.base.command import command_line
-from designer.base.words import printable
-from designer.page.terminal import quoted
-
-if TYPE_CHECKING:
-    from calib.api.run_result import RunWriter
 
 
 def live(
@@ -25,12 +20,16 @@ def live(
         Path | None, typer.Option("--out", "-o", help="folder of photos and results (default: exports/NAME/live)")
     ] = None,
     camera: Annotated[
-        str | None,
-        typer.Option(help="a camera's number (0), its address (rtsp://...), or a video (default: the browser's)"),
+        list[str] | None,
+        typer.Option(
+            help="a camera's number (0), its address (rtsp://...), or a video; again for each of a rig "
+            "(default: the browser's)"
+        ),
     ] = None,
     size: Annotated[str | None, typer.Option(help="that a camera of this machine is asked for: 1920x1080")] = None,
     watch: Annotated[
-        Path | None, typer.Option(help="instead of a camera: the folder that another program writes photos to")
+        list[Path] | None,
+        typer.Option(help="instead: the folder that another program writes photos to; again for each of a rig"),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="go on with the session in the folder")] = False,
     model: options.ModelOption = "all",
@@ -46,40 +45,34 @@ def live(
     from calib.api.run_result import RunWriter
     from calib.api.solving import models_of
     from calib.capture.live import live as take_photos
+    from calib.commands.live_rigs import take_rig_photos
+    from calib.commands.live_said import said, stopped_live
     from calib.commands.solve import image_size_of
     from calib.solver.accuracy import UndeterminedError
 
-    writer = RunWriter(out if out is not None else exports_folder(target) / "live", models_of(model))
+    cameras, folders, wide = camera or [], watch or [], image_size_of(size)
+    folder = out if out is not None else exports_folder(target) / "live"
 
     def opened(address: str) -> None:
-        _said(f"open     {address}")
+        said(f"open     {address}")
         if browser:
             webbrowser.open(address)
 
+    if len(cameras) + len(folders) > 1:
+        return take_rig_photos(
+            target, folder, cameras=cameras, watch=folders, size=wide, resume=resume, model=model, criteria=criteria,
+            made=made, port=port, opened=opened,
+        )  # fmt: skip
+    writer = RunWriter(folder, models_of(model))
     try:
         found = take_photos(
-            target, writer, cameras=() if camera is None else (camera,), watch=watch,
-            size=image_size_of(size), resume=resume, model=model, criteria=criteria,
-            made=made, port=port, opened=opened, heard=_said, command=command_line(),
+            target, writer, cameras=cameras, watch=folders[0] if folders else None, size=wide, resume=resume,
+            model=model, criteria=criteria, made=made, port=port, opened=opened, heard=said, command=command_line(),
         )  # fmt: skip
     except KeyboardInterrupt:
-        _stopped(target, writer)
+        stopped_live(
+            target, folder, Summary(solutions_answer(writer.finished, None, writer.place_of), tuple(writer.files))
+        )
     except UndeterminedError as error:
         negative(writer, error)
     return said_report(found, writer, remark="", verbose=False, more="and add them with --resume", evaluate="")
-
-
-def _said(line: str) -> None:
-    """A line of what happens, at once: who waits for the address may be a program."""
-    print(printable(line), flush=True)
-
-
-def _stopped(target: Path, writer: "RunWriter") -> None:
-    """End after Ctrl-C: photos are kept.
-
-    Raises:
-        StoppedError: always.
-    """
-    again = f"calib live {quoted(target)} -o {quoted(writer.folder)} --resume"
-    answer = solutions_answer(writer.finished, None, writer.place_of)
-    raise StoppedError(f"stopped; the photos are kept: {again}", Summary(answer, tuple(writer.files))) from None

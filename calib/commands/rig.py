@@ -111,15 +111,20 @@ def answers(sought: str) -> Iterator[None]:
 
 def told_rig(found: "RigResult", writer: "RigWriter", *, page: bool, verbose: bool) -> Summary:
     """Write everything, and say what came of it."""
-    from calib.commands.rig_screen import rig_answer, say_next, say_rig
-    from designer.page.terminal import say_lines, say_written
-
     writer.write(found)
     try:
         with waiting("drawing the page"):
             remark = writer.write_page(found, command_line()) if page else writer.earlier_page()
     except KeyboardInterrupt:
         raise StoppedError("stopped; the rig is written, its page is not", Summary({}, tuple(writer.files))) from None
+    return said_rig(found, writer, remark=remark, verbose=verbose)
+
+
+def said_rig(found: "RigResult", writer: "RigWriter", *, remark: str, verbose: bool) -> Summary:
+    """Say what came of a rig that is written."""
+    from calib.commands.rig_screen import rig_answer, say_next, say_rig
+    from designer.page.terminal import say_lines, say_written
+
     remarks = tuple(filter(None, [remark]))
     say_rig(found, verbose=verbose)
     say_written(writer.folder, writer.files)

@@ -40,13 +40,14 @@ class OpenCVCamera:
             )
         self.name = f"camera {place}" if place.isdecimal() else _without_secrets(place)
         self._is_over, self._thread = threading.Event(), threading.Thread(target=self._read, daemon=True)
-        self._row = 0
+        self._row, self._begin_s = 0, 0.0
         self._put: Put = lambda frame: None
         self._say: Say = lambda fault: None
 
     def start(self, row: int, put: Put, say: Say) -> None:
         """As `Source`."""
         self._row, self._put, self._say = row, put, say
+        self._begin_s = time.monotonic()
         self._thread.start()
 
     def stop(self) -> None:
@@ -86,10 +87,13 @@ class OpenCVCamera:
         return camera
 
     def _frames(self, camera: cv2.VideoCapture, number: int) -> int:
-        """Hand on frames until none come; the number of the next one. A file is played at its own speed."""
+        """Hand on frames until none come; the number of the next one. A file is played at its own speed.
+
+        Videos that begin together keep together, however long each takes to be opened.
+        """
         rate = camera.get(cv2.CAP_PROP_FPS) if self._is_file else 0.0
         step_s = 1 / (rate if 1 <= rate <= MOST_FPS else USUAL_FPS) if self._is_file else 0.0
-        begin, first, missed = time.monotonic(), number, 0
+        missed = 0
         while not self._is_over.is_set() and missed < MOST_MISSED:
             is_read, image = camera.read()
             if not is_read:
@@ -97,11 +101,11 @@ class OpenCVCamera:
                 continue
             missed = 0
             pixels: NDArray[np.uint8] = grey_of(np.asarray(image, dtype=np.uint8)).astype(np.uint8, copy=False)
-            now = (number - first) * step_s if self._is_file else time.monotonic() - begin
+            now = number * step_s if self._is_file else time.monotonic()
             self._put(Frame(self._row, number, now, pixels))
             number += 1
             if self._is_file:
-                self._is_over.wait(max(0.0, begin + (number - first) * step_s - time.monotonic()))
+                self._is_over.wait(max(0.0, self._begin_s + number * step_s - time.monotonic()))
         return number
 
 

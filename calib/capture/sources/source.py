@@ -15,7 +15,7 @@ class Frame:
 
     source: int  # row of the sources
     number: int  # of the frames of that source, from 0
-    time_s: float  # since any moment, the same for all frames of a source
+    time_s: float  # since any moment, the same for all cameras of this machine, and for all videos
     pixels: Grey  # (H, W)
     file: Path | None = None  # a person's own photo, which is taken whatever it shows; None: of a video
 

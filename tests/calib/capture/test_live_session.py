@@ -7,9 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.capture.conversation import ENDS_IN_S
 from calib.capture.messages import GuidanceMessage, LookMessage, Message, NoticeMessage, PageCommand, TakenMessage
 from calib.capture.photo_folder import SESSION_FILE, PhotoFolder
-from calib.capture.session import ENDS_IN_S, Session
+from calib.capture.session import Session
 from calib.capture.sources.browser import BrowserCamera
 from calib.capture.sources.source import Frame
 from calib.guide.guide import Guide

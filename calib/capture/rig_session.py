@@ -1,0 +1,222 @@
+"""A session with several cameras: frames of a target come in, and photos of one moment are taken by all that see it.
+
+Cameras of a machine are not taken at once to the millisecond. So a moment is only taken when the target stands still in
+all cameras that see it, and their frames came within `AT_ONCE_S` of each other.
+"""
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from calib.api.detecting import Detector
+from calib.capture.conversation import Conversation, Show, Tell
+from calib.capture.frame_seen import exactly_found, look_message, notes_on
+from calib.capture.messages import TakenMessage
+from calib.capture.photo_folder import PhotoFolder
+from calib.capture.sources.source import Frame, Source
+from calib.core.types import LEAST_POINTS, Detections
+from calib.guide.rig_guide import RigGuide
+from calib.guide.rig_standing import moment_of
+from calib.guide.shutter import Shutter
+from calib.guide.told import Look
+from calib.observe.images import Grey, read_image
+from designer.base.errors import InputError
+from designer.target import TargetGeometry
+
+AT_ONCE_S = 0.15
+"""Frames that are farther apart are not of one moment."""
+GONE_S = 1.0
+"""A camera that is so far behind is not waited for."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeenFrame:
+    """The last frame of a camera."""
+
+    frame: Frame
+    found: Detections
+    look: Look
+
+
+@dataclass(frozen=True, eq=False)
+class KeptMoment:
+    """Photos of one moment."""
+
+    files: Mapping[str, Path] = field(default_factory=dict)  # by camera
+    found: Mapping[str, Detections] = field(default_factory=dict)  # likewise
+    is_left_out: bool = False
+
+    def with_photo(self, camera: str, file: Path, found: Detections) -> "KeptMoment":
+        """With the photo of one more camera."""
+        return replace(self, files={**self.files, camera: file}, found={**self.found, camera: found})
+
+
+class RigSession(Conversation[RigGuide]):
+    """One target, photographed until cameras and rig are good; the sources are the guide's cameras, in their order."""
+
+    def __init__(
+        self, target: TargetGeometry, guide: RigGuide, folder: PhotoFolder, sources: tuple[Source, ...], tell: Tell,
+        show: Show, now_s: Callable[[], float] = time.monotonic,
+    ) -> None:  # fmt: skip
+        super().__init__(target, guide, folder, sources, tell, show, now_s)
+        self.kept: dict[str, KeptMoment] = {}
+        self._shutters = dict.fromkeys(guide.names, Shutter())
+        self._last: dict[str, SeenFrame] = {}
+        self._sharpest_px = dict.fromkeys(guide.names, math.inf)
+        self._detector = Detector(target)
+
+    @property
+    def source_names(self) -> tuple[str, ...]:
+        """As `Conversation`."""
+        return self.guide.names
+
+    # ---- photos
+
+    @property
+    def counted(self) -> Mapping[str, KeptMoment]:
+        """The moments that count, by name."""
+        return {name: self.kept[name] for name in sorted(self.kept) if not self.kept[name].is_left_out}
+
+    @property
+    def photos(self) -> tuple[Path, ...]:
+        """As `Conversation`."""
+        return tuple(path for moment in self.counted.values() for path in moment.files.values())
+
+    def photo_file(self, name: str) -> Path | None:
+        """As `Conversation`; of a moment the photo of its first camera."""
+        kept = self.kept.get(moment_of(name))
+        return None if kept is None else next(kept.files[camera] for camera in self.guide.names if camera in kept.files)
+
+    def resume(self) -> None:
+        """As `Conversation`."""
+        for path in self.folder.kept:
+            camera = path.parent.name
+            try:
+                self._keep(camera, path, self._exact(camera, read_image(path).pixels, path.name))
+            except InputError as error:
+                self._notice(f"{error}; it is left out")
+
+    def _exact(self, camera: str, pixels: Grey, name: str) -> Detections:
+        return exactly_found(pixels, name, self.target, self.guide.of(camera).calibration)
+
+    def _take(self, frames: Mapping[str, Frame], *, by_itself: bool) -> None:
+        """Keep frames as they were judged: first the files, then a word, then what follows from them."""
+        try:
+            files = self.folder.write_moment({camera: frame.pixels for camera, frame in frames.items()})
+        except InputError as error:
+            self._notice(str(error))
+            return
+        name = next(iter(files.values())).name
+        self._tell(TakenMessage(name, by_itself))
+        found = {camera: self._exact(camera, frame.pixels, name) for camera, frame in frames.items()}
+        for camera in frames:
+            self._shutters[camera] = self._shutters[camera].fired()
+            self._keep(camera, files[camera], found[camera])
+        self._follow()
+
+    def _keep(self, camera: str, file: Path, found: Detections) -> None:
+        """Count a photo, unless its moment was deleted."""
+        name = moment_of(found.image)
+        is_left_out = name in self.folder.record.left_out
+        before = self.kept.get(name, KeptMoment(is_left_out=is_left_out))
+        self.kept[name] = before.with_photo(camera, file, found)
+        if not is_left_out:
+            self.guide = self.guide.with_photo(camera, found)
+
+    # ---- what comes in
+
+    def source_says(self, row: int, fault: str) -> None:
+        """As `Conversation`; the others go on without a camera that is gone."""
+        super().source_says(row, fault)
+        if fault:
+            self._last.pop(self.guide.names[row], None)
+
+    def frame(self, frame: Frame) -> None:
+        """As `Conversation`."""
+        if self.phase not in ("taking", "ending"):
+            return
+        self.source_says(frame.source, "")
+        camera, begin = self.guide.names[frame.source], time.perf_counter()
+        self._fit_guide(camera, (frame.pixels.shape[1], frame.pixels.shape[0]))
+        self._show(frame)
+        if frame.file is None:
+            found = self._detector.glance(frame.pixels, f"frame {frame.number}")
+        else:
+            found = self._exact(camera, frame.pixels, own_moment(camera, frame.file))
+        notes, self._sharpest_px[camera] = notes_on(frame, found, self.target, self._sharpest_px[camera])
+        look = self.guide.look(camera, found, notes)
+        self._shutters[camera] = self._shutters[camera].after(frame.time_s, found, look)
+        took_ms = 1000 * (time.perf_counter() - begin)
+        self._tell(look_message(frame, found, self.target, look, self._shutters[camera].still, took_ms))
+        if frame.file is not None:
+            self._tell(TakenMessage(f"{camera}: {frame.file.name}", by_itself=False))
+            self._keep(camera, frame.file, found)
+            self._follow()
+            return
+        self._last[camera] = SeenFrame(frame, found, look)
+        if self._is_automatic and self.phase == "taking" and (frames := self._due()):
+            self._take(frames, by_itself=True)
+
+    def _due(self) -> dict[str, Frame]:
+        """What is to be taken now, by camera; {}: nothing."""
+        now_s = max(one.frame.time_s for one in self._last.values())
+        awaited = {camera: one for camera, one in self._last.items() if now_s - one.frame.time_s <= GONE_S}
+        seeing = {camera: one for camera, one in awaited.items() if len(one.found.ring) >= LEAST_POINTS}
+        is_at_once = all(now_s - one.frame.time_s <= AT_ONCE_S for one in awaited.values())
+        if not is_at_once or any(self._shutters[camera].still < 1 for camera in seeing):
+            return {}
+        if sum(self._shutters[camera].is_due for camera in seeing) < self.guide.wanted_at_once:
+            return {}
+        return {camera: one.frame for camera, one in seeing.items() if not any(note.forbids for note in one.look.notes)}
+
+    def _fit_guide(self, camera: str, image_size: tuple[int, int]) -> None:
+        """The first proposal is for images of the size that come."""
+        sized = self.guide.sized(camera, image_size)
+        if sized is not self.guide:
+            self.guide = sized
+            self._tell_guidance()
+
+    def _take_last(self, _: str) -> None:
+        if not self._last:
+            self._notice("there is no picture yet; start the cameras")
+            return
+        now_s = max(one.frame.time_s for one in self._last.values())
+        self._take(
+            {camera: one.frame for camera, one in self._last.items() if now_s - one.frame.time_s <= AT_ONCE_S},
+            by_itself=False,
+        )
+
+    def _delete(self, name: str) -> None:
+        moment = moment_of(name)
+        kept = self.kept.get(moment)
+        if kept is None or kept.is_left_out:
+            self._notice("there is no such photo")
+            return
+        self.folder.leave_out(moment)
+        self.kept[moment] = replace(kept, is_left_out=True)
+        self.guide = self.guide.without_moment(moment)
+        self._rearm()
+        self._follow()
+
+    def _restore(self, name: str) -> None:
+        moment = moment_of(name)
+        kept = self.kept.get(moment)
+        if kept is None or not kept.is_left_out:
+            self._notice("there is no such deleted photo")
+            return
+        self.folder.take_back(moment)
+        self.kept[moment] = replace(kept, is_left_out=False)
+        for camera, found in kept.found.items():
+            self.guide = self.guide.with_photo(camera, found)
+        self._follow()
+
+    def _rearm(self) -> None:
+        self._shutters = {camera: shutter.rearmed() for camera, shutter in self._shutters.items()}
+
+
+def own_moment(camera: str, file: Path) -> str:
+    """What a person's own photo is called: files of one moment are named alike, but for the camera's name in them."""
+    stem = file.stem.replace(camera, "").strip("_-. ")
+    return f"{stem or file.stem}{file.suffix}"

@@ -1,0 +1,40 @@
+"""The command `calib live` of several cameras."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from calib.api.rig_result import RigWriter
+from calib.capture.live_rig import live_rig
+from calib.commands.live_said import said, stopped_live
+from calib.commands.rig import answers, said_rig
+from designer.base.answer import Summary
+from designer.base.command import command_line
+from designer.page.terminal import quoted
+
+
+def take_rig_photos(
+    target: Path,
+    folder: Path,
+    *,
+    cameras: Sequence[str],
+    watch: Sequence[Path],
+    size: tuple[int, int] | None,
+    resume: bool,
+    model: str,
+    criteria: str,
+    made: str | None,
+    port: int,
+    opened: Callable[[str], None],
+) -> Summary:
+    """Take photos with several cameras at once, and say what came of the rig; arguments as of `calib.live_rig`."""
+    writer = RigWriter(folder)
+    with answers("rig"):
+        try:
+            found = live_rig(
+                target, writer, cameras=cameras, watch=watch, size=size, resume=resume, model=model, criteria=criteria,
+                made=made, port=port, opened=opened, heard=said, command=command_line(),
+            )  # fmt: skip
+        except KeyboardInterrupt:
+            given = [f" --camera {quoted(Path(one))}" for one in cameras] + [f" --watch {quoted(one)}" for one in watch]
+            stopped_live(target, folder, Summary({}, tuple(writer.files)), "".join(given))
+    return said_rig(found, writer, remark="", verbose=False)
