@@ -28,7 +28,7 @@ STEP_S = 0.1
 Heard = Callable[[str], None]
 
 
-class Judged(Protocol):
+class WithVerdict(Protocol):
     """What comes of the photos: a camera or a rig, with a verdict."""
 
     @property
@@ -37,7 +37,7 @@ class Judged(Protocol):
 
 
 G = TypeVar("G", bound=Guiding)
-R = TypeVar("R", bound=Judged)
+R = TypeVar("R", bound=WithVerdict)
 
 
 class Serving(Generic[G, R]):

@@ -20,7 +20,7 @@ const FLASH_MS = 500;
 
 const part = (id) => document.getElementById(id);
 const model = {
-  state: null, guidance: null, look: null, fault: "", isLost: false, isAsking: false,
+  state: null, guidance: null, look: null, looks: [], fault: "", isLost: false, isAsking: false,
   isWaiting: false, isMirrored: false, hasMap: false, endsAt: null,
 };
 const pictures = [];
@@ -53,6 +53,7 @@ const HANDLERS = {
     model.state = state;
     model.endsAt = state.ends_in_s === null ? null : performance.now() + 1000 * state.ends_in_s;
     if (!before) makePictures(state.sources);
+    if (state.sources.length > 1) state.sources.forEach(({ name, fault }, row) => pictures[row].setWords(fault || name));
     if (!state.is_here) { wire.stayAway(); camera?.close(); }
     part("automatic").setAttribute("aria-pressed", String(state.is_automatic));
     if (state.phase !== before?.phase) enter(state.phase);
@@ -64,7 +65,7 @@ const HANDLERS = {
     model.guidance = guidance;
     if (scene) space.setScene(scene);
     pictures.forEach((picture, row) => picture.setCamera(guidance.cameras[row] ?? null));
-    space.setGhost(guidance.ghost?.cam_from_target ?? null, guidance.cameras[0]?.image_size ?? [3, 2]);
+    space.setGhost(guidance.ghost?.cam_from_target ?? null, guidance.cameras[ghostCamera()]?.image_size ?? [3, 2]);
     strip.show(guidance.photos, guidance.cameras[0]?.image_size);
     part("delete").disabled = guidance.photos.length === 0;
     part("size").disabled = guidance.photos.length > 0;
@@ -77,10 +78,11 @@ const HANDLERS = {
     if (isBrowser(look.source)) answered = Math.max(answered, look.number);
     model.isWaiting = false;
     showLook(look.source, look);
-    clearTimeout(forgetting);
-    const between = Math.min(performance.now() - lookedAt, OLD_MS);
-    lookedAt = performance.now();
-    forgetting = setTimeout(() => showLook(look.source, null), Math.max(OLD_MS, SLOW * between));
+    const { source } = look;
+    clearTimeout(forgetting[source]);
+    const between = Math.min(performance.now() - (lookedAt[source] ?? -Infinity), OLD_MS);
+    lookedAt[source] = performance.now();
+    forgetting[source] = setTimeout(() => showLook(source, null), Math.max(OLD_MS, SLOW * between));
   },
   taken({ name }) {
     sound.play("taken");
@@ -93,15 +95,28 @@ const HANDLERS = {
   },
 };
 
-let forgetting = 0;
-let lookedAt = -Infinity;
+const forgetting = []; // timers, by source
+const lookedAt = [];
 
 function showLook(source, look) {
-  model.look = look;
+  model.looks[source] = look;
   pictures[source]?.setLook(look);
-  space.setLive(look?.look.cam_from_target ?? null);
-  showNotes(look?.look.notes ?? []);
+  const told = lookTold();
+  model.look = model.looks[told] ?? null;
+  space.setLive(model.looks[ghostCamera()]?.look.cam_from_target ?? null);
+  showNotes(model.look?.look.notes ?? []);
   showWords();
+}
+
+/** The row of the first camera that is to see the target next; poses are in its frame. */
+function ghostCamera() {
+  return Math.max(0, model.guidance?.cameras.findIndex((camera) => camera.ghost_px.length > 0) ?? 0);
+}
+
+/** Of several cameras, the row of the one whose look is put into words: one that takes, or else that is to see. */
+function lookTold() {
+  const wanting = model.looks.findIndex((one) => one?.look.is_wanted);
+  return wanting >= 0 ? wanting : ghostCamera();
 }
 
 const isBrowser = (source) => model.state?.sources[source]?.kind === "browser";
@@ -148,7 +163,7 @@ function startCamera(row, picture) {
     },
     fault(line) {
       clearTimeout(asking);
-      Object.assign(model, { fault: line, look: null, isAsking: false });
+      Object.assign(model, { fault: line, look: null, looks: [], isAsking: false });
       tellFault();
       showWords();
       sound.play("wrong");

@@ -57,6 +57,11 @@ export class Picture {
     this.request();
   }
 
+  /** Under the picture: the camera's name, and why nothing comes from it. */
+  setWords(text) {
+    this.name.textContent = text;
+  }
+
   setCamera(camera) {
     this.camera = camera;
     if (!this.size && camera) this.setSize(...camera.image_size);

@@ -31,7 +31,7 @@ export function instruction({ state, guidance, look, fault, isLost, isAsking, is
   if (!state) return { tone: "plain", big: "Connecting", small: "" };
   const ofPhase = { ending, solving, done, failed }[state.phase];
   if (ofPhase) return ofPhase(state, guidance);
-  const broken = state.sources.find((source) => source.fault);
+  const broken = state.sources.every((source) => source.fault) ? state.sources[0] : null; // others go on
   if (fault || broken) return { tone: "fault", big: fault || capital(`${broken.name}: ${broken.fault}`), small: "" };
   if (!guidance) return { tone: "plain", big: "Getting ready", small: state.target };
   if (isAsking) return { tone: "plain", big: "Let the browser use the camera", small: "It asks beside the address." };
@@ -76,7 +76,9 @@ function taking(state, guidance, look, seen) {
   if (note) return { tone: "warn", big: capital(note.sentence), small };
   if (!isSeen) return { tone: "plain", big: place || "Show the target to the camera", small };
   if (look.look.is_wanted) return { tone: "hold", big: state.is_automatic ? "Hold still" : "Good: press space", small };
-  return { tone: "plain", big: capital(seen(look.look.hint)) || place || "Show another view", small };
+  const whose = state.sources.length > 1 ? `${state.sources[look.source].name}: ` : "";
+  const hint = look.look.hint && whose + seen(look.look.hint);
+  return { tone: "plain", big: capital(hint) || place || "Show another view", small };
 }
 
 /** What keeps this frame from being taken; motion only where nothing is left but to hold still. */
