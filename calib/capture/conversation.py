@@ -20,7 +20,7 @@ from calib.capture.messages import (
 )
 from calib.capture.photo_folder import PhotoFolder
 from calib.capture.sources.source import Frame, Source
-from calib.guide.told import Guidance
+from calib.guide.told import Guidance, TakenPhoto
 from designer.base.errors import NotWrittenError
 from designer.page.scene import scene_json
 from designer.target import TargetGeometry
@@ -128,10 +128,14 @@ class Conversation(ABC, Generic[G]):
         """Tell a page all that it is to show."""
         self._tell(self.state)
         scene = target_scene(self.target, body_colour=BODY, ink_colour=INK)
-        self._tell(GuidanceMessage(self.guide.told, scene_json(scene)))
+        self._tell(GuidanceMessage(self.guide.told, scene_json(scene), self._left_out()))
+
+    @abstractmethod
+    def _left_out(self) -> tuple[TakenPhoto, ...]:
+        """Deleted photos, as the page lists them."""
 
     def _tell_guidance(self) -> None:
-        self._tell(GuidanceMessage(self.guide.told, ""))
+        self._tell(GuidanceMessage(self.guide.told, "", self._left_out()))
 
     def _notice(self, said: str) -> None:
         self._tell(NoticeMessage(said, is_fault=True))

@@ -17,7 +17,7 @@ import json
 from dataclasses import dataclass
 from typing import Literal, TypeVar, cast
 
-from calib.guide.told import Guidance, Line, Look
+from calib.guide.told import Guidance, Line, Look, TakenPhoto
 from designer.base.codec import decode, encode
 from designer.base.small_file import JsonValue
 
@@ -77,6 +77,7 @@ class GuidanceMessage:
 
     guidance: Guidance
     scene: str  # the target for the 3D view as designer/page/scene.py has it, JSON; "" if it was sent before
+    left_out: tuple[TakenPhoto, ...]  # deleted photos, which can be restored
 
 
 @dataclass(frozen=True, eq=False)

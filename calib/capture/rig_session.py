@@ -20,7 +20,7 @@ from calib.core.types import LEAST_POINTS, Detections
 from calib.guide.rig_guide import RigGuide
 from calib.guide.rig_standing import moment_of
 from calib.guide.shutter import Shutter
-from calib.guide.told import Look
+from calib.guide.told import Look, TakenPhoto
 from calib.observe.images import Grey, read_image
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
@@ -186,6 +186,13 @@ class RigSession(Conversation[RigGuide]):
         self._take(
             {camera: one.frame for camera, one in self._last.items() if now_s - one.frame.time_s <= AT_ONCE_S},
             by_itself=False,
+        )
+
+    def _left_out(self) -> tuple[TakenPhoto, ...]:
+        gone = {name: kept for name, kept in self.kept.items() if kept.is_left_out}
+        return tuple(
+            TakenPhoto(name, sum(len(one.ring) for one in kept.found.values()), False, "deleted", ())
+            for name, kept in gone.items()
         )
 
     def _delete(self, name: str) -> None:

@@ -15,6 +15,7 @@ from calib.capture.sources.source import Frame, Source
 from calib.core.types import Detections
 from calib.guide.guide import Guide
 from calib.guide.shutter import Shutter
+from calib.guide.told import TakenPhoto
 from calib.observe.images import Grey, read_image
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
@@ -43,6 +44,10 @@ class Session(Conversation[Guide]):
         self._last: Frame | None = None  # that was looked at
         self._detector = Detector(target)
         self._sharpest_px = math.inf
+
+    def _left_out(self) -> tuple[TakenPhoto, ...]:
+        gone = (one for one in self.kept.values() if one.is_left_out)
+        return tuple(TakenPhoto(one.name, len(one.found.ring), False, "deleted", ()) for one in gone)
 
     # ---- photos
 

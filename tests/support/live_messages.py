@@ -83,7 +83,7 @@ def guidance(photos: int = 4, stage: Stage = "guiding") -> GuidanceMessage:
     headline = f"0.21 px in 95 % of the image, 0.05 px wanted; {photos} photos" if photos else "no camera yet"
     taken = tuple(photo(n + 1) for n in range(photos))
     told = Guidance(stage, headline, bars if photos else (), (one,), ghost(), taken, ())
-    return GuidanceMessage(told, scene_json(target_scene(BOARD, body_colour="#ffffff", ink_colour="#101010")))
+    return GuidanceMessage(told, scene_json(target_scene(BOARD, body_colour="#ffffff", ink_colour="#101010")), ())
 
 
 def look(

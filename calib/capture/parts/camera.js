@@ -55,6 +55,7 @@ export class BrowserCamera {
     this.track.addEventListener("ended", () => this.fail(UNPLUGGED), { once: true });
     this.video.srcObject = stream;
     await this.video.play();
+    await holdFocus(this.track);
     this.isFaulty = this.isSilent = false;
     this.heardAt = performance.now();
     this.on.ready(await this.about());
@@ -142,6 +143,16 @@ function constraintsFor({ deviceId, width, height }) {
   const which = deviceId ? { deviceId: { exact: deviceId } } : {};
   const unscaled = { resizeMode: { ideal: "none" } };
   return [{ ...which, ...size, ...unscaled, frameRate: { min: LEAST_FPS, ideal: 30 } }, { ...which, ...size }, which];
+}
+
+/** No autofocus, where the camera lets a page say so: the focus stays where it is, for it changes the focal length. */
+async function holdFocus(track) {
+  if (!track.getCapabilities?.().focusMode?.includes("manual")) return;
+  try {
+    await track.applyConstraints({ ...track.getConstraints(), advanced: [{ focusMode: "manual" }] });
+  } catch {
+    // a camera that offers it and does not do it is used as it is
+  }
 }
 
 async function firstOf(tries) {

@@ -60,13 +60,13 @@ const HANDLERS = {
     showPanels();
     showWords();
   },
-  guidance({ guidance, scene }) {
+  guidance({ guidance, scene, left_out: leftOut }) {
     const isNewlyGood = guidance.stage === "good" && model.guidance !== null && model.guidance.stage !== "good";
     model.guidance = guidance;
     if (scene) space.setScene(scene);
     pictures.forEach((picture, row) => picture.setCamera(guidance.cameras[row] ?? null));
     space.setGhost(guidance.ghost?.cam_from_target ?? null, guidance.cameras[ghostCamera()]?.image_size ?? [3, 2]);
-    strip.show(guidance.photos, guidance.cameras[0]?.image_size);
+    strip.show(guidance.photos, leftOut, guidance.cameras[0]?.image_size);
     part("delete").disabled = guidance.photos.length === 0;
     part("size").disabled = guidance.photos.length > 0;
     part("size").title = guidance.photos.length > 0 ? "All photos have one size" : "";

@@ -15,10 +15,10 @@ export class PhotoStrip {
     part("delete").addEventListener("click", () => { this.command("delete", this.shown); box.close(); });
   }
 
-  /** Show these; what was there before and is not any more was deleted. */
-  show(photos, imageSize) {
+  /** Show these, and after them those that were deleted. */
+  show(photos, leftOut, imageSize) {
     const present = new Set(photos.map((photo) => photo.name));
-    for (const photo of photos) this.item(photo, imageSize);
+    for (const photo of [...photos, ...leftOut]) this.item(photo, imageSize);
     for (const [name, item] of this.items) this.mark(item, present.has(name));
     const order = [...photos.map((photo) => photo.name), ...[...this.items.keys()].filter((name) => !present.has(name))];
     const before = this.list.children.length;

@@ -147,13 +147,16 @@ def test_keys_say_what_the_buttons_say(shown: Shown) -> None:
 
 
 def test_deleted_photo_can_be_restored(shown: Shown) -> None:
-    """A photo has a button that deletes it; one that is gone stays in the strip, with one that restores it."""
+    """A photo has a button that deletes it; one that is gone, now or before, has one that restores it."""
     server, page = shown
     page.get_by_role("button", name="Delete 0002.png").click()
     assert server.heard("delete").name == "0002.png"
     four = told.guidance()
     three = tuple(photo for photo in four.guidance.photos if photo.name != "0002.png")
-    server.say(GuidanceMessage(replace(four.guidance, photos=three), ""))
+    gone = tuple(replace(four.guidance.photos[0], name=name) for name in ("0000.png", "0002.png"))
+    server.say(GuidanceMessage(replace(four.guidance, photos=three), "", gone))
+    page.get_by_role("button", name="Restore 0000.png").click()
+    assert server.heard("restore").name == "0000.png"
     page.get_by_role("button", name="Restore 0002.png").click()
     assert server.heard("restore").name == "0002.png"
 

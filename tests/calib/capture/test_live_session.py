@@ -117,7 +117,7 @@ def test_a_deleted_photo_counts_no_more_and_may_come_back(told: Told) -> None:
 
 
 def test_a_session_goes_on_where_it_stopped(told: Told) -> None:
-    """Photos are read again, deleted ones stay deleted, and numbers go on: nothing is written over."""
+    """Photos are read again, deleted ones can still be restored, and numbers go on: nothing is written over."""
     session = told.begin()
     for seed in (1, 2, 3):
         told.hold(session, seed)
@@ -125,6 +125,10 @@ def test_a_session_goes_on_where_it_stopped(told: Told) -> None:
     again = told.begin(resume=True)
     again.resume()
     assert names(again) == ["0001.png", "0003.png"]
+    again.greet()
+    greeting = told.messages[-1]
+    assert isinstance(greeting, GuidanceMessage)
+    assert [one.name for one in greeting.left_out] == ["0002.png"]
     assert again.guide.told.headline == session.guide.told.headline
     again.frame(Frame(0, 0, 0.0, image_at(held(again.guide, np.random.default_rng(9)))))
     again.command(PageCommand("take"))
