@@ -189,11 +189,9 @@ class RigSession(Conversation[RigGuide]):
         )
 
     def _left_out(self) -> tuple[TakenPhoto, ...]:
-        gone = {name: kept for name, kept in self.kept.items() if kept.is_left_out}
-        return tuple(
-            TakenPhoto(name, sum(len(one.ring) for one in kept.found.values()), False, "deleted", ())
-            for name, kept in gone.items()
-        )
+        gone = (kept for kept in self.kept.values() if kept.is_left_out)
+        found = [[kept.found[camera] for camera in self.guide.names if camera in kept.found] for kept in gone]
+        return tuple(TakenPhoto(one[0].image, sum(len(of.ring) for of in one), False, "deleted", ()) for one in found)
 
     def _delete(self, name: str) -> None:
         moment = moment_of(name)
