@@ -13,7 +13,6 @@ from calib.guide.settings import GuideSettings
 from calib.solver.calibration import Calibration
 from calib.solver.image_field import with_image_field
 from calib.solver.options import SolveOptions
-from calib.solver.target_error import stated_prior
 from calib.verdict.evidence import CameraEvidence, evidence_of
 from calib.verdict.halves import half_split
 from calib.verdict.judge import judge
@@ -99,7 +98,7 @@ def proposal_of(
     uncertain = None if standing is None else standing.evidence.uncertainty
     # To follow what photos tell of the target's shape takes a while, and is worth it where that is a part of the error.
     is_targets = uncertain is not None and uncertain.target_px > LITTLE_BY_TARGET * (uncertain.image_px or 0.0)
-    prior = stated_prior(calibration, settings.target) if is_targets else None
+    prior = settings.made.prior if is_targets and settings.made is not None else None
 
     def is_avoided(poses: Array) -> NDArray[np.bool_]:
         near = np.zeros(len(poses), dtype=np.bool_)
