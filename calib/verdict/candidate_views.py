@@ -31,6 +31,8 @@ LONG = 1.15
 """A target this much longer than wide is worth turning upright."""
 MOST_LIKE = 6
 """So many of the used views are tried with a solid at another place."""
+TURNS_ALL_ROUND = 8
+"""Of a solid of which there is no photo yet."""
 LARGEST_INCIDENCE_DEG = 70.0
 MARGIN_PITCHES = 0.75
 """Between the outermost ring's centre and the image's border."""
@@ -53,7 +55,7 @@ class CandidateViews:
     tilt_deg: Array  # (C,) of a flat target against the sensor; nan: a solid
     away: Array  # (C, 2) to the right and down: where a flat target's far side is in the image; 0: none is
     is_upright: NDArray[np.bool_]  # (C,) a flat target's long side is vertical
-    like_view: NDArray[np.int64]  # (C,) the used view that shows a solid from the same side; -1: a flat target
+    like_view: NDArray[np.int64]  # (C,) the used view that shows a solid from the same side; -1: none, or a flat target
 
     def __getitem__(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> "CandidateViews":
         return CandidateViews(
@@ -85,12 +87,21 @@ def tilt_rotation(tilt_rad: float, away: Array) -> Array:
     return exp_rotation(tilt_rad * np.array([away[1], -away[0], 0.0]) / length)
 
 
-def candidates_of(calibration: Calibration, shape: TargetShape, habits: Habits) -> CandidateViews:
-    """All photos that are tried: each turn at each place and distance, as far as it can be held there."""
+def candidates_of(
+    calibration: Calibration, shape: TargetShape, habits: Habits, reach: tuple[float, float] = (NEARER, FARTHER)
+) -> CandidateViews:
+    """All photos that are tried: each turn at each place and distance, as far as it can be held there.
+
+    Args:
+        calibration: what is known so far; it may have no photos yet.
+        shape: the target.
+        habits: how it was held, or may be held.
+        reach: how much nearer and farther than that it may be.
+    """
     turns = _flat_turns(shape) if shape.is_flat else _turns_of_views(calibration, shape)
     near, far = habits.distance_mm
     depth = min(_depth_mm(shape), 0.9 * near)  # a solution may place the camera inside of a solid
-    distances = depth + np.geomspace(NEARER * (near - depth), FARTHER * (far - depth), DISTANCES)
+    distances = depth + np.geomspace(reach[0] * (near - depth), reach[1] * (far - depth), DISTANCES)
     overshoots = (0.0, OVERSHOOT) if not shape.is_flat else tuple({0.0, round(0.7 * (1 - habits.face_share), 2)})
     places = np.array([(*place, over) for over in overshoots for place in PLACES if not over or 1 in np.abs(place)])
     t, d, p = (x.ravel() for x in np.indices((len(turns.rotation), DISTANCES, len(places))))
@@ -128,8 +139,10 @@ def _flat_turns(shape: TargetShape) -> _Turns:
 
 
 def _turns_of_views(calibration: Calibration, shape: TargetShape) -> _Turns:
-    """As a solid was turned in some of the used views, evenly spread over their order."""
+    """As a solid was turned in some of the used views, evenly spread over their order; without any all ways."""
     count = len(calibration.cam_from_target)
+    if not count:
+        return _turns_all_round()
     views = np.unique(np.linspace(0, count - 1, min(count, MOST_LIKE)).round().astype(np.int64))
     pose = calibration.cam_from_target[views]
     sight = transform(pose, shape.center_mm)
@@ -140,6 +153,20 @@ def _turns_of_views(calibration: Calibration, shape: TargetShape) -> _Turns:
         np.zeros((len(views), 2)),
         np.zeros(len(views), dtype=bool),
         views,
+    )
+
+
+def _turns_all_round() -> _Turns:
+    """A solid turned to the camera with one side after the other."""
+    number = np.arange(TURNS_ALL_ROUND)
+    vectors = np.stack([0.6 + 0.7 * number, 0.4 + 0.9 * number, 0.0 * number], axis=1)
+    return _Turns(
+        np.stack([exp_rotation(vector) for vector in vectors]),
+        np.tile([0.0, 0.0, 1.0], (len(number), 1)),
+        np.full(len(number), np.nan),
+        np.zeros((len(number), 2)),
+        np.zeros(len(number), dtype=bool),
+        np.full(len(number), -1),
     )
 
 

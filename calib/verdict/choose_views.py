@@ -14,7 +14,14 @@ from calib.cameras.camera import Camera
 from calib.core.linear_algebra import covariance_with_prior
 from calib.solver.accuracy import SHARE_PERCENT
 from calib.solver.calibration import Calibration
-from calib.verdict.candidate_views import CandidateViews, ShownPoints, candidates_of, shown_in
+from calib.verdict.candidate_views import (
+    FARTHER,
+    NEARER,
+    CandidateViews,
+    ShownPoints,
+    candidates_of,
+    shown_in,
+)
 from calib.verdict.coverage import coverage, coverage_of
 from calib.verdict.information import (
     Knowledge,
@@ -95,7 +102,11 @@ class CandidatePhoto:
 
 
 def scene_of(
-    calibration: Calibration, face_share: float | None, factor: float = 1.0, prior: ShapePrior | None = None
+    calibration: Calibration,
+    face_share: float | None,
+    factor: float = 1.0,
+    prior: ShapePrior | None = None,
+    held: Habits | None = None,
 ) -> ViewChoice | None:
     """The photos that could be taken and what they tell; None if no point lies on a known plane.
 
@@ -104,15 +115,17 @@ def scene_of(
         face_share: so much of a face must be seen for its rings to be read; None: as in the photos taken so far.
         factor: that halves of the photos enlarge the standard deviations of the noise by.
         prior: of how the target was made; None: not known, or no matter.
+        held: how the target may be held, and nowhere beyond; None: about as in the photos taken so far.
     """
     shape = shape_of(calibration)
     if shape is None:
         return None
-    habits = habits_of(calibration, shape)
+    habits = habits_of(calibration, shape) if held is None else held
     if face_share is not None:
         habits = replace(habits, face_share=face_share)
     known, lit = knowledge_of(calibration), lit_part(calibration)
-    candidates = candidates_of(calibration, shape, habits)
+    reach = (NEARER, FARTHER) if held is None else (1.0, 1.0)
+    candidates = candidates_of(calibration, shape, habits, reach)
     is_read, covers = _read(lit.camera, shape, habits, candidates)
     ok = is_read.sum(axis=1) >= min(LEAST_RINGS, habits.rings)
     rows, faces = _some_points(shape), len(shape.normal)

@@ -1,0 +1,70 @@
+"""What is known of a camera before any photo: `calibration_before(camera, points, 0.05)`.
+
+It is told as a calibration from no photos, so that what chooses photos after photos chooses the first ones, too.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import project
+from calib.cameras.camera import Camera
+from calib.core.se3 import make_pose, transform
+from calib.core.types import KnownPoints, Observations
+from calib.solver.calibration import Calibration
+from calib.verdict.information import LENS_UNSURE
+from calib.verdict.views import READABLE_PITCH_PX, Habits, TargetShape
+
+Array = NDArray[np.float64]
+
+FOCAL_UNSURE = 0.3
+CENTRE_UNSURE = 0.05
+"""Of the focal length, and of the image's longer side: what a person knows of a camera beforehand."""
+FACE_SHARE = 0.5
+FEWEST_RINGS = 12
+FILLS = (0.3, 0.9)
+"""Of the image's width or height, in the direction that the target fills more of: farthest and nearest."""
+SIZING_STEPS = 12
+
+
+def calibration_before(camera: Camera, points: KnownPoints, noise_px: float) -> Calibration:
+    """A calibration from no photos: the camera as a person takes it to be.
+
+    Args:
+        camera: about as it is.
+        points: of the target.
+        noise_px: standard deviation of a coordinate of an observation to come.
+    """
+    none = np.zeros(0, dtype=np.int64)
+    deviation = np.full(len(camera.params), LENS_UNSURE)
+    deviation[:2] = FOCAL_UNSURE * camera.params[:2]
+    deviation[2:4] = CENTRE_UNSURE * max(camera.image_size)
+    return Calibration(
+        camera, Observations(camera.image_size, (), none, none, np.zeros((0, 2)), None, points), np.zeros((0, 4, 4)),
+        np.zeros((0, 2)), np.zeros(0, dtype=np.bool_), noise_px, np.diag(deviation**2), np.zeros((0, 6, 6)), (),
+        weighted=False, status="converged", remarks=(), iterations=0, seconds=0.0,
+    )  # fmt: skip
+
+
+def usual_hold(camera: Camera, shape: TargetShape, distance_mm: tuple[float, float] | None = None) -> Habits:
+    """How a target may be held before a camera: so that it fills a good part of the image, or between two distances."""
+    near, far = (_distance_mm(camera, shape, fill) for fill in FILLS[::-1]) if distance_mm is None else distance_mm
+    return Habits((near, far), FACE_SHARE, READABLE_PITCH_PX, FEWEST_RINGS)
+
+
+def _distance_mm(camera: Camera, shape: TargetShape, fill: float) -> float:
+    """From where a target that faces the camera fills so much of the image."""
+    turn = np.stack([shape.axes[0], shape.axes[1], -shape.axes[2]]) if shape.is_flat else np.eye(3)
+    extent = float(np.ptp(shape.position_mm, axis=0).max())
+    near, far = 0.6 * extent, 1000.0 * extent
+    for _ in range(SIZING_STEPS):
+        middle = math.sqrt(near * far)
+        pose = make_pose(turn, np.array([0.0, 0.0, middle]) - turn @ shape.center_mm)
+        pixel = project(camera, transform(pose, shape.position_mm))
+        is_all = bool(np.isfinite(pixel).all())
+        if is_all and float((np.ptp(pixel, axis=0) / camera.image_size).max()) < fill:
+            far = middle
+        else:
+            near = middle
+    return far

@@ -1,0 +1,151 @@
+"""Photos to take of a camera that nobody has photos of: as few as make it known as well as wanted.
+
+They are chosen one after the other as `calib.verdict.next_views` chooses; then each is left out, or exchanged for a
+better one, as long as that helps (Fedorov 1972).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.refit import image_grid
+from calib.core.linear_algebra import symmetric_inverse
+from calib.solver.accuracy import share_px
+from calib.solver.calibration import Calibration
+from calib.verdict.choose_views import (
+    CandidatePhoto,
+    SoFar,
+    ViewChoice,
+    for_accuracy,
+    for_coverage,
+    new_area,
+    scene_of,
+    start_of,
+    with_photo,
+)
+from calib.verdict.information import image_change, sigma_px
+from calib.verdict.lit_part import lit_part
+from calib.verdict.views import Habits
+
+Array = NDArray[np.float64]
+
+FEWEST = 6
+"""So that halves of three photos each tell whether the stated deviations hold."""
+LITTLE_AREA = 0.005
+WORTH_A_SWAP = 0.98
+ROUNDS = 3
+"""Of exchanges, through all photos."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedViews:
+    """The photos of a plan, in the order to take them."""
+
+    cam_from_target: Array  # (V, 4, 4)
+    sigma_px: tuple[
+        float, ...
+    ]  # (V,) that 95 % of the image stays within after each, by noise; infinite: not yet known
+    covered: tuple[float, ...]  # (V,) of the image after each, 0 to 1
+    tilt_deg: Array  # (V,) of a flat target; nan: a solid
+    away: Array  # (V, 2) to its far side, right and down
+    distance_mm: Array  # (V,)
+    greedy_count: int  # photos before any was left out
+    is_reached: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Goal:
+    scene: ViewChoice
+    start: SoFar
+    change: Array  # (N, 2, Q)
+    pixels: int
+    goal_px: float
+    goal_covered: float
+
+    def after(self, photos: Sequence[CandidatePhoto]) -> SoFar:
+        so_far = self.start
+        for photo in photos:
+            so_far = with_photo(so_far, photo)
+        return so_far
+
+    def within_px(self, so_far: SoFar) -> float:
+        """What 95 % of the image stays within, by the photos alone; infinite if they leave something open."""
+        found = symmetric_inverse(so_far.told)
+        if int(found.rank) < len(so_far.told):
+            return float("inf")
+        return share_px(sigma_px(self.change, found.inverse), self.pixels)
+
+    def is_met(self, photos: Sequence[CandidatePhoto]) -> bool:
+        so_far = self.after(photos)
+        enough = len(photos) >= FEWEST and so_far.covered >= self.goal_covered
+        return enough and self.within_px(so_far) <= self.goal_px
+
+
+def planned_views(
+    before: Calibration, held: Habits, *, goal_px: float, goal_covered: float, most: int = 40
+) -> PlannedViews | None:
+    """The fewest photos that reach both goals, or the best `most` of them; None if the target cannot be held so.
+
+    Args:
+        before: of `calib.verdict.before_photos.calibration_before`.
+        held: how the target may be held.
+        goal_px: 95 % of the image is to be known so well (1 sigma), by the noise of the photos.
+        goal_covered: so much of the image is to be surrounded by sightings, 0 to 1.
+        most: photos at most.
+    """
+    scene = scene_of(before, None, held=held)
+    if scene is None or not len(scene.candidates.distance_mm):
+        return None
+    lit = lit_part(before)
+    pixels = int(lit.is_lit(image_grid(before.camera.image_size)).sum())
+    goal = _Goal(scene, start_of(scene, before), image_change(scene.known), pixels, goal_px, goal_covered)
+    greedy = _greedy(goal, most)
+    photos = _exchanged(goal, greedy) if goal.is_met(greedy) else greedy
+    so_far = [goal.after(photos[: number + 1]) for number in range(len(photos))]
+    views = scene.candidates[np.array([photo.row for photo in photos])]
+    return PlannedViews(
+        views.cam_from_target, tuple(goal.within_px(one) for one in so_far), tuple(one.covered for one in so_far),
+        views.tilt_deg, views.away, views.distance_mm, len(greedy), goal.is_met(photos),
+    )  # fmt: skip
+
+
+def _greedy(goal: _Goal, most: int) -> tuple[CandidatePhoto, ...]:
+    photos: list[CandidatePhoto] = []
+    while len(photos) < most and not goal.is_met(photos):
+        so_far = goal.after(photos)
+        wants_area = len(photos) >= FEWEST - 1 and goal.within_px(so_far) <= goal.goal_px
+        photo = for_coverage(goal.scene, so_far) if wants_area and so_far.covered < goal.goal_covered else None
+        if photo is not None and new_area(so_far, photo.area) < LITTLE_AREA:
+            break
+        photos.append(photo or next(for_accuracy(goal.scene, so_far)))
+    return tuple(photos)
+
+
+def _exchanged(goal: _Goal, photos: tuple[CandidatePhoto, ...]) -> tuple[CandidatePhoto, ...]:
+    """As few as still meet the goal: photos left out, and others put in their place."""
+    photos = _without_spare(goal, photos)
+    for _ in range(ROUNDS):
+        before = photos
+        for number in range(len(photos)):
+            rest = (*photos[:number], *photos[number + 1 :])
+            swapped = (*rest, next(for_accuracy(goal.scene, replace(goal.after(rest), chosen=()))))
+            is_better = goal.within_px(goal.after(swapped)) < WORTH_A_SWAP * goal.within_px(goal.after(photos))
+            if is_better and goal.is_met(swapped):
+                photos = swapped
+        photos = _without_spare(goal, photos)
+        if photos == before:
+            break
+    return photos
+
+
+def _without_spare(goal: _Goal, photos: tuple[CandidatePhoto, ...]) -> tuple[CandidatePhoto, ...]:
+    """Without those that are not needed, the least useful first."""
+    while len(photos) > FEWEST:
+        fewer = [(*photos[:number], *photos[number + 1 :]) for number in range(len(photos))]
+        met = [some for some in fewer if goal.is_met(some)]
+        if not met:
+            break
+        photos = min(met, key=lambda some: goal.within_px(goal.after(some)))
+    return photos

@@ -1,0 +1,53 @@
+"""Plans of photos before any photo."""
+
+import numpy as np
+import pytest
+
+from calib.core.types import KnownPoints
+from calib.solver.options import SolveOptions
+from calib.solver.solve import solve
+from calib.verdict.before_photos import calibration_before, usual_hold
+from calib.verdict.lit_part import lit_part, sigma_over_lit_px
+from calib.verdict.planned_views import FEWEST, PlannedViews, planned_views
+from calib.verdict.views import shape_of
+from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, observe
+
+CAMERA = CAMERAS["opencv"]
+
+
+def _plan(points: KnownPoints, goal_px: float) -> PlannedViews:
+    before = calibration_before(CAMERA, points, NOISE_PX)
+    shape = shape_of(before)
+    assert shape is not None
+    plan = planned_views(before, usual_hold(CAMERA, shape), goal_px=goal_px, goal_covered=0.7)
+    assert plan is not None
+    return plan
+
+
+@pytest.mark.parametrize("points", [board(), icosahedron()])
+def test_planned_photos_reach_what_they_promise(points: KnownPoints) -> None:
+    """A camera that is solved from the planned photos states what the plan promised, to a quarter."""
+    plan = _plan(points, 0.05)
+    assert plan.is_reached
+    assert plan.sigma_px[-1] <= 0.05
+    seen = observe(CAMERA, points, plan.cam_from_target, np.random.default_rng(1), noise_px=NOISE_PX, incidence_deg=70)
+    solved = solve(seen, "opencv", SolveOptions())
+    stated = sigma_over_lit_px(lit_part(solved), solved.param_covariance)
+    assert stated == pytest.approx(plan.sigma_px[-1], rel=0.25)
+
+
+def test_exchanges_never_need_more_photos() -> None:
+    """The plan is no longer than the list it was made from, and no shorter than halves need."""
+    plan = _plan(board(), 0.03)
+    assert FEWEST <= len(plan.sigma_px) <= plan.greedy_count
+
+
+def test_a_goal_out_of_reach_is_told() -> None:
+    """A plan that ends at the most photos before the goal is not called reached."""
+    before = calibration_before(CAMERA, board(), NOISE_PX)
+    shape = shape_of(before)
+    assert shape is not None
+    plan = planned_views(before, usual_hold(CAMERA, shape), goal_px=1e-4, goal_covered=0.7, most=7)
+    assert plan is not None
+    assert not plan.is_reached
+    assert len(plan.sigma_px) == 7
