@@ -176,7 +176,7 @@ def next_views(
             tells_sigma=wants_accuracy and after <= little_gain * shown,
             tells_area=wants_area and new_area(so_far, photo.area) > LITTLE_AREA,
         )  # fmt: skip
-        chosen.append(_view(scene, calibration, lit, photo, gain))
+        chosen.append(proposed_view(scene, calibration, lit, photo, gain))
         so_far, before, is_known = then, after, True
     return tuple(chosen)
 
@@ -189,7 +189,10 @@ def _more_accurate(
     return next((photo for photo in photos if within_px(so_far.told + photo.information) <= worth_px), None)
 
 
-def _view(scene: ViewChoice, calibration: Calibration, lit: LitPart, photo: CandidatePhoto, gain: ViewGain) -> NextView:
+def proposed_view(
+    scene: ViewChoice, calibration: Calibration, lit: LitPart, photo: CandidatePhoto, gain: ViewGain
+) -> NextView:
+    """A photo that was chosen, as it is told."""
     one = scene.candidates[np.array([photo.row])]
     pose = one.cam_from_target[0]
     outline = outline_px(calibration.camera, scene.shape, pose)
@@ -215,13 +218,13 @@ def _hold(
     """How a candidate is to be held, as plain numbers."""
     like = int(one.like_view[0])
     (left, top), (width, height) = (part.tolist() for part in (lit.box_px[0], lit.box_px[1] - lit.box_px[0] + 1))
-    usual_mm = float(np.median(np.linalg.norm(transform(calibration.cam_from_target, scene.shape.center_mm), axis=1)))
+    away_mm = np.linalg.norm(transform(calibration.cam_from_target, scene.shape.center_mm), axis=1)
     any_side = like < 0 or _is_same_from_any_side(scene, one)
     return Hold(
         place=place_of(outline, (width, height), (left, top)),
         off_axis_deg=_off_axis_deg(scene, one) if lit.off_axis_rad is not None else None,
         distance_mm=float(one.distance_mm[0]),
-        usual_distance_mm=None if scene.known.is_determined else usual_mm,
+        usual_distance_mm=None if scene.known.is_determined else float(np.median(away_mm)),
         tilt_deg=float(one.tilt_deg[0]),
         away=(float(one.away[0, 0]), float(one.away[0, 1])),
         long_side="" if scene.shape.aspect <= 1.15 or like >= 0 else "upright" if one.is_upright[0] else "level",

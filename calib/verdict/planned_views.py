@@ -26,13 +26,16 @@ from calib.verdict.choose_views import (
     with_photo,
 )
 from calib.verdict.information import image_change, sigma_px
-from calib.verdict.lit_part import lit_part
+from calib.verdict.lit_part import LitPart, lit_part
+from calib.verdict.next_view_words import ViewGain
+from calib.verdict.next_views import NextView, proposed_view
 from calib.verdict.views import Habits
 
 Array = NDArray[np.float64]
 
 FEWEST = 6
 """So that halves of three photos each tell whether the stated deviations hold."""
+MOST = 40
 LITTLE_AREA = 0.005
 WORTH_A_SWAP = 0.98
 ROUNDS = 3
@@ -43,14 +46,9 @@ ROUNDS = 3
 class PlannedViews:
     """The photos of a plan, in the order to take them."""
 
-    cam_from_target: Array  # (V, 4, 4)
-    sigma_px: tuple[
-        float, ...
-    ]  # (V,) that 95 % of the image stays within after each, by noise; infinite: not yet known
-    covered: tuple[float, ...]  # (V,) of the image after each, 0 to 1
-    tilt_deg: Array  # (V,) of a flat target; nan: a solid
-    away: Array  # (V, 2) to its far side, right and down
+    views: tuple[NextView, ...]  # deviations by the noise alone
     distance_mm: Array  # (V,)
+    tilt_deg: Array  # (V,) of a flat target; nan: a solid
     greedy_count: int  # photos before any was left out
     is_reached: bool
 
@@ -58,6 +56,7 @@ class PlannedViews:
 @dataclass(frozen=True, eq=False)
 class _Goal:
     scene: ViewChoice
+    lit: LitPart
     start: SoFar
     change: Array  # (N, 2, Q)
     pixels: int
@@ -84,7 +83,7 @@ class _Goal:
 
 
 def planned_views(
-    before: Calibration, held: Habits, *, goal_px: float, goal_covered: float, most: int = 40
+    before: Calibration, held: Habits, *, goal_px: float, goal_covered: float, most: int = MOST
 ) -> PlannedViews | None:
     """The fewest photos that reach both goals, or the best `most` of them; None if the target cannot be held so.
 
@@ -100,15 +99,24 @@ def planned_views(
         return None
     lit = lit_part(before)
     pixels = int(lit.is_lit(image_grid(before.camera.image_size)).sum())
-    goal = _Goal(scene, start_of(scene, before), image_change(scene.known), pixels, goal_px, goal_covered)
+    goal = _Goal(scene, lit, start_of(scene, before), image_change(scene.known), pixels, goal_px, goal_covered)
     greedy = _greedy(goal, most)
     photos = _exchanged(goal, greedy) if goal.is_met(greedy) else greedy
-    so_far = [goal.after(photos[: number + 1]) for number in range(len(photos))]
-    views = scene.candidates[np.array([photo.row for photo in photos])]
+    one_by_one = scene.candidates[np.array([photo.row for photo in photos])]
     return PlannedViews(
-        views.cam_from_target, tuple(goal.within_px(one) for one in so_far), tuple(one.covered for one in so_far),
-        views.tilt_deg, views.away, views.distance_mm, len(greedy), goal.is_met(photos),
-    )  # fmt: skip
+        _told(goal, before, photos), one_by_one.distance_mm, one_by_one.tilt_deg, len(greedy), goal.is_met(photos)
+    )
+
+
+def _told(goal: _Goal, before: Calibration, photos: Sequence[CandidatePhoto]) -> tuple[NextView, ...]:
+    """The photos as they are told, each with what is known and covered before and after it."""
+    views, so_far = [], goal.start
+    for photo in photos:
+        then = with_photo(so_far, photo)
+        gain = ViewGain(goal.within_px(so_far), goal.within_px(then), so_far.covered, then.covered, tells_area=True)
+        views.append(proposed_view(goal.scene, before, goal.lit, photo, gain))
+        so_far = then
+    return tuple(views)
 
 
 def _greedy(goal: _Goal, most: int) -> tuple[CandidatePhoto, ...]:
@@ -130,7 +138,8 @@ def _exchanged(goal: _Goal, photos: tuple[CandidatePhoto, ...]) -> tuple[Candida
         before = photos
         for number in range(len(photos)):
             rest = (*photos[:number], *photos[number + 1 :])
-            swapped = (*rest, next(for_accuracy(goal.scene, replace(goal.after(rest), chosen=()))))
+            best = next(for_accuracy(goal.scene, replace(goal.after(rest), chosen=())))
+            swapped = (*photos[:number], best, *photos[number + 1 :])
             is_better = goal.within_px(goal.after(swapped)) < WORTH_A_SWAP * goal.within_px(goal.after(photos))
             if is_better and goal.is_met(swapped):
                 photos = swapped

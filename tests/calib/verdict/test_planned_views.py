@@ -29,17 +29,24 @@ def test_planned_photos_reach_what_they_promise(points: KnownPoints) -> None:
     """A camera that is solved from the planned photos states what the plan promised, to a quarter."""
     plan = _plan(points, 0.05)
     assert plan.is_reached
-    assert plan.sigma_px[-1] <= 0.05
-    seen = observe(CAMERA, points, plan.cam_from_target, np.random.default_rng(1), noise_px=NOISE_PX, incidence_deg=70)
+    assert plan.views[-1].sigma_px_after <= 0.05
+    seen = observe(
+        CAMERA,
+        points,
+        np.stack([one.cam_from_target for one in plan.views]),
+        np.random.default_rng(1),
+        noise_px=NOISE_PX,
+        incidence_deg=70,
+    )
     solved = solve(seen, "opencv", SolveOptions())
     stated = sigma_over_lit_px(lit_part(solved), solved.param_covariance)
-    assert stated == pytest.approx(plan.sigma_px[-1], rel=0.25)
+    assert stated == pytest.approx(plan.views[-1].sigma_px_after, rel=0.25)
 
 
 def test_exchanges_never_need_more_photos() -> None:
     """The plan is no longer than the list it was made from, and no shorter than halves need."""
     plan = _plan(board(), 0.03)
-    assert FEWEST <= len(plan.sigma_px) <= plan.greedy_count
+    assert FEWEST <= len(plan.views) <= plan.greedy_count
 
 
 def test_a_goal_out_of_reach_is_told() -> None:
@@ -50,4 +57,4 @@ def test_a_goal_out_of_reach_is_told() -> None:
     plan = planned_views(before, usual_hold(CAMERA, shape), goal_px=1e-4, goal_covered=0.7, most=7)
     assert plan is not None
     assert not plan.is_reached
-    assert len(plan.sigma_px) == 7
+    assert len(plan.views) == 7
