@@ -106,8 +106,13 @@ def read_robot_poses(
 
 def robot_poses_to_csv(images: Sequence[str], base_from_flange: Array) -> bytes:
     """The text of a table, which `read_robot_poses` reads: photos and poses (V, 4, 4)."""
-    lines = [FIRST_LINE, "# base_from_flange of each photo", "image,x_mm,y_mm,z_mm,qx,qy,qz,qw"]
-    numbers = np.concatenate([base_from_flange[:, :3, 3], to_quaternion(base_from_flange[:, :3, :3])], axis=1)
+    return poses_to_csv((FIRST_LINE, "# base_from_flange of each photo"), images, base_from_flange)
+
+
+def poses_to_csv(head: Sequence[str], images: Sequence[str], pose: Array) -> bytes:
+    """The text of a table of poses (V, 4, 4) below some lines, in mm and as quaternions."""
+    lines = [*head, "image,x_mm,y_mm,z_mm,qx,qy,qz,qw"]
+    numbers = np.concatenate([pose[:, :3, 3], to_quaternion(pose[:, :3, :3])], axis=1)
     for image, row in zip(images, numbers.tolist(), strict=True):
         lines.append(",".join([csv_cell(image), *(f"{value:.9g}" for value in row)]))
     return ("\n".join(lines) + "\n").encode("utf-8", ANY_NAME)

@@ -10,6 +10,7 @@ from calib.core.se3 import invert
 from calib.core.types import freeze
 from calib.observe.robot_rotations import to_quaternion
 from calib.rigs.result import RigCalibration
+from calib.rigs.turntable import turned_by
 from calib.verdict.next_robot_poses import MOST_POSES, NextPose
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
@@ -53,6 +54,34 @@ class HandEye:
                 f"the camera does not sit on the flange: take frame_from_cam, which is in the {self.frame}'s"
             )
         return self.frame_from_cam
+
+    def base_from_flange(self, cam_from_target: Array) -> Array:
+        """Where a robot's flange is for the camera to see the target so: poses (..., 4, 4) for poses (..., 4, 4).
+
+        The target stands where it stood, or is held as it was held, when this was solved.
+
+        Raises:
+            InputError: no robot moves.
+        """
+        target_from_cam = invert(np.asarray(cam_from_target, dtype=np.float64))
+        if self.frame == "flange":
+            there: Array = self.carrier_from_target @ target_from_cam @ invert(self.frame_from_cam)
+            return there
+        if self.frame != "base":
+            raise InputError(f"a {self.carried} has no flange: take cam_from_target_on_table")
+        held: Array = self.frame_from_cam @ cam_from_target @ invert(self.carrier_from_target)
+        return held
+
+    def cam_from_target_on_table(self, angle_rad: Array) -> Array:
+        """How the camera sees the target at a turntable's angles (V,).  # (V, 4, 4)
+
+        Raises:
+            InputError: no table turns.
+        """
+        if self.frame != "table":
+            raise InputError(f"nothing turns on a table: what moves is a {self.carried}")
+        seen: Array = invert(self.frame_from_cam) @ turned_by(angle_rad) @ self.carrier_from_target
+        return seen
 
 
 HAND_EYE = FileKind(HandEye, "hand_eye", "a hand_eye.json", "solve it again")

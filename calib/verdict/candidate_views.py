@@ -113,6 +113,20 @@ def candidates_of(
     )  # fmt: skip
 
 
+def candidates_at(shape: TargetShape, cam_from_target: Array) -> CandidateViews:
+    """Photos of poses that are given (C, 4, 4), as a turntable has them, and no others."""
+    count = len(cam_from_target)
+    place = transform(cam_from_target, shape.center_mm)
+    tilt = np.full(count, np.nan)
+    if shape.is_flat:
+        tilt = np.degrees(np.arccos(np.abs(cam_from_target[:, 2, :3] @ shape.axes[2]).clip(max=1.0)))
+    none = np.zeros((count, 2))
+    return CandidateViews(
+        cam_from_target, none, np.linalg.norm(place, axis=1), tilt, none, np.zeros(count, dtype=np.bool_),
+        np.full(count, -1),
+    )  # fmt: skip
+
+
 def _depth_mm(shape: TargetShape) -> float:
     """How far the faces of a solid lie before its middle; 0 of a flat target."""
     before = ((shape.middle_mm - shape.center_mm) * shape.normal).sum(axis=1)

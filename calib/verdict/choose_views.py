@@ -19,6 +19,7 @@ from calib.verdict.candidate_views import (
     NEARER,
     CandidateViews,
     ShownPoints,
+    candidates_at,
     candidates_of,
     shown_in,
 )
@@ -107,6 +108,7 @@ def scene_of(
     factor: float = 1.0,
     prior: ShapePrior | None = None,
     held: Habits | None = None,
+    at: Array | None = None,
 ) -> ViewChoice | None:
     """The photos that could be taken and what they tell; None if no point lies on a known plane.
 
@@ -116,6 +118,7 @@ def scene_of(
         factor: that halves of the photos enlarge the standard deviations of the noise by.
         prior: of how the target was made; None: not known, or no matter.
         held: how the target may be held, and nowhere beyond; None: about as in the photos taken so far.
+        at: the only poses that it can have (C, 4, 4); None: any.
     """
     shape = shape_of(calibration)
     if shape is None:
@@ -125,7 +128,7 @@ def scene_of(
         habits = replace(habits, face_share=face_share)
     known, lit = knowledge_of(calibration), lit_part(calibration)
     reach = (NEARER, FARTHER) if held is None else (1.0, 1.0)
-    candidates = candidates_of(calibration, shape, habits, reach)
+    candidates = candidates_of(calibration, shape, habits, reach) if at is None else candidates_at(shape, at)
     is_read, covers = _read(lit.camera, shape, habits, candidates)
     ok = is_read.sum(axis=1) >= min(LEAST_RINGS, habits.rings)
     rows, faces = _some_points(shape), len(shape.normal)

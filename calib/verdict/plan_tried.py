@@ -5,6 +5,7 @@ That says what a plan is worth where nobody holds a target quite as it says, and
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,10 @@ from calib.solver.solve import solve
 from calib.solver.target_error import with_target_error
 from calib.verdict.candidate_views import shown_in
 from calib.verdict.lit_part import lit_part, sigma_over_lit_px
+from calib.verdict.next_views import MAX_PX
 from calib.verdict.views import Habits, TargetShape
 from designer.base.errors import InputError
+from designer.base.marks import AtLeast, AtMost, NullIs
 from designer.tolerance.made import Made
 
 Array = NDArray[np.float64]
@@ -28,12 +31,20 @@ TURNED_RAD, SHIFTED_MM, OF_DISTANCE = math.radians(5), 20.0, 0.05
 """Standard deviations of how a person holds a target who was told where, whichever shift is less; twice at most."""
 
 
+_Sigma = Annotated[float, AtLeast(0), AtMost(MAX_PX), NullIs(math.inf)]
+
+
 @dataclass(frozen=True)
 class TriedPlan:
     """What a camera states that was solved from photos taken after a plan: what 95 % of the image stays within."""
 
-    stated_px: float  # 1 sigma, with what the target's making may have done; infinite: not determined
-    noise_px: float  # by the noise alone
+    stated_px: _Sigma  # 1 sigma, with what the target's making may have done; infinite: not determined
+    by_noise_px: _Sigma  # by the noise alone
+
+    @property
+    def by_target_px(self) -> float:
+        """What the target's making adds, by the sum of squares."""
+        return math.sqrt(max(self.stated_px**2 - self.by_noise_px**2, 0.0)) if math.isfinite(self.stated_px) else 0.0
 
 
 def tried_plan(

@@ -47,6 +47,7 @@ class PlannedViews:
     """The photos of a plan, in the order to take them."""
 
     views: tuple[NextView, ...]  # deviations by the noise alone
+    gains: tuple[ViewGain, ...]  # the same in numbers
     distance_mm: Array  # (V,)
     tilt_deg: Array  # (V,) of a flat target; nan: a solid
     greedy_count: int  # photos before any was left out
@@ -83,7 +84,13 @@ class _Goal:
 
 
 def planned_views(
-    before: Calibration, held: Habits, *, goal_px: float, goal_covered: float, most: int = MOST
+    before: Calibration,
+    held: Habits,
+    *,
+    goal_px: float,
+    goal_covered: float,
+    most: int = MOST,
+    at: Array | None = None,
 ) -> PlannedViews | None:
     """The fewest photos that reach both goals, or the best `most` of them; None if the target cannot be held so.
 
@@ -93,8 +100,9 @@ def planned_views(
         goal_px: 95 % of the image is to be known so well (1 sigma), by the noise of the photos.
         goal_covered: so much of the image is to be surrounded by sightings, 0 to 1.
         most: photos at most.
+        at: the only poses that the target can have (C, 4, 4); None: any.
     """
-    scene = scene_of(before, None, held=held)
+    scene = scene_of(before, None, held=held, at=at)
     if scene is None or not len(scene.candidates.distance_mm):
         return None
     lit = lit_part(before)
@@ -102,21 +110,24 @@ def planned_views(
     goal = _Goal(scene, lit, start_of(scene, before), image_change(scene.known), pixels, goal_px, goal_covered)
     greedy = _greedy(goal, most)
     photos = _exchanged(goal, greedy) if goal.is_met(greedy) else greedy
-    one_by_one = scene.candidates[np.array([photo.row for photo in photos])]
+    one_by_one = scene.candidates[np.array([photo.row for photo in photos], dtype=np.int64)]
+    gains = _gains(goal, photos)
+    views = (proposed_view(scene, before, lit, photo, gain) for photo, gain in zip(photos, gains, strict=True))
     return PlannedViews(
-        _told(goal, before, photos), one_by_one.distance_mm, one_by_one.tilt_deg, len(greedy), goal.is_met(photos)
+        tuple(views), gains, one_by_one.distance_mm, one_by_one.tilt_deg, len(greedy), goal.is_met(photos)
     )
 
 
-def _told(goal: _Goal, before: Calibration, photos: Sequence[CandidatePhoto]) -> tuple[NextView, ...]:
-    """The photos as they are told, each with what is known and covered before and after it."""
-    views, so_far = [], goal.start
+def _gains(goal: _Goal, photos: Sequence[CandidatePhoto]) -> tuple[ViewGain, ...]:
+    """What is known and covered before and after each photo."""
+    gains, so_far = [], goal.start
     for photo in photos:
         then = with_photo(so_far, photo)
-        gain = ViewGain(goal.within_px(so_far), goal.within_px(then), so_far.covered, then.covered, tells_area=True)
-        views.append(proposed_view(goal.scene, before, goal.lit, photo, gain))
+        gains.append(
+            ViewGain(goal.within_px(so_far), goal.within_px(then), so_far.covered, then.covered, tells_area=True)
+        )
         so_far = then
-    return tuple(views)
+    return tuple(gains)
 
 
 def _greedy(goal: _Goal, most: int) -> tuple[CandidatePhoto, ...]:

@@ -1,0 +1,306 @@
+"""Photos to take of a camera, before any is taken: what `calib plan` does."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.api.loading import DISTANCES_MM, Place, Progress, camera_of, folder_of, target_of, unheard
+from calib.api.page_shown import ShownAsPage
+from calib.cameras import ABILITIES, COMMON, WIDE, fitted_models
+from calib.cameras.camera import Camera
+from calib.cameras.refit import refit
+from calib.cameras.surface import surface_model
+from calib.core.files import check_folder, named_in_files, write_files
+from calib.core.number_text import figure
+from calib.core.parallel import one_thread
+from calib.guide.settings import GuideSettings, settings_of
+from calib.records.hand_eye_file import HAND_EYE, HAND_EYE_FILE, HandEye
+from calib.records.plan_file import PLAN, PLAN_FILE, POSES_FILE, POSES_KIND, PlanRecord, plan_csv
+from calib.renderer.quantities import real, whole
+from calib.show.parts.kept_target import keep_target, target_words
+from calib.solver.calibration import Calibration
+from calib.verdict.before_photos import calibration_before, usual_hold
+from calib.verdict.criteria import STANDARD
+from calib.verdict.next_view_words import gain_words
+from calib.verdict.next_views import NextView
+from calib.verdict.plan_tried import TriedPlan, tried_plan
+from calib.verdict.planned_views import FEWEST, MOST, PlannedViews, planned_views
+from calib.verdict.verdict import Criteria
+from calib.verdict.views import Habits, TargetShape, shape_of
+from designer.base.answer import program
+from designer.base.errors import InputError
+from designer.base.own_files import require_ours
+from designer.base.small_file import place_of
+from designer.target import TargetGeometry
+
+Array = NDArray[np.float64]
+
+USUAL_NOISE_PX = 0.05
+"""Of a coordinate of a ring's centre in good light."""
+TRIES = 5
+ROUNDS = 4
+"""Of planning for less noise, where photos that were tried did not reach the goal."""
+TIGHTER, SPARE = 0.5, 0.97
+TABLE_STEP_DEG = 5.0
+HAND = "hand"
+GOALS_PX, NOISES_PX = (1e-3, 100.0), (1e-3, 10.0)
+MOST_ASKED = 100
+
+
+@dataclass(frozen=True, eq=False)
+class PlanResult(ShownAsPage):
+    """Photos to take: `found.record.photos[0].sentence`, `found.record.worst_px`.
+
+    In a notebook the result shows its page.
+    """
+
+    target: TargetGeometry
+    record: PlanRecord  # all that is told
+    kind = "plan"
+
+    def save(self, folder: Place) -> tuple[Path, ...]:
+        """Write `plan.json`, `plan.csv` and the target into a folder; return the files.
+
+        Raises:
+            InputError: the folder takes no files, or holds somebody else's.
+        """
+        place = folder_of(folder)
+        check_plan_folder(place)
+        is_again = (place / PLAN_FILE).exists()
+        files = {place / POSES_FILE: plan_csv(self.record), place / PLAN_FILE: PLAN.text(self.record)}
+        write_files(files)
+        return (*files, *keep_target(place, self.target, is_again=is_again))
+
+
+def check_plan_folder(folder: Path) -> None:
+    """Refuse a folder that takes no plan, before any work is done.
+
+    Raises:
+        InputError: the message names it.
+    """
+    check_folder(folder)
+    require_ours(folder / PLAN_FILE, kind=PLAN.format)
+    require_ours(folder / POSES_FILE, kind=POSES_KIND)
+
+
+@one_thread
+def plan(
+    target: TargetGeometry | Place,
+    camera: Camera | Place,
+    *,
+    within_px: float | None = None,
+    criteria: Criteria | str = STANDARD,
+    noise_px: float = USUAL_NOISE_PX,
+    distance_mm: tuple[float, float] | None = None,
+    most: int = MOST,
+    made: str | None = None,
+    hand_eye: HandEye | Place | None = None,
+    progress: Progress = unheard,
+) -> PlanResult:
+    """Plan the fewest photos that make a camera known as well as wanted: `plan("ico.target.json", "camera.json")`.
+
+    >>> found = calib.plan("ico.target.json", "gopro-hero", within_px=0.05)
+    >>> [photo.sentence for photo in found.record.photos]
+
+    Photos are chosen one after the other by what they tell, then left out and exchanged. Each plan is tried: photos
+    are simulated as a person holds the target (a robot exactly), and the camera is solved from them.
+
+    Args:
+        target: that will be photographed: a geometry, or its file.
+        camera: about as it is: a camera, its file, or a template.
+        within_px: what 95 % of the image is to stay within (1 sigma); None: as the criteria have it.
+        criteria: when a camera is good: a template's name, a file, or limits.
+        noise_px: standard deviation of a coordinate of a ring's centre.
+        distance_mm: nearest and farthest that the target may be; None: so that it fills a good part of the image.
+        most: photos at most.
+        made: how the target was made; None: assumed from the target.
+        hand_eye: what `calib hand-eye` or `calib turntable` found, its file, or its folder: poses are the robot's then,
+            or the table's angles.
+        progress: is told how many times the plan was tried.
+
+    Raises:
+        InputError: a file that cannot be read, options that break a rule, or a target that cannot be held so that it
+            is read.
+    """
+    geometry, given = target_of(target, "rings"), camera_of(camera)
+    settings = settings_of(geometry, criteria, made=made)
+    goal_px = settings.criteria["uncertainty"].good if within_px is None else real("--within", within_px, *GOALS_PX)
+    hand = _hand_of(hand_eye)
+    planned, said = _planned_camera(given)
+    before = calibration_before(planned, settings.points, real("--noise", noise_px, *NOISES_PX, " px"))
+    shape = shape_of(before)
+    if shape is None:
+        raise InputError("the target's points lie on no known plane, so what a photo shows of it is not known")
+    carried = _carried_by(hand, planned, shape, distance_mm)
+    wish = _Wish(settings, before, shape, carried, goal_px, whole("--most", most, FEWEST, MOST_ASKED))
+    found, tried = _worked_out(wish, progress)
+    record = _record(geometry, wish, found, tried, _named(target, camera, hand_eye), said)
+    return PlanResult(geometry, record)
+
+
+@dataclass(frozen=True, eq=False)
+class _Carried:
+    """What holds target or camera, and how it may."""
+
+    held: Habits
+    hand: HandEye | None = None  # None: a person holds the target
+    table_deg: Array | None = None  # (C,) that a table can have
+    at: Array | None = None  # (C, 4, 4) cam_from_target of these
+
+
+@dataclass(frozen=True, eq=False)
+class _Wish:
+    """What is asked for."""
+
+    settings: GuideSettings
+    before: Calibration
+    shape: TargetShape
+    carried: _Carried
+    goal_px: float
+    most: int
+
+    @property
+    def goal_covered(self) -> float:
+        """Of the image, 0 to 1; a table shows the target where it stands."""
+        return 0.0 if self.carried.at is not None else self.settings.criteria["coverage"].good / 100
+
+
+def _hand_of(hand_eye: HandEye | Place | None) -> HandEye | None:
+    if hand_eye is None or isinstance(hand_eye, HandEye):
+        return hand_eye
+    place = place_of(hand_eye, "a hand_eye.json, or its folder")
+    return HAND_EYE.read(place / HAND_EYE_FILE if place.is_dir() else place)
+
+
+def _planned_camera(camera: Camera) -> tuple[Camera, tuple[str, ...]]:
+    """The camera in a model that few photos determine, and what is to be said of it."""
+    if camera.model in fitted_models():
+        return camera, ()
+    surface = surface_model(camera.model)
+    plain = WIDE if ABILITIES[camera.model].is_wide else COMMON
+    found = refit(camera, plain if surface is None else surface.base.name)
+    near = figure(found.max_px, 2)
+    said = f"planned for the model {found.camera.model}, which is within {near} px of the camera's {camera.model}"
+    return found.camera, (said,)
+
+
+def _carried_by(
+    hand: HandEye | None, camera: Camera, shape: TargetShape, distance_mm: tuple[float, float] | None
+) -> _Carried:
+    """Who holds the target, and from where to where."""
+    reach = None if distance_mm is None else _distances(distance_mm)
+    held = usual_hold(camera, shape, reach)
+    if hand is None or hand.frame != "table":
+        return _Carried(held, hand)
+    if reach is not None:
+        raise InputError("--distance: a turntable's target stays where it stands; leave it out")
+    angle_deg = np.arange(0.0, 360.0, TABLE_STEP_DEG)
+    at = hand.cam_from_target_on_table(np.radians(angle_deg))
+    away = np.linalg.norm(at[:, :3, :3] @ shape.center_mm + at[:, :3, 3], axis=1)
+    return _Carried(replace(held, distance_mm=(float(away.min()), float(away.max()))), hand, angle_deg, at)
+
+
+def _distances(distance_mm: tuple[float, float]) -> tuple[float, float]:
+    near, far = (real("--distance", one, *DISTANCES_MM, " mm") for one in distance_mm)
+    if near > far:
+        raise InputError(f"--distance {near:g}..{far:g} mm: the smaller comes first")
+    return near, far
+
+
+def _worked_out(wish: _Wish, progress: Progress) -> tuple[PlannedViews, tuple[TriedPlan, ...]]:
+    """A plan that reaches the goal each time it is tried, or the last of a few."""
+    goal_px = wish.goal_px
+    for number in range(ROUNDS):
+        progress("trying the plan", number, ROUNDS)
+        found = planned_views(
+            wish.before, wish.carried.held, goal_px=goal_px, goal_covered=wish.goal_covered, most=wish.most,
+            at=wish.carried.at,
+        )  # fmt: skip
+        if found is None or not found.views:
+            raise InputError(_why_nothing(wish))
+        tried = _tried(wish, found)
+        worst = max(one.stated_px for one in tried)
+        if not found.is_reached or worst <= wish.goal_px or number == ROUNDS - 1:
+            break
+        goal_px *= max(TIGHTER, SPARE * wish.goal_px / worst)
+    return found, tried
+
+
+def _why_nothing(wish: _Wish) -> str:
+    near, far = (figure(one, 3) for one in wish.carried.held.distance_mm)
+    if wish.carried.at is not None:
+        return (
+            f"the turntable's target, {near} to {far} mm away, is not read at any angle: its rings are too small in "
+            "the image, or outside; give the hand_eye.json of this camera where it stands now"
+        )
+    return (
+        f"no photo from {near} to {far} mm away shows enough rings of the target; give other distances with "
+        "--distance, or a larger target"
+    )
+
+
+def _tried(wish: _Wish, found: PlannedViews) -> tuple[TriedPlan, ...]:
+    poses = np.stack([one.cam_from_target for one in found.views])
+    before, carried = wish.before, wish.carried
+    return tuple(
+        tried_plan(
+            before.camera, before.observations.points, wish.shape, carried.held, poses, before.scale,
+            wish.settings.made, np.random.default_rng(number), is_held_exactly=carried.hand is not None,
+        )
+        for number in range(TRIES)
+    )  # fmt: skip
+
+
+def _record(
+    target: TargetGeometry, wish: _Wish, found: PlannedViews, tried: tuple[TriedPlan, ...],
+    settings: Mapping[str, str], said: Sequence[str],
+) -> PlanRecord:  # fmt: skip
+    """What is told of a plan."""
+    carried, made = wish.carried, wish.settings.made
+    poses = np.stack([one.cam_from_target for one in found.views])
+    table_deg, flange = None, None
+    if carried.table_deg is not None:
+        rows = np.abs(carried.at - poses[:, None]).sum(axis=(2, 3)).argmin(axis=1)
+        table_deg = carried.table_deg[rows]
+    elif carried.hand is not None:
+        flange = carried.hand.base_from_flange(poses)
+    is_reached = found.is_reached and max(one.stated_px for one in tried) <= wish.goal_px
+    record = PlanRecord(
+        program=program(), settings=settings, geometry_id=target.geometry_id, target=target_words(target),
+        camera=wish.before.camera, made="" if made is None else made.sentence,
+        taken_by=HAND if carried.hand is None else carried.hand.carried, noise_px=wish.before.scale,
+        goal_px=wish.goal_px, goal_covered=wish.goal_covered, is_reached=is_reached,
+        photos=_photos(found, table_deg), distance_mm=found.distance_mm, tilt_deg=found.tilt_deg,
+        base_from_flange=flange, table_deg=table_deg, tried=tried, remarks=(),
+    )  # fmt: skip
+    return replace(record, remarks=(*said, *_remarks(record)))
+
+
+def _photos(found: PlannedViews, table_deg: Array | None) -> tuple[NextView, ...]:
+    """The photos as they are told: of a turntable by its angle."""
+    if table_deg is None:
+        return found.views
+    return tuple(
+        replace(view, sentence=f"turn the table to {angle:g} deg: {gain_words(gain)}")
+        for view, gain, angle in zip(found.views, found.gains, table_deg.tolist(), strict=True)
+    )
+
+
+def _remarks(record: PlanRecord) -> tuple[str, ...]:
+    """What a person must know of the numbers."""
+    said = ["the lens is taken to be one that its model follows, and photos to be sharp; calib run tells"]
+    if not record.made:
+        said.append("how the target was made is not known: its errors come on top; --made says how it was")
+    if record.base_from_flange is not None:
+        said.append("whether the robot reaches a pose without touching anything is not known: look before it moves")
+    return tuple(said)
+
+
+def _named(target: object, camera: object, hand_eye: object) -> Mapping[str, str]:
+    """The files that were given, for the record."""
+    given = (("target", target), ("camera", camera), ("hand-eye", hand_eye))
+    return {name: named_in_files(Path(one)) for name, one in given if isinstance(one, str | PathLike)}
