@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from calib.api.hand_eye import hand_eye, turntable
     from calib.api.loading import load_camera, load_observations, load_rig
     from calib.api.measuring import MeasureResult, RescaledTarget, measure, rescale
+    from calib.api.planning import PlanResult, plan
     from calib.api.posing import pose
     from calib.api.rendering import RenderedPhotos, render
     from calib.api.rendering_rigs import RenderedRig, render_rig
@@ -68,6 +69,7 @@ __all__ = [
     "MeasureResult",
     "NothingFoundError",
     "Observations",
+    "PlanResult",
     "PointSightings",
     "PoseResult",
     "RenderOptions",
@@ -102,6 +104,7 @@ __all__ = [
     "load_rig",
     "load_rig_observations",
     "measure",
+    "plan",
     "pose",
     "render",
     "render_rig",
@@ -167,6 +170,10 @@ _HOMES = {
         "RescaledTarget",
         "measure",
         "rescale",
+    ),
+    "calib.api.planning": (
+        "PlanResult",
+        "plan",
     ),
     "calib.api.posing": ("pose",),
     "calib.api.rendering": (

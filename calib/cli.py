@@ -11,6 +11,7 @@ from calib.commands.evaluate import evaluate
 from calib.commands.hand_eye import hand_eye
 from calib.commands.live import live
 from calib.commands.measure import measure
+from calib.commands.plan import plan
 from calib.commands.pose import pose
 from calib.commands.render import render
 from calib.commands.report import report
@@ -33,7 +34,7 @@ PRINT, MAKE, CALIBRATE, JUDGE, USE = "Print right", "Make photos", "Calibrate", 
 IN_SPACE = "Measure in space"
 TASKS: tuple[tuple[str, tuple[Command, ...]], ...] = (
     (PRINT, (coupon,)),
-    (CALIBRATE, (run_all, live, rig, hand_eye, turntable, detect, solve, measure)),
+    (CALIBRATE, (run_all, live, plan, rig, hand_eye, turntable, detect, solve, measure)),
     (JUDGE, (evaluate, report, diff)),
     (USE, (pose, undistort, convert)),
     (IN_SPACE, (triangulate, budget)),

@@ -1,5 +1,6 @@
 """Photos to take of a camera, before any is taken: what `calib plan` does."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from calib.api.loading import DISTANCES_MM, Place, Progress, camera_of, folder_of, target_of, unheard
 from calib.api.page_shown import ShownAsPage
-from calib.cameras import ABILITIES, COMMON, WIDE, fitted_models
+from calib.cameras import COMMON, WIDE, fitted_models
 from calib.cameras.camera import Camera
 from calib.cameras.refit import refit
 from calib.cameras.surface import surface_model
@@ -42,7 +43,7 @@ Array = NDArray[np.float64]
 USUAL_NOISE_PX = 0.05
 """Of a coordinate of a ring's centre in good light."""
 TRIES = 5
-ROUNDS = 4
+ROUNDS = 5
 """Of planning for less noise, where photos that were tried did not reach the goal."""
 TIGHTER, SPARE = 0.5, 0.97
 TABLE_STEP_DEG = 5.0
@@ -181,8 +182,8 @@ def _planned_camera(camera: Camera) -> tuple[Camera, tuple[str, ...]]:
     if camera.model in fitted_models():
         return camera, ()
     surface = surface_model(camera.model)
-    plain = WIDE if ABILITIES[camera.model].is_wide else COMMON
-    found = refit(camera, plain if surface is None else surface.base.name)
+    plain = {COMMON, WIDE} if surface is None else {COMMON, WIDE, surface.base.name}
+    found = min((refit(camera, model) for model in sorted(plain)), key=lambda one: one.max_px)
     near = figure(found.max_px, 2)
     said = f"planned for the model {found.camera.model}, which is within {near} px of the camera's {camera.model}"
     return found.camera, (said,)
@@ -212,22 +213,40 @@ def _distances(distance_mm: tuple[float, float]) -> tuple[float, float]:
 
 
 def _worked_out(wish: _Wish, progress: Progress) -> tuple[PlannedViews, tuple[TriedPlan, ...]]:
-    """A plan that reaches the goal each time it is tried, or the last of a few."""
-    goal_px = wish.goal_px
+    """The shortest of a few plans that reach the goal each time they are tried; the last one if none does."""
+    goal_px, passed_px, failed_px, best = wish.goal_px, 0.0, 0.0, None
     for number in range(ROUNDS):
-        progress("trying the plan", number, ROUNDS)
-        found = planned_views(
-            wish.before, wish.carried.held, goal_px=goal_px, goal_covered=wish.goal_covered, most=wish.most,
-            at=wish.carried.at,
-        )  # fmt: skip
-        if found is None or not found.views:
-            raise InputError(_why_nothing(wish))
+        progress("trying plans", number, 0)
+        found = _planned(wish, goal_px)
         tried = _tried(wish, found)
-        worst = max(one.stated_px for one in tried)
-        if not found.is_reached or worst <= wish.goal_px or number == ROUNDS - 1:
-            break
-        goal_px *= max(TIGHTER, SPARE * wish.goal_px / worst)
-    return found, tried
+        worst = max(tried, key=lambda one: one.stated_px)
+        if found.is_reached and worst.stated_px <= wish.goal_px:
+            best, passed_px = (found, tried), goal_px
+            if not failed_px:
+                break
+        else:
+            failed_px = goal_px
+            if best is None and (not found.is_reached or number == ROUNDS - 1):
+                return found, tried
+        if passed_px:
+            goal_px = math.sqrt(passed_px * failed_px)
+        else:
+            by_target_px = max(one.by_target_px for one in tried)
+            room_px = math.sqrt(max(wish.goal_px**2 - by_target_px**2, 0.0))
+            goal_px *= max(TIGHTER, SPARE * room_px / worst.by_noise_px)
+    if best is None:
+        raise AssertionError("neither reached nor given up")
+    return best
+
+
+def _planned(wish: _Wish, goal_px: float) -> PlannedViews:
+    found = planned_views(
+        wish.before, wish.carried.held, goal_px=goal_px, goal_covered=wish.goal_covered, most=wish.most,
+        at=wish.carried.at,
+    )  # fmt: skip
+    if found is None or not found.views:
+        raise InputError(_why_nothing(wish))
+    return found
 
 
 def _why_nothing(wish: _Wish) -> str:
@@ -263,7 +282,7 @@ def _record(
     carried, made = wish.carried, wish.settings.made
     poses = np.stack([one.cam_from_target for one in found.views])
     table_deg, flange = None, None
-    if carried.table_deg is not None:
+    if carried.table_deg is not None and carried.at is not None:
         rows = np.abs(carried.at - poses[:, None]).sum(axis=(2, 3)).argmin(axis=1)
         table_deg = carried.table_deg[rows]
     elif carried.hand is not None:

@@ -14,7 +14,7 @@ from calib.observe.robot_poses import poses_to_csv
 from calib.verdict.next_views import NextView
 from calib.verdict.plan_tried import TriedPlan
 from designer.base.file_kind import FileKind
-from designer.base.marks import OR_NULL, AtLeast, AtMost, Count, FewLines, Length, Line, Shape, Word
+from designer.base.marks import OR_NULL, AtLeast, AtMost, FewLines, Length, Line, Shape, Word
 
 Array = NDArray[np.float64]
 

@@ -13,6 +13,7 @@ from typing import TypeAlias, cast
 from calib.core.files import write_files
 from calib.records.budget_file import BUDGET_FILE
 from calib.records.coupon import COUPON_FILE
+from calib.records.plan_file import PLAN_FILE
 from calib.records.rig_file import is_rig_folder
 from calib.records.run_folder import is_run_folder
 from calib.records.triangulation_file import TRIANGULATION_FILE
@@ -48,6 +49,7 @@ KINDS: Mapping[str, str] = {
     "rig_poses": "photos.photos_page.photos_page",
     "triangulation": "space.triangulated.triangulation_page",
     "budget": "space.budgeted.budget_page",
+    "plan": "plan.page.plan_page",
 }
 """What builds the page of each kind of folder: a function below `calib.show`, loaded when it is needed."""
 REPLACED = (("detections", "calibration"),)
@@ -58,6 +60,10 @@ BY_FORMAT: Mapping[str, str] = {
     "ringsolid.rig_bootstrap": "rig_bootstrap",
 }  # fmt: skip
 """Formats of table.json and what the folder then is."""
+BY_FILE = (
+    (COUPON_FILE, "coupon"), (TRIANGULATION_FILE, "triangulation"), (BUDGET_FILE, "budget"), (PLAN_FILE, "plan"),
+)  # fmt: skip
+"""Files that only one kind of folder has."""
 OF_PAPER = "targets"
 """A study of the paper has a folder with the targets it made up."""
 HEAD_BYTES = 200
@@ -187,7 +193,7 @@ def _kind_in(folder: Path) -> str:
         return "paper" if kind == "bootstrap" and (folder / OF_PAPER).is_dir() else kind
     if any(folder.glob("*.as_built.json")):
         return "measure"
-    for name, kind in ((COUPON_FILE, "coupon"), (TRIANGULATION_FILE, "triangulation"), (BUDGET_FILE, "budget")):
+    for name, kind in BY_FILE:
         if (folder / name).is_file():
             return kind
     return read_photos(folder).kind if (folder / PHOTOS_FILE).is_file() else ""

@@ -56,6 +56,8 @@ ROUGH_PX = 3.0
 """Where the image is no better known than this, the lens may be another one, and what a photo will show with it."""
 SAME_FROM_ANY_SIDE = 1.15
 STEPS_ALONG_EDGE = 8
+FEWEST_OF_LINE = 8
+"""Places of an outline: of a face that is mostly beyond what a lens sees there is none."""
 
 
 MAX_PX = 1e7
@@ -259,6 +261,7 @@ def outline_px(camera: Camera, shape: TargetShape, cam_from_target: Array) -> tu
         edges = corner[:, None] + step * (np.roll(corner, -1, axis=0) - corner)[:, None]
         line = edges.reshape(-1, 3)
         pixel = project(camera, transform(cam_from_target, np.concatenate([line, line[:1]])))
-        if np.isfinite(pixel).all():
-            lines.append(pixel)
+        seen = pixel[np.isfinite(pixel).all(axis=1)]
+        if len(seen) > FEWEST_OF_LINE:
+            lines.append(seen)
     return tuple(lines)

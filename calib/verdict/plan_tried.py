@@ -4,7 +4,7 @@ That says what a plan is worth where nobody holds a target quite as it says, and
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, make_pose, transform
-from calib.core.types import KnownPoints, Observations
+from calib.core.types import KnownPoints, Observations, keep_views
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 
 TURNED_RAD, SHIFTED_MM, OF_DISTANCE = math.radians(5), 20.0, 0.05
 """Standard deviations of how a person holds a target who was told where, whichever shift is less; twice at most."""
+STILL_READ = 0.25
+"""Of a face: rings are named by their neighbours, so that a part of it is read which nobody would plan for."""
 
 
 _Sigma = Annotated[float, AtLeast(0), AtMost(MAX_PX), NullIs(math.inf)]
@@ -66,6 +68,8 @@ def tried_plan(
     """
     poses = cam_from_target if is_held_exactly else _held(cam_from_target, shape, rng)
     seen = _photographed(camera, points, shape, held, poses, noise_px, rng)
+    if not seen.view_count:
+        return TriedPlan(math.inf, math.inf)
     try:
         found = solve(seen, camera.model, SolveOptions())
     except InputError:
@@ -94,9 +98,12 @@ def _photographed(
     rng: np.random.Generator,
 ) -> Observations:  # fmt: skip
     """What is found in the photos."""
-    shown = shown_in(camera, shape, held, poses, np.arange(len(shape.face)))
-    view, row = np.nonzero(shown.is_read)
+    still = replace(held, face_share=min(held.face_share, STILL_READ))
+    shown = shown_in(camera, shape, still, poses, np.arange(len(shape.face)))
+    is_read = shown.is_read & (shown.is_read.sum(axis=1, keepdims=True) >= held.rings)
+    view, row = np.nonzero(is_read)
     point = np.flatnonzero(points.face >= 0)[row]
     pixel = shown.pixel[view, row] + noise_px * rng.standard_normal((len(view), 2))
     names = tuple(map(str, range(1, len(poses) + 1)))
-    return Observations(camera.image_size, names, view, point, pixel, None, points)
+    seen = Observations(camera.image_size, names, view, point, pixel, None, points)
+    return keep_views(seen, is_read.any(axis=1))

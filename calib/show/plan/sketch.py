@@ -1,0 +1,78 @@
+"""What a photo of a plan will show: the target as the camera sees it."""
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import project
+from calib.cameras.camera import Camera
+from calib.core.se3 import transform
+from designer.page.blocks import Raster
+from designer.page.pictures import thumbnail
+from designer.target import TargetGeometry
+
+Array = NDArray[np.float64]
+
+WIDTH_PX = 480
+FINER = 2
+"""Drawn so many times larger than shown."""
+BEHIND, BODY, INK = 205, 250, 35
+STEPS_OF_EDGE, STEPS_OF_RING = 8, 20
+SHIFT = 4
+"""Bits of a fraction of a pixel."""
+FAR_OUT = 4.0
+"""Widths of an image: what is projected farther off is not drawn."""
+
+
+def sketch(camera: Camera, target: TargetGeometry, cam_from_target: Array) -> Raster:
+    """The photo as a small picture in greys.
+
+    Args:
+        camera: that takes it.
+        target: that it shows.
+        cam_from_target: where.  # (4, 4)
+    """
+    width, height = camera.image_size
+    scale = WIDTH_PX * FINER / width
+    canvas = np.full((max(round(height * scale), 1), WIDTH_PX * FINER), BEHIND, dtype=np.uint8)
+    eye = -cam_from_target[:3, :3].T @ cam_from_target[:3, 3]
+    frame = target.target_from_face
+    looks = ((eye - frame[:, :3, 3]) * frame[:, :3, 2]).sum(axis=1) > 0
+    for face in np.flatnonzero(looks).tolist():
+        for outline, grey in ((target.outline_mm[face], INK), (target.window_mm[face], BODY)):
+            _fill(canvas, _pixels(camera, cam_from_target @ frame[face], _edges(outline), scale), grey)
+    shown = np.flatnonzero(looks[target.ring_face])
+    for radius_mm, grey in ((target.radius_outer_mm, INK), (target.radius_inner_mm, BODY)):
+        for row in shown[radius_mm[shown] > 0].tolist():
+            placed = cam_from_target @ frame[target.ring_face[row]]
+            circle = target.center_in_face_mm[row, :2] + radius_mm[row] * _CIRCLE
+            _fill(canvas, _pixels(camera, placed, circle, scale), grey)
+    return thumbnail(canvas, WIDTH_PX)
+
+
+_ANGLES = np.linspace(0, 2 * math.pi, STEPS_OF_RING, endpoint=False)
+_CIRCLE = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
+
+
+def _edges(outline: Array) -> Array:
+    """A polygon (K, 2) with points along its sides, which a lens bends."""
+    step = np.linspace(0, 1, STEPS_OF_EDGE, endpoint=False)[:, None]
+    line: Array = (outline[:, None] + step * (np.roll(outline, -1, axis=0) - outline)[:, None]).reshape(-1, 2)
+    return line
+
+
+def _pixels(camera: Camera, cam_from_face: Array, line: Array, scale: float) -> Array:
+    """Those points of a face (N, 2) that are seen, in the picture."""
+    place = transform(cam_from_face, np.column_stack([line, np.zeros(len(line))]))
+    pixel: Array = (project(camera, place) + 0.5) * scale - 0.5
+    with np.errstate(invalid="ignore"):
+        near: Array = pixel[np.abs(pixel).max(axis=1) < FAR_OUT * WIDTH_PX * FINER]
+    return near
+
+
+def _fill(canvas: NDArray[np.uint8], pixel: Array, grey: int) -> None:
+    if len(pixel) > 2:
+        corner = np.round(pixel * 2**SHIFT).astype(np.int32)
+        cv2.fillPoly(canvas, [corner], [grey], lineType=cv2.LINE_AA, shift=SHIFT)

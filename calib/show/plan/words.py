@@ -1,0 +1,108 @@
+"""What is told of a plan of photos, on its page and on the screen."""
+
+import math
+
+from calib.core.number_text import figure as digits
+from calib.records.plan_file import PlanRecord, photo_names
+from calib.show.parts.folder_blocks import number
+from designer.base.words import capital, printable
+from designer.page.blocks import Cell, Column, Finding, Findings, Headline, Table
+
+HAND = "hand"
+MOST_OF_IT = 0.7
+"""Of what is left of the image's deviation: so much by one part is named as what is in the way."""
+
+
+def headline_of(record: PlanRecord) -> Headline:
+    """How many photos, and what they reach."""
+    count = len(record.photos)
+    photos = f"{count} photo{'s' * (count > 1)}"
+    wanted = f"wanted is {digits(record.goal_px, 2)} px"
+    if not math.isfinite(record.worst_px):
+        sentence = f"{photos} do not determine the camera each time they are tried; {wanted}."
+        return Headline("bad", "not reached", sentence)
+    reached = f"95 % of the image is known to {digits(record.worst_px, 2)} px (1 sigma) or better"
+    if record.is_reached:
+        return Headline("good", photos, f"{reached} in the worst of {len(record.tried)} simulated tries; {wanted}.")
+    return Headline(
+        "bad", "not reached", f"{reached} with {photos}, tried {len(record.tried)} times: {wanted}{_missing(record)}."
+    )
+
+
+def _missing(record: PlanRecord) -> str:
+    """What is in the way of the goal, and what helps."""
+    worst = max(record.tried, key=lambda one: one.stated_px)
+    if worst.stated_px > record.goal_px and worst.by_target_px > MOST_OF_IT * worst.stated_px:
+        return (
+            f". The target's making is {digits(worst.by_target_px, 2)} px of it: one that is made better, or measured "
+            "with calib measure, helps more than photos"
+        )
+    if record.covered < record.goal_covered:
+        return f", and {100 * record.goal_covered:.0f} % of the image, of which {100 * record.covered:.0f} % is covered"
+    if record.table_deg is not None:
+        return ". From where it stands the camera sees too little: move it between two turns of the table"
+    return ". More photos (--most), or other distances (--distance), may do"
+
+
+def facts_of(record: PlanRecord) -> tuple[tuple[str, str], ...]:
+    """Of what, and under which conditions."""
+    camera = record.camera
+    width, height = camera.image_size
+    ways = {HAND: "hand, within 5° and 20 mm or 5 % of the distance of what is said (1 sigma)"}
+    near, far = float(record.distance_mm.min(initial=math.inf)), float(record.distance_mm.max(initial=0.0))
+    away = digits(near, 3) if digits(near, 3) == digits(far, 3) else f"{digits(near, 3)} to {digits(far, 3)}"
+    return (
+        ("target", printable(record.target)),
+        ("camera", f"{camera.model}, {width} x {height} px, focal length {digits(float(camera.params[0]), 4)} px"),
+        *((f"{name} file", printable(text)) for name, text in record.settings.items()),
+        ("taken by", ways.get(record.taken_by, printable(record.taken_by))),
+        ("distance", f"{away} mm"),
+        ("covered", f"{100 * record.covered:.0f} % of the image"),
+        ("noise", f"{digits(record.noise_px, 2)} px, of a coordinate of a ring's centre"),
+    )  # fmt: skip
+
+
+def findings_of(record: PlanRecord) -> Findings:
+    """What a person must know."""
+    lines = (*((record.made,) if record.made else ()), *record.remarks)
+    return Findings(tuple(Finding("note", "", capital(printable(line))) for line in lines))
+
+
+def sentences_of(record: PlanRecord) -> tuple[str, ...]:
+    """The photos in their order, as a person takes them: what each is worth by the noise alone stands in a table."""
+    return tuple(capital(printable(photo.sentence.partition(": ")[0])) for photo in record.photos)
+
+
+def tries_table(record: PlanRecord) -> Table:
+    """What each try of the plan came to."""
+    heads = (
+        Column("try"), Column("95 % within px", note="of the image, 1 sigma, with the target's making"),
+        Column("by noise px"), Column("by the target px", note="by its making"),
+    )  # fmt: skip
+    return Table("", heads, tuple(
+        (Cell(str(row), float(row)), _sigma(one.stated_px), _sigma(one.by_noise_px), _sigma(one.by_target_px))
+        for row, one in enumerate(record.tried, start=1)
+    ))  # fmt: skip
+
+
+def _sigma(value: float) -> Cell:
+    return number(value, 2) if math.isfinite(value) else Cell("not determined")
+
+
+def photos_table(record: PlanRecord) -> Table:
+    """The photos with their numbers."""
+    heads = (
+        Column("photo", is_number=False), Column("distance mm"), Column("tilt °", note="of a flat target"),
+        Column("turntable °"), Column("then 95 % within px", note="by the noise alone, if all is held as planned"),
+        Column("covered %", note="of the image, with those before"),
+    )  # fmt: skip
+    tables = [math.nan] * len(record.photos) if record.table_deg is None else record.table_deg.tolist()
+    rows = zip(
+        photo_names(len(record.photos)), record.photos, record.distance_mm.tolist(), record.tilt_deg.tolist(), tables,
+        strict=True,
+    )  # fmt: skip
+    return Table("", heads, tuple(
+        (Cell(name), number(distance), number(tilt, 2), number(angle), _sigma(photo.sigma_px_after),
+         number(100 * photo.covered_after, 2))
+        for name, photo, distance, tilt, angle in rows
+    ), visible_rows=40)  # fmt: skip
