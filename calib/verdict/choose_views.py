@@ -53,6 +53,8 @@ STRANGE = 0.2
 """A distance beyond the used ones by a factor of two must be worth this share more."""
 AGAIN = 0.1
 """The same for a place that was proposed already, because the lens may be less even than its model takes it to be."""
+THE_SAME = 10.0
+"""A factor for the very same photo once more: it averages the noise, and none of what is wrong in each photo."""
 WORTH_OF_NEW = 0.2
 """The same for a photo that shows nothing where nothing was seen yet, against the one that shows most there."""
 MOST_FOR_NEW = 0.5
@@ -267,6 +269,7 @@ def _effort(scene: ViewChoice, so_far: SoFar) -> Array:
     beyond = np.maximum(np.log2(near / distance), np.log2(distance / far)).clip(min=0.0)
     again: NDArray[np.bool_] = np.asarray((place[:, None] == place[list(so_far.chosen)]).all(axis=2).any(axis=1))
     effort: Array = np.asarray((1 + STRANGE * beyond) * (1 + AGAIN * again))
+    effort[list(so_far.chosen)] *= THE_SAME
     return effort
 
 

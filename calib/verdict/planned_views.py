@@ -5,7 +5,7 @@ better one, as long as that helps (Fedorov 1972).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,7 +149,7 @@ def _exchanged(goal: _Goal, photos: tuple[CandidatePhoto, ...]) -> tuple[Candida
         before = photos
         for number in range(len(photos)):
             rest = (*photos[:number], *photos[number + 1 :])
-            best = next(for_accuracy(goal.scene, replace(goal.after(rest), chosen=())))
+            best = next(for_accuracy(goal.scene, goal.after(rest)))
             swapped = (*photos[:number], best, *photos[number + 1 :])
             is_better = goal.within_px(goal.after(swapped)) < WORTH_A_SWAP * goal.within_px(goal.after(photos))
             if is_better and goal.is_met(swapped):

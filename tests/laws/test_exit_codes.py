@@ -59,6 +59,7 @@ DESIGN = (
     Case(("no-command",), 2),
 )
 RENDER_RIG = ("render", "board.target.json", "--rig", "pair.rig.json", "--frames", "1", "--jobs", "1", "-o", "o")
+PLAN = ("plan", "board.target.json", "--camera", "camera.json")
 CALIB = (
     Case(("target", "board.target.json"), 0),
     Case(("target", "camera.json"), 2),
@@ -104,6 +105,9 @@ CALIB = (
     Case(("triangulate", "pair.rig.json", "detections.csv", "-o", "out"), 2),
     Case(("budget", "pair.rig.json", "--distance", "15cm..40cm", "-o", "out"), 0),
     Case(("budget", "pair.rig.json", "--volume", "0..1,0..1mm", "-o", "out"), 2),
+    Case((*PLAN, "--made", "exact", "--within", "2px", "-o", "out"), 0),
+    Case((*PLAN, "--made", "exact", "--within", "0.001px", "--most", "6", "-o", "out"), 1),
+    Case((*PLAN, "--within", "0px", "-o", "out"), 2),
     Case(("rig", "--table", "rig.csv", "--model", "opencv", "-o", "out", "--no-page"), 0),
     Case(("rig", "board.target.json", "photos", "blank", "-o", "out"), 2),
     Case(("rig", "board.target.json", "--table", "blind.csv", "-o", "out", "--no-page"), 1),

@@ -57,11 +57,9 @@ def plan_page(folder: Path, origin: Origin) -> Page:
     record = PLAN.read(folder / PLAN_FILE)
     target, why = kept_target(folder, record.geometry_id)
     lacks = Findings((Finding("usable", "Not on this page", why),)) if why else None
-    photos: list[Block] = [Steps(sentences_of(record))]
-    if target is not None:
-        photos.append(_pictures(record, target))
+    photos: Block = Steps(sentences_of(record)) if target is None else _pictures(record, target)
     sections = [
-        Section("The photos", tuple(photos), lead="In this order; left, right, top and bottom are those of the image."),
+        Section("The photos", (photos,), lead="In this order; left, right, top and bottom are those of the image."),
         Section("What they are worth", (_curve(record), tries_table(record), findings_of(record)), lead=TRIED),
         Section("In numbers", (photos_table(record),)),
     ]
@@ -94,7 +92,7 @@ def _curve(record: PlanRecord) -> Figure:
 
 
 def _draw(axes: "Axes", record: PlanRecord) -> None:
-    from matplotlib.ticker import MaxNLocator
+    from matplotlib.ticker import LogLocator, MaxNLocator
 
     after = np.array([photo.sigma_px_after for photo in record.photos])
     tried = np.array([one.stated_px for one in record.tried])
@@ -106,11 +104,12 @@ def _draw(axes: "Axes", record: PlanRecord) -> None:
     )
     axes.axhline(record.goal_px, color=GREY, linestyle="--", label="wanted")
     axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.legend(loc="upper right")
-    open_axes(axes, "photos", "95 % of the image within, px (1 sigma)")
+    open_axes(axes, "photos", "95 % within, px (1 sigma)")
 
 
 def _scene(record: PlanRecord, target: TargetGeometry) -> View3d:

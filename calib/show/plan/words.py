@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from calib.core.number_text import figure as digits
 from calib.records.plan_file import PlanRecord, photo_names
 from calib.show.parts.folder_blocks import number
@@ -19,7 +21,7 @@ def headline_of(record: PlanRecord) -> Headline:
     photos = f"{count} photo{'s' * (count > 1)}"
     wanted = f"wanted is {digits(record.goal_px, 2)} px"
     if not math.isfinite(record.worst_px):
-        sentence = f"{photos} do not determine the camera each time they are tried; {wanted}."
+        sentence = f"{photos} do not determine the camera each time they are tried: {wanted}{_missing(record)}."
         return Headline("bad", "not reached", sentence)
     reached = f"95 % of the image is known to {digits(record.worst_px, 2)} px (1 sigma) or better"
     if record.is_reached:
@@ -32,7 +34,7 @@ def headline_of(record: PlanRecord) -> Headline:
 def _missing(record: PlanRecord) -> str:
     """What is in the way of the goal, and what helps."""
     worst = max(record.tried, key=lambda one: one.stated_px)
-    if worst.stated_px > record.goal_px and worst.by_target_px > MOST_OF_IT * worst.stated_px:
+    if math.isfinite(worst.stated_px) and worst.by_target_px > MOST_OF_IT * worst.stated_px:
         return (
             f". The target's making is {digits(worst.by_target_px, 2)} px of it: one that is made better, or measured "
             "with calib measure, helps more than photos"
@@ -91,18 +93,26 @@ def _sigma(value: float) -> Cell:
 
 def photos_table(record: PlanRecord) -> Table:
     """The photos with their numbers."""
-    heads = (
-        Column("photo", is_number=False), Column("distance mm"), Column("tilt °", note="of a flat target"),
-        Column("turntable °"), Column("then 95 % within px", note="by the noise alone, if all is held as planned"),
-        Column("covered %", note="of the image, with those before"),
-    )  # fmt: skip
-    tables = [math.nan] * len(record.photos) if record.table_deg is None else record.table_deg.tolist()
-    rows = zip(
-        photo_names(len(record.photos)), record.photos, record.distance_mm.tolist(), record.tilt_deg.tolist(), tables,
-        strict=True,
-    )  # fmt: skip
-    return Table("", heads, tuple(
-        (Cell(name), number(distance), number(tilt, 2), number(angle), _sigma(photo.sigma_px_after),
-         number(100 * photo.covered_after, 2))
-        for name, photo, distance, tilt, angle in rows
-    ), visible_rows=40)  # fmt: skip
+    photos = record.photos
+    columns: list[tuple[Column, list[Cell]]] = [
+        (Column("photo", is_number=False), [Cell(name) for name in photo_names(len(photos))]),
+        (Column("distance mm"), [number(value) for value in record.distance_mm.tolist()]),
+    ]
+    if np.isfinite(record.tilt_deg).any():
+        columns.append(
+            (Column("tilt °", note="against the image"), [number(one, 2) for one in record.tilt_deg.tolist()])
+        )
+    if record.table_deg is not None:
+        columns.append((Column("turntable °"), [number(one) for one in record.table_deg.tolist()]))
+    columns += [
+        (
+            Column("then 95 % within px", note="by the noise alone, if all is held as planned"),
+            [_sigma(photo.sigma_px_after) for photo in photos],
+        ),
+        (
+            Column("covered %", note="of the image, with those before"),
+            [number(100 * photo.covered_after, 2) for photo in photos],
+        ),
+    ]
+    rows = zip(*(cells for _, cells in columns), strict=True)
+    return Table("", tuple(head for head, _ in columns), tuple(rows), visible_rows=40)

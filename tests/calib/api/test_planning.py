@@ -1,0 +1,155 @@
+"""Plans of photos: what they promise holds, and robots and turntables get the poses that were planned."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import calib
+from calib.api.planning import PlanResult
+from calib.cameras import project
+from calib.core.se3 import angles_between, exp_rotation, invert, make_pose, transform
+from calib.observe.robot_poses import read_robot_poses
+from calib.records.hand_eye_file import HAND_EYE, HandEye
+from calib.records.plan_file import PLAN
+from calib.show.parts.origin import origin_of
+from calib.show.plan.page import plan_page
+from calib.show.plan.words import headline_of
+from designer.base.errors import InputError
+from designer.page.blocks import Gallery
+from tests.support.designs import small
+from tests.support.solver_scenes import CAMERAS
+
+CAMERA = CAMERAS["opencv"]
+BOARD = small("board").target
+NEAR_MM = (80.0, 250.0)
+GOAL_PX = 0.3
+
+
+def _placed(x: float, y: float, z: float, *turn: float) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    return make_pose(exp_rotation(np.array(turn)), np.array([x, y, z]))
+
+
+CAM = _placed(30, -20, 60, 0.1, -0.2, 1.0)
+AWAY = _placed(400, 100, 50, 0.3, 0.1, -0.4)
+
+
+def _hand(carried: str, frame: str, frame_from_cam: object = CAM, carrier_from_target: object = AWAY) -> HandEye:
+    return HandEye(
+        carried, frame, np.asarray(frame_from_cam), np.array([0.0, 0.0, 0.0, 1.0]), None,
+        np.asarray(carrier_from_target), 1e-4, 0.05, 1.0, 0.0,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def planned() -> PlanResult:
+    """Of a small board that is as drawn, held by a person."""
+    return calib.plan(BOARD, CAMERA, made="exact", distance_mm=NEAR_MM, within_px=GOAL_PX)
+
+
+def test_the_promise_is_what_the_tries_came_to(planned: PlanResult) -> None:
+    """Reached is what every try reached; the headline quotes the worst of them."""
+    record = planned.record
+    assert record.is_reached
+    assert record.worst_px == max(one.stated_px for one in record.tried) <= GOAL_PX
+    assert len(record.tried) > 2
+    assert len({one.stated_px for one in record.tried}) == len(record.tried)
+    assert headline_of(record).word == f"{len(record.photos)} photos"
+    assert NEAR_MM[0] * 0.99 <= record.distance_mm.min() <= record.distance_mm.max() <= NEAR_MM[1] * 1.01
+
+
+def test_a_harder_goal_takes_more_photos(planned: PlanResult) -> None:
+    """Photos are added for a goal, and what the goal is out of is said."""
+    goal_px = planned.record.worst_px / 1.5
+    harder = calib.plan(BOARD, CAMERA, made="exact", distance_mm=NEAR_MM, within_px=goal_px).record
+    assert harder.is_reached
+    assert len(harder.photos) > len(planned.record.photos)
+    made = calib.plan(BOARD, CAMERA, made="hand-stickers", distance_mm=NEAR_MM, within_px=0.02, most=8).record
+    assert not made.is_reached
+    assert max(one.by_target_px for one in made.tried) > max(one.by_target_px for one in harder.tried) == 0
+    assert "made better" in headline_of(made).sentence
+
+
+def test_the_files_and_the_page_are_the_plan(planned: PlanResult, tmp_path: Path) -> None:
+    """The folder reads back; the page shows each photo as it is told; poses of a person are the camera's own."""
+    planned.save(tmp_path)
+    record = PLAN.read(tmp_path / "plan.json")
+    assert np.array_equal(record.photos[0].cam_from_target, planned.record.photos[0].cam_from_target)
+    page = plan_page(tmp_path, origin_of("plan", "calib plan", record.program))
+    (gallery,) = [block for section in page.sections for block in section.blocks if isinstance(block, Gallery)]
+    assert len(gallery.pictures) == len(record.photos)
+    assert all(
+        record.photos[k].sentence.lower().startswith(one.caption.lower()) for k, one in enumerate(gallery.pictures)
+    )
+    read = read_robot_poses(tmp_path / "plan.csv")
+    assert np.allclose(read.base_from_flange, [one.cam_from_target for one in record.photos], atol=1e-6)
+    (tmp_path / "plan.csv").write_text("mine\n")
+    with pytest.raises(InputError, match=r"plan\.csv"):
+        planned.save(tmp_path)
+
+
+@pytest.mark.parametrize("frame", ["flange", "base"])
+def test_a_robot_shows_what_was_planned(frame: str, tmp_path: Path) -> None:
+    """The flange's poses in plan.csv, taken through the robot's own chain, show the target where the plan has it."""
+    hand = _hand("robot, camera in hand" if frame == "flange" else "robot, target in hand", frame)
+    (tmp_path / "hand_eye.json").write_bytes(HAND_EYE.text(hand))
+    found = calib.plan(BOARD, CAMERA, made="exact", distance_mm=NEAR_MM, within_px=GOAL_PX, hand_eye=tmp_path)
+    found.save(tmp_path / "out")
+    flange = read_robot_poses(tmp_path / "out" / "plan.csv").base_from_flange
+    if frame == "flange":  # cam <- flange <- base <- target
+        seen = invert(hand.frame_from_cam) @ invert(flange) @ hand.carrier_from_target
+    else:  # cam <- base <- flange <- target
+        seen = invert(hand.frame_from_cam) @ flange @ hand.carrier_from_target
+    planned = np.stack([one.cam_from_target for one in found.record.photos])
+    assert angles_between(seen[:, :3, :3], planned[:, :3, :3]).max() < 1e-7
+    assert np.allclose(seen[:, :3, 3], planned[:, :3, 3], atol=1e-5)
+    with pytest.raises(InputError, match="nothing turns"):
+        hand.cam_from_target_on_table(np.zeros(1))
+
+
+def test_a_turntable_gets_angles() -> None:
+    """A table shows the target only as it can turn it, and says so in degrees."""
+    target = small("ico").target
+    cam_from_table = make_pose(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), np.array([5.0, 4.0, 58.0]))
+    hand = _hand("turntable", "table", invert(cam_from_table), np.eye(4))
+    found = calib.plan(target, CAMERA, made="exact", within_px=1.0, hand_eye=hand).record
+    assert found.is_reached
+    assert found.table_deg is not None
+    seen = hand.cam_from_target_on_table(np.radians(found.table_deg))
+    assert np.allclose(seen, [one.cam_from_target for one in found.photos])
+    assert f"turn the table to {found.table_deg[0]:g} deg" in found.photos[0].sentence
+    assert len(set(found.table_deg.tolist())) == len(found.photos)
+    with pytest.raises(InputError, match="leave it out"):
+        calib.plan(target, CAMERA, hand_eye=hand, distance_mm=NEAR_MM)
+    far = replace(hand, frame_from_cam=hand.frame_from_cam @ _placed(0, 0, -5000, 0, 0, 0))
+    with pytest.raises(InputError, match="not read at any angle"):
+        calib.plan(target, CAMERA, hand_eye=far)
+
+
+@pytest.mark.parametrize(
+    ("wish", "said"),
+    [
+        ({"distance_mm": (300.0, 100.0)}, "smaller comes first"),
+        ({"distance_mm": (5000.0, 9000.0)}, "no photo from"),
+        ({"within_px": 0.0}, "--within 0"),
+        ({"noise_px": float("nan")}, "--noise nan"),
+        ({"most": 3}, "--most 3"),
+        ({"criteria": "none"}, "none"),
+        ({"hand_eye": "none.json"}, "none.json"),
+    ],
+)
+def test_wishes_that_cannot_be(wish: dict[str, object], said: str) -> None:
+    """One line with the value and the rule."""
+    with pytest.raises(InputError, match=said) as told:
+        calib.plan(BOARD, CAMERA, **wish)  # type: ignore[arg-type]
+    assert "\n" not in str(told.value)
+
+
+def test_planned_photos_show_the_target(planned: PlanResult) -> None:
+    """Most of the board's rings are inside of each image."""
+    width, height = CAMERA.image_size
+    for one in planned.record.photos:
+        pixel = project(CAMERA, transform(one.cam_from_target, BOARD.center_mm))
+        inside = ((pixel > 0) & (pixel < [width - 1, height - 1])).all(axis=1)
+        assert inside.mean() > 0.5
