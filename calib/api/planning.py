@@ -115,7 +115,7 @@ def plan(
         camera: about as it is: a camera, its file, or a template.
         within_px: what 95 % of the image is to stay within (1 sigma); None: as the criteria have it.
         criteria: when a camera is good: a template's name, a file, or limits.
-        noise_px: standard deviation of a coordinate of a ring's centre.
+        noise_px: standard deviation of a coordinate of a large ring's centre.
         distance_mm: nearest and farthest that the target may be; None: so that it fills a good part of the image.
         most: photos at most.
         made: how the target was made; None: assumed from the target.
@@ -220,20 +220,21 @@ def _worked_out(wish: _Wish, progress: Progress) -> tuple[PlannedViews, tuple[Tr
         found = _planned(wish, goal_px)
         tried = _tried(wish, found)
         worst = max(tried, key=lambda one: one.stated_px)
-        if found.is_reached and worst.stated_px <= wish.goal_px:
+        if found.is_accurate and worst.stated_px <= wish.goal_px:
             best, passed_px = (found, tried), goal_px
             if not failed_px:
                 break
         else:
             failed_px = goal_px
-            if best is None and (not found.is_reached or number == ROUNDS - 1):
+            if best is None and (not found.is_accurate or number == ROUNDS - 1):
                 return found, tried
         if passed_px:
             goal_px = math.sqrt(passed_px * failed_px)
         else:
             by_target_px = max(one.by_target_px for one in tried)
             room_px = math.sqrt(max(wish.goal_px**2 - by_target_px**2, 0.0))
-            goal_px *= max(TIGHTER, SPARE * room_px / worst.by_noise_px)
+            done_px = min(goal_px, found.views[-1].sigma_px_after)
+            goal_px = done_px * max(TIGHTER, SPARE * room_px / worst.by_noise_px)
     if best is None:
         raise AssertionError("neither reached nor given up")
     return best

@@ -32,7 +32,7 @@ def plan(
         str | None, typer.Option(help="what 95 % of the image is to stay within: 0.05px (default: as the criteria say)")
     ] = None,
     criteria: options.CriteriaOption = options.DEFAULT_CRITERIA,
-    noise: Annotated[str, typer.Option(help="of a coordinate of a ring's centre")] = "0.05px",
+    noise: Annotated[str, typer.Option(help="of a coordinate of a large ring's centre")] = "0.05px",
     distance: Annotated[
         str | None, typer.Option(help="where the target may be: 0.3m..0.8m (default: where it fills 30 to 90 %)")
     ] = None,
@@ -54,7 +54,7 @@ def plan(
     from calib.renderer import quantities
     from calib.show.plan.words import facts_of, findings_of, headline_of, sentences_of
     from designer.page.blocks import Facts
-    from designer.page.terminal import say_facts, say_findings, say_headline, say_lines, say_written
+    from designer.page.terminal import quoted, say_facts, say_findings, say_headline, say_lines, say_written
 
     folder = exports_folder(target) / "plan" if out is None else out
     check_plan_folder(folder)
@@ -76,6 +76,7 @@ def plan(
     answer["photos"] = [{name: value for name, value in one.items() if name != PICTURE} for one in photos]
     summary = Summary(
         {name: value for name, value in answer.items() if name not in LEFT_OUT}, files, remarks=record.remarks,
+        next_steps=(f"calib run {quoted(target)} photos -o camera   # when they are taken, in the folder photos",),
         exit_code=0 if record.is_reached else NOT_REACHED,
     )  # fmt: skip
     return say_next(with_page(summary, folder, found.kind), folder)

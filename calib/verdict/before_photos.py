@@ -23,6 +23,8 @@ CENTRE_UNSURE = 0.05
 """Of the focal length, and of the image's longer side: what a person knows of a camera beforehand."""
 FACE_SHARE = 0.5
 FEWEST_RINGS = 12
+FINE_PITCH_PX = 24.0
+"""Between rings of 8 px radius or so."""
 FILLS = (0.3, 0.9)
 """Of the image's width or height, in the direction that the target fills more of: farthest and nearest."""
 SIZING_STEPS = 12
@@ -50,7 +52,7 @@ def calibration_before(camera: Camera, points: KnownPoints, noise_px: float) -> 
 def usual_hold(camera: Camera, shape: TargetShape, distance_mm: tuple[float, float] | None = None) -> Habits:
     """How a target may be held before a camera: so that it fills a good part of the image, or between two distances."""
     near, far = (_distance_mm(camera, shape, fill) for fill in FILLS[::-1]) if distance_mm is None else distance_mm
-    return Habits((near, far), FACE_SHARE, READABLE_PITCH_PX, FEWEST_RINGS)
+    return Habits((near, far), FACE_SHARE, READABLE_PITCH_PX, FEWEST_RINGS, FINE_PITCH_PX)
 
 
 def _distance_mm(camera: Camera, shape: TargetShape, fill: float) -> float:

@@ -257,6 +257,7 @@ class ShownPoints:
     """What C photos show of N points."""
 
     is_read: NDArray[np.bool_]  # (C, N)
+    weight: Array  # (C, N) of information, of that of a large ring; 0: not read
     pixel: Array  # (C, N, 2)
 
 
@@ -275,7 +276,8 @@ def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, ro
     """
     turned, place, normal = faces_seen(shape, pose)
     with np.errstate(invalid="ignore"):
-        turned &= pitch_px(camera, shape, place, normal) >= habits.pitch_px * (1 - 1e-9)
+        pitch = pitch_px(camera, shape, place, normal)
+        turned &= pitch >= habits.pitch_px * (1 - 1e-9)
         margin = PLACED_WITHIN * MARGIN_PITCHES * shape.pitch_mm * px_per_mm(camera, place)
     face = shape.face[rows]
     pixel = project(camera, transform(pose[:, None], shape.position_mm[rows]))
@@ -285,5 +287,15 @@ def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, ro
         inside = ((pixel >= edge) & (pixel <= last - edge)).all(axis=2) & turned[:, face]
     of_face = (face[:, None] == np.arange(len(shape.normal))).astype(np.float64)
     share = inside @ of_face / np.maximum(of_face.sum(axis=0), 1.0)
-    enough = share >= habits.face_share - 1e-9
-    return ShownPoints(inside & enough[:, face], pixel)
+    is_read = inside & (share >= habits.face_share - 1e-9)[:, face]
+    return ShownPoints(is_read, is_read * _fine(pitch, habits)[:, face], pixel)
+
+
+def _fine(pitch: Array, habits: Habits) -> Array:
+    """How much a ring tells whose neighbours are so far away in the image (C, F).
+
+    A centre's variance falls with the number of pixels at the ring's edge.
+    """
+    if not habits.fine_pitch_px > 0:
+        return np.ones_like(pitch)
+    return np.nan_to_num(pitch / habits.fine_pitch_px).clip(0.0, 1.0)

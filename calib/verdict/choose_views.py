@@ -131,12 +131,12 @@ def scene_of(
     known, lit = knowledge_of(calibration), lit_part(calibration)
     reach = (NEARER, FARTHER) if held is None else (1.0, 1.0)
     candidates = candidates_of(calibration, shape, habits, reach) if at is None else candidates_at(shape, at)
-    is_read, covers = _read(lit.camera, shape, habits, candidates)
-    ok = is_read.sum(axis=1) >= min(LEAST_RINGS, habits.rings)
     rows, faces = _some_points(shape), len(shape.normal)
+    count, weight, covers = _read(lit.camera, shape, habits, candidates, rows)
+    ok = count >= min(LEAST_RINGS, habits.rings)
     stands_for = np.bincount(shape.face, minlength=faces) / np.bincount(shape.face[rows], minlength=faces).clip(min=1)
-    weight = is_read[ok][:, rows] * stands_for[shape.face[rows]]
-    information = view_information(known, candidates.cam_from_target[ok], shape.position_mm[rows], weight)
+    weighed = weight[ok] * stands_for[shape.face[rows]]
+    information = view_information(known, candidates.cam_from_target[ok], shape.position_mm[rows], weighed)
     stated = stated_error(known, calibration, factor, prior)
     on_face = calibration.observations.points.face >= 0
     modes_mm = np.zeros((0, len(shape.face), 3)) if stated.modes_mm is None else stated.modes_mm[:, on_face]
@@ -206,8 +206,7 @@ def for_coverage(scene: ViewChoice, so_far: SoFar) -> CandidatePhoto:
 def in_full(scene: ViewChoice, row: int) -> CandidatePhoto:
     """What a candidate would add with all its points."""
     shown, pose = _shown(scene, row), scene.candidates.cam_from_target[row : row + 1]
-    weight = shown.is_read.astype(np.float64)
-    added: Array = view_information(scene.known, pose, scene.shape.position_mm, weight, scene.modes_mm)[0]
+    added: Array = view_information(scene.known, pose, scene.shape.position_mm, shown.weight, scene.modes_mm)[0]
     return CandidatePhoto(row, added, _area(scene, shown))
 
 
@@ -226,18 +225,19 @@ def _area(scene: ViewChoice, shown: ShownPoints) -> NDArray[np.bool_]:
 
 
 def _read(
-    camera: Camera, shape: TargetShape, habits: Habits, candidates: CandidateViews
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which of all points (C, N) candidates show, and in which cells of the image (C, K)."""
+    camera: Camera, shape: TargetShape, habits: Habits, candidates: CandidateViews, rows: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], Array, NDArray[np.bool_]]:
+    """How many points candidates show (C,), what some of them weigh (C, R), and in which cells of the image (C, K)."""
     count, points = len(candidates.distance_mm), np.arange(len(shape.face))
-    is_read = np.zeros((count, len(points)), dtype=bool)
+    read, weight = np.zeros(count, dtype=np.int64), np.zeros((count, len(rows)))
     covers = np.zeros((count, CELLS[0] * CELLS[1]), dtype=bool)
     step = max(1, POINTS_AT_A_TIME // max(len(points), 1))
     for begin in range(0, count, step):
         part = slice(begin, begin + step)
         shown = shown_in(camera, shape, habits, candidates.cam_from_target[part], points)
-        is_read[part], covers[part] = shown.is_read, _cells(camera, shown.pixel, shown.is_read)
-    return is_read, covers
+        read[part], weight[part] = shown.is_read.sum(axis=1), shown.weight[:, rows]
+        covers[part] = _cells(camera, shown.pixel, shown.is_read)
+    return read, weight, covers
 
 
 def _cells(camera: Camera, pixel: Array, is_read: NDArray[np.bool_]) -> NDArray[np.bool_]:

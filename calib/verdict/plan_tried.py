@@ -18,7 +18,9 @@ from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.solver.target_error import with_target_error
 from calib.verdict.candidate_views import shown_in
-from calib.verdict.lit_part import lit_part, sigma_over_lit_px
+from calib.verdict.coverage import coverage_of
+from calib.verdict.evidence import uncertainty_of
+from calib.verdict.halves import HalvesApart, half_split, halves_apart
 from calib.verdict.next_views import MAX_PX
 from calib.verdict.views import Habits, TargetShape
 from designer.base.errors import InputError
@@ -27,7 +29,7 @@ from designer.tolerance.made import Made
 
 Array = NDArray[np.float64]
 
-TURNED_RAD, SHIFTED_MM, OF_DISTANCE = math.radians(5), 20.0, 0.05
+TURNED_RAD, SHIFTED_MM, OF_DISTANCE = math.radians(5), 20.0, 0.1
 """Standard deviations of how a person holds a target who was told where, whichever shift is less; twice at most."""
 STILL_READ = 0.25
 """Of a face: rings are named by their neighbours, so that a part of it is read which nobody would plan for."""
@@ -40,13 +42,12 @@ _Sigma = Annotated[float, AtLeast(0), AtMost(MAX_PX), NullIs(math.inf)]
 class TriedPlan:
     """What a camera states that was solved from photos taken after a plan: what 95 % of the image stays within."""
 
-    stated_px: _Sigma  # 1 sigma, with what the target's making may have done; infinite: not determined
-    by_noise_px: _Sigma  # by the noise alone
+    stated_px: _Sigma  # 1 sigma, as the verdict states it: with what the target's making may do; infinite: unknown
+    by_noise_px: _Sigma  # by the noise alone, enlarged as halves of the photos differ
+    by_target_px: _Sigma  # by the target's making alone
 
-    @property
-    def by_target_px(self) -> float:
-        """What the target's making adds, by the sum of squares."""
-        return math.sqrt(max(self.stated_px**2 - self.by_noise_px**2, 0.0)) if math.isfinite(self.stated_px) else 0.0
+
+NOT_DETERMINED = TriedPlan(math.inf, math.inf, 0.0)
 
 
 def tried_plan(
@@ -69,18 +70,25 @@ def tried_plan(
     poses = cam_from_target if is_held_exactly else _held(cam_from_target, shape, rng)
     seen = _photographed(camera, points, shape, held, poses, noise_px, rng)
     if not seen.view_count:
-        return TriedPlan(math.inf, math.inf)
+        return NOT_DETERMINED
     try:
         found = solve(seen, camera.model, SolveOptions())
     except InputError:
-        return TriedPlan(math.inf, math.inf)
+        return NOT_DETERMINED
     if found.status != "converged":
-        return TriedPlan(math.inf, math.inf)
-    return TriedPlan(_within_px(with_target_error(found, made)), _within_px(found))
+        return NOT_DETERMINED
+    return _stated(with_target_error(found, made))
 
 
-def _within_px(found: Calibration) -> float:
-    return sigma_over_lit_px(lit_part(found), found.stated_covariance)
+def _stated(found: Calibration) -> TriedPlan:
+    """As the verdict on these photos has it."""
+    covered = coverage_of(found)
+    halves = halves_apart(half_split(found, SolveOptions()), covered)
+    factor = halves.factor if isinstance(halves, HalvesApart) else 1.0
+    known = uncertainty_of(found, covered, factor)
+    if known.image_px is None or known.noise_px is None:
+        return NOT_DETERMINED
+    return TriedPlan(known.image_px, factor * known.noise_px, known.target_px)
 
 
 def _held(cam_from_target: Array, shape: TargetShape, rng: np.random.Generator) -> Array:
@@ -103,7 +111,9 @@ def _photographed(
     is_read = shown.is_read & (shown.is_read.sum(axis=1, keepdims=True) >= held.rings)
     view, row = np.nonzero(is_read)
     point = np.flatnonzero(points.face >= 0)[row]
-    pixel = shown.pixel[view, row] + noise_px * rng.standard_normal((len(view), 2))
+    sigma_px = noise_px / np.sqrt(shown.weight[view, row])
+    pixel = shown.pixel[view, row] + sigma_px[:, None] * rng.standard_normal((len(view), 2))
     names = tuple(map(str, range(1, len(poses) + 1)))
-    seen = Observations(camera.image_size, names, view, point, pixel, None, points)
+    covariance = sigma_px[:, None, None] ** 2 * np.eye(2)
+    seen = Observations(camera.image_size, names, view, point, pixel, covariance, points)
     return keep_views(seen, is_read.any(axis=1))

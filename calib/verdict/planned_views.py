@@ -5,7 +5,7 @@ better one, as long as that helps (Fedorov 1972).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 FEWEST = 6
 """So that halves of three photos each tell whether the stated deviations hold."""
 MOST = 40
-LITTLE_AREA = 0.005
+LITTLE_AREA = 0.001
 WORTH_A_SWAP = 0.98
 ROUNDS = 3
 """Of exchanges, through all photos."""
@@ -51,7 +51,13 @@ class PlannedViews:
     distance_mm: Array  # (V,)
     tilt_deg: Array  # (V,) of a flat target; nan: a solid
     greedy_count: int  # photos before any was left out
-    is_reached: bool
+    is_accurate: bool  # the image is known as well as wanted
+    is_covered: bool  # and so much of it is covered
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether both goals are."""
+        return self.is_accurate and self.is_covered
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,13 +115,17 @@ def planned_views(
     pixels = int(lit.is_lit(image_grid(before.camera.image_size)).sum())
     goal = _Goal(scene, lit, start_of(scene, before), image_change(scene.known), pixels, goal_px, goal_covered)
     greedy = _greedy(goal, most)
-    photos = _exchanged(goal, greedy) if goal.is_met(greedy) else greedy
+    # What cannot be covered is not asked for any more, so that photos are no more than the rest needs.
+    reach = replace(goal, goal_covered=min(goal_covered, goal.after(greedy).covered))
+    photos = _exchanged(reach, greedy) if reach.is_met(greedy) else greedy
+    so_far = goal.after(photos)
     one_by_one = scene.candidates[np.array([photo.row for photo in photos], dtype=np.int64)]
     gains = _gains(goal, photos)
     views = (proposed_view(scene, before, lit, photo, gain) for photo, gain in zip(photos, gains, strict=True))
     return PlannedViews(
-        tuple(views), gains, one_by_one.distance_mm, one_by_one.tilt_deg, len(greedy), goal.is_met(photos)
-    )
+        tuple(views), gains, one_by_one.distance_mm, one_by_one.tilt_deg, len(greedy),
+        goal.within_px(so_far) <= goal_px, so_far.covered >= goal_covered,
+    )  # fmt: skip
 
 
 def _gains(goal: _Goal, photos: Sequence[CandidatePhoto]) -> tuple[ViewGain, ...]:

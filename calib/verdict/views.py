@@ -47,6 +47,7 @@ class Habits:
     face_share: float  # a face of which less was seen was not read
     pitch_px: float  # neighbours closer than this were not read, or nobody tried
     rings: int  # fewest in a photo
+    fine_pitch_px: float = 0.0  # neighbours farther apart are seen no more surely, closer ones less; 0: all alike
 
 
 def shape_of(calibration: Calibration) -> TargetShape | None:

@@ -395,7 +395,7 @@ def _plan() -> object:
     return PlanRecord(
         "ringsolid 1", {"target": "ico.target.json"}, "0123456789abcdef", "an icosahedron", PINHOLE, "made so", "hand",
         0.05, 0.1, 0.7, True, (view,), np.ones(1) / 3, np.full(1, math.nan), POSE[None], np.full(1, 5.0),
-        (TriedPlan(0.1, 1 / 3), TriedPlan(math.inf, math.inf)), ("a remark",),
+        (TriedPlan(0.1, 1 / 3, 1 / 7), TriedPlan(math.inf, math.inf, 0.0)), ("a remark",),
     )  # fmt: skip
 
 

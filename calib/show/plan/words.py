@@ -50,7 +50,7 @@ def facts_of(record: PlanRecord) -> tuple[tuple[str, str], ...]:
     """Of what, and under which conditions."""
     camera = record.camera
     width, height = camera.image_size
-    ways = {HAND: "hand, within 5° and 20 mm or 5 % of the distance of what is said (1 sigma)"}
+    ways = {HAND: "hand, within 5° and 20 mm or 10 % of the distance of what is said (1 sigma)"}
     near, far = float(record.distance_mm.min(initial=math.inf)), float(record.distance_mm.max(initial=0.0))
     away = digits(near, 3) if digits(near, 3) == digits(far, 3) else f"{digits(near, 3)} to {digits(far, 3)}"
     return (
@@ -60,7 +60,7 @@ def facts_of(record: PlanRecord) -> tuple[tuple[str, str], ...]:
         ("taken by", ways.get(record.taken_by, printable(record.taken_by))),
         ("distance", f"{away} mm"),
         ("covered", f"{100 * record.covered:.0f} % of the image"),
-        ("noise", f"{digits(record.noise_px, 2)} px, of a coordinate of a ring's centre"),
+        ("noise", f"{digits(record.noise_px, 2)} px, of a coordinate of a large ring's centre"),
     )  # fmt: skip
 
 
