@@ -213,31 +213,35 @@ def _distances(distance_mm: tuple[float, float]) -> tuple[float, float]:
 
 
 def _worked_out(wish: _Wish, progress: Progress) -> tuple[PlannedViews, tuple[TriedPlan, ...]]:
-    """The shortest of a few plans that reach the goal each time they are tried; the last one if none does."""
-    goal_px, passed_px, failed_px, best = wish.goal_px, 0.0, 0.0, None
-    for number in range(ROUNDS):
-        progress("trying plans", number, 0)
+    """The shortest of a few plans that reach the goal each time they are tried; the last one if none does.
+
+    Plans are made for goals between one that was too easy and one that was hard enough.
+    """
+    goal_px, passed_px, failed_px = wish.goal_px, 0.0, 0.0
+    for _ in range(ROUNDS):
+        progress("trying plans", 0, 0)
         found = _planned(wish, goal_px)
         tried = _tried(wish, found)
-        worst = max(tried, key=lambda one: one.stated_px)
-        if found.is_accurate and worst.stated_px <= wish.goal_px:
+        if max(one.stated_px for one in tried) <= wish.goal_px:
             best, passed_px = (found, tried), goal_px
             if not failed_px:
                 break
         else:
             failed_px = goal_px
-            if best is None and (not found.is_accurate or number == ROUNDS - 1):
-                return found, tried
-        if passed_px:
-            goal_px = math.sqrt(passed_px * failed_px)
-        else:
-            by_target_px = max(one.by_target_px for one in tried)
-            room_px = math.sqrt(max(wish.goal_px**2 - by_target_px**2, 0.0))
-            done_px = min(goal_px, found.views[-1].sigma_px_after)
-            goal_px = done_px * max(TIGHTER, SPARE * room_px / worst.by_noise_px)
-    if best is None:
-        raise AssertionError("neither reached nor given up")
+            if not passed_px:
+                best = found, tried
+                if not found.is_accurate:
+                    break
+        goal_px = math.sqrt(passed_px * failed_px) if passed_px else _tighter(wish, found, tried, goal_px)
     return best
+
+
+def _tighter(wish: _Wish, found: PlannedViews, tried: tuple[TriedPlan, ...], goal_px: float) -> float:
+    """By the noise alone, what leaves as much for the target's making as it took."""
+    by_target_px = max(one.by_target_px for one in tried)
+    room_px = math.sqrt(max(wish.goal_px**2 - by_target_px**2, 0.0))
+    done_px = min(goal_px, found.views[-1].sigma_px_after)
+    return done_px * max(TIGHTER, SPARE * room_px / max(one.by_noise_px for one in tried))
 
 
 def _planned(wish: _Wish, goal_px: float) -> PlannedViews:
@@ -288,7 +292,7 @@ def _record(
         table_deg = carried.table_deg[rows]
     elif carried.hand is not None:
         flange = carried.hand.base_from_flange(poses)
-    is_reached = found.is_reached and max(one.stated_px for one in tried) <= wish.goal_px
+    is_reached = found.is_covered and max(one.stated_px for one in tried) <= wish.goal_px
     record = PlanRecord(
         program=program(), settings=settings, geometry_id=target.geometry_id, target=target_words(target),
         camera=wish.before.camera, made="" if made is None else made.sentence,
