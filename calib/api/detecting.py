@@ -59,7 +59,7 @@ class Detector:
             name = name or Path(image).name
         return self.look(PhotoFile(Path(name or "the image"), name or "image"), pixels)
 
-    def glance(self, image: Pixels | Place, name: str = "") -> Detections:
+    def glance(self, image: Pixels | Place, name: str = "", likely: Camera | None = None) -> Detections:
         """The same in a third of the time, for live video: the same names, and centres to about .2 px.
 
         >>> seen = detector.glance(frame)
@@ -71,6 +71,8 @@ class Detector:
         Args:
             image: as for `detect`.
             name: what the frame is called in the result.
+            likely: a camera that is not sure to be the one, as one from few photos: its lens is tried before another
+                is guessed from the frame.
 
         Raises:
             InputError: no such file, no image, or one of another size than the camera's.
@@ -78,7 +80,9 @@ class Detector:
         pixels = grey_pixels(image)
         require_size(name or "the image", pixels, self.camera)
         lens = None if self.camera is None else CameraLens(self.camera)
-        return glance(pixels, plan_for(self.target), name or "image", lens)
+        is_same_size = likely is not None and likely.image_size == (pixels.shape[1], pixels.shape[0])
+        hint = CameraLens(likely) if likely is not None and is_same_size else None
+        return glance(pixels, plan_for(self.target), name or "image", lens, hint)
 
     def look(self, photo: PhotoFile, pixels: Grey) -> Detections:
         """The same of grey levels that are read already, as `calib.observe.photos.detect_photos` asks."""

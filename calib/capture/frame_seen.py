@@ -25,6 +25,12 @@ def exactly_found(pixels: Grey, name: str, target: TargetGeometry, calibration: 
     return Detector(target, camera).detect(pixels, name)
 
 
+def glanced(detector: Detector, frame: Frame, calibration: Calibration | None) -> Detections:
+    """What a frame shows about; what the photos tell of the lens so far saves guessing it."""
+    likely = None if calibration is None else calibration.camera
+    return detector.glance(frame.pixels, f"frame {frame.number}", likely)
+
+
 def notes_on(
     frame: Frame, found: Detections, target: TargetGeometry, sharpest_px: float
 ) -> tuple[tuple[FrameNote, ...], float]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from calib.api.detecting import Detector
 from calib.capture.conversation import Conversation, Show, Tell
-from calib.capture.frame_seen import exactly_found, look_message, notes_on
+from calib.capture.frame_seen import exactly_found, glanced, look_message, notes_on
 from calib.capture.messages import TakenMessage
 from calib.capture.photo_folder import PhotoFolder
 from calib.capture.sources.source import Frame, Source
@@ -142,7 +142,7 @@ class RigSession(Conversation[RigGuide]):
         self._fit_guide(camera, (frame.pixels.shape[1], frame.pixels.shape[0]))
         self._show(frame)
         if frame.file is None:
-            found = self._detector.glance(frame.pixels, f"frame {frame.number}")
+            found = glanced(self._detector, frame, self.guide.guides[camera].calibration)
         else:
             found = self._exact(camera, frame.pixels, own_moment(camera, frame.file))
         notes, self._sharpest_px[camera] = notes_on(frame, found, self.target, self._sharpest_px[camera])

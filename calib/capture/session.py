@@ -8,7 +8,7 @@ from pathlib import Path
 
 from calib.api.detecting import Detector
 from calib.capture.conversation import Conversation, Show, Tell
-from calib.capture.frame_seen import exactly_found, look_message, notes_on
+from calib.capture.frame_seen import exactly_found, glanced, look_message, notes_on
 from calib.capture.messages import TakenMessage
 from calib.capture.photo_folder import PhotoFolder
 from calib.capture.sources.source import Frame, Source
@@ -110,7 +110,7 @@ class Session(Conversation[Guide]):
         if self.sources[frame.source].kind != "browser":
             self._show(frame)
         if frame.file is None:
-            found = self._detector.glance(frame.pixels, f"frame {frame.number}")
+            found = glanced(self._detector, frame, self.guide.calibration)
         else:
             found = self._exact(frame.pixels, frame.file.name)
         notes, self._sharpest_px = notes_on(frame, found, self.target, self._sharpest_px)

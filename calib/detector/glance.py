@@ -62,7 +62,9 @@ class Glimpse:
     share: float  # of the plain features in view that were named
 
 
-def glance(pixels: Grey, plan: TargetPlan, name: str = "", camera_lens: Lens | None = None) -> Detections:
+def glance(
+    pixels: Grey, plan: TargetPlan, name: str = "", camera_lens: Lens | None = None, likely: Lens | None = None
+) -> Detections:
     """Names and rough centres in a frame: `glance(pixels, plan_for(target))`.
 
     Args:
@@ -70,6 +72,7 @@ def glance(pixels: Grey, plan: TargetPlan, name: str = "", camera_lens: Lens | N
         plan: of the target that is looked for.
         name: what the frame is called in the result.
         camera_lens: of the camera, if it is known; else a lens is guessed from each frame's grids.
+        likely: a lens that is tried before a wide one is guessed, which takes .1 s.
 
     Returns:
         As the exact pass gives it, with covariances that say how rough the centres are; blur is not measured.
@@ -79,21 +82,23 @@ def glance(pixels: Grey, plan: TargetPlan, name: str = "", camera_lens: Lens | N
     if min(size) < LEAST_SIDE_PX:
         return nothing_found(plan, name, size, None, ("the image is too small to hold a ring",))
     factor = 2 ** max(0, math.ceil(math.log(pixels.size / GLANCE_PIXELS, 4)))
-    found = _glance_at(pixels, plan, name, camera_lens, factor)
+    found = _glance_at(pixels, plan, name, camera_lens, likely, factor)
     while factor > 1 and not len(found.ring) and MIRRORED not in found.remarks:
         factor //= 2
-        found = _glance_at(pixels, plan, name, camera_lens, factor)
+        found = _glance_at(pixels, plan, name, camera_lens, likely, factor)
     return found
 
 
-def _glance_at(pixels: Grey, plan: TargetPlan, name: str, camera_lens: Lens | None, factor: int) -> Detections:
+def _glance_at(
+    pixels: Grey, plan: TargetPlan, name: str, camera_lens: Lens | None, likely: Lens | None, factor: int
+) -> Detections:
     """By one threshold after the other, until about half of what should be in view is found."""
     grey = reduced(pixels, factor)
     candidates: Candidates | None = None
     best: Glimpse | None = None
     for number, threshold in enumerate(thresholds(grey)):
         candidates = _with_more(candidates, grey, threshold, factor, number, plan)
-        glimpse = _glimpse(pixels, plan, name, candidates, camera_lens)
+        glimpse = _glimpse(pixels, plan, name, candidates, camera_lens, likely)
         if best is None or len(glimpse.found.ring) > len(best.found.ring):
             best = glimpse
         if best.share >= ENOUGH or MIRRORED in glimpse.found.remarks:
@@ -110,7 +115,9 @@ def _with_more(
     return more if before is None else merged(before, more)
 
 
-def _glimpse(pixels: Grey, plan: TargetPlan, name: str, candidates: Candidates, camera_lens: Lens | None) -> Glimpse:
+def _glimpse(
+    pixels: Grey, plan: TargetPlan, name: str, candidates: Candidates, camera_lens: Lens | None, likely: Lens | None
+) -> Glimpse:
     """Names of candidates, held against the target as the exact pass does it."""
     size = (pixels.shape[1], pixels.shape[0])
 
@@ -121,7 +128,7 @@ def _glimpse(pixels: Grey, plan: TargetPlan, name: str, candidates: Candidates, 
     if not named.named:
         return none(*named.remarks)
     first = naming_of(plan, named.named)
-    lens = camera_lens or guess_lens(plan.by_face(first.ring, candidates.ellipse[first.candidate, :2]), size)
+    lens = camera_lens or guess_lens(plan.by_face(first.ring, candidates.ellipse[first.candidate, :2]), size, likely)
     naming, strangers = without_strangers(plan, candidates, first, size, lens)
     if strangers and len(np.unique(plan.target.ring_face[naming.ring])) < 2:
         return none(*named.remarks, "the faces contradict each other")

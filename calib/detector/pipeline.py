@@ -30,6 +30,8 @@ REGIONS_APART = 1 << 40
 EASY_RADIUS_PX = 4.0
 """Features with a smaller semi-axis below this may stay unseen without another threshold being tried."""
 LEAST_SIDE_PX = 16
+LITTLE_PX = 0.1
+"""That grids may be off with a camera, whatever a guessed lens leaves."""
 BYTES_IN_WORDS = (257, 256)
 MIRRORED = "mirrored: the image shows the target in a mirror, or was flipped; flip it back and detect again"
 
@@ -154,7 +156,7 @@ def detect(
     measured = measure(pixels, plan, found.candidates, naming, placement, contrast, camera_lens)
     evidence = gather(pixels, contrast, plan, found.candidates, found.grids, naming, dropped, placement, measured)
     if camera_lens is not None:
-        remarks += _camera_remarks(plan, found.candidates, naming, camera_lens, image_size)
+        remarks += _camera_remarks(plan, measured, camera_lens, image_size)
     if why := refusal(evidence):
         return nothing_found(plan, name, image_size, found.candidates, (*remarks, f"this cannot be the target: {why}"))
     if odd := proportion_remark(evidence):
@@ -163,13 +165,14 @@ def detect(
     return _result(plan, name, image_size, found, naming, placement, measured, tuple(remarks))
 
 
-def _camera_remarks(
-    plan: TargetPlan, candidates: Candidates, naming: Naming, lens: Lens, image_size: tuple[int, int]
-) -> list[str]:
+def _camera_remarks(plan: TargetPlan, measured: Measured, lens: Lens, image_size: tuple[int, int]) -> list[str]:
     """A warning if the grids are straighter without the camera that was given than with it."""
-    groups = plan.by_face(naming.ring, candidates.ellipse[naming.candidate, :2])
-    given, guessed = misfit_px(lens, groups), misfit_px(guess_lens(groups, image_size), groups)
-    if given <= 2 * guessed + 0.1:
+    groups = plan.by_face(measured.ring, measured.center_px)
+    given = misfit_px(lens, groups)
+    if given <= LITTLE_PX:  # whatever a guess leaves, which takes a while
+        return []
+    guessed = misfit_px(guess_lens(groups, image_size), groups)
+    if given <= 2 * guessed + LITTLE_PX:
         return []
     return [
         f"the camera does not fit this photo: grids are off by {given:.2f} px with it, by {guessed:.2f} px with a lens "

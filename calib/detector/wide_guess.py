@@ -49,10 +49,13 @@ FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e6
 TRIMMED = 6.0
 
 
-def guess_lens(groups: Groups, image_size: tuple[int, int]) -> Lens:
+def guess_lens(groups: Groups, image_size: tuple[int, int], likely: Lens | None = None) -> Lens:
     """The lens that best turns planes' grids into homographies.
 
-    Each group is the points in a plane (N, 2) and their pixels (N, 2).
+    Args:
+        groups: the points in a plane (N, 2) and their pixels (N, 2), each.
+        image_size: width, height in px.
+        likely: a lens that is taken instead of a wide one that is fitted, if it does better than a radial one.
     """
     groups = usable_groups(groups)
     radial, left_px = radial_lens(groups, image_size)
@@ -61,10 +64,12 @@ def guess_lens(groups: Groups, image_size: tuple[int, int]) -> Lens:
     off = [_off(radial, *group) for group in groups]
     if not _is_smooth(groups, off):
         return radial
+    radial_px = _most(off)
+    if likely is not None and _most([_off(likely, *group) for group in groups]) < radial_px:
+        return likely
     wide = _wide_lens(groups, image_size)
-    if wide is None or not _most([_off(wide, *group) for group in groups]) < BETTER * _most(off):
-        return radial
-    return wide
+    is_better = wide is not None and _most([_off(wide, *group) for group in groups]) < BETTER * radial_px
+    return wide if wide is not None and is_better else radial
 
 
 def _off(lens: Lens, plane: Floats, pixel: Floats) -> Floats:

@@ -1,13 +1,20 @@
 """The quick look of live video, held against the exact pass."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
 import calib
+from calib.core.se3 import exp_rotation
+from calib.detector import wide_guess
 from calib.detector.glance import glance
 from calib.detector.plan import plan_for
+from calib.renderer import RenderOptions, render_view
+from calib.renderer.scene import scene_from_target
 from designer.target import TargetGeometry
+from tests.support.guided_scenes import WEBCAM
 from tests.support.ring_views import board, ico, misplaced, view_of
 
 TARGETS = {"board": board(), "ico": ico(), "triangular": board("triangular", columns=10, rows=9)}
@@ -115,3 +122,26 @@ def test_a_large_frame_is_reduced() -> None:
     both, at_small, at_large = np.intersect1d(small.ring, seen.ring, return_indices=True)
     assert len(both) >= 0.9 * len(small.ring)
     assert np.abs(seen.center_px[at_large] - (2 * small.center_px[at_small] + 0.5)).max() < 0.6
+
+
+def test_a_likely_camera_saves_the_guess_and_a_wrong_one_does_no_harm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lens that bends is not guessed where the photos told it already; one that does not fit counts for nothing."""
+    camera, pose = WEBCAM, np.eye(4)
+    pose[:3, :3] = exp_rotation(np.array([0.2, 0.6, 0.1])) @ np.diag([1.0, -1.0, -1.0])
+    pose[:3, 3] = np.array([20.0, 10.0, 170.0]) - pose[:3, :3] @ board().center_mm.mean(axis=0)
+    options = RenderOptions(blur_px=0.5, contrast_to_noise=60)
+    image = render_view(scene_from_target(board()), camera, pose, options, np.random.default_rng(0)).image
+    detector, guesses = calib.Detector(board()), []
+    wide = wide_guess._wide_lens
+    monkeypatch.setattr(wide_guess, "_wide_lens", lambda *given: guesses.append(1) or wide(*given))
+    alone = detector.glance(image)
+    assert len(alone.ring) > 60
+    assert guesses
+    guesses.clear()
+    seen = detector.glance(image, likely=camera)
+    assert not guesses
+    assert len(seen.ring) >= len(alone.ring)
+    wrong = detector.glance(image, likely=replace(camera, params=camera.params * [1, 1, 1, 1, -3, 1, 1, 1, 1]))
+    np.testing.assert_array_equal(wrong.ring, alone.ring)
+    np.testing.assert_array_equal(wrong.center_px, alone.center_px)
+    assert len(detector.glance(image, likely=replace(camera, image_size=(640, 480))).ring) == len(alone.ring)
