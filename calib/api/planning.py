@@ -1,7 +1,7 @@
 """Photos to take of a camera, before any is taken: what `calib plan` does."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -18,9 +18,19 @@ from calib.cameras.surface import surface_model
 from calib.core.files import check_folder, named_in_files, write_files
 from calib.core.number_text import figure
 from calib.core.parallel import one_thread
+from calib.core.types import KnownPoints
 from calib.guide.settings import GuideSettings, settings_of
 from calib.records.hand_eye_file import HAND_EYE, HAND_EYE_FILE, HandEye
-from calib.records.plan_file import PLAN, PLAN_FILE, POSES_FILE, POSES_KIND, PlanRecord, plan_csv
+from calib.records.plan_file import (
+    HAND,
+    MOST_PLANNED,
+    PLAN,
+    PLAN_FILE,
+    POSES_FILE,
+    POSES_KIND,
+    PlanRecord,
+    plan_csv,
+)
 from calib.renderer.quantities import real, whole
 from calib.show.parts.kept_target import keep_target, target_words
 from calib.solver.calibration import Calibration
@@ -47,9 +57,7 @@ ROUNDS = 5
 """Of planning for less noise, where photos that were tried did not reach the goal."""
 TIGHTER, SPARE = 0.5, 0.97
 TABLE_STEP_DEG = 5.0
-HAND = "hand"
 GOALS_PX, NOISES_PX = (1e-3, 100.0), (1e-3, 10.0)
-MOST_ASKED = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +129,7 @@ def plan(
         made: how the target was made; None: assumed from the target.
         hand_eye: what `calib hand-eye` or `calib turntable` found, its file, or its folder: poses are the robot's then,
             or the table's angles.
-        progress: is told how many times the plan was tried.
+        progress: is told that plans are tried.
 
     Raises:
         InputError: a file that cannot be read, options that break a rule, or a target that cannot be held so that it
@@ -131,13 +139,14 @@ def plan(
     settings = settings_of(geometry, criteria, made=made)
     goal_px = settings.criteria["uncertainty"].good if within_px is None else real("--within", within_px, *GOALS_PX)
     hand = _hand_of(hand_eye)
-    planned, said = _planned_camera(given)
-    before = calibration_before(planned, settings.points, real("--noise", noise_px, *NOISES_PX, " px"))
+    planned, said = _planned_camera(given, goal_px)
+    points = front_of(geometry, settings.points)
+    before = calibration_before(planned, points, real("--noise", noise_px, *NOISES_PX, " px"))
     shape = shape_of(before)
     if shape is None:
         raise InputError("the target's points lie on no known plane, so what a photo shows of it is not known")
-    carried = _carried_by(hand, planned, shape, distance_mm)
-    wish = _Wish(settings, before, shape, carried, goal_px, whole("--most", most, FEWEST, MOST_ASKED))
+    carried = _carried_by(hand, before, shape, distance_mm)
+    wish = _Wish(settings, before, shape, carried, goal_px, whole("--most", most, FEWEST, MOST_PLANNED))
     found, tried = _worked_out(wish, progress)
     record = _record(geometry, wish, found, tried, _named(target, camera, hand_eye), said)
     return PlanResult(geometry, record)
@@ -177,24 +186,33 @@ def _hand_of(hand_eye: HandEye | Place | None) -> HandEye | None:
     return HAND_EYE.read(place / HAND_EYE_FILE if place.is_dir() else place)
 
 
-def _planned_camera(camera: Camera) -> tuple[Camera, tuple[str, ...]]:
-    """The camera in a model that few photos determine, and what is to be said of it."""
+def _planned_camera(camera: Camera, goal_px: float) -> tuple[Camera, str]:
+    """The camera in a model that few photos determine, and what is to be said of the lens."""
     if camera.model in fitted_models():
-        return camera, ()
+        return camera, "the lens is taken to be one that its model follows, and photos to be sharp; calib run tells"
     surface = surface_model(camera.model)
     plain = {COMMON, WIDE} if surface is None else {COMMON, WIDE, surface.base.name}
     found = min((refit(camera, model) for model in sorted(plain)), key=lambda one: one.max_px)
-    near = figure(found.max_px, 2)
-    said = f"planned for the model {found.camera.model}, which is within {near} px of the camera's {camera.model}"
-    return found.camera, (said,)
+    near, model = figure(found.max_px, 2), found.camera.model
+    said = f"planned for a camera of the model {model}, from which this one, {camera.model}, differs by up to {near} px"
+    if found.max_px > goal_px:
+        said += ", more than is wanted: what is promised is of that model, not of this camera"
+    return found.camera, said
+
+
+def front_of(target: TargetGeometry, points: KnownPoints) -> KnownPoints:
+    """The points of what is photographed: of a board with two sides those of the front; the others lie on no face."""
+    if not target.is_plate or target.is_planar:
+        return points
+    return replace(points, face=np.where(points.face == 0, 0, -1))
 
 
 def _carried_by(
-    hand: HandEye | None, camera: Camera, shape: TargetShape, distance_mm: tuple[float, float] | None
+    hand: HandEye | None, before: Calibration, shape: TargetShape, distance_mm: tuple[float, float] | None
 ) -> _Carried:
     """Who holds the target, and from where to where."""
     reach = None if distance_mm is None else _distances(distance_mm)
-    held = usual_hold(camera, shape, reach)
+    held = usual_hold(before, shape, reach)
     if hand is None or hand.frame != "table":
         return _Carried(held, hand)
     if reach is not None:
@@ -281,7 +299,7 @@ def _tried(wish: _Wish, found: PlannedViews) -> tuple[TriedPlan, ...]:
 
 def _record(
     target: TargetGeometry, wish: _Wish, found: PlannedViews, tried: tuple[TriedPlan, ...],
-    settings: Mapping[str, str], said: Sequence[str],
+    settings: Mapping[str, str], of_lens: str,
 ) -> PlanRecord:  # fmt: skip
     """What is told of a plan."""
     carried, made = wish.carried, wish.settings.made
@@ -292,31 +310,41 @@ def _record(
         table_deg = carried.table_deg[rows]
     elif carried.hand is not None:
         flange = carried.hand.base_from_flange(poses)
-    is_reached = found.is_covered and max(one.stated_px for one in tried) <= wish.goal_px
     record = PlanRecord(
         program=program(), settings=settings, geometry_id=target.geometry_id, target=target_words(target),
         camera=wish.before.camera, made="" if made is None else made.sentence,
         taken_by=HAND if carried.hand is None else carried.hand.carried, noise_px=wish.before.scale,
-        goal_px=wish.goal_px, goal_covered=wish.goal_covered, is_reached=is_reached,
-        photos=_photos(found, table_deg), distance_mm=found.distance_mm, tilt_deg=found.tilt_deg,
+        goal_px=wish.goal_px, goal_covered=wish.goal_covered,
+        photos=_photos(found, carried.hand, table_deg), distance_mm=found.distance_mm, tilt_deg=found.tilt_deg,
         base_from_flange=flange, table_deg=table_deg, tried=tried, remarks=(),
     )  # fmt: skip
-    return replace(record, remarks=(*said, *_remarks(record)))
+    return replace(record, remarks=(of_lens, *_remarks(target, record)))
 
 
-def _photos(found: PlannedViews, table_deg: Array | None) -> tuple[NextView, ...]:
-    """The photos as they are told: of a turntable by its angle."""
-    if table_deg is None:
-        return found.views
-    return tuple(
-        replace(view, sentence=f"turn the table to {angle:g} deg: {gain_words(gain)}")
-        for view, gain, angle in zip(found.views, found.gains, table_deg.tolist(), strict=True)
-    )
+def _photos(found: PlannedViews, hand: HandEye | None, table_deg: Array | None) -> tuple[NextView, ...]:
+    """The photos as they are told: of a turntable by its angle, and no two with the same words."""
+    if table_deg is not None:
+        return tuple(
+            replace(view, sentence=f"turn the table to {angle:g} deg: {gain_words(gain)}")
+            for view, gain, angle in zip(found.views, found.gains, table_deg.tolist(), strict=True)
+        )
+    told, photos = set[str](), []
+    for view in found.views:
+        head, colon, gain = view.sentence.partition(": ")
+        if hand is not None:
+            head = head.replace("hold the", "show the", 1)
+        if head in told and hand is None:
+            head = head.replace("any side", "another side") if "any side" in head else f"{head}, a little otherwise"
+        told.add(view.sentence.partition(": ")[0])
+        photos.append(replace(view, sentence=f"{head}{colon}{gain}"))
+    return tuple(photos)
 
 
-def _remarks(record: PlanRecord) -> tuple[str, ...]:
-    """What a person must know of the numbers."""
-    said = ["the lens is taken to be one that its model follows, and photos to be sharp; calib run tells"]
+def _remarks(target: TargetGeometry, record: PlanRecord) -> tuple[str, ...]:
+    """What a person must know of the numbers, beside the lens."""
+    said = []
+    if target.is_plate and not target.is_planar:
+        said.append("photos are of the front of the board; what its back would tell is not counted")
     if not record.made:
         said.append("how the target was made is not known: its errors come on top; --made says how it was")
     if record.base_from_flange is not None:

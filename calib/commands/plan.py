@@ -1,5 +1,6 @@
 """The command `calib plan`."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
@@ -74,8 +75,11 @@ def plan(
     answer = cast("dict[str, Value]", PLAN.document(record))
     photos = cast("list[dict[str, Value]]", answer["photos"])
     answer["photos"] = [{name: value for name, value in one.items() if name != PICTURE} for one in photos]
+    told = {name: value for name, value in answer.items() if name not in LEFT_OUT}
+    worst_px = record.worst_px if math.isfinite(record.worst_px) else None
     summary = Summary(
-        {name: value for name, value in answer.items() if name not in LEFT_OUT}, files, remarks=record.remarks,
+        {**told, "is_reached": record.is_reached, "worst_px": worst_px, "covered": record.covered}, files,
+        remarks=record.remarks,
         next_steps=(f"calib run {quoted(target)} photos -o camera   # when they are taken, in the folder photos",),
         exit_code=0 if record.is_reached else NOT_REACHED,
     )  # fmt: skip

@@ -133,6 +133,12 @@ def transform(pose: Array, point: Array) -> Array:
     return moved
 
 
+def transform_each(pose: Array, point: Array) -> Array:
+    """All points (N, 3) moved by each of rigid motions (C, 4, 4): `transform(pose[:, None], point)`.  # (C, N, 3)"""
+    moved: Array = point @ pose[:, :3, :3].swapaxes(1, 2) + pose[:, None, :3, 3]
+    return moved
+
+
 def look_at(eye: Array, aim: Array, roll_rad: Array | float = 0.0) -> Array:
     """Poses `cam_from_world` (..., 4, 4) of cameras at `eye` that look at `aim`, both (..., 3).
 

@@ -226,7 +226,10 @@ class Guide:
             return Proposal(first_pose(self.camera, self.shape, taken), None)
         # The last photo once more is no progress, but of a small target held near all others are like it.
         asked = (self.calibration, self._standing, self.settings, self.shape)
-        return proposal_of(*asked, (*self._skipped, self.taken[-1])) or proposal_of(*asked, self._skipped)
+        opened = self._insight.opened
+        return proposal_of(*asked, (*self._skipped, self.taken[-1]), opened) or proposal_of(
+            *asked, self._skipped, opened
+        )
 
     @cached_property
     def _gains(self) -> ViewGains | None:

@@ -25,7 +25,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.solver.suited import lens_kind
-from calib.solver.target_error import with_target_error
+from calib.solver.target_error import LeftOpen, target_told
 from calib.verdict.information import knowledge_of
 from calib.verdict.lit_part import lit_part, sigma_over_lit_px
 from designer.base.errors import InputError
@@ -50,6 +50,7 @@ class Insight:
     observations: Observations | None  # of the photos that count; None: there are none
     left_out: tuple[tuple[str, str], ...]  # photos that do not count, and why
     calibration: Calibration | None  # "converged": the whole model; else what is open is a guess; None: no camera yet
+    opened: LeftOpen | None = None  # of the target's shape, beside the camera; None: nothing, or no camera
 
     @property
     def whole(self) -> Calibration | None:
@@ -78,14 +79,14 @@ def insight_of(photos: Sequence[Detections], settings: GuideSettings) -> Insight
 
 def _without_odd(seen: Observations, left_out: tuple[tuple[str, str], ...], settings: GuideSettings) -> Insight:
     """What is known without the photos that do not go with the others."""
-    found = _camera(seen, settings)
+    found, opened = _camera(seen, settings)
     if found is None:
         return Insight(seen, left_out, None)
     lost = set(seen.view_names) - set(found.observations.view_names)
     left_out += tuple((name, "nowhere could the target show its rings so") for name in seen.view_names if name in lost)
     odd = odd_photo(found)
     if odd is None or len(left_out) > seen.view_count:
-        return Insight(found.observations, left_out, found)
+        return Insight(found.observations, left_out, found, opened)
     others = keep_views(found.observations, np.array(found.observations.view_names) != odd[0])
     return _without_odd(others, (*left_out, odd), settings)
 
@@ -112,18 +113,18 @@ def _usable(photos: Sequence[Detections], settings: GuideSettings) -> tuple[list
     return [one for one in named if one.image_size == size], left_out
 
 
-def _camera(seen: Observations, settings: GuideSettings) -> Calibration | None:
-    """The camera that the observations determine as far as they do; None if not even its focal length."""
+def _camera(seen: Observations, settings: GuideSettings) -> tuple[Calibration | None, LeftOpen | None]:
+    """The camera that the observations determine as far as they do, None if not even its focal length; what is open."""
     found = _solved(seen, settings.model)
     if settings.may_be_wide and not _is_of_noise(found) and lens_kind(seen).is_wide:
         found = _solved(seen, WIDE)
     if found is None or not _fits(found):
-        return None
+        return None, None
     if found.status == "converged":
-        return with_target_error(found, settings.made)
+        return target_told(found, settings.made)
     basis = knowledge_of(found).basis
     focal = math.sqrt(float(basis[0] @ basis[0])) / float(found.camera.params[0])
-    return found if focal < UNSURE else None
+    return (found if focal < UNSURE else None), None
 
 
 def _is_of_noise(found: Calibration | None) -> bool:

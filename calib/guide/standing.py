@@ -1,7 +1,7 @@
 """How good a camera is after the photos so far, and which view would make it better."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,8 @@ from calib.guide.settings import GuideSettings
 from calib.solver.calibration import Calibration
 from calib.solver.image_field import with_image_field
 from calib.solver.options import SolveOptions
-from calib.verdict.evidence import CameraEvidence, evidence_of
+from calib.solver.target_error import LeftOpen
+from calib.verdict.evidence import CameraEvidence, evidence_of, uncertainty_of
 from calib.verdict.halves import half_split
 from calib.verdict.judge import judge
 from calib.verdict.next_views import LITTLE_GAIN, NextView, next_views
@@ -64,7 +65,9 @@ def standing_of(insight: Insight, settings: GuideSettings) -> Standing | None:
         return standing
     # What is fixed in the image takes as long as all the rest, and may only make worse what is good without.
     found = with_image_field(found)
-    return Standing(found, evidence := evidence_of([found], 0, halves), judge(evidence, settings.criteria))
+    known = uncertainty_of(found, evidence.coverage, evidence.uncertainty.factor)
+    evidence = replace(evidence, uncertainty=known)
+    return Standing(found, evidence, judge(evidence, settings.criteria))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +86,7 @@ def proposal_of(
     settings: GuideSettings,
     shape: TargetShape,
     avoided: Sequence[Array],
+    opened: LeftOpen | None = None,
 ) -> Proposal | None:
     """The view that tells most of those that are not avoided; None if none tells anything.
 
@@ -92,13 +96,14 @@ def proposal_of(
         settings: what is asked.
         shape: of the target.
         avoided: poses of what cannot be done (4, 4).
+        opened: what is open of the target's shape; None: nothing.
     """
     if standing is not None and standing.is_enough:
         return None
     uncertain = None if standing is None else standing.evidence.uncertainty
     # To follow what photos tell of the target's shape takes a while, and is worth it where that is a part of the error.
     is_targets = uncertain is not None and uncertain.target_px > LITTLE_BY_TARGET * (uncertain.image_px or 0.0)
-    prior = settings.made.prior if is_targets and settings.made is not None else None
+    weighed = opened if is_targets else None
 
     def is_avoided(poses: Array) -> NDArray[np.bool_]:
         near = np.zeros(len(poses), dtype=np.bool_)
@@ -108,7 +113,7 @@ def proposal_of(
 
     for goal_px, goal_covered, little_gain in _goals(standing, settings, calibration.observations.view_count):
         views = next_views(
-            calibration, most=1, goal_px=goal_px, goal_covered=goal_covered, prior=prior, little_gain=little_gain,
+            calibration, most=1, goal_px=goal_px, goal_covered=goal_covered, opened=weighed, little_gain=little_gain,
             factor=1.0 if uncertain is None else uncertain.factor, is_avoided=is_avoided if avoided else None,
         )  # fmt: skip
         if views:

@@ -44,20 +44,23 @@ def with_target_error(calibration: Calibration, made: Made | None) -> Calibratio
     It was solved with the rings where the target's file has them; the prior of the way of making says where they may
     be. Without one, they are there.
     """
+    return target_told(calibration, made)[0]
+
+
+@one_thread
+def target_told(calibration: Calibration, made: Made | None) -> "tuple[Calibration, LeftOpen | None]":
+    """The same, and what is open of the target's shape: the same equations tell both."""
     if made is None:
-        return calibration
-    size = len(calibration.camera.params)
-    covariance = np.zeros((size, size))
+        return calibration, None
     found = _equations(calibration, made.prior)
-    if found is not None:
-        equations, _ = found
-        covariance = added_covariance(equations)
-    return replace(
-        calibration,
-        target_error=TargetError(
-            made.name, made.because, covariance, None if made.errors is None else MadeWith.of(made.errors)
-        ),
-    )
+    settled = None if found is None else _settled(found[0])
+    size = len(calibration.camera.params)
+    covariance, opened = np.zeros((size, size)), None
+    if found is not None and settled is not None:
+        equations, modes_mm = found
+        covariance, opened = _added(equations, settled), _opened(equations, modes_mm, settled)
+    errors = None if made.errors is None else MadeWith.of(made.errors)
+    return replace(calibration, target_error=TargetError(made.name, made.because, covariance, errors)), opened
 
 
 def stated_prior(calibration: Calibration, target: TargetGeometry | None) -> ShapePrior | None:
@@ -84,7 +87,11 @@ def left_open(calibration: Calibration, prior: ShapePrior | None) -> LeftOpen | 
     settled = None if found is None else _settled(found[0])
     if found is None or settled is None:
         return None
-    (equations, modes_mm), (solved, variance) = found, settled
+    return _opened(*found, settled)
+
+
+def _opened(equations: ShapeEquations, modes_mm: Array, settled: "tuple[Extended, float]") -> LeftOpen:
+    solved, variance = settled
     square = variance * solved.covariance + np.outer(solved.mean, solved.mean)
     return LeftOpen(equations.basis, modes_mm, square)
 
@@ -101,10 +108,12 @@ def _equations(calibration: Calibration, prior: ShapePrior | None) -> tuple[Shap
 
 def added_covariance(equations: ShapeEquations) -> Array:
     """The parameters' mean square error by the target.  # (P, P)"""
-    basis, settled = equations.basis, _settled(equations)
-    if settled is None:
-        return np.zeros((len(basis),) * 2)
-    found, variance = settled
+    settled = _settled(equations)
+    return np.zeros((len(equations.basis),) * 2) if settled is None else _added(equations, settled)
+
+
+def _added(equations: ShapeEquations, settled: "tuple[Extended, float]") -> Array:
+    basis, (found, variance) = equations.basis, settled
     step = found.mean[equations.camera]
     added: Array = basis @ (variance * found.more + np.outer(step, step)) @ basis.T
     return added

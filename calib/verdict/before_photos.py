@@ -14,6 +14,7 @@ from calib.core.se3 import make_pose, transform
 from calib.core.types import KnownPoints, Observations
 from calib.solver.calibration import Calibration
 from calib.verdict.information import LENS_UNSURE
+from calib.verdict.lit_part import lit_part
 from calib.verdict.views import READABLE_PITCH_PX, Habits, TargetShape
 
 Array = NDArray[np.float64]
@@ -49,13 +50,22 @@ def calibration_before(camera: Camera, points: KnownPoints, noise_px: float) -> 
     )  # fmt: skip
 
 
-def usual_hold(camera: Camera, shape: TargetShape, distance_mm: tuple[float, float] | None = None) -> Habits:
-    """How a target may be held before a camera: so that it fills a good part of the image, or between two distances."""
-    near, far = (_distance_mm(camera, shape, fill) for fill in FILLS[::-1]) if distance_mm is None else distance_mm
+def usual_hold(before: Calibration, shape: TargetShape, distance_mm: tuple[float, float] | None = None) -> Habits:
+    """How a target may be held: so that it fills a good part of the lit image, or between two distances.
+
+    Args:
+        before: of `calibration_before`.
+        shape: of the target.
+        distance_mm: nearest and farthest; None: by what it fills.
+    """
+    first, last = lit_part(before).box_px
+    size_px = last - first + 1
+    fills = (_distance_mm(before.camera, shape, fill, size_px) for fill in FILLS[::-1])
+    near, far = fills if distance_mm is None else distance_mm
     return Habits((near, far), FACE_SHARE, READABLE_PITCH_PX, FEWEST_RINGS, FINE_PITCH_PX)
 
 
-def _distance_mm(camera: Camera, shape: TargetShape, fill: float) -> float:
+def _distance_mm(camera: Camera, shape: TargetShape, fill: float, size_px: Array) -> float:
     """From where a target that faces the camera fills so much of the image."""
     turn = np.stack([shape.axes[0], shape.axes[1], -shape.axes[2]]) if shape.is_flat else np.eye(3)
     extent = float(np.ptp(shape.position_mm, axis=0).max())
@@ -65,7 +75,7 @@ def _distance_mm(camera: Camera, shape: TargetShape, fill: float) -> float:
         pose = make_pose(turn, np.array([0.0, 0.0, middle]) - turn @ shape.center_mm)
         pixel = project(camera, transform(pose, shape.position_mm))
         is_all = bool(np.isfinite(pixel).all())
-        if is_all and float((np.ptp(pixel, axis=0) / camera.image_size).max()) < fill:
+        if is_all and float((np.ptp(pixel, axis=0) / size_px).max()) < fill:
             far = middle
         else:
             near = middle

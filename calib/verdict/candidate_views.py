@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
-from calib.core.se3 import exp_rotation, make_pose, rotation_between, transform
+from calib.core.se3 import exp_rotation, make_pose, rotation_between, transform, transform_each
 from calib.solver.calibration import Calibration
 from calib.verdict.lit_part import LitPart, lit_part
 from calib.verdict.views import Habits, TargetShape, facing, pitch_px, px_per_mm
@@ -234,7 +234,7 @@ def _within_rim(lit: LitPart, place: Array) -> Array:
 def faces_seen(shape: TargetShape, pose: Array) -> tuple[NDArray[np.bool_], Array, Array]:
     """Which faces look at the camera (C, F), and their middles and normals in its frame (C, F, 3)."""
     normal = (pose[:, None, :3, :3] @ shape.normal[:, :, None])[..., 0]
-    place = transform(pose[:, None], shape.middle_mm)
+    place = transform_each(pose, shape.middle_mm)
     with np.errstate(invalid="ignore"):
         seen: NDArray[np.bool_] = facing(place, normal) > np.cos(np.radians(LARGEST_INCIDENCE_DEG))
     return seen, place, normal
@@ -243,7 +243,7 @@ def faces_seen(shape: TargetShape, pose: Array) -> tuple[NDArray[np.bool_], Arra
 def _box(camera: Camera, shape: TargetShape, pose: Array) -> tuple[Array, Array]:
     """The corners (C, 2) of the box in the image around the faces that look at the camera; nan without any."""
     rows = np.concatenate(shape.corner)
-    pixel = project(camera, transform(pose[:, None], shape.position_mm[rows]))
+    pixel = project(camera, transform_each(pose, shape.position_mm[rows]))
     shown = faces_seen(shape, pose)[0][:, shape.face[rows]]
     known = shown & np.isfinite(pixel).all(axis=2)
     ok = known.any(axis=1) & (known == shown).all(axis=1)
@@ -280,7 +280,7 @@ def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, ro
         turned &= pitch >= habits.pitch_px * (1 - 1e-9)
         margin = PLACED_WITHIN * MARGIN_PITCHES * shape.pitch_mm * px_per_mm(camera, place)
     face = shape.face[rows]
-    pixel = project(camera, transform(pose[:, None], shape.position_mm[rows]))
+    pixel = project(camera, transform_each(pose, shape.position_mm[rows]))
     last = np.array(camera.image_size, dtype=np.float64) - 1
     edge = margin[:, face, None]
     with np.errstate(invalid="ignore"):

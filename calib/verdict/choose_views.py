@@ -14,6 +14,7 @@ from calib.cameras.camera import Camera
 from calib.core.linear_algebra import covariance_with_prior
 from calib.solver.accuracy import SHARE_PERCENT
 from calib.solver.calibration import Calibration
+from calib.solver.target_error import LeftOpen
 from calib.verdict.candidate_views import (
     FARTHER,
     NEARER,
@@ -35,7 +36,6 @@ from calib.verdict.information import (
 )
 from calib.verdict.lit_part import lit_part
 from calib.verdict.views import Habits, TargetShape, habits_of, shape_of
-from designer.tolerance.prior import ShapePrior
 
 Array = NDArray[np.float64]
 
@@ -53,8 +53,6 @@ STRANGE = 0.2
 """A distance beyond the used ones by a factor of two must be worth this share more."""
 AGAIN = 0.1
 """The same for a place that was proposed already, because the lens may be less even than its model takes it to be."""
-THE_SAME = 10.0
-"""A factor for the very same photo once more: it averages the noise, and none of what is wrong in each photo."""
 WORTH_OF_NEW = 0.2
 """The same for a photo that shows nothing where nothing was seen yet, against the one that shows most there."""
 MOST_FOR_NEW = 0.5
@@ -108,7 +106,7 @@ def scene_of(
     calibration: Calibration,
     face_share: float | None,
     factor: float = 1.0,
-    prior: ShapePrior | None = None,
+    opened: LeftOpen | None = None,
     held: Habits | None = None,
     at: Array | None = None,
 ) -> ViewChoice | None:
@@ -118,7 +116,7 @@ def scene_of(
         calibration: what is known so far.
         face_share: so much of a face must be seen for its rings to be read; None: as in the photos taken so far.
         factor: that halves of the photos enlarge the standard deviations of the noise by.
-        prior: of how the target was made; None: not known, or no matter.
+        opened: what photos so far leave open of the target's shape; None: not known, or no matter.
         held: how the target may be held, and nowhere beyond; None: about as in the photos taken so far.
         at: the only poses that it can have (C, 4, 4); None: any.
     """
@@ -137,7 +135,7 @@ def scene_of(
     stands_for = np.bincount(shape.face, minlength=faces) / np.bincount(shape.face[rows], minlength=faces).clip(min=1)
     weighed = weight[ok] * stands_for[shape.face[rows]]
     information = view_information(known, candidates.cam_from_target[ok], shape.position_mm[rows], weighed)
-    stated = stated_error(known, calibration, factor, prior)
+    stated = stated_error(known, calibration, factor, opened)
     on_face = calibration.observations.points.face >= 0
     modes_mm = np.zeros((0, len(shape.face), 3)) if stated.modes_mm is None else stated.modes_mm[:, on_face]
     return ViewChoice(
@@ -187,6 +185,7 @@ def for_accuracy(scene: ViewChoice, so_far: SoFar) -> Iterator[CandidatePhoto]:
     best = np.argsort(square * effort**2, kind="stable")[:COMPARED_IN_FULL]
     share = compared_px(scene, after[best])
     order = best[np.argsort(share * effort[best], kind="stable")]
+    order = order[np.isfinite(effort[order])]
     return (in_full(scene, row) for row in order[:TRIED].tolist())
 
 
@@ -196,10 +195,13 @@ def compared_px(scene: ViewChoice, covariance: Array) -> Array:
     return share
 
 
-def for_coverage(scene: ViewChoice, so_far: SoFar) -> CandidatePhoto:
-    """The photo that surrounds most of what no photo has shown yet."""
+def for_coverage(scene: ViewChoice, so_far: SoFar) -> CandidatePhoto | None:
+    """The photo that surrounds most of what no photo has shown yet; None if all were chosen."""
     effort = _effort(scene, so_far)
-    order = np.argsort(-_new_cells(scene, so_far) / effort, kind="stable")[:TRIED].tolist()
+    order = np.argsort(-_new_cells(scene, so_far) / effort, kind="stable")[:TRIED]
+    order = order[np.isfinite(effort[order])].tolist()
+    if not order:
+        return None
     return in_full(scene, max(order, key=lambda row: new_area(so_far, _area(scene, _shown(scene, row))) / effort[row]))
 
 
@@ -269,7 +271,8 @@ def _effort(scene: ViewChoice, so_far: SoFar) -> Array:
     beyond = np.maximum(np.log2(near / distance), np.log2(distance / far)).clip(min=0.0)
     again: NDArray[np.bool_] = np.asarray((place[:, None] == place[list(so_far.chosen)]).all(axis=2).any(axis=1))
     effort: Array = np.asarray((1 + STRANGE * beyond) * (1 + AGAIN * again))
-    effort[list(so_far.chosen)] *= THE_SAME
+    # The very same photo once more averages the noise, and none of what is wrong in each photo.
+    effort[list(so_far.chosen)] = np.inf
     return effort
 
 

@@ -32,9 +32,8 @@ from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.problem import pack
 from calib.solver.schur import reduced_normal
-from calib.solver.target_error import left_open
+from calib.solver.target_error import LeftOpen
 from calib.verdict.lit_part import lit_part
-from designer.tolerance.prior import ShapePrior
 
 Array = NDArray[np.float64]
 
@@ -213,14 +212,14 @@ class StatedError:
         return found
 
 
-def stated_error(known: Knowledge, calibration: Calibration, factor: float, prior: ShapePrior | None) -> StatedError:
+def stated_error(known: Knowledge, calibration: Calibration, factor: float, opened: LeftOpen | None) -> StatedError:
     """The error of a calibration as the verdict states it.
 
     Args:
         known: of the calibration.
         calibration: with what its target may be off, if that is known.
         factor: that halves of the photos enlarge the standard deviations of the noise by.
-        prior: of how the target was made; None: not known, or no matter.
+        opened: what photos so far leave open of the target's shape; None: not known, or no matter.
     """
     size, error = known.basis.shape[1], calibration.target_error
     none, to_q = np.zeros((size, 0)), pseudo_inverse(known.basis)
@@ -230,9 +229,8 @@ def stated_error(known: Knowledge, calibration: Calibration, factor: float, prio
     if error is None or not known.is_determined or not error.param_covariance.any():
         return StatedError(factor**2, np.zeros((size, size)), None, none, none.T @ none, by_field)
     by_target = to_q @ error.param_covariance @ to_q.T
-    found = left_open(calibration, prior)
-    if found is None:
+    if opened is None:
         return StatedError(factor**2, by_target, None, none, none.T @ none, by_field)
-    camera = found.basis.shape[1]
-    mixed, shape = found.mean_square[:camera, camera:], found.mean_square[camera:, camera:]
-    return StatedError(factor**2, by_target, found.modes_mm, to_q @ found.basis @ mixed, shape, by_field)
+    camera, square = opened.basis.shape[1], opened.mean_square
+    mixed, shape = square[:camera, camera:], square[camera:, camera:]
+    return StatedError(factor**2, by_target, opened.modes_mm, to_q @ opened.basis @ mixed, shape, by_field)

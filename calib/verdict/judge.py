@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from calib.core.parallel import one_thread
-from calib.solver.calibration import Calibration
-from calib.solver.target_error import stated_prior
+from calib.solver.calibration import Calibration, without_surface
+from calib.solver.target_error import left_open, stated_prior
 from calib.verdict.advice import DETECTED, Inputs, advice_of
 from calib.verdict.checks import OWN_ROTATION, checks_of, faults_of, missing_of, px
 from calib.verdict.evidence import CameraEvidence, evidence_of
@@ -134,7 +134,7 @@ def judge_cameras(
     judged = calibrations[best]
     views = next_views(
         judged, goal_px=criteria["uncertainty"].good, goal_covered=criteria["coverage"].good / 100,
-        factor=evidence.uncertainty.factor, prior=stated_prior(judged, target),
+        factor=evidence.uncertainty.factor, opened=left_open(without_surface(judged), stated_prior(judged, target)),
     )  # fmt: skip
     return judged_by(judged, evidence, halves, criteria, views, inputs), views
 

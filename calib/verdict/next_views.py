@@ -21,6 +21,7 @@ from calib.core.se3 import rigid_fault, transform
 from calib.core.types import frozen_array
 from calib.solver.accuracy import NO_FIT, SHARE_PERCENT, share_px
 from calib.solver.calibration import Calibration, without_surface
+from calib.solver.target_error import LeftOpen
 from calib.verdict.candidate_views import CandidateViews, faces_seen
 from calib.verdict.choose_views import (
     CandidatePhoto,
@@ -41,7 +42,6 @@ from calib.verdict.next_view_words import Hold, ViewGain, place_of, sentence_of
 from calib.verdict.views import TargetShape
 from designer.base.file_kind import FileKind
 from designer.base.marks import ONE_LINE, AtLeast, AtMost, Length, NullIs, Shape
-from designer.tolerance.prior import ShapePrior
 
 Array = NDArray[np.float64]
 
@@ -122,7 +122,7 @@ def next_views(
     goal_covered: float = 0.0,
     face_share: float | None = None,
     factor: float = 1.0,
-    prior: ShapePrior | None = None,
+    opened: LeftOpen | None = None,
     little_gain: float = LITTLE_GAIN,
     is_avoided: Callable[[Array], NDArray[np.bool_]] | None = None,
 ) -> tuple[NextView, ...]:
@@ -135,12 +135,12 @@ def next_views(
         goal_covered: so much of the image is to be surrounded by sightings, 0 to 1.
         face_share: so much of a face must be seen for its rings to be read; None: as in the photos taken so far.
         factor: that halves of the photos enlarge the standard deviations of the noise by.
-        prior: of how the target was made; None: not known, or no matter.
+        opened: what photos so far leave open of the target's shape; None: not known, or no matter.
         little_gain: a photo that leaves more than this of the deviation is not worth taking.
         is_avoided: which of poses (C, 4, 4) are not to be proposed (C,).
     """
     calibration = without_surface(calibration)  # what tells most of the base tells most of what lies around it
-    scene = None if why_no_next_views(calibration) else scene_of(calibration, face_share, factor, prior)
+    scene = None if why_no_next_views(calibration) else scene_of(calibration, face_share, factor, opened)
     if scene is None:
         return ()
     if is_avoided is not None:
@@ -166,7 +166,7 @@ def next_views(
         photo = _more_accurate(scene, so_far, within_px, little_gain * before) if wants_accuracy else None
         if photo is None and so_far.covered < goal_covered:
             photo = for_coverage(scene, so_far)
-            photo = photo if new_area(so_far, photo.area) > LITTLE_AREA else None
+            photo = None if photo is None or new_area(so_far, photo.area) <= LITTLE_AREA else photo
         if photo is None:
             break
         then = with_photo(so_far, photo)

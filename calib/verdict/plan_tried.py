@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.core.se3 import exp_rotation, make_pose, transform
+from calib.core.se3 import exp_rotation, make_pose, rotation_of_quaternion, transform
 from calib.core.types import KnownPoints, Observations, keep_views
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
@@ -67,7 +67,7 @@ def tried_plan(
         rng: of noise and of how the target is held.
         is_held_exactly: a robot or a turntable holds it.
     """
-    poses = cam_from_target if is_held_exactly else _held(cam_from_target, shape, rng)
+    poses = cam_from_target if is_held_exactly else held_by_hand(cam_from_target, shape, rng)
     seen = _photographed(camera, points, shape, held, poses, noise_px, rng)
     if not seen.view_count:
         return NOT_DETERMINED
@@ -91,13 +91,15 @@ def _stated(found: Calibration) -> TriedPlan:
     return TriedPlan(known.image_px, factor * known.noise_px, known.target_px)
 
 
-def _held(cam_from_target: Array, shape: TargetShape, rng: np.random.Generator) -> Array:
-    """The poses as a person holds them."""
-    turn = TURNED_RAD * rng.standard_normal((len(cam_from_target), 3)).clip(-2, 2)
+def held_by_hand(cam_from_target: Array, shape: TargetShape, rng: np.random.Generator) -> Array:
+    """The poses as a person holds them: a solid with any side to the camera, as a plan says."""
+    count = len(cam_from_target)
+    sides = np.eye(3) if shape.is_flat else rotation_of_quaternion(rng.standard_normal((count, 4)))
+    turn = TURNED_RAD * rng.standard_normal((count, 3)).clip(-2, 2)
     middle = transform(cam_from_target, shape.center_mm)
     most_mm = np.minimum(SHIFTED_MM, OF_DISTANCE * np.linalg.norm(middle, axis=1))
     there = middle + most_mm[:, None] * rng.standard_normal(middle.shape).clip(-2, 2)
-    rotation = exp_rotation(turn) @ cam_from_target[:, :3, :3]
+    rotation = exp_rotation(turn) @ cam_from_target[:, :3, :3] @ sides
     return make_pose(rotation, there - rotation @ shape.center_mm)
 
 

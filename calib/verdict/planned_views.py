@@ -148,7 +148,10 @@ def _greedy(goal: _Goal, most: int) -> tuple[CandidatePhoto, ...]:
         photo = for_coverage(goal.scene, so_far) if wants_area and so_far.covered < goal.goal_covered else None
         if photo is not None and new_area(so_far, photo.area) < LITTLE_AREA:
             break
-        photos.append(photo or next(for_accuracy(goal.scene, so_far)))
+        photo = photo or next(for_accuracy(goal.scene, so_far), None)
+        if photo is None:
+            break
+        photos.append(photo)
     return tuple(photos)
 
 
@@ -159,7 +162,9 @@ def _exchanged(goal: _Goal, photos: tuple[CandidatePhoto, ...]) -> tuple[Candida
         before = photos
         for number in range(len(photos)):
             rest = (*photos[:number], *photos[number + 1 :])
-            best = next(for_accuracy(goal.scene, goal.after(rest)))
+            best = next(for_accuracy(goal.scene, goal.after(rest)), None)
+            if best is None:
+                continue
             swapped = (*photos[:number], best, *photos[number + 1 :])
             is_better = goal.within_px(goal.after(swapped)) < WORTH_A_SWAP * goal.within_px(goal.after(photos))
             if is_better and goal.is_met(swapped):

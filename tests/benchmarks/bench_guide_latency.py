@@ -48,7 +48,9 @@ def measure(name: str, target: TargetGeometry) -> None:
     found = insight.whole
     if found is None or standing is None:
         raise RuntimeError("thirty photos determine a camera")
-    proposing, proposal = median_ms(lambda: proposal_of(found, standing, guide.settings, guide.shape, ()), TIMES)
+    proposing, proposal = median_ms(
+        lambda: proposal_of(found, standing, guide.settings, guide.shape, (), insight.opened), TIMES
+    )
     frames = [found_at(held_by_person(pose, target, rng), target, rng) for pose in poses[:LOOKS]]
     guide.look(frames[0])
     looking = np.median([median_ms(lambda frame=frame: guide.look(frame), 3)[0] for frame in frames])

@@ -12,7 +12,15 @@ from calib.show.parts.folder_blocks import files_section, title_of
 from calib.show.parts.kept_target import TARGET_FILE, kept_target
 from calib.show.parts.origin import Origin
 from calib.show.plan.sketch import sketch
-from calib.show.plan.words import facts_of, findings_of, headline_of, photos_table, sentences_of, tries_table
+from calib.show.plan.words import (
+    facts_of,
+    findings_of,
+    headline_of,
+    photos_table,
+    sentences_of,
+    tried_words,
+    tries_table,
+)
 from calib.show.run.camera_scene import BODY, INK, NEXT, body_words, first_look, view_of
 from designer.page.blocks import (
     Block,
@@ -41,10 +49,6 @@ FILES = (
     (PLAN_FILE, "what this page is built from"),
     (TARGET_FILE, "the target"),
 )
-TRIED = (
-    "Photos were simulated as they are taken after the plan, with noise and the target held not quite as it says, and "
-    "the camera was solved from them, again and again."
-)
 PANEL_IN = 3.4
 
 
@@ -60,7 +64,9 @@ def plan_page(folder: Path, origin: Origin) -> Page:
     photos: Block = Steps(sentences_of(record)) if target is None else _pictures(record, target)
     sections = [
         Section("The photos", (photos,), lead="In this order; left, right, top and bottom are those of the image."),
-        Section("What they are worth", (_curve(record), tries_table(record), findings_of(record)), lead=TRIED),
+        Section(
+            "What they are worth", (_curve(record), tries_table(record), findings_of(record)), lead=tried_words(record)
+        ),
         Section("In numbers", (photos_table(record),)),
     ]
     if target is not None:

@@ -15,7 +15,7 @@ from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
 
-WIDTH_PX = 480
+LONGEST_PX = 480
 FINER = 2
 """Drawn so many times larger than shown."""
 BEHIND, BODY, INK = 205, 250, 35
@@ -35,8 +35,8 @@ def sketch(camera: Camera, target: TargetGeometry, cam_from_target: Array) -> Ra
         cam_from_target: where.  # (4, 4)
     """
     width, height = camera.image_size
-    scale = WIDTH_PX * FINER / width
-    canvas = np.full((max(round(height * scale), 1), WIDTH_PX * FINER), BEHIND, dtype=np.uint8)
+    scale = LONGEST_PX * FINER / max(width, height)
+    canvas = np.full((max(round(height * scale), 1), max(round(width * scale), 1)), BEHIND, dtype=np.uint8)
     eye = -cam_from_target[:3, :3].T @ cam_from_target[:3, 3]
     frame = target.target_from_face
     looks = ((eye - frame[:, :3, 3]) * frame[:, :3, 2]).sum(axis=1) > 0
@@ -49,7 +49,7 @@ def sketch(camera: Camera, target: TargetGeometry, cam_from_target: Array) -> Ra
             placed = cam_from_target @ frame[target.ring_face[row]]
             circle = target.center_in_face_mm[row, :2] + radius_mm[row] * _CIRCLE
             _fill(canvas, _pixels(camera, placed, circle, scale), grey)
-    return thumbnail(canvas, WIDTH_PX)
+    return thumbnail(canvas, -(-canvas.shape[1] // FINER))
 
 
 _ANGLES = np.linspace(0, 2 * math.pi, STEPS_OF_RING, endpoint=False)
@@ -68,7 +68,7 @@ def _pixels(camera: Camera, cam_from_face: Array, line: Array, scale: float) -> 
     place = transform(cam_from_face, np.column_stack([line, np.zeros(len(line))]))
     pixel: Array = (project(camera, place) + 0.5) * scale - 0.5
     with np.errstate(invalid="ignore"):
-        near: Array = pixel[np.abs(pixel).max(axis=1) < FAR_OUT * WIDTH_PX * FINER]
+        near: Array = pixel[np.abs(pixel).max(axis=1) < FAR_OUT * LONGEST_PX * FINER]
     return near
 
 

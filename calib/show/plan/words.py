@@ -5,14 +5,10 @@ import math
 import numpy as np
 
 from calib.core.number_text import figure as digits
-from calib.records.plan_file import PlanRecord, photo_names
+from calib.records.plan_file import HAND, PlanRecord, photo_names
 from calib.show.parts.folder_blocks import number
 from designer.base.words import capital, printable
 from designer.page.blocks import Cell, Column, Finding, Findings, Headline, Table
-
-HAND = "hand"
-MOST_OF_IT = 0.7
-"""Of what is left of the image's deviation: so much by one part is named as what is in the way."""
 
 
 def headline_of(record: PlanRecord) -> Headline:
@@ -34,15 +30,15 @@ def headline_of(record: PlanRecord) -> Headline:
 def _missing(record: PlanRecord) -> str:
     """What is in the way of the goal, and what helps."""
     worst = max(record.tried, key=lambda one: one.stated_px)
-    if math.isfinite(worst.stated_px) and worst.by_target_px > MOST_OF_IT * worst.stated_px:
+    if record.table_deg is not None and worst.by_noise_px > record.goal_px:
+        return ". From where it stands the camera sees too little: move it between two turns of the table"
+    if record.covered < record.goal_covered:
+        return f", and {100 * record.goal_covered:.0f} % of the image, of which {100 * record.covered:.0f} % is covered"
+    if worst.by_noise_px <= record.goal_px:
         return (
             f". The target's making is {digits(worst.by_target_px, 2)} px of it: one that is made better, or measured "
             "with calib measure, helps more than photos"
         )
-    if record.covered < record.goal_covered:
-        return f", and {100 * record.goal_covered:.0f} % of the image, of which {100 * record.covered:.0f} % is covered"
-    if record.table_deg is not None:
-        return ". From where it stands the camera sees too little: move it between two turns of the table"
     return ". More photos (--most), or other distances (--distance), may do"
 
 
@@ -56,7 +52,7 @@ def facts_of(record: PlanRecord) -> tuple[tuple[str, str], ...]:
     return (
         ("target", printable(record.target)),
         ("camera", f"{camera.model}, {width} x {height} px, focal length {digits(float(camera.params[0]), 4)} px"),
-        *((f"{name} file", printable(text)) for name, text in record.settings.items()),
+        *((f"{name} from", printable(text)) for name, text in record.settings.items()),
         ("taken by", ways.get(record.taken_by, printable(record.taken_by))),
         ("distance", f"{away} mm"),
         ("covered", f"{100 * record.covered:.0f} % of the image"),
@@ -70,9 +66,18 @@ def findings_of(record: PlanRecord) -> Findings:
     return Findings(tuple(Finding("note", "", capital(printable(line))) for line in lines))
 
 
+def tried_words(record: PlanRecord) -> str:
+    """How the plan was tried."""
+    held = "the target held not quite as it says" if record.taken_by == HAND else "the poses exactly as they are"
+    return (
+        f"Photos were simulated as they are taken after the plan, with noise and {held}, and the camera was solved "
+        "from them, again and again."
+    )
+
+
 def sentences_of(record: PlanRecord) -> tuple[str, ...]:
     """The photos in their order, as a person takes them: what each is worth by the noise alone stands in a table."""
-    return tuple(capital(printable(photo.sentence.partition(": ")[0])) for photo in record.photos)
+    return tuple(capital(printable(photo.sentence.partition(": ")[0] or photo.sentence)) for photo in record.photos)
 
 
 def tries_table(record: PlanRecord) -> Table:

@@ -10,16 +10,21 @@ import calib
 from calib.api.planning import PlanResult
 from calib.cameras import project
 from calib.core.se3 import angles_between, exp_rotation, invert, make_pose, transform
+from calib.observe.observations import known_points
 from calib.observe.robot_poses import read_robot_poses
 from calib.records.hand_eye_file import HAND_EYE, HandEye
 from calib.records.plan_file import PLAN
 from calib.show.parts.origin import origin_of
 from calib.show.plan.page import plan_page
 from calib.show.plan.words import headline_of
-from calib.verdict.plan_tried import TriedPlan
+from calib.verdict.before_photos import calibration_before
+from calib.verdict.plan_tried import TriedPlan, held_by_hand
+from calib.verdict.views import shape_of
 from designer.base.errors import InputError
+from designer.kinds.sizing import size_job
 from designer.page.blocks import Gallery
-from tests.support.designs import small
+from designer.produce import Design
+from tests.support.designs import SMALL, asked_for, small
 from tests.support.solver_scenes import CAMERAS
 
 CAMERA = CAMERAS["opencv"]
@@ -74,9 +79,10 @@ def test_what_is_in_the_way_is_said(planned: PlanResult) -> None:
     assert not made.is_reached
     assert min(one.by_target_px for one in made.tried) > 0
     assert {one.by_target_px for one in planned.record.tried} == {0.0}
-    short = replace(planned.record, is_reached=False, goal_px=0.02)
+    short = replace(planned.record, goal_px=0.02)
+    assert not short.is_reached
     assert "--most" in headline_of(short).sentence
-    badly = replace(short, tried=(TriedPlan(0.1, 0.01, 0.0995),))
+    badly = replace(short, tried=(TriedPlan(0.1, 0.01, 0.0995),) * 2)
     assert "made better" in headline_of(badly).sentence
 
 
@@ -91,8 +97,11 @@ def test_the_files_and_the_page_are_the_plan(planned: PlanResult, tmp_path: Path
     assert all(
         record.photos[k].sentence.lower().startswith(one.caption.lower()) for k, one in enumerate(gallery.pictures)
     )
-    read = read_robot_poses(tmp_path / "plan.csv")
-    assert np.allclose(read.base_from_flange, [one.cam_from_target for one in record.photos], atol=1e-6)
+    lines = (tmp_path / "plan.csv").read_text().splitlines()[3:]
+    place = np.array([[float(cell) for cell in line.split(",")[1:4]] for line in lines])
+    assert np.allclose(place, [one.cam_from_target[:3, 3] for one in record.photos], atol=1e-6)
+    with pytest.raises(InputError, match="no rotation"):  # it is no robot's
+        read_robot_poses(tmp_path / "plan.csv")
     (tmp_path / "plan.csv").write_text("mine\n")
     with pytest.raises(InputError, match=r"plan\.csv"):
         planned.save(tmp_path)
@@ -153,6 +162,55 @@ def test_wishes_that_cannot_be(wish: dict[str, object], said: str) -> None:
     with pytest.raises(InputError, match=said) as told:
         calib.plan(BOARD, CAMERA, **wish)  # type: ignore[arg-type]
     assert "\n" not in str(told.value)
+
+
+def test_a_solid_is_tried_with_any_side_to_the_camera() -> None:
+    """What is said is what is tried: each try shows other sides, and no two photos are told alike."""
+    target = small("ico").target
+    record = calib.plan(target, CAMERA, made="exact", within_px=0.6).record
+    sentences = [photo.sentence.partition(":")[0] for photo in record.photos]
+    assert all("side to the camera" in one for one in sentences)
+    poses = np.stack([one.cam_from_target for one in record.photos])
+    before = calibration_before(CAMERA, known_points(target), 0.05)
+    shape = shape_of(before)
+    assert shape is not None
+    held = [held_by_hand(poses, shape, np.random.default_rng(seed)) for seed in range(2)]
+    turned = angles_between(held[0][:, :3, :3], held[1][:, :3, :3])
+    assert np.median(turned) > 1.0
+    away = np.linalg.norm(transform(held[0], shape.center_mm) - transform(poses, shape.center_mm), axis=1)
+    assert (away <= 4 * 0.1 * record.distance_mm).all()
+
+
+def test_of_a_board_with_two_sides_the_front_is_planned() -> None:
+    """As of a board with one: it is held level and tilted, and its back is seen in no photo."""
+    target = Design(size_job(asked_for("board", {**SMALL["board"], "two_sided": True})).job).target
+    record = calib.plan(target, CAMERA, made="exact", distance_mm=NEAR_MM, within_px=GOAL_PX).record
+    assert np.isfinite(record.tilt_deg).all()
+    normal = np.stack([one.cam_from_target[:3, :3] @ target.target_from_face[0, :3, 2] for one in record.photos])
+    place = np.stack([one.cam_from_target[:3, 3] for one in record.photos])
+    assert ((normal * place).sum(axis=1) < 0).all()
+    assert any("front" in one for one in record.remarks)
+
+
+def test_an_image_circle_is_filled_and_not_the_image() -> None:
+    """A lens that lights a small part of the image is planned for by that part."""
+    narrow = replace(CAMERA, field_rad=0.35)
+    record = calib.plan(BOARD, narrow, made="exact", within_px=2.0, most=8).record
+    assert record.distance_mm.min() > 1.5 * NEAR_MM[0]
+
+
+def test_records_that_contradict_themselves_are_refused(planned: PlanResult) -> None:
+    """No plan without photos or tries, with two carriers, or with poses that are none."""
+    record, count = planned.record, len(planned.record.photos)
+    for odd in ({"base_from_flange": np.zeros((count, 4, 4))}, {"distance_mm": record.distance_mm[1:]}):
+        with pytest.raises(ValueError, match=next(iter(odd))):
+            replace(record, **odd)
+    with pytest.raises(ValueError, match="not both"):
+        replace(record, base_from_flange=np.tile(np.eye(4), (count, 1, 1)), table_deg=np.zeros(count))
+    for name in ("photos", "tried"):
+        document = {**PLAN.document(record), name: []}
+        with pytest.raises(InputError, match=name):
+            PLAN.of(document, "plan.json")
 
 
 def test_planned_photos_show_the_target(planned: PlanResult) -> None:

@@ -19,7 +19,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.solver.target_error import extended, stated_prior, with_target_error
+from calib.solver.target_error import extended, left_open, stated_prior, with_target_error
 from calib.verdict.criteria import read_criteria
 from calib.verdict.evidence import evidence_of
 from calib.verdict.halves import half_split
@@ -159,9 +159,9 @@ def test_next_photos_promise_what_the_verdict_then_states(share: float) -> None:
     one = with_target_error(_solved(made, poses), how_made(BOARD))
     halves = half_split(one, SolveOptions())
     stated = evidence_of([one], 0, halves).uncertainty
-    views = next_views(one, most=3, factor=stated.factor, prior=stated_prior(one, BOARD))
+    views = next_views(one, most=3, factor=stated.factor, opened=left_open(one, stated_prior(one, BOARD)))
     assert views[0].sigma_px_before == pytest.approx(stated.image_px, rel=1e-6)
-    views = next_views(one, most=3, prior=stated_prior(one, BOARD))
+    views = next_views(one, most=3, opened=left_open(one, stated_prior(one, BOARD)))
     for count, view in enumerate(views, start=1):
         more = np.concatenate([poses, np.stack([v.cam_from_target for v in views[:count]])])
         then = with_target_error(_solved(made, more), how_made(BOARD))
