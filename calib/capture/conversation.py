@@ -105,6 +105,11 @@ class Conversation(ABC, Generic[G]):
         """Another view was proposed: what stands still may be taken again."""
 
     @property
+    def takes_photos(self) -> bool:
+        """Whether a photo may be taken now."""
+        return self.phase in ("taking", "ending")
+
+    @property
     def source_names(self) -> tuple[str, ...]:
         """What the sources are called on the page."""
         return tuple(one.name for one in self.sources)
@@ -187,7 +192,7 @@ class Conversation(ABC, Generic[G]):
             "more": self._more, "automatic": self._automatic, "by_hand": self._by_hand, "source": self._source,
         }  # fmt: skip
         try:
-            if command.kind in does and (self.phase in ("taking", "ending") or self._may_go_on(command)):
+            if command.kind in does and (self.takes_photos or self._may_go_on(command)):
                 does[command.kind](command.name)
         except NotWrittenError as error:
             self._notice(str(error))

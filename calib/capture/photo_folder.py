@@ -74,7 +74,7 @@ class PhotoFolder:
                 f"{folder}: its session is of a target of layout {shown(before.layout_id)}, this one has "
                 f"{target.layout_id}; give the target file that it was begun with"
             )
-        if before is not None and (cameras or len(before.sources) > 1) and before.sources != sources:
+        if before is not None and before.sources != sources:
             raise InputError(
                 f"{folder}: its session is of {', '.join(map(shown, before.sources))}, not of "
                 f"{', '.join(map(shown, sources))}; give the cameras that it was begun with, in their order"

@@ -5,6 +5,7 @@ all cameras that see it, and their frames came within `AT_ONCE_S` of each other.
 """
 
 import math
+import re
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -29,6 +30,9 @@ AT_ONCE_S = 0.15
 """Frames that are farther apart are not of one moment."""
 GONE_S = 1.0
 """A camera that is so far behind is not waited for."""
+
+SEPARATORS = "_. -"
+"""Of the parts of a file's name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +139,7 @@ class RigSession(Conversation[RigGuide]):
 
     def frame(self, frame: Frame) -> None:
         """As `Conversation`."""
-        if self.phase not in ("taking", "ending"):
+        if not self.takes_photos:
             return
         self.source_says(frame.source, "")
         camera, begin = self.guide.names[frame.source], time.perf_counter()
@@ -222,6 +226,10 @@ class RigSession(Conversation[RigGuide]):
 
 
 def own_moment(camera: str, file: Path) -> str:
-    """What a person's own photo is called: files of one moment are named alike, but for the camera's name in them."""
-    stem = file.stem.replace(camera, "").strip("_-. ")
-    return f"{stem or file.stem}{file.suffix}"
+    """What a person's own photo is called: files of one moment are named alike, but for the camera's name in them.
+
+    Its name is a part of the file's between separators; at the end a number is that of the photo, not of a camera.
+    """
+    end = "" if camera.isdecimal() else "|$"
+    stem = re.sub(rf"(^|[{SEPARATORS}]+){re.escape(camera)}([{SEPARATORS}]+{end})", r"\1", file.stem, count=1)
+    return f"{stem.strip(SEPARATORS) or file.stem}{file.suffix}"

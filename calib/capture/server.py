@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.capture.messages import Message, PageCommand, StateMessage, command_from, header_of, text_of
+from calib.capture.messages import LookMessage, Message, PageCommand, StateMessage, command_from, header_of, text_of
 from calib.capture.page_files import PAGE_POLICY, REPORT_POLICY, page_files
 from calib.capture.sources.source import Frame
 from designer.base.errors import InputError
@@ -37,7 +37,7 @@ COMMON_HEADERS = {
 }  # fmt: skip
 TAKEN_OVER, NOT_OURS = 4001, 4003
 BACKLOG = 64
-"""Messages that wait for a page that does not read; further pictures are of no use to it."""
+"""Messages that wait for a page that does not read; further pictures and looks are of no use to it."""
 
 
 class Pages:
@@ -60,17 +60,17 @@ class Pages:
         """A message to the page that has the session; of any thread."""
         if isinstance(message, StateMessage):
             self._state = message
-        self.send(text_of(message))
+        self.send(text_of(message), may_be_lost=isinstance(message, LookMessage))
 
-    def send(self, data: str | bytes) -> None:
+    def send(self, data: str | bytes, *, may_be_lost: bool = True) -> None:
         """A text, or a frame's picture; of any thread."""
         loop = self._loop
         if loop is not None and not loop.is_closed():
             with suppress(RuntimeError):  # it closes just now
-                loop.call_soon_threadsafe(self._put_out, data)
+                loop.call_soon_threadsafe(self._put_out, data, may_be_lost)
 
-    def _put_out(self, data: str | bytes) -> None:
-        if self._out is not None and not (isinstance(data, bytes) and self._out.qsize() > BACKLOG):
+    def _put_out(self, data: str | bytes, may_be_lost: bool) -> None:
+        if self._out is not None and not (may_be_lost and self._out.qsize() > BACKLOG):
             self._out.put_nowait(data)
 
     async def serve(self, page: "WebSocket") -> None:

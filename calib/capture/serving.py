@@ -93,9 +93,9 @@ class Serving(Generic[G, R]):
             opened(f"http://{LOOPBACK}:{port}/{token}/")
             self._wait()
         finally:
+            self._worker.stop()  # first: a source may wait for it to take a photo
             for source in self._sources:
                 source.stop()
-            self._worker.stop()
             server.should_exit = True
             thread.join(STEP_S * 50)
         if self._error is not None:

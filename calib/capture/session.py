@@ -102,7 +102,7 @@ class Session(Conversation[Guide]):
 
     def frame(self, frame: Frame) -> None:
         """As `Conversation`."""
-        if self.phase not in ("taking", "ending"):
+        if not self.takes_photos:
             return
         self.source_says(frame.source, "")
         begin = time.perf_counter()

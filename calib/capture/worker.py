@@ -11,10 +11,12 @@ from calib.capture.sources.source import Frame
 
 TICK_S = 0.2
 STOP_S = 30.0
+MOST_WAITING = 8
+"""Of a person's own photos: more are not read before there is room, as each may take tens of megabytes."""
 
 
 class Worker(Generic[G]):
-    """Runs a session: `worker.put(frame)` and `worker.do(command)` return at once.
+    """Runs a session: `worker.do(command)` and `worker.put(frame)` of a camera return at once.
 
     Args:
         session: whose work it does.
@@ -41,18 +43,20 @@ class Worker(Generic[G]):
         """End after what is being done."""
         with self._work:
             self._is_over = True
-            self._work.notify()
+            self._work.notify_all()
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
             self._thread.join(STOP_S)
 
     def put(self, frame: Frame) -> None:
-        """A frame, instead of an older one of its source that nobody has looked at."""
+        """A frame, instead of an older one of its source that nobody has looked at; a person's own photo in turn."""
         with self._work:
             if frame.file is None:
                 self._frames[frame.source] = frame
             else:
+                while len(self._photos) >= MOST_WAITING and not self._is_over:
+                    self._work.wait(TICK_S)
                 self._photos.append(frame)
-            self._work.notify()
+            self._work.notify_all()
 
     def do(self, command: PageCommand) -> None:
         """What a person does."""
@@ -62,7 +66,7 @@ class Worker(Generic[G]):
         """Something to be done by the session's thread, in turn."""
         with self._work:
             self._todo.append(work)
-            self._work.notify()
+            self._work.notify_all()
 
     def _run(self) -> None:
         try:
@@ -76,13 +80,14 @@ class Worker(Generic[G]):
     def _next(self) -> Callable[[], None] | None:
         """What to do next; None: it is over."""
         with self._work:
-            if not (self._todo or self._photos or self._frames or self._is_over):
+            takes = self._session.takes_photos
+            if not (self._todo or (takes and self._photos) or self._frames or self._is_over):
                 self._work.wait(TICK_S)
             if self._is_over:
                 return None
             if self._todo:
                 return self._todo.popleft()
-            frames = [self._photos.popleft()] if self._photos else self._newest()
+            frames = [self._photos.popleft()] if takes and self._photos else self._newest()
         return lambda: self._look(frames)
 
     def _newest(self) -> list[Frame]:

@@ -10,7 +10,6 @@ from calib.commands import options
 from calib.commands.detect import exports_folder
 from calib.commands.running import negative, said_report, solutions_answer
 from designer.base.answer import Summary
-from designer.base.command import command_line
 
 
 def live(
@@ -46,7 +45,7 @@ def live(
     from calib.api.solving import models_of
     from calib.capture.live import live as take_photos
     from calib.commands.live_rigs import take_rig_photos
-    from calib.commands.live_said import said, stopped_live
+    from calib.commands.live_said import line_to_show, said, stopped_live
     from calib.commands.solve import image_size_of
     from calib.solver.accuracy import UndeterminedError
 
@@ -67,12 +66,10 @@ def live(
     try:
         found = take_photos(
             target, writer, cameras=cameras, watch=folders[0] if folders else None, size=wide, resume=resume,
-            model=model, criteria=criteria, made=made, port=port, opened=opened, heard=said, command=command_line(),
+            model=model, criteria=criteria, made=made, port=port, opened=opened, heard=said, command=line_to_show(),
         )  # fmt: skip
     except KeyboardInterrupt:
-        stopped_live(
-            target, folder, Summary(solutions_answer(writer.finished, None, writer.place_of), tuple(writer.files))
-        )
+        stopped_live(Summary(solutions_answer(writer.finished, None, writer.place_of), tuple(writer.files)))
     except UndeterminedError as error:
         negative(writer, error)
     return said_report(found, writer, remark="", verbose=False, more="and add them with --resume", evaluate="")

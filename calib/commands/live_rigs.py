@@ -5,11 +5,9 @@ from pathlib import Path
 
 from calib.api.rig_result import RigWriter
 from calib.capture.live_rig import live_rig
-from calib.commands.live_said import said, stopped_live
+from calib.commands.live_said import line_to_show, said, stopped_live
 from calib.commands.rig import answers, said_rig
 from designer.base.answer import Summary
-from designer.base.command import command_line
-from designer.page.terminal import quoted
 
 
 def take_rig_photos(
@@ -32,9 +30,8 @@ def take_rig_photos(
         try:
             found = live_rig(
                 target, writer, cameras=cameras, watch=watch, size=size, resume=resume, model=model, criteria=criteria,
-                made=made, port=port, opened=opened, heard=said, command=command_line(),
+                made=made, port=port, opened=opened, heard=said, command=line_to_show(),
             )  # fmt: skip
         except KeyboardInterrupt:
-            given = [f" --camera {quoted(Path(one))}" for one in cameras] + [f" --watch {quoted(one)}" for one in watch]
-            stopped_live(target, folder, Summary({}, tuple(writer.files)), "".join(given))
+            stopped_live(Summary({}, tuple(writer.files)))
     return said_rig(found, writer, remark="", verbose=False)

@@ -1,11 +1,11 @@
 """What `calib live` says while photos are taken, and when it is stopped."""
 
-from pathlib import Path
+import re
 from typing import NoReturn
 
 from designer.base.answer import StoppedError, Summary
+from designer.base.command import command_line
 from designer.base.words import printable
-from designer.page.terminal import quoted
 
 
 def said(line: str) -> None:
@@ -13,11 +13,17 @@ def said(line: str) -> None:
     print(printable(line), flush=True)
 
 
-def stopped_live(target: Path, folder: Path, summary: Summary, sources: str = "") -> NoReturn:
+def line_to_show() -> str:
+    """The command as it was typed, without the passwords in addresses."""
+    return re.sub(r"//[^/@\s]*@", "//USER:PASSWORD@", command_line())
+
+
+def stopped_live(summary: Summary) -> NoReturn:
     """End after Ctrl-C: photos are kept.
 
     Raises:
         StoppedError: always.
     """
-    again = f"calib live {quoted(target)} -o {quoted(folder)}{sources} --resume"
+    line = line_to_show()
+    again = line if "--resume" in line.split() else f"{line} --resume"
     raise StoppedError(f"stopped; the photos are kept: {again}", summary) from None

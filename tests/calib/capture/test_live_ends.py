@@ -19,8 +19,12 @@ from websockets.sync.client import ClientConnection, connect
 
 import calib
 from calib.capture.messages import FrameHeader, with_header
-from calib.capture.photo_folder import PhotoFolder
+from calib.capture.photo_folder import SESSION, PhotoFolder
+from calib.capture.sources.source import Frame
+from calib.capture.worker import Worker
+from calib.commands import live_said
 from calib.guide.guide import Guide
+from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError
 from designer.target import target_to_json
 from tests.support.live_frames import SIZE, held, image_at, target
@@ -115,8 +119,11 @@ def test_a_session_that_is_killed_or_stopped_loses_no_photo(photos: Path, tmp_pa
                     until(page, lambda one: False)
             said = session.stderr.read()
             assert session.wait(60) == (130 if ends_by is signal.SIGINT else -signal.SIGKILL)
-    assert "calib live a.target.json -o out --resume" in said
-    kept = PhotoFolder(tmp_path / "out", target(), ("camera",), resume=True).kept
+    assert "calib live a.target.json -o out --no-open --resume" in said
+    begun_with = SESSION.read(tmp_path / "out/session.json").sources
+    kept = PhotoFolder(tmp_path / "out", target(), begun_with, resume=True).kept
+    with pytest.raises(InputError, match="give the cameras that it was begun with"):
+        PhotoFolder(tmp_path / "out", target(), ("another",), resume=True)
     assert [path.name for path in kept] == ["0001.png", "0002.png"]
     np.testing.assert_array_equal(cv2.imread(str(kept[1]), cv2.IMREAD_GRAYSCALE), image)
 
@@ -142,3 +149,50 @@ def test_a_session_without_a_usable_photo_says_so(tmp_path: Path) -> None:
         calib.live(target(), tmp_path / "out", watch=folder, opened=opened, **SOLVED)
     assert seen[-1]["phase"] == "failed"
     assert seen[-1]["said"] == str(refused.value)
+
+
+def test_photos_that_come_while_nothing_is_taken_wait(tmp_path: Path) -> None:
+    """A person's own photos are read when photos are taken again, few at a time; a camera's frames are not kept."""
+    looked: list[Frame] = []
+
+    class Quiet:
+        takes_photos = False
+
+        def frame(self, one: Frame) -> None:
+            looked.append(one)
+
+        def tick(self) -> bool:
+            return False
+
+    session = Quiet()
+    worker = Worker(session, lambda: None, lambda error: None)  # type: ignore[arg-type]  # as much of one as it asks for
+    worker.start()
+    own = [Frame(0, number, 0.0, np.zeros((2, 2), np.uint8), tmp_path / f"{number}.png") for number in range(12)]
+    putting = threading.Thread(target=lambda: [worker.put(one) for one in own], daemon=True)
+    putting.start()
+    putting.join(0.6)
+    assert putting.is_alive()  # more are not read than there is room for
+    assert not looked
+    session.takes_photos = True
+    putting.join(20)
+    for _ in range(200):
+        if len(looked) == len(own):
+            break
+        threading.Event().wait(0.05)
+    worker.stop()
+    assert [one.number for one in looked] == list(range(12))
+
+
+def test_the_line_that_goes_on_is_the_one_that_began(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With all its options, once with --resume, and without passwords."""
+    typed = "calib live a.target.json --camera rtsp://me:secret@10.0.0.7/live --made exact -o out"
+    monkeypatch.setattr(live_said, "command_line", lambda: typed)
+    with pytest.raises(StoppedError) as stopped:
+        live_said.stopped_live(Summary())
+    line = str(stopped.value)
+    assert "secret" not in line
+    assert line.endswith("--camera rtsp://USER:PASSWORD@10.0.0.7/live --made exact -o out --resume")
+    monkeypatch.setattr(live_said, "command_line", lambda: f"{typed} --resume")
+    with pytest.raises(StoppedError) as stopped:
+        live_said.stopped_live(Summary())
+    assert str(stopped.value).count("--resume") == 1

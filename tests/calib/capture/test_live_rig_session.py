@@ -165,6 +165,10 @@ def test_own_photos_are_joined_by_their_names(talk: Talk, held: list[Images], tm
     assert [sorted(one.files) for one in session.counted.values()] == [["left", "right"], ["left"]]
     assert talk.told(LookMessage) == 3
     assert own_moment("left", Path("left.png")) == "left.png"
+    assert own_moment("left", Path("img_left_0001.png")) == own_moment("right", Path("img_right_0001.png"))
+    assert own_moment("1", Path("1_0011.png")) == own_moment("2", Path("2-0011.png")) == "0011.png"
+    for name in ("img_0011.png", "img_1.png", "leftover_2.png"):
+        assert own_moment("1", Path(name)) == own_moment("left", Path(name)) == name
 
 
 def test_without_a_picture_nothing_can_be_taken(talk: Talk) -> None:
