@@ -18,7 +18,7 @@ import argparse
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[name] = "1"  # before NumPy is loaded
@@ -52,7 +52,7 @@ class Step:
     """What is known after a photo."""
 
     photos: int
-    grade: str  # of the verdict; "" if there is none
+    grade: str  # of the verdict; "" if there is none; "early": good, but after too few photos to be told so
     stated_px: float
     true_px: float
     are_bars_full: bool
@@ -117,7 +117,9 @@ def guided(scene: PhotoScene, rng: np.random.Generator) -> Iterator[Step]:
     while (told := guide.told).ghost is not None:
         guide, skipped = taken_with(guide, scene, rng)
         note = f"{skipped * 's'} {told.ghost.short}, {told.ghost.gain}, {len(guide.photos[-1].ring)} rings:"
-        yield step_of(scene, guide, note=note)
+        step = step_of(scene, guide, note=note)
+        # The guide asks for more photos than the first that might be good.
+        yield step if guide.is_good or step.grade != "good" else replace(step, grade="early")
 
 
 def random(scene: PhotoScene, rng: np.random.Generator) -> Iterator[Step]:
