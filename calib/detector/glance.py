@@ -43,6 +43,8 @@ GLANCE_PIXELS = 2_100_000
 """Larger frames are reduced to about this size, 1920 x 1080, and looked at in full only if nothing is found so."""
 ENOUGH = 0.5
 """With this share of the rings that should be in view no other threshold is tried."""
+FITS_PX = 0.3
+"""A lens that leaves no more is good enough for centres that are as rough; to fit another takes .1 s."""
 LEAST_SIGMA_PX = 0.04
 """What light and lens move a whole face by, which its rings do not tell."""
 SLACK = 2.0
@@ -128,7 +130,9 @@ def _glimpse(
     if not named.named:
         return none(*named.remarks)
     first = naming_of(plan, named.named)
-    lens = camera_lens or guess_lens(plan.by_face(first.ring, candidates.ellipse[first.candidate, :2]), size, likely)
+    lens = camera_lens or guess_lens(
+        plan.by_face(first.ring, candidates.ellipse[first.candidate, :2]), size, likely, FITS_PX
+    )
     naming, strangers = without_strangers(plan, candidates, first, size, lens)
     if strangers and len(np.unique(plan.target.ring_face[naming.ring])) < 2:
         return none(*named.remarks, "the faces contradict each other")

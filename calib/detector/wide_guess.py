@@ -30,7 +30,7 @@ FIRST = 1
 Groups = list[tuple[Floats, Floats]]
 
 FITS_PX = 0.15
-"""A lens that leaves less (root mean square) needs no other."""
+"""A radial lens that leaves no more (root mean square) is as good as a wide one."""
 MOST = 0.8
 LEAST_FOR_CUBIC = 14
 SMOOTH = 4.0
@@ -49,17 +49,20 @@ FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e6
 TRIMMED = 6.0
 
 
-def guess_lens(groups: Groups, image_size: tuple[int, int], likely: Lens | None = None) -> Lens:
+def guess_lens(
+    groups: Groups, image_size: tuple[int, int], likely: Lens | None = None, fits_px: float = FITS_PX
+) -> Lens:
     """The lens that best turns planes' grids into homographies.
 
     Args:
         groups: the points in a plane (N, 2) and their pixels (N, 2), each.
         image_size: width, height in px.
         likely: a lens that is taken instead of a wide one that is fitted, if it does better than a radial one.
+        fits_px: a radial lens that leaves no more (root mean square) needs no other.
     """
     groups = usable_groups(groups)
     radial, left_px = radial_lens(groups, image_size)
-    if left_px <= FITS_PX:
+    if left_px <= fits_px:
         return radial
     off = [_off(radial, *group) for group in groups]
     if not _is_smooth(groups, off):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import calib
+from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation
 from calib.detector import wide_guess
 from calib.detector.glance import glance
@@ -14,7 +15,6 @@ from calib.detector.plan import plan_for
 from calib.renderer import RenderOptions, render_view
 from calib.renderer.scene import scene_from_target
 from designer.target import TargetGeometry
-from tests.support.guided_scenes import WEBCAM
 from tests.support.ring_views import board, ico, misplaced, view_of
 
 TARGETS = {"board": board(), "ico": ico(), "triangular": board("triangular", columns=10, rows=9)}
@@ -126,9 +126,9 @@ def test_a_large_frame_is_reduced() -> None:
 
 def test_a_likely_camera_saves_the_guess_and_a_wrong_one_does_no_harm(monkeypatch: pytest.MonkeyPatch) -> None:
     """A lens that bends is not guessed where the photos told it already; one that does not fit counts for nothing."""
-    camera, pose = WEBCAM, np.eye(4)
+    camera, pose = Camera("fisheye", np.array([400.0, 400, 639.5, 359.5, 0, 0, 0, 0]), (1280, 720)), np.eye(4)
     pose[:3, :3] = exp_rotation(np.array([0.2, 0.6, 0.1])) @ np.diag([1.0, -1.0, -1.0])
-    pose[:3, 3] = np.array([20.0, 10.0, 170.0]) - pose[:3, :3] @ board().center_mm.mean(axis=0)
+    pose[:3, 3] = np.array([20.0, 10.0, 90.0]) - pose[:3, :3] @ board().center_mm.mean(axis=0)
     options = RenderOptions(blur_px=0.5, contrast_to_noise=60)
     image = render_view(scene_from_target(board()), camera, pose, options, np.random.default_rng(0)).image
     detector, guesses = calib.Detector(board()), []
@@ -141,7 +141,7 @@ def test_a_likely_camera_saves_the_guess_and_a_wrong_one_does_no_harm(monkeypatc
     seen = detector.glance(image, likely=camera)
     assert not guesses
     assert len(seen.ring) >= len(alone.ring)
-    wrong = detector.glance(image, likely=replace(camera, params=camera.params * [1, 1, 1, 1, -3, 1, 1, 1, 1]))
+    wrong = detector.glance(image, likely=replace(camera, params=camera.params * [3, 3, 1, 1, 1, 1, 1, 1]))
     np.testing.assert_array_equal(wrong.ring, alone.ring)
     np.testing.assert_array_equal(wrong.center_px, alone.center_px)
     assert len(detector.glance(image, likely=replace(camera, image_size=(640, 480))).ring) == len(alone.ring)
