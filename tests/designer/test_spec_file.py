@@ -415,7 +415,7 @@ options = st.fixed_dictionaries(
 
 @given(spec=specs, more=options)
 @settings(
-    max_examples=100,
+    max_examples=40,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.filter_too_much],
 )

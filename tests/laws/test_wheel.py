@@ -38,9 +38,9 @@ def test_wheel_alone_makes_a_template_from_any_folder(wheel: Path, tmp_path: Pat
     The environment sees the libraries of this one through a path file, but not this project.
     """
     environment = tmp_path / "environment"
-    subprocess.run([sys.executable, "-m", "venv", str(environment)], check=True, timeout=120)
-    pip = [str(environment / "bin" / "python"), "-m", "pip", "install", "-q", "--no-deps", "--no-index", str(wheel)]
-    subprocess.run(pip, check=True, timeout=120)
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(environment)], check=True, timeout=120)
+    pip = [sys.executable, "-m", "pip", "--python", str(environment / "bin" / "python"), "install", "-q", "--no-deps"]
+    subprocess.run([*pip, "--no-index", "--no-compile", str(wheel)], check=True, timeout=120)
     libraries = [path for path in sys.path if path.endswith("site-packages")]
     (site,) = (environment / "lib").glob("python*/site-packages")
     # Libraries are added as plain folders at the end: an editable install of this project there is not followed.
