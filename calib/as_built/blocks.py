@@ -200,7 +200,8 @@ def _add_set(
     into: tuple[Array, Array, Array, Array, Array],
 ) -> tuple[Array, float]:
     """Add one camera's sightings; returns residuals (2, M) in px and the sum of squares."""
-    problem, camera, pose = one.problem, state.cameras[number], np.ascontiguousarray(state.poses[number])
+    problem, camera = one.problem, state.cameras[number]
+    pose = np.array(state.poses[number], order="C")  # a copy: kernels are compiled again for read-only arrays
     view, residual = problem.view, np.empty_like(problem.measured_px)
     tie = np.where(one.tie.row >= 0, one.tie.row + one.first_param, -1)
     whitener = problem.whitener / joint.scale
