@@ -86,7 +86,7 @@ class CompiledModel:
 
     def rays(self, camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
         """Unit directions (..., 3) at pixels (..., 2); nan where there is none."""
-        flat = np.ascontiguousarray(pixel, dtype=np.float64).reshape(-1, 2)
+        flat = _read_only(np.ascontiguousarray(pixel, dtype=np.float64).reshape(-1, 2))
         ray = np.empty((len(flat), 3))
         self.fill_rays(camera.params, *self.lens(camera), flat, ray)
         to_unit(ray)
@@ -94,7 +94,7 @@ class CompiledModel:
 
     def project(self, camera: Camera, point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Pixels (..., 2) of points (..., 3); nan behind the camera and where there is none."""
-        flat = np.ascontiguousarray(point, dtype=np.float64).reshape(-1, 3)
+        flat = _read_only(np.ascontiguousarray(point, dtype=np.float64).reshape(-1, 3))
         pixel = np.empty((len(flat), 2))
         self.fill_pixels(camera.params, *self.lens(camera), flat, pixel)
         return pixel.reshape(*np.shape(point)[:-1], 2)
@@ -104,6 +104,13 @@ class CompiledModel:
         rows = np.empty((8 + 2 * len(self.parameters), point.shape[1]))
         self.fill_linear(camera.params, *self.lens(camera), np.ascontiguousarray(point, dtype=np.float64), rows)
         return Linearised(rows)
+
+
+def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A view that is read-only, whatever the array is: kernels are compiled again for the other kind."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 @jit
