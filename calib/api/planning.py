@@ -9,18 +9,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import DISTANCES_MM, Place, Progress, camera_of, folder_of, target_of, unheard
+from calib.api.loading import Place, Progress, camera_of, folder_of, target_of, unheard
 from calib.api.page_shown import ShownAsPage
-from calib.cameras import COMMON, WIDE, fitted_models
+from calib.api.plan_setting import Carried, carried_by, front_of, hand_of, planned_camera
 from calib.cameras.camera import Camera
-from calib.cameras.refit import refit
-from calib.cameras.surface import surface_model
 from calib.core.files import check_folder, named_in_files, write_files
 from calib.core.number_text import figure
 from calib.core.parallel import one_thread
-from calib.core.types import KnownPoints
 from calib.guide.settings import GuideSettings, settings_of
-from calib.records.hand_eye_file import HAND_EYE, HAND_EYE_FILE, HandEye
+from calib.records.hand_eye_file import HandEye
 from calib.records.plan_file import (
     HAND,
     MOST_PLANNED,
@@ -34,18 +31,17 @@ from calib.records.plan_file import (
 from calib.renderer.quantities import real, whole
 from calib.show.parts.kept_target import keep_target, target_words
 from calib.solver.calibration import Calibration
-from calib.verdict.before_photos import calibration_before, usual_hold
+from calib.verdict.before_photos import calibration_before
 from calib.verdict.criteria import STANDARD
 from calib.verdict.next_view_words import gain_words
 from calib.verdict.next_views import NextView
 from calib.verdict.plan_tried import TriedPlan, tried_plan
 from calib.verdict.planned_views import FEWEST, MOST, PlannedViews, planned_views
 from calib.verdict.verdict import Criteria
-from calib.verdict.views import Habits, TargetShape, shape_of
+from calib.verdict.views import TargetShape, shape_of
 from designer.base.answer import program
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours
-from designer.base.small_file import place_of
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
@@ -56,7 +52,6 @@ TRIES = 5
 ROUNDS = 5
 """Of planning for less noise, where photos that were tried did not reach the goal."""
 TIGHTER, SPARE = 0.5, 0.97
-TABLE_STEP_DEG = 5.0
 GOALS_PX, NOISES_PX = (1e-3, 100.0), (1e-3, 10.0)
 
 
@@ -112,7 +107,7 @@ def plan(
 ) -> PlanResult:
     """Plan the fewest photos that make a camera known as well as wanted: `plan("ico.target.json", "camera.json")`.
 
-    >>> found = calib.plan("ico.target.json", "gopro-hero", within_px=0.05)
+    >>> found = calib.plan("ico.target.json", "action-camera", within_px=0.05)
     >>> [photo.sentence for photo in found.record.photos]
 
     Photos are chosen one after the other by what they tell, then left out and exchanged. Each plan is tried: photos
@@ -138,28 +133,18 @@ def plan(
     geometry, given = target_of(target, "rings"), camera_of(camera)
     settings = settings_of(geometry, criteria, made=made)
     goal_px = settings.criteria["uncertainty"].good if within_px is None else real("--within", within_px, *GOALS_PX)
-    hand = _hand_of(hand_eye)
-    planned, said = _planned_camera(given, goal_px)
+    hand = hand_of(hand_eye)
+    planned, said = planned_camera(given, goal_px)
     points = front_of(geometry, settings.points)
     before = calibration_before(planned, points, real("--noise", noise_px, *NOISES_PX, " px"))
     shape = shape_of(before)
     if shape is None:
         raise InputError("the target's points lie on no known plane, so what a photo shows of it is not known")
-    carried = _carried_by(hand, before, shape, distance_mm)
+    carried = carried_by(hand, before, shape, distance_mm)
     wish = _Wish(settings, before, shape, carried, goal_px, whole("--most", most, FEWEST, MOST_PLANNED))
     found, tried = _worked_out(wish, progress)
     record = _record(geometry, wish, found, tried, _named(target, camera, hand_eye), said)
     return PlanResult(geometry, record)
-
-
-@dataclass(frozen=True, eq=False)
-class _Carried:
-    """What holds target or camera, and how it may."""
-
-    held: Habits
-    hand: HandEye | None = None  # None: a person holds the target
-    table_deg: Array | None = None  # (C,) that a table can have
-    at: Array | None = None  # (C, 4, 4) cam_from_target of these
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +154,7 @@ class _Wish:
     settings: GuideSettings
     before: Calibration
     shape: TargetShape
-    carried: _Carried
+    carried: Carried
     goal_px: float
     most: int
 
@@ -177,57 +162,6 @@ class _Wish:
     def goal_covered(self) -> float:
         """Of the image, 0 to 1; a table shows the target where it stands."""
         return 0.0 if self.carried.at is not None else self.settings.criteria["coverage"].good / 100
-
-
-def _hand_of(hand_eye: HandEye | Place | None) -> HandEye | None:
-    if hand_eye is None or isinstance(hand_eye, HandEye):
-        return hand_eye
-    place = place_of(hand_eye, "a hand_eye.json, or its folder")
-    return HAND_EYE.read(place / HAND_EYE_FILE if place.is_dir() else place)
-
-
-def _planned_camera(camera: Camera, goal_px: float) -> tuple[Camera, str]:
-    """The camera in a model that few photos determine, and what is to be said of the lens."""
-    if camera.model in fitted_models():
-        return camera, "the lens is taken to be one that its model follows, and photos to be sharp; calib run tells"
-    surface = surface_model(camera.model)
-    plain = {COMMON, WIDE} if surface is None else {COMMON, WIDE, surface.base.name}
-    found = min((refit(camera, model) for model in sorted(plain)), key=lambda one: one.max_px)
-    near, model = figure(found.max_px, 2), found.camera.model
-    said = f"planned for a camera of the model {model}, from which this one, {camera.model}, differs by up to {near} px"
-    if found.max_px > goal_px:
-        said += ", more than is wanted: what is promised is of that model, not of this camera"
-    return found.camera, said
-
-
-def front_of(target: TargetGeometry, points: KnownPoints) -> KnownPoints:
-    """The points of what is photographed: of a board with two sides those of the front; the others lie on no face."""
-    if not target.is_plate or target.is_planar:
-        return points
-    return replace(points, face=np.where(points.face == 0, 0, -1))
-
-
-def _carried_by(
-    hand: HandEye | None, before: Calibration, shape: TargetShape, distance_mm: tuple[float, float] | None
-) -> _Carried:
-    """Who holds the target, and from where to where."""
-    reach = None if distance_mm is None else _distances(distance_mm)
-    held = usual_hold(before, shape, reach)
-    if hand is None or hand.frame != "table":
-        return _Carried(held, hand)
-    if reach is not None:
-        raise InputError("--distance: a turntable's target stays where it stands; leave it out")
-    angle_deg = np.arange(0.0, 360.0, TABLE_STEP_DEG)
-    at = hand.cam_from_target_on_table(np.radians(angle_deg))
-    away = np.linalg.norm(at[:, :3, :3] @ shape.center_mm + at[:, :3, 3], axis=1)
-    return _Carried(replace(held, distance_mm=(float(away.min()), float(away.max()))), hand, angle_deg, at)
-
-
-def _distances(distance_mm: tuple[float, float]) -> tuple[float, float]:
-    near, far = (real("--distance", one, *DISTANCES_MM, " mm") for one in distance_mm)
-    if near > far:
-        raise InputError(f"--distance {near:g}..{far:g} mm: the smaller comes first")
-    return near, far
 
 
 def _worked_out(wish: _Wish, progress: Progress) -> tuple[PlannedViews, tuple[TriedPlan, ...]]:
