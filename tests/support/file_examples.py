@@ -394,7 +394,7 @@ def _plan() -> object:
     view = NextView(POSE, "hold it there", math.inf, 1 / 3, 0.0, 0.5, (np.array([[0.0, 1.0], [1 / 3, 2.0]]),))
     return PlanRecord(
         "ringsolid 1", {"target": "ico.target.json"}, "0123456789abcdef", "an icosahedron", PINHOLE, "made so", "hand",
-        0.05, 0.1, 0.7, True, (view,), np.ones(1) / 3, np.full(1, math.nan), POSE[None], np.full(1, 5.0),
+        0.05, 0.1, 0.7, (view,), np.ones(1) / 3, np.full(1, math.nan), POSE[None], None,
         (TriedPlan(0.1, 1 / 3, 1 / 7), TriedPlan(math.inf, math.inf, 0.0)), ("a remark",),
     )  # fmt: skip
 
