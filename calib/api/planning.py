@@ -141,14 +141,14 @@ def plan(
     if shape is None:
         raise InputError("the target's points lie on no known plane, so what a photo shows of it is not known")
     carried = carried_by(hand, before, shape, distance_mm)
-    wish = _Wish(settings, before, shape, carried, goal_px, whole("--most", most, FEWEST, MOST_PLANNED))
+    wish = _PlanWish(settings, before, shape, carried, goal_px, whole("--most", most, FEWEST, MOST_PLANNED))
     found, tried = _worked_out(wish, progress)
     record = _record(geometry, wish, found, tried, _named(target, camera, hand_eye), said)
     return PlanResult(geometry, record)
 
 
 @dataclass(frozen=True, eq=False)
-class _Wish:
+class _PlanWish:
     """What is asked for."""
 
     settings: GuideSettings
@@ -164,7 +164,7 @@ class _Wish:
         return 0.0 if self.carried.at is not None else self.settings.criteria["coverage"].good / 100
 
 
-def _worked_out(wish: _Wish, progress: Progress) -> tuple[PlannedViews, tuple[TriedPlan, ...]]:
+def _worked_out(wish: _PlanWish, progress: Progress) -> tuple[PlannedViews, tuple[TriedPlan, ...]]:
     """The shortest of a few plans that reach the goal each time they are tried; the last one if none does.
 
     Plans are made for goals between one that was too easy and one that was hard enough.
@@ -188,7 +188,7 @@ def _worked_out(wish: _Wish, progress: Progress) -> tuple[PlannedViews, tuple[Tr
     return best
 
 
-def _tighter(wish: _Wish, found: PlannedViews, tried: tuple[TriedPlan, ...], goal_px: float) -> float:
+def _tighter(wish: _PlanWish, found: PlannedViews, tried: tuple[TriedPlan, ...], goal_px: float) -> float:
     """By the noise alone, what leaves as much for the target's making as it took."""
     by_target_px = max(one.by_target_px for one in tried)
     room_px = math.sqrt(max(wish.goal_px**2 - by_target_px**2, 0.0))
@@ -196,7 +196,7 @@ def _tighter(wish: _Wish, found: PlannedViews, tried: tuple[TriedPlan, ...], goa
     return done_px * max(TIGHTER, SPARE * room_px / max(one.by_noise_px for one in tried))
 
 
-def _planned(wish: _Wish, goal_px: float) -> PlannedViews:
+def _planned(wish: _PlanWish, goal_px: float) -> PlannedViews:
     found = planned_views(
         wish.before, wish.carried.held, goal_px=goal_px, goal_covered=wish.goal_covered, most=wish.most,
         at=wish.carried.at,
@@ -206,7 +206,7 @@ def _planned(wish: _Wish, goal_px: float) -> PlannedViews:
     return found
 
 
-def _why_nothing(wish: _Wish) -> str:
+def _why_nothing(wish: _PlanWish) -> str:
     near, far = (figure(one, 3) for one in wish.carried.held.distance_mm)
     if wish.carried.at is not None:
         return (
@@ -219,7 +219,7 @@ def _why_nothing(wish: _Wish) -> str:
     )
 
 
-def _tried(wish: _Wish, found: PlannedViews) -> tuple[TriedPlan, ...]:
+def _tried(wish: _PlanWish, found: PlannedViews) -> tuple[TriedPlan, ...]:
     poses = np.stack([one.cam_from_target for one in found.views])
     before, carried = wish.before, wish.carried
     return tuple(
@@ -232,7 +232,7 @@ def _tried(wish: _Wish, found: PlannedViews) -> tuple[TriedPlan, ...]:
 
 
 def _record(
-    target: TargetGeometry, wish: _Wish, found: PlannedViews, tried: tuple[TriedPlan, ...],
+    target: TargetGeometry, wish: _PlanWish, found: PlannedViews, tried: tuple[TriedPlan, ...],
     settings: Mapping[str, str], of_lens: str,
 ) -> PlanRecord:  # fmt: skip
     """What is told of a plan."""

@@ -34,7 +34,7 @@ def test_commands_stand_under_what_they_are_for() -> None:
     parts = re.split(r"^([A-Z][a-z]+(?: [a-z]+)*):$", said[said.index("Calibrate:") :], flags=re.MULTILINE)[1:]
     rows = zip(parts[::2], parts[1::2], strict=True)
     listed = {title: re.findall(r"^  ([a-z-]+)  ", text, re.MULTILINE) for title, text in rows}
-    assert listed["Calibrate"] == ["run", "live", "rig", "hand-eye", "turntable", "detect", "solve", "measure"]
+    assert listed["Calibrate"] == ["run", "live", "plan", "rig", "hand-eye", "turntable", "detect", "solve", "measure"]
     names = [name for each in listed.values() for name in each]
     assert len(set(names)) == len(names)
     modules = {path.stem for path in (Path(__file__).parents[2] / "calib" / "commands").glob("*.py")}
