@@ -57,12 +57,15 @@ class Serving(Generic[G, R]):
         self._sources = self._session.sources
         self._worker = Worker(self._session, self._finish, self._fail)
         self._pages = Pages(lambda: self._worker.call(self._session.greet), self._worker.put, self._do)
-        self._is_over = threading.Event()
+        self._is_over, self._is_asked = threading.Event(), threading.Event()
         self._result: R | None = None
         self._error: BaseException | None = None
 
     def until_done(self, bound: socket.socket, opened: Heard) -> R:
         """Serve until the run is made, or cannot be.
+
+        What may take long is done by the thread that calls, which Ctrl-C stops at once: photos of an earlier session
+        are read, and the whole run is made.
 
         Args:
             bound: to the address of the page.
@@ -85,12 +88,12 @@ class Serving(Generic[G, R]):
         server = uvicorn.Server(settings)
         thread = threading.Thread(target=server.run, kwargs={"sockets": [bound]}, daemon=True)
         try:
-            self._worker.call(self._session.resume)
-            self._worker.start()
             thread.start()
             for row, source in enumerate(self._sources):
                 source.start(row, self._worker.put, self._source_says(row))
             opened(f"http://{LOOPBACK}:{port}/{token}/")
+            self._session.resume()
+            self._worker.start()
             self._wait()
         finally:
             self._worker.stop()  # first: a source may wait for it to take a photo
@@ -109,6 +112,8 @@ class Serving(Generic[G, R]):
         ended_s: float | None = None
         page_s = time.monotonic()
         while not self._is_over.wait(STEP_S):
+            if self._is_asked.is_set():
+                self._run()
             now = time.monotonic()
             page_s = now if self._pages.has_one else page_s
             if self._session.phase not in ("done", "failed"):
@@ -149,11 +154,12 @@ class Serving(Generic[G, R]):
         self._worker.do(command)
 
     def _finish(self) -> None:
-        """Make the whole run of the photos; the session's thread does so."""
-        if self._session.phase not in ("taking", "ending", "failed"):
-            return
-        if not self._session.begin_to_solve():
-            return
+        """Have the whole run of the photos made; meanwhile the session's thread changes none of them."""
+        if self._session.phase in ("taking", "ending", "failed") and self._session.begin_to_solve():
+            self._is_asked.set()
+
+    def _run(self) -> None:
+        self._is_asked.clear()
         try:
             self._result, self._error = self._solve(self._session), None
         except InputError as error:

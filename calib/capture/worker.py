@@ -10,7 +10,7 @@ from calib.capture.messages import PageCommand
 from calib.capture.sources.source import Frame
 
 TICK_S = 0.2
-STOP_S = 30.0
+STOP_S = 10.0
 MOST_WAITING = 8
 """Of a person's own photos: more are not read before there is room, as each may take tens of megabytes."""
 
@@ -20,7 +20,7 @@ class Worker(Generic[G]):
 
     Args:
         session: whose work it does.
-        finish: makes the whole run of the photos, at the end.
+        finish: has the whole run of the photos made, at the end.
         failed: takes an error that nobody foresaw, which ends the session.
     """
 

@@ -128,6 +128,31 @@ def test_a_session_that_is_killed_or_stopped_loses_no_photo(photos: Path, tmp_pa
     np.testing.assert_array_equal(cv2.imread(str(kept[1]), cv2.IMREAD_GRAYSCALE), image)
 
 
+def test_ctrl_c_reaches_whatever_takes_long(photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The whole run, and the reading of an earlier session's photos, are work of the thread that began the session."""
+    mine, who = threading.get_ident(), list[int]()
+
+    def stopped(*_: object, **__: object) -> None:
+        who.append(threading.get_ident())
+        raise KeyboardInterrupt
+
+    def be_page(address: str) -> None:
+        with page_of(address) as page:
+            until(page, lambda one: one["kind"] == "taken")
+            page.send('{"kind": "finish"}')
+            with pytest.raises(ConnectionClosed):
+                until(page, lambda one: False)
+
+    def opened(address: str) -> None:
+        threading.Thread(target=be_page, args=(address,), daemon=True).start()
+
+    monkeypatch.setattr("calib.capture.live.run", stopped)
+    monkeypatch.setattr("calib.capture.session.Session.resume", lambda self: who.append(threading.get_ident()))
+    with pytest.raises(KeyboardInterrupt):
+        calib.live(target(), tmp_path / "out", watch=photos, opened=opened, **SOLVED)
+    assert who == [mine, mine]
+
+
 def test_a_session_without_a_usable_photo_says_so(tmp_path: Path) -> None:
     """Photos that show nothing determine no camera: the page is told why, and so is who called."""
     folder = tmp_path / "empty"
