@@ -54,7 +54,7 @@ class SourceState:
 
     kind: SourceKind
     name: str  # "camera 0"
-    fault: str  # why nothing comes from it; "" if it works
+    fault: str  # why nothing comes from it, in a line that names it; "" if it works
 
 
 @dataclass(frozen=True)

@@ -79,6 +79,8 @@ export class BrowserCamera {
   }
 
   close() {
+    this.turn = null; // what is being opened is not used
+    this.isFaulty = false;
     if (this.video.srcObject) stop(this.video.srcObject);
     this.video.srcObject = null;
     this.track = null;

@@ -56,7 +56,7 @@ const HANDLERS = {
     if (state.sources.length > 1) state.sources.forEach(({ name, fault }, row) => pictures[row].setWords(fault || name));
     if (!state.is_here) { wire.stayAway(); camera?.close(); }
     part("automatic").setAttribute("aria-pressed", String(state.is_automatic));
-    if (state.phase !== before?.phase) enter(state.phase);
+    if (state.phase !== before?.phase) enter(state.phase, before?.phase);
     showPanels();
     showWords();
   },
@@ -131,9 +131,12 @@ function makePictures(sources) {
   part("pictures").dataset.count = String(sources.length);
 }
 
-function enter(phase) {
+const TAKES = ["taking", "ending"]; // phases in which the camera is open
+
+function enter(phase, before) {
   document.body.dataset.phase = phase;
-  if (phase !== "taking" && phase !== "ending") camera?.close();
+  if (!TAKES.includes(phase)) camera?.close();
+  else if (before && !TAKES.includes(before)) openCamera();
   if (phase === "done") showReport();
 }
 
@@ -188,7 +191,11 @@ function startCamera(row, picture) {
     camera.open({ deviceId: part("device").value, width, height });
   });
   // Photos that are there already say which size is wanted; they are told right after the state.
-  setTimeout(() => camera.open(sizeOfPhotos()), 150);
+  setTimeout(openCamera, 150);
+}
+
+function openCamera() {
+  if (TAKES.includes(model.state.phase) && model.state.is_here) camera?.open({ ...camera.wish, ...sizeOfPhotos() });
 }
 
 function sizeOfPhotos() {
@@ -257,6 +264,10 @@ const CARDS = {
     words: "",
     buttons: [["Take more photos", () => wire.command("more")], ["Finish now", () => wire.command("finish")]],
   },
+  failed: {
+    words: "The photos are kept. Take more of them, or close this page to end.",
+    buttons: [["Take more photos", () => wire.command("more")], ["Compute again", () => wire.command("finish")]],
+  },
 };
 let shownCard = "";
 
@@ -278,7 +289,7 @@ function showCard() {
 function cardNow() {
   if (model.state && !model.state.is_here) return "elsewhere";
   if (model.isLost) return "";
-  if (model.state?.phase === "ending") return "ending";
+  if (["ending", "failed"].includes(model.state?.phase)) return model.state.phase;
   return model.fault && model.state?.phase === "taking" ? "fault" : "";
 }
 
@@ -294,7 +305,7 @@ function setMirrored(isMirrored) {
 }
 
 const ACTIONS = {
-  take: () => wire.command(model.state?.phase === "ending" ? "more" : "take"),
+  take: () => wire.command(["ending", "failed"].includes(model.state?.phase) ? "more" : "take"),
   skip: () => wire.command("skip"),
   delete: () => { const last = model.guidance?.photos.at(-1); if (last) wire.command("delete", last.name); },
   automatic: () => wire.command(model.state?.is_automatic ? "by_hand" : "automatic"),
@@ -313,12 +324,11 @@ const KEYS = {
   "?": "help",
 };
 
-for (const [name, action] of Object.entries(ACTIONS)) {
-  part(name).addEventListener("click", (event) => {
-    action();
-    if (event.detail > 0) part(name).blur(); // so that the space bar takes a photo, and is not this button again
-  });
-}
+for (const [name, action] of Object.entries(ACTIONS)) part(name).addEventListener("click", action);
+// A button that was clicked gives the focus back, so that the space bar takes a photo, and is not this button again.
+document.addEventListener("click", (event) => {
+  if (event.detail > 0) event.target.closest("button")?.blur();
+}, true);
 document.addEventListener("keydown", (event) => {
   const action = KEYS[event.key.length === 1 ? event.key.toLowerCase() : event.key];
   if (!action || event.repeat || event.ctrlKey || event.metaKey || event.altKey || isElsewhere(event)) return;
@@ -329,7 +339,8 @@ document.addEventListener("keydown", (event) => {
 /** Whether a key is for what has the focus. */
 function isElsewhere(event) {
   const isOnButton = event.key === " " && event.target.closest("button, summary, a");
-  return Boolean(event.target.closest("select, input, textarea, dialog") || isOnButton);
+  const isBehind = document.querySelector("dialog[open]") !== null;
+  return Boolean(isBehind || event.target.closest("select, input, textarea") || isOnButton);
 }
 
 for (const box of document.querySelectorAll("dialog")) {

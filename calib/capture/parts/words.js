@@ -32,7 +32,7 @@ export function instruction({ state, guidance, look, fault, isLost, isAsking, is
   const ofPhase = { ending, solving, done, failed }[state.phase];
   if (ofPhase) return ofPhase(state, guidance);
   const broken = state.sources.every((source) => source.fault) ? state.sources[0] : null; // others go on
-  if (fault || broken) return { tone: "fault", big: fault || capital(`${broken.name}: ${broken.fault}`), small: "" };
+  if (fault || broken) return { tone: "fault", big: fault || capital(broken.fault), small: "" };
   if (!guidance) return { tone: "plain", big: "Getting ready", small: state.target };
   if (isAsking) return { tone: "plain", big: "Let the browser use the camera", small: "It asks beside the address." };
   if (isWaiting) return { tone: "plain", big: "Getting ready", small: "The first look at a picture takes up to a minute." };

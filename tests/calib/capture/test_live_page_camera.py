@@ -126,6 +126,22 @@ def test_unplugged_camera_is_said_at_once_and_taken_up_again(page: Page) -> None
         assert server.heard("source").name == ""
 
 
+def test_camera_is_closed_while_it_is_solved_and_opened_for_more_photos(page: Page) -> None:
+    """Neither a page that is loaded then opens it, nor one that is still asked for is used; more photos need it."""
+    light = "() => document.querySelector('video').srcObject !== null"
+    failed = replace(told.state(), phase="failed", said="no camera is determined")
+    with scripted_server(failed, told.guidance(2)) as server, opened(page, server):
+        page.get_by_role("button", name="Take more photos").wait_for()
+        page.wait_for_timeout(600)
+        assert not page.evaluate(light)
+        server.say(told.state())
+        server.say(failed)
+        page.wait_for_timeout(600)
+        assert not page.evaluate(light)
+        server.say(told.state())
+        frames(server, 1)
+
+
 def test_tab_that_lost_the_session_stops_and_can_take_it_back(page: Page) -> None:
     """Told that it is not here any more, a page sends nothing and does not come back by itself; a button reloads it."""
     away = replace(told.state(), is_here=False)

@@ -188,12 +188,39 @@ def test_failure_and_notices_are_said(shown: Shown) -> None:
     server.say(NoticeMessage(HOSTILE, is_fault=True), TakenMessage("0005.png", by_itself=True))
     page.get_by_text(HOSTILE).wait_for()
     page.get_by_text("0005.png taken").wait_for()
-    source = replace(told.state("camera").sources[0], fault="unplugged; plug it in again")
+    source = replace(told.state("camera").sources[0], fault="camera 0: sends nothing any more")
     server.say(replace(told.state("camera"), sources=(source,)))
-    big(page, "Camera 0: unplugged; plug it in again")
+    big(page, "Camera 0: sends nothing any more")
     server.say(replace(told.state("camera"), phase="failed", said=HOSTILE))
     big(page, "No calibration")
     assert page.locator("#small").inner_text() == HOSTILE
+    page.get_by_role("button", name="Compute again").click()
+    server.heard("finish")
+    page.get_by_role("button", name="Take more photos").click()
+    server.heard("more")
+
+
+def test_space_takes_a_photo_whatever_was_clicked(shown: Shown) -> None:
+    """Neither a deleted photo is restored by it, nor one deleted or opened again; under a dialog no key is heeded."""
+    server, page = shown
+    page.get_by_role("button", name="Delete 0002.png").click()
+    server.heard("delete")
+    page.keyboard.press(" ")
+    server.heard("take")
+    page.get_by_role("button", name="0003.png: 63 rings").click()
+    page.locator("#photo-words").click()
+    page.keyboard.press("f")
+    page.locator("#photo-box [data-close]").focus()
+    page.keyboard.press(" ")
+    page.wait_for_function("() => document.activeElement === document.body")
+    page.keyboard.press(" ")
+    server.heard("take")
+    page.get_by_role("button", name="0003.png: 63 rings").click()
+    page.keyboard.press(" ")
+    page.wait_for_function("() => document.activeElement === document.body")
+    page.keyboard.press("n")
+    server.heard("skip")
+    assert server.commands == []
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (3840, "light")])
