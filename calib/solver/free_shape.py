@@ -130,21 +130,29 @@ def equations_of(
     products, block = np.zeros((dense + 1,) * 2), np.zeros((len(used), each, each))
     cross = np.zeros((len(used), each, dense + 1))
     taken, taken_own, equations = [np.zeros((0, dense + 1))], [np.zeros((0, count))], 0
+    by_point = np.ascontiguousarray(modes_mm.transpose(1, 2, 0))
+    is_moved = by_point.any(axis=1)
     for view in posed:
         point, by_place = view.point, view.by_place
         if 2 * len(point) <= POSE:
             continue
-        by_modes = by_place @ modes_mm[:, point].transpose(1, 2, 0)
+        # A photo shows few faces of a solid: the modes of the others move nothing in it.
+        mode = np.flatnonzero(is_moved[point].any(axis=0))
+        column = np.concatenate([np.arange(basis.shape[1]), basis.shape[1] + mode, [dense]])
+        by_modes = by_place @ by_point[point[:, None, None], np.arange(3)[:, None], mode]
         common = np.concatenate([view.by_camera, by_modes, view.residual], axis=2)
         own, row = by_place @ own_mm[point], slot[point]
-        flat = common.reshape(-1, dense + 1)
-        products += flat.T @ flat
+        flat = common.reshape(-1, len(column))
+        products[column[:, None], column] += flat.T @ flat
         _add_to(block, row, own.transpose(0, 2, 1) @ own)
-        _add_to(cross, row, own.transpose(0, 2, 1) @ common)
+        with_own = np.zeros((len(point), each, dense + 1))
+        with_own[:, :, column] = own.transpose(0, 2, 1) @ common
+        _add_to(cross, row, with_own)
         across = view.poses_taken()
         part = np.zeros((len(used), POSE, each))
         _add_to(part, row, across.transpose(0, 2, 1) @ own)
-        taken.append(across.reshape(-1, POSE).T @ flat)
+        taken.append(np.zeros((POSE, dense + 1)))
+        taken[-1][:, column] = across.reshape(-1, POSE).T @ flat
         taken_own.append(part.transpose(1, 0, 2).reshape(POSE, count))
         equations += 2 * len(point) - POSE
     by_poses, own_by_poses = np.concatenate(taken), np.concatenate(taken_own)

@@ -173,10 +173,14 @@ def extended(equations: ShapeEquations, variance: float) -> Extended:
     modes = symmetric_inverse(reduced[shared, shared]).inverse
     lost = normal[camera, camera] - reduced[camera, camera] + reduced[camera, shared] @ modes @ reduced[shared, camera]
     inverse = symmetric_inverse(normal[camera, camera] - lost).inverse
-    step = -inverse @ (pull[camera] - reduced[camera, shared] @ modes @ pull[shared])
+    by_camera = modes @ reduced[shared, camera]
+    whole = np.block([
+        [inverse, -inverse @ by_camera.T],
+        [-by_camera @ inverse, modes + by_camera @ inverse @ by_camera.T],
+    ])
+    step = -inverse @ (pull[camera] - by_camera.T @ pull[shared])
     all_shared = np.concatenate([step, -modes @ (pull[shared] + reduced[shared, camera] @ step)])
     alone = -solved[:, -1] - solved[:, :-1] @ all_shared
-    whole = symmetric_inverse(reduced).inverse
     trace = float(
         np.trace(whole[shared, shared]) + np.trace(each, axis1=1, axis2=2).sum()
         + (by_poses * (by_poses @ inner)).sum() + (solved[:, :-1] * (solved[:, :-1] @ whole)).sum()

@@ -1,5 +1,6 @@
 """How a target was shown in the photos, and what of it can be shown: its faces, tilts, distances and sizes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -142,20 +143,21 @@ def _convex_hull(point: Array) -> NDArray[np.int64]:
     """Rows of the corners of the convex hull of points (N, 2), in order around it (Andrew 1979)."""
     order = np.lexsort((point[:, 1], point[:, 0])).tolist()
     least = 1e-9 * float(np.abs(point).max(initial=0.0)) ** 2
+    place: list[list[float]] = point.tolist()
     halves: list[list[int]] = []
     for rows in (order, order[::-1]):
         chain: list[int] = []
         for row in rows:
-            while len(chain) > 1 and not _turn(point[chain[-2]], point[chain[-1]], point[row]) > least:
+            while len(chain) > 1 and not _turn(place[chain[-2]], place[chain[-1]], place[row]) > least:
                 chain.pop()
             chain.append(row)
         halves.append(chain[:-1])
     return np.array(halves[0] + halves[1], dtype=np.int64)
 
 
-def _turn(a: Array, b: Array, c: Array) -> float:
+def _turn(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> float:
     """Twice the signed area of a triangle."""
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _pitch_mm(position: Array, face: NDArray[np.int64]) -> float:
