@@ -24,7 +24,7 @@ from calib.solver.calibration import Calibration
 from calib.verdict.coverage import Coverage, coverage, coverage_of
 from calib.verdict.criteria import STANDARD
 from calib.verdict.verdict import Criteria, Verdict
-from calib.verdict.views import TargetShape, shape_of, shape_of_points
+from calib.verdict.views import TargetShape
 from designer.base.errors import InputError
 from designer.base.words import shown
 from designer.target import TargetGeometry, load_target
@@ -196,12 +196,10 @@ class Guide:
             None if seen is None else coverage(seen.image_size, seen.center_px, seen.view, seen.points.face[seen.point])
         )
 
-    @cached_property
+    @property
     def shape(self) -> TargetShape:
         """Of the target."""
-        points, found = self.settings.points, self._insight.calibration
-        shape = None if found is None else shape_of(found)
-        return shape_of_points(points, points.plane[:, :3]) if shape is None else shape
+        return self.settings.shape
 
     @cached_property
     def camera(self) -> Camera:

@@ -1,6 +1,7 @@
 """What a guide is asked: of which target, which camera model, and how good."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from calib.cameras import ABILITIES, COMMON, solved_models
 from calib.cameras.camera import Camera
@@ -9,6 +10,7 @@ from calib.core.types import KnownPoints
 from calib.observe.observations import known_points
 from calib.verdict.criteria import STANDARD, read_criteria
 from calib.verdict.verdict import Criteria
+from calib.verdict.views import TargetShape, shape_of_points
 from designer.base.errors import InputError
 from designer.base.words import shown, suggestion
 from designer.target import TargetGeometry
@@ -28,6 +30,11 @@ class GuideSettings:
     model: str  # that cameras are solved by
     may_be_wide: bool  # the model was not asked for: a wide lens gets one of its own
     camera: Camera | None  # a first guess
+
+    @cached_property
+    def shape(self) -> TargetShape:
+        """Of the target, whose file says which of its sides carry the rings."""
+        return shape_of_points(self.points, self.points.plane[:, :3])
 
 
 def settings_of(

@@ -115,6 +115,7 @@ def proposal_of(
         views = next_views(
             calibration, most=1, goal_px=goal_px, goal_covered=goal_covered, opened=weighed, little_gain=little_gain,
             factor=1.0 if uncertain is None else uncertain.factor, is_avoided=is_avoided if avoided else None,
+            shape=shape,
         )  # fmt: skip
         if views:
             view = views[0]

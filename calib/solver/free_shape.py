@@ -131,7 +131,7 @@ def equations_of(
     cross = np.zeros((len(used), each, dense + 1))
     taken, taken_own, equations = [np.zeros((0, dense + 1))], [np.zeros((0, count))], 0
     by_point = np.ascontiguousarray(modes_mm.transpose(1, 2, 0))
-    is_moved = by_point.any(axis=1)
+    is_moved: NDArray[np.bool_] = np.asarray((by_point != 0).any(axis=1))
     for view in posed:
         point, by_place = view.point, view.by_place
         if 2 * len(point) <= POSE:

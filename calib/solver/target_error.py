@@ -174,10 +174,12 @@ def extended(equations: ShapeEquations, variance: float) -> Extended:
     lost = normal[camera, camera] - reduced[camera, camera] + reduced[camera, shared] @ modes @ reduced[shared, camera]
     inverse = symmetric_inverse(normal[camera, camera] - lost).inverse
     by_camera = modes @ reduced[shared, camera]
-    whole = np.block([
-        [inverse, -inverse @ by_camera.T],
-        [-by_camera @ inverse, modes + by_camera @ inverse @ by_camera.T],
-    ])
+    whole = np.block(
+        [
+            [inverse, -inverse @ by_camera.T],
+            [-by_camera @ inverse, modes + by_camera @ inverse @ by_camera.T],
+        ]
+    )
     step = -inverse @ (pull[camera] - by_camera.T @ pull[shared])
     all_shared = np.concatenate([step, -modes @ (pull[shared] + reduced[shared, camera] @ step)])
     alone = -solved[:, -1] - solved[:, :-1] @ all_shared

@@ -245,7 +245,7 @@ def _box(camera: Camera, shape: TargetShape, pose: Array) -> tuple[Array, Array]
     rows = np.concatenate(shape.corner)
     pixel = project(camera, transform_each(pose, shape.position_mm[rows]))
     shown = faces_seen(shape, pose)[0][:, shape.face[rows]]
-    known = shown & np.isfinite(pixel).all(axis=2)
+    known = shown & np.isfinite(pixel[..., 0]) & np.isfinite(pixel[..., 1])
     ok = known.any(axis=1) & (known == shown).all(axis=1)
     low = np.where(known[..., None], pixel, np.inf).min(axis=1)
     high = np.where(known[..., None], pixel, -np.inf).max(axis=1)
@@ -284,7 +284,8 @@ def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, ro
     last = np.array(camera.image_size, dtype=np.float64) - 1
     edge = margin[:, face, None]
     with np.errstate(invalid="ignore"):
-        inside = ((pixel >= edge) & (pixel <= last - edge)).all(axis=2) & turned[:, face]
+        within = (pixel >= edge) & (pixel <= last - edge)
+    inside = within[..., 0] & within[..., 1] & turned[:, face]
     of_face = (face[:, None] == np.arange(len(shape.normal))).astype(np.float64)
     share = inside @ of_face / np.maximum(of_face.sum(axis=0), 1.0)
     is_read = inside & (share >= habits.face_share - 1e-9)[:, face]

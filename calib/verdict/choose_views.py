@@ -109,6 +109,7 @@ def scene_of(
     opened: LeftOpen | None = None,
     held: Habits | None = None,
     at: Array | None = None,
+    shape: TargetShape | None = None,
 ) -> ViewChoice | None:
     """The photos that could be taken and what they tell; None if no point lies on a known plane.
 
@@ -119,8 +120,9 @@ def scene_of(
         opened: what photos so far leave open of the target's shape; None: not known, or no matter.
         held: how the target may be held, and nowhere beyond; None: about as in the photos taken so far.
         at: the only poses that it can have (C, 4, 4); None: any.
+        shape: of the target, if it is known already.
     """
-    shape = shape_of(calibration)
+    shape = shape_of(calibration) if shape is None else shape
     if shape is None:
         return None
     habits = habits_of(calibration, shape) if held is None else held

@@ -125,6 +125,7 @@ def next_views(
     opened: LeftOpen | None = None,
     little_gain: float = LITTLE_GAIN,
     is_avoided: Callable[[Array], NDArray[np.bool_]] | None = None,
+    shape: TargetShape | None = None,
 ) -> tuple[NextView, ...]:
     """The photos to take next, the most useful first; none if both goals are reached, or `why_no_next_views` says why.
 
@@ -138,9 +139,11 @@ def next_views(
         opened: what photos so far leave open of the target's shape; None: not known, or no matter.
         little_gain: a photo that leaves more than this of the deviation is not worth taking.
         is_avoided: which of poses (C, 4, 4) are not to be proposed (C,).
+        shape: of the target, if it is known already.
     """
     calibration = without_surface(calibration)  # what tells most of the base tells most of what lies around it
-    scene = None if why_no_next_views(calibration) else scene_of(calibration, face_share, factor, opened)
+    is_able = not why_no_next_views(calibration)
+    scene = scene_of(calibration, face_share, factor, opened, shape=shape) if is_able else None
     if scene is None:
         return ()
     if is_avoided is not None:
