@@ -126,14 +126,18 @@ class RigWriter:
             InputError: the message names the file.
         """
         self.folder = folder
-        self.files: list[Path] = []
-        self._faults: tuple[str, ...] = ()  # what could not be drawn of a rig, for its page
+        self.begin()
         check_folder(folder)
         for name, kind in (
             (RIG_CALIBRATION_FILE, RIG_CALIBRATION.format), (RIG_FILE, RIG.format), (SIGHTINGS_FILE, SIGHTINGS),
             (RIG_VERDICT_FILE, RIG_VERDICT.format), (HAND_EYE_FILE, HAND_EYE.format), (NEXT_POSES_FILE, ROBOT_POSES),
         ):  # fmt: skip
             require_ours(folder / name, kind=kind)
+
+    def begin(self) -> None:
+        """Nothing is written yet: of a rig that is solved again, what came of the first attempt does not count."""
+        self.files: list[Path] = []
+        self._faults: tuple[str, ...] = ()  # what could not be drawn of a rig, for its page
 
     def write(self, found: RigResult) -> None:
         """Write all of a rig but its page: the verdict, too.

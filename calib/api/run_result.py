@@ -124,11 +124,7 @@ class RunWriter:
             InputError: the message names the file.
         """
         self.folder, self.models = folder, tuple(models)
-        self.files: list[Path] = []
-        self.solutions: list[Solution] = []
-        self._solved: dict[str, Solved] = {}
-        self._records: Records | None = None
-        self._faults: list[str] = []  # what could not be written of a run, for its page
+        self.begin()
         for place in (folder, folder / OVERLAYS):
             check_folder(place)
         for place in (folder, *(self.place_of(model) for model in models)):
@@ -136,6 +132,14 @@ class RunWriter:
                 require_ours(place / name)
         require_ours(folder / VERDICT_FILE, kind=VERDICT.format)
         require_ours(folder / NEXT_VIEWS_FILE, kind=NEXT_VIEWS.format)
+
+    def begin(self) -> None:
+        """Nothing is written yet: of a run that is made again, what came of the first attempt does not count."""
+        self.files: list[Path] = []
+        self.solutions: list[Solution] = []
+        self._solved: dict[str, Solved] = {}
+        self._records: Records | None = None
+        self._faults: list[str] = []  # what could not be written of a run, for its page
 
     @property
     def finished(self) -> list[Solution]:

@@ -89,6 +89,7 @@ def live_rig(
             session.report("solving", f"{what} {done:.0f} of {total}" if total else what)
 
         table = write_table(session)
+        writer.begin()
         found = rig(geometry, table=table, model=model, criteria=criteria, made=made, progress=tell, out=writer)
         session.report("solving", "drawing the page")
         if remark := writer.write_page(found, command):

@@ -30,7 +30,7 @@ from calib.capture.messages import (
 from calib.capture.page_files import PAGE_POLICY, REPORT_POLICY, page_files
 from tests.support.pages import png
 
-REPORT = "<!doctype html><title>report</title><h1>The report</h1>"
+REPORT = "<!doctype html><title>report</title><h1>The report</h1><a href=#x>part</a><a href=a.json>file</a>"
 Frame = tuple[FrameHeader, NDArray[np.uint8]]
 
 

@@ -140,10 +140,17 @@ function enter(phase, before) {
   if (phase === "done") showReport();
 }
 
-/** The report stays when the server ends. */
+/** The report stays when the server ends; the files beside it are in the folder, and not at this address. */
 function showReport() {
   const frame = part("report");
-  frame.addEventListener("load", () => { wire.stayAway(); wire.command("bye"); }, { once: true });
+  frame.addEventListener("load", () => {
+    for (const link of frame.contentDocument.querySelectorAll("a[href]:not([href^='#'])")) {
+      link.title = `In ${model.state.folder}`;
+      link.removeAttribute("href");
+    }
+    wire.stayAway();
+    wire.command("bye");
+  }, { once: true });
   frame.hidden = false;
   frame.src = "report";
 }

@@ -75,7 +75,7 @@ class WatchedFolder:
             self._say(fault)
 
     def _looked(self) -> str:
-        """Read what is complete; what is wrong with the folder's files, "" for nothing."""
+        """Read what is complete; what is wrong with the newest of the files that cannot be, "" for nothing."""
         now = time.monotonic()
         for path in images_in(self.folder):
             state = _state_of(path, now)
@@ -91,7 +91,8 @@ class WatchedFolder:
                     continue
                 self._broken[path] = f"{reason}; it is left out"
             self._done[path] = self._waiting.pop(path)
-        return next((fault for path, fault in self._broken.items() if path.exists()), "")
+        newest_first = reversed(self._broken.items())
+        return next((fault for path, fault in newest_first if path.exists()), "")
 
     def _read(self, path: Path) -> str:
         """Hand on a photo; why it cannot be read, "" if it can."""

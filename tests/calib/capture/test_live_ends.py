@@ -18,6 +18,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 import calib
+from calib.api.run_result import RunResult, RunWriter
 from calib.capture.messages import FrameHeader, with_header
 from calib.capture.photo_folder import SESSION, PhotoFolder
 from calib.capture.sources.source import Frame
@@ -25,7 +26,7 @@ from calib.capture.worker import Worker
 from calib.commands import live_said
 from calib.guide.guide import Guide
 from designer.base.answer import StoppedError, Summary
-from designer.base.errors import InputError
+from designer.base.errors import InputError, NotWrittenError
 from designer.target import target_to_json
 from tests.support.live_frames import SIZE, held, image_at, target
 
@@ -151,6 +152,32 @@ def test_ctrl_c_reaches_whatever_takes_long(photos: Path, tmp_path: Path, monkey
     with pytest.raises(KeyboardInterrupt):
         calib.live(target(), tmp_path / "out", watch=photos, opened=opened, **SOLVED)
     assert who == [mine, mine]
+
+
+def test_a_run_that_is_made_again_counts_alone(photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a full disk the page can have all computed again; nothing of the first attempt is told twice."""
+    writer, phases, write = RunWriter(tmp_path / "out", ("pinhole",)), list[object](), RunWriter.write_verdict
+
+    def full_once(self: RunWriter, run: RunResult) -> None:
+        monkeypatch.setattr(RunWriter, "write_verdict", write)
+        raise NotWrittenError("verdict.json: cannot be written: No space left on device")
+
+    def be_page(address: str) -> None:
+        with page_of(address) as page:
+            until(page, lambda one: one["kind"] == "guidance" and len(one["guidance"]["photos"]) == 5)
+            for _ in range(2):
+                page.send('{"kind": "finish"}')
+                phases.append(until(page, lambda one: one.get("phase") in ("done", "failed"))["phase"])
+            page.send('{"kind": "bye"}')
+
+    def opened(address: str) -> None:
+        threading.Thread(target=be_page, args=(address,), daemon=True).start()
+
+    monkeypatch.setattr(RunWriter, "write_verdict", full_once)
+    calib.live(target(), writer, watch=photos, opened=opened, **SOLVED)
+    assert phases == ["failed", "done"]
+    assert len(writer.solutions) == 1
+    assert len(set(writer.files)) == len(writer.files)
 
 
 def test_a_session_without_a_usable_photo_says_so(tmp_path: Path) -> None:

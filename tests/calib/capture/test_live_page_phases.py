@@ -179,7 +179,9 @@ def test_end_is_announced_and_the_report_outlives_the_server(shown: Shown) -> No
     server.hang_up()
     page.wait_for_timeout(100)
     big(page, "Done")
-    assert page.frame_locator("#report").get_by_text("The report").is_visible()
+    report = page.frame_locator("#report")
+    assert report.get_by_text("The report").is_visible()
+    assert report.locator("a[href]").all_inner_texts() == ["part"]  # a link to a file would leave the report
 
 
 def test_failure_and_notices_are_said(shown: Shown) -> None:
