@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -120,11 +121,16 @@ WRONG = {
     calib.convert: ("camera", "to", "model", "without", "out"),
     designer.load: ("spec",), designer.load_target: ("path",), designer.design: ("kind",),
 }  # fmt: skip
-VALID = {
-    "target": BOARD, "observed": example(BOARD, np.random.default_rng(1), views=6).observations, "photos": "*.png",
-    "errors": "fdm-dual", "camera": CAMERA, "image": np.zeros((120, 160), np.uint8), "to": "ros", "length": "edge:1mm",
-    "calibration": "cal",
-}  # fmt: skip
+
+
+@cache
+def valid() -> dict[str, object]:
+    """Values that an option takes."""
+    return {
+        "target": BOARD, "observed": example(BOARD, np.random.default_rng(1), views=6).observations, "photos": "*.png",
+        "errors": "fdm-dual", "camera": CAMERA, "image": np.zeros((120, 160), np.uint8), "to": "ros",
+        "length": "edge:1mm", "calibration": "cal",
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -134,7 +140,7 @@ VALID = {
 def test_a_value_of_another_type_is_refused(call: Callable[..., object], option: str) -> None:
     """Whatever an option is given, the answer is a line and no TypeError from within."""
     needed = inspect.signature(call).parameters
-    given = {name: value for name, value in VALID.items() if name in needed}
+    given = {name: value for name, value in valid().items() if name in needed}
     with pytest.raises(calib.InputError) as refused:
         call(**{**given, option: 5j})
     assert "\n" not in str(refused.value)

@@ -4,6 +4,7 @@ import csv
 import json
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -20,13 +21,23 @@ from designer.target import TargetGeometry, target_to_json
 from tests.support.calibrations import board
 from tests.support.command_line import calib as command
 from tests.support.command_line import detections_of, files_in, summary_of
-from tests.support.rig_views import SIZE, solved_slowly, stereo_pair
+from tests.support.rig_views import SIZE, RigScene, solved_slowly, stereo_pair
 
 BOARD = board()
 FRAMES = 3
-SCENE = stereo_pair(known_points(BOARD), frames=FRAMES, noise_px=0.05)
-RIG = solved_slowly(SCENE, steps=1).rig
 POSE = ("pose", "--rig", "rig.json", "board.target.json")
+
+
+@cache
+def scene() -> RigScene:
+    """Two cameras and a board."""
+    return stereo_pair(known_points(BOARD), frames=FRAMES, noise_px=0.05)
+
+
+@cache
+def known_rig() -> calib.Rig:
+    """The rig that these show."""
+    return solved_slowly(scene(), steps=1).rig
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +48,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """
     place = tmp_path_factory.mktemp("posed")
     known: dict[str, Detections] = {}
-    for name, seen in zip(SCENE.observations.camera_names, SCENE.observations.sightings, strict=True):
+    for name, seen in zip(scene().observations.camera_names, scene().observations.sightings, strict=True):
         (place / name).mkdir()
         named = replace(seen, view_names=tuple(f"{name}_{view}.png" for view in range(seen.view_count)))
         for one in detections_of(named, BOARD):
@@ -52,7 +63,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         return replace(known.get(name, none), image=name, image_size=(pixels.shape[1], pixels.shape[0]))
 
     (place / "board.target.json").write_text(target_to_json(BOARD))
-    RIG.save(place / "rig.json")
+    known_rig().save(place / "rig.json")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("calib.detector.pipeline.detect", detect)
         patch.chdir(place)
@@ -62,13 +73,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 def test_the_target_is_found_in_the_rigs_frame(folder: Path) -> None:
     """Within what is stated, also where one camera misses it; the file, the answer and Python tell the same."""
     answer = summary_of(command(*POSE, "left", "right", "-o", "poses.json", "--json"))["answer"]
-    found = calib.pose(BOARD, photos=["left", "right"], rig=RIG)
+    found = calib.pose(BOARD, photos=["left", "right"], rig=known_rig())
     stored = RIG_POSES.read(folder / "poses.json")
     assert [one.frame for one in stored.frames] == [str(number) for number in range(FRAMES)]
     assert [one.frame for one in stored.failed] == ["99"]
     assert stored.failed[0].reason.startswith("no camera shows the target; left: no ")
     assert [len(one.cameras) for one in stored.frames] == [1, 2, 2]
-    for one, mine, told, true in zip(stored.frames, found.poses, answer["poses"], SCENE.rig_from_target, strict=True):
+    for one, mine, told, true in zip(stored.frames, found.poses, answer["poses"], scene().rig_from_target, strict=True):
         np.testing.assert_array_equal(one.rig_from_target, mine.rig_from_target)
         assert told["rig_from_target"] == one.rig_from_target.tolist()
         off = one.target_mm - true[:3, 3]
@@ -133,4 +144,4 @@ def test_without_a_pose_the_answer_is_negative(folder: Path) -> None:
 def test_a_camera_and_a_rig_are_not_both_given() -> None:
     """A rig has its own cameras."""
     with pytest.raises(calib.InputError, match="give one of them"):
-        calib.pose(BOARD, RIG.cameras[0], "left", rig=RIG)  # type: ignore[call-overload]
+        calib.pose(BOARD, known_rig().cameras[0], "left", rig=known_rig())  # type: ignore[call-overload]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from typing import NoReturn
 
 import numpy as np
@@ -23,8 +24,13 @@ from tests.support.solver_scenes import board
 
 Array = NDArray[np.float64]
 
-SCENE: RigScene = stereo_pair(frames=10)
 PAIR = [CameraChoice("opencv")] * 2
+
+
+@cache
+def scene() -> RigScene:
+    """Two cameras and a target."""
+    return stereo_pair(frames=10)
 
 
 def rig_of_one(seen: Observations) -> RigObservations:
@@ -40,7 +46,7 @@ def sigmas(covariance: Array) -> Array:
 @pytest.mark.parametrize("minimise", ["image", "ray", "intersection-by-range"])
 def test_a_rig_of_one_camera_is_that_camera(minimise: str) -> None:
     """The same minimum, whichever distances are minimised, and the same statement of how sure it is."""
-    seen = SCENE.observations.sightings[0]
+    seen = scene().observations.sightings[0]
     single = solve(seen, "opencv", SolveOptions(minimise=minimise))
     rig = solve_rig(rig_of_one(seen), PAIR[:1], RigOptions(minimise=minimise))
     squares = [float((one**2).sum()) for one in (single.residual_px, rig.residual_px[0])]
@@ -57,11 +63,11 @@ def test_a_rig_of_one_camera_is_that_camera(minimise: str) -> None:
 
 def test_distances_from_rays_give_the_rig_of_the_image_within_its_sigmas_and_state_the_difference() -> None:
     """`V + D D'` of the whole rig: the joint covariance is that of the image and the step, no more and no less."""
-    image, ray = (solve_rig(SCENE.observations, PAIR, RigOptions(minimise=cost)) for cost in ("image", "ray"))
+    image, ray = (solve_rig(scene().observations, PAIR, RigOptions(minimise=cost)) for cost in ("image", "ray"))
     rows = ray.rig.pose_rows(1)
     step = steps_between(image.cam_from_rig, ray.cam_from_rig)[1]
     assert 1e-3 < np.sqrt(step @ np.linalg.solve(image.covariance[rows, rows], step) / 6) < 0.5
-    off = steps_between(ray.cam_from_rig, SCENE.cam_from_rig)[1]
+    off = steps_between(ray.cam_from_rig, scene().cam_from_rig)[1]
     assert off @ np.linalg.solve(ray.covariance[rows, rows], off) < 20  # chi square of 6: 0.3 %
     lens = ray.cameras[1].params - image.cameras[1].params
     whole = np.concatenate([ray.cameras[0].params - image.cameras[0].params, np.zeros(6), lens, step])
@@ -88,15 +94,15 @@ def test_a_robots_camera_is_where_distances_in_the_image_put_it() -> None:
 def test_what_cannot_be_minimised_is_refused_before_any_work_is_done() -> None:
     """A word that is no cost, in Python as on the screen; and planes of points that lie on none."""
     with pytest.raises(InputError, match="--minimise 'rays': nothing that is minimised; did you mean 'ray'"):
-        calib.rig(SCENE.observations, minimise="rays")
+        calib.rig(scene().observations, minimise="rays")
     with pytest.raises(InputError, match="--minimise 'rays'"):
         calib.turntable(None, table="none.csv", minimise="rays")
     loose = [
         replace(one, points=replace(one.points, face=np.full_like(one.points.face, -1)))
-        for one in SCENE.observations.sightings
+        for one in scene().observations.sightings
     ]
     with pytest.raises(InputError, match="lie on no known plane; take ray"):
-        solve_rig(replace(SCENE.observations, sightings=tuple(loose)), PAIR, RigOptions(minimise="intersection"))
+        solve_rig(replace(scene().observations, sightings=tuple(loose)), PAIR, RigOptions(minimise="intersection"))
 
 
 def test_lenses_that_run_away_are_refused() -> None:
@@ -117,6 +123,6 @@ def test_halves_and_the_record_know_what_was_minimised(monkeypatch: pytest.Monke
         raise InputError("no halves here")
 
     monkeypatch.setattr("calib.rigs.halves.solve_rig", solved)
-    found = calib.rig(SCENE.observations, model="opencv", minimise="ray", loss="huber")
+    found = calib.rig(scene().observations, model="opencv", minimise="ray", loss="huber")
     assert set(asked) == {"ray"}
     assert (found.provenance.options.minimise, found.provenance.options.loss) == ("ray", "huber")

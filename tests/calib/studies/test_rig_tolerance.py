@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,19 +17,23 @@ from tests.support.as_built_scenes import solid
 from tests.support.command_line import PAGE, design, files_in
 from tests.support.rig_prints import rig_before_print
 
-RIG = SimulatedRig("pair", "two cameras", "", rig_before_print()[0].rig, HeldTarget((450.0, 700.0)))
 FEW = ("scale=0.1%", "skew=0.02deg", "face_tilt=0.05deg")
 
 
+@cache
+def _simulated() -> SimulatedRig:
+    return SimulatedRig("pair", "two cameras", "", rig_before_print()[0].rig, HeldTarget((450.0, 700.0)))
+
+
 def _found(draws: int = 0, seed: int = 1) -> RigToleranceResult:
-    return rig_tolerance(solid(), "fdm-dual-calibrated", RIG, changes=FEW, frames=8, draws=draws, seed=seed)
+    return rig_tolerance(solid(), "fdm-dual-calibrated", _simulated(), changes=FEW, frames=8, draws=draws, seed=seed)
 
 
 def test_a_scale_costs_lengths_and_baselines_their_share_and_turns_nothing() -> None:
     """It is the same share of each, so of any rig that is known from the true truth; parts add up in squares."""
     study = _found().study
     scale = next(one for one in study.costs if one.name == "scale")
-    rig = RIG.rig
+    rig = _simulated().rig
     away = [np.linalg.norm(rig.center_mm[a] - rig.center_mm[b]) for b in range(3) for a in range(b)]
     assert scale.baseline_mm == pytest.approx(1e-3 * np.sqrt(np.mean(np.square(away))), rel=0.02)
     assert scale.length_mm == pytest.approx(1e-3 * study.length_mm, rel=1e-3)
@@ -60,7 +65,7 @@ def test_design_tolerance_tells_what_a_print_costs_a_rig(tmp_path: Path, monkeyp
     """A folder with its page and table; what is of studies of one camera, and a rig without a distance, are refused."""
     monkeypatch.chdir(tmp_path)
     Path("ico.target.json").write_text(target_to_json(solid()))
-    RIG.rig.save("rig.json")
+    _simulated().rig.save("rig.json")
     words = ("tolerance", "ico.target.json", "--errors", "fdm-dual", "--rig", "rig.json", "--frames", "8", "-o", "out")
     answer = design(*words, "--distance", "450mm..700mm", "--linear", "--json")
     assert answer.code == 0, answer.err
@@ -77,12 +82,13 @@ def test_design_tolerance_tells_what_a_print_costs_a_rig(tmp_path: Path, monkeyp
 
 def test_a_rig_that_never_sees_the_target_is_refused() -> None:
     """In a line that says which camera; so is one camera."""
-    blind = replace(RIG, held=HeldTarget((5000.0, 6000.0)))
+    blind = replace(_simulated(), held=HeldTarget((5000.0, 6000.0)))
     with pytest.raises(InputError, match="sees the target in no frame"):
         rig_tolerance(solid(), "fdm-dual", blind, frames=4)
-    one = replace(
-        RIG, rig=replace(RIG.rig, names=("a",), cameras=RIG.rig.cameras[:1], cam_from_rig=np.eye(4)[None],
-                         covariance=None, noise_px=None),
-    )  # fmt: skip
+    rig = _simulated().rig
+    alone = replace(
+        rig, names=("a",), cameras=rig.cameras[:1], cam_from_rig=np.eye(4)[None], covariance=None, noise_px=None
+    )
+    one = replace(_simulated(), rig=alone)
     with pytest.raises(InputError, match="one camera is no rig"):
         rig_tolerance(solid(), "fdm-dual", one)
