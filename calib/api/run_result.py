@@ -156,9 +156,7 @@ class RunWriter:
         Raises:
             InputError: a file is somebody else's, or the best camera makes no sense.
         """
-        if why := why_no_page(self.folder, "calibration"):
-            raise InputError(why)
-        self._require_room_for_tables()
+        self.require_room()
         if run.search is not None:
             with self.drawing() as staging:
                 drawn = with_overlays(run.search, staging)
@@ -171,6 +169,16 @@ class RunWriter:
         self.write_verdict(run)
         if remark := self.write_page(run, ""):
             raise InputError(remark)
+
+    def require_room(self) -> None:
+        """Refuse a folder with somebody's own page or tables in it, of a run that is to be written whole.
+
+        Raises:
+            InputError: the message names the file.
+        """
+        if why := why_no_page(self.folder, "calibration"):
+            raise InputError(why)
+        self._require_room_for_tables()
 
     def _require_room_for_tables(self) -> None:
         """Refuse somebody's own files under the names of tables to be written.

@@ -72,6 +72,7 @@ def live(
     require_server()
     geometry, sources = target_of(target, "rings"), _sources(cameras, watch, size)
     writer = out if isinstance(out, RunWriter) else RunWriter(folder_of(out), models_of(model))
+    writer.require_room()
     guide = Guide(geometry, criteria=criteria, model=model, made=made)
     folder = PhotoFolder(writer.folder, geometry, tuple(one.name for one in sources), resume=resume)
 

@@ -19,6 +19,7 @@ from calib.capture.sources.watched_folder import WatchedFolder
 from calib.core.files import write_files
 from calib.guide.rig_guide import RigGuide
 from calib.observe.rig_photos import camera_names_of
+from calib.show.folder import why_no_page
 from calib.verdict.criteria import STANDARD
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
@@ -75,6 +76,8 @@ def live_rig(
         )
     geometry, sources = target_of(target, "rings"), sources_of(cameras, watch, size)
     writer = out if isinstance(out, RigWriter) else RigWriter(folder_of(out))
+    if why := why_no_page(writer.folder, "rig"):
+        raise InputError(why)
     guide = RigGuide(geometry, tuple(sources), criteria=criteria, model=model, made=made)
     folder = PhotoFolder(writer.folder, geometry, guide.names, resume=resume, cameras=guide.names)
     session: RigSession

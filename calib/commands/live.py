@@ -49,7 +49,7 @@ def live(
     from calib.commands.solve import image_size_of
     from calib.solver.accuracy import UndeterminedError
 
-    cameras, folders, wide = camera or [], watch or [], image_size_of(size)
+    cameras, folders, wide = camera or [], watch or [], image_size_of(size, "--size")
     folder = out if out is not None else exports_folder(target) / "live"
 
     def opened(address: str) -> None:

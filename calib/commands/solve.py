@@ -95,12 +95,12 @@ def read_input(
     return load_observations(detections, target, image_size=image_size_of(image_size), grid=grid_of(grid, pitch))
 
 
-def image_size_of(text: str | None) -> tuple[int, int] | None:
+def image_size_of(text: str | None, option: str = "--image-size") -> tuple[int, int] | None:
     """Width and height of photos."""
     from calib.observe.correspondences import parse_pair
     from calib.observe.dataset import MAX_SIDE_PX
 
-    return None if text is None else parse_pair("--image-size", text, MAX_SIDE_PX)
+    return None if text is None else parse_pair(option, text, MAX_SIDE_PX)
 
 
 def focal_of(text: str | None) -> float | None:

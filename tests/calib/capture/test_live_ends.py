@@ -180,6 +180,20 @@ def test_a_run_that_is_made_again_counts_alone(photos: Path, tmp_path: Path, mon
     assert len(set(writer.files)) == len(writer.files)
 
 
+@pytest.mark.parametrize("name", ["index.html", "detections.csv"])
+def test_a_folder_that_takes_no_result_is_refused_at_once(photos: Path, tmp_path: Path, name: str) -> None:
+    """Somebody's own file under the name of a result is named before a photo is taken, not when all are."""
+    (tmp_path / name).write_text("mine")
+    begun = list[str]()
+    with pytest.raises(InputError, match=f"{name}: is there already"):
+        calib.live(target(), tmp_path, watch=photos, opened=begun.append, **SOLVED)
+    if name == "index.html":
+        with pytest.raises(InputError, match=f"{name}: is there already"):
+            calib.live_rig(target(), tmp_path, watch=(photos, photos.parent), opened=begun.append, **SOLVED)
+    assert begun == []
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "mine")]
+
+
 def test_a_session_without_a_usable_photo_says_so(tmp_path: Path) -> None:
     """Photos that show nothing determine no camera: the page is told why, and so is who called."""
     folder = tmp_path / "empty"
