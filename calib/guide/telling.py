@@ -83,13 +83,13 @@ def headline_of(
     if standing is None:
         known = f"about {figure(sigma_px, 1)} px in 95 % of the image" if math.isfinite(sigma_px) else "hardly anything"
         more = "; no view is found that would help" if stage == "exhausted" else ""
-        return f"{known} by a first camera, {px(wanted)} wanted; {count_words(photos)}{more}"
+        return f"{known} by a first camera, {wanted:g} px wanted; {count_words(photos)}{more}"
     known = f"{px(sigma_px)} in 95 % of the image" if math.isfinite(sigma_px) else "part of the image is not known"
     if stage == "good":
         return f"good: {known}, {100 * covered:.0f} % covered; {count_words(photos)} are enough"
     if stage == "exhausted":
         return f"{standing.verdict.grade}: {known}; {count_words(photos)}; {why_exhausted(standing)}"
-    missing = [] if sigma_px <= wanted else [f"{px(wanted)} wanted"]
+    missing = [] if sigma_px <= wanted else [f"{wanted:g} px wanted"]
     if 100 * covered < percent:
         missing.append(f"{100 * covered:.0f} % covered, {percent:.0f} % wanted")
     missing = missing or [f"to be checked: {check.title.lower()}" for check in not_good(standing)[:1]]
@@ -123,7 +123,7 @@ def bars_of(covered: float, sigma_px: float, standing: Standing | None, settings
         area = min(100 * covered / part, 1.0) if part > 0 else 1.0
         grade: Grade = "good" if area >= 1 else "bad"
         return (
-            Bar("uncertainty", ALWAYS["uncertainty"], f"{known}, {px(limit)} wanted", share, "unknown"),
+            Bar("uncertainty", ALWAYS["uncertainty"], f"{known}, {limit:g} px wanted", share, "unknown"),
             Bar("coverage", ALWAYS["coverage"], f"{100 * covered:.0f} %, {part:.0f} % wanted", area, grade),
             Bar("halves", ALWAYS["halves"], "not to be told yet", 0.0, "unknown"),
         )

@@ -1,5 +1,6 @@
 /* What the page says in large letters, from what is known: pure, no element is touched here. */
 
+const METRES_FROM_MM = 300; // as in the server's words
 const OPPOSITE = { left: "right", right: "left", clockwise: "counterclockwise", counterclockwise: "clockwise" };
 
 /** Directions as in a mirror: the server's are those of the photo. */
@@ -105,5 +106,5 @@ function tilt(pose) {
 }
 
 function metres(mm) {
-  return mm < 100 ? `${Math.round(mm)} mm` : `${(mm / 1000).toFixed(2)} m`;
+  return mm < METRES_FROM_MM ? `${Math.round(mm)} mm` : `${(mm / 1000).toFixed(2)} m`;
 }

@@ -85,6 +85,8 @@ def test_words_and_ghost_follow_the_target(shown: Shown) -> None:
     big(page, "Closer, and tilt the right side away")
     assert "0.50 m → 0.43 m" in page.locator("#small").inner_text()
     assert "tilt 10° → 30°" in page.locator("#small").inner_text()
+    server.say(told.look(1, told.pose(0, 0, 158, 10)))
+    page.get_by_text("158 mm → 0.43 m").wait_for()  # as the server's own words have it
     server.say(told.look(2, worth=1.0, still=0.5))
     big(page, "Hold still")
     assert any(is_green(server, page) for _ in range(5))  # what was found is not shown for long

@@ -10,6 +10,7 @@ from calib.core.se3 import exp_rotation
 from calib.guide.guide import Guide
 from calib.guide.held import held_at, turn_between
 from calib.guide.hints import hint_of, place_short
+from calib.guide.telling import bars_of, headline_of
 from calib.guide.told import FrameNote
 from calib.observe.observations import known_points
 from calib.verdict.views import shape_of_points
@@ -79,6 +80,14 @@ def test_places_have_short_names() -> None:
     """As a person reads them from afar."""
     words = [place_short(place) for place in ((0.0, 0.0), (-1.0, 1.0), (0.0, -0.5), (1.0, 0.2))]
     assert words == ["middle", "bottom left", "top", "right"]
+
+
+def test_a_limit_is_told_alike_everywhere() -> None:
+    """As the verdict's checks have it: 0.05 px, before a camera is known and after."""
+    settings = Guide(TARGET, image_size=WEBCAM.image_size, made="exact").settings
+    bars = bars_of(0.3, 0.21, None, settings)
+    assert bars[0].text.endswith(", 0.05 px wanted")
+    assert "0.05 px wanted" in headline_of("guiding", 0.21, 0.3, None, settings, 2)
 
 
 def test_the_ghost_held_by_a_person_is_wanted_and_the_last_photo_is_not() -> None:
