@@ -84,7 +84,7 @@ def live(
             session.report("solving", f"{what} {done:.0f} of {total}" if total else what)
 
         writer.begin()
-        found = run(geometry, session.photos, model=model, criteria=criteria, made=made, progress=tell, out=writer)
+        found = run(target, session.photos, model=model, criteria=criteria, made=made, progress=tell, out=writer)
         session.report("solving", "drawing the page")
         if remark := writer.write_page(found, command):
             raise InputError(remark)

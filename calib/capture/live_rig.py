@@ -93,7 +93,7 @@ def live_rig(
 
         table = write_table(session)
         writer.begin()
-        found = rig(geometry, table=table, model=model, criteria=criteria, made=made, progress=tell, out=writer)
+        found = rig(target, table=table, model=model, criteria=criteria, made=made, progress=tell, out=writer)
         session.report("solving", "drawing the page")
         if remark := writer.write_page(found, command):
             raise InputError(remark)

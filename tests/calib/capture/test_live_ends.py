@@ -84,14 +84,18 @@ def test_the_end_of_a_session_is_that_of_a_run(photos: Path, tmp_path: Path) -> 
         pages[0].start()
 
     before = {path: path.read_bytes() for path in photos.iterdir()}
-    live = calib.live(target(), tmp_path / "live", watch=photos, opened=opened, **SOLVED)
+    file = tmp_path / "a.target.json"
+    file.write_text(target_to_json(target()))
+    live = calib.live(file, tmp_path / "live", watch=photos, opened=opened, **SOLVED)
     pages[0].join(10)
-    run = calib.run(target(), photos, **SOLVED)
+    run = calib.run(file, photos, **SOLVED)
     run.save(tmp_path / "run")
     assert seen[-1]["phase"] == "done"
     written = {path.relative_to(tmp_path / "live") for path in (tmp_path / "live").rglob("*")} - {Path("session.json")}
     assert written == {path.relative_to(tmp_path / "run") for path in (tmp_path / "run").rglob("*")}
     np.testing.assert_array_equal(live.best.camera.params, run.best.camera.params)
+    assert live.verdict == run.verdict
+    assert dict(live.task.settings)["target"] == dict(run.task.settings)["target"]
     assert {path: path.read_bytes() for path in photos.iterdir()} == before
 
 
