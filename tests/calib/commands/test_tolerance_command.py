@@ -23,8 +23,11 @@ from tests.support.perturbed_targets import board, ico
 from tests.support.study_commands import named
 
 TABLES = {"table.csv", "table.json", "table.md"}
-TAKEN = ("--errors", "fdm-dual", "--views", "16", "--distance", "260mm")
+TAKEN = ("--errors", "fdm-dual", "--views", "10", "--distance", "260mm")
 DRAWN = (*TAKEN, "--draws", "3", "--jobs", "1")
+NONE = tuple(f"{name}=0" for name in ("scale", "axis_scale", "skew", "face_offset", "face_shift", "face_rotation",
+                                      "stair_steps", "thermal", "face_bow"))  # fmt: skip
+"""Errors that are left out, so that there are fewer to simulate."""
 
 app = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False)
 app.command("tolerance")(tolerance)
@@ -37,8 +40,9 @@ def _commands() -> None:
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder to work in, with two targets; pictures are named, not drawn."""
+    """A folder to work in, with two targets; pictures are named, not drawn, and the page's law is a coarse one."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("calib.studies.tolerance.law.DRAWS", 1)
     monkeypatch.setattr("calib.show.studies.study_folder.files_of", named)
     Path("ico.target.json").write_text(target_to_json(ico()))
     Path("board.target.json").write_text(target_to_json(board()))
@@ -99,9 +103,9 @@ def test_python_finds_what_the_command_finds(folder: Path, capfd: pytest.Capture
     done("ico.target.json", *TAKEN, "--linear", "-o", "out")
     before = files_in(folder)
     capfd.readouterr()
-    found = tolerance_from_python(ico(), "fdm-dual", views=16, distance_mm=260.0, linear=True)
+    found = tolerance_from_python(ico(), "fdm-dual", views=10, distance_mm=260.0, linear=True)
     drawn = tolerance_from_python(
-        ico(), "fdm-dual", views=16, distance_mm=260.0, draws=2, jobs=1, require=["pose=10mm"]
+        ico(), "fdm-dual", views=10, distance_mm=260.0, draws=2, jobs=1, require=["pose=10mm"], changes=NONE
     )
     assert (drawn.drawn.new, drawn.drawn.before, drawn.is_kept) == (2, 0, True)
     assert files_in(folder) == before
@@ -116,8 +120,7 @@ def test_a_study_is_kept_and_gone_on_with(folder: Path) -> None:
 
     Figures that were asked for in other formats are drawn again in these, too: the page would show the old ones.
     """
-    few = [word for name in ("scale", "axis_scale", "skew", "face_offset", "face_shift", "face_rotation", "stair_steps",
-                             "thermal", "face_bow") for word in ("--set", f"{name}=0")]  # fmt: skip
+    few = [word for one in NONE for word in ("--set", one)]
     said = done("ico.target.json", *DRAWN, *few, "--figures", "svg", "-o", "out")
     assert "3 draws in " in said
     assert "scale, axis_scale, skew, " in said
