@@ -181,6 +181,7 @@ def test_the_reference_has_every_public_name(tmp_path: Path) -> None:
     """What pdoc makes of the two packages: their public names, and no room behind them."""
     import pdoc
 
+    pdoc.render.configure(show_source=False, search=False)
     pdoc.pdoc("calib", "designer", output_directory=tmp_path)
     for package in (calib, designer):
         text = (tmp_path / f"{package.__name__}.html").read_text()

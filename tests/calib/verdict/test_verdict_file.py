@@ -74,7 +74,7 @@ def test_a_verdict_without_halves_keeps_the_reason(run: Judged, tmp_path: Path) 
 _NUMBER = st.sampled_from([0.0, 1e-300, 1e-9, 1.0, 1e5, 1e9, 1e29, 1e300, -1.0, -1e9])
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data(), numbers=st.lists(_NUMBER, min_size=1, max_size=3))
 def test_cameras_that_were_tampered_with_are_judged_or_refused(
     run: Judged, calibrations: list[Calibration], tmp_path: Path, data: st.DataObject, numbers: list[float]
