@@ -9,28 +9,27 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation
-from designer.kinds.presets import preset_names
 from designer.kinds.sizing import size_job
 from designer.produce import Design
 from designer.spec.build import BUILDS, Form, builds_of
 from designer.target import TargetGeometry, target_from_json, target_to_json
-from designer.tolerance.error_file import error_model
 from designer.tolerance.made import error_model_for
 from designer.tolerance.model import displaced_shape, draw_values, perturb
 from designer.tolerance.prior import ShapePrior, measured_prior, shape_prior
 from designer.tolerance.shape import centers_mm
 from designer.tolerance.source import Amount
+from designer.tolerance.sources import SOURCES
 from tests.support.designs import asked_for
 from tests.support.perturbed_targets import FULL, board, ico, made_by_others
 
 Array = NDArray[np.float64]
-SMALL = 0.1
+SMALL = 0.01
 DRAWS = 400
 
 
 def _covariance(prior: ShapePrior, rows: NDArray[np.int64]) -> Array:
     """Of the coordinates of some rings.  # (3N, 3N)"""
-    modes = prior.modes_mm[:, rows].reshape(len(prior.modes_mm), -1)
+    modes = prior.modes_mm[:, rows].reshape(len(prior.modes_mm), 3 * len(rows))
     full: Array = modes.T @ modes
     for number, row in enumerate(rows):
         part = slice(3 * number, 3 * number + 3)
@@ -38,12 +37,19 @@ def _covariance(prior: ShapePrior, rows: NDArray[np.int64]) -> Array:
     return full
 
 
-@pytest.mark.parametrize("name", preset_names("errors"))
+@pytest.mark.parametrize(
+    "names", [*((name,) for name in SOURCES), tuple(SOURCES)], ids=lambda names: names[0] if len(names) == 1 else "all"
+)
 @pytest.mark.parametrize("make", [board, ico])
-def test_the_prior_has_the_covariance_of_drawn_parts(make: Callable[[], TargetGeometry], name: str) -> None:
-    """For small amounts, single rings and pairs of them scatter over drawn parts as the prior says, to sampling."""
+def test_the_prior_has_the_covariance_of_drawn_parts(
+    make: Callable[[], TargetGeometry], names: tuple[str, ...]
+) -> None:
+    """For small amounts, single rings and pairs of them scatter over drawn parts as the prior says, to sampling.
+
+    Each source alone, so that none hides behind larger ones, and all together.
+    """
     target, rng = make(), np.random.default_rng(3)
-    errors = error_model(name).scaled(SMALL)
+    errors = FULL.only(*names).scaled(SMALL)
     rows = rng.choice(target.ring_count, 5, replace=False)
     drawn = np.stack([
         (centers_mm(displaced_shape(target, draw_values(target, errors, rng), model=errors)) - target.center_mm)[rows]
@@ -53,7 +59,9 @@ def test_the_prior_has_the_covariance_of_drawn_parts(make: Callable[[], TargetGe
     found = drawn.T @ drawn / DRAWS
     # A sample covariance of normal numbers has the variance (C_ii C_jj + C_ij^2) / n.
     sigma = np.sqrt((np.outer(np.diagonal(expected), np.diagonal(expected)) + expected**2) / DRAWS)
-    assert (np.abs(found - expected) <= 5 * sigma + 1e-12).all()
+    # What turns do in the second order is left out of the prior.
+    second_order = 1e-4 * np.diagonal(expected).max()
+    assert (np.abs(found - expected) <= 5 * sigma + second_order + 1e-24).all()
 
 
 def test_what_moves_no_centre_is_not_in_the_prior() -> None:
