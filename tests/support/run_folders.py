@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from calib.core.files import distinct_stems, write_files
@@ -21,6 +22,7 @@ from calib.solver.solve import solve
 from designer.page.blocks import Block, Finding, Findings, Fold, Page, Section, Table
 from designer.target import TargetGeometry
 from tests.support.calibrations import board, example
+from tests.support.command_line import PICTURE
 
 
 def solved(
@@ -91,3 +93,10 @@ def section(page: Page, title: str) -> Section:
 BLANK = b'<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9" viewBox="0 0 9 9"><path d="M0 0"/></svg>'
 """In place of figures: most of the time goes into them, and most tests are of something else."""
 PANEL = "calib.show.run.figures.svg_panel"
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For a folder that has a `conftest.py`: figures of calibrations are blank; those of `show` test what they show."""
+    monkeypatch.setattr("calib.figures.picture", lambda *_, **__: PICTURE)
+    monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)

@@ -20,11 +20,8 @@ MODEL = {"model": "opencv", "criteria": "robotics"}
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder to work in; pictures are not drawn."""
-    from tests.support.run_folders import BLANK, PANEL
-
+    """A folder to work in."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
     return tmp_path
 
 
