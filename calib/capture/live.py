@@ -15,7 +15,7 @@ from calib.capture.session import Session
 from calib.capture.sources.browser import BrowserCamera
 from calib.capture.sources.opencv_camera import OpenCVCamera
 from calib.capture.sources.source import Source
-from calib.capture.sources.watched_folder import WatchedFolder
+from calib.capture.sources.watched_folder import WatchedFolder, require_apart
 from calib.guide.guide import Guide
 from calib.verdict.criteria import STANDARD
 from designer.base.errors import InputError
@@ -72,6 +72,7 @@ def live(
     require_server()
     geometry, sources = target_of(target, "rings"), _sources(cameras, watch, size)
     writer = out if isinstance(out, RunWriter) else RunWriter(folder_of(out), models_of(model))
+    require_apart((one.folder for one in sources if isinstance(one, WatchedFolder)), writer.folder)
     writer.require_room()
     guide = Guide(geometry, criteria=criteria, model=model, made=made)
     folder = PhotoFolder(writer.folder, geometry, tuple(one.name for one in sources), resume=resume)

@@ -15,7 +15,7 @@ from calib.capture.server import bound_socket
 from calib.capture.serving import Heard, Serving
 from calib.capture.sources.opencv_camera import OpenCVCamera
 from calib.capture.sources.source import Source
-from calib.capture.sources.watched_folder import WatchedFolder
+from calib.capture.sources.watched_folder import WatchedFolder, require_apart
 from calib.core.files import write_files
 from calib.guide.rig_guide import RigGuide
 from calib.observe.rig_photos import camera_names_of
@@ -76,6 +76,7 @@ def live_rig(
         )
     geometry, sources = target_of(target, "rings"), sources_of(cameras, watch, size)
     writer = out if isinstance(out, RigWriter) else RigWriter(folder_of(out))
+    require_apart((one.folder for one in sources.values() if isinstance(one, WatchedFolder)), writer.folder)
     if why := why_no_page(writer.folder, "rig"):
         raise InputError(why)
     guide = RigGuide(geometry, tuple(sources), criteria=criteria, model=model, made=made)

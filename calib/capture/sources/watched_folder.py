@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from calib.capture.sources.source import Frame, Put, Say
 from calib.observe.images import read_image
 from calib.observe.photos import OVERLAY_MARK, images_in
 from designer.base.errors import InputError
-from designer.base.words import printable
+from designer.base.words import printable, shown
 
 LOOK_S = 0.3
 STOP_S = 5.0
@@ -25,6 +26,20 @@ class _FileState:
     size: int
     changed_ns: int
     since_s: float  # when it was first seen so
+
+
+def require_apart(folders: Iterable[Path], out: Path) -> None:
+    """Refuse to watch the folder that results are written to, whose pictures would be taken for photos.
+
+    Raises:
+        InputError: a folder is that one, or lies in it.
+    """
+    for one in folders:
+        if out.resolve() in (one.resolve(), *one.resolve().parents):
+            raise InputError(
+                f"--watch {shown(str(one))}: results are written to {shown(str(out))}, and its pictures would be taken "
+                "for photos; watch another folder, or give another -o"
+            )
 
 
 class WatchedFolder:

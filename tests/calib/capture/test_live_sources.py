@@ -8,11 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.capture.live import live
+from calib.capture.live_rig import live_rig
 from calib.capture.sources import watched_folder
 from calib.capture.sources.opencv_camera import OpenCVCamera
 from calib.capture.sources.source import Frame
 from calib.capture.sources.watched_folder import WatchedFolder
 from designer.base.errors import InputError
+from tests.support import ring_views
 
 
 class Heard:
@@ -122,3 +125,17 @@ def test_a_folder_that_goes_and_comes_back(tmp_path: Path) -> None:
     source.stop()
     with pytest.raises(InputError, match="no such folder"):
         WatchedFolder(tmp_path / "none")
+
+
+@pytest.mark.parametrize("watched", ["camera", "camera/photos", "link"])
+def test_folders_of_results_are_not_watched(watched: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its pictures would be taken for photos: refused before anything is written, for one camera and for a rig."""
+    monkeypatch.chdir(tmp_path)
+    Path("camera/photos").mkdir(parents=True)
+    Path("link").symlink_to("camera")
+    Path("other").mkdir()
+    with pytest.raises(InputError, match=f"--watch {watched}: results are written to camera"):
+        live(ring_views.board(), "camera", watch=watched)
+    with pytest.raises(InputError, match=f"--watch {watched}: results are written to camera"):
+        live_rig(ring_views.board(), "camera", watch=["other", watched])
+    assert not list(Path().rglob("*.json"))
