@@ -11,7 +11,7 @@ from calib.capture.sources.source import Frame, Put, Say
 from calib.observe.images import read_image
 from calib.observe.photos import OVERLAY_MARK, images_in
 from designer.base.errors import InputError
-from designer.base.words import printable, shown
+from designer.base.words import printable
 
 LOOK_S = 0.3
 STOP_S = 5.0
@@ -37,7 +37,7 @@ def require_apart(folders: Iterable[Path], out: Path) -> None:
     for one in folders:
         if out.resolve() in (one.resolve(), *one.resolve().parents):
             raise InputError(
-                f"--watch {shown(str(one))}: results are written to {shown(str(out))}, and its pictures would be taken "
+                f"--watch {printable(str(one))}: results are written to {printable(str(out))}, and its pictures would be taken "
                 "for photos; watch another folder, or give another -o"
             )
 
