@@ -70,6 +70,18 @@ def test_what_moves_no_centre_is_not_in_the_prior() -> None:
     assert len(shape_prior(board(), FULL.only("ink_bleed", "warp")).modes_mm) == 3
 
 
+def test_an_amount_counts_by_its_standard_deviation() -> None:
+    """Whatever its distribution: a uniform one of a size has the prior of a normal one of its standard deviation."""
+    uniform = Amount("uniform", 0.2)
+    for name in ("face_offset", "ring_jitter"):
+        one, other = (
+            shape_prior(ico(), FULL.only(name).with_amount(name, amount))
+            for amount in (uniform, Amount("normal", 0.2 / np.sqrt(3)))
+        )
+        assert np.allclose(one.modes_mm, other.modes_mm)
+        assert np.allclose(one.ring_modes_mm, other.ring_modes_mm)
+
+
 def test_a_fixed_amount_is_one_number() -> None:
     """A source of a known size moves all instances together, rings as well."""
     errors = FULL.only("ring_jitter", "face_offset")
