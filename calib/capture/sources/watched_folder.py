@@ -37,8 +37,8 @@ def require_apart(folders: Iterable[Path], out: Path) -> None:
     for one in folders:
         if out.resolve() in (one.resolve(), *one.resolve().parents):
             raise InputError(
-                f"--watch {printable(str(one))}: results are written to {printable(str(out))}, and its pictures would be "
-                "taken for photos; watch another folder, or give another -o"
+                f"--watch {printable(str(one))}: results are written to {printable(str(out))}, and its pictures would "
+                "be taken for photos; watch another folder, or give another -o"
             )
 
 
