@@ -166,10 +166,12 @@ def test_keys_tilt_zoom_and_reset(ico: View) -> None:
     assert ico.number("distance") == pytest.approx(0.85 * start[2], rel=1e-3)
     ico.press("0")
     assert ico.numbers() == pytest.approx(start, abs=0.02)
-    ico.page.evaluate("addEventListener('keydown', e => { document.body.dataset[e.key] = e.defaultPrevented })")
-    ico.press("End", "+")
-    taken = ico.page.evaluate("[document.body.dataset['End'], document.body.dataset['+']]")
-    assert taken == ["false", "true"]
+    # Dispatched, not pressed: a real End scrolls the view out of sight, whenever the browser finds time for it.
+    taken = ico.element.evaluate(
+        "e => ['End', '+'].map(key =>"
+        " !e.dispatchEvent(new KeyboardEvent('keydown', {key, bubbles: true, cancelable: true})))"
+    )
+    assert taken == [False, True]
 
 
 def test_buttons_zoom_and_reset(ico: View) -> None:
