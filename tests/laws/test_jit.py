@@ -6,7 +6,11 @@ from pathlib import Path
 
 import pytest
 
-import calib.core.jit
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RINGSOLID_CACHE", str(tmp_path / "cache"))
+
 
 CALLEE = "from calib.core.jit import jit\nLIMIT = {limit}\n\n\n@jit\ndef inner(x):\n    return x + {added}\n"
 KERNEL = (
@@ -44,28 +48,23 @@ def test_options_and_what_modules_hold_are_part_of_the_code(tmp_path: Path, monk
     """Code is made anew if the way of compiling changes, or a constant or a kernel that is reached through a module."""
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    way = Path(calib.core.jit.__file__).read_text()
-    callee = CALLEE.replace("calib.core.jit", "kernels_way")
-    kernel = "import kernels_callee\nfrom kernels_way import jit\n\n\n@jit\ndef through(x):\n"
+    kernel = "import kernels_callee\nfrom calib.core.jit import {way} as jit\n\n\n@jit\ndef through(x):\n"
     kernel += "    return kernels_callee.inner(x) + kernels_callee.LIMIT\n"
 
-    def through(added: int, limit: int, note: str) -> tuple[int, int]:
-        callee_now = callee.format(added=added, limit=limit)
-        files = {"kernels_way": way + note, "kernels_callee": callee_now, "kernels_through": kernel}
-        for name, text in files.items():
-            path = tmp_path / f"{name}.py"
-            if not path.exists() or path.read_text() != text:
-                path.write_text(text)
+    def through(added: int, limit: int, way: str) -> tuple[int, int]:
+        (tmp_path / "kernels_callee.py").write_text(CALLEE.format(added=added, limit=limit))
+        (tmp_path / "kernels_through.py").write_text(kernel.format(way=way))
+        for name in ("kernels_callee", "kernels_through"):
             sys.modules.pop(name, None)
         importlib.invalidate_caches()
         compiled = importlib.import_module("kernels_through").through
         return compiled(1), sum(compiled.stats.cache_hits.values())
 
-    assert through(10, 200, "") == (211, 0)
-    assert through(30, 200, "") == (231, 0)
-    assert through(30, 400, "") == (431, 0)
-    assert through(30, 400, "") == (431, 1)
-    assert through(30, 400, "# other options\n") == (431, 0)
+    assert through(10, 200, "jit") == (211, 0)
+    assert through(30, 200, "jit") == (231, 0)
+    assert through(30, 400, "jit") == (431, 0)
+    assert through(30, 400, "jit") == (431, 1)
+    assert through(30, 400, "jit_sums") == (431, 0)
 
 
 def test_code_for_a_class_of_another_name_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
