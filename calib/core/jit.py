@@ -30,8 +30,8 @@ def jit_inside(function: Function) -> Function:
     return _compiled(function, fastmath=_FAST_SUMS, forceinline=True)
 
 
-def _compiled(function: Function, **options: object) -> Function:
-    kernel = numba.njit(nogil=True, error_model="numpy", **options)(function)
+def _compiled(function: Function, *, fastmath: bool | set[str] = False, forceinline: bool = False) -> Function:
+    kernel = numba.njit(nogil=True, error_model="numpy", fastmath=fastmath, forceinline=forceinline)(function)
     if hasattr(kernel, "enable_caching"):  # else NUMBA_DISABLE_JIT is set, and the kernel the function itself
         cast("Kernel", kernel)._cache = KernelCache(cast("Kernel", kernel), lambda name, arguments: False)
     return cast("Function", kernel)
