@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from calib.cameras.undistortion import Undistorted
     from calib.capture.live import live
     from calib.capture.live_rig import live_rig
+    from calib.core.compile_ahead import warm_up
     from calib.core.types import Detections, Observations, RigObservations
     from calib.guide.guide import Guide
     from calib.guide.rig_guide import RigGuide
@@ -119,6 +120,7 @@ __all__ = [
     "triangulate",
     "turntable",
     "undistort",
+    "warm_up",
     "ways",
 ]
 
@@ -215,6 +217,7 @@ _HOMES = {
     "calib.cameras.undistortion": ("Undistorted",),
     "calib.capture.live": ("live",),
     "calib.capture.live_rig": ("live_rig",),
+    "calib.core.compile_ahead": ("warm_up",),
     "calib.core.types": (
         "Detections",
         "Observations",

@@ -23,6 +23,7 @@ from calib.commands.target import target
 from calib.commands.triangulate import triangulate
 from calib.commands.turntable import turntable
 from calib.commands.undistort import undistort
+from calib.commands.warm_up import warm_up
 from designer.base.answer import Summary
 from designer.base.command import command, new_app, run
 
@@ -39,6 +40,7 @@ TASKS: tuple[tuple[str, tuple[Command, ...]], ...] = (
     (USE, (pose, undistort, convert)),
     (IN_SPACE, (triangulate, budget)),
     (MAKE, (target, render)),
+    ("Set up", (warm_up,)),
 )
 """The commands by what they are for."""
 

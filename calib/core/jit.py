@@ -5,7 +5,9 @@ from typing import TypeVar, cast
 
 import numba
 
-from calib.core.kernel_cache import Kernel, KernelCache
+from calib.core.compile_ahead import on_first_miss
+from calib.core.kernel_cache import KernelCache
+from calib.core.kernel_code import Kernel
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -33,5 +35,5 @@ def jit_inside(function: Function) -> Function:
 def _compiled(function: Function, *, fastmath: bool | set[str] = False, forceinline: bool = False) -> Function:
     kernel = numba.njit(nogil=True, error_model="numpy", fastmath=fastmath, forceinline=forceinline)(function)
     if hasattr(kernel, "enable_caching"):  # else NUMBA_DISABLE_JIT is set, and the kernel the function itself
-        cast("Kernel", kernel)._cache = KernelCache(cast("Kernel", kernel), lambda name, arguments: False)
+        cast("Kernel", kernel)._cache = KernelCache(cast("Kernel", kernel), on_first_miss)
     return cast("Function", kernel)

@@ -117,6 +117,8 @@ CALIB = (
     Case(("report", "solved"), 0),
     Case(("report", "solved", "--criteria", "metrology"), 1),
     Case(("report", "photos"), 2),
+    Case(("warm-up", "detect"), 0),
+    Case(("warm-up", "nothing"), 2),
     Case(BOOTSTRAP, 0),
     Case((*BOOTSTRAP, "--sizes", "none"), 2),
     Case(("study", "plot", "out", "-o", "again"), 0, before=BOOTSTRAP),
