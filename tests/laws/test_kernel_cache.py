@@ -17,6 +17,7 @@ from calib.core.compile_ahead import ALONE, FEWEST_KERNELS, Teller, warm_up
 from calib.core.kernel_code import label, parsed_types, types_text
 from calib.core.kernel_list import Listed, kernel_list, parse_line, part_of
 from calib.core.kernel_store import SUFFIX, Store, read_entry, refusal
+from tests.support.kernel_parts import PARTS
 
 ROOT = Path(__file__).parents[2]
 MODULE = "kernels_of_law"
@@ -201,6 +202,11 @@ def test_types_that_have_no_text_are_not_read() -> None:
     for text in ("__import__('os')", "array(float64, 2", "<other>", "no_such_type", "named('os:path', (), int64)"):
         with pytest.raises((ValueError, SyntaxError, LookupError, AttributeError)):
             parsed_types(text)
+
+
+def test_the_list_has_a_part_for_each_example() -> None:
+    """The list was written by running the parts that there are, in their order."""
+    assert list(kernel_list()) == list(PARTS)
 
 
 # Ahead -------------------------------------------------------------------------------------------

@@ -57,8 +57,11 @@ class Example:
         run("calib", "render", self.ico, "-o", self.folder / "rig", "--rig", "stereo-pair", "--frames", "5", *LOOKED)
 
     def detect(self) -> None:
-        """Find rings, with no lens known and with one."""
+        """Find rings, with no lens known."""
         run("calib", "detect", self.board, self.folder / "photos", "-o", self.folder / "found.csv", "--jobs", "1")
+
+    def lens(self) -> None:
+        """Find rings through a lens that is known, or wide."""
         for name, camera in (("ico-photos", "webcam"), ("wide", "fisheye-190")):
             for known in ((), ("--camera", camera)):
                 photos = self.folder / name
@@ -129,10 +132,12 @@ class Example:
 
 
 PARTS: Mapping[str, Callable[[Example], None]] = {
-    "detect": Example.detect, "solve": Example.solve, "run": Example.run, "models": Example.models,
-    "use": Example.use, "render": Example.render, "rig": Example.rig, "measure": Example.measure,
-    "tolerance": Example.tolerance, "live": Example.live,
-}  # fmt: skip
+    work.__name__: work
+    for work in (
+        *(Example.detect, Example.lens, Example.solve, Example.run, Example.models, Example.use, Example.render),
+        *(Example.rig, Example.measure, Example.tolerance, Example.live),
+    )
+}
 """In the order in which a user needs them: a kernel is listed with the first that needs it."""
 
 
