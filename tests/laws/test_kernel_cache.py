@@ -12,7 +12,7 @@ from types import ModuleType
 
 import pytest
 
-from calib.core import kernel_store
+from calib.core import kernel_cache, kernel_store
 from calib.core.compile_ahead import ALONE, FEWEST_KERNELS, Teller, warm_up
 from calib.core.kernel_code import label, parsed_types, types_text
 from calib.core.kernel_list import Listed, kernel_list, parse_line, part_of
@@ -174,6 +174,24 @@ def test_what_a_user_tells_numba_is_obeyed(cache: Path, name: str, value: str, t
     assert (run.stdout, run.stderr) == ("3\n", "")
     assert bool(entries(tmp_path / "named")) == (name == "NUMBA_CACHE_DIR")
     assert not entries(cache)
+
+
+def test_what_a_wheel_carries_is_used(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Entries for the baseline that lie in the package serve any processor that has its features, and no other."""
+    from llvmlite.binding import get_host_cpu_features
+
+    has_all = all(get_host_cpu_features().get(feature, False) for feature in kernel_cache.BASELINE_FEATURES)
+    made_for = {"NUMBA_CPU_NAME": kernel_cache.BASELINE, "NUMBA_CPU_FEATURES": kernel_cache.baseline_features()}
+    environment = {**os.environ, **made_for, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
+    code = f"import {MODULE}; {MODULE}.outer(1)"
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=tmp_path, env=environment, timeout=120)
+    monkeypatch.setattr(kernel_cache, "CARRIED", cache.rename(tmp_path / "carried"))
+    kernel_store._store.cache_clear()
+    for is_able in sorted({False, has_all}):
+        monkeypatch.setattr(kernel_cache, "_may_use_carried", lambda is_able=is_able: is_able)
+        module = fresh()
+        assert (module.outer(1), hits(module), len(entries(cache))) == (3, int(is_able), 0 if is_able else 2)
+        shutil.rmtree(cache, ignore_errors=True)
 
 
 # The list ----------------------------------------------------------------------------------------
