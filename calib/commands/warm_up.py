@@ -1,11 +1,12 @@
 """The command `calib warm-up`."""
 
+import os
 import time
 from typing import Annotated
 
 import typer
 
-from designer.base.answer import Summary
+from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError
 from designer.page.terminal import shown
 
@@ -24,6 +25,8 @@ def warm_up(
     from calib.core.kernel_list import kernel_list, missing
     from calib.core.kernel_store import store
 
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
+        raise InputError("NUMBA_DISABLE_JIT is set, with which nothing is compiled; unset it")
     known = kernel_list()
     unknown = [part for part in parts or () if part not in known]
     if unknown:
@@ -31,7 +34,11 @@ def warm_up(
     wanted = tuple(dict.fromkeys(parts or known))
     lines = [line for part in wanted for line in known[part]]
     start_s = time.monotonic()
-    compiled = compile_ahead(wanted, Teller())
+    try:
+        compiled = compile_ahead(wanted, Teller())
+    except KeyboardInterrupt:
+        ready = len(lines) - len(missing(lines))
+        raise StoppedError(f"stopped; {ready} of {len(lines)} kernels are ready, the same command goes on") from None
     seconds = time.monotonic() - start_s
     left = missing(lines)
     kept = f"kept in {shown(store().folder)}"
