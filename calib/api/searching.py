@@ -217,5 +217,5 @@ def with_truth(photos: FoundPhotos, asked: Path | None) -> tuple[FoundPhotos, Tr
     except InputError as error:
         if asked is not None:
             raise
-        return replace(photos, remarks=(f"not used: {error}",)), None
+        return replace(photos, remarks=(*photos.remarks, f"not used: {error}")), None
     return replace(photos, rendered_id=truth.rendered_id(photo.name for photo in photos.paths)), truth

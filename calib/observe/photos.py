@@ -4,7 +4,7 @@ import glob
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +26,23 @@ OVERLAY_MARK = ".overlay"
 
 MOST_KEPT_BYTES = 2**29
 """Of photos that are kept in memory between two searches; the others are read again."""
+
+_CONVERT = "convert to PNG, or to JPEG at full size and highest quality"
+NOT_READ: Mapping[str, tuple[tuple[str, ...], str]] = {
+    "HEIC photo": ((".heic", ".heif", ".hif"), _CONVERT),
+    "WebP image": ((".webp",), _CONVERT),
+    "AVIF image": ((".avif",), _CONVERT),
+    "raw photo": (
+        (".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf", ".pef", ".srw", ".raw", ".iiq", ".3fr"),
+        "develop to 16-bit TIFF or PNG, without lens correction",
+    ),
+    "JPEG 2000, JPEG XL, GIF or OpenEXR image": ((".jp2", ".j2k", ".jxl", ".gif", ".exr"), _CONVERT),
+    "video": (
+        (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mts", ".m2ts", ".mpg", ".mpeg", ".wmv", ".3gp"),
+        "take frames of it in which the target stands still, as PNG",
+    ),
+}
+"""What cameras and phones make that is not read, by kind: its suffixes, and what to do."""
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 Read = Callable[[Path], Photo]
@@ -116,7 +133,10 @@ def find_photos(arguments: Sequence[str]) -> FoundPhotos:
         path = Path(argument)
         if _is(path, Path.is_dir):
             inside = images_in(path)
-            if not inside:
+            left_out = not_read_in(path)
+            if left_out:
+                failures.append(f"{path}: {'; '.join(left_out)}")
+            elif not inside:
                 failures.append(f"{path}: no images in this folder; they are known by suffixes such as .png or .jpg")
             paths += inside
         elif glob.has_magic(argument) and not _is(path, Path.exists):
@@ -146,6 +166,20 @@ def images_in(folder: Path) -> list[Path]:
     except OSError:
         return []
     return sorted((path for path in files if path.is_file()), key=in_order)
+
+
+def not_read_in(folder: Path) -> tuple[str, ...]:
+    """What a folder holds that a camera may have made and that is not read, by kind: how many, and what to do."""
+    try:
+        suffixes = Counter(path.suffix.lower() for path in folder.iterdir() if not path.name.startswith("."))
+    except OSError:
+        return ()
+    told = []
+    for kind, (known, remedy) in NOT_READ.items():
+        count = sum(suffixes[suffix] for suffix in known)
+        if count:
+            told.append(f"{count} {kind}{'s are' if count > 1 else ' is'} not read: {remedy}")
+    return tuple(told)
 
 
 def in_order(path: Path) -> list[tuple[int, str]]:

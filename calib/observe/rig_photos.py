@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from calib.observe.photos import find_photos, images_in, in_order
+from calib.observe.photos import find_photos, images_in, in_order, not_read_in
 from calib.observe.rig_observations import require_names, some
 from designer.base.errors import InputError
 from designer.base.words import shown
@@ -154,7 +154,9 @@ def framed(photos: Sequence[RigPhoto], remarks: Sequence[str] = ()) -> RigPhotos
     Raises:
         InputError: cameras that cannot be, two photos of one camera in a frame, or a photo of two cameras.
     """
-    found = RigPhotos(tuple(photos), (), tuple(remarks))
+    folders = dict.fromkeys(photo.path.parent for photo in photos)
+    left_out = [f"{folder}: {'; '.join(told)}" for folder in folders if (told := not_read_in(folder))]
+    found = RigPhotos(tuple(photos), (), (*remarks, *left_out))
     require_names(found.camera_names)
     count = Counter((photo.camera, photo.frame) for photo in photos)
     (camera, frame), times = count.most_common(1)[0]

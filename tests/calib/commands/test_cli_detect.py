@@ -224,6 +224,19 @@ def test_arguments_stand_for_files_folders_and_patterns(folder: Path) -> None:
         find_photos(["photos", ""])
 
 
+def test_what_is_left_out_by_its_suffix_is_counted_and_named(folder: Path) -> None:
+    """Photos of a phone, raw photos and videos beside images: how many, of what kind, and what to do with them."""
+    for name in ("IMG_1.HEIC", "IMG_2.heic", "IMG_3.dng", "clip.MP4", ".hidden.heic", "notes.txt"):
+        Path("photos", name).touch()
+    (line,) = find_photos(["photos"]).failures
+    assert line.startswith("photos: 2 HEIC photos are not read: convert to PNG, or to JPEG at full size")
+    assert "1 raw photo is not read: develop to 16-bit TIFF" in line
+    assert "1 video is not read: take frames of it" in line
+    for name in ("img2.png", "img10.png", "img11.png"):
+        Path("photos", name).unlink()
+    assert find_photos(["photos"]).failures == (line,)
+
+
 def test_two_searches_read_a_photo_once_and_keep_no_more_than_they_may(folder: Path) -> None:
     """Of three photos two fit: gone from the disk, these two are read again, and after that nothing is kept."""
     paths = [Path("photos") / name for name in ("img2.png", "img10.png", "img11.png")]
