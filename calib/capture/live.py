@@ -104,7 +104,9 @@ def require_server() -> None:
     """
     for name in NEEDED:
         if find_spec(name) is None:
-            raise InputError(f"calib live needs {name}, which is not installed; pip install '.[live]' brings it")
+            raise InputError(
+                f"calib live needs {name}, which is not installed; pip install 'ringsolid[live]' brings it"
+            )
 
 
 def _sources(cameras: Sequence[str | int], watch: Place | None, size: tuple[int, int] | None) -> tuple[Source, ...]:

@@ -93,7 +93,7 @@ def test_a_photo_is_read_once_and_when_it_is_whole(tmp_path: Path) -> None:
 
 
 def test_a_file_that_stays_broken_is_named(tmp_path: Path) -> None:
-    """After a while one line says which, the newest first; when it is mended it is read, and the line taken back."""
+    """After a while one line says which, all of them; when one is mended it is read, and the line taken back."""
     packed = cv2.imencode(".png", np.zeros((60, 80), np.uint8))[1].tobytes()
     heard, source = Heard(), WatchedFolder(tmp_path)
     path = tmp_path / "a.png"
@@ -104,6 +104,7 @@ def test_a_file_that_stays_broken_is_named(tmp_path: Path) -> None:
     assert heard.said[0].endswith("it is left out")
     (tmp_path / "b.png").write_bytes(b"")
     heard.wait(lambda: "b.png" in heard.said[-1])
+    assert heard.said[-1].endswith("it is left out; so are a.png")
     (tmp_path / "b.png").unlink()
     heard.wait(lambda: "a.png" in heard.said[-1])
     path.write_bytes(packed)
