@@ -90,7 +90,7 @@ class WatchedFolder:
             self._say(fault)
 
     def _looked(self) -> str:
-        """Read what is complete; what is wrong with the newest file that cannot be, and which others; "" for nothing."""
+        """Read what is complete; what is wrong with the newest file that cannot be, and which else; "" for nothing."""
         now = time.monotonic()
         for path in images_in(self.folder):
             state = _state_of(path, now)
@@ -106,11 +106,9 @@ class WatchedFolder:
                     continue
                 self._broken[path] = f"{reason}; it is left out"
             self._done[path] = self._waiting.pop(path)
-        newest, *others = [path for path in reversed(self._broken) if path.exists()] or [None]
-        if newest is None:
-            return ""
-        left_out = f"; so are {', '.join(printable(path.name) for path in others)}" if others else ""
-        return f"{self._broken[newest]}{left_out}"
+        broken = [path for path in reversed(self._broken) if path.exists()]
+        others = ", ".join(printable(path.name) for path in broken[1:])
+        return f"{self._broken[broken[0]]}{f'; so are {others}' if others else ''}" if broken else ""
 
     def _read(self, path: Path) -> str:
         """Hand on a photo; why it cannot be read, "" if it can."""
