@@ -13,6 +13,7 @@ from calib.space.volume import WorkingVolume
 from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ def with_baseline(rig: Rig, times: float) -> Rig:
 
 
 def with_camera(rig: Rig, like: int, eye_mm: Array, aim_mm: Array, name: str = "another") -> Rig:
-    """One more camera like one of the rig's, as well calibrated, whose errors have nothing to do with the others'.
+    """One more camera like one of the rig's, calibrated with the others as that one is.
 
     Args:
         rig: to add it to.
@@ -54,12 +55,7 @@ def with_camera(rig: Rig, like: int, eye_mm: Array, aim_mm: Array, name: str = "
     rotation = (rotation_between(frame[:, 2], ahead) @ frame).T
     covariance = rig.covariance
     if covariance is not None:
-        first, last = rig.first_row[like], rig.first_row[like + 1]
-        size = len(covariance)
-        more = np.zeros((size + last - first, size + last - first))
-        more[:size, :size] = covariance
-        more[size:, size:] = covariance[first:last, first:last]
-        covariance = more
+        covariance = _with_one_like(covariance, np.arange(rig.first_row[like], rig.first_row[like + 1]))
     while name in rig.names:
         name += "'"
     return replace(
@@ -68,6 +64,23 @@ def with_camera(rig: Rig, like: int, eye_mm: Array, aim_mm: Array, name: str = "
         covariance=covariance, noise_px=None if rig.noise_px is None else np.append(rig.noise_px, rig.noise_px[like]),
         delay_s=None,
     )  # fmt: skip
+
+
+def _with_one_like(covariance: Array, own: Rows) -> Array:
+    """The covariance with unknowns more, which go with all others as those of the rows `own` do.
+
+    A camera is calibrated together with the others: what its pose owes to their lenses it shares with them. So the new
+    errors are those that the others' let expect of `own`, and as much that is theirs alone.
+    """
+    others = np.setdiff1d(np.arange(len(covariance)), own)
+    unit = np.sqrt(np.diagonal(covariance)[others])
+    unit[unit == 0] = 1.0  # pixels and radians differ by so much that the inverse is taken of correlations
+    inverse = np.linalg.pinv(covariance[np.ix_(others, others)] / np.outer(unit, unit), hermitian=True)
+    expected: Array = covariance[np.ix_(own, others)] @ (inverse / np.outer(unit, unit))
+    across = np.empty((len(own), len(covariance)))
+    across[:, others] = covariance[np.ix_(own, others)]
+    across[:, own] = expected @ covariance[np.ix_(others, own)]
+    return np.block([[covariance, across.T], [across, covariance[np.ix_(own, own)]]])
 
 
 def _one_above(rig: Rig, volume: WorkingVolume) -> Rig | None:

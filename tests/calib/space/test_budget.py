@@ -135,11 +135,28 @@ def test_changes_are_budgets_of_changed_rigs() -> None:
     np.testing.assert_allclose(more.center_mm[2], eye)
     seen = transform(more.cam_from_rig[2], aim)
     np.testing.assert_allclose(seen[:2] / seen[2], 0, atol=1e-12)
-    assert not more.covariance[: more.first_row[2], more.first_row[2] :].any()
+    first, last = rig.first_row[1], rig.first_row[2]
+    np.testing.assert_allclose(more.covariance[last:, last:], rig.covariance[first:last, first:last])
+    np.testing.assert_allclose(more.covariance[:first, last:], rig.covariance[:first, first:last])
+    correlation = more.covariance / np.sqrt(np.outer(*[np.diagonal(more.covariance)] * 2) + 1e-300)
+    assert np.linalg.eigvalsh(correlation).min() > -1e-9
     changes = {one.change: one for one in calib.budget(rig, distance_mm=(700, 1500)).record.changes}
     now = calib.budget(rig, distance_mm=(700, 1500)).record.position.median_mm
     assert len(changes) == 4
     assert all(one.position.median_mm < now for one in changes.values())
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_one_camera_more_shares_what_the_cameras_share(sign: int) -> None:
+    """Where a lens and the other camera's rotation are wrong together, a camera more is wrong with them: no loss."""
+    rig = row_of_cameras(2)
+    assert rig.covariance is not None
+    together = np.zeros(len(rig.covariance))
+    together[2], together[rig.pose_rows(1).start + 1] = 5.0, sign * 5.0 / rig.cameras[0].params[0]
+    joined = replace(rig, covariance=0.01 * rig.covariance + np.outer(together, together))
+    found = calib.budget(joined, distance_mm=(700, 1500)).record
+    more = next(one for one in found.changes if one.change == "one camera more")
+    assert more.shape.median_mm < found.shape.median_mm
 
 
 def test_without_a_covariance_only_noise_is_told() -> None:
