@@ -3,18 +3,18 @@
 import inspect
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
-from calib.commands.tolerance import tolerance
-from calib.commands.ways import ways
 from designer.base.answer import Summary
-from designer.base.command import command, new_app, run
-from designer.kinds.presets import OPTION_VALUES, target_templates
+from designer.base.command import Later, command, new_app, run
+from designer.kinds.presets import one_of, printer_templates, target_templates
+from designer.spec.build import BUILDS
 from designer.spec.kind import Kind, kinds
 from designer.spec.options import Asked, AskedPrinting, options_of
 from designer.spec.options import Option as SpecOption
+from designer.spec.spec import Lattice
 
 if TYPE_CHECKING:
     from designer.designing import DesignedTarget
@@ -23,9 +23,16 @@ app = new_app(
     "design",
     "Design camera-calibration targets: from one size to files that print in two filaments.\n\n"
     "Begin with: design ico --edge 100mm",
+    {name: Later(f"calib.commands.{name}:{name}") for name in ("tolerance", "ways")},  # the steps that calibrate
 )
 
 Option = str | bool | None
+OPTION_VALUES = {
+    "printer": printer_templates,
+    "build": one_of(tuple(BUILDS)),
+    "lattice": one_of(get_args(Lattice)),
+}
+"""What completes the option of a spec's field."""
 FOLDER_HELP = "folder to write into (default: exports/NAME)"
 
 
@@ -130,10 +137,11 @@ def _saved(target: "DesignedTarget", out: Path | None) -> Summary:
 @command(app)
 def templates() -> Summary:
     """List the templates for targets, printers and manufacturing errors."""
+    from designer.base.small_file import read_spec_file
     from designer.kinds.layout import lay_out
     from designer.kinds.presets import preset_names, preset_or_file
     from designer.kinds.sizing import printer_of, size_job
-    from designer.kinds.spec_file import parse_spec, read_spec_file
+    from designer.kinds.spec_file import parse_spec
     from designer.report.summary import say_templates, templates_summary
     from designer.tolerance.error_file import error_model
 
@@ -156,10 +164,11 @@ def check(
 
     The exit code is 1 if a rule is violated.
     """
+    from designer.base.small_file import read_spec_file
     from designer.kinds.layout import lay_out
     from designer.kinds.presets import preset_or_file
     from designer.kinds.sizing import size_job, size_printing
-    from designer.kinds.spec_file import parse_printing, parse_spec, read_spec_file, replaced
+    from designer.kinds.spec_file import parse_printing, parse_spec, replaced
     from designer.make.printability import check_printability
     from designer.report.summary import check_summary, say_check
     from designer.target import load_target
@@ -174,10 +183,6 @@ def check(
     result = check_printability(target, printing, bed_is_rule=True)
     say_check(str(file), target, printing, result)
     return check_summary(target, printing, result)
-
-
-command(app)(tolerance)  # the steps of the design that calibrate
-command(app)(ways)
 
 
 if __name__ == "__main__":

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from designer.base.errors import InputError
-from designer.base.small_file import place_of
+from designer.base.small_file import place_of, read_spec_file
 from designer.base.words import shown
 from designer.formats.folder import OutputFile, files_left, replaced_target, write_folder
 from designer.kinds.presets import preset_or_file
 from designer.kinds.sizing import size_job
-from designer.kinds.spec_file import RawValue, parse_spec, read_spec_file, replaced
+from designer.kinds.spec_file import RawValue, parse_spec, replaced
 from designer.make.estimate import PrintEstimate
 from designer.make.printability import PrintCheck, check_printability
 from designer.produce import Design, make_files, maker_of

@@ -11,8 +11,6 @@ from calib.api.loading import Place, Progress, target_of
 from calib.api.rig_observing import photos_of_rig, rig_input, search_rig
 from calib.cameras.rig import Rig
 from calib.core.types import RigObservations
-from calib.observe.point_table import has_known_points
-from calib.observe.rig_sightings import read_rig_sightings
 from calib.space.sightings import PointSightings
 from designer.base.errors import InputError
 from designer.base.words import shown
@@ -32,6 +30,9 @@ def seen_of_object(
     Raises:
         InputError: too much or too little is given, or photos or a table that cannot be used.
     """
+    from calib.observe.point_table import has_known_points
+    from calib.observe.rig_sightings import read_rig_sightings
+
     given = rig_input(photos, None, None, None, None)
     if (sightings is None) != bool(given.photos):
         raise InputError("give a table of sightings; or --photos of a check object with its --target")

@@ -3,9 +3,8 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import overload
+from typing import TYPE_CHECKING, overload
 
-from calib.api.converting_rigs import RigConversion, convert_rig
 from calib.api.loading import Place, opened_camera, opened_rig, rig_named
 from calib.cameras import fitted_models, parameter_names
 from calib.cameras.camera import Camera
@@ -22,6 +21,9 @@ from designer.base.errors import InputError
 from designer.base.own_files import require_ours, signed
 from designer.base.small_file import place_of
 from designer.base.words import several, shown
+
+if TYPE_CHECKING:
+    from calib.api.converting_rigs import RigConversion
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,13 +99,13 @@ def convert(
     camera: Rig, to: str, *, source: str | None = None, model: str | None = None, lens: str | None = None,
     without: Iterable[str] = (), cameras: Iterable[str] = (), unit: str | None = None, source_unit: str | None = None,
     out: Place | None = None,
-) -> RigConversion: ...  # fmt: skip
+) -> "RigConversion": ...  # fmt: skip
 @overload
 def convert(
     camera: Place, to: str, *, source: str | None = None, model: str | None = None, lens: str | None = None,
     without: Iterable[str] = (), cameras: Iterable[str] = (), unit: str | None = None, source_unit: str | None = None,
     out: Place | None = None,
-) -> Conversion | RigConversion: ...  # fmt: skip
+) -> "Conversion | RigConversion": ...  # fmt: skip
 def convert(
     camera: Camera | Rig | Place,
     to: str,
@@ -116,7 +118,7 @@ def convert(
     unit: str | None = None,
     source_unit: str | None = None,
     out: Place | None = None,
-) -> Conversion | RigConversion:
+) -> "Conversion | RigConversion":
     """Express a camera as a file of another tool does: `convert("camera.json", "opencv").save("camera.yaml")`.
 
     It is written by the camera's own lens where the format has it. Else the format's lenses that suit the field of view
@@ -142,7 +144,9 @@ def convert(
     zero = _lens_parameters(several("--without", without))
     place = None if out is None else place_of(out, "a file to write")
 
-    def of_rig(rig: OpenedRig, name: str) -> RigConversion:
+    def of_rig(rig: OpenedRig, name: str) -> "RigConversion":
+        from calib.api.converting_rigs import convert_rig
+
         return convert_rig(
             rig, to, name=name, cameras=cameras, unit=unit, model=model, lens=lens, zero=zero, out=place
         )  # fmt: skip
@@ -182,6 +186,8 @@ def check_converted(out: Path, target: CameraFormat, source: OpenedCamera) -> No
 
 def _lens_parameters(names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of lens parameters, checked."""
+    if not names:
+        return ()
     known = sorted({name for model in fitted_models() for name in parameter_names(model)[FOCAL_AND_CENTRE:]})
     for name in names:
         if name not in known:

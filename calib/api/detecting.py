@@ -2,24 +2,23 @@
 
 from os import PathLike
 from pathlib import Path
-from typing import TypeAlias, cast
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.api.loading import Place, camera_of, target_of
-from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.detector import pipeline
-from calib.detector.glance import glance
-from calib.detector.lens import CameraLens
-from calib.detector.plan import plan_for
 from calib.observe.images import Grey, grey_of, read_image
 from calib.observe.photos import PhotoFile, require_size
 from calib.show.photos.why_nothing import explained
 from designer.base.errors import InputError
 from designer.base.words import shown
 from designer.target import TargetGeometry
+
+if TYPE_CHECKING:
+    from calib.cameras.camera import Camera
 
 Pixels: TypeAlias = NDArray[np.generic]
 
@@ -40,7 +39,7 @@ class Detector:
         InputError: a file that cannot be read, or a target without rings.
     """
 
-    def __init__(self, target: TargetGeometry | Place, camera: Camera | Place | None = None) -> None:
+    def __init__(self, target: TargetGeometry | Place, camera: "Camera | Place | None" = None) -> None:
         self.target = target_of(target, "rings")
         self.camera = None if camera is None else camera_of(camera)
 
@@ -59,7 +58,7 @@ class Detector:
             name = name or Path(image).name
         return self.look(PhotoFile(Path(name or "the image"), name or "image"), pixels)
 
-    def glance(self, image: Pixels | Place, name: str = "", likely: Camera | None = None) -> Detections:
+    def glance(self, image: Pixels | Place, name: str = "", likely: "Camera | None" = None) -> Detections:
         """The same in a third of the time, for live video: the same names, and centres to about .2 px.
 
         >>> seen = detector.glance(frame)
@@ -77,6 +76,10 @@ class Detector:
         Raises:
             InputError: no such file, no image, or one of another size than the camera's.
         """
+        from calib.detector.glance import glance
+        from calib.detector.lens import CameraLens
+        from calib.detector.plan import plan_for
+
         pixels = grey_pixels(image)
         require_size(name or "the image", pixels, self.camera)
         lens = None if self.camera is None else CameraLens(self.camera)
@@ -114,7 +117,7 @@ class Detector:
 
 
 def detect(
-    image: Pixels | Place, target: TargetGeometry | Place, *, camera: Camera | Place | None = None, name: str = ""
+    image: Pixels | Place, target: TargetGeometry | Place, *, camera: "Camera | Place | None" = None, name: str = ""
 ) -> Detections:
     """Find a target's rings in one photo, name them, and measure their centres: `detect(image, "ico.target.json")`.
 

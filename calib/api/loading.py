@@ -6,27 +6,23 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
-from calib.cameras.camera import Camera
-from calib.cameras.rig import Rig
 from calib.core.types import Detections, Observations
 from calib.interop import FORMATS, OWN
-from calib.interop.format import ReadCamera
-from calib.interop.reading import OpenedCamera, open_camera
 from calib.interop.rigs import OWN_RIG, RIG_FORMATS
-from calib.interop.rigs.format import ReadRig
-from calib.interop.rigs.reading import OpenedRig, open_rig, rig_format_of
-from calib.observe.corners_vnl import PointGrid
-from calib.observe.correspondences import read_observations
-from calib.observe.observations import observations_from_detections
-from calib.observe.photos import FoundPhotos, find_photos
-from calib.observe.records import read_records, records_path
-from calib.renderer.quantities import whole
-from calib.renderer.truth import TRUTH, Truth
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
-from designer.target import Needs, TargetGeometry, load_target
+
+if TYPE_CHECKING:
+    from calib.cameras.camera import Camera
+    from calib.cameras.rig import Rig
+    from calib.interop.reading import OpenedCamera
+    from calib.interop.rigs.reading import OpenedRig
+    from calib.observe.corners_vnl import PointGrid
+    from calib.observe.photos import FoundPhotos
+    from calib.renderer.truth import Truth
+    from designer.target import Needs, TargetGeometry
 
 Place: TypeAlias = str | PathLike[str]
 Progress: TypeAlias = Callable[[str, float, int], None]
@@ -41,7 +37,7 @@ Observed: TypeAlias = Observations | Place | Iterable[Detections]
 """What a camera is solved from: observations, a file of them, or what was found in photos."""
 
 
-def load_camera(name: Place) -> Camera:
+def load_camera(name: Place) -> "Camera":
     """Read a camera: `load_camera("camera.json")`.
 
     Args:
@@ -56,10 +52,10 @@ def load_camera(name: Place) -> Camera:
 
 def load_observations(
     path: Place,
-    target: TargetGeometry | Place | None = None,
+    target: "TargetGeometry | Place | None" = None,
     *,
     image_size: tuple[int, int] | None = None,
-    grid: PointGrid | None = None,
+    grid: "PointGrid | None" = None,
 ) -> Observations:
     """Read what a camera is solved from: `load_observations("detections.csv", "ico.target.json")`.
 
@@ -72,6 +68,9 @@ def load_observations(
     Raises:
         InputError: the file cannot be read, something else is needed, or nothing is left to solve from.
     """
+    from calib.observe.correspondences import read_observations
+    from designer.target import TargetGeometry
+
     place = place_of(path, "a file of observations")
     if not place.is_file():
         why = "is a folder" if place.is_dir() else "no such file"
@@ -82,12 +81,14 @@ def load_observations(
     return read_observations(place, geometry, image_size=image_size, grid=grid)
 
 
-def observations_of(observed: Observed, target: TargetGeometry | Place | None) -> Observations:
+def observations_of(observed: Observed, target: "TargetGeometry | Place | None") -> Observations:
     """Observations, whatever they are given as.
 
     Raises:
         InputError: as for `load_observations`, or detections without the target they show.
     """
+    from calib.observe.observations import observations_from_detections
+
     if isinstance(observed, Observations):
         return observed
     if isinstance(observed, str | PathLike):
@@ -123,17 +124,23 @@ def _with_names_of_their_own(found: tuple[Detections, ...]) -> tuple[Detections,
     )
 
 
-def truth_from(truth: Truth | Place | None) -> Truth | None:
+def truth_from(truth: "Truth | Place | None") -> "Truth | None":
     """The truth of rendered photos, or that in a file.
 
     Raises:
         InputError: the file cannot be read; the message names it.
     """
-    return truth if truth is None or isinstance(truth, Truth) else TRUTH.read(place_of(truth, "a truth.json"))
+    if truth is None:
+        return None
+    from calib.renderer.truth import TRUTH, Truth
+
+    return truth if isinstance(truth, Truth) else TRUTH.read(place_of(truth, "a truth.json"))
 
 
 def rendered_id_of(observed: Observed) -> str:
     """The geometry that the photos behind a file were rendered of, if the records beside it say so."""
+    from calib.observe.records import read_records, records_path
+
     if not isinstance(observed, str | PathLike):
         return ""
     try:
@@ -142,18 +149,20 @@ def rendered_id_of(observed: Observed) -> str:
         return ""
 
 
-def target_of(target: TargetGeometry | Place, needs: Needs = "points") -> TargetGeometry:
+def target_of(target: "TargetGeometry | Place", needs: "Needs" = "points") -> "TargetGeometry":
     """A target, or that of a file.
 
     Raises:
         InputError: neither, or a file that cannot be read.
     """
+    from designer.target import TargetGeometry, load_target
+
     if isinstance(target, TargetGeometry):
         return target
     return load_target(place_of(target, "a target geometry, or its file"), needs)
 
 
-def camera_of(camera: Camera | Place) -> Camera:
+def camera_of(camera: "Camera | Place") -> "Camera":
     """A camera, or that of a file or template.
 
     Raises:
@@ -162,19 +171,23 @@ def camera_of(camera: Camera | Place) -> Camera:
     return opened_camera(camera).read.camera
 
 
-def opened_camera(camera: Camera | Place, kind: str | None = None) -> OpenedCamera:
+def opened_camera(camera: "Camera | Place", kind: str | None = None) -> "OpenedCamera":
     """A camera with the kind of file that it comes from, which is ours for one that comes from none.
 
     Raises:
         InputError: neither a camera, nor a file that can be read.
     """
+    from calib.cameras.camera import Camera
+    from calib.interop.format import ReadCamera
+    from calib.interop.reading import OpenedCamera, open_camera
+
     if isinstance(camera, Camera):
         return OpenedCamera(FORMATS[OWN], ReadCamera(camera))
     place_of(camera, "a camera, its file, or a template")
     return open_camera(fspath(camera), kind)
 
 
-def load_rig(name: Place, *, unit: str | None = None) -> Rig:
+def load_rig(name: Place, *, unit: str | None = None) -> "Rig":
     """Read a rig: `load_rig("rig.json").cam_from_rig`.
 
     Args:
@@ -184,29 +197,38 @@ def load_rig(name: Place, *, unit: str | None = None) -> Rig:
     Raises:
         InputError: no such file, of no known kind, or not valid.
     """
+    from calib.interop.rigs.reading import open_rig
+
     return open_rig(place_of(name, "a rig.json"), unit=unit).read.rig
 
 
-def rig_of(rig: Rig | Place) -> Rig:
+def rig_of(rig: "Rig | Place") -> "Rig":
     """A rig, or that of a file.
 
     Raises:
         InputError: neither, or a file that cannot be read.
     """
+    from calib.cameras.rig import Rig
+
     return rig if isinstance(rig, Rig) else load_rig(place_of(rig, "a rig, or its file"))
 
 
-def opened_rig(rig: Rig) -> OpenedRig:
+def opened_rig(rig: "Rig") -> "OpenedRig":
     """A rig that comes from no file, with the kind that is ours."""
+    from calib.interop.rigs.format import ReadRig
+    from calib.interop.rigs.reading import OpenedRig
+
     return OpenedRig(RIG_FORMATS[OWN_RIG], ReadRig(rig, (None,) * len(rig.cameras)))
 
 
-def rig_named(name: Place, kind: str | None = None, unit: str | None = None) -> OpenedRig | None:
+def rig_named(name: Place, kind: str | None = None, unit: str | None = None) -> "OpenedRig | None":
     """The rig of a file or a folder; None: it is a camera's, or nobody's.
 
     Raises:
         InputError: a rig's file that cannot be read.
     """
+    from calib.interop.rigs.reading import open_rig, rig_format_of
+
     place = place_of(name, "a camera, a rig, or the file of one")
     if place.is_dir() and (place / FORMATS[OWN].file_name).exists():
         return None
@@ -244,11 +266,17 @@ def processes_of(jobs: int | None) -> int:
     Raises:
         InputError: none, or absurdly many.
     """
-    return os.cpu_count() or 1 if jobs is None else whole("--jobs", jobs, 1, MOST_JOBS)
+    if jobs is None:
+        return os.cpu_count() or 1
+    from calib.renderer.quantities import whole
+
+    return whole("--jobs", jobs, 1, MOST_JOBS)
 
 
-def photos_of(photos: Place | Iterable[Place]) -> FoundPhotos:
+def photos_of(photos: Place | Iterable[Place]) -> "FoundPhotos":
     """The photos that one argument or several stand for."""
+    from calib.observe.photos import find_photos
+
     try:
         return find_photos([fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos)])
     except TypeError as error:

@@ -1,17 +1,18 @@
 """Where a known camera stood before a target, photo by photo; or where a target is before a known rig."""
 
 from collections.abc import Iterable
-from typing import overload
+from typing import TYPE_CHECKING, overload
 
 from calib.api.loading import Place, Progress, camera_of, photos_of, target_of, unheard
-from calib.api.rig_posing import pose_before_rig
 from calib.api.searching import PhotoSearch
 from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
 from calib.observe.target_poses import PhotoWithoutPose, PoseResult, target_poses
-from calib.records.rig_poses_file import RigPoseResult
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
+
+if TYPE_CHECKING:
+    from calib.records.rig_poses_file import RigPoseResult
 
 
 @overload
@@ -25,7 +26,7 @@ def pose(
 def pose(
     target: TargetGeometry | Place, *, photos: Place | Iterable[Place], rig: Rig | Place,
     weighted: bool = True, jobs: int | None = None, progress: Progress = unheard,
-) -> RigPoseResult: ...  # fmt: skip
+) -> "RigPoseResult": ...  # fmt: skip
 
 
 def pose(
@@ -37,7 +38,7 @@ def pose(
     weighted: bool = True,
     jobs: int | None = None,
     progress: Progress = unheard,
-) -> PoseResult | RigPoseResult:
+) -> "PoseResult | RigPoseResult":
     """Find where a known camera stood, and how surely: `pose("ico.target.json", "camera.json", "photos")`.
 
     >>> calib.pose("ico.target.json", photos=["left", "right"], rig="rig.json").poses[0].rig_from_target
@@ -57,6 +58,8 @@ def pose(
     if rig is not None:
         if camera is not None:
             raise InputError("a camera and a rig: give one of them; the rig has its own cameras")
+        from calib.api.rig_posing import pose_before_rig
+
         return pose_before_rig(target, rig, photos, weighted=weighted, jobs=jobs, progress=progress)
     if camera is None:
         raise InputError("no camera: give the one that took the photos, or the rig that did")

@@ -4,35 +4,23 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.api.detecting import Detector
 from calib.api.loading import Place, Progress, target_of
-from calib.api.searching import PhotoSearch, with_truth
-from calib.api.solving import SolvePlan
-from calib.cameras.camera import Camera
 from calib.core.types import Observations, RigObservations
-from calib.observe.image_headers import DamagedError, read_header
-from calib.observe.images import read_image
-from calib.observe.observations import observations_from_detections
-from calib.observe.photos import FoundPhotos, Search
-from calib.observe.rig_observations import RigSightings, rig_observations
-from calib.observe.rig_photo_table import is_sightings, read_photo_table, read_stamps
-from calib.observe.rig_photos import (
-    RigPhotos,
-    framed,
-    joined_by_name,
-    photos_by_pattern,
-    photos_in_folders,
-    with_stamps,
-)
-from calib.observe.rig_sightings import read_rig_sightings
-from calib.observe.rig_times import joined_by_time
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
 from designer.base.words import shown
 from designer.target import TargetGeometry
+
+if TYPE_CHECKING:
+    from calib.api.solving import SolvePlan
+    from calib.cameras.camera import Camera
+    from calib.observe.photos import FoundPhotos, Search
+    from calib.observe.rig_observations import RigSightings
+    from calib.observe.rig_photos import RigPhotos
 
 USUAL_TOLERANCE_S = 0.02
 LONGEST_TOLERANCE_S = 3600.0
@@ -58,6 +46,8 @@ class RigInput:
     @property
     def has_sightings(self) -> bool:
         """Whether the table is all there is to solve from."""
+        from calib.observe.rig_photo_table import is_sightings
+
         return self.table is not None and is_sightings(self.table)
 
 
@@ -66,8 +56,8 @@ class RigSearch:
     """What was found in the photos of a rig."""
 
     target: TargetGeometry
-    photos: RigPhotos
-    searches: tuple[Search, ...]  # of each camera
+    photos: "RigPhotos"
+    searches: "tuple[Search, ...]"  # of each camera
 
     @property
     def rendered_id(self) -> str:
@@ -90,6 +80,8 @@ def load_rig_observations(path: Place, target: TargetGeometry | Place | None = N
     Raises:
         InputError: the file cannot be read, or nothing is left of a camera to solve from.
     """
+    from calib.observe.rig_sightings import read_rig_sightings
+
     return read_rig_sightings(place_of(path, "a table of sightings"), None if target is None else target_of(target))
 
 
@@ -125,12 +117,16 @@ def rig_input(
     return found
 
 
-def photos_of_rig(given: RigInput) -> RigPhotos:
+def photos_of_rig(given: RigInput) -> "RigPhotos":
     """The photos, joined to frames.
 
     Raises:
         InputError: they cannot be; the message names them.
     """
+    from calib.observe.rig_photo_table import read_photo_table, read_stamps
+    from calib.observe.rig_photos import framed, joined_by_name, photos_by_pattern, photos_in_folders, with_stamps
+    from calib.observe.rig_times import joined_by_time
+
     if given.table is not None:
         table = read_photo_table(given.table)
         found, is_framed = table, bool(table[0].frame)
@@ -153,9 +149,9 @@ def photos_of_rig(given: RigInput) -> RigPhotos:
 
 def search_rig(
     target: TargetGeometry,
-    photos: RigPhotos,
-    given: Mapping[str, Camera],
-    plan_of: Callable[[str], SolvePlan],
+    photos: "RigPhotos",
+    given: "Mapping[str, Camera]",
+    plan_of: "Callable[[str], SolvePlan]",
     jobs: int | None,
     progress: Progress,
 ) -> tuple[RigSearch, RigObservations]:
@@ -165,6 +161,8 @@ def search_rig(
         InputError: a photo of another size, or a camera whose photos cannot be read.
         BlindCameraError: a camera that sees the target in no photo.
     """
+    from calib.observe.rig_observations import rig_observations
+
     _require_given_sizes(photos, given)
     searches: list[Search] = []
     cameras: list[RigSightings] = []
@@ -179,7 +177,7 @@ def search_rig(
 
 
 def search_with_lenses(
-    target: TargetGeometry, photos: RigPhotos, lenses: Mapping[str, Camera], jobs: int | None, progress: Progress
+    target: TargetGeometry, photos: "RigPhotos", lenses: "Mapping[str, Camera]", jobs: int | None, progress: Progress
 ) -> RigSearch:
     """Search each camera's photos with its lens; a camera may see nothing.
 
@@ -193,15 +191,18 @@ def search_with_lenses(
 
 
 def search_one(
-    target: TargetGeometry, photos: FoundPhotos, camera: Camera | None, plan: SolvePlan | None, jobs: int | None,
+    target: TargetGeometry, photos: "FoundPhotos", camera: "Camera | None", plan: "SolvePlan | None", jobs: int | None,
     progress: Progress,
-) -> tuple[Search, Observations]:  # fmt: skip
+) -> "tuple[Search, Observations]":  # fmt: skip
     """Search the photos of one camera: with its lens if it is given, else twice.
 
     Raises:
         InputError: photos of two sizes.
         BlindCameraError: no photo shows the target.
     """
+    from calib.api.searching import PhotoSearch, with_truth
+    from calib.observe.observations import observations_from_detections
+
     files, _ = with_truth(photos, None)
     search = PhotoSearch(target, files, None, jobs, progress)
     found = search.once(camera) if plan is None else search.twice(plan)[0]
@@ -212,9 +213,12 @@ def search_one(
 
 
 def _searched(
-    target: TargetGeometry, photos: RigPhotos, name: str, camera: Camera | None, plan: SolvePlan | None,
+    target: TargetGeometry, photos: "RigPhotos", name: str, camera: "Camera | None", plan: "SolvePlan | None",
     jobs: int | None, progress: Progress,
-) -> Search:  # fmt: skip
+) -> "Search":  # fmt: skip
+    from calib.api.searching import PhotoSearch, with_truth
+    from calib.observe.photos import FoundPhotos
+
     def told(what: str, done: float, total: int) -> None:
         progress(f"{what} {name}", done, total)
 
@@ -223,8 +227,11 @@ def _searched(
     return search.once(camera) if plan is None else search.twice(plan)[0]
 
 
-def _sightings_of(name: str, photos: RigPhotos, search: Search) -> RigSightings:
+def _sightings_of(name: str, photos: "RigPhotos", search: "Search") -> "RigSightings":
     """What can be used of one camera's photos."""
+    from calib.observe.observations import observations_from_detections
+    from calib.observe.rig_observations import RigSightings
+
     if not search.with_target:
         count = len(search.results)
         raise BlindCameraError(f"camera {shown(name)}: none of {count} photos shows the target{_why_blind(search)}")
@@ -236,8 +243,11 @@ def _sightings_of(name: str, photos: RigPhotos, search: Search) -> RigSightings:
     return RigSightings(name, seen, {view: photo.frame for view, photo in photo_of.items()}, times)
 
 
-def _why_blind(search: Search) -> str:
+def _why_blind(search: "Search") -> str:
     """Why no photo of a camera shows the target: they are mirrored, or what is said of the first; "" if nothing is."""
+    from calib.api.detecting import Detector
+    from calib.observe.images import read_image
+
     readable = [result for result in search.results if result.seen is not None]
     for result in readable[:TRIED_MIRRORED]:
         pixels = np.ascontiguousarray(read_image(result.photo.path).pixels[:, ::-1])
@@ -249,7 +259,7 @@ def _why_blind(search: Search) -> str:
     return f"; of the first is said: {said[0]}" if said else ""
 
 
-def _require_one_size(name: str, search: Search) -> None:
+def _require_one_size(name: str, search: "Search") -> None:
     """Refuse a camera whose photos are not of one size."""
     first: dict[tuple[int, int], str] = {}
     for one in search.detections:
@@ -259,7 +269,7 @@ def _require_one_size(name: str, search: Search) -> None:
         raise InputError(f"camera {shown(name)}: {each}; a camera of a rig has one image size: keep the photos of one")
 
 
-def _require_given_sizes(photos: RigPhotos, given: Mapping[str, Camera]) -> None:
+def _require_given_sizes(photos: "RigPhotos", given: "Mapping[str, Camera]") -> None:
     """Refuse a lens of another image size than its photos, and say whose it may be."""
     for name, camera in given.items():
         size = next((size for photo in photos.of(name) if (size := _size_of(photo.path)) is not None), None)
@@ -275,6 +285,8 @@ def _require_given_sizes(photos: RigPhotos, given: Mapping[str, Camera]) -> None
 
 def _size_of(path: Path) -> tuple[int, int] | None:
     """Of a photo; None if it cannot be read, which is said when it is searched."""
+    from calib.observe.image_headers import DamagedError, read_header
+
     try:
         header = read_header(path.read_bytes()) if path.is_file() else None
     except (DamagedError, OSError):

@@ -6,19 +6,16 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from calib.api.loading import folder_of
-from calib.api.overlays import remove_ours, with_overlays
 from calib.api.page_shown import ShownAsPage
 from calib.api.solving import Solution, SolveTask
-from calib.api.staging import keep_pictures, no_empty_folders, staging_folder
 from calib.cameras import MODELS
 from calib.core.files import check_folder, write_files
 from calib.core.types import Observations
-from calib.figures import CALIBRATION_PICTURE, calibration_figures
+from calib.figures import CALIBRATION_PICTURE
 from calib.metrics.evaluation import Evaluation
-from calib.observe.dataset import write_detections
-from calib.observe.photos import OVERLAY_MARK, FoundPhotos, Search
 from calib.observe.records import Records, records_path
 from calib.records.calibration_file import (
     CALIBRATION,
@@ -30,9 +27,7 @@ from calib.records.calibration_file import (
 )
 from calib.records.evaluation_files import METRICS_FILE, METRICS_FILES, evaluation_files, metrics_of
 from calib.records.run_folder import RECORDS_FILE, Run, Solved, records_in
-from calib.show.folder import PAGE_FILE, why_no_page, write_folder_page
 from calib.show.parts.kept_target import keep_target
-from calib.show.photos.photos_file import PHOTOS_FILE
 from calib.verdict.judge import VERDICT, VERDICT_FILE, Judged
 from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextView, NextViews
 from calib.verdict.verdict import Verdict
@@ -40,6 +35,9 @@ from designer.base.answer import program
 from designer.base.errors import InputError, NotWrittenError
 from designer.base.own_files import is_ours, require_ours
 from designer.target import TargetGeometry
+
+if TYPE_CHECKING:
+    from calib.observe.photos import FoundPhotos, Search
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +48,7 @@ class RunResult(ShownAsPage):
     """
 
     target: TargetGeometry | None  # None: the points came from elsewhere
-    search: Search | None  # of the photos; None: solved from observations
+    search: "Search | None"  # of the photos; None: solved from observations
     task: SolveTask
     solutions: tuple[Solution, ...]  # of each model, at least one of them solved
     judged: Judged
@@ -156,6 +154,8 @@ class RunWriter:
         Raises:
             InputError: a file is somebody else's, or the best camera makes no sense.
         """
+        from calib.api.overlays import with_overlays
+
         self.require_room()
         if run.search is not None:
             with self.drawing() as staging:
@@ -176,6 +176,8 @@ class RunWriter:
         Raises:
             InputError: the message names the file.
         """
+        from calib.show.folder import why_no_page
+
         if why := why_no_page(self.folder, "calibration"):
             raise InputError(why)
         self._require_room_for_tables()
@@ -191,7 +193,7 @@ class RunWriter:
         for name in (DETECTIONS_FILE, RECORDS_FILE):
             require_ours(self.folder / name)
 
-    def without_own_pictures(self, photos: FoundPhotos) -> FoundPhotos:
+    def without_own_pictures(self, photos: "FoundPhotos") -> "FoundPhotos":
         """The photos without the picture that an earlier run drew among them."""
         drawn = Path(os.path.abspath(self.folder)) / CALIBRATION_PICTURE
         return replace(photos, paths=tuple(one for one in photos.paths if Path(os.path.abspath(one)) != drawn))
@@ -199,13 +201,21 @@ class RunWriter:
     @contextmanager
     def drawing(self) -> Iterator[Path]:
         """A folder for overlays until all are drawn; nothing is left if that does not come to its end."""
+        from calib.api.staging import no_empty_folders, staging_folder
+
         self._require_room_for_tables()
         place = self.folder / OVERLAYS
         with no_empty_folders(place), staging_folder(place) as staging:
             yield staging
 
-    def write_search(self, search: Search, staging: Path) -> None:
+    def write_search(self, search: "Search", staging: Path) -> None:
         """Write what was found in the photos, and keep the overlays that were drawn instead of earlier ones."""
+        from calib.api.overlays import remove_ours
+        from calib.api.searching import write_search
+        from calib.api.staging import keep_pictures
+        from calib.observe.photos import OVERLAY_MARK
+        from calib.show.photos.photos_file import PHOTOS_FILE
+
         table, place = self.folder / DETECTIONS_FILE, self.folder / OVERLAYS
         self._records = write_search(table, search)
         pictures = keep_pictures(staging, place)
@@ -242,6 +252,8 @@ class RunWriter:
 
     def write_tables(self) -> None:
         """Write tables of each model, and a picture of the best one."""
+        from calib.figures import calibration_figures
+
         for one in self.finished:
             if one.evaluation is not None:
                 self._write(evaluation_files(one.evaluation, self.place_of(one.model)))
@@ -274,6 +286,8 @@ class RunWriter:
             if place in here or is_run_of_its_own or not (place / CALIBRATION_FILE).is_file():
                 continue
             if is_ours(place / CALIBRATION_FILE, CALIBRATION.format):
+                from calib.api.overlays import remove_ours
+
                 names = (CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE)
                 remove_ours(
                     {place / name: kind for name, kind in {**dict.fromkeys(names, ""), **METRICS_FILES}.items()}
@@ -288,6 +302,7 @@ class RunWriter:
             run: what it shows, all written.
             command: that made it.
         """
+        from calib.show.folder import write_folder_page
         from calib.show.run.calibration_page import page_of
 
         told = self.told(run)
@@ -299,6 +314,8 @@ class RunWriter:
 
     def earlier_page(self) -> str:
         """A word on a page of an earlier run in the folder, which shows another; "" if there is none."""
+        from calib.show.folder import PAGE_FILE
+
         page = self.folder / PAGE_FILE
         return f"{page}: is of an earlier run; calib report {self.folder} draws it again" if page.exists() else ""
 
@@ -311,9 +328,3 @@ class RunWriter:
     def _write(self, files: dict[Path, bytes]) -> None:
         write_files(files)
         self.files += files
-
-
-def write_search(table: Path, search: Search) -> Records:
-    """Write the detections and their records, photos that could not be searched among them; the records."""
-    failed = [result.record for result in search.results if result.seen is None]
-    return write_detections(table, search.detections, search.target, failed=failed, rendered_id=search.rendered_id)

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
 from os import fspath
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from calib.api.loading import (
     Observed,
@@ -18,7 +19,6 @@ from calib.api.loading import (
     unheard,
 )
 from calib.api.run_result import DETECTIONS_FILE, RunResult, RunWriter, best_of
-from calib.api.searching import PhotoSearch, with_truth
 from calib.api.solving import (
     ALL,
     Solution,
@@ -29,9 +29,6 @@ from calib.api.solving import (
 )
 from calib.cameras import learned_models
 from calib.core.files import named_in_files
-from calib.observe.observations import observations_from_detections
-from calib.observe.photos import Search, named_photos
-from calib.renderer.truth import Truth
 from calib.solver.accuracy import UndeterminedError
 from calib.solver.costs import IMAGE
 from calib.verdict.criteria import STANDARD, read_criteria
@@ -39,18 +36,21 @@ from calib.verdict.halves import half_split
 from calib.verdict.judge import inputs_of, judge_cameras
 from calib.verdict.verdict import Criteria
 from calib.virtual.calibrate import ALL_VIEWS
-from calib.virtual.solve_virtual import Reference
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
 from designer.base.words import suggestion
 from designer.target import TargetGeometry
-from designer.tolerance.made import how_made
+
+if TYPE_CHECKING:
+    from calib.observe.photos import Search
+    from calib.renderer.truth import Truth
+    from calib.virtual.solve_virtual import Reference
 
 
 class NothingFoundError(InputError):
     """No photo shows the target; what was seen instead: `error.search`."""
 
-    def __init__(self, message: str, search: Search) -> None:
+    def __init__(self, message: str, search: "Search") -> None:
         super().__init__(message)
         self.search = search
 
@@ -68,7 +68,7 @@ def run(
     weighted: bool = True,
     minimise: str = IMAGE,
     free_bend: bool = False,
-    reference: Reference | None = None,
+    reference: "Reference | None" = None,
     made: str | None = None,
     truth: Place | None = None,
     criteria: Criteria | Place = STANDARD,
@@ -110,6 +110,11 @@ def run(
         InputError: files or options that break a rule, or photos that do not determine a camera.
         NothingFoundError: no photo shows the target.
     """
+    from calib.api.searching import PhotoSearch, with_truth
+    from calib.observe.observations import observations_from_detections
+    from calib.observe.photos import named_photos
+    from designer.tolerance.made import how_made
+
     geometry, limits = target_of(target, "rings"), _criteria(criteria)
     plan = plan_from_words(
         model,
@@ -158,9 +163,9 @@ def solve(
     weighted: bool = True,
     minimise: str = IMAGE,
     free_bend: bool = False,
-    reference: Reference | None = None,
+    reference: "Reference | None" = None,
     made: str | None = None,
-    truth: Truth | Place | None = None,
+    truth: "Truth | Place | None" = None,
     rendered_id: str = "",
     criteria: Criteria | Place = STANDARD,
     progress: Progress = unheard,
@@ -196,6 +201,8 @@ def solve(
     Raises:
         InputError: options that break a rule, or observations that do not determine a camera.
     """
+    from designer.tolerance.made import how_made
+
     geometry, limits = None if target is None else target_of(target), _criteria(criteria)
     plan = plan_from_words(
         model,
@@ -222,7 +229,7 @@ def solve(
 def _solved(
     task: SolveTask,
     target: TargetGeometry | None,
-    search: Search | None,
+    search: "Search | None",
     criteria: Criteria,
     progress: Progress,
     writer: RunWriter | None,
@@ -283,7 +290,7 @@ def _writer(out: RunWriter | Place | None, plan: SolvePlan) -> RunWriter | None:
     return RunWriter(folder_of(out), plan.may_solve)
 
 
-def _checked_reference(reference: Reference | None, plan: SolvePlan, photos: Sequence[str]) -> Reference | None:
+def _checked_reference(reference: "Reference | None", plan: SolvePlan, photos: Sequence[str]) -> "Reference | None":
     """The photo that a map is learned from, as it is called among the views.
 
     Raises:

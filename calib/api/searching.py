@@ -4,20 +4,19 @@ import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calib.api.detecting import Detector
 from calib.api.loading import Progress, processes_of, unheard
-from calib.api.solving import SolvePlan
 from calib.cameras import COMMON, WIDE
-from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations
 from calib.detector import pipeline
 from calib.detector.pipeline import NamedRings
+from calib.observe.dataset import write_detections
 from calib.observe.image_headers import exif_focal_px
 from calib.observe.images import read_image
-from calib.observe.observations import observations_from_detections
 from calib.observe.photos import (
     FoundPhotos,
     Look,
@@ -30,12 +29,17 @@ from calib.observe.photos import (
     named_photos,
     reading_once,
 )
-from calib.renderer.truth import TRUTH, TRUTH_FILE, Truth
+from calib.observe.records import Records
+from calib.renderer.truth import TRUTH_FILE
 from calib.show.photos.why_nothing import explained
-from calib.solver.calibration import Calibration
-from calib.solver.solve import solve
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
+
+if TYPE_CHECKING:
+    from calib.api.solving import SolvePlan
+    from calib.cameras.camera import Camera
+    from calib.renderer.truth import Truth
+    from calib.solver.calibration import Calibration
 
 LOOSE_PX, MUCH_LESS = 0.3, 0.5
 """Rings are measured to hundredths of a pixel: a lens that leaves more (root mean square) is not theirs, and another
@@ -55,7 +59,7 @@ class PhotoSearch:
     jobs: int | None = None  # photos at a time; None: one per core
     progress: Progress = unheard
 
-    def once(self, camera: Camera | None = None) -> Search:
+    def once(self, camera: "Camera | None" = None) -> Search:
         """Search with the lens of a camera, if it is known.
 
         Raises:
@@ -64,7 +68,7 @@ class PhotoSearch:
         start = time.perf_counter()
         return self._found(self._looked(Detector(self.target, camera).look, self.overlay_folder, read_image), start)
 
-    def twice(self, plan: SolvePlan) -> tuple[Search, SolvePlan]:
+    def twice(self, plan: "SolvePlan") -> "tuple[Search, SolvePlan]":
         """Search, solve a first camera, and search again with its lens: centres are surer where it is known.
 
         Args:
@@ -105,6 +109,12 @@ class PhotoSearch:
         return search
 
 
+def write_search(table: Path, search: Search) -> Records:
+    """Write the detections and their records, photos that could not be searched among them; the records."""
+    failed = [result.record for result in search.results if result.seen is None]
+    return write_detections(table, search.detections, search.target, failed=failed, rendered_id=search.rendered_id)
+
+
 def refuse_nothing(failures: Sequence[str], otherwise: str) -> None:
     """End what has nothing to work on: with the first failure, or with a word if nothing failed.
 
@@ -123,7 +133,7 @@ class _FirstPass:
         self._named: dict[str, NamedRings | None] = {}
         self._seen: dict[str, Detections] = {}
 
-    def look(self, photo: PhotoFile, pixels: Pixels, camera: Camera | None = None) -> Detections:
+    def look(self, photo: PhotoFile, pixels: Pixels, camera: "Camera | None" = None) -> Detections:
         """What is found in a photo."""
         name = photo.name
         if name not in self._named:
@@ -131,7 +141,7 @@ class _FirstPass:
         found = pipeline.detect(pixels, self._target, name=name, camera=camera, found=self._named[name])
         return self._seen.setdefault(name, explained(found, pixels, self._target))
 
-    def again(self, camera: Camera | None) -> Look:
+    def again(self, camera: "Camera | None") -> Look:
         """The same with the lens known; photos of another size, or all without a camera, are as they were."""
 
         def look(photo: PhotoFile, pixels: Pixels) -> Detections:
@@ -142,7 +152,7 @@ class _FirstPass:
         return look
 
 
-def _with_stated_focal(plan: SolvePlan, results: Sequence[PhotoResult]) -> tuple[SolvePlan, str]:
+def _with_stated_focal(plan: "SolvePlan", results: Sequence[PhotoResult]) -> "tuple[SolvePlan, str]":
     """The plan with a first guess of the focal length, if a photo states one and nobody gave one, and a word on it."""
     if plan.options.focal_px is not None:
         return plan, ""
@@ -155,11 +165,15 @@ def _with_stated_focal(plan: SolvePlan, results: Sequence[PhotoResult]) -> tuple
     return plan, ""
 
 
-def _first_camera(results: Sequence[PhotoResult], target: TargetGeometry, plan: SolvePlan) -> tuple[Camera | None, str]:
+def _first_camera(
+    results: Sequence[PhotoResult], target: TargetGeometry, plan: "SolvePlan"
+) -> "tuple[Camera | None, str]":
     """A camera good enough to see rings through its lens, or why the photos do not determine one.
 
     The common model first; where that leaves much, that of wide lenses, if it leaves much less.
     """
+    from calib.observe.observations import observations_from_detections
+
     seen = [result.seen for result in results if result.seen is not None and len(result.seen.ring)]
     if not seen:
         return None, ""
@@ -176,8 +190,10 @@ def _first_camera(results: Sequence[PhotoResult], target: TargetGeometry, plan: 
     return (None, why) if common is None else (common.camera, "")
 
 
-def _first_solution(observations: Observations, model: str, plan: SolvePlan) -> tuple[Calibration | None, str]:
+def _first_solution(observations: Observations, model: str, plan: "SolvePlan") -> "tuple[Calibration | None, str]":
     """A model's solution, or why there is none."""
+    from calib.solver.solve import solve
+
     options = replace(plan.options_of(model), weighted=False)
     if model not in plan.models:  # another model's parameters are other numbers
         options = replace(options, fixed=(), shared=())
@@ -188,7 +204,7 @@ def _first_solution(observations: Observations, model: str, plan: SolvePlan) -> 
     return (calibration, "") if calibration.status == "converged" else (None, calibration.remarks[0])
 
 
-def _left_px(solved: Calibration | None, observations: Observations) -> float:
+def _left_px(solved: "Calibration | None", observations: Observations) -> float:
     """How far rings lie from where a camera shows them (root mean square)."""
     off = np.full(len(observations.view), MOST_OFF_PX)
     if solved is not None:
@@ -203,7 +219,7 @@ def truth_beside(paths: Iterable[Path]) -> Path | None:
     return beside if beside is not None and beside.is_file() else None
 
 
-def with_truth(photos: FoundPhotos, asked: Path | None) -> tuple[FoundPhotos, Truth | None]:
+def with_truth(photos: FoundPhotos, asked: Path | None) -> "tuple[FoundPhotos, Truth | None]":
     """The photos with what they were rendered of, and their truth; a remark on one that lies there and is none.
 
     Raises:
@@ -212,6 +228,8 @@ def with_truth(photos: FoundPhotos, asked: Path | None) -> tuple[FoundPhotos, Tr
     path = asked or truth_beside(photos.paths)
     if path is None:
         return photos, None
+    from calib.renderer.truth import TRUTH
+
     try:
         truth = TRUTH.read(path)
     except InputError as error:

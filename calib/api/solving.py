@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,6 @@ from calib.cameras import ABILITIES, ANY_LENS, MODELS, models_of_all, models_of_
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
 from calib.metrics.evaluation import Evaluation, evaluate, held_out_px
-from calib.observe.image_circle import brightest_of, with_image_circle
-from calib.renderer.quantities import number
-from calib.renderer.truth import Truth
 from calib.solver.accuracy import UndeterminedError
 from calib.solver.calibration import Calibration
 from calib.solver.costs import COSTS, IMAGE
@@ -26,10 +24,13 @@ from calib.solver.suited import lens_kind, ruled_out
 from calib.solver.target_error import with_target_error
 from calib.verdict.lit_part import lit_part
 from calib.virtual.calibrate import calibrate
-from calib.virtual.solve_virtual import Reference
 from designer.base.errors import InputError
 from designer.base.words import several, shown, suggestion
-from designer.tolerance.made import Made
+
+if TYPE_CHECKING:
+    from calib.renderer.truth import Truth
+    from calib.virtual.solve_virtual import Reference
+    from designer.tolerance.made import Made
 
 ALL = "all"
 MAX_FOCAL_PX = 1e7
@@ -102,6 +103,8 @@ def plan_from_words(
     Raises:
         InputError: a word that means nothing; the message says what may stand there.
     """
+    from calib.renderer.quantities import number
+
     fix, share = several("--fix", fix), several("--share", share)
     models, wide = _told_models(str(model))
     choices = ", ".join(solved_models())
@@ -252,15 +255,19 @@ class SolveTask:
     plan: SolvePlan
     layout_id: str = ""  # of the target; "" for points from elsewhere
     settings: tuple[tuple[str, str], ...] = ()  # names and values as they were given, for the record
-    reference: Reference | None = None  # the photo that a learned map is of
-    truth: Truth | None = None  # of rendered photos
-    made: Made | None = None  # how the target was; None: nobody knows
+    reference: "Reference | None" = None  # the photo that a learned map is of
+    truth: "Truth | None" = None  # of rendered photos
+    made: "Made | None" = None  # how the target was; None: nobody knows
     photos: tuple[Path, ...] = ()  # that show where the light of a wide lens ends; none: nobody knows
 
     @cached_property
     def brightest(self) -> NDArray[np.float64] | None:
         """The most light of each part of the image in the photos; None without any."""
-        return brightest_of(self.photos, self.observations.image_size) if self.photos else None
+        if not self.photos:
+            return None
+        from calib.observe.image_circle import brightest_of
+
+        return brightest_of(self.photos, self.observations.image_size)
 
 
 def solve_models(task: SolveTask) -> Iterator[Solution]:
@@ -325,6 +332,8 @@ def _with_image_circle(calibration: Calibration, task: SolveTask) -> Calibration
     """With the end of the light, if the lens may be a wide one and there are photos that show it."""
     if not any(ABILITIES[model].is_wide for model in task.plan.models) or task.brightest is None:
         return calibration
+    from calib.observe.image_circle import with_image_circle
+
     found = with_image_circle(calibration.camera, task.brightest)
     camera = found.camera
     if camera.field_rad is not None:  # an observation shows light, too

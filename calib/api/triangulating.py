@@ -27,7 +27,7 @@ from calib.records.triangulation_file import (
     residuals_csv,
 )
 from calib.renderer.quantities import real
-from calib.space.known_lengths import LengthCheck, check_lengths
+from calib.space.known_lengths import LengthCheck
 from calib.space.sightings import PointSightings
 from calib.space.triangulate import Triangulation, noise_of, triangulate_points
 from designer.base.errors import InputError
@@ -128,6 +128,8 @@ def triangulate(
     Raises:
         InputError: a file that cannot be read, a camera that is not in the rig, or noise that is nowhere stated.
     """
+    from calib.space.known_lengths import check_lengths
+
     known = rig_of(rig)
     noise = noise_of_person(known, noise_px)
     settings = {} if isinstance(rig, Rig) else {"rig file": fspath(rig)}

@@ -19,10 +19,9 @@ from calib.core.types import freeze
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind, laid_out
 from designer.base.marks import LEFT_OUT, Above, AtLeast, AtMost, Length, Shape
-from designer.base.small_file import JsonValue, parse_json, place_of, read_small_text
+from designer.base.small_file import JsonValue, parse_json, place_of, read_small_text, read_spec_file
 from designer.base.words import shown, suggestion
 from designer.kinds.presets import preset_or_file
-from designer.kinds.spec_file import RawValue, read_spec_file
 
 MAX_KNOTS = 1000
 WHOLE_TURN_RAD = 2 * math.pi
@@ -188,7 +187,7 @@ def camera_to_json(camera: Camera) -> str:
     return laid_out(camera_document(camera)) + "\n"
 
 
-def camera_from_mapping(values: RawValue, origin: str, *, is_written_by_hand: bool = False) -> Camera:
+def camera_from_mapping(values: object, origin: str, *, is_written_by_hand: bool = False) -> Camera:
     """The camera in a parsed file, whose name is `origin`.
 
     Written by hand, what the lens is not said to have, it has not; else all parameters must be there.

@@ -7,7 +7,6 @@ import typer
 
 from calib.cameras import fitted_models
 from calib.commands.converted_camera import tell_camera
-from calib.commands.converted_rig import tell_rig
 from calib.interop import FORMATS
 from calib.interop.rigs import RIG_FORMATS
 from designer.base.answer import Summary
@@ -76,12 +75,16 @@ def convert(
     residual is told in pixels. Of a file with several cameras one is named as in chain.yaml#cam1; without a name they
     are a rig, if the file says where they stand.
     """
+    from calib.api.converting import Conversion
     from calib.api.converting import convert as converted
-    from calib.api.converting_rigs import RigConversion
 
     done = converted(
         camera, to, source=source, model=model, lens=lens, without=without or (), cameras=cameras or (), unit=unit,
         source_unit=from_unit, out=out,
     )  # fmt: skip
     done.save(out)
-    return tell_rig(done, camera, out) if isinstance(done, RigConversion) else tell_camera(done, camera, out)
+    if isinstance(done, Conversion):
+        return tell_camera(done, camera, out)
+    from calib.commands.converted_rig import tell_rig
+
+    return tell_rig(done, camera, out)

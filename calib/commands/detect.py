@@ -39,8 +39,7 @@ def detect(
 
     The exit code is 1 if nothing at all was found.
     """
-    from calib.api.run_result import write_search
-    from calib.api.searching import PhotoSearch, with_truth
+    from calib.api.searching import PhotoSearch, with_truth, write_search
     from calib.api.staging import keep_pictures, staging_folder
     from calib.commands.camera_argument import read_camera
     from calib.commands.photo_screen import detections_answer, say_photos, with_photos_page

@@ -2,13 +2,11 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from calib.commands.folder_page import with_page
 from calib.observe.photos import PhotoResult, Search
 from calib.observe.records import median_sigma_px
-from calib.observe.target_poses import PoseResult, TargetPose
-from calib.records.rig_poses_file import RigPoseResult, RigTargetPose
 from calib.show.photos.photos_file import ToldPhotos, told_table, write_photos
 from designer.base.answer import Summary, Value
 from designer.base.codec import encode
@@ -16,6 +14,10 @@ from designer.base.words import printable
 from designer.page.blocks import Table
 from designer.page.terminal import say_findings, say_headline, say_table
 from designer.target import TargetGeometry
+
+if TYPE_CHECKING:
+    from calib.observe.target_poses import PoseResult, TargetPose
+    from calib.records.rig_poses_file import RigPoseResult
 
 MAX_ROWS = 60
 """Photos in the table; of a larger set only those are shown that need a look."""
@@ -96,7 +98,7 @@ def _photo(result: PhotoResult) -> dict[str, Value]:
     }
 
 
-def poses_answer(found: PoseResult) -> dict[str, Value]:
+def poses_answer(found: "PoseResult") -> dict[str, Value]:
     """The pose of each photo with its standard deviations, or why there is none."""
     return {
         "target_id": found.target.geometry_id,
@@ -108,8 +110,10 @@ def poses_answer(found: PoseResult) -> dict[str, Value]:
     }
 
 
-def rig_poses_answer(found: RigPoseResult) -> dict[str, Value]:
+def rig_poses_answer(found: "RigPoseResult") -> dict[str, Value]:
     """The pose of each frame as the file has it, or why there is none."""
+    from calib.records.rig_poses_file import RigTargetPose
+
     return {
         "target_id": found.target.geometry_id,
         "frames": len(found.poses) + len(found.without_pose),
@@ -121,7 +125,9 @@ def rig_poses_answer(found: RigPoseResult) -> dict[str, Value]:
     }
 
 
-def _pose(one: TargetPose) -> dict[str, Value]:
+def _pose(one: "TargetPose") -> dict[str, Value]:
     """As `poses.json` has it, under the photo's name."""
+    from calib.observe.target_poses import TargetPose
+
     keys = cast("dict[str, Value]", encode(TargetPose, one))
     return {"image": one.image, **{key: value for key, value in keys.items() if key != "file"}}

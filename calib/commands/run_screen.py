@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from calib.api.run_result import RunResult
-from calib.commands.photo_screen import few_rows
 from calib.core.number_text import figure
 from calib.metrics.evaluation import Evaluation
-from calib.observe.photos import Search
 from calib.records.evaluation_files import metrics_of
 from calib.records.run_folder import Run
-from calib.show.run.photos import photo_rows, views_table
 from calib.show.run.sections import check_findings, headline_of, key_facts, steps_of
 from calib.show.run.tables import checks_table, errors_table, faces_table, models_table, parameters_table
 from designer.base.command import command_line
@@ -27,6 +25,9 @@ from designer.page.terminal import (
     say_written,
     shown,
 )
+
+if TYPE_CHECKING:
+    from calib.observe.photos import Search
 
 MOST_SKIPPED, MOST_STEPS = 5, 3
 LONGEST_LINE = 400
@@ -65,14 +66,14 @@ def say_run(run: RunResult, told: Run, *, verbose: bool) -> None:
         _say_tables(told)
 
 
-def _photo_remarks(search: Search) -> tuple[str, ...]:
+def _photo_remarks(search: "Search") -> tuple[str, ...]:
     """Photos without the target, and pictures that could not be drawn."""
     empty = [f"{seen.image}: {'; '.join(seen.remarks)}" for seen in search.detections if not len(seen.ring)]
     without = (f"without the target: {line}" for line in _some(empty, MOST_SKIPPED))
     return (*without, *(result.overlay_failure for result in search.results if result.overlay_failure))
 
 
-def _say_skipped(search: Search) -> None:
+def _say_skipped(search: "Search") -> None:
     for line in _some(search.failures, MOST_SKIPPED):
         say_line("skipped", line)
 
@@ -84,6 +85,9 @@ def _some(lines: Sequence[str], most: int) -> tuple[str, ...]:
 
 def _say_tables(told: Run) -> None:
     """The tables of the page: checks, photos, faces, models side by side, parameters of each."""
+    from calib.commands.photo_screen import few_rows
+    from calib.show.run.photos import photo_rows, views_table
+
     best = told.best
     plane = best.calibration.observations.points.plane
     print()
@@ -139,6 +143,9 @@ def say_next(steps: NextSteps) -> None:
 
 def say_evaluation(path: Path, evaluation: Evaluation, *, verbose: bool) -> None:
     """A camera's errors and what was left out of them; with `verbose` its parameters, and errors by photo and face."""
+    from calib.commands.photo_screen import few_rows
+    from calib.show.run.photos import photo_rows, views_table
+
     calibration = evaluation.calibration
     seen, metrics = calibration.observations, metrics_of(evaluation)
     width, height = seen.image_size

@@ -5,9 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calib.core.number_text import figure as digits
-from calib.figures.fields import coverage_drawing, residuals_drawing, systematic_drawing, uncertainty_drawing
-from calib.figures.histograms import distribution_drawing, sizes_drawing
-from calib.figures.sigma_map import sigma_map
 from calib.figures.style import (
     ABOVE_PX,
     BELOW_PX,
@@ -48,6 +45,10 @@ def calibration_figures(evaluation: Evaluation, folder: Path) -> dict[Path, byte
 
 def _draw_page(page: "Figure", evaluation: Evaluation, image_px: float) -> None:
     """Three rows of two panels, the first two of which are images so high."""
+    from calib.figures.fields import coverage_drawing, residuals_drawing, systematic_drawing, uncertainty_drawing
+    from calib.figures.histograms import distribution_drawing, sizes_drawing
+    from calib.figures.sigma_map import sigma_map
+
     calibration, residuals = evaluation.calibration, residuals_of(evaluation)
     cells = cells_of_residuals(residuals)
 

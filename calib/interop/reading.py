@@ -6,7 +6,7 @@ from pathlib import Path
 
 from calib.cameras.camera import camera_or_preset
 from calib.interop import FORMATS, OWN
-from calib.interop.format import CameraFormat, ReadCamera
+from calib.interop.format import MAX_FILE_BYTES, CameraFormat, ReadCamera
 from calib.interop.parsing import pick
 from calib.interop.rigs.format import RigFormat
 from calib.interop.rigs.reading import largest_bytes, open_rig, recognise_rig
@@ -50,7 +50,7 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
     path, wanted = _split(name)
     if path.is_dir():
         path = _camera_in(path)
-    largest = max(largest_bytes(), *(one.max_bytes for one in FORMATS.values())) if known is None else known.max_bytes
+    largest = max(largest_bytes(), FORMATS[OWN].max_bytes, MAX_FILE_BYTES) if known is None else known.max_bytes
     text = read_small_text(path, largest, "a camera file")
     kind = known or recognise(text)
     rig_kind = None if known is not None or (kind is not None and kind.holds_many) else recognise_rig(text)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +11,13 @@ from calib.cameras import rays
 from calib.core.types import LEAST_POINTS, Observations, keep_sightings, keep_views
 from calib.metrics import METRICS, OF_TRUTH
 from calib.metrics.errors import Errors, ErrorSummary, is_known, predict, summarise, summarise_groups
-from calib.renderer.truth import Truth
 from calib.solver.accuracy import NO_FIT
 from calib.solver.calibration import Calibration
 from calib.solver.start import solve_poses
 from designer.base.errors import InputError
+
+if TYPE_CHECKING:
+    from calib.renderer.truth import Truth
 
 LEAST_FOLDS = 2
 USUAL_FOLDS = 5
@@ -27,7 +30,7 @@ class Evaluation:
 
     calibration: Calibration
     errors: tuple[Errors, ...]
-    truth: Truth | None = None
+    truth: "Truth | None" = None
     folds: int = 0
     """In how many parts the views were held out of the solution in turn; 0: they are those it was solved from."""
     remarks: tuple[str, ...] = ()  # what to know of the errors, one line each
@@ -56,7 +59,7 @@ class Evaluation:
         )
 
 
-def evaluate(calibration: Calibration, truth: Truth | None = None) -> Evaluation:
+def evaluate(calibration: Calibration, truth: "Truth | None" = None) -> Evaluation:
     """Apply all metrics to the views that a calibration was solved from; some need the truth of rendered photos.
 
     Raises:
@@ -66,14 +69,14 @@ def evaluate(calibration: Calibration, truth: Truth | None = None) -> Evaluation
     return Evaluation(calibration, errors_of(calibration, truth), truth, remarks=remarks)
 
 
-def errors_of(calibration: Calibration, truth: Truth | None) -> tuple[Errors, ...]:
+def errors_of(calibration: Calibration, truth: "Truth | None") -> tuple[Errors, ...]:
     """The errors of all metrics that apply."""
     poses = None if truth is None else truth.poses_of(calibration.observations.view_names)
     prediction = predict(calibration, poses)
     return tuple(found for metric in METRICS.values() if (found := metric.errors_of(prediction)) is not None)
 
 
-def truth_remarks(calibration: Calibration, truth: Truth) -> tuple[str, ...]:
+def truth_remarks(calibration: Calibration, truth: "Truth") -> tuple[str, ...]:
     """What to know of a truth that does not quite fit."""
     names = calibration.observations.view_names
     known = len(set(names) & set(truth.files))
@@ -146,7 +149,7 @@ def _in_whole(
     return np.concatenate(given if place is None else [there[one] for one, there in zip(given, place, strict=True)])
 
 
-def evaluate_held_out(calibration: Calibration, solve: Solve, folds: int, truth: Truth | None = None) -> Evaluation:
+def evaluate_held_out(calibration: Calibration, solve: Solve, folds: int, truth: "Truth | None" = None) -> Evaluation:
     """Leave every `folds`-th view out in turn, solve a camera from the others, and apply all metrics to those left out.
 
     A view's own pose has to be found from its own points, with the camera as it is; only the camera is held out.

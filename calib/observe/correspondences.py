@@ -11,20 +11,22 @@ import re
 import stat
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from calib.core.types import KnownPoints, Observations
-from calib.observe.corners_vnl import PointGrid, is_corners, observations_from_corners
 from calib.observe.csv_table import COVARIANCE, CsvTable, column_fault, read_table, read_text
 from calib.observe.dataset import FIRST_LINE, MAX_SIDE_PX, read_detections
 from calib.observe.observations import known_points, observations_from_detections, prepare
-from calib.observe.point_target import MAX_FACE, ids_of, points_with_planes
+from calib.observe.point_target import MAX_FACE
 from designer.base.errors import InputError
 from designer.base.words import shown
 from designer.target import TargetGeometry, load_target
+
+if TYPE_CHECKING:
+    from calib.observe.corners_vnl import PointGrid
 
 Array = NDArray[np.float64]
 Size = tuple[int, int]
@@ -54,7 +56,7 @@ def read_observations(
     target: TargetGeometry | Path | None = None,
     *,
     image_size: Size | None = None,
-    grid: PointGrid | None = None,
+    grid: "PointGrid | None" = None,
 ) -> Observations:
     """What a camera is solved from, of a file of any of the three kinds; its first lines tell which.
 
@@ -67,6 +69,8 @@ def read_observations(
     Raises:
         InputError: the file is not to be read, something else is needed or does not belong, or nothing is left.
     """
+    from calib.observe.corners_vnl import is_corners, observations_from_corners
+
     start = _start_of(path)
     if is_detections(path):
         if target is None:
@@ -223,6 +227,8 @@ def _positions(table: CsvTable) -> Array:
 
 def _own_points(table: CsvTable) -> tuple[NDArray[np.int64], KnownPoints, tuple[str, ...]]:
     """The point of each row (M,), the points of a table that shows no target, and remarks on them."""
+    from calib.observe.point_target import points_with_planes
+
     unique, first, point = np.unique(_positions(table), axis=0, return_index=True, return_inverse=True)
     point = point.reshape(-1)
     face = None
@@ -236,6 +242,10 @@ def _own_points(table: CsvTable) -> tuple[NDArray[np.int64], KnownPoints, tuple[
 
 def _points_of(table: CsvTable, target: TargetGeometry) -> NDArray[np.int64]:
     """The row of the target's point that each row shows.  # (M,)"""
+    from scipy.spatial import cKDTree
+
+    from calib.observe.point_target import ids_of
+
     if ID in table.cells:
         ids, known = table.whole_numbers(ID), ids_of(target)
         order = np.argsort(known)

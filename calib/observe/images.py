@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.observe.image_headers import DamagedError, Format, Header, needed_png, read_header
-from calib.observe.jpeg_damage import brightness_step, check_jpeg_scans
 from designer.base.errors import InputError
 
 MAX_PIXELS = 250_000_000
@@ -121,8 +120,12 @@ def _read(path: Path, *, in_colour: bool) -> _Decoded:
     try:
         data = _read_file(path)
         header = _header_within_limits(data)
+        if header.format != "JPEG":
+            return _Decoded(_decode(data, header, in_colour=in_colour), header, "")
+        from calib.observe.jpeg_damage import brightness_step, check_jpeg_scans
+
         # Decoders go on after damage, with pixels in wrong places.
-        unit_rows = check_jpeg_scans(data) if header.format == "JPEG" else 0
+        unit_rows = check_jpeg_scans(data)
         pixels = _decode(data, header, in_colour=in_colour)
     except DamagedError as error:
         raise InputError(f"{path}: {error}") from None

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from calib.core.types import KnownPoints
 from calib.observe.csv_table import CsvTable, column_fault, read_table, read_text
@@ -150,6 +149,8 @@ def read_points(path: Path) -> PointTable:
     Raises:
         InputError: it cannot be read, or a line breaks a rule; the message names it.
     """
+    from scipy.spatial import cKDTree
+
     table = _table(path, _POINT_COLUMNS, "a table of points", MAX_POINTS)
     position = np.stack([table.reals(name) for name in _POINT_COLUMNS], axis=1) + 0.0  # no negative zeros
     table.require(np.abs(position).max(axis=1) <= MAX_LENGTH_MM, f"X, Y or Z is beyond {MAX_LENGTH_MM:g} mm")
@@ -254,6 +255,8 @@ def _require_on(plane: Plane, position: Array, ids: Numbers, name: str) -> None:
 
 def _face(plane: Plane, position: Array, diameter_mm: float) -> tuple[Array, Array, float]:
     """The frame (4, 4) of a face, its outline (4, 2) in it, and the usual distance of its points."""
+    from scipy.spatial import cKDTree
+
     axis = np.eye(3)[int(np.argmin(np.abs(plane.normal)))]
     y_axis = np.cross(plane.normal, axis)
     y_axis /= np.linalg.norm(y_axis)

@@ -24,11 +24,10 @@ from calib.renderer.quantities import bounded, length_range, parse_degrees, pars
 from designer.base.codec import BadValueError, decode
 from designer.base.errors import InputError
 from designer.base.marks import AtLeast, AtMost, Length, Line, Word
-from designer.base.small_file import JsonValue
+from designer.base.small_file import JsonValue, read_spec_file
 from designer.base.units import parse_length_mm, parse_lengths_mm, parse_quantity
 from designer.base.words import shown
 from designer.kinds.presets import preset_names, preset_or_file
-from designer.kinds.spec_file import read_spec_file
 
 Array = NDArray[np.float64]
 

@@ -11,15 +11,7 @@ from pathlib import Path
 from typing import TypeAlias, cast
 
 from calib.core.files import write_files
-from calib.records.budget_file import BUDGET_FILE
-from calib.records.coupon import COUPON_FILE
-from calib.records.plan_file import PLAN_FILE
-from calib.records.rig_file import is_rig_folder
-from calib.records.run_folder import is_run_folder
-from calib.records.triangulation_file import TRIANGULATION_FILE
-from calib.show.parts.gallery import OVERLAYS
 from calib.show.parts.origin import ORIGIN, ORIGIN_FILE, Origin, origin_of, read_origin
-from calib.show.photos.photos_file import PHOTOS_FILE, read_photos
 from designer.base.answer import program
 from designer.base.errors import InputError, NotWrittenError
 from designer.base.own_files import kind_of
@@ -60,10 +52,6 @@ BY_FORMAT: Mapping[str, str] = {
     "ringsolid.rig_bootstrap": "rig_bootstrap",
 }  # fmt: skip
 """Formats of table.json and what the folder then is."""
-BY_FILE = (
-    (COUPON_FILE, "coupon"), (TRIANGULATION_FILE, "triangulation"), (BUDGET_FILE, "budget"), (PLAN_FILE, "plan"),
-)  # fmt: skip
-"""Files that only one kind of folder has."""
 OF_PAPER = "targets"
 """A study of the paper has a folder with the targets it made up."""
 HEAD_BYTES = 200
@@ -155,6 +143,9 @@ def origin_in(folder: Path) -> Origin:
         InputError: no folder, or one that holds nothing to report, or a damaged `report.json`; the message says what
             to do.
     """
+    from calib.show.parts.gallery import OVERLAYS
+    from calib.show.photos.photos_file import PHOTOS_FILE
+
     if not folder.is_dir():
         what = "is a file, not a folder" if folder.exists() else "no such folder"
         raise InputError(
@@ -182,6 +173,14 @@ def origin_in(folder: Path) -> Origin:
 
 def _kind_in(folder: Path) -> str:
     """The kind of a folder's results, by the files in it; "" if there are none."""
+    from calib.records.budget_file import BUDGET_FILE
+    from calib.records.coupon import COUPON_FILE
+    from calib.records.plan_file import PLAN_FILE
+    from calib.records.rig_file import is_rig_folder
+    from calib.records.run_folder import is_run_folder
+    from calib.records.triangulation_file import TRIANGULATION_FILE
+    from calib.show.photos.photos_file import PHOTOS_FILE, read_photos
+
     if is_rig_folder(folder):
         return "rig"
     if is_run_folder(folder):
@@ -193,7 +192,10 @@ def _kind_in(folder: Path) -> str:
         return "paper" if kind == "bootstrap" and (folder / OF_PAPER).is_dir() else kind
     if any(folder.glob("*.as_built.json")):
         return "measure"
-    for name, kind in BY_FILE:
+    of_one_kind = (
+        (COUPON_FILE, "coupon"), (TRIANGULATION_FILE, "triangulation"), (BUDGET_FILE, "budget"), (PLAN_FILE, "plan"),
+    )  # fmt: skip
+    for name, kind in of_one_kind:
         if (folder / name).is_file():
             return kind
     return read_photos(folder).kind if (folder / PHOTOS_FILE).is_file() else ""

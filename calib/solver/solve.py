@@ -13,13 +13,11 @@ from calib.core.types import Observations, keep_views
 from calib.solver.accuracy import Accuracy, UndeterminedError, accuracy_of, why_degenerate
 from calib.solver.calibration import Calibration, Status
 from calib.solver.descend import Descended, descend, is_robust, without_lens
-from calib.solver.free_bend import solve_bent
 from calib.solver.in_space import descend_in_space, require_planes
 from calib.solver.options import SolveOptions, Tie, tie_parameters
 from calib.solver.outliers import shifted_photo
 from calib.solver.problem import Problem, pack, target_covariance, target_poses
 from calib.solver.start import FirstPoses, coarse_camera, first_poses
-from calib.solver.surface import bend, require_image, require_points, without_rejection
 from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
@@ -51,8 +49,12 @@ def solve(
     _check(options)
     surface = surface_model(model)
     if surface is not None:
+        from calib.solver.surface import require_image
+
         require_image(surface, options)
     if options.free_bend:
+        from calib.solver.free_bend import solve_bent
+
         flat = replace(options, free_bend=False)
         return solve_bent(observations, lambda seen: solve(seen, model, flat, noise_px2=noise_px2), options)
     require_planes(options.minimise, observations.points, observations.point)
@@ -106,6 +108,8 @@ def _down(
 ) -> _Down:  # fmt: skip
     """Down to the minimum in the image, and from there to that in space or with a surface if this is asked for."""
     if surface is not None:
+        from calib.solver.surface import bend, require_points, without_rejection
+
         lens = descend(problem, camera, poses, tie, without_rejection(options), noise_px2)
         if lens.is_lost.any():
             return _Down(lens, lens)

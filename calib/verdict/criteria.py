@@ -10,9 +10,9 @@ from calib.verdict.checks import CHECKS, CheckKind, Evidence
 from calib.verdict.rig_checks import RIG_CHECKS
 from calib.verdict.verdict import Criteria, Limits
 from designer.base.errors import InputError
+from designer.base.small_file import read_spec_file
 from designer.base.words import shown, suggestion
 from designer.kinds.presets import preset_or_file
-from designer.kinds.spec_file import RawValue, read_spec_file
 
 STANDARD = "standard"
 LONGEST_TITLE = 200
@@ -53,7 +53,7 @@ def _read(name_or_path: str, checks: Mapping[str, CheckKind[Evidence]]) -> Crite
     return Criteria(path.stem, title, limits)
 
 
-def _limits(kind: CheckKind[Evidence], table: RawValue) -> Limits:
+def _limits(kind: CheckKind[Evidence], table: object) -> Limits:
     """The limits of one check."""
     if not isinstance(table, dict):
         raise ValueError(f"{kind.name} {shown(table)}: must be a table with good and usable")
@@ -71,7 +71,7 @@ def _limits(kind: CheckKind[Evidence], table: RawValue) -> Limits:
     return Limits(good, usable, source)
 
 
-def _quantity(key: str, value: RawValue, kind: CheckKind[Evidence]) -> float:
+def _quantity(key: str, value: object, kind: CheckKind[Evidence]) -> float:
     """A number of a unit, with or without it."""
     number = value
     if isinstance(value, str):
@@ -84,7 +84,7 @@ def _quantity(key: str, value: RawValue, kind: CheckKind[Evidence]) -> float:
     return float(number)
 
 
-def _require_known(values: Mapping[str, RawValue], known: tuple[str, ...], within: str = "") -> None:
+def _require_known(values: Mapping[str, object], known: tuple[str, ...], within: str = "") -> None:
     for key in values:
         if key not in known:
             hint = suggestion(key, list(known)) or "; there are " + ", ".join(known)

@@ -2,13 +2,15 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from calib.core.number_text import figure
-from calib.rigs.halves import NoRigHalves
 from calib.verdict.checks import CheckKind, Found, at_least, at_most, px
-from calib.verdict.rig_evidence import RigEvidence
 from calib.verdict.verdict import Check, Criteria, Grade, measured_text
 from designer.base.words import printable
+
+if TYPE_CHECKING:
+    from calib.verdict.rig_evidence import RigEvidence
 
 NOISY = 2.0
 """Residuals of a camera this many times the noise that is stated for it are said to be something else."""
@@ -16,7 +18,7 @@ NOISY = 2.0
 NOT_KNOWN = "the covariance of the cameras' poses is not known"
 
 
-def _solution(evidence: RigEvidence, _: Criteria) -> Found | None:
+def _solution(evidence: "RigEvidence", _: Criteria) -> Found | None:
     if evidence.status == "converged":
         return None
     fault = {"degenerate": "the frames do not determine the rig", "stopped": "the solution is not at its end"}
@@ -24,7 +26,7 @@ def _solution(evidence: RigEvidence, _: Criteria) -> Found | None:
     return Found("bad", None, f"{fault.get(evidence.status, '')}{reason}")
 
 
-def _frames(evidence: RigEvidence, criteria: Criteria) -> Found:
+def _frames(evidence: "RigEvidence", criteria: Criteria) -> Found:
     """The weakest link of the best chain between cameras; of a single camera, its frames."""
     limits = criteria["frames"]
     if not evidence.ties:
@@ -41,7 +43,7 @@ def _frames(evidence: RigEvidence, criteria: Criteria) -> Found:
     return Found(at_least(count, limits), float(count), sentence)
 
 
-def _lenses(evidence: RigEvidence, _: Criteria) -> Found | None:
+def _lenses(evidence: "RigEvidence", _: Criteria) -> Found | None:
     """Lenses that were given and kept: residuals of a rig hardly show what they are off by, its places do."""
     kept = [printable(name) for name, one in zip(evidence.names, evidence.coverages, strict=True) if one is None]
     if not kept:
@@ -50,7 +52,7 @@ def _lenses(evidence: RigEvidence, _: Criteria) -> Found | None:
     return Found("usable", None, f"the lens of {whose} is kept as it was given; what it is off by is in no number here")
 
 
-def _coverage(evidence: RigEvidence, criteria: Criteria) -> Found | None:
+def _coverage(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     """Of cameras whose lenses were solved here; a lens that was given was learned elsewhere.
 
     It makes no rig unusable: where the cameras look at together they saw the target, and `space` judges that.
@@ -73,7 +75,9 @@ def _coverage(evidence: RigEvidence, criteria: Criteria) -> Found | None:
     return Found("good" if percent >= limits.good else "usable", percent, sentence, usable=0.0)
 
 
-def _halves(evidence: RigEvidence, criteria: Criteria) -> Found:
+def _halves(evidence: "RigEvidence", criteria: Criteria) -> Found:
+    from calib.rigs.halves import NoRigHalves
+
     found, limits = evidence.halves, criteria["halves"]
     if isinstance(found, NoRigHalves):
         return Found("unknown", None, found.reason)
@@ -91,7 +95,7 @@ def _halves(evidence: RigEvidence, criteria: Criteria) -> Found:
     return Found(at_most(found.ratio, limits), found.ratio, sentence)
 
 
-def _residuals(evidence: RigEvidence, criteria: Criteria) -> Found:
+def _residuals(evidence: "RigEvidence", criteria: Criteria) -> Found:
     limits = criteria["residuals"]
     worst = max(evidence.cameras, key=lambda one: one.rms_px if math.isfinite(one.rms_px) else math.inf)
     if not math.isfinite(worst.rms_px):
@@ -105,7 +109,7 @@ def _residuals(evidence: RigEvidence, criteria: Criteria) -> Found:
     return Found(at_most(worst.rms_px, limits), worst.rms_px, sentence)
 
 
-def _outliers(evidence: RigEvidence, criteria: Criteria) -> Found | None:
+def _outliers(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     """Sightings that were left out, of the camera that has most of them."""
     shares = [(one.left_out / max(one.sightings + one.left_out, 1), one.name) for one in evidence.cameras]
     share, name = max(shares)
@@ -117,7 +121,7 @@ def _outliers(evidence: RigEvidence, criteria: Criteria) -> Found | None:
     return Found(at_most(100 * share, criteria["outliers"]), 100 * share, sentence)
 
 
-def _delays(evidence: RigEvidence, criteria: Criteria) -> Found | None:
+def _delays(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     if not evidence.delay_px:
         return None
     known = [
@@ -130,7 +134,7 @@ def _delays(evidence: RigEvidence, criteria: Criteria) -> Found | None:
     return Found(at_most(value, criteria["delays"]), value, sentence)
 
 
-def _baselines(evidence: RigEvidence, criteria: Criteria) -> Found | None:
+def _baselines(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     """The pair whose distance is known worst, in relation to itself."""
     if not evidence.pairs:
         return None
@@ -145,7 +149,7 @@ def _baselines(evidence: RigEvidence, criteria: Criteria) -> Found | None:
     return Found(at_most(100 * share, criteria["baselines"]), 100 * share, sentence)
 
 
-def _carrier(evidence: RigEvidence, criteria: Criteria) -> Found | None:
+def _carrier(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     """How far the carrier's own turns are off those that photos show: what is not a robot's, or table's, to be."""
     carrier = evidence.carrier
     if carrier is None or not math.isfinite(carrier.sigma_rad):
@@ -161,7 +165,7 @@ def _carrier(evidence: RigEvidence, criteria: Criteria) -> Found | None:
     return Found(grade, degrees, sentence)
 
 
-def _carried(evidence: RigEvidence, criteria: Criteria) -> Found | None:
+def _carried(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     """What the pose of one camera on its carrier does to a point where the target was, as a share of its distance."""
     found = evidence.carried
     if found is None:
@@ -176,7 +180,7 @@ def _carried(evidence: RigEvidence, criteria: Criteria) -> Found | None:
     return Found(at_most(share, criteria["space"]), share, sentence)
 
 
-def _space(evidence: RigEvidence, criteria: Criteria) -> Found | None:
+def _space(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     """A point in the middle, as a share of how far away it is."""
     found = evidence.middle
     if evidence.carried is not None:
@@ -196,7 +200,7 @@ def _space(evidence: RigEvidence, criteria: Criteria) -> Found | None:
     return Found(at_most(share, criteria["space"]), share, sentence)
 
 
-RIG_CHECKS: Mapping[str, CheckKind[RigEvidence]] = {
+RIG_CHECKS: "Mapping[str, CheckKind[RigEvidence]]" = {
     kind.name: kind
     for kind in (
         CheckKind("solution", "Solution", "", _solution),
@@ -230,7 +234,7 @@ FIRST = (
 few more frames mend."""
 
 
-def rig_checks(evidence: RigEvidence, criteria: Criteria) -> tuple[Check, ...]:
+def rig_checks(evidence: "RigEvidence", criteria: Criteria) -> tuple[Check, ...]:
     """All checks that have something to say, in the order of reading."""
     return tuple(check for kind in RIG_CHECKS.values() if (check := kind.check(evidence, criteria)) is not None)
 

@@ -1,19 +1,23 @@
 """A camera of any model from observations: with parameters alone, or with a map that is learned."""
 
+from typing import TYPE_CHECKING
+
 from calib.cameras import learned_models
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.virtual.solve_virtual import Reference, on_plane_mm, solve_virtual
 from designer.base.errors import InputError
+
+if TYPE_CHECKING:
+    from calib.virtual.solve_virtual import Reference
 
 ALL_VIEWS = "all"
 """As the reference: the map is learned from all views."""
 
 
 def calibrate(
-    observations: Observations, model: str, options: SolveOptions, reference: Reference | None = None
+    observations: Observations, model: str, options: SolveOptions, reference: "Reference | None" = None
 ) -> Calibration:
     """Solve a camera of any model.
 
@@ -28,6 +32,8 @@ def calibrate(
     """
     if model not in learned_models():
         return solve(observations, model, options)
+    from calib.virtual.solve_virtual import on_plane_mm, solve_virtual
+
     if options.free_bend:
         raise InputError(f"--free-bend: model {model} is learned from a target as it is given; solve another with it")
     if reference == ALL_VIEWS:

@@ -7,13 +7,15 @@ import io
 import os
 import shlex
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections import UserDict
+from collections.abc import Callable, Collection, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from contextvars import ContextVar
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import wraps
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TextIO, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TextIO, TypeVar, cast
 
 import typer
 from typer.core import TyperGroup
@@ -23,7 +25,7 @@ from designer.base.errors import InputError
 from designer.base.words import printable
 
 if TYPE_CHECKING:
-    from typer._click import Context, HelpFormatter
+    from typer._click import Command, Context, HelpFormatter
 
 NEGATIVE, BAD_INPUT, STOPPED = 1, 2, 130
 JSON = "--json"
@@ -41,8 +43,48 @@ OUT, ERR = 1, 2
 """What the operating system calls them."""
 
 
+@dataclass(frozen=True)
+class Later:
+    """A command, or a group of commands, whose module is loaded when it is used."""
+
+    place: str  # "module:name" of a function, or of an app
+    task: str | None = None  # under which the program's help lists it
+
+    def loaded(self, name: str) -> "Command":
+        """The command, under its name on the command line."""
+        module, _, word = self.place.partition(":")
+        kept = getattr(import_module(module), word)
+        if not isinstance(kept, typer.Typer):
+            alone = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+            command(alone, name, self.task)(kept)
+            return typer.main.get_command(alone)
+        group = typer.main.get_group(kept)
+        group.name, group.rich_help_panel = name, self.task
+        return group
+
+
+class _Commands(UserDict[str, "Command | Later"]):
+    """Commands by their names; one that is loaded later is when it is looked up."""
+
+    def __getitem__(self, name: str) -> "Command | Later":
+        made = super().__getitem__(name)
+        if isinstance(made, Later):
+            self[name] = made = made.loaded(name)
+        return made
+
+
 class _ByTask(TyperGroup):
     """Lists commands under what they are for, in the order in which they were made."""
+
+    later: Mapping[str, Later] = {}
+
+    def __init__(self, **given: Any) -> None:  # noqa: ANN401  # whatever typer's own takes
+        super().__init__(**given)
+        self.commands = cast("MutableMapping[str, Command]", _Commands({**self.commands, **self.later}))
+
+    def list_commands(self, ctx: "Context") -> list[str]:
+        """Names, without a look at what they stand for."""
+        return list(self.commands)
 
     def format_commands(self, ctx: "Context", formatter: "HelpFormatter") -> None:
         """Write a section for each task."""
@@ -58,10 +100,20 @@ class _ByTask(TyperGroup):
                 formatter.write_dl(rows)
 
 
-def new_app(name: str, about: str) -> typer.Typer:
-    """A program with `-h`, `--version`, and its commands listed by task."""
+def new_app(name: str, about: str, commands: Mapping[str, Later]) -> typer.Typer:
+    """A program with `-h`, `--version`, and its commands listed by task.
+
+    Args:
+        name: of the program.
+        about: it, for its help.
+        commands: by their names, those that are loaded when they are used; they are listed after others.
+    """
+
+    class Program(_ByTask):
+        later = commands
+
     app = typer.Typer(
-        name=name, help=about, cls=_ByTask, rich_markup_mode=None, pretty_exceptions_enable=False,
+        name=name, help=about, cls=Program, rich_markup_mode=None, pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
     )  # fmt: skip
 
@@ -123,6 +175,7 @@ def run(app: typer.Typer) -> None:
     """
     forgive_readers()
     _search_seldom_for_cycles()
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else all installed packages are asked for some
     name = app.info.name if isinstance(app.info.name, str) else Path(sys.argv[0]).name
     words = sys.argv[1:]
     line = shlex.join([name, *words])

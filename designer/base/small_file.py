@@ -1,7 +1,9 @@
 """Text files that a person names: read whole, within bounds, with one line of reason where that cannot be."""
 
 import json
+import re
 import stat
+import tomllib
 from collections import Counter
 from os import PathLike, fspath
 from pathlib import Path
@@ -10,6 +12,7 @@ from typing import TypeAlias
 from designer.base.errors import InputError
 from designer.base.words import shown
 
+MAX_TOML_BYTES = 2**14
 JsonValue: TypeAlias = "dict[str, JsonValue] | list[JsonValue] | str | int | float | bool | None"
 
 
@@ -55,6 +58,26 @@ def read_small_text(path: Path, max_bytes: int, kind: str, errors: str = "strict
         if isinstance(error, InputError):
             raise
         raise InputError(f"{str(path)!r}: is no file name: {error}; check the path") from None
+
+
+def read_spec_file(path: Path) -> dict[str, object]:
+    """The keys and values of a spec or a printer profile in TOML, not yet checked.
+
+    Raises:
+        InputError: the file cannot be read or is no TOML; the message names file, line and column.
+    """
+    text = read_small_text(path, MAX_TOML_BYTES, "a TOML file of a few lines")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise InputError(f"{path}: nested too deep for a spec") from None
+    except tomllib.TOMLDecodeError as error:
+        place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)", str(error))
+        where = f"line {place[1]}, column {place[2]}" if place and place[1] else "at its end"
+        what = str(error)[: place.start()] if place else str(error)
+        raise InputError(f"{path}: {where}: {what[:1].lower()}{what[1:]}; not valid TOML") from None
+    except ValueError:  # Python refuses to read integers of thousands of digits
+        raise InputError(f"{path}: a number is too long; not a spec") from None
 
 
 def parse_json(text: str, path: Path, kind: str) -> JsonValue:

@@ -7,13 +7,11 @@ import difflib
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
 from designer.base.words import shown, suggestion
-from designer.spec.build import BUILDS
-from designer.spec.spec import Lattice
 
 PresetKind = Literal["targets", "printers", "cameras", "errors", "criteria", "rigs"]
 Complete = Callable[[str], list[str]]
@@ -85,11 +83,3 @@ rig_templates = _templates_of("rigs")
 def one_of(words: Sequence[str]) -> Complete:
     """These words, and no others."""
     return lambda incomplete: [word for word in words if word.startswith(incomplete)]
-
-
-OPTION_VALUES = {
-    "printer": printer_templates,
-    "build": one_of(tuple(BUILDS)),
-    "lattice": one_of(get_args(Lattice)),
-}
-"""What completes the option of a spec's field."""

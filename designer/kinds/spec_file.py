@@ -5,7 +5,6 @@ The command line's options are read by the same rules: a key of a file and an op
 
 import json
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +14,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from designer.base.codec import decode, encode
 from designer.base.errors import InputError
-from designer.base.small_file import JsonValue, read_small_text
+from designer.base.small_file import MAX_TOML_BYTES, JsonValue, read_small_text, read_spec_file
 from designer.base.units import (
     format_mm,
     format_skew,
@@ -33,7 +32,6 @@ from designer.spec.machine import Machine
 from designer.spec.options import Asked, AskedPrinting, Value, is_required, options_of
 from designer.spec.spec import Job, Lattice
 
-MAX_FILE_BYTES = 2**14
 LEAST_LENGTH_MM = 0.0005
 
 RawValue = object
@@ -311,31 +309,11 @@ def with_corrections(
         f'skew_compensation = "{format_skew(skew_rad)}"',
     )
     names = tuple(row.split(" ")[0] for row in rows)
-    kept = [line for line in read_small_text(path, MAX_FILE_BYTES, "a TOML file").splitlines()
+    kept = [line for line in read_small_text(path, MAX_TOML_BYTES, "a TOML file").splitlines()
             if line.split("=")[0].strip() not in names]  # fmt: skip
     # Keys of the printer itself stand before its tables.
     first = next((at for at, line in enumerate(kept) if line.strip() and not line.lstrip().startswith("#")), len(kept))
     return "\n".join((*kept[:first], *rows, *kept[first:])) + "\n"
-
-
-def read_spec_file(path: Path) -> dict[str, RawValue]:
-    """The keys and values of a spec or a printer profile in TOML, not yet checked.
-
-    Raises:
-        InputError: the file cannot be read or is no TOML; the message names file, line and column.
-    """
-    text = read_small_text(path, MAX_FILE_BYTES, "a TOML file of a few lines")
-    try:
-        return tomllib.loads(text)
-    except RecursionError:
-        raise InputError(f"{path}: nested too deep for a spec") from None
-    except tomllib.TOMLDecodeError as error:
-        place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)", str(error))
-        where = f"line {place[1]}, column {place[2]}" if place and place[1] else "at its end"
-        what = str(error)[: place.start()] if place else str(error)
-        raise InputError(f"{path}: {where}: {what[:1].lower()}{what[1:]}; not valid TOML") from None
-    except ValueError:  # Python refuses to read integers of thousands of digits
-        raise InputError(f"{path}: a number is too long; not a spec") from None
 
 
 def _validate(model: type[_Model], values: Mapping[str, RawValue], origin: str) -> _Model:

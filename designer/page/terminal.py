@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from designer.base.words import printable
-from designer.page.blocks import Facts, Finding, Headline, Level, Table
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from designer.page.blocks import Facts, Finding, Headline, Level, Table
+
 WIDE = 240
 """Columns where there is no terminal: nobody's window is narrow, so a row is a line."""
 
-MARKS: dict[Level, tuple[str, str]] = {
+MARKS: "dict[Level, tuple[str, str]]" = {
     "good": ("good", "green"), "usable": ("usable", "yellow"), "bad": ("bad", "red"), "note": ("note", "dim"),
 }  # fmt: skip
 """The word of a level, and its colour where there is colour; the word alone says it all."""
@@ -42,7 +43,7 @@ def table_console() -> "Console":
     return Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else WIDE)
 
 
-def say_headline(headline: Headline) -> None:
+def say_headline(headline: "Headline") -> None:
     """The answer."""
     from rich.text import Text
 
@@ -50,14 +51,14 @@ def say_headline(headline: Headline) -> None:
     table_console().print(line.append(printable(headline.sentence), "default not bold"))
 
 
-def say_facts(facts: Facts) -> None:
+def say_facts(facts: "Facts") -> None:
     """Names and their values, a line each, one below the other."""
     width = max((len(name) for name, _ in facts.rows), default=0)
     for name, value in facts.rows:
         say_line(name.ljust(width), value)
 
 
-def say_findings(findings: Iterable[Finding]) -> None:
+def say_findings(findings: "Iterable[Finding]") -> None:
     """What was checked or noticed, a line each."""
     from rich.text import Text
 
@@ -93,7 +94,7 @@ def say_written(folder: Path, files: Sequence[Path]) -> None:
     say_line("wrote", f"{shown(folder)}: {named}{more}{folders}")
 
 
-def say_table(table: Table) -> None:
+def say_table(table: "Table") -> None:
     """A table as the page has it, without columns that are empty."""
     from rich.table import Table as Grid
     from rich.text import Text

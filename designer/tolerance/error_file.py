@@ -8,10 +8,10 @@ from typing import Annotated
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from designer.base.errors import InputError
+from designer.base.small_file import read_spec_file
 from designer.base.units import parse_length_mm
 from designer.base.words import several, shown, suggestion
 from designer.kinds.presets import preset_or_file
-from designer.kinds.spec_file import RawValue, read_spec_file
 from designer.tolerance.amount_text import parse_amount, parse_expansion
 from designer.tolerance.effort import Effort, parse_effort
 from designer.tolerance.model import SHAPES, ErrorModel, PieceWords, Shape
@@ -21,7 +21,7 @@ from designer.tolerance.sources import SOURCES, source_named
 Text = Annotated[str, Field(min_length=1)]
 
 
-def _as_text(value: RawValue) -> str:
+def _as_text(value: object) -> str:
     """A quantity as text; a bare number stands for itself."""
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         raise ValueError("must be a quantity such as 'normal 0.1mm'")

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from designer.base.errors import InputError
 from designer.spec.build import BUILDS, builds_of
 from designer.target import TargetGeometry
-from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.prior import ShapePrior, measured_prior, shape_prior
 
@@ -29,6 +28,8 @@ def error_model_for(target: TargetGeometry) -> Assumed | None:
 
     So it is with measured targets, and with simulated parts.
     """
+    from designer.tolerance.error_file import error_model
+
     if target.source != "nominal":
         return None
     # A file made by hand may name a build that is not for its form.
@@ -87,6 +88,8 @@ def how_made(target: TargetGeometry | None, asked: str | None = None, *, rendere
     Raises:
         InputError: no such template or file, or one for points without a target.
     """
+    from designer.tolerance.error_file import error_model
+
     if asked == EXACT:
         return Made(EXACT, "", None)
     if target is None:

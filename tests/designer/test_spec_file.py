@@ -9,13 +9,13 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from designer.base.errors import InputError
+from designer.base.small_file import MAX_TOML_BYTES
 from designer.kinds.board import AskedBoard
 from designer.kinds.ico import AskedIco
 from designer.kinds.presets import preset_names, preset_or_file
 from designer.kinds.sizing import printer_of, size_job
 from designer.kinds.spec_file import (
     FORMATS,
-    MAX_FILE_BYTES,
     RawValue,
     parse_printing,
     parse_spec,
@@ -121,7 +121,7 @@ def test_syntax_errors_name_line_and_column(text: str, place: str, tmp_path: Pat
 
 @pytest.mark.parametrize(
     "content",
-    [b"\xff\xfe", b"\x00", b"edge = " + b"1" * 5000, b"edge = " + b"[" * 9000, b"#" * (MAX_FILE_BYTES + 1), b"\x7fELF"],
+    [b"\xff\xfe", b"\x00", b"edge = " + b"1" * 5000, b"edge = " + b"[" * 9000, b"#" * (MAX_TOML_BYTES + 1), b"\x7fELF"],
     ids=["not UTF-8", "NUL", "long number", "deep", "large", "binary"],
 )
 def test_other_files_are_refused(content: bytes, tmp_path: Path) -> None:
@@ -130,7 +130,7 @@ def test_other_files_are_refused(content: bytes, tmp_path: Path) -> None:
         read_spec_file(written(tmp_path, content))
     assert len(str(raised.value).splitlines()) == 1
     assert len(str(raised.value)) < 500
-    assert (f"more than {MAX_FILE_BYTES} bytes" in str(raised.value)) == (len(content) > MAX_FILE_BYTES)
+    assert (f"more than {MAX_TOML_BYTES} bytes" in str(raised.value)) == (len(content) > MAX_TOML_BYTES)
 
 
 def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:

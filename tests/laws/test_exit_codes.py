@@ -212,7 +212,7 @@ def test_the_table_is_of_all_commands_and_each_has_the_option(
 @pytest.mark.parametrize(
     ("words", "patched"),
     [
-        (("run", "board.target.json", "photos", "-o", "out"), "calib.api.run_result.write_search"),
+        (("run", "board.target.json", "photos", "-o", "out"), "calib.api.searching.write_search"),
         ((*SOLVE, "detections.csv"), "calib.api.solving.calibrate"),
         (("study", "paper", "--quick", "-o", "out"), "calib.studies.paper_study.missing_targets"),
         (("study", "compare", "--quick", "-o", "out"), "calib.studies.compare.cases.comparison"),

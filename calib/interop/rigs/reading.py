@@ -1,11 +1,13 @@
 """Rig files of any kind that is known, found out by their content, or by the files of a folder."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from calib.cameras.camera import CAMERA
 from calib.cameras.rig import MOST_CAMERAS, RIG, Rig
 from calib.interop.rigs import OWN_RIG, RIG_FORMATS
 from calib.interop.rigs.format import ReadRig, RigFiles, RigFormat
@@ -18,6 +20,7 @@ HEAD = 2**16
 """Characters from which a file's kind is told."""
 CLOSE_MM, FAR_MM = 2.0, 1e5
 """Cameras whose centres are all closer than this, or all farther apart, may be in another unit."""
+_OWN_CAMERA = re.compile(rf'\A\s*\{{\s*"format"\s*:\s*"{re.escape(CAMERA.format)}"')
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +80,9 @@ def rig_format_of(place: Path) -> RigFormat | None:
 
 
 def recognise_rig(text: str) -> RigFormat | None:
-    """The kind of rig file a text looks like, if it looks like any."""
+    """The kind of rig file a text looks like, if it looks like any; a camera's of ours is none."""
+    if _OWN_CAMERA.match(text):
+        return None
     return next((kind for kind in RIG_FORMATS.values() if kind.recognised.search(text[:HEAD])), None)
 
 

@@ -15,6 +15,8 @@ from calib.show.parts.folder_blocks import size_bytes, title_of
 from designer.base.words import cut, printable
 from designer.page.blocks import Finding, Findings, Gallery, Leaf, Level, Picture, Raster, is_linkable
 
+STANDS_OUT = 2.0
+"""A photo whose error is so many times the median of all is marked."""
 OVERLAYS = "overlays"
 """The folder in which `calib run` puts pictures of what it found."""
 BUDGET_BYTES = 4_500_000

@@ -1,16 +1,17 @@
 """Where photos were taken from, around a target or around the axes of its frame."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.number_text import figure as digits
-from calib.metrics.errors import centers_mm
-from calib.show.run.camera_scene import BODY, INK, body_words, first_look, view_of
-from designer.page.blocks import View3d
-from designer.page.scene import Labels, Layer, Scene, Segments
 from designer.target import TargetGeometry
-from designer.target_scene import AXES, camera_layer, camera_size_mm, target_layers
+
+if TYPE_CHECKING:
+    from designer.page.blocks import View3d
+    from designer.page.scene import Layer
 
 Array = NDArray[np.float64]
 
@@ -22,7 +23,9 @@ MOST_VIEWS = 3000
 """More pyramids make a page slow: then every second, third, ... is drawn."""
 
 
-def place_view(target: TargetGeometry | None, camera: Camera, cam_from_target: Array, names: tuple[str, ...]) -> View3d:
+def place_view(
+    target: TargetGeometry | None, camera: Camera, cam_from_target: Array, names: tuple[str, ...]
+) -> "View3d":
     """The scene and what it shows in words.
 
     Args:
@@ -31,6 +34,12 @@ def place_view(target: TargetGeometry | None, camera: Camera, cam_from_target: A
         cam_from_target: where it stood.  # (V, 4, 4)
         names: of the photos, as they are said.  # (V,)
     """
+    from calib.metrics.errors import centers_mm
+    from calib.show.run.camera_scene import BODY, INK, body_words, first_look, view_of
+    from designer.page.blocks import View3d
+    from designer.page.scene import Scene
+    from designer.target_scene import camera_layer, camera_size_mm, target_layers
+
     every = -(-len(names) // MOST_VIEWS)
     poses = cam_from_target[::every]
     size_mm = camera_size_mm(poses)
@@ -49,6 +58,8 @@ def place_view(target: TargetGeometry | None, camera: Camera, cam_from_target: A
 
 def place_words(target: TargetGeometry | None, cam_from_target: Array) -> str:
     """From where photos were taken, as a sentence."""
+    from calib.metrics.errors import centers_mm
+
     centre = centers_mm(cam_from_target)
     photos = "1 photo" if len(centre) == 1 else f"{len(centre)} photos"
     words = f"{photos} from {distance_words(cam_from_target)} away"
@@ -74,8 +85,11 @@ def tilts_deg(target: TargetGeometry, cam_from_target: Array) -> Array:
     return tilt if target.is_planar else np.minimum(tilt, 180.0 - tilt)
 
 
-def _axes(poses: Array) -> tuple[Layer, ...]:
+def _axes(poses: Array) -> "tuple[Layer, ...]":
     """The axes of the target's frame with their letters."""
+    from designer.page.scene import Labels, Layer, Segments
+    from designer.target_scene import AXES
+
     usual = float(np.median(np.linalg.norm(poses[:, :3, 3], axis=1)))
     length = max(AXIS_SHARE * usual, 1e-3)
     ends = np.zeros((3, 2, 3))

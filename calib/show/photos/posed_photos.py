@@ -16,7 +16,7 @@ from calib.observe.photos import PhotoResult
 from calib.observe.records import common_remarks
 from calib.observe.target_poses import PoseResult, TargetPose
 from calib.show.parts.folder_blocks import number, some_of, whole
-from calib.show.parts.gallery import shortened
+from calib.show.parts.gallery import STANDS_OUT, shortened
 from calib.show.parts.kept_target import TARGET_FILE, target_words
 from calib.show.photos.photos_file import (
     PHOTOS_FILE,
@@ -28,7 +28,6 @@ from calib.show.photos.photos_file import (
     worst_level,
 )
 from calib.show.photos.place_scene import distance_words
-from calib.show.run.photos import STANDS_OUT
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph
 
 GOOD_RMS_PX, USABLE_RMS_PX = 0.5, 2.0

@@ -15,7 +15,7 @@ from calib.observe.photos import PhotoResult
 from calib.observe.target_poses import PoseResult, target_pose
 from calib.records.rig_poses_file import CameraResidual, RigPoseResult, RigTargetPose
 from calib.show.parts.folder_blocks import number, some_of, whole
-from calib.show.parts.gallery import shortened
+from calib.show.parts.gallery import STANDS_OUT, shortened
 from calib.show.parts.kept_target import target_words
 from calib.show.photos.photos_file import (
     PHOTOS_FILE,
@@ -27,7 +27,6 @@ from calib.show.photos.photos_file import (
     worst_level,
 )
 from calib.show.photos.posed_photos import WORDS
-from calib.show.run.photos import STANDS_OUT
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph, Table
 

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from calib.core.types import LEAST_RADIUS_PX, Detections
 from calib.detector.borders import reduced, reduction, thresholds
 from calib.detector.candidates import Candidates, find_candidates
-from calib.detector.looks_like import looks_like
 from calib.detector.plan import plan_for
 from designer.target import TargetGeometry
 
@@ -38,6 +37,8 @@ def why_nothing(pixels: NDArray[np.generic], target: TargetGeometry) -> str:
     Rings whose white centre is no longer resolved are dark spots all of one size: then the target is there, and too
     small in the photo.
     """
+    from calib.detector.looks_like import looks_like
+
     factor = reduction((pixels.shape[0], pixels.shape[1]))
     grey, ratio = reduced(pixels, factor), plan_for(target).ratio
     spots, rings = 0, 0

@@ -10,8 +10,8 @@ import numpy as np
 from calib.records.rig_file import CAMERAS, folder_names
 from calib.rigs.camera_alone import camera_alone
 from calib.rigs.result import RigCalibration
-from calib.show.parts.gallery import OVERLAYS, Shot, gallery
-from calib.show.run.photos import STANDS_OUT, PhotoRow, caption_of, overlay_paths
+from calib.show.parts.gallery import OVERLAYS, STANDS_OUT, Shot, gallery
+from calib.show.run.photos import PhotoRow, caption_of, overlay_paths
 from calib.solver.calibration import Calibration
 from calib.verdict.views import ViewFacts, view_facts
 from designer.page.blocks import Section

@@ -16,15 +16,12 @@ from calib.metrics.evaluation import Evaluation, by_view
 from calib.observe.photos import OVERLAY_MARK
 from calib.observe.records import ImageRecord, Records, common_remarks
 from calib.show.parts.folder_blocks import number, whole
-from calib.show.parts.gallery import OVERLAYS, Shot, gallery, shortened
+from calib.show.parts.gallery import OVERLAYS, STANDS_OUT, Shot, gallery, shortened
 from calib.verdict.views import view_facts
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Finding, Findings, Leaf, Level, Section, Table
 
 Array = NDArray[np.float64]
-
-STANDS_OUT = 2.0
-"""A photo whose error is so many times the median of all is marked."""
 
 
 @dataclass(frozen=True)

@@ -3,29 +3,16 @@
 import math
 import shlex
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calib.cameras.camera import Camera
 from calib.cameras.field_of_view import field_of_view
 from calib.core.number_text import figure as digits
-from calib.figures.fields import systematic_drawing
-from calib.figures.histograms import distribution_drawing
-from calib.figures.sigma_map import SigmaMap
 from calib.metrics.residual_cells import cells_of, cells_of_residuals, columns_rows, residuals_of
 from calib.observe.records import ImageRecord
 from calib.records.run_folder import Run, Solved
-from calib.show.run.figures import (
-    apart_figure,
-    apart_words,
-    coverage_figure,
-    figure_of,
-    halves_words,
-    next_views_figure,
-    residuals_figure,
-    sizes_figure,
-    systematic_figure,
-)
 from calib.show.run.tables import errors_table, focal_length, models_table, parameters_table
 from calib.verdict.apart import Known, apart
 from calib.verdict.checks import LEAST_PX, px
@@ -48,6 +35,9 @@ from designer.page.blocks import (
     Section,
     Steps,
 )
+
+if TYPE_CHECKING:
+    from calib.figures.sigma_map import SigmaMap
 
 LEVELS: dict[Grade, Level] = {"good": "good", "usable": "usable", "bad": "bad", "unknown": "note"}
 WORDS: dict[Grade, str] = {"good": "good", "usable": "usable", "bad": "do not use", "unknown": "not checked"}
@@ -183,6 +173,8 @@ def steps_of(run: Run) -> tuple[str, ...]:
 
 def next_section(run: Run) -> Section | None:
     """What to do better next time, and a sketch of where to hold the target; None if there is nothing."""
+    from calib.show.run.figures import next_views_figure
+
     blocks: list[Block] = []
     if steps := steps_of(run):
         blocks.append(Steps(tuple(as_sentence(line.replace("`", "")) for line in steps)))
@@ -216,7 +208,7 @@ def halves_of(run: Run) -> HalvesApart | NoHalves:
     return halves_apart(split, best.coverage)
 
 
-def accuracy_section(run: Run, found: SigmaMap, halves: HalvesApart | NoHalves) -> Section:
+def accuracy_section(run: Run, found: "SigmaMap", halves: HalvesApart | NoHalves) -> Section:
     """The residuals, and how certain the camera is.
 
     Args:
@@ -224,6 +216,17 @@ def accuracy_section(run: Run, found: SigmaMap, halves: HalvesApart | NoHalves) 
         found: how uncertain the best camera is over the image.
         halves: how far cameras of halves of its photos lie apart.
     """
+    from calib.figures.fields import systematic_drawing
+    from calib.figures.histograms import distribution_drawing
+    from calib.show.run.figures import (
+        coverage_figure,
+        figure_of,
+        halves_words,
+        residuals_figure,
+        sizes_figure,
+        systematic_figure,
+    )
+
     best = run.best
     checks = () if run.verdict is None else run.verdict.checks
     checked = {check.name: printable(check.sentence) for check in checks}
@@ -246,6 +249,8 @@ def accuracy_section(run: Run, found: SigmaMap, halves: HalvesApart | NoHalves) 
 
 def _halves_block(best: Solved, halves: HalvesApart | NoHalves) -> Block:
     """A map of how far the cameras of halves of the photos lie apart, or why there is none."""
+    from calib.show.run.figures import apart_figure, apart_words
+
     if isinstance(halves, NoHalves):
         return Paragraph(f"Halves of the photos were not compared: {printable(halves.reason)}.")
     words = (
@@ -258,6 +263,8 @@ def _halves_block(best: Solved, halves: HalvesApart | NoHalves) -> Block:
 
 def models_section(run: Run) -> Section:
     """Cameras of other models: their errors, where they differ from the best, and the residuals of each."""
+    from calib.show.run.figures import apart_figure, apart_words
+
     best = run.best
     differences: list[Block] = []
     words = []
@@ -283,6 +290,9 @@ def models_section(run: Run) -> Section:
 
 def _fields(solved: Sequence[Solved]) -> list[Figure]:
     """The systematic residuals of several models in one scale of colours."""
+    from calib.figures.fields import systematic_drawing
+    from calib.show.run.figures import systematic_figure
+
     residuals = [residuals_of(one.evaluation) for one in solved]
     shape = columns_rows(residuals[0].image_size, min(len(field.pixel) for field in residuals))
     cells = [cells_of(field.image_size, field.pixel, field.residual_px, shape) for field in residuals]

@@ -7,10 +7,11 @@ medians of 12 sets of photos of each object, about 30 photos of a board, about 9
 import math
 from dataclasses import dataclass
 
+from designer.base.small_file import read_spec_file
 from designer.kinds.layout import lay_out
 from designer.kinds.presets import preset_or_file
 from designer.kinds.sizing import size_job
-from designer.kinds.spec_file import parse_spec, read_spec_file
+from designer.kinds.spec_file import parse_spec
 from designer.target import TargetGeometry
 
 VIRTUAL = "virtual"

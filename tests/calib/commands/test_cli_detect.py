@@ -274,7 +274,7 @@ def test_results_keep_the_order_and_memory_the_limit(folder: Path) -> None:
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit])
 def test_a_stopped_run_leaves_nothing(stop: type[BaseException], folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A run that is interrupted before its end writes no table, no overlay, and no temporary file."""
-    monkeypatch.setattr("calib.api.run_result.write_search", raising(stop))
+    monkeypatch.setattr("calib.api.searching.write_search", raising(stop))
     with pytest.raises(stop):
         run("photos", out="d.csv", overlay="o")
     assert list(Path("o").iterdir()) == []

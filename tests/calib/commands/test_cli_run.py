@@ -299,7 +299,7 @@ def test_ctrl_c_keeps_what_is_finished(detector: Detector, monkeypatch: pytest.M
 
     before = files_in(folder)
     with monkeypatch.context() as patch:
-        patch.setattr("calib.api.run_result.write_search", interrupted)
+        patch.setattr("calib.api.searching.write_search", interrupted)
         answer = calib("run", "board.target.json", "photos", "-o", "out/x")
         assert (answer.code, answer.err) == (130, "stopped; nothing was written\n")
         assert files_in(folder) == before
@@ -308,7 +308,7 @@ def test_ctrl_c_keeps_what_is_finished(detector: Detector, monkeypatch: pytest.M
         answer = calib("run", "board.target.json", "photos", "-o", "out")
         assert (answer.code, answer.err) == (130, "stopped; finished and kept: out/detections.csv, out/luhmann\n")
     with monkeypatch.context() as patch:
-        patch.setattr("calib.api.run_result.calibration_figures", interrupted)
+        patch.setattr("calib.figures.calibration_figures", interrupted)
         answer = calib(*quick("photos"))
         assert (answer.code, answer.err) == (130, "stopped; finished and kept: out/detections.csv, out\n")
     assert not [name for name in files_in(folder) if "unfinished" in name]

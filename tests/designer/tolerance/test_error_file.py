@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from designer.base.errors import InputError
+from designer.base.small_file import MAX_TOML_BYTES, read_spec_file
 from designer.kinds.presets import preset_folder, preset_names
-from designer.kinds.spec_file import MAX_FILE_BYTES, read_spec_file
 from designer.make.bed import printed_size_mm
 from designer.spec.build import BUILDS
 from designer.tolerance.amount_text import parse_amount, parse_expansion
@@ -219,7 +219,7 @@ def test_files_are_read_within_bounds(tmp_path: Path) -> None:
     assert "did you mean 'fdm-dual'?" in refusal("fdm-daul")
     assert "no such file" in refusal(str(tmp_path / "none.toml"))
     assert "unknown error template" in refusal(str(tmp_path))
-    assert f"more than {MAX_FILE_BYTES} bytes" in refusal(written(tmp_path, GOOD + "#" * MAX_FILE_BYTES))
+    assert f"more than {MAX_TOML_BYTES} bytes" in refusal(written(tmp_path, GOOD + "#" * MAX_TOML_BYTES))
 
 
 def test_templates_are_the_file_format() -> None:
