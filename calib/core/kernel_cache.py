@@ -10,6 +10,7 @@ user's folder has none for this very processor, which are up to an eighth faster
 """
 
 import hashlib
+import io
 import os
 import pickle
 import sys
@@ -23,6 +24,8 @@ import numpy as np
 from numba.core import sigutils, types
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
+from numba.core.environment import Environment, lookup_environment
+from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 
 from calib.core.kernel_code import Kernel, code_digest, label, types_text
@@ -49,7 +52,6 @@ class _Processor(Protocol):
 class _Target(Protocol):
     """Where code is put."""
 
-    def refresh(self) -> None: ...
     def codegen(self) -> _Processor: ...
 
 
@@ -98,7 +100,7 @@ class KernelCache(_Cache):
 
     def load_overload(self, sig: object, target_context: _Target) -> _Compiled | None:
         """The compiled code for such arguments, or None; an entry that cannot be read is none."""
-        target_context.refresh()
+        rtsys.initialize(target_context)  # not `refresh`, which loads all that compiles, SciPy's linear algebra too
         if not self._enabled:
             return None
         arguments, _ = sigutils.normalize_signature(sig)
@@ -110,7 +112,7 @@ class KernelCache(_Cache):
         if payload is None:
             return None
         try:
-            parts = pickle.loads(payload.partition(b"\n")[2])  # noqa: S301  # of a folder that only the user may write
+            parts = _Reader(io.BytesIO(payload.partition(b"\n")[2])).load()
             return cast("_Compiled", CompileResult._rebuild(target_context, *parts))
         except Exception:  # whatever is wrong with an entry, the kernel can be compiled
             return None
@@ -153,3 +155,27 @@ def _may_use_carried() -> bool:
 
     host = get_host_cpu_features()
     return all(host.get(feature, False) for feature in BASELINE_FEATURES)
+
+
+class _Reader(pickle.Unpickler):
+    """Reads an entry of a folder that only the user may write, and loads nothing but what the kernel itself takes.
+
+    An environment (what a kernel keeps of Python's) names the module that it comes from. Numba loads that, to have the
+    names in it; compiled code asks for the constants alone, and a kernel holds those of many modules.
+    """
+
+    def find_class(self, module: str, name: str) -> object:
+        """Numba's own, but for environments."""
+        is_environment = (module, name) == ("numba.core.environment", "_rebuild_env")
+        return _environment if is_environment else super().find_class(module, name)
+
+
+def _environment(module: str, constants: list[object], name: str) -> Environment:
+    """As `numba.core.environment._rebuild_env`, without loading the module."""
+    known = lookup_environment(name)
+    if known is None:
+        known = Environment(vars(sys.modules[module]) if module in sys.modules else {"__name__": module})
+        known.consts[:] = constants
+        known.env_name = name
+        Environment._memo[name] = known
+    return cast("Environment", known)
