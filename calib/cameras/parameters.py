@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from math import inf, prod
 
 import numpy as np
@@ -88,7 +89,7 @@ class CompiledModel:
         """Unit directions (..., 3) at pixels (..., 2); nan where there is none."""
         flat = _read_only(np.ascontiguousarray(pixel, dtype=np.float64).reshape(-1, 2))
         ray = np.empty((len(flat), 3))
-        self.fill_rays(camera.params, *self.lens(camera), flat, ray)
+        self.fill_rays(camera.params, *_seen_through(self.lens, camera), flat, ray)
         to_unit(ray)
         return ray.reshape(*np.shape(pixel)[:-1], 3)
 
@@ -96,14 +97,22 @@ class CompiledModel:
         """Pixels (..., 2) of points (..., 3); nan behind the camera and where there is none."""
         flat = _read_only(np.ascontiguousarray(point, dtype=np.float64).reshape(-1, 3))
         pixel = np.empty((len(flat), 2))
-        self.fill_pixels(camera.params, *self.lens(camera), flat, pixel)
+        self.fill_pixels(camera.params, *_seen_through(self.lens, camera), flat, pixel)
         return pixel.reshape(*np.shape(point)[:-1], 2)
 
     def linearise(self, camera: Camera, point: NDArray[np.float64]) -> Linearised:
         """Pixels of points (3, N) with their derivatives."""
         rows = np.empty((8 + 2 * len(self.parameters), point.shape[1]))
-        self.fill_linear(camera.params, *self.lens(camera), np.ascontiguousarray(point, dtype=np.float64), rows)
+        self.fill_linear(
+            camera.params, *_seen_through(self.lens, camera), np.ascontiguousarray(point, dtype=np.float64), rows
+        )
         return Linearised(rows)
+
+
+@lru_cache(maxsize=4)
+def _seen_through(lens: Callable[[Camera], tuple[object, ...]], camera: Camera) -> tuple[object, ...]:
+    """What a model makes of a camera: a solver asks for it chunk by chunk, and finding a fold takes as long as one."""
+    return lens(camera)
 
 
 def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -16,11 +16,14 @@ class Registry(Mapping[str, Entry]):
     def __init__(self, package: str, word: str, names: Collection[str]) -> None:
         """Remember the names, in the order in which they are offered, and the word by which a file calls its entry."""
         self._package, self._word, self._names = package, word, names
+        self._used: dict[str, Entry] = {}
 
     def __getitem__(self, name: str) -> Entry:
-        if name not in self._names:
-            raise KeyError(name)
-        return cast("Entry", getattr(import_module(f"{self._package}.{name}"), self._word))
+        if name not in self._used:
+            if name not in self._names:
+                raise KeyError(name)
+            self._used[name] = cast("Entry", getattr(import_module(f"{self._package}.{name}"), self._word))
+        return self._used[name]
 
     def __contains__(self, name: object) -> bool:
         return name in self._names

@@ -11,7 +11,9 @@ the length whose fourth power is the mean of all, N (N + 2); what is left to cha
 """
 
 import math
+import os
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,7 +114,8 @@ def _law(first: FirstOrder, sources: Sequence[_Source], seed: int) -> SquareLaw:
     if not sources:
         return SquareLaw(_row(noise), (), (), (), (), ())
     without = bare_draw(first.setting, np.zeros_like(first.setting.observations.center_px))
-    missed = [_missed(first, one, without, seed) for one in sources]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # most of it is in kernels, which run side by side
+        missed = list(pool.map(lambda one: _missed(first, one, without, seed), sources))
     fixed = _products(first, np.stack([one.known for one in sources], axis=2))
     drawn, third, fourth = (_rows(np.array(rows)) for rows in zip(*missed, strict=True))
     return SquareLaw(_row(noise), _rows(np.array([one.drawn for one in sources])), fixed, drawn, third, fourth)
@@ -159,11 +162,16 @@ def _beyond_law(first: FirstOrder, source: _Source, values: Sequence[Array], wit
     """Exact squares of D sets of numbers and of the same with the other sign, less the law's.  # (D, 2, Q)"""
     moved = source.columns @ np.stack([one.reshape(-1) for one in values], axis=1)
     linear = responses(first, moved).square.T
-    exact = np.array([
-        [with_errors(first.setting, REFERENCE, {source.name: sign * one}, without) for sign in (1.0, -1.0)]
-        for one in values
-    ])  # fmt: skip
-    beyond: Array = exact**2 - linear[:, None]
+    known: dict[bytes, Array] = {}  # of an error that is one number, all draws are that or its opposite
+
+    def exact(numbers: Array) -> Array:
+        key = numbers.tobytes()
+        if key not in known:
+            known[key] = with_errors(first.setting, REFERENCE, {source.name: numbers}, without)
+        return known[key]
+
+    squares = np.array([[exact(one), exact(-one)] for one in values]) ** 2
+    beyond: Array = squares - linear[:, None]
     return beyond
 
 
