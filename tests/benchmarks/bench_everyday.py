@@ -1,9 +1,14 @@
 """How long everyday work takes: a photo, a run, a solution, a design, a what-if; each beside its peer in the same run.
 
 Run from the repository's root: `python -m tests.benchmarks.bench_everyday [--rows detect,solve] [--runs N]
-[--folder DIR]`. After one run that is not counted (it compiles), the median of five: of the wall clock, and of the
-processor's seconds (user and system, of all threads and processes). Whole commands run as a user runs them; the
+[--folder DIR] [--accept]`. After one run that is not counted (it compiles), the median of five: of the wall clock, and
+of the processor's seconds (user and system, of all threads and processes). Whole commands run as a user runs them; the
 detector, the solver and their peers on one core, in turns, so that a busy machine slows all alike.
+
+So that no figure slips back unseen, `everyday_accepted.json` beside this file keeps what each row took when it was
+last accepted: its processor's seconds over those of its peer in the same run, which another machine, or a busy one,
+hardly changes. What takes more than a tenth longer than that is told at the end, and the exit code is 1; `--accept`
+keeps the ratios of this run instead. Whole commands have `python -c 'import numba'` as that peer.
 
 The photos are rendered: an icosahedron of 100 mm edge, 5 megapixels. Peers: `cv2.aruco.CharucoDetector` with corner
 refinement on a board of 256 corners, 5 megapixels and 1280 x 720; `cv2.calibrateCamera`; the same solid made by
@@ -12,6 +17,7 @@ the rendered photos for the next time.
 """
 
 import argparse
+import json
 import os
 import resource
 import statistics
@@ -35,6 +41,10 @@ MODULE = "tests.benchmarks.bench_everyday"
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"), "1"
 )  # fmt: skip
+ACCEPTED_FILE = Path(__file__).with_name("everyday_accepted.json")
+WORSE = 0.10
+IMPORT = "import numba"
+"""The peer of whole commands: a process that loads a compiler, and does nothing."""
 EDGE, NAME = "100mm", "ico-100mm"
 PHOTOS = ("--views", "12", "--distance", "260mm..360mm", "--aim-offset", "40mm", "--random-roll", "--blur", "0.7px")
 CONTRAST_TO_NOISE = 50.0
@@ -59,6 +69,23 @@ class Setting:
 
     folder: Path
     runs: int
+    ratios: Path  # a line a row that was measured, from this process and from those on one core
+
+    def note(self, what: str, times: Times, peer: Times) -> None:
+        """Keep what a row took over what its peer did."""
+        with self.ratios.open("a") as file:
+            file.write(json.dumps([what, round(times.processor / peer.processor, 3)]) + "\n")
+
+    def whole(self, works: Mapping[str, Callable[[], object]]) -> dict[str, Times]:
+        """Medians of whole commands, noted beside the peer of all of them."""
+
+        def numba() -> object:
+            return subprocess.run([sys.executable, "-c", IMPORT], check=True)
+
+        times = in_turns({**works, IMPORT: numba}, self.runs)
+        for name in works:
+            self.note(name, times[name], times[IMPORT])
+        return times
 
 
 @dataclass(frozen=True)
@@ -176,6 +203,7 @@ def detection(setting: Setting) -> None:
     peer = times["ChArUco"].wall
     for (name, image), goal in zip(ours.items(), ("<= 0.15 s", "<= 0.10 s"), strict=True):
         rings = len(detect(image, target, name="").ring)
+        setting.note(f"detect, {name}", times[name], times["ChArUco"])
         tell(f"detect, {name}, {rings} rings", goal, times[name], f"ChArUco x {peer / times[name].wall:.1f}")
     for name, image in boards.items():
         tell(f"  cv2 {name}, {charuco_corners(image)} of {CORNERS} corners", "", times[name])
@@ -189,6 +217,7 @@ def solution(setting: Setting) -> None:
         seen = scene(grid(SIDE, SIDE, PITCH_MM), views)
         times = in_turns({"ours": lambda: ours(seen, "opencv"), "cv2": lambda: opencv(seen)}, setting.runs)  # noqa: B023
         ratio = times["cv2"].wall / times["ours"].wall
+        setting.note(f"solve, {views} views", times["ours"], times["cv2"])
         tell(f"solve, {views} views x {SIDE * SIDE}", goal, times["ours"], f"cv2.calibrateCamera x {ratio:.1f}")
         tell("  cv2.calibrateCamera", "", times["cv2"])
 
@@ -205,6 +234,7 @@ def large_photo(setting: Setting) -> None:
         {"ours": lambda: detect(image, target, name="large"), "bare": lambda: bare_pass(image)}, setting.runs
     )
     ratio = times["ours"].wall / times["bare"].wall
+    setting.note("detect, 100 megapixels", times["ours"], times["bare"])
     tell("detect, 100 megapixels, two cores", "<= 0.45 s", times["ours"], f"{ratio:.1f} x bare Otsu + findContours")
     tell("  bare Otsu + findContours", "", times["bare"])
 
@@ -213,40 +243,61 @@ def one_photo(setting: Setting) -> None:
     """The whole command, without and with the picture of what was found."""
     target, photo = target_file(setting), photo_folder(setting) / "view_0000.png"
     out = setting.folder / "one" / "detections.csv"
-    times = in_turns(
-        {
-            "calib detect": lambda: command("calib", "detect", target, photo, "-o", out),
-            "calib detect --overlay": lambda: command(
-                "calib", "detect", target, photo, "-o", out, "--overlay", out.parent / "overlay"
-            ),
-        },
-        setting.runs,
-    )
+    times = setting.whole({
+        "calib detect": lambda: command("calib", "detect", target, photo, "-o", out),
+        "calib detect --overlay": lambda: command(
+            "calib", "detect", target, photo, "-o", out, "--overlay", out.parent / "overlay"
+        ),
+    })  # fmt: skip
     tell("calib detect of one photo", "<= 1.2 s", times["calib detect"])
     tell("  the same with --overlay", "", times["calib detect --overlay"])
+    tell(f"  {IMPORT}", "", times[IMPORT])
+
+
+def tables(setting: Setting) -> None:
+    """A camera from a table of points, and its file for another tool: whole commands without a photo."""
+    from tests.benchmarks.bench_solve import PITCH_MM, SIDE, SIZE, grid, scene
+
+    seen, table = scene(grid(SIDE, SIDE, PITCH_MM), 20), setting.folder / "points.csv"
+    lines = [
+        f"{seen.view_names[view]},{u!r},{v!r},{x!r},{y!r},{z!r}"
+        for view, (u, v), (x, y, z) in zip(
+            seen.view.tolist(), seen.center_px.tolist(), seen.points.position_mm[seen.point].tolist(), strict=True
+        )
+    ]
+    table.write_text("\n".join([f"# image_size {SIZE[0]} x {SIZE[1]}", "image,u,v,X,Y,Z", *lines, ""]))
+    out = setting.folder / "solved"
+    times = setting.whole({
+        "calib solve": lambda: command("calib", "solve", table, "--model", "opencv", "-o", out, code=1),
+        "calib convert": lambda: command(
+            "calib", "convert", out / "camera.json", "--to", "opencv", "-o", setting.folder / "converted.yaml"
+        ),
+    })  # fmt: skip
+    tell("calib solve, 20 views", "", times["calib solve"])
+    tell("calib convert", "", times["calib convert"])
+    tell(f"  {IMPORT}", "", times[IMPORT])
 
 
 def calibration(setting: Setting) -> None:
     """Twelve photos to the verdict and the page."""
     target, photos = target_file(setting), photo_folder(setting)
     out = setting.folder / "camera"
-    times = in_turns({"run": lambda: command("calib", "run", target, photos, "-o", out, code=1)}, setting.runs)
-    tell("calib run, 12 photos of 5 megapixels", "<= 9 s", times["run"])
+    times = setting.whole({"calib run": lambda: command("calib", "run", target, photos, "-o", out, code=1)})
+    tell("calib run, 12 photos of 5 megapixels", "<= 9 s", times["calib run"])
 
 
 def design(setting: Setting) -> None:
     """The whole command, and the solid alone by CAD."""
     out = setting.folder / "design"
-    times = in_turns({"design": lambda: command("design", "ico", "--edge", EDGE, "-o", out)}, setting.runs)
-    peer = ""
+    times = setting.whole({"design ico": lambda: command("design", "ico", "--edge", EDGE, "-o", out)})
     try:
         from tests.benchmarks.bench_geometry import cad_route
 
         cad = in_turns({"cad": cad_route}, setting.runs)["cad"]
-        peer = f"build123d's solid alone x {cad.wall / times['design'].wall:.1f}"
+        peer = f"build123d's solid alone x {cad.wall / times['design ico'].wall:.1f}"
     except ImportError:
         peer = "no build123d here"
-    tell(f"design ico --edge {EDGE}", "<= 1.5 s", times["design"], peer)
+    tell(f"design ico --edge {EDGE}", "<= 1.5 s", times["design ico"], peer)
 
 
 def help_texts(setting: Setting) -> None:
@@ -259,8 +310,9 @@ def help_texts(setting: Setting) -> None:
             [sys.executable, "-c", f"import {package}"], check=True
         )
     works["python, nothing imported"] = lambda: subprocess.run([sys.executable, "-c", ""], check=True)
-    for name, times in in_turns(works, setting.runs).items():
-        tell(name, "<= 0.5 s" if "help" in name else "<= 0.05 s" if "import " in name else "", times)
+    for name, times in setting.whole(works).items():
+        goal = "<= 0.05 s" if name.startswith("import ") and name != IMPORT else ""
+        tell(name, "<= 0.5 s" if "help" in name else goal, times)
 
 
 def prediction(setting: Setting) -> None:
@@ -277,24 +329,27 @@ def prediction(setting: Setting) -> None:
     )
     out = setting.folder / "predicted"
     arguments = ("tolerance", target, "--errors", "fdm-dual", "--linear", "-o", out)
-    times = in_turns(
-        {"whole": lambda: command("design", *arguments), "alone": lambda: linear_table(scene, errors)}, setting.runs
-    )
-    tell("design tolerance --linear", "<= 3 s", times["whole"])
-    tell("  the prediction itself", "<= 0.3 s", times["alone"])
+    whole, alone = "design tolerance --linear", "linear prediction"
+    times = setting.whole({
+        whole: lambda: command("design", *arguments), alone: lambda: linear_table(scene, errors)
+    })  # fmt: skip
+    tell(whole, "<= 3 s", times[whole])
+    tell(f"  {alone} itself", "<= 0.3 s", times[alone])
 
 
 def requirement(setting: Setting) -> None:
     """How good a print must be, by draws."""
     arguments = ("tolerance", target_file(setting), "--errors", "fdm-dual", "--require", "intersection=0.1mm", "-o")
     folders = (setting.folder / f"required-{number}" for number in count())
-    times = in_turns({"whole": lambda: command("design", *arguments, next(folders), code=1)}, setting.runs)
-    tell("design tolerance --require", "<= 60 s", times["whole"])
+    whole = "design tolerance --require"
+    times = setting.whole({whole: lambda: command("design", *arguments, next(folders), code=1)})
+    tell(whole, "<= 60 s", times[whole])
 
 
 ROWS: Mapping[str, Row] = {
     "detect": Row(detection, on_one_core=True),
     "command": Row(one_photo, on_one_core=False),
+    "tables": Row(tables, on_one_core=False),
     "run": Row(calibration, on_one_core=False),
     "solve": Row(solution, on_one_core=True),
     "design": Row(design, on_one_core=False),
@@ -315,6 +370,22 @@ def measure(names: list[str], setting: Setting, *, on_one_core: bool) -> None:
         subprocess.run([sys.executable, "-m", MODULE, *arguments], check=True, env={**os.environ, **ONE_THREAD})
 
 
+def compared(ratios: Path, *, accept: bool) -> int:
+    """Tell of rows that take longer than was accepted, or accept what they take; how many are worse."""
+    known: dict[str, float] = json.loads(ACCEPTED_FILE.read_text()) if ACCEPTED_FILE.exists() else {}
+    new: dict[str, float] = dict(map(json.loads, ratios.read_text().splitlines()))
+    if accept:
+        ACCEPTED_FILE.write_text(json.dumps(known | new, indent=1) + "\n")
+        print(f"accepted: {', '.join(new)}")
+        return 0
+    worse = {name: ratio for name, ratio in new.items() if ratio > (1 + WORSE) * known.get(name, ratio)}
+    for name, ratio in worse.items():
+        print(f"WORSE: {name}: {ratio:.2f} x its peer, accepted were {known[name]:.2f}")
+    if unknown := [name for name in new if name not in known]:
+        print(f"not accepted yet (--accept): {', '.join(unknown)}")
+    return len(worse)
+
+
 def keep_on_one_core() -> None:
     """This process and its threads on one core, where the system can (Linux)."""
     cv2.setNumThreads(1)
@@ -327,6 +398,7 @@ def main() -> None:
     parser.add_argument("--rows", default=",".join(ROWS), help=f"of {', '.join(ROWS)} (default: all)")
     parser.add_argument("--runs", type=int, default=5, help="how often each is timed (default 5)")
     parser.add_argument("--folder", type=Path, help="where photos are kept (default: a temporary one)")
+    parser.add_argument("--accept", action="store_true", help="keep the ratios to peers as the accepted ones")
     parser.add_argument("--one-core", action="store_true", help="stay on one core, which rows of one core do anyway")
     options = parser.parse_args()
     names = options.rows.split(",")
@@ -335,7 +407,14 @@ def main() -> None:
     if options.one_core:
         keep_on_one_core()
     with tempfile.TemporaryDirectory() as scratch:
-        measure(names, Setting(options.folder or Path(scratch), options.runs), on_one_core=options.one_core)
+        folder = options.folder or Path(scratch)
+        setting = Setting(folder, options.runs, folder / "ratios.jsonl")
+        if not options.one_core:
+            setting.ratios.parent.mkdir(parents=True, exist_ok=True)
+            setting.ratios.write_text("")
+        measure(names, setting, on_one_core=options.one_core)
+        if not options.one_core and compared(setting.ratios, accept=options.accept):
+            sys.exit(1)
 
 
 if __name__ == "__main__":
