@@ -41,21 +41,26 @@ def loops_time_s(loops: Sequence[Array], pace: Pace) -> float:
     if not loops:
         return 0.0
     points, following, first = _joined(loops)
-    steps = points[following] - points
-    length = np.maximum(np.hypot(steps[:, 0], steps[:, 1]), 1e-9)
-    along = steps / length[:, None]
-    jump = np.abs(along - np.roll(along, 1, axis=0)).max(axis=1)
+    x, y = (points[following] - points).T
+    length = np.maximum(np.hypot(x, y), 1e-9)
+    x, y = x / length, y / length
+    jump = np.maximum(np.abs(x - _before(x)), np.abs(y - _before(y)))
     begin = np.minimum(pace.speed_mm_s, pace.jerk_mm_s / np.maximum(jump, 1e-9)) ** 2
     begin[first] = min(pace.speed_mm_s, pace.jerk_mm_s) ** 2  # the next line begins with a loop of its own
     gain = 2 * pace.acceleration_mm_s2 * length
-    last = np.roll(first, -1) - 1
+    last = np.append(first[1:], len(length)) - 1
     onward, backward = gain.copy(), gain.copy()
     onward[last] = backward[first] = _FREE  # each loop is begun and ended for itself
     forth = _reachable(begin, onward)
-    ends = _reachable(np.roll(begin, -1)[::-1], backward[::-1])[::-1]
-    starts = np.roll(ends, 1)
+    ends = _reachable(np.append(begin[1:], begin[0])[::-1], backward[::-1])[::-1]
+    starts = _before(ends)
     starts[first] = (ends + gain)[first]
     return float(_time_s(length, pace, np.minimum(forth, starts), np.minimum(ends, forth + gain)).sum())
+
+
+def _before(values: Array) -> Array:
+    """Of each the one before it, of the first the last: `np.roll` takes longer than what is done with it."""
+    return np.concatenate([values[-1:], values[:-1]])
 
 
 def _joined(loops: Sequence[Array]) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
