@@ -45,6 +45,8 @@ ACCEPTED_FILE = Path(__file__).with_name("everyday_accepted.json")
 WORSE = 0.10
 IMPORT = "import numba"
 """The peer of whole commands: a process that loads a compiler, and does nothing."""
+AS_INSTALLED = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+"""Where modules are compiled again and again, commands take a tenth longer than a user's."""
 EDGE, NAME = "100mm", "ico-100mm"
 PHOTOS = ("--views", "12", "--distance", "260mm..360mm", "--aim-offset", "40mm", "--random-roll", "--blur", "0.7px")
 CONTRAST_TO_NOISE = 50.0
@@ -80,7 +82,7 @@ class Setting:
         """Medians of whole commands, noted beside the peer of all of them."""
 
         def numba() -> object:
-            return subprocess.run([sys.executable, "-c", IMPORT], check=True)
+            return subprocess.run([sys.executable, "-c", IMPORT], check=True, env=AS_INSTALLED)
 
         times = in_turns({**works, IMPORT: numba}, self.runs)
         for name in works:
@@ -126,8 +128,9 @@ def command(program: str, *arguments: object, code: int = 0) -> None:
     """Run `design` or `calib` as a user does; an icosahedron's what-if may miss its limit, which is exit code 1."""
     package = {"design": "designer", "calib": "calib"}[program]
     run = subprocess.run(
-        [sys.executable, "-m", f"{package}.cli", *map(str, arguments)], capture_output=True, text=True, check=False
-    )
+        [sys.executable, "-m", f"{package}.cli", *map(str, arguments)],
+        capture_output=True, text=True, check=False, env=AS_INSTALLED,
+    )  # fmt: skip
     if run.returncode not in (0, code):
         raise RuntimeError(f"{program} {' '.join(map(str, arguments))}: {run.stderr}")
 
@@ -307,7 +310,7 @@ def help_texts(setting: Setting) -> None:
     }  # fmt: skip
     for package in ("designer", "calib"):
         works[f"import {package}"] = lambda package=package: subprocess.run(
-            [sys.executable, "-c", f"import {package}"], check=True
+            [sys.executable, "-c", f"import {package}"], check=True, env=AS_INSTALLED
         )
     works["python, nothing imported"] = lambda: subprocess.run([sys.executable, "-c", ""], check=True)
     for name, times in setting.whole(works).items():
