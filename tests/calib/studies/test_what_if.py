@@ -169,3 +169,17 @@ def test_a_table_from_before_there_were_coefficients_is_read() -> None:
     assert "What if" not in [one.title for one in study_sections(old, lambda _: ())]
     with pytest.raises(InputError, match="holds no coefficients; run the study again"):
         old.what_if(skew="1deg")
+
+
+def test_numbers_that_recur_are_calibrated_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No numbers of an error are calibrated twice; one that is a single number has one size drawn, and one known."""
+    calibrated: list[tuple[str, bytes]] = []
+
+    def counted(_setting: object, _errors: object, values: dict[str, np.ndarray], _bare: object) -> np.ndarray:
+        calibrated.extend((name, numbers.tobytes()) for name, numbers in values.items())
+        return np.ones(len(NAMES))
+
+    monkeypatch.setattr("calib.studies.tolerance.law.with_errors", counted)
+    what_if_table(ico_setting(), error_model("fdm-dual"), "fdm-dual", {}, seed=1)
+    assert len(calibrated) == len(set(calibrated))
+    assert [name for name, _ in calibrated].count("scale") == 2 * 2
