@@ -43,6 +43,8 @@ ONE_THREAD = dict.fromkeys(
 )  # fmt: skip
 ACCEPTED_FILE = Path(__file__).with_name("everyday_accepted.json")
 WORSE = 0.10
+ROUNDING = 0.03
+"""Of the peer: 10 ms, which the shortest commands differ by from run to run."""
 IMPORT = "import numba"
 """The peer of whole commands: a process that loads a compiler, and does nothing."""
 AS_INSTALLED = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
@@ -381,7 +383,7 @@ def compared(ratios: Path, *, accept: bool) -> int:
         ACCEPTED_FILE.write_text(json.dumps(known | new, indent=1) + "\n")
         print(f"accepted: {', '.join(new)}")
         return 0
-    worse = {name: ratio for name, ratio in new.items() if ratio > (1 + WORSE) * known.get(name, ratio)}
+    worse = {name: ratio for name, ratio in new.items() if ratio > (1 + WORSE) * known.get(name, ratio) + ROUNDING}
     for name, ratio in worse.items():
         print(f"WORSE: {name}: {ratio:.2f} x its peer, accepted were {known[name]:.2f}")
     if unknown := [name for name in new if name not in known]:
