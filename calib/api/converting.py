@@ -1,5 +1,6 @@
 """A camera as a file of another tool."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import FOCAL_AND_CENTRE, Refit
 from calib.cameras.rig import Rig
 from calib.core.files import write_files
-from calib.interop.choosing import LARGE_PX
+from calib.interop.choosing import ACCEPTED_PX, LARGE_PX
 from calib.interop.format import CameraFormat
 from calib.interop.holding import Held, fit_to_format
 from calib.interop.losses import lost_of
@@ -92,19 +93,19 @@ class Conversion:
 def convert(
     camera: Camera, to: str, *, source: str | None = None, model: str | None = None, lens: str | None = None,
     without: Iterable[str] = (), cameras: Iterable[str] = (), unit: str | None = None, source_unit: str | None = None,
-    out: Place | None = None,
+    accept_px: float | None = None, out: Place | None = None,
 ) -> Conversion: ...  # fmt: skip
 @overload
 def convert(
     camera: Rig, to: str, *, source: str | None = None, model: str | None = None, lens: str | None = None,
     without: Iterable[str] = (), cameras: Iterable[str] = (), unit: str | None = None, source_unit: str | None = None,
-    out: Place | None = None,
+    accept_px: float | None = None, out: Place | None = None,
 ) -> "RigConversion": ...  # fmt: skip
 @overload
 def convert(
     camera: Place, to: str, *, source: str | None = None, model: str | None = None, lens: str | None = None,
     without: Iterable[str] = (), cameras: Iterable[str] = (), unit: str | None = None, source_unit: str | None = None,
-    out: Place | None = None,
+    accept_px: float | None = None, out: Place | None = None,
 ) -> "Conversion | RigConversion": ...  # fmt: skip
 def convert(
     camera: Camera | Rig | Place,
@@ -117,13 +118,14 @@ def convert(
     cameras: Iterable[str] = (),
     unit: str | None = None,
     source_unit: str | None = None,
+    accept_px: float | None = None,
     out: Place | None = None,
 ) -> "Conversion | RigConversion":
     """Express a camera as a file of another tool does: `convert("camera.json", "opencv").save("camera.yaml")`.
 
-    It is written by the camera's own lens where the format has it. Else the format's lenses that suit the field of view
-    are fitted over the whole image, the closest is written, and the residual is told in pixels. Likewise a rig:
-    `convert("rig.json", "kalibr").save("camchain.yaml")`.
+    It is written by the camera's own lens where the format has it. Else the format's lenses of the same family, with a
+    focal plane or wide, are fitted over the whole image, the closest is written, and the residual is told in pixels.
+    Likewise a rig: `convert("rig.json", "kalibr").save("camchain.yaml")`.
 
     Args:
         camera: a camera or a rig, a file of any kind, a folder with one, or a template.
@@ -135,20 +137,24 @@ def convert(
         cameras: of a rig, those to write, in this order; (): all.
         unit: of lengths in a rig's files, "mm" or "m", where their tool takes any; None: the usual one.
         source_unit: likewise of the files to read; None: as they say, or as usual.
+        accept_px: how far the file's lens may be off, anywhere in the image; None: .1 px, or as far as it is where a
+            model, a lens, or a parameter to leave out was asked for.
         out: where it is to go, refused before any work is done if it cannot; `save` writes it.
 
     Raises:
-        InputError: a file that cannot be read, a format, model, lens or parameter that is none, or a camera that sees
-            more than the format's lenses can.
+        InputError: a file that cannot be read, a format, model, lens or parameter that is none, a camera that sees
+            more than the format's lenses can, or a fit that is off by more than is accepted.
     """
     zero = _lens_parameters(several("--without", without))
     place = None if out is None else place_of(out, "a file to write")
+    accepted_px = _accepted_px(accept_px, is_asked=bool(model or lens or zero))
 
     def of_rig(rig: OpenedRig, name: str) -> "RigConversion":
         from calib.api.converting_rigs import convert_rig
 
         return convert_rig(
-            rig, to, name=name, cameras=cameras, unit=unit, model=model, lens=lens, zero=zero, out=place
+            rig, to, name=name, cameras=cameras, unit=unit, model=model, lens=lens, zero=zero, accept_px=accepted_px,
+            out=place,
         )  # fmt: skip
 
     if isinstance(camera, Rig):
@@ -164,7 +170,7 @@ def convert(
     if place is not None:
         check_converted(place, target, opened)
     try:
-        held = fit_to_format(opened.read.camera, target, model, zero, lens)
+        held = fit_to_format(opened.read.camera, target, model, zero, lens, accepted_px)
     except InputError as error:
         name = "the camera" if isinstance(camera, Camera) else str(camera)
         raise InputError(f"{name}: {error}") from None
@@ -182,6 +188,19 @@ def check_converted(out: Path, target: CameraFormat, source: OpenedCamera) -> No
     if source.is_file(out):
         raise InputError(f"{out}: is the file to read; choose another name with -o")
     require_ours(out)
+
+
+def _accepted_px(asked_px: float | None, *, is_asked: bool) -> float:
+    """How far a fit may be off; what somebody asked for by name is theirs to judge.
+
+    Raises:
+        InputError: no number of pixels.
+    """
+    if asked_px is None:
+        return math.inf if is_asked else ACCEPTED_PX
+    if isinstance(asked_px, bool) or not isinstance(asked_px, int | float) or not asked_px >= 0:
+        raise InputError(f"--accept {shown(asked_px)}: must be a number of pixels, 0 or more")
+    return float(asked_px)
 
 
 def _lens_parameters(names: tuple[str, ...]) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """A rig as files of another tool."""
 
+import math
 import shlex
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -90,6 +91,10 @@ class RigConversion:
         rig, lost = self.opened.read.rig, []
         for name, camera, held in zip(rig.names, rig.cameras, self.held, strict=True):
             lost += [f"of {name}: {line}" for line in lost_of(camera, held, self.format.cameras)]
+        kinds = {(camera.model, one.lens.is_wide) for camera, one in zip(rig.cameras, self.held, strict=True)}
+        if len({model for model, _ in kinds}) < len(kinds):
+            each = ", ".join(f"{name} {one.lens.name}" for name, one in zip(rig.names, self.held, strict=True))
+            lost.append(f"that cameras are of one model, as they get lenses of two kinds: {each}")
         if self.format.name == OWN_RIG:
             is_gone = rig.covariance is not None and self.rig.covariance is None
             return (*lost, *(("how sure it all is",) if is_gone else ()))
@@ -140,6 +145,7 @@ def convert_rig(
     model: str | None = None,
     lens: str | None = None,
     zero: Collection[str] = (),
+    accept_px: float = math.inf,
     out: Path | None = None,
 ) -> RigConversion:
     """Express a rig as files of another tool do; see `calib.convert`, which calls it.
@@ -153,6 +159,7 @@ def convert_rig(
         model: as for `calib.convert`, of each camera; so are the others.
         lens: likewise.
         zero: likewise, lens parameters to leave out.
+        accept_px: likewise, of the worst camera.
         out: likewise.
 
     Raises:
@@ -170,7 +177,7 @@ def convert_rig(
         raise InputError(f"{name}: {target.title} holds {wanted} cameras, the rig has {len(names)}; {hint}")
     try:
         each = zip(names, opened.read.rig.cameras, strict=True)
-        held = tuple(_fitted(one, camera, target, model, zero, lens) for one, camera in each)
+        held = tuple(_fitted(one, camera, target, model, zero, lens, accept_px) for one, camera in each)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
     return RigConversion(opened, held, target, unit or target.unit)
@@ -187,10 +194,16 @@ def _of_cameras(opened: OpenedRig, names: Sequence[str]) -> OpenedRig:
 
 
 def _fitted(
-    name: str, camera: Camera, target: RigFormat, model: str | None, zero: Collection[str], lens: str | None
+    name: str,
+    camera: Camera,
+    target: RigFormat,
+    model: str | None,
+    zero: Collection[str],
+    lens: str | None,
+    accept_px: float,
 ) -> Held:
     try:
-        return fit_to_format(camera, target.cameras, model, zero, lens)
+        return fit_to_format(camera, target.cameras, model, zero, lens, accept_px)
     except InputError as error:
         raise InputError(f"camera {shown(name)}: {error}") from None
 

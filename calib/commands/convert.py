@@ -58,6 +58,14 @@ def convert(
     without: Annotated[
         list[str] | None, typer.Option(help="lens parameter to leave out, such as k3", metavar="NAME")
     ] = None,
+    accept: Annotated[
+        str | None,
+        typer.Option(
+            help="how far the file's lens may be off anywhere in the image (default: 0.1px, or what --model, --lens or "
+            "--without cost)",
+            metavar="PIXELS",
+        ),
+    ] = None,
     cameras: Annotated[
         list[str] | None, typer.Option(help="of a rig, a camera to write, in this order (default: all)", metavar="NAME")
     ] = None,
@@ -71,16 +79,18 @@ def convert(
 ) -> Summary:
     """Write a camera or a rig as files of another tool, or read its files.
 
-    Of the file's lenses the camera's own is written, or the closest one: it is fitted over the whole image, and the
-    residual is told in pixels. Of a file with several cameras one is named as in chain.yaml#cam1; without a name they
-    are a rig, if the file says where they stand.
+    Of the file's lenses the camera's own is written, or the closest one of its family, with a focal plane or wide: it
+    is fitted over the whole image, the residual is told in pixels, and refused above 0.1 px unless it is accepted. Of a
+    file with several cameras one is named as in chain.yaml#cam1; without a name they are a rig, if the file says where
+    they stand.
     """
     from calib.api.converting import Conversion
     from calib.api.converting import convert as converted
+    from calib.renderer.quantities import parse_pixels, parsed
 
     done = converted(
         camera, to, source=source, model=model, lens=lens, without=without or (), cameras=cameras or (), unit=unit,
-        source_unit=from_unit, out=out,
+        source_unit=from_unit, accept_px=None if accept is None else parsed("--accept", accept, parse_pixels), out=out,
     )  # fmt: skip
     done.save(out)
     if isinstance(done, Conversion):

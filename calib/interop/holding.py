@@ -1,12 +1,13 @@
 """How a format holds a camera: by the camera's own lens, else by the one of its lenses that comes closest."""
 
+import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import fitted_models, rays
+from calib.cameras import ABILITIES, fitted_models, rays
 from calib.cameras.camera import Camera
 from calib.cameras.refit import Refit, image_grid, in_other_words, refit
 from calib.interop import OWN
@@ -43,15 +44,46 @@ def fit_to_format(
     model: str | None = None,
     zero: Collection[str] = (),
     lens: str | None = None,
+    accept_px: float = math.inf,
 ) -> Held:
     """The camera as the format can hold it, and the fit that took, if any.
 
-    It stays as it is where the format has a lens for that, unless a model or a lens is given. Lens parameters in `zero`
-    are left out besides those that the format cannot hold.
+    It stays as it is where the format has a lens for that, unless a model or a lens is given. Else the closest lens of
+    its own family is fitted: with a focal plane, or wide. Lens parameters in `zero` are left out besides those that the
+    format cannot hold.
 
     Raises:
-        InputError: a model or a lens that is none or that the format has not, or none of its lenses takes the camera.
+        InputError: a model or a lens that is none or that the format has not, none of its lenses takes the camera, or
+            the closest is off by more than `accept_px` somewhere in the image.
     """
+    held = _held(camera, target, model, zero, lens)
+    if held.refit is not None and held.refit.max_px > accept_px:
+        raise InputError(_too_far(camera, target, held, accept_px, others=model is None and lens is None))
+    return held
+
+
+def _too_far(camera: Camera, target: CameraFormat, held: Held, accept_px: float, *, others: bool) -> str:
+    """That a fit is not good enough, how to have it, and which lens of another family is closer, if others may be."""
+    most = math.inf if held.refit is None else held.refit.max_px
+    gone = [name for name in held.lens.cannot_hold if camera.parameters.get(name)]
+    why = f", which has no {' '.join(gone)}," if gone and held.lens.model == camera.model else ""
+    allowed = math.ceil(most * 100) / 100
+    line = (
+        f"{target.title}'s lens {held.lens.name}{why} is off by up to {most:.3g} px, more than {accept_px:g} px; "
+        f"allow it with --accept {allowed:g}px (accept_px={allowed:g})"
+    )
+    offered = _one_a_model(target.written.values()) if others else []
+    strange = [one for one in offered if one.model is not None and one.is_wide != held.lens.is_wide]
+    try:
+        tried = try_fits([[one for one in strange if not one.is_plain]], lambda one: _fit(camera, one, str(one.model)))
+    except InputError:
+        tried = []
+    if tried and (best := closest(tried))[1].max_px < most:
+        line += f"; {best[0].name}, a lens of another kind, by {best[1].max_px:.3g} px, with --lens {best[0].name}"
+    return line
+
+
+def _held(camera: Camera, target: CameraFormat, model: str | None, zero: Collection[str], lens: str | None) -> Held:
     offered = tuple(target.written.values()) if lens is None else (find_lens(target, lens),)
     if zero and model is None and any(one.model in (None, camera.model) for one in offered):
         model = camera.model  # left out of the camera's own lens
@@ -126,9 +158,14 @@ def _exactly(camera: Camera, lens: FileLens, model: str | None, zero: Collection
 
 
 def _suitable(camera: Camera, lenses: Sequence[FileLens]) -> list[Sequence[FileLens]]:
-    """The lenses worth a fit, those first that suit the camera."""
+    """The lenses worth a fit: of the camera's family; of a camera of none, those first that suit its field of view."""
     most = _one_a_model(lenses)
     worth = [one for one in most if not one.is_plain] or most
+    if camera.model in fitted_models():
+        is_wide = ABILITIES[camera.model].is_wide
+        family = [one for one in worth if one.model is None or one.is_wide == is_wide]
+        if family:
+            return [family]
     wide, narrow = ([one for one in worth if one.is_wide == is_wide] for is_wide in (True, False))
     return by_field(wide, narrow, _rays_of(camera))
 
@@ -146,7 +183,7 @@ def _one_a_model(lenses: Iterable[FileLens]) -> list[FileLens]:
     return list(most.values())
 
 
-def _fit(camera: Camera, lens: FileLens, model: str, zero: Collection[str]) -> Refit:
+def _fit(camera: Camera, lens: FileLens, model: str, zero: Collection[str] = ()) -> Refit:
     if lens.approximate is not None:
         return lens.approximate(camera)
     return refit(camera, model, zero=(*zero, *lens.cannot_hold), turn=camera.learned is not None)

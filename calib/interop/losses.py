@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from calib.cameras import LINEAR, parameter_names
+from calib.cameras import ABILITIES, LINEAR, fitted_models, parameter_names
 from calib.cameras.camera import Camera
 from calib.cameras.refit import FOCAL_AND_CENTRE
-from calib.interop.format import CameraFormat
+from calib.interop.choosing import LARGE_PX
+from calib.interop.format import CameraFormat, FileLens
 from calib.interop.holding import Held
 
 
@@ -18,6 +19,10 @@ def lost_of(camera: Camera, held: Held, target: CameraFormat) -> tuple[str, ...]
     if gone and held.refit is not None:
         others = "the others make up for what they can"
         lost.append(f"{' '.join(gone)}, for which {target.title} has no place; {others}")
+    fit = held.refit
+    if fit is not None and fit.max_px > LARGE_PX:
+        kind = " by a lens of another kind" if _is_of_another_kind(camera, lens) else ""
+        lost.append(f"up to {fit.max_px:.3g} px of where the camera sees a point, RMS {fit.rms_px:.2g} px{kind}")
     is_foreign = bool(lens.numbers) or lens.approximate is not None
     if camera.field_rad is not None and is_foreign:
         lost.append(
@@ -29,3 +34,10 @@ def lost_of(camera: Camera, held: Held, target: CameraFormat) -> tuple[str, ...]
     elif held.camera.model == LINEAR and np.any(camera.params[FOCAL_AND_CENTRE:]):
         lost.append("the lens's distortion")
     return tuple(lost)
+
+
+def _is_of_another_kind(camera: Camera, lens: FileLens) -> bool:
+    """Whether one has a focal plane, and the other is wide."""
+    if camera.model not in fitted_models() or lens.model is None:
+        return False
+    return lens.is_wide != ABILITIES[camera.model].is_wide

@@ -38,8 +38,12 @@ def test_there_and_back(name: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_residual_is_told_and_true(capsys: pytest.CaptureFixture[str]) -> None:
-    """The stated RMS and max are the difference between the two files, and a large one brings a warning."""
-    convert("barrel.json", to="kalibr", out=Path("camchain.yaml"))
+    """The stated RMS and max are the difference between the two files; a large one is refused, or warned of."""
+    with pytest.raises(InputError, match=r"pinhole-radtan, which has no k3, is off .* --accept 13.73px .*pinhole-equi"):
+        convert("barrel.json", to="kalibr", out=Path("camchain.yaml"))
+    with pytest.raises(InputError, match=r"more than 13\.7 px"):
+        convert("barrel.json", to="kalibr", out=Path("camchain.yaml"), accept="13.7px")
+    convert("barrel.json", to="kalibr", out=Path("camchain.yaml"), accept="13.73px")
     said = capsys.readouterr().out
     numbers = re.search(r"fitted opencv over the whole image: RMS ([0-9.]+) px, max ([0-9.]+) px", said)
     assert numbers is not None

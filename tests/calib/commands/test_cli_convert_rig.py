@@ -72,6 +72,18 @@ def test_a_lens_that_is_fitted_is_told_with_its_camera(capsys: pytest.CaptureFix
     assert load_rig("again.json").covariance is None
 
 
+def test_a_rig_is_written_with_lenses_of_one_kind_or_refused() -> None:
+    """A camera of a pair that the format's lens does not hold well is named, and gets no lens of another kind."""
+    barrel = CAMERAS["barrel"]
+    held = replace(barrel, params=np.array([*barrel.params[:8], 0.0]))
+    rig = Rig(("a", "b"), (held, barrel), stereo(FISHEYE).cam_from_rig)
+    with pytest.raises(InputError, match="camera 'b': Kalibr camchain's lens pinhole-radtan, which has no k3, is off"):
+        converted(rig, "kalibr")
+    done = converted(rig, "kalibr", accept_px=14)
+    assert [one.lens.name for one in done.held] == ["pinhole-radtan"] * 2
+    assert any("of b: up to 13.7 px" in line for line in done.lost)
+
+
 def test_poses_turn_with_a_lens_whose_frame_is_turned() -> None:
     """A refit may turn a camera's frame: the pose turns along, so that points stay in their pixels."""
     from calib.cameras.refit import refit

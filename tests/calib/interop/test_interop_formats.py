@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import yaml
 
-from calib.cameras import project
+import calib
+from calib.cameras import ABILITIES, project
 from calib.cameras.camera import Camera
 from calib.interop import FORMATS, OWN
+from calib.interop.choosing import ACCEPTED_PX
 from calib.interop.holding import fit_to_format
 from calib.interop.reading import recognise
 from designer.base.errors import InputError
@@ -51,6 +53,25 @@ def test_a_camera_of_a_model_that_is_held_needs_no_choice(name: str, lens: str) 
     held = fit_to_format(lens_camera(name, lens), FORMATS[name])
     assert held.refit is None
     assert held.tried == ()
+
+
+@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("model", MODELS)
+def test_a_format_never_changes_the_family_of_a_lens(name: str, model: str) -> None:
+    """A camera with a focal plane gets no wide lens, nor the other way round: written, within what is accepted, or not.
+
+    A lens of another kind follows some cameras better, but its numbers mean something else; it has to be asked for.
+    """
+    camera = Camera(model, np.array(MODELS[model]), WIDE_SIZE)
+    done = calib.convert(camera, name, accept_px=1e3)
+    if done.max_px > ACCEPTED_PX:
+        assert any(" px of where the camera sees a point" in line for line in done.lost)
+        with pytest.raises(InputError, match="--accept"):
+            calib.convert(camera, name)
+    else:
+        assert calib.convert(camera, name).max_px == done.max_px
+    lens = done.held.lens
+    assert lens.model is None or lens.is_wide == ABILITIES[model].is_wide
 
 
 @pytest.mark.parametrize(("name", "camera"), EVERY)
