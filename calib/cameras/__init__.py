@@ -39,20 +39,35 @@ class Abilities:
     is_in_all: bool = False  # one of those that `--model all` solves and compares
     is_in_all_wide: bool = False  # likewise, where the lens is a wide one
     picture: PictureKind | None = None  # photos are resampled to it: `calib undistort --to`
+    also_called: str = ""  # names that other programs' files have for it, a word each, without `_`, `-` and spaces
 
 
 ABILITIES: dict[str, Abilities] = {
     "luhmann": Abilities(is_in_all=True),
-    "opencv": Abilities(is_in_all=True),
+    "opencv": Abilities(
+        is_in_all=True,
+        also_called="brown brownconrady plumbbob radtan radtan4 radtan5 radialtangential tangentialradial standard "
+        "opencv4 opencv5 pinholeradtan pinholebrown pinholeopencv",
+    ),
     "virtual": Abilities(is_in_all=True, is_learned=True),
-    "pinhole": Abilities(picture=PictureKind("a pinhole", "u = fx X / Z + cx, v = fy Y / Z + cy")),
-    "opencv8": Abilities(is_in_all_wide=True),
-    "opencv12": Abilities(),
-    "fisheye": Abilities(is_wide=True, is_in_all_wide=True),
+    "pinhole": Abilities(
+        picture=PictureKind("a pinhole", "u = fx X / Z + cx, v = fy Y / Z + cy"),
+        also_called="perspective rectilinear simplepinhole none pinholenone undistorted nodistortion",
+    ),
+    "opencv8": Abilities(
+        is_in_all_wide=True, also_called="rational rationalpolynomial fullopencv radtan8 pinholeradtan8"
+    ),
+    "opencv12": Abilities(also_called="thinprism"),
+    "fisheye": Abilities(
+        is_wide=True,
+        is_in_all_wide=True,
+        also_called="equidistant equidist equi kannalabrandt kannalabrandt4 kannalabrandt8 kannala brandt kb kb4 kb8 "
+        "opencvfisheye pinholeequi pinholeequidistant",
+    ),
     "thin_prism_fisheye": Abilities(is_wide=True),
-    "ds": Abilities(is_wide=True, is_in_all_wide=True),
-    "eucm": Abilities(is_wide=True, is_in_all_wide=True),
-    "omni": Abilities(is_wide=True),
+    "ds": Abilities(is_wide=True, is_in_all_wide=True, also_called="doublesphere dsnone"),
+    "eucm": Abilities(is_wide=True, is_in_all_wide=True, also_called="extendedunified extendedunifiedcamera eucmnone"),
+    "omni": Abilities(is_wide=True, also_called="omnidirectional mei unified omninone"),
     "division": Abilities(is_wide=True),
     "splined": Abilities(is_wide=True, is_surface=True),
     "spline": Abilities(is_solved=False, is_surface=True),

@@ -92,7 +92,7 @@ class Camera:
     def distortion(self) -> NDArray[np.float64]:
         """The lens as OpenCV's functions take it: k1 k2 p1 p2 k3, of rational lenses k4 k5 k6 (s1 s2 s3 s4), too.
 
-        There are 5, 8 or 12 numbers.
+        There are 5, 8 or 12 numbers; of model fisheye the 4 that the functions of `cv2.fisheye` take, k1 k2 k3 k4.
 
         Raises:
             InputError: another model's lens; `calib.convert` fits OpenCV's to it, and says how well.
@@ -149,7 +149,7 @@ def _rows_of(value: object, columns: int, what: str) -> NDArray[np.float64]:
 
 MAX_SIDE_PX = 100_000
 REQUIRED = ("fx_px", "fy_px", "cx_px", "cy_px")
-"""What every model has; in a TOML file the lens's other parameters are left out if they do nothing."""
+"""What every model has; in a TOML file a lens's parameters may be left out if they do nothing, no control points."""
 FOCAL_RANGE_PX = (1e-3, 1e9)
 LARGEST_BY_UNIT = {"px": 1e9, "1": 1e30}
 """By unit, what a parameter may be at most; what is larger overflows further on, and is no lens."""
@@ -195,17 +195,19 @@ def camera_from_mapping(values: object, origin: str, *, is_written_by_hand: bool
     Raises:
         InputError: another format or version, an unknown or missing key, or a value that breaks a rule.
     """
-    return _camera(CAMERA.of(cast(JsonValue, values), origin), origin, REQUIRED if is_written_by_hand else None)
+    return _camera(CAMERA.of(cast(JsonValue, values), origin), origin, is_written_by_hand)
 
 
-def _camera(file: CameraDocument, origin: str, required: tuple[str, ...] | None) -> Camera:
+def _camera(file: CameraDocument, origin: str, is_written_by_hand: bool) -> Camera:
     """Hold a file's parameters to the rules of its model."""
     model = MODELS.get(file.model)
     if model is None:
         hint = suggestion(file.model, list(MODELS)) or f"; there are {', '.join(MODELS)}"
         raise InputError(f"{origin}: unknown camera model {shown(file.model)}{hint}")
     learned = _learned_map(file, origin)
-    params = _parameters(file, model, origin, required or parameter_names(model.name))
+    control = tuple(one.name for one in model.parameters if one.is_control)
+    required = (*REQUIRED, *control) if is_written_by_hand else parameter_names(model.name)
+    params = _parameters(file, model, origin, required)
     camera = Camera(model.name, params, file.image_size, learned, file.field_rad)
     _require_plausible(camera, origin)
     return camera
@@ -236,11 +238,11 @@ def _parameters(
     for name in given.keys() - set(names):
         hint = suggestion(name, list(names))
         raise InputError(f"{origin}: unknown parameter {shown(name)} of model {model.name!r}{hint}")
-    for name in required:
-        if name not in given:
-            raise InputError(
-                f"{origin}: parameter {name} is missing; give it{' in pixels' if name in REQUIRED else ''}"
-            )
+    missing = [name for name in required if name not in given]
+    if missing:
+        more = f", and {len(missing) - 1} more of the {len(names)} of model {model.name}" if missing[1:] else ""
+        unit = " in pixels" if missing[0] in REQUIRED else ""
+        raise InputError(f"{origin}: parameter {missing[0]} is missing{more}; give it{unit}")
     for name in ("fx_px", "fy_px"):
         if not given[name] > 0:
             raise InputError(f"{origin}: {name} {given[name]:g}: a focal length must be more than zero pixels")

@@ -99,4 +99,5 @@ MODEL = RadialModel(
     limits=_limits,
     fill_scale=_fill_scale,
     fill_depth=_fill_depth,
+    opencv_lens=("k1", "k2", "k3", "k4"),  # of cv2.fisheye
 )

@@ -15,6 +15,7 @@ from calib.cameras.parameters import slopes
 from calib.cameras.refit import image_grid
 from calib.interop.format import CameraFormat, FileLens, ReadCamera
 from calib.interop.lens import lens_camera, lens_named
+from calib.interop.lens_names import require_agreement
 from calib.interop.parsing import image_size, mapping, number, pick, required, shown_plain
 from designer.base.errors import InputError
 from designer.base.file_kind import laid_out
@@ -34,7 +35,7 @@ LIMITED = "pinhole-radtan8"
 MAX_FILE_BYTES = 2**22
 """A file may hold the vignettes of all cameras."""
 
-_RECOGNISED = re.compile(r'\A\s*\{(?s:.*?)"camera_type"')
+_RECOGNISED = re.compile(r'\A\s*\{(?=(?s:.*?)"camera_type")(?s:.*?)"intrinsics"\s*:\s*\[')
 
 
 def write(camera: Camera, lens: FileLens) -> str:
@@ -83,6 +84,7 @@ def _camera(given: Mapping[str, object], size: tuple[int, int], origin: str) -> 
     if lens is None:
         known = ", ".join(one.name for one in LENSES if one.is_written)
         raise InputError(f"{origin}: camera_type {shown_plain(kind)}: not supported; in Basalt use one of {known}")
+    require_agreement(given, lens.model, origin, "camera_type")
     values = mapping(required(given, ("intrinsics",), origin), "intrinsics", origin)
     found = [number(required(values, (name,), origin), name, origin) for name in lens.names]
     return lens_camera(lens, found, size, origin)

@@ -1,6 +1,10 @@
-"""COLMAP's cameras.txt. Its pixel (0, 0) is the corner of the image, so that cx and cy are larger by half a pixel."""
+"""COLMAP's cameras.txt, and its cameras.bin, which is read as the text that it stands for.
+
+Its pixel (0, 0) is the corner of the image, so that cx and cy are larger by half a pixel.
+"""
 
 import re
+import struct
 from dataclasses import replace
 
 import numpy as np
@@ -34,6 +38,15 @@ LENSES = (
 )
 """Its camera models, with the numbers that it gives them (COLMAP's sensor/models.h)."""
 
+NUMBERED = (
+    *("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV"),
+    *("SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE"),
+    *("SIMPLE_DIVISION", "DIVISION", "SIMPLE_FISHEYE", "FISHEYE", "EUCM"),
+)
+"""Its camera models by the numbers that binary files have for them."""
+COUNTS = {"FOV": 5, "RAD_TAN_THIN_PRISM_FISHEYE": 16} | {lens.name: len(lens.names) for lens in LENSES}
+_COUNT, _CAMERA = struct.Struct("<Q"), struct.Struct("<IiQQ")
+
 _RECOGNISED = re.compile(r"^\s*[0-9]+[ \t]+[A-Z][A-Z_0-9]*[ \t]+[0-9]+[ \t]+[0-9]+[ \t]+[-+.0-9]", re.MULTILINE)
 
 
@@ -51,6 +64,33 @@ def camera_line(number_of: str, camera: Camera, lens: FileLens) -> str:
     fx, fy, cx, cy, *rest = camera.params
     from_corner = replace(camera, params=np.array([fx, fy, cx + CORNER, cy + CORNER, *rest]))
     return f"{number_of} {lens.name} {width} {height} {' '.join(map(real, lens.values(from_corner)))}\n"
+
+
+def text_of(content: bytes, origin: str) -> str:
+    """The cameras.txt of a cameras.bin: a count, then id, model, width, height and parameters of each camera.
+
+    Raises:
+        InputError: it is no such file, or cut off.
+    """
+    lines, place = [], _COUNT.size
+    try:
+        (count,) = _COUNT.unpack_from(content)
+        if count * _CAMERA.size > len(content):
+            raise struct.error
+        for _ in range(count):
+            number_of, model, width, height = _CAMERA.unpack_from(content, place)
+            if not 0 <= model < len(NUMBERED):
+                raise InputError(f"{origin}: camera {number_of}: its model {model} is none that is known")
+            params = struct.unpack_from(f"<{COUNTS[NUMBERED[model]]}d", content, place + _CAMERA.size)
+            place += _CAMERA.size + 8 * len(params)
+            lines.append(f"{number_of} {NUMBERED[model]} {width} {height} {' '.join(map(repr, params))}\n")
+    except struct.error:
+        raise InputError(f"{origin}: not a cameras.bin of COLMAP, or cut off; export the model again") from None
+    if place != len(content):
+        raise InputError(
+            f"{origin}: {len(content) - place} bytes after its {count} cameras; not a cameras.bin of COLMAP"
+        )
+    return f"{HEAD}{''.join(lines)}"
 
 
 def read(text: str, origin: str, name: str | None = None) -> ReadCamera:

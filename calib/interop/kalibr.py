@@ -9,6 +9,7 @@ import numpy as np
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, FileLens, ReadCamera
 from calib.interop.lens import Array, brown, fit_foreign, invert, lens_camera, lens_named, slopes_of
+from calib.interop.lens_names import model_named, require_agreement
 from calib.interop.parsing import (
     image_size,
     mapping,
@@ -42,7 +43,8 @@ DISTORTED = {"radtan": 4, "equi": 4, "none": 0}
 """How many numbers a distortion model has."""
 IN_FILES = {"equi": "equidistant"}
 """A distortion model that Kalibr's files call by another name than its command line does."""
-TYPED = {word: name for name, word in IN_FILES.items()}
+OURS = {"opencv": "radtan", "fisheye": "equi"}
+"""Its distortion models by the model that other names for them mean."""
 
 
 def write(camera: Camera, lens: FileLens) -> str:
@@ -79,12 +81,14 @@ def read(text: str, origin: str, name: str | None = None) -> ReadCamera:
 def read_entry(values: Mapping[str, object], origin: str) -> ReadCamera:
     """The camera of its part of a chain."""
     models = [required(values, (key,), origin) for key in ("camera_model", "distortion_model")]
-    words = [TYPED.get(one, one) for one in models if isinstance(one, str)]
-    lens = lens_named(LENSES, "-".join(words)) if len(words) == len(models) else None
+    words = [one if isinstance(one, str) else "" for one in models]
+    words = [words[0], OURS.get(model_named(words[1]) or "", words[1])]
+    lens = lens_named(LENSES, "-".join(words))
     if lens is None:
         known = ", ".join(one.name for one in LENSES if one.is_written)
         found = " and ".join(map(shown_plain, models))
         raise InputError(f"{origin}: camera_model and distortion_model {found}: not supported; calibrate with {known}")
+    require_agreement(values, lens.model, origin, "camera_model", "distortion_model")
     size = image_size(required(values, ("resolution",), origin), origin)
     count = DISTORTED[words[1]]
     numbers_of = numbers(required(values, ("intrinsics",), origin), "intrinsics", origin, (len(lens.names) - count,))

@@ -103,15 +103,25 @@ def slopes_of(pixel: Array, linear: Sequence[float]) -> tuple[Array, Array]:
     return (pixel[:, 0] - cx) / fx, (pixel[:, 1] - cy) / fy
 
 
-def fit_foreign(rays: Rays, linear: Sequence[float], image_size: tuple[int, int], what: str, origin: str) -> ReadCamera:
-    """The camera nearest to one that sees such rays: of OpenCV's models, or of the wide ones if it sees far."""
+def fit_foreign(
+    rays: Rays,
+    linear: Sequence[float],
+    image_size: tuple[int, int],
+    what: str,
+    origin: str,
+    models: Sequence[str] | None = None,
+) -> ReadCamera:
+    """The camera nearest to one that sees such rays, of these models.
+
+    If none are given, of OpenCV's models, or of the wide ones if it sees far.
+    """
     make_camera(LINEAR, linear, image_size, origin)  # held to the same rules
     pixel = image_grid(image_size).reshape(-1, 2)
     with np.errstate(all="ignore"):  # where the lens has no inverse the numbers run away, and are left out
         ray = rays(pixel)
         ray = ray / np.linalg.norm(ray, axis=1, keepdims=True)
     wide = [name for name in fitted_models() if ABILITIES[name].is_wide]
-    groups = by_field(wide, QUICK_OF_OPENCV, ray)
+    groups = by_field(wide, QUICK_OF_OPENCV, ray) if models is None else [models]
     try:
         _, refit = closest(try_fits(groups, lambda model: fit_rays(pixel, ray, image_size, model)))
     except InputError as error:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, FileLens, ReadCamera
 from calib.interop.lens import lens_camera, lens_named
+from calib.interop.lens_names import require_agreement
 from calib.interop.mrcal_cahvore import CAHVOR, CAHVORE, read_cahvore
 from calib.interop.mrcal_surface import SPLINED, nearest_surface, read_surface, surface_of
 from calib.interop.parsing import image_size, mapping, numbers, real, required, shown_plain
@@ -40,7 +41,8 @@ _TOKEN = re.compile(
       |[-+]?(?:[0-9]{1,40}\.?[0-9]{0,40}|\.[0-9]{1,40})(?:[eE][-+]?[0-9]{1,4})?|True|False|None)""",
     re.VERBOSE,
 )
-_RECOGNISED = re.compile(r"""["'](?:lensmodel|lens_model|distortion_model)["']\s*:""")
+NAMES = ("lensmodel", "lens_model", "distortion_model")
+_RECOGNISED = re.compile(rf"""["'](?:{"|".join(NAMES)})["']\s*:\s*["'](?:LENSMODEL|DISTORTION)_""")
 
 
 def write(camera: Camera, lens: FileLens) -> str:
@@ -71,7 +73,7 @@ def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
 
 def camera_of(values: Mapping[str, object], origin: str) -> ReadCamera:
     """The camera of a model's values."""
-    model = required(values, ("lensmodel", "lens_model", "distortion_model"), origin)
+    model = required(values, NAMES, origin)
     name = model.replace("DISTORTION_", "LENSMODEL_") if isinstance(model, str) else ""
     size = image_size(required(values, ("imagersize",), origin), origin)
     given = required(values, ("intrinsics",), origin)
@@ -84,6 +86,7 @@ def camera_of(values: Mapping[str, object], origin: str) -> ReadCamera:
         known = ", ".join(one.name.partition("_linearity")[0] for one in LENSES)
         hint = f"first run mrcal-convert-lensmodel with one of {known}"
         raise InputError(f"{origin}: lens model {shown_plain(model)}: not supported; {hint}")
+    require_agreement(values, lens.model, origin, *NAMES)
     return lens_camera(lens, numbers(given, "intrinsics", origin, (len(lens.names),)), size, origin)
 
 

@@ -6,7 +6,8 @@ cannot make large or foreign objects.
 
 import math
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import TypeVar
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
@@ -17,6 +18,7 @@ from calib.cameras import parameter_names
 from calib.cameras.camera import CAMERA, Camera, camera_from_mapping
 from calib.interop.format import MAX_FILE_BYTES
 from designer.base.errors import InputError
+from designer.base.small_file import parse_json
 from designer.base.words import shown
 
 Item = TypeVar("Item")
@@ -139,17 +141,43 @@ class _BoundedLoader(yaml.BaseLoader):
         return node
 
 
-def only_keys(text: str, names: Collection[str]) -> str:
-    """A YAML text with nothing but the entries of those names at its top; lines keep their numbers.
+def only_keys(text: str, names: Collection[str], is_needed: Callable[[str], bool]) -> str:
+    """A YAML text with nothing at its top but the entries of those names, and those with a line that is needed.
 
-    OpenCV's files may hold all image points of a calibration, which are long to parse.
+    Lines keep their numbers. OpenCV's files may hold all image points of a calibration, which are long to parse.
     """
-    lines, is_wanted = [], False
+    entries: list[list[str]] = [[]]
     for line in text.splitlines():
         if line[:1].strip(" \t-#]}"):  # neither within an entry nor a comment
-            is_wanted = line.partition(":")[0].strip(" \t\"'") in names
-        lines.append(line if is_wanted else "")
-    return "\n".join(lines)
+            entries.append([])
+        entries[-1].append(line)
+    kept: list[str] = []
+    for lines in entries:
+        is_wanted = lines[:1] and lines[0].partition(":")[0].strip(" \t\"'") in names
+        kept += lines if is_wanted or any(map(is_needed, lines)) else [""] * len(lines)
+    return "\n".join(kept)
+
+
+def parse_tree(
+    text: str, names: Collection[str], is_needed: Callable[[str], bool], origin: str
+) -> Mapping[str, object]:
+    """The entries of those names in a JSON or YAML text, and those with a line that is needed; of JSON all."""
+    if text.lstrip()[:1] == "{":
+        tree: object = parse_json(text, Path(origin), "a camera file")
+    else:
+        tree = parse_yaml(only_keys(text, names, is_needed), origin)
+    return mapping({} if tree is None else tree, "the file", origin)
+
+
+def outline(text: str) -> str:
+    """The names at the top of a JSON text, a line each, as they would be in YAML; of other texts nothing."""
+    if text.lstrip()[:1] != "{":
+        return ""
+    try:
+        tree = parse_json(text, Path(), "a file")
+    except InputError:
+        return ""
+    return "".join(f"{key}:\n" for key in tree) if isinstance(tree, dict) else ""
 
 
 def parse_yaml(text: str, origin: str) -> object:

@@ -4,19 +4,25 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from calib.cameras.camera import camera_or_preset
+from calib.cameras import parameter_names
+from calib.cameras.camera import Camera, camera_or_preset
+from calib.cameras.refit import FOCAL_AND_CENTRE
 from calib.interop import FORMATS, OWN
 from calib.interop.format import MAX_FILE_BYTES, CameraFormat, ReadCamera
-from calib.interop.parsing import pick
+from calib.interop.parsing import outline, pick
 from calib.interop.rigs.format import RigFormat
 from calib.interop.rigs.reading import largest_bytes, open_rig, recognise_rig
 from designer.base.errors import InputError
-from designer.base.small_file import read_small_text
+from designer.base.small_file import parse_json, read_small, read_small_text, read_spec_file
 from designer.base.words import shown, suggestion
 from designer.kinds.presets import preset_names
 
 HEAD = 2**16
 """Characters from which a file's kind is told."""
+
+
+BINARY = ".bin"
+"""COLMAP's files that are no text end so."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,23 +52,41 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
     known = None if format_name is None else find_format(format_name)
     if format_name in (None, OWN) and (name in preset_names("cameras") or _is_ours_alone(Path(name))):
         own = Path(name) if name not in preset_names("cameras") else None
-        return OpenedCamera(FORMATS[OWN], ReadCamera(camera_or_preset(name)), own)
+        camera = camera_or_preset(name)
+        return OpenedCamera(FORMATS[OWN], ReadCamera(camera, remarks=_taken_as_none(camera, own)), own)
     path, wanted = _split(name)
     if path.is_dir():
         path = _camera_in(path)
     largest = max(largest_bytes(), FORMATS[OWN].max_bytes, MAX_FILE_BYTES) if known is None else known.max_bytes
-    text = read_small_text(path, largest, "a camera file")
+    if path.suffix.lower() == BINARY and format_name in (None, "colmap"):
+        from calib.interop.colmap import text_of
+
+        text = text_of(read_small(path, FORMATS["colmap"].max_bytes, "a camera file"), str(path))
+    else:
+        text = read_small_text(path, largest, "a camera file")
     kind = known or recognise(text)
     rig_kind = None if known is not None or (kind is not None and kind.holds_many) else recognise_rig(text)
     if rig_kind is not None:
         return _camera_of_rig(path, rig_kind, wanted)
     if kind is None:
+        if text.lstrip()[:1] == "{":
+            parse_json(text, path, "a camera file")  # which says what is wrong with it, if it is no JSON
         raise InputError(f"{path}: {_why_unknown(text)}; if you know, say --from {'|'.join(FORMATS)}")
     if len(text) > kind.max_bytes:
         raise InputError(f"{path}: more than {kind.max_bytes} bytes; {kind.title} is smaller")
     if wanted is not None and not kind.holds_many:
         raise InputError(f"{path}: {kind.title} holds one camera; leave out {shown('#' + wanted)}")
     return OpenedCamera(kind, kind.read(text, str(path), wanted), path)
+
+
+def _taken_as_none(camera: Camera, path: Path | None) -> tuple[str, ...]:
+    """Which numbers of its lens a TOML file lacks, which may be cut off; one that has none of them means none."""
+    given = {} if path is None else read_spec_file(path).get("parameters")
+    names = parameter_names(camera.model)[FOCAL_AND_CENTRE:]
+    missing = [name for name in names if isinstance(given, dict) and name not in given]
+    if not missing or len(missing) == len(names):
+        return ()
+    return (f"of the lens's {len(names)} numbers the file lacks {' '.join(missing)}: taken as of a lens without",)
 
 
 def _camera_of_rig(path: Path, kind: RigFormat, wanted: str | None) -> OpenedCamera:
@@ -97,7 +121,11 @@ def find_format(name: str) -> CameraFormat:
 
 def recognise(text: str) -> CameraFormat | None:
     """The kind of file a text looks like, if it looks like any."""
-    return next((one for one in FORMATS.values() if one.recognised.search(text[:HEAD])), None)
+    kinds = FORMATS.values()
+    found = next((one for one in kinds if one.recognised.search(text[:HEAD])), None)
+    if found is None and (names := outline(text)):
+        found = next((one for one in kinds if one.recognised.search(names)), None)
+    return found
 
 
 def _split(name: str) -> tuple[Path, str | None]:

@@ -42,6 +42,18 @@ def read_small_text(path: Path, max_bytes: int, kind: str, errors: str = "strict
         InputError: no such file, a folder or device, too large, or not UTF-8 text; the message names the file.
     """
     try:
+        return read_small(path, max_bytes, kind).decode("utf-8-sig", errors)
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not UTF-8 text, so not {kind}") from None
+
+
+def read_small(path: Path, max_bytes: int, kind: str) -> bytes:
+    """The content of a regular file of at most `max_bytes`.
+
+    Raises:
+        InputError: no such file, a folder or device, or too large; the message names the file.
+    """
+    try:
         # Asked before it is opened: a pipe would wait, a device would never end.
         if not stat.S_ISREG(path.stat().st_mode):
             raise InputError(f"{path}: not a regular file; name {kind}")
@@ -49,9 +61,7 @@ def read_small_text(path: Path, max_bytes: int, kind: str, errors: str = "strict
             content = stream.read(max_bytes + 1)
         if len(content) > max_bytes:
             raise InputError(f"{path}: more than {max_bytes} bytes; {kind} is smaller")
-        return content.decode("utf-8-sig", errors)
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not UTF-8 text, so not {kind}") from None
+        return content
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from error
     except ValueError as error:

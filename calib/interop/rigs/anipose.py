@@ -35,7 +35,8 @@ def read(files: RigFiles) -> ReadRig:
         raise InputError(f"{origin}: holds no camera")
     metadata = tables.get(METADATA)
     unit = unit_said(metadata.get(UNIT) if isinstance(metadata, dict) else None, origin)
-    both = [read_camera_table(one, unit or files.unit, f"{origin}: {key}") for key, one in cameras.items()]
+    common = {key: one for key, one in tables.items() if key not in cameras}
+    both = [read_camera_table(one, unit or files.unit, f"{origin}: {key}", common) for key, one in cameras.items()]
     names = [str(one.get("name", key)) for key, one in cameras.items()]
     return assembled(files, names, [one for one, _ in both], [pose for _, pose in both], unit)
 

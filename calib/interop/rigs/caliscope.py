@@ -30,7 +30,9 @@ def write(written: WrittenRig) -> Mapping[str, str]:
 def read(files: RigFiles) -> ReadRig:
     """The rig of a text, of the cameras that have a pose and are not to be ignored."""
     (text,), origin = files.texts.values(), files.origin
-    tables = mapping(parse_toml(text, origin).get("cameras", {}), "cameras", origin)
+    document = parse_toml(text, origin)
+    tables = mapping(document.get("cameras", {}), "cameras", origin)
+    common = {key: one for key, one in document.items() if key != "cameras"}
     used, remarks = {}, []
     for key, one in tables.items():
         values = mapping(one, "a camera", f"{origin}: cameras.{key}")
@@ -41,7 +43,7 @@ def read(files: RigFiles) -> ReadRig:
             used[key] = values
     if not used:
         raise InputError(f"{origin}: holds no camera with a pose")
-    both = [read_camera_table(one, files.unit, f"{origin}: cameras.{key}") for key, one in used.items()]
+    both = [read_camera_table(one, files.unit, f"{origin}: cameras.{key}", common) for key, one in used.items()]
     return assembled(files, list(used), [one for one, _ in both], [pose for _, pose in both], "m", None, remarks)
 
 

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from calib.cameras.rectification import rectified_pair
 from calib.core.se3 import exp_rotation, skew
 from calib.interop import FORMATS
-from calib.interop.opencv import FISHEYE, SIZE, WIDE, camera_of, data_of, matrix_text, size_of
-from calib.interop.parsing import image_size, mapping, numbers, only_keys, parse_yaml, required
+from calib.interop.lens_names import mentions_lens, named_lens, names_lens
+from calib.interop.opencv import FISHEYE, SIZE, WIDE, camera_of, matrix_numbers, matrix_text, size_of
+from calib.interop.parsing import image_size, parse_tree, required
 from calib.interop.rigs.format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from calib.interop.rigs.poses import pose_of, unit_said
 
@@ -86,24 +87,31 @@ def _text(written: WrittenRig, matrices: Sequence[tuple[str, Array]]) -> str:
 def read(files: RigFiles) -> ReadRig:
     """The pair of a text; its frame is the first camera's."""
     (text,), origin = files.texts.values(), files.origin
-    values = mapping(parse_yaml(only_keys(text, KEYS), origin) or {}, "the file", origin)
+    values = parse_tree(text, KEYS, mentions_lens, origin)
     size = size_of(values, origin)
     second = values.get(SECOND_SIZE)
     sizes = (size, size if second is None else image_size(second, origin))
-    wide = values.get(WIDES[0])
-    each = zip(MATRICES, LENSES, sizes, (wide, values.get(WIDES[1], wide)), strict=True)
+    each = zip(MATRICES, LENSES, sizes, "12", strict=True)
     found = [
-        camera_of({**values, FISHEYE: is_wide}, matrix, lens, one, origin) for matrix, lens, one, is_wide in each
-    ]  # fmt: skip
+        camera_of(values, matrix, lens, one, named_lens(_of_camera(values, row), origin), origin)
+        for matrix, lens, one, row in each
+    ]
     unit = unit_said(values.get(UNIT), origin)
-    rotation = np.array(numbers(data_of(required(values, ROTATION, origin, ELSEWHERE)), "R", origin, (9, 3))).reshape(
-        -1, 3
-    )
-    shift = numbers(data_of(required(values, SHIFT, origin, ELSEWHERE)), "T", origin, (3,))
-    whole = rotation if len(rotation) == 3 else exp_rotation(rotation[0])
+    turn = matrix_numbers(required(values, ROTATION, origin, ELSEWHERE), "R", origin, (9, 3))
+    shift = matrix_numbers(required(values, SHIFT, origin, ELSEWHERE), "T", origin, (3,))
+    whole = np.array(turn).reshape(3, 3) if len(turn) == 9 else exp_rotation(np.array(turn))
     pose = pose_of(whole, shift, unit or files.unit, f"{origin}: R")
     names = [str(values.get(key) or key) for key in NAMES]
     return assembled(files, names, found, [np.eye(4), pose], unit)
+
+
+def _of_camera(values: Mapping[str, object], row: str) -> Mapping[str, object]:
+    """What is said of one of the two cameras: by keys that end in its number, or else in none."""
+    lens = [key for key in values if names_lens(key)]
+    own = [key for key in lens if key.endswith(row)]
+    others = [key for key in lens if key[-1] in "12" and key not in own]
+    left_out = {*others, *((key for key in lens if key not in own) if own else ())}
+    return {key: value for key, value in values.items() if key not in left_out}
 
 
 FORMAT = RigFormat(
@@ -116,7 +124,7 @@ FORMAT = RigFormat(
     unit="mm",
     write=write,
     read=read,
-    recognised=re.compile(rf"^(?:{'|'.join(MATRICES[1])})\s*:", re.MULTILINE),
+    recognised=re.compile(rf"^[\"']?(?:{'|'.join(MATRICES[1])})[\"']?\s*:", re.MULTILINE),
     fewest=2,
     most=2,
     keeps_frame=False,

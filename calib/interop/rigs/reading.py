@@ -9,6 +9,7 @@ import numpy as np
 
 from calib.cameras.camera import CAMERA
 from calib.cameras.rig import MOST_CAMERAS, RIG, Rig
+from calib.interop.parsing import outline
 from calib.interop.rigs import OWN_RIG, RIG_FORMATS
 from calib.interop.rigs.format import ReadRig, RigFiles, RigFormat
 from calib.interop.rigs.poses import UNIT_WORDS, unit_mm
@@ -83,7 +84,11 @@ def recognise_rig(text: str) -> RigFormat | None:
     """The kind of rig file a text looks like, if it looks like any; a camera's of ours is none."""
     if _OWN_CAMERA.match(text):
         return None
-    return next((kind for kind in RIG_FORMATS.values() if kind.recognised.search(text[:HEAD])), None)
+    kinds = RIG_FORMATS.values()
+    found = next((kind for kind in kinds if kind.recognised.search(text[:HEAD])), None)
+    if found is None and (names := outline(text)):
+        found = next((kind for kind in kinds if kind.recognised.search(names)), None)
+    return found
 
 
 def find_rig_format(name: str) -> RigFormat:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from calib.core.se3 import invert
 from calib.interop.format import ReadCamera
-from calib.interop.opencv import data_of
-from calib.interop.parsing import mapping, number, numbers, parse_yaml, required
+from calib.interop.opencv import matrix_numbers
+from calib.interop.parsing import mapping, number, parse_yaml, required
 from calib.interop.rigs.format import ReadRig, RigFiles, assembled
 from calib.interop.rigs.poses import pose_of, quaternion_pose
 from calib.interop.ros import read as read_info
@@ -47,8 +47,11 @@ def read(files: RigFiles) -> ReadRig:
 def _rectification(text: str, origin: str) -> tuple[Array, Array]:
     """R (3, 3), and the shift (3,) that P holds, in metres."""
     values = mapping(parse_yaml(text, origin), "the file", origin)
-    turn = numbers(data_of(required(values, ("rectification_matrix",), origin)), "rectification_matrix", origin, (9,))
-    flat = numbers(data_of(required(values, ("projection_matrix",), origin)), "projection_matrix", origin, (12,))
+    names = ("rectification_matrix", "projection_matrix")
+    turn, flat = (
+        matrix_numbers(required(values, (name,), origin), name, origin, (count,))
+        for name, count in zip(names, (9, 12), strict=True)
+    )
     projection = np.array(flat).reshape(3, 4)
     focal = projection[[0, 1], [0, 1]]
     if not (focal > 0).all() or projection[2].tolist() != [0, 0, 1, 0]:

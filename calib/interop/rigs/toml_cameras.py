@@ -13,9 +13,9 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import log_rotation
 from calib.interop import FORMATS
 from calib.interop.format import FileLens, ReadCamera
-from calib.interop.lens import brown_camera, lens_camera
-from calib.interop.opencv import WIDE, linear_part
-from calib.interop.parsing import image_size, mapping, numbers, real, required
+from calib.interop.lens_names import named_lens
+from calib.interop.opencv import COUNTS, WIDE, camera_by_name, data_of, linear_part, matrix_numbers
+from calib.interop.parsing import image_size, mapping, real, required
 from calib.interop.rigs.poses import matrix_pose, vector_pose
 from designer.base.errors import InputError
 
@@ -23,7 +23,6 @@ Array = NDArray[np.float64]
 
 LENSES = tuple(lens for lens in FORMATS["opencv"].lenses if lens.name in ("standard", "fisheye"))
 """What both programs take: of OpenCV's lenses the one with five numbers, and the fisheye's."""
-COUNTS = (0, 4, 5, 8, 12)
 
 
 def camera_lines(camera: Camera, lens: FileLens, pose: Array) -> str:
@@ -55,35 +54,23 @@ def parse_toml(text: str, origin: str) -> Mapping[str, object]:
         raise InputError(f"{origin}: nested too deep, or a number too long; not a file of cameras") from None
 
 
-def read_camera_table(given: object, unit: str, origin: str) -> tuple[ReadCamera, Array]:
-    """The camera of a table, and its pose from the world in mm (4, 4)."""
+def read_camera_table(
+    given: object, unit: str, origin: str, common: Mapping[str, object] | None = None
+) -> tuple[ReadCamera, Array]:
+    """The camera of a table, and its pose from the world in mm (4, 4); `common` tables may name the lens too."""
     values = mapping(given, "a camera", origin)
     size = image_size(required(values, ("size",), origin), origin)
-    rows = required(values, ("matrix",), origin)
-    if not isinstance(rows, list) or len(rows) != 3:
-        raise InputError(f"{origin}: matrix must be 3 x 3, row by row")
-    entries = [one for index, row in enumerate(rows) for one in numbers(row, f"matrix[{index}]", origin, (3,))]
-    linear = linear_part(entries, origin)
-    lens = numbers(_flat(required(values, ("distortions",), origin)), "distortions", origin, COUNTS)
-    if values.get("fisheye") is True:
-        if len(lens) != len(WIDE.names) - len(linear):
-            raise InputError(f"{origin}: distortions has {len(lens)} numbers; those of a fisheye lens are k1 k2 k3 k4")
-        camera = lens_camera(WIDE, [*linear, *lens], size, origin)
-    else:
-        camera = brown_camera(linear, lens, size, origin)
+    linear, skew = linear_part(matrix_numbers(required(values, ("matrix",), origin), "matrix", origin, (9,)), origin)
+    lens = data_of(required(values, ("distortions",), origin), "distortions", origin)
+    named = named_lens({**(common or {}), **values}, origin)
+    camera = camera_by_name(linear, skew, lens, "distortions", COUNTS, size, named, origin)
     return camera, _pose(values, unit, origin)
 
 
 def _pose(values: Mapping[str, object], unit: str, origin: str) -> Array:
-    shift = numbers(_flat(required(values, ("translation",), origin)), "translation", origin, (3,))
-    turn = required(values, ("rotation",), origin)
-    if isinstance(turn, list) and len(turn) == 3 and all(isinstance(row, list) and len(row) == 3 for row in turn):
-        return matrix_pose([[*row, one] for row, one in zip(turn, shift, strict=True)], "rotation", unit, origin)
-    return vector_pose(numbers(_flat(turn), "rotation", origin, (3,)), shift, unit, origin)
-
-
-def _flat(value: object) -> object:
-    """A column or a row of numbers as a list."""
-    if isinstance(value, list) and value and all(isinstance(one, list) and len(one) == 1 for one in value):
-        return [one[0] for one in value]
-    return value[0] if isinstance(value, list) and len(value) == 1 and isinstance(value[0], list) else value
+    shift = matrix_numbers(required(values, ("translation",), origin), "translation", origin, (3,))
+    turn = matrix_numbers(required(values, ("rotation",), origin), "rotation", origin, (3, 9))
+    if len(turn) == 9:
+        rows = np.column_stack([np.array(turn).reshape(3, 3), shift]).tolist()
+        return matrix_pose(rows, "rotation", unit, origin)
+    return vector_pose(turn, shift, unit, origin)

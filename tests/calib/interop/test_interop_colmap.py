@@ -8,7 +8,10 @@ import pytest
 
 from calib.cameras import project
 from calib.interop import FORMATS
+from calib.interop.colmap import NUMBERED
+from calib.interop.colmap import text_of as text_of_binary
 from calib.interop.holding import fit_to_format
+from calib.interop.reading import open_camera
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE, ahead, lens_camera, lenses_of, text_of, whole_image, written
 
@@ -96,6 +99,32 @@ def test_the_smallest_model_that_holds_the_camera() -> None:
     assert models["pinhole"] == "PINHOLE"
     assert models["tiny coefficients"] == "OPENCV"
     assert models["barrel"] == "FULL_OPENCV"
+
+
+def test_colmaps_binary_file_is_read(tmp_path: Path) -> None:
+    """What COLMAP writes into cameras.bin is what it writes into cameras.txt, of every model it has."""
+    reconstruction = pycolmap.Reconstruction()
+    names = [name for name, row in pycolmap.CameraModelId.__members__.items() if 0 <= int(row) < len(NUMBERED)]
+    assert sorted(names) == sorted(NUMBERED)
+    for row, name in enumerate(names, start=1):
+        camera = pycolmap.Camera.create_from_model_name(row, name, 612.3, *SIZE)
+        reconstruction.add_camera(camera)
+    reconstruction.write_text(str(tmp_path))
+    reconstruction.write_binary(str(tmp_path))
+    content, text = (tmp_path / "cameras.bin").read_bytes(), (tmp_path / "cameras.txt").read_text()
+    mine = [line.split() for line in text_of_binary(content, "c").splitlines() if not line.startswith("#")]
+    theirs = [line.split() for line in text.splitlines() if not line.startswith("#")]
+    assert [[*one[:4], *map(float, one[4:])] for one in sorted(mine)] == [
+        [*one[:4], *map(float, one[4:])] for one in sorted(theirs)
+    ]
+    number = names.index("OPENCV") + 1
+    one = open_camera(f"{tmp_path / 'cameras.bin'}#{number}")
+    assert one.format.name == "colmap"
+    assert one.read.camera.image_size == SIZE
+    for damaged in (content[:-1], content + b"x", content[:9], b"", b"\xff" * 99, content[:8] + b"\x01" * 40):
+        (tmp_path / "bad.bin").write_bytes(damaged)
+        with pytest.raises(InputError, match=r"cameras\.bin of COLMAP|none that is known"):
+            open_camera(str(tmp_path / "bad.bin"))
 
 
 def test_lines_that_are_no_camera_of_ours() -> None:

@@ -12,7 +12,7 @@ from calib.cameras.camera import Camera
 from calib.interop import FORMATS, OWN
 from calib.interop.choosing import ACCEPTED_PX
 from calib.interop.holding import fit_to_format
-from calib.interop.reading import recognise
+from calib.interop.reading import open_camera, recognise
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, MODELS, WIDE_SIZE, lens_camera, lenses_of, whole_image, written
 
@@ -132,3 +132,19 @@ def test_a_refused_lens_is_answered_by_those_of_the_format_that_suit(name: str) 
             fit_to_format(camera, FORMATS[name], lens=narrow.name)
         for advised in str(refused.value).rpartition("--lens ")[2].split(", "):
             fit_to_format(camera, FORMATS[name], lens=advised)
+
+
+def test_a_toml_camera_that_is_cut_off_is_refused_or_told(tmp_path: Path) -> None:
+    """Of a surface every control point has to be there; of a lens of few numbers, what is taken as nothing is told."""
+    text = (Path(__file__).parents[3] / "templates/cameras/phase-one-spline.toml").read_text().rstrip()
+    (tmp_path / "c.toml").write_text(text)
+    assert open_camera(str(tmp_path / "c.toml")).read.remarks == ()
+    (tmp_path / "c.toml").write_text(text.rsplit("\n", 30)[0])
+    with pytest.raises(InputError, match=r"is missing, and 29 more of the 100 of model spline"):
+        open_camera(str(tmp_path / "c.toml"))
+    head = 'format = "ringsolid.camera"\nversion = 1\nmodel = "opencv"\nimage_size = [640, 480]\n[parameters]\n'
+    linear = "fx_px = 500.0\nfy_px = 500.0\ncx_px = 320.0\ncy_px = 240.0\n"
+    for lens, missing in (("", None), ("k1 = -0.1\nk2 = 0.05\n", "lacks p1 p2 k3")):
+        (tmp_path / "c.toml").write_text(head + linear + lens)
+        remarks = open_camera(str(tmp_path / "c.toml")).read.remarks
+        assert (not remarks) if missing is None else (missing in remarks[0])

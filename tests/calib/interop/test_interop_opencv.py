@@ -1,6 +1,7 @@
 """OpenCV, ROS and Kalibr files, all in OpenCV's conventions, against OpenCV's own reader and projection."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -11,6 +12,7 @@ import yaml
 from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.interop import FORMATS
+from calib.interop.reading import open_camera
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import (
     CAMERAS,
@@ -104,13 +106,14 @@ def test_a_calibration_with_its_image_points_is_read_quickly() -> None:
 
 
 def test_lenses_that_opencv_has_and_this_program_has_not() -> None:
-    """A fisheye lens of five numbers, a tilted sensor and skew are refused, each with its remedy."""
+    """A fisheye lens of five numbers, a tilted sensor and fewer numbers than are said to be there are refused."""
     text = CALIBRATION_OUTPUT.replace("POINTS", "1.")
     tilted = text.replace("0., 0.,\n       -5.7843596847939704e-01", ", ".join(["0."] * 11 + ["0.02"]))
+    tilted = tilted.replace("rows: 5", "rows: 14")
     for changed, rule in (
         (text.replace("fisheye_model: 0", "fisheye_model: 1"), "those of a fisheye lens are k1 k2 k3 k4"),
         (tilted, "without CALIB_TILTED_MODEL"),
-        (text.replace("6.5746697810243404e+02, 0., 3", "6.5746697810243404e+02, 2.5, 3"), "skew 2.5"),
+        (text.replace(",\n       -5.7843596847939704e-01", ""), "has 4 numbers; by its rows and cols it must have 5"),
         (text.replace("image_width", "width_of_image"), "add image_width"),
         (text.replace("camera_matrix", "matrix"), "camera_matrix is missing"),
     ):
@@ -345,6 +348,206 @@ cam2:
   distortion_coeffs: [-0.3, 0.1, 0.0, 0.0]
   resolution: [752, 480]
 """
+
+
+TWO_BY_TWO = {"image_width": 640, "image_height": 480}
+MATRIX = [[600.0, 0.0, 320.5], [0.0, 601.0, 241.5], [0.0, 0.0, 1.0]]
+BROWN, KANNALA = [-0.11, 0.08, -0.001, 0.002, 0.0], [0.1, -0.02, 0.001, 0.0002]
+
+
+@pytest.mark.parametrize("dump", [json.dumps, yaml.safe_dump, lambda tree: json.dumps(tree, indent=2)])
+@pytest.mark.parametrize(
+    "keys", [("camera_matrix", "dist_coeffs"), ("mtx", "dist"), ("K", "D"), ("cameraMatrix", "distCoeffs")]
+)
+@pytest.mark.parametrize("shape", [(5,), (1, 5), (5, 1)])
+def test_what_python_programs_dump_of_matrices_is_read(
+    dump: Callable[[object], str], keys: tuple[str, str], shape: tuple[int, ...], tmp_path: Path
+) -> None:
+    """`yaml.dump(K.tolist())` and JSON: rows of a matrix in lists, coefficients in a row or a column."""
+    tree = {**TWO_BY_TWO, keys[0]: MATRIX, keys[1]: np.reshape(BROWN, shape).tolist(), "rms": 0.3}
+    (tmp_path / "c").write_text(dump(tree))
+    opened = open_camera(str(tmp_path / "c"))
+    assert opened.format.name == "opencv"
+    assert opened.read.remarks == ()
+    assert opened.read.camera.params.tolist() == [600, 601, 320.5, 241.5, *BROWN]
+    with pytest.raises(InputError, match="camera_matrix has 8 numbers; it must have 9"):
+        FORMATS["opencv"].read(dump({**tree, keys[0]: [*MATRIX[:2], MATRIX[2][:2]]}), "c", None)
+
+
+def test_opencvs_own_json_is_read(tmp_path: Path) -> None:
+    """What `cv2.FileStorage` writes as JSON is known by its content, and read exactly."""
+    storage = cv2.FileStorage(str(tmp_path / "c.json"), cv2.FILE_STORAGE_WRITE)
+    for name, value in TWO_BY_TWO.items():
+        storage.write(name, value)
+    storage.write("camera_matrix", np.array(MATRIX))
+    storage.write("distortion_coefficients", np.array(BROWN))
+    storage.release()
+    opened = open_camera(str(tmp_path / "c.json"))
+    assert opened.format.name == "opencv"
+    assert opened.read.camera.params.tolist() == [600, 601, 320.5, 241.5, *BROWN]
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        {
+            "lens_model": "",
+            "camera_model": "Y",
+            "use_opencv_fisheye": True,
+            "fisheye_params": {"camera_matrix": MATRIX},
+        },
+        {"camera_type": "rgb", "distortion_model": "none"},
+        {"calibration": {"K": MATRIX, "D": BROWN}},
+        {"cam0": {"camera_model": "pinhole", "intrinsics": [1, 2, 3, 4]}},
+    ],
+)
+def test_other_json_is_no_other_formats_broken_file(tree: object, tmp_path: Path) -> None:
+    """What no format knows is said to be of no known kind, whatever words stand in it; broken JSON, to be broken."""
+    (tmp_path / "c.json").write_text(json.dumps(tree))
+    with pytest.raises(InputError, match="not a camera file of a known kind"):
+        open_camera(str(tmp_path / "c.json"))
+    (tmp_path / "c.json").write_text(json.dumps(tree)[:-2])
+    with pytest.raises(InputError, match="not valid JSON"):
+        open_camera(str(tmp_path / "c.json"))
+
+
+OST = """# oST version 5.0 parameters
+
+
+[image]
+
+width
+640
+
+height
+480
+
+[narrow_stereo]
+
+camera matrix
+600.000000 0.000000 320.500000
+0.000000 601.000000 241.500000
+0.000000 0.000000 1.000000
+
+distortion
+-0.110000 0.080000 -0.001000 0.002000 0.000000
+
+rectification
+1.000000 0.000000 0.000000
+0.000000 1.000000 0.000000
+0.000000 0.000000 1.000000
+
+projection
+600.000000 0.000000 320.500000 0.000000
+0.000000 601.000000 241.500000 0.000000
+0.000000 0.000000 1.000000 0.000000
+
+"""
+
+
+def test_what_camera_calibration_prints_is_read(tmp_path: Path) -> None:
+    """Its ost.txt; of two cameras in one it says so."""
+    (tmp_path / "ost.txt").write_text(OST)
+    opened = open_camera(str(tmp_path / "ost.txt"))
+    assert opened.format.name == "ros"
+    assert opened.read.camera.params.tolist() == [600, 601, 320.5, 241.5, *BROWN]
+    assert opened.read.camera.image_size == (640, 480)
+    for text, rule in (
+        (OST + OST, "several cameras"),
+        (OST.replace("601.0", "-1"), "focal length"),
+        (OST[: OST.index("distortion")], "distortion_coefficients is missing"),
+        (OST.replace("width\n640", "width"), "width must be one number"),
+    ):
+        with pytest.raises(InputError, match=rule):
+            FORMATS["ros"].read(text, "ost.txt", None)
+
+
+@pytest.mark.parametrize(
+    ("binning", "roi"), [((4, 2), None), ((0, 1), (512, 256, 1024, 800)), ((2, 2), (512, 256, 1024, 801))]
+)
+def test_a_message_of_a_part_of_the_sensor_shows_that_part(
+    binning: tuple[int, int], roi: tuple[int, int, int, int] | None
+) -> None:
+    """K of CameraInfo is the full sensor's: a pixel of the photos is the mean of those of the sensor that it covers."""
+    x, y, width, height = roi or (0, 0, 0, 0)
+    message = {
+        "width": 2064, "height": 1544, "distortion_model": "plumb_bob", "D": BROWN,
+        "K": [2400.0, 0, 1030, 0, 2402, 770, 0, 0, 1], "binning_x": binning[0], "binning_y": binning[1],
+        "roi": {"x_offset": x, "y_offset": y, "width": width, "height": height, "do_rectify": False},
+    }  # fmt: skip
+    found = FORMATS["ros"].read(json.dumps(message), "info.json", None)
+    across, down = (max(1, by) for by in binning)
+    assert found.camera.image_size == ((width or 2064) // across, (height or 1544) // down)
+    assert "are applied" in found.remarks[0]
+    full = FORMATS["ros"].read(json.dumps({**message, "binning_x": 0, "binning_y": 1, "roi": {}}), "c", None)
+    assert full.remarks == ()
+    column, row = 7, 11
+    covered = np.array([[x + column * across + i, y + row * down + j] for i in range(across) for j in range(down)])
+    ray = full.camera.rays(covered.mean(axis=0))
+    assert found.camera.project(ray) == pytest.approx([column, row], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "rule"),
+    [
+        ({"roi": {"x_offset": 600, "width": 100, "height": 100}}, "is no part of the sensor's 640 x 480 px"),
+        ({"roi": {"x_offset": 6}}, "is no part"),
+        ({"binning_x": 641}, "leaves no pixel"),
+        ({"binning_x": -1}, "whole number"),
+        ({"binning_y": 1.5}, "whole number"),
+        ({"roi": [1, 2]}, "roi must hold names"),
+    ],
+)
+def test_a_part_that_is_none_is_refused(change: dict[str, object], rule: str) -> None:
+    """A region beyond the sensor, an offset without a size, a binning that is none."""
+    message = {**TWO_BY_TWO, "K": MATRIX, "D": BROWN, "distortion_model": "plumb_bob", **change}
+    with pytest.raises(InputError, match=rule):
+        FORMATS["ros"].read(json.dumps(message), "c", None)
+
+
+@pytest.mark.parametrize(("model", "lens"), [("plumb_bob", BROWN), ("equidistant", KANNALA)])
+def test_skew_is_fitted(model: str, lens: list[float]) -> None:
+    """A camera matrix with skew: the closest camera without, and how far it is from OpenCV's projection."""
+    message = {**TWO_BY_TWO, "K": MATRIX, "D": lens, "distortion_model": model}
+    skewed = {**message, "K": [[600.0, 1.5, 320.5], *MATRIX[1:]]}
+    found, straight = (FORMATS["ros"].read(json.dumps(one), "c", None) for one in (skewed, message))
+    assert found.refit is not None
+    assert straight.refit is None
+    assert "skew 1.5 px" in found.remarks[0]
+    pixel, ray = whole_image(straight.camera)
+    shown = pixel + np.column_stack([1.5 * (pixel[:, 1] - 241.5) / 601, np.zeros(len(pixel))])
+    inside = (shown[:, 0] >= 0) & (shown[:, 0] <= 639)
+    off = np.linalg.norm(found.camera.project(ray[inside]) - shown[inside], axis=1)
+    assert off.max() == pytest.approx(found.refit.max_px, rel=0.1)
+    assert off.max() < 0.65  # the skew moves a corner by 0.6
+    rounding = {**message, "K": [[600.0, 1e-11, 320.5], *MATRIX[1:]]}
+    assert FORMATS["ros"].read(json.dumps(rounding), "c", None).refit is None
+
+
+@pytest.mark.parametrize(
+    ("model", "lens", "count"),
+    [
+        ("plumb_bob", [*BROWN[:4], *[0.0] * 4], 5),
+        ("rational_polynomial", [0.3, 0.05, 0.001, -0.0005, 0.01, 0.5, 0.06, 0.004, *[0.0] * 6], 8),
+        ("rational_polynomial", [0.3, 0.05, 0.001, -0.0005, 0.01, 0.5, 0.06, 0.004, 1e-3, 0, 0, 0, 0, 0], 12),
+        ("equidistant", [*KANNALA, 0.0], 4),
+    ],
+)
+def test_zeros_at_the_end_are_no_coefficients(model: str, lens: list[float], count: int) -> None:
+    """As drivers pad D, such as those of OAK cameras to 14; a number there that is not zero counts."""
+    message = {**TWO_BY_TWO, "K": MATRIX, "D": lens, "distortion_model": model}
+    found = FORMATS["ros"].read(json.dumps(message), "c", None).camera
+    assert len(found.distortion) == count
+    assert found.distortion.tolist() == [*lens, 0.0][:count]
+    with pytest.raises(InputError, match=f"has {len(lens)} numbers; it must have|tilted"):
+        FORMATS["ros"].read(json.dumps({**message, "D": [*lens[:-1], 0.1]}), "c", None)
+
+
+def test_the_lens_of_a_fisheye_is_that_of_cv2_fisheye() -> None:
+    """`camera.distortion` of the model `fisheye` goes into `cv2.fisheye.projectPoints` as it is."""
+    camera = Camera("fisheye", np.array([330.0, 331, 505, 397, -0.01, 0.004, -0.006, 0.0012]), WIDE_SIZE)
+    pixel, ray = ahead(camera)
+    assert np.abs(fisheye_projection(ray, camera.matrix, camera.distortion) - pixel).max() < 1e-9
 
 
 def test_one_camera_of_a_chain() -> None:
