@@ -302,7 +302,7 @@ def target_from_json(text: str) -> TargetGeometry:
         raise ValueError(f"missing or unknown fields: {', '.join(sorted(map(repr, odd)))}")
     target = _target_from_document(document)
     for name in ("layout_id", "geometry_id"):
-        if document[name] != getattr(target, name):
+        if str(document[name]).lower() != getattr(target, name):
             raise ValueError(
                 f"{name} {document[name]!r} does not fit the numbers ({getattr(target, name)}): the file was changed "
                 "by hand; design the target again instead"

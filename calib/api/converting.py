@@ -73,6 +73,11 @@ class Conversion:
         return self.max_px > LARGE_PX
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """What there was to say of the file that was read, such as how a lens of no name was taken, a line each."""
+        return self.opened.read.remarks
+
+    @property
     def lost(self) -> tuple[str, ...]:
         """What the file does not say that the camera knew, a line each."""
         return lost_of(self.opened.read.camera, self.held, self.format)

@@ -86,6 +86,11 @@ class RigConversion:
         return self.format.words(names) == names
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """What there was to say of the files that were read, a line each."""
+        return self.opened.read.remarks
+
+    @property
     def lost(self) -> tuple[str, ...]:
         """What the files do not say that the rig knew, a line each."""
         rig, lost = self.opened.read.rig, []

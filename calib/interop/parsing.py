@@ -26,6 +26,8 @@ Item = TypeVar("Item")
 _NUMBER = re.compile(r"[-+]?(?:[0-9]{1,40}\.?[0-9]{0,40}|\.[0-9]{1,40})(?:[eE][-+]?[0-9]{1,4})?")
 _DIRECTIVE = re.compile(r"\A\s*%YAML[^\n]*\n")
 """OpenCV's first line, `%YAML:1.0`, is not YAML."""
+_WINDOWS_PATH = re.compile(r'"[A-Za-z]:\\[^"\n]*"')
+"""Between such quotes YAML takes what follows a backslash for an escape; no path tells anything of a camera."""
 MOST_NODES, DEEPEST = 10_000, 30
 """Values of a document, and how deep they may be nested: parsing takes time in proportion to their product."""
 MAX_DEPTH = 40
@@ -186,7 +188,8 @@ def parse_yaml(text: str, origin: str) -> object:
         raise InputError(f"{origin}: more than {MAX_FILE_BYTES} characters; a YAML camera file is smaller")
     try:
         # The first only: printed messages end with a mark that begins another.
-        document: object = next(iter(yaml.load_all(_DIRECTIVE.sub("", text), _BoundedLoader)), None)
+        plain = _WINDOWS_PATH.sub(lambda path: path[0].replace("\\", "/"), _DIRECTIVE.sub("", text))
+        document: object = next(iter(yaml.load_all(plain, _BoundedLoader)), None)
         return document
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark

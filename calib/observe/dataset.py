@@ -218,7 +218,7 @@ def _read_header(path: Path, stream: io.StringIO) -> _Header:
     while (line := stream.readline().strip()).startswith("#"):
         number, at = number + 1, stream.tell()
         if match := _ID_LINE.fullmatch(line):
-            ids[match[1]] = match[2]
+            ids[match[1]] = match[2].lower()  # hexadecimal; of any case
         elif line.startswith("# image "):
             name, size = _image_line(path, number, line)
             if name in sizes:

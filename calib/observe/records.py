@@ -10,6 +10,7 @@ import numpy as np
 
 from calib.core.types import Detections, FaceRecord
 from designer.base.file_kind import FileKind
+from designer.base.marks import Hash
 
 
 @dataclass(frozen=True)
@@ -48,10 +49,10 @@ class Records:
     """What happened to each photo of a run."""
 
     detector: str  # program and version
-    layout_id: str
-    geometry_id: str
+    layout_id: Hash
+    geometry_id: Hash
     images: tuple[ImageRecord, ...]
-    rendered_id: str = ""  # of the geometry that the photos were rendered of; "": real photos
+    rendered_id: Hash = ""  # of the geometry that the photos were rendered of; "": real photos
 
 
 RECORDS = FileKind(Records, "records", "a records file", "detect again", largest_bytes=256 * 2**20)

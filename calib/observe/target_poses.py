@@ -20,7 +20,7 @@ from calib.observe.photos import Search
 from calib.solver.start import solve_poses
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
-from designer.base.marks import Key, Shape
+from designer.base.marks import Hash, Key, Shape
 from designer.base.own_files import require_ours
 from designer.base.small_file import place_of
 from designer.target import TargetGeometry
@@ -72,7 +72,7 @@ class PhotoWithoutPose:
 class PosesDocument:
     """The keys of `poses.json`."""
 
-    geometry_id: str
+    geometry_id: Hash
     camera: Camera
     views: tuple[TargetPose, ...]
     failed: tuple[PhotoWithoutPose, ...]

@@ -26,7 +26,7 @@ from calib.solver.plane_bend import PlaneBend
 from designer.base.codec import decode, encode
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
-from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Count, Gap, Length, Shape
+from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Count, Gap, Hash, Length, Shape
 from designer.base.words import shown
 
 Array = NDArray[np.float64]
@@ -45,12 +45,12 @@ class Provenance:
     """Where a calibration comes from: enough to make it again."""
 
     program: str  # name and version
-    layout_id: str = ""  # of the target file; "" for points from elsewhere
-    geometry_id: str = ""
+    layout_id: Hash = ""  # of the target file; "" for points from elsewhere
+    geometry_id: Hash = ""
     seed: int | None = None  # of what was drawn at random, if anything was
     options: SolveOptions = field(default_factory=SolveOptions)
     settings: tuple[tuple[str, str], ...] = ()  # of the command: name and value as they were given
-    observations_sha256: Annotated[str, LEFT_OUT] = ""
+    observations_sha256: Annotated[Hash, LEFT_OUT] = ""
     """Of the table with what this camera leaves over: no two cameras have the same. Files say it beside the table."""
 
 
@@ -80,8 +80,8 @@ class CalibrationRecord:
     target_error: TargetError | None = None
     image_field: ImageField | None = None
     target_bend: Annotated[PlaneBend | None, LEFT_OUT] = None
-    geometry_id: str
-    observations_sha256: str
+    geometry_id: Hash
+    observations_sha256: Hash
     planes: Annotated[Array, Shape("F", 4)]
     points: tuple[_Point, ...]
     views: Annotated[tuple[SolvedView, ...], Length(1, 1_000_000)]

@@ -19,7 +19,7 @@ from calib.observe.rig_photos import RigPhotos
 from calib.observe.target_poses import SUFFIXES
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
-from designer.base.marks import Gap, Shape
+from designer.base.marks import Gap, Hash, Shape
 from designer.base.own_files import require_ours
 from designer.base.small_file import place_of
 from designer.target import TargetGeometry
@@ -91,7 +91,7 @@ class FrameWithoutPose:
 class RigPosesDocument:
     """The keys of a file of poses in a rig's frame."""
 
-    geometry_id: str
+    geometry_id: Hash
     cameras: tuple[str, ...]  # of the rig
     rig_frame: str  # whose frame the rig's is
     has_rig_covariance: bool  # else covariances are by the noise alone

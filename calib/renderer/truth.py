@@ -18,7 +18,7 @@ from calib.core.se3 import rigid_fault
 from calib.core.types import freeze
 from calib.renderer.options import RenderOptions
 from designer.base.file_kind import FileKind
-from designer.base.marks import LEFT_OUT, Length, Shape, Word
+from designer.base.marks import LEFT_OUT, Hash, Length, Shape, Word
 from designer.base.words import shown
 
 TRUTH_FILE = "truth.json"
@@ -55,11 +55,11 @@ def true_views(files: Sequence[str], cam_from_target: NDArray[np.float64]) -> tu
 class Truth:
     """What is known of rendered photos."""
 
-    geometry_id: str  # of the target that was rendered
+    geometry_id: Hash  # of the target that was rendered
     camera: Camera
     views: Annotated[tuple[TrueView, ...], Length(1, 100_000)]
     seed: int | None = None
-    layout_id: str = ""  # of the target; "" if it is not known
+    layout_id: Hash = ""  # of the target; "" if it is not known
     options: RenderOptions | None = None
     file: FileOptions | None = None
 
@@ -104,8 +104,8 @@ class TrueFrame:
 class RigTruth:
     """What is known of a rig's rendered photos, beside the rig itself, which is in `rig.json`."""
 
-    geometry_id: str  # of the target
-    layout_id: str
+    geometry_id: Hash  # of the target
+    layout_id: Hash
     cameras: Annotated[tuple[Word, ...], Length(1, MOST_CAMERAS)]
     frames: Annotated[tuple[TrueFrame, ...], Length(1, 100_000)]
     seed: int

@@ -14,7 +14,7 @@ from calib.verdict.rig_evidence import RigEvidence, rig_evidence
 from calib.verdict.rig_next_frames import NextFrame, next_frames
 from calib.verdict.verdict import Check, Criteria, Grade, Verdict
 from designer.base.file_kind import FileKind
-from designer.base.marks import LEFT_OUT, Length, Line, Word
+from designer.base.marks import LEFT_OUT, Hash, Length, Line
 from designer.base.words import printable
 
 MENDED_BY_FRAMES = ("frames", "baselines", "space", "halves")
@@ -37,7 +37,7 @@ class JudgedRig:
     next_poses: Annotated[
         tuple[NextPose, ...], Length(0, MOST_POSES)
     ] = ()  # of a robot that carries the camera or the target
-    solution_sha256: Annotated[Word, LEFT_OUT] = ""  # of the file that keeps the judged rig; "" before that is written
+    solution_sha256: Annotated[Hash, LEFT_OUT] = ""  # of the file that keeps the judged rig; "" before that is written
 
     @property
     def compared(self) -> RigHalves | NoRigHalves:

@@ -25,7 +25,7 @@ from typing import (
 )  # fmt: skip
 
 from designer.base.errors import InputError
-from designer.base.marks import INLINE, LEFT_OUT, ONE_LINE, OR_NULL, PACKED, Bound, Key, Mark, NullIs, Shape
+from designer.base.marks import HEX, INLINE, LEFT_OUT, ONE_LINE, OR_NULL, PACKED, Bound, Key, Mark, NullIs, Shape
 from designer.base.small_file import JsonValue
 from designer.base.words import printable, shown, suggestion
 
@@ -199,6 +199,8 @@ def _decode(hint: object, value: JsonValue, place: str, sizes: dict[str, int]) -
         decoded = _decode_array(base, marks, value, place, sizes)
     if ONE_LINE in marks:
         decoded = printable(cast(str, decoded))
+    if HEX in marks:
+        decoded = cast(str, decoded).lower()
     for mark in marks:
         if isinstance(mark, Mark) and (fault := mark.fault(decoded)):
             raise _refuse(place, value, fault)

@@ -101,6 +101,8 @@ class Sign:
 OR_NULL: Final = NullIs(math.nan)
 ONE_LINE: Final = Sign()
 """Text of which a page or a terminal shows one line, whatever a file holds."""
+HEX: Final = Sign()
+"""Hexadecimal digits, which mean the same in capitals, as some programs write them."""
 LEFT_OUT: Final = Sign()
 """None and "" are not written."""
 PACKED: Final = Sign()
@@ -113,6 +115,8 @@ Gap = Annotated[float, OR_NULL]
 Count = Annotated[int, AtLeast(0)]
 Word = Annotated[str, Length(0, 200), ONE_LINE]
 """A name."""
+Hash = Annotated[str, Length(0, 200), ONE_LINE, HEX]
+"""The id of a content."""
 Line = Annotated[str, Length(0, 4000), ONE_LINE]
 """A sentence or two."""
 AGAIN = "run the study again with --resume"

@@ -16,7 +16,7 @@ from calib.cameras.camera import Camera
 from calib.core.files import write_files
 from calib.core.se3 import rigid_fault
 from designer.base.file_kind import FileKind
-from designer.base.marks import LEFT_OUT, Length, Shape
+from designer.base.marks import LEFT_OUT, Hash, Length, Shape
 from designer.base.small_file import JsonValue
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph, Steps, Table
@@ -84,7 +84,7 @@ class ToldPhotos:
     table_note: str = ""
     before: tuple[ToldSection, ...] = ()  # the photos
     after: tuple[ToldSection, ...] = ()
-    geometry_id: str = ""  # of the target; "": without one
+    geometry_id: Hash = ""  # of the target; "": without one
     camera: Camera | None = None  # that took the photos
     pinhole: Camera | None = None  # that undistorted photos are of, though it may be of any picture without a lens
     cam_from_new: Annotated[Annotated[NDArray[np.float64], Shape(3, 3)] | None, LEFT_OUT] = None  # where that looks

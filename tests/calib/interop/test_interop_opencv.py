@@ -566,6 +566,9 @@ def test_one_camera_of_a_chain() -> None:
         0,
     ]
     assert read(CHAIN, "chain.yaml", "cam1").camera.model == "pinhole"
+    windows = CHAIN.replace("rostopic: /cam0/image_raw", 'rostopic: "C:\\Users\\new"')
+    assert windows != CHAIN
+    assert read(windows, "chain.yaml", "cam0").camera.params.tolist() == camera.params.tolist()
     with pytest.raises(InputError, match=r"holds 3 cameras \(cam0, cam1, cam2\); name one, as in FILE#cam0"):
         read(CHAIN, "chain.yaml", None)
     with pytest.raises(InputError, match="holds no camera 'cam7'; there is cam0, cam1, cam2"):

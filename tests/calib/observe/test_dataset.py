@@ -336,3 +336,18 @@ def test_a_failed_write_leaves_the_earlier_files(tmp_path: Path) -> None:
         write_detections(path, [seen("b.png", 3, np.random.default_rng(9))], ICO)
     assert path.read_bytes() == before
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["d.csv", "d.records.json"]
+
+
+def test_ids_may_be_in_capitals(tmp_path: Path) -> None:
+    """Hexadecimal digits mean the same in capitals: of the table, of the records beside it, and of the target."""
+    path = tmp_path / "d.csv"
+    write_detections(path, [seen("a.png", 9, np.random.default_rng(3))], ICO)
+    for file in (path, records_path(path)):
+        text = file.read_text()
+        for identity in (ICO.layout_id, ICO.geometry_id):
+            assert identity in text
+            text = text.replace(identity, identity.upper())
+        file.write_text(text)
+    (back,) = read_detections(path, ICO, target_path=TARGET_PATH)
+    assert (back.layout_id, back.geometry_id) == (ICO.layout_id, ICO.geometry_id)
+    assert back.faces == (RECORD,)  # of the records
