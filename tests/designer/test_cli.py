@@ -1,9 +1,7 @@
 """The command `design`, run as a user runs it."""
 
 import json
-import os
 import subprocess
-import sys
 import tomllib
 from contextlib import chdir
 from pathlib import Path
@@ -14,8 +12,8 @@ from designer.cli import main
 from designer.designing import load
 from designer.produce import make_files
 from tests.support.command_line import calib, program, refused
+from tests.support.programs import PYTHON, modules_loaded_by, run
 
-REPOSITORY = Path(__file__).parents[2]
 DEFAULT_FILES = {
     "t.target.json", "t.toml", "t.prusa.3mf", "t.bambu.3mf", "t.body.stl", "t.pattern.stl", "t.png", "index.html",
 }  # fmt: skip
@@ -31,15 +29,7 @@ def design(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str
 
 def design_anew(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run `design` in a folder, in a process of its own."""
-    return subprocess.run(
-        [sys.executable, "-m", "designer.cli", *arguments],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-        env={**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": "200"},
-    )
+    return run(PYTHON, "-m", "designer.cli", *arguments, cwd=cwd, check=False, COLUMNS="200")
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -237,21 +227,16 @@ def test_every_template_can_be_made(tmp_path: Path) -> None:
         assert name in listed
 
 
-def loaded_by(module: str, heavy: set[str]) -> set[str]:
-    """Which of the heavy packages a fresh interpreter loads with a module."""
-    script = f"import sys, {module}; print(*sys.modules)"
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=REPOSITORY)
-    return heavy & set(run.stdout.split())
-
-
 def test_help_loads_nothing_heavy() -> None:
     """`design --help` imports no numpy, pint or CAD, which is what keeps it fast."""
-    assert loaded_by("designer.cli", {"numpy", "pint", "build123d", "trimesh", "PIL", "scipy"}) == set()
+    heavy = {"numpy", "pint", "build123d", "trimesh", "PIL", "scipy"}
+    assert not heavy & modules_loaded_by("import designer.cli")
 
 
 def test_target_module_needs_only_numpy() -> None:
     """`designer.target`, which `calib` loads, imports nothing heavier than numpy."""
-    assert loaded_by("designer.target", {"pydantic", "pint", "manifold3d", "build123d", "PIL", "scipy"}) == set()
+    heavy = {"pydantic", "pint", "manifold3d", "build123d", "PIL", "scipy"}
+    assert not heavy & modules_loaded_by("import designer.target")
 
 
 def test_calib_reads_what_design_wrote(tmp_path: Path) -> None:

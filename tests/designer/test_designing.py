@@ -1,8 +1,6 @@
 """Designing from Python: the same as the command line."""
 
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +11,7 @@ from designer.designing import LENGTHS
 from designer.spec.kind import KINDS, kind_named
 from designer.spec.options import options_of
 from tests.support.command_line import design
+from tests.support.programs import PYTHON, run
 
 COARSE = {"formats": ("stl",), "chord_error": "0.1mm"}
 SMALL = {"ico": {"edge_mm": 20}, "board": {"size_mm": (60, 40)}, "cube": {"edge_mm": 60}, "coupon": {}}
@@ -93,7 +92,6 @@ def test_the_numbers_of_a_size_come_in_what_keeps_their_order(wish: object) -> N
 def test_the_import_loads_next_to_nothing() -> None:
     """Until a name is used; all are listed."""
     code = "import sys, designer; print(*sys.modules); print(*dir(designer))"
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.splitlines()
-    loaded, listed = (set(line.split()) for line in said)
+    loaded, listed = (set(line.split()) for line in run(PYTHON, "-c", code).stdout.splitlines())
     assert not {"numpy", "pydantic", "typer", "designer.target", "designer.spec.kind"} & loaded
     assert {*designer.__all__, *KINDS} <= listed

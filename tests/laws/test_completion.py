@@ -3,7 +3,6 @@
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -11,17 +10,15 @@ import pytest
 from calib.interop import FORMATS
 from calib.interop.rigs import RIG_FORMATS
 from designer.kinds.presets import preset_names
+from tests.support import programs
+from tests.support.programs import PYTHON
 
-ROOT = Path(__file__).parents[2]
 MODULE = {"design": "designer.cli", "calib": "calib.cli"}
 
 
 def run(program: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run a program in a process of its own."""
-    return subprocess.run(
-        [sys.executable, "-m", MODULE[program], *arguments], capture_output=True, text=True, check=False, timeout=60,
-        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
-    )  # fmt: skip
+    return programs.run(PYTHON, "-m", MODULE[program], *arguments, check=False, **environment)
 
 
 def offered(line: str, shell: str = "bash") -> list[str]:
@@ -88,14 +85,11 @@ def test_the_scripts_name_program_and_variable(program: str, shell: str) -> None
 def test_bash_itself_completes(tmp_path: Path) -> None:
     """Bash loads the script, calls its function as for a pressed Tab, and gets the template's name."""
     program = tmp_path / "design"
-    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m designer.cli "$@"\n')
+    program.write_text(f'#!/bin/sh\nexec "{PYTHON}" -m designer.cli "$@"\n')
     program.chmod(0o755)
     script = run("design", "--show-completion", "bash", _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1").stdout
     pressed = 'COMP_WORDS=(design make alu); COMP_CWORD=2; _design_completion design; echo "${COMPREPLY[@]}"'
-    answer = subprocess.run(
-        ["bash", "-c", f"{script}\n{pressed}"], capture_output=True, text=True, check=True, timeout=60,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "PATH": f"{tmp_path}:{os.environ['PATH']}"},
-    )  # fmt: skip
+    answer = programs.run("bash", "-c", f"{script}\n{pressed}", PATH=f"{tmp_path}:{os.environ['PATH']}")
     assert answer.stdout.split() == ["alu-board"]
 
 
@@ -123,8 +117,5 @@ def test_completion_loads_no_heavy_library(line: str) -> None:
         "finally: print({'numpy', 'cv2', 'numba', 'scipy', 'matplotlib', 'build123d'} & set(sys.modules))\n"
     )
     variables = {f"_{program.upper()}_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
-    answer = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60,
-        env={**os.environ, "PYTHONPATH": str(ROOT), **variables},
-    )  # fmt: skip
+    answer = programs.run(PYTHON, "-c", code, check=False, **variables)
     assert answer.stdout.splitlines()[-1] == "set()", answer

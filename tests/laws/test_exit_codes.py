@@ -1,8 +1,5 @@
 """How commands end: 0 fine, 1 ran but the answer is negative, 2 bad input, 130 stopped; in JSON too."""
 
-import os
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +11,7 @@ from typer.core import TyperGroup
 from calib.cli import app as calib_app
 from designer.cli import app as design_app
 from tests.support.command_line import LENIENT, Answer, calib, design, summary_of
+from tests.support.programs import PYTHON, start
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTED = (ROOT / "docs/json.md").read_text()
@@ -268,16 +266,13 @@ def test_a_reader_may_leave(option: list[str], tmp_path: Path) -> None:
         "    return Summary({'long': 'x' * 200000}, exit_code=1)\n"
         "run(app)\n"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-c", script, "word", *option], cwd=tmp_path, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
+    process = start(PYTHON, "-c", script, "word", *option, cwd=tmp_path)
     assert process.stdout is not None
     process.stdout.close()
     process.stdout = None
-    _, said = process.communicate(b"go\n", timeout=60)
+    _, said = process.communicate("go\n", timeout=60)
     assert process.returncode == 1
-    assert set(said.decode().splitlines()) <= {"a line that nobody reads"}
+    assert set(said.splitlines()) <= {"a line that nobody reads"}
     assert (tmp_path / "done").exists()
 
 

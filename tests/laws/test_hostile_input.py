@@ -5,7 +5,6 @@ import json
 import os
 import signal
 import sqlite3
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -19,11 +18,12 @@ from designer.base.errors import InputError
 from designer.base.small_file import parse_json
 from tests.calib.studies.test_study_store import path as study_path
 from tests.laws.test_exit_codes import CASES, SOLVE, Case, folder
+from tests.support import programs
 from tests.support.command_line import Answer, calib, refused
 from tests.support.foreign_cameras import written
+from tests.support.programs import PYTHON
 
 __all__ = ["folder", "study_path"]  # the scene that commands work in, and a study
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize(("program", "case"), [one for one in CASES if one.values[1].code != 2])
@@ -184,17 +184,15 @@ def test_a_disk_that_is_full_at_the_page_is_no_success(monkeypatch: pytest.Monke
 def test_a_full_standard_output_is_one_line(option: list[str]) -> None:
     """Words that cannot be written anywhere: one line on standard error says so, and the code is 2."""
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run(
-            [sys.executable, "-c", "from designer.cli import main; main()", "templates", *option], stdout=full,
-            stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False,
-        )  # fmt: skip
-    lines = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
-    assert done.returncode == 2
+        program = programs.start(PYTHON, "-m", "designer.cli", "templates", *option, stdout=full)
+        _, said = program.communicate(timeout=60)
+    lines = [line for line in said.splitlines() if line.startswith("error: ")]
+    assert program.returncode == 2
     assert lines == [
         "error: standard output cannot be written: No space left on device; make room, or send it elsewhere"
     ]
-    assert "Traceback" not in done.stderr
-    assert "Exception" not in done.stderr
+    assert "Traceback" not in said
+    assert "Exception" not in said
 
 
 @pytest.mark.parametrize("words", [("render", "board.target.json", "--views", "1", "--distance", "9m", "-o", "o")])
@@ -215,10 +213,6 @@ def test_processes_started_while_ctrl_c_is_held_never_see_it() -> None:
         "        print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))\n"
         "print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
-    assert done.stdout.split() == ["True", "True", "False"]
+    assert programs.run(PYTHON, "-c", script).stdout.split() == ["True", "True", "False"]
     with interrupts_held():
         assert signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])

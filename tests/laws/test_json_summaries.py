@@ -3,11 +3,9 @@
 import csv
 import json
 import math
-import os
 import shlex
 import shutil
 import subprocess
-import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -19,10 +17,11 @@ from hypothesis import strategies as st
 from calib.records.calibration_file import read_calibration
 from designer.base.answer import StoppedError, Summary, Value, document, plain
 from designer.base.command import command_line
+from tests.support import programs
 from tests.support.command_line import LENIENT, calib, design, summary_of
 from tests.support.command_scene import BOARD, CAMERA, FOUND, PHOTOS, SEEN, SHIFT_PX
+from tests.support.programs import PYTHON
 
-ROOT = Path(__file__).parents[2]
 TOY = """
 import os, subprocess, sys
 from pathlib import Path
@@ -64,10 +63,7 @@ def folder(scene_copy: Path) -> Path:
 
 def toy(*words: str) -> subprocess.CompletedProcess[str]:
     """Run a small program of three commands."""
-    return subprocess.run(
-        [sys.executable, "-c", TOY, *words], capture_output=True, text=True, check=False, timeout=60,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
+    return programs.run(PYTHON, "-c", TOY, *words, check=False)
 
 
 def test_whatever_is_printed_goes_to_people() -> None:

@@ -1,8 +1,6 @@
 """Linear algebra on one thread, that of SciPy, too."""
 
-import os
-import subprocess
-import sys
+from tests.support.programs import PYTHON, run
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
 FIRST_CALL = """
@@ -24,4 +22,4 @@ assert len(threads) == len(counted()) and set(threads.values()) == {1}, threads
 
 def test_scipys_library_is_limited_from_the_first_call_on() -> None:
     """Whatever was limited before SciPy was there: in what uses it each library of linear algebra has one thread."""
-    subprocess.run([sys.executable, "-c", FIRST_CALL], check=True, env={**os.environ, **dict.fromkeys(THREADS, "2")})
+    run(PYTHON, "-c", FIRST_CALL, **dict.fromkeys(THREADS, "2"))

@@ -1,21 +1,19 @@
 """The built wheel, installed alone."""
 
-import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import pytest
 
-REPOSITORY = Path(__file__).parents[2]
+from tests.support.programs import PYTHON, ROOT, run
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The project's wheel, built from this checkout."""
     folder = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(folder), str(REPOSITORY)]
-    subprocess.run(command, check=True, timeout=300)
+    run(PYTHON, "-m", "pip", "wheel", "-q", "--no-deps", "-w", folder, ROOT, timeout_s=300)
     (path,) = folder.glob("ringsolid-*.whl")
     return path
 
@@ -38,18 +36,14 @@ def test_wheel_alone_makes_a_template_from_any_folder(wheel: Path, tmp_path: Pat
     The environment sees the libraries of this one through a path file, but not this project.
     """
     environment = tmp_path / "environment"
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(environment)], check=True, timeout=120)
-    pip = [sys.executable, "-m", "pip", "--python", str(environment / "bin" / "python"), "install", "-q", "--no-deps"]
-    subprocess.run([*pip, "--no-index", "--no-compile", str(wheel)], check=True, timeout=120)
+    run(PYTHON, "-m", "venv", "--without-pip", environment)
+    pip = (PYTHON, "-m", "pip", "--python", environment / "bin" / "python", "install", "-q", "--no-deps")
+    run(*pip, "--no-index", "--no-compile", wheel)
     libraries = [path for path in sys.path if path.endswith("site-packages")]
     (site,) = (environment / "lib").glob("python*/site-packages")
     # Libraries are added as plain folders at the end: an editable install of this project there is not followed.
     (site / "libraries.pth").write_text("\n".join(libraries) + "\n")
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
-    run = subprocess.run(
-        [str(environment / "bin" / "design"), "make", "matt-ico"],
-        cwd=elsewhere, capture_output=True, text=True, check=False, timeout=120,
-    )  # fmt: skip
-    assert run.returncode == 0, run.stderr
+    run(environment / "bin" / "design", "make", "matt-ico", cwd=elsewhere, PYTHONPATH="")
     assert (elsewhere / "exports" / "matt-ico" / "matt-ico.prusa.3mf").stat().st_size > 1_000_000

@@ -1,7 +1,6 @@
 """Cameras to convert, and what the reference programs make of the files."""
 
 import json
-import subprocess
 from functools import cache
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
 from calib.interop import FORMATS
 from calib.interop.holding import fit_to_format
+from tests.support.programs import run
 
 SIZE = (1024, 768)
 CAMERAS = {
@@ -88,16 +88,13 @@ def whole_image(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
 
 def ask_mrcal(code: str, question: object, folder: Path) -> object:
     """The answer of Debian's mrcal, which lives in a Python of its own: `code` sets `answer` from `question`."""
-    if (
-        not Path(SYSTEM_PYTHON).exists()
-        or subprocess.run([SYSTEM_PYTHON, "-c", "import mrcal"], check=False, capture_output=True).returncode
-    ):
+    if not Path(SYSTEM_PYTHON).exists() or run(SYSTEM_PYTHON, "-c", "import mrcal", check=False).returncode:
         pytest.skip("mrcal is missing: install the Debian packages mrcal and python3-mrcal")
     (folder / "question.json").write_text(json.dumps(question))
     program = (
         "import json, mrcal, numpy as np\n"
         f"question = json.load(open({str(folder / 'question.json')!r}))\n{code}\nprint(json.dumps(answer))\n"
     )
-    done = subprocess.run([SYSTEM_PYTHON, "-c", program], check=False, capture_output=True, text=True, timeout=60)
+    done = run(SYSTEM_PYTHON, "-c", program, check=False)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])

@@ -3,7 +3,6 @@
 import os
 import re
 import shutil
-import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from designer.spec.spec import PrinterProfile
+from tests.support.programs import run
 
 FILAMENT_MM = 1.75
 _WORD = re.compile(r"([XYZE])(-?\d*\.?\d+)")
@@ -115,7 +115,7 @@ def slicer_settings(printer: PrinterProfile) -> Mapping[str, str]:
 
 def run_slicer(command: str, *arguments: str) -> str:
     """What the slicer prints. An exit status of 0 says little: see what it wrote."""
-    done = subprocess.run([command, *arguments], capture_output=True, text=True, timeout=1800, check=False)
+    done = run(command, *arguments, check=False, timeout_s=1800)
     assert done.returncode == 0, done.stderr[-2000:]
     return done.stdout
 

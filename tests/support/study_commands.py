@@ -2,11 +2,9 @@
 
 import csv
 import io
-import os
 import signal
 import sqlite3
 import subprocess
-import sys
 import time
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -19,10 +17,11 @@ import pytest
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
 from calib.show.studies.study_folder import SUFFIXES
+from tests.support import programs
 from tests.support.calibrations import board, example
 from tests.support.command_line import PICTURE, Answer, calib, files_in, write_inputs
+from tests.support.programs import PYTHON
 
-ROOT = Path(__file__).parents[2]
 BOARD = board()
 TRUE = example(BOARD, np.random.default_rng(8), views=14, noise_px=0.05)
 SEEN = TRUE.observations
@@ -109,19 +108,9 @@ def seconds_at_most(limit: int) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def stoppable() -> None:
-    """Make the process that is about to start heed Ctrl-C, also where a shell started the tests in the background."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
 def start(*options: object) -> subprocess.Popen[str]:
-    """A bootstrap in a program and process group of its own, as a terminal starts it."""
-    command = [sys.executable, "-m", "calib.cli", *TAKEN, "--jobs", "1", "-o", "out", *map(str, options)]
-    return subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-        preexec_fn=stoppable,  # noqa: PLW1509  # nothing of it needs a lock
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
+    """A bootstrap in a program of its own."""
+    return programs.start(PYTHON, "-m", "calib.cli", *TAKEN, "--jobs", 1, "-o", "out", *options)
 
 
 def wait_for_samples(process: subprocess.Popen[str], least: int) -> None:

@@ -1,11 +1,8 @@
 """Whole sessions: from the first frame to the folder that is left, however they end."""
 
 import json
-import os
 import re
 import signal
-import subprocess
-import sys
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -29,6 +26,7 @@ from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError, NotWrittenError
 from designer.target import target_to_json
 from tests.support.live_frames import SIZE, held, image_at, target
+from tests.support.programs import PYTHON, start
 
 ROOT = Path(__file__).parents[3]
 LIMITS = str(ROOT / "tests/support/lenient.toml")
@@ -104,11 +102,8 @@ def test_a_session_that_is_killed_or_stopped_loses_no_photo(photos: Path, tmp_pa
     (tmp_path / "a.target.json").write_text(target_to_json(target()))
     image = cv2.imread(str(photos / "0.png"), cv2.IMREAD_GRAYSCALE)
     for words, ends_by, name in (((), signal.SIGKILL, "0001.png"), (("--resume",), signal.SIGINT, "0002.png")):
-        command = [sys.executable, "-m", "calib.cli", "live", "a.target.json", "-o", "out", "--no-open", *words]
-        with subprocess.Popen(
-            command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
-        ) as session, ExitStack() as ends:  # fmt: skip
+        command = (PYTHON, "-m", "calib.cli", "live", "a.target.json", "-o", "out", "--no-open", *words)
+        with start(*command, cwd=tmp_path) as session, ExitStack() as ends:
             ends.callback(session.kill)
             assert session.stdout is not None
             assert session.stderr is not None

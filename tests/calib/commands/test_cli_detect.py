@@ -2,8 +2,6 @@
 
 import os
 import re
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -27,12 +25,13 @@ from designer.base.words import printable
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry, target_to_json
+from tests.support.command_line import calib, refused
 from tests.support.designs import asked_for
+from tests.support.programs import modules_loaded_by
 from tests.support.sightings import pinhole, sighting, view_from
 
 BOARD = lay_out(size_job(asked_for("board", {"columns": 5, "rows": 4, "pitch": "20mm"})).job.target)
 CAMERA = pinhole(160, 120, 200)
-REPOSITORY = Path(__file__).parents[3]
 
 
 @cache
@@ -307,32 +306,19 @@ def test_names_of_any_kind_reach_the_screen(folder: Path, capsys: pytest.Capture
 
 def test_the_command_line_is_quick_to_help_and_strict_with_options(tmp_path: Path) -> None:
     """`calib detect --help` answers without the detector; a bad option or target ends in one line and exit code 2."""
-
-    def calib(*arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, "-m", "calib.cli", "detect", *arguments],
-            cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60,
-            env={**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": "200"},
-        )  # fmt: skip
-
-    answer = calib("--help")
-    assert answer.returncode == 0
-    assert "--overlay" in answer.stdout
+    answer = calib("detect", "--help")
+    assert answer.code == 0
+    assert "--overlay" in answer.out
     for arguments in (["t.json"], ["t.json", "a.png", "--jobs", "0"], ["t.json", "a.png"], ["t.json", "a.png", "--x"]):
-        answer = calib(*arguments)
-        assert answer.returncode == 2, arguments
-        assert answer.stderr.count("\n") == 1
-        assert answer.stderr.startswith("error: ")
+        refused("detect", *arguments)
 
 
 def test_a_photo_is_searched_without_what_other_commands_use() -> None:
     """Search and page load neither statistics nor drawings, studies nor the solver, which take longer."""
-    script = (
-        "import sys, calib.cli, calib.observe.photos, calib.detector.pipeline, calib.show.photos.why_nothing\n"
-        "import calib.show.photos.detected_photos, calib.show.photos.photos_page\n"
-        "print(*sys.modules)"
+    code = (
+        "import calib.cli, calib.observe.photos, calib.detector.pipeline, calib.show.photos.why_nothing\n"
+        "import calib.show.photos.detected_photos, calib.show.photos.photos_page"
     )
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=REPOSITORY)
     heavy = {
         "scipy.signal",
         "scipy.stats",
@@ -343,7 +329,7 @@ def test_a_photo_is_searched_without_what_other_commands_use() -> None:
         "calib.studies",
         "calib.solver.solve",
     }
-    assert not heavy & set(run.stdout.split())
+    assert not heavy & modules_loaded_by(code)
 
 
 def test_a_linked_photo_is_the_same_photo(tmp_path: Path) -> None:

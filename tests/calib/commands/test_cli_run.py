@@ -1,12 +1,9 @@
 """`calib run`, run as a user runs it: from photos to compared cameras."""
 
 import json
-import os
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -27,13 +24,14 @@ from calib.renderer.view import render_view
 from calib.solver.calibration import Calibration
 from calib.virtual.calibrate import calibrate
 from designer.target import TargetGeometry, target_to_json
+from tests.support import programs
 from tests.support.calibrations import board, camera, poses_around
 from tests.support.command_line import JUDGED, LENIENT, PAGE, PICTURE, calib, files_in, refused
+from tests.support.programs import PYTHON
 from tests.support.run_folders import BLANK, PANEL
 from tests.support.sightings import sighting
 
 EXIF_IFD, FOCAL_LENGTH_IN_35_MM = 0x8769, 0xA405
-REPOSITORY = Path(__file__).parents[3]
 BOARD = board(7, 5, "12mm")
 SIZE = (640, 480)
 CAMERA = camera("opencv", SIZE, 700.0)
@@ -346,11 +344,7 @@ def test_results_go_below_exports_by_default(detector: Detector) -> None:
 @pytest.mark.parametrize("arguments", [("--help",), ("run", "--help"), ("solve", "--help")])
 def test_help_loads_nothing_heavy(arguments: tuple[str, ...]) -> None:
     """No array, image, compiler or drawing library is loaded to print help."""
-    answer = subprocess.run(
-        [sys.executable, "-X", "importtime", "-m", "calib.cli", *arguments],
-        capture_output=True, text=True, check=True, timeout=60,
-        env={**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": "200"},
-    )  # fmt: skip
+    answer = programs.run(PYTHON, "-X", "importtime", "-m", "calib.cli", *arguments, COLUMNS="200")
     loaded = {line.rsplit("|")[-1].strip().split(".")[0] for line in answer.stderr.splitlines()}
     assert not loaded & {"numba", "cv2", "matplotlib", "sklearn", "scipy", "numpy", "PIL"}
     assert "typer" in loaded

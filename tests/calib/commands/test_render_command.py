@@ -1,10 +1,8 @@
 """`calib render`, run as a user runs it, and sets of photos on disk."""
 
 import json
-import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -20,10 +18,11 @@ from designer.base.errors import InputError
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry, target_to_json
+from tests.support import programs
 from tests.support.command_line import PAGE
 from tests.support.designs import asked_for
+from tests.support.programs import PYTHON
 
-REPOSITORY = Path(__file__).parents[3]
 CAMERA = Camera("opencv", np.array([300.0, 300, 79.5, 59.5, 0, 0, 0, 0, 0]), (160, 120))
 
 
@@ -51,11 +50,7 @@ def run(one: RenderJob, folder: Path, *, overwrite: bool = False) -> tuple[int, 
 
 def calib(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run `calib` in a folder."""
-    return subprocess.run(
-        [sys.executable, "-m", "calib.cli", *map(str, arguments)],
-        cwd=cwd, capture_output=True, text=True, check=False, timeout=120,
-        env={**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": "200"},
-    )  # fmt: skip
+    return programs.run(PYTHON, "-m", "calib.cli", *arguments, cwd=cwd, check=False, COLUMNS="200")
 
 
 def test_a_killed_run_goes_on(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 import os
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +9,7 @@ import pytest
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
 from designer.target import target_to_json
+from tests.support.programs import PYTHON, start
 
 BOARD = BoardSpec(
     size_mm=(60, 60), thickness_mm=5, columns=5, rows=5, lattice="square", ring_diameter_mm=7, ring_ratio=0.45,
@@ -18,12 +18,13 @@ BOARD = BoardSpec(
 
 
 @pytest.fixture
-def rendering(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
+def rendering(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     """A program that renders with two processes, in a group of its own."""
     (tmp_path / "t.target.json").write_text(target_to_json(lay_out(BOARD)))
-    command = [sys.executable, "-m", "calib.cli", "render", str(tmp_path / "t.target.json"), "-o", str(tmp_path / "p"),
-               "--views", "2000", "--jobs", "2", "--camera", "wide-webcam"]  # fmt: skip
-    program = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    words = ("render", "t.target.json", "-o", "p", "--views", 2000, "--jobs", 2, "--camera", "wide-webcam")
+    program = start(
+        PYTHON, "-m", "calib.cli", *words, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     end = time.monotonic() + 60
     while not any((tmp_path / "p").glob("*.png")):
         assert program.poll() is None
@@ -34,7 +35,7 @@ def rendering(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
     program.wait()
 
 
-def test_children_leave_with_their_parent(rendering: subprocess.Popen[bytes]) -> None:
+def test_children_leave_with_their_parent(rendering: subprocess.Popen[str]) -> None:
     """Where a program is killed, the processes that it started leave soon after, and do not linger for ever."""
     rendering.kill()
     rendering.wait()

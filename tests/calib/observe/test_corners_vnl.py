@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from calib.observe.corners_vnl import PointGrid
 from calib.observe.correspondences import read_observations
 from designer.base.errors import InputError
 from tests.calib.observe.test_correspondences import sightings
+from tests.support.programs import run
 
 SIZE = (1200, 900)
 GRID = PointGrid(9, 7, 12.0)
@@ -42,9 +42,7 @@ def test_corners_are_read_as_mrcal_reads_them(tmp_path: Path) -> None:
         f"o, _, names = mrcal.compute_chessboard_corners({GRID.columns}, {GRID.rows}, corners_cache_vnl=sys.argv[1])\n"
         "print(json.dumps([names, o.tolist()]))"
     )
-    answer = subprocess.run(
-        [MRCAL_PYTHON, "-c", script, str(path)], capture_output=True, text=True, check=True, cwd=tmp_path, timeout=60
-    )
+    answer = run(MRCAL_PYTHON, "-c", script, path, cwd=tmp_path)
     names, theirs = json.loads(answer.stdout)
     ours = read_observations(path, image_size=SIZE, grid=GRID)
     assert ours.remarks == ("left out views that show none of the points: lost.png",)

@@ -1,4 +1,3 @@
-import os
 import socket
 import subprocess
 import sys
@@ -14,10 +13,10 @@ from calib.studies.runner import StudyStoppedError, run_cases
 from calib.studies.store import open_study
 from designer.base.errors import InputError
 from tests.calib.studies.test_study_runner import content, expected
+from tests.support.programs import start
 from tests.support.study_chunks import SEED, cases_of, slow, small_pool
 from tests.support.study_chunks import identity as study_identity
 
-ROOT = Path(__file__).parents[3]
 SAMPLES = 30
 
 
@@ -31,11 +30,11 @@ class Cluster:
     """A scheduler and its workers, programs of their own."""
 
     address: str
-    scheduler: subprocess.Popen[bytes]
-    workers: list[subprocess.Popen[bytes]]
+    scheduler: subprocess.Popen[str]
+    workers: list[subprocess.Popen[str]]
 
 
-def dask(what: str, *arguments: str) -> subprocess.Popen[bytes]:
+def dask(what: str, *arguments: str) -> subprocess.Popen[str]:
     command = [
         sys.executable,
         "-m",
@@ -45,9 +44,7 @@ def dask(what: str, *arguments: str) -> subprocess.Popen[bytes]:
         "127.0.0.1",
         "--no-dashboard",
     ]
-    quiet = subprocess.DEVNULL
-    return subprocess.Popen(command, cwd=ROOT, stdout=quiet, stderr=quiet,
-                            env={**os.environ, "PYTHONPATH": str(ROOT)})  # fmt: skip
+    return start(*command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def free_port() -> int:

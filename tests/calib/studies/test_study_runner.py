@@ -2,7 +2,6 @@ import os
 import signal
 import sqlite3
 import subprocess
-import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable
@@ -19,6 +18,7 @@ from calib.studies.store import open_study, read_study
 from calib.studies.stored_samples import row_of
 from calib.studies.workers import RunChunk, run_by_pool
 from designer.base.errors import InputError
+from tests.support.programs import PYTHON, start
 from tests.support.study_chunks import (
     FIRST,
     SAMPLES,
@@ -32,9 +32,6 @@ from tests.support.study_chunks import (
     revealing,
     small_pool,
 )
-from tests.support.study_commands import stoppable
-
-ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
@@ -167,10 +164,7 @@ def test_numbers_without_sense_are_refused(pool: Pool, tmp_path: Path, numbers: 
 
 def started(path: Path, *more: str) -> subprocess.Popen[str]:
     """The study as a program, in a group of its own, its progress on standard output."""
-    command = [sys.executable, "-m", "tests.support.study_chunks", str(path), *more]
-    return subprocess.Popen(command, cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                            start_new_session=True, preexec_fn=stoppable,  # noqa: PLW1509  # nothing of it needs a lock
-                            env={**os.environ, "PYTHONPATH": str(ROOT)})  # fmt: skip
+    return start(PYTHON, "-m", "tests.support.study_chunks", path, *more)
 
 
 def wait_for(program: subprocess.Popen[str], done: int) -> None:

@@ -3,7 +3,6 @@
 import io
 import json
 import math
-import subprocess
 import tomllib
 import zipfile
 from collections.abc import Sequence
@@ -29,6 +28,7 @@ from designer.produce import EXPORTERS
 from designer.spec.machine import Presets
 from tests.support.designs import asked_for
 from tests.support.gcode import require_slicer
+from tests.support.programs import run
 
 CORE = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
 WISHES = {
@@ -267,12 +267,12 @@ def test_prusaslicer_shows_all_parts(tmp_path: Path) -> None:
     """As bare geometry: body and ink of each piece, closed."""
     path = tmp_path / "x.3mf"
     path.write_bytes(package_of("board"))
-    run = subprocess.run([require_slicer(), "--info", path], capture_output=True, text=True, check=True)
+    said = run(require_slicer(), "--info", path).stdout
     parts = [part for plate in target_of("board").design.plates for piece in plate.pieces
              for part in (piece.part.body, piece.part.ink) if part is not None]  # fmt: skip
-    facets = [int(line.split("=")[1]) for line in run.stdout.splitlines() if line.startswith("number_of_facets")]
+    facets = [int(line.split("=")[1]) for line in said.splitlines() if line.startswith("number_of_facets")]
     assert sorted(facets) == sorted(len(part.triangles) for part in parts)
-    assert run.stdout.count("manifold = yes") == len(parts)
+    assert said.count("manifold = yes") == len(parts)
 
 
 def formats_and_remarks(**wishes: str) -> tuple[Sequence[str], str]:

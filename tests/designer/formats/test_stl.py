@@ -2,7 +2,6 @@
 
 import re
 import shutil
-import subprocess
 from io import BytesIO
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from designer.formats.stl import stl_bytes
 from designer.make.mesh import Mesh
 from designer.spec.kind import KINDS
 from tests.support.designs import ink_of, small
+from tests.support.programs import run
 
 MESHES = [(name, part) for name in KINDS for part in ("body", "ink")]
 
@@ -61,7 +61,7 @@ def test_admesh_finds_nothing_to_repair(mesh: Mesh, tmp_path: Path) -> None:
     """The exact check of admesh leaves edges and normals as they are, and its volume agrees."""
     path = tmp_path / "mesh.stl"
     path.write_bytes(stl_bytes(mesh))
-    report = subprocess.run(["admesh", str(path)], capture_output=True, check=True).stdout.decode("latin-1")
+    report = run("admesh", path).stdout
     repairs = ("Edges fixed", "Facets removed", "Facets added", "Facets reversed", "Backwards edges", "Normals fixed")
     found = {name: int(re.search(rf"{name}\s*:\s*(\d+)", report)[1]) for name in repairs}
     assert found == dict.fromkeys(repairs, 0)

@@ -1,8 +1,6 @@
 """STEP files: exact solids, read back with Open CASCADE's own reader."""
 
 import hashlib
-import subprocess
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,6 +17,7 @@ from designer.make.mesh import Part, inlaid, plate_hull, solid_hull
 from designer.make.pattern import Pattern, make_pattern
 from designer.spec.spec import PrinterProfile, PrintSpec, Spec
 from designer.target import TargetGeometry
+from tests.support.programs import PYTHON, run
 
 PRINTER = PrinterProfile("p", (256, 256, 256), 0.4, 0.45, 0.2)
 ICO = PrintSpec("one-piece", PRINTER, 1.0, 0.0, 0.0, 0.25, "#f0e0c0", "#203040", False, False, 0.005)
@@ -197,6 +196,4 @@ def test_same_spec_same_bytes() -> None:
     """Two processes write the same bytes, also where one has written other STEP files before."""
     spec, printing = CASES["board, light letters"]
     here = cad.step_bytes(spec, make_pattern(lay_out(spec), printing), printing, name="x")
-    root = Path(__file__).parents[3]
-    run = subprocess.run([sys.executable, "-c", _PRINT_DIGEST], capture_output=True, text=True, check=True, cwd=root)
-    assert run.stdout.split()[-2:] == 2 * [hashlib.sha256(here).hexdigest()]
+    assert run(PYTHON, "-c", _PRINT_DIGEST).stdout.split()[-2:] == 2 * [hashlib.sha256(here).hexdigest()]

@@ -4,7 +4,6 @@ import math
 import os
 import re
 import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -34,6 +33,7 @@ from designer.make.pattern import make_pattern
 from designer.make.sheets import BLEED_MM, lay_out_sheets
 from designer.spec.spec import PrinterProfile, PrintSpec, Spec
 from designer.target import TargetGeometry
+from tests.support.programs import run
 
 PRINTER = PrinterProfile("any", (256.0, 256.0, 256.0), 0.4, 0.45, 0.2)
 SVG = "{http://www.w3.org/2000/svg}"
@@ -399,8 +399,7 @@ def rasterise(pdf: bytes, folder: Path) -> np.ndarray:
             pytest.fail("pdftoppm is missing: install poppler-utils")
         pytest.skip("pdftoppm is missing: install poppler-utils")
     (folder / "in.pdf").write_bytes(pdf)
-    command = ["pdftoppm", "-r", str(DPI), "-gray", "-f", "1", "-l", "1", "-singlefile", "in.pdf", "out"]
-    subprocess.run(command, cwd=folder, check=True, timeout=120)
+    run("pdftoppm", "-r", DPI, "-gray", "-f", "1", "-l", "1", "-singlefile", "in.pdf", "out", cwd=folder)
     return 1 - np.asarray(Image.open(folder / "out.pgm"), dtype=np.float32)[::-1] / 255
 
 

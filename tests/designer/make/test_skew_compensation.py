@@ -2,8 +2,6 @@
 
 import math
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,8 +22,8 @@ from designer.make.printability import check_printability
 from designer.produce import Design, make_files
 from designer.tolerance.shape import shape_of
 from designer.tolerance.sources import SOURCES
+from tests.support import command_line
 
-REPOSITORY = Path(__file__).parents[3]
 Array = NDArray[np.float64]
 
 SKEW_TEXT = "xy 0.5deg, xz -0.7deg, yz 0.3deg"
@@ -267,11 +265,9 @@ def test_none_is_not_refused() -> None:
 
 def test_the_command_says_it(tmp_path: Path) -> None:
     """The option is one of `design`; the summary names it where it is not zero."""
-    command = [sys.executable, "-m", "designer.cli", "ico", "--edge", "20mm", "-o"]
     for folder, more, is_said in (("a", ["--skew-compensation", "yz -0.1deg"], True), ("b", [], False)):
-        run = subprocess.run(
-            [*command, tmp_path / folder, *more], cwd=REPOSITORY, capture_output=True, text=True, check=True
-        )
-        assert ("sheared against yz -0.1deg" in run.stdout) == is_said
+        answer = command_line.design("ico", "--edge", "20mm", "-o", tmp_path / folder, *more)
+        assert answer.code == 0
+        assert ("sheared against yz -0.1deg" in answer.out) == is_said
     one, two = ((tmp_path / folder / "ico-20mm.target.json").read_bytes() for folder in "ab")
     assert one == two

@@ -3,12 +3,13 @@
 import io
 import re
 import shutil
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
 import pytest
+
+from tests.support.programs import run
 
 pytest.importorskip("playwright")
 
@@ -287,9 +288,7 @@ def test_print_shows_everything(browser: Browser, file: Path, tmp_path: Path) ->
     with open_page(browser, file) as page:
         page.pdf(path=tmp_path / "page.pdf")
         assert page.locator("details[open]").count() == 0
-    printed = subprocess.run(
-        ["pdftotext", tmp_path / "page.pdf", "-"], capture_output=True, text=True, check=True
-    ).stdout
+    printed = run("pdftotext", tmp_path / "page.pdf", "-").stdout
     assert "Words within a fold." in printed
     assert all(f"more_{n}.png" in printed for n in range(40))
     assert "Copy" not in printed
