@@ -1,5 +1,6 @@
 """Fixtures of more than one module."""
 
+import gc
 import math
 import shutil
 import signal
@@ -18,6 +19,16 @@ if TYPE_CHECKING:
 def pytest_configure() -> None:
     """Tests, and programs that they start, heed Ctrl-C, also where a shell started them in the background."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """What is there when the tests begin stays: no search for garbage goes through it while it grows, or later."""
+    gc.disable()
+    yield
+    gc.collect()
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.hookimpl(optionalhook=True)

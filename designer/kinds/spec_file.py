@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Optional, TypeVar, cast
 
@@ -225,6 +226,7 @@ _Model = TypeVar("_Model", bound=_SpecFile)
 _Asked = TypeVar("_Asked", bound=AskedPrinting)
 
 
+@cache
 def _model_of(asked: type[AskedPrinting]) -> type[_SpecFile]:
     """The model that checks a kind's options."""
     base = _KindFile if issubclass(asked, Asked) else _SpecFile
