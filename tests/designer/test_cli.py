@@ -92,13 +92,14 @@ def test_help_says_what_to_type_first(tmp_path: Path) -> None:
          "--shrink-compensation", "0.3%"],
         ["ico", "--edge", "30mm", "--build", "stickers", "--sticker-thickness", "0.15mm", "--page", "A3"],
         ["board", "--columns", "6", "--rows", "5", "--pitch", "9mm", "--lattice", "triangular", "--border", "3mm",
-         "--stand"],
+         "--stand", "--printer", "prusa-mk4", "--body-colour", "#f5f5f0",
+         "--skew-compensation", "xy 0.1deg, xz -0.05deg"],
         ["board", "--size", "3x2.5in", "--build", "sheet", "--no-dots", "--no-labels"],
     ],
 )  # fmt: skip
 def test_the_written_spec_makes_every_file_again(arguments: list[str], tmp_path: Path) -> None:
     """`design make` on the resolved spec reproduces every output byte for byte, in another process too."""
-    first = design(*arguments, "-o", "a", "--name", "t", cwd=tmp_path)
+    first = design(*arguments, "--chord-error", "50um", "-o", "a", "--name", "t", cwd=tmp_path)
     assert first.returncode == 0, first.stderr
     again = design_anew("make", "a/t.toml", "-o", "b", cwd=tmp_path)
     assert again.returncode == 0, again.stderr

@@ -5,7 +5,6 @@ import itertools
 import math
 import re
 import shlex
-import tomllib
 import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
@@ -31,7 +30,6 @@ from designer.formats.folder import OutputFile, write_folder
 from designer.kinds.ico import icosahedron
 from designer.kinds.layout import lay_out, opposite_faces
 from designer.kinds.sizing import size_job
-from designer.kinds.spec_file import parse_spec
 from designer.make.bed import bed_from_target
 from designer.make.estimate import DENSITY_G_PER_CM3, PlateEstimate, PrintEstimate
 from designer.make.printability import PrintCheck, PrintFinding, check_printability
@@ -126,17 +124,6 @@ def test_files_named_in_words_exist(build: str) -> None:
     named = re.findall(rf"\b{re.escape(design.job.name)}(?:\.\w+)+", words(page_of(build)))
     assert named
     assert set(named) <= {file.name for file in files}
-
-
-def test_page_follows_from_the_written_spec_alone() -> None:
-    """Made again from the TOML file that it wrote, a folder has the same page, byte for byte."""
-    for build in BUILDS:
-        (spec,) = [file for file in made(build)[2] if file.name.endswith(".toml")]
-        again = Design(size_job(parse_spec(tomllib.loads(spec.content.decode()), "again")).job)
-        check_again = check_printability(again.target, again.job.printing, bed_is_rule=False)
-        page = page_file(design_page(again, check_again, make_files(again, lambda stage: None)))
-        assert page.name == PAGE_FILE
-        assert page.content == page_file(page_of(build)).content
 
 
 def test_caliper_lengths_are_distances_in_the_geometry() -> None:

@@ -35,6 +35,7 @@ from calib.core.se3 import exp_rotation
 from calib.core.types import Observations, keep_sightings
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
+from calib.show.measured import picture
 from calib.show.measured.next_print import next_print
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
@@ -48,12 +49,14 @@ from designer.target import TargetGeometry, load_target, target_to_json
 from designer.tolerance.model import ErrorModel, displaced, perturb
 from designer.tolerance.source import Amount
 from tests.support.as_built_scenes import RIGID, photos, plate, printed, random_shape, solid
-from tests.support.command_line import LENIENT, PAGE, Answer, calib, detections_of, files_in
+from tests.support.command_line import LENIENT, PAGE, PICTURE, Answer, calib, detections_of, files_in
 from tests.support.designs import small
 from tests.support.solver_scenes import CAMERAS, observe
 
 Array = NDArray[np.float64]
 
+DRAW = "calib.show.measured.picture.picture"
+DRAWN = picture.picture
 MEASURED = ("measured.target.json", "measured.as_built.json", "measured.as_built.csv", "measured.as_built.png")
 INPUTS = {"ico.target.json", "seen.csv", "seen.records.json"}
 PLAIN = ("ico.target.json", "seen.csv", "-o", "measured.target.json", "--model", "opencv", "--held-out", "0")
@@ -73,8 +76,9 @@ def seen() -> Observations:
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder to work in, with a target and detections."""
+    """A folder to work in, with a target and detections; pictures are not drawn, which takes long."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(DRAW, lambda *_: PICTURE)
     Path("ico.target.json").write_text(target_to_json(solid()))
     write_seen(seen(), "seen.csv")
     return tmp_path
@@ -165,8 +169,9 @@ def test_values_that_are_none_are_refused(arguments: dict[str, Any], message: st
 
 
 @pytest.mark.filterwarnings("error")  # of a picture whose parts have no room
-def test_a_print_is_measured_and_all_is_written() -> None:
+def test_a_print_is_measured_and_all_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
     """The measured target is the print to some micrometres, as large as the caliper says; its report is beside it."""
+    monkeypatch.setattr(DRAW, DRAWN)
     length = length_in(print_(), "face-to-face")
     answer = command(*PLAIN, "--length", f"face-to-face:{length}mm+-0.01mm")
     assert answer.code == 0, answer

@@ -129,8 +129,8 @@ def sliced(command: str, design: Design, package: Path) -> Toolpaths:
 
 @pytest.mark.parametrize(
     "make",
-    [lambda: small_ico(0.2), *(partial(small, name) for name in KINDS)],
-    ids=["ico-nozzle-0.2", *KINDS],
+    [partial(small_ico, 0.2), *(partial(small, name) for name in KINDS if name != "ico")],
+    ids=["ico-nozzle-0.2", *(name for name in KINDS if name != "ico")],
 )
 def test_sliced_file_has_all_ink_in_the_targets_ink(make: Callable[[], Design], tmp_path: Path) -> None:
     """The sliced file is one object in two filaments, and the ink goes where the target has ink, and all of it."""
