@@ -12,6 +12,7 @@ from calib.cli import app as calib_app
 from designer.cli import app as design_app
 from tests.support.command_line import LENIENT, Answer, calib, design, summary_of
 from tests.support.programs import PYTHON, start
+from tests.support.waiting import WITHIN_S
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTED = (ROOT / "docs/json.md").read_text()
@@ -270,7 +271,7 @@ def test_a_reader_may_leave(option: list[str], tmp_path: Path) -> None:
     assert process.stdout is not None
     process.stdout.close()
     process.stdout = None
-    _, said = process.communicate("go\n", timeout=60)
+    _, said = process.communicate("go\n", timeout=WITHIN_S)
     assert process.returncode == 1
     assert set(said.splitlines()) <= {"a line that nobody reads"}
     assert (tmp_path / "done").exists()

@@ -22,6 +22,7 @@ from tests.support import programs
 from tests.support.command_line import Answer, calib, refused
 from tests.support.foreign_cameras import written
 from tests.support.programs import PYTHON
+from tests.support.waiting import WITHIN_S
 
 __all__ = ["folder", "study_path"]  # the scene that commands work in, and a study
 
@@ -185,7 +186,7 @@ def test_a_full_standard_output_is_one_line(option: list[str]) -> None:
     """Words that cannot be written anywhere: one line on standard error says so, and the code is 2."""
     with Path("/dev/full").open("w") as full:
         program = programs.start(PYTHON, "-m", "designer.cli", "templates", *option, stdout=full)
-        _, said = program.communicate(timeout=60)
+        _, said = program.communicate(timeout=WITHIN_S)
     lines = [line for line in said.splitlines() if line.startswith("error: ")]
     assert program.returncode == 2
     assert lines == [

@@ -13,7 +13,7 @@ from tests.support.programs import PYTHON, ROOT, run
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The project's wheel, built from this checkout."""
     folder = tmp_path_factory.mktemp("wheel")
-    run(PYTHON, "-m", "pip", "wheel", "-q", "--no-deps", "-w", folder, ROOT, timeout_s=300)
+    run(PYTHON, "-m", "pip", "wheel", "-q", "--no-deps", "-w", folder, ROOT)
     (path,) = folder.glob("ringsolid-*.whl")
     return path
 

@@ -1,14 +1,16 @@
 """Pages in a real browser: Debian's Chromium without a window, and whatever it complains about."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 from urllib.parse import unquote, urlsplit
 
 import pytest
-from playwright.sync_api import Browser, ConsoleMessage, Page, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Page, expect, sync_playwright
+
+from tests.support.waiting import WITHIN_S, wait_until
 
 WIDTHS = (1280, 390)
 _ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]  # WebGL 2 without a card
@@ -30,11 +32,30 @@ def started_browser(*arguments: str) -> Iterator[Browser]:
     if not program:
         pytest.skip("no chromium: install the Debian package chromium")
     with sync_playwright() as playwright:
+        expect.set_options(timeout=1000 * WITHIN_S)
         browser = playwright.chromium.launch(executable_path=program, args=[*_ARGUMENTS, *arguments])
         try:
             yield browser
         finally:
             browser.close()
+
+
+def new_page(
+    browser: Browser,
+    width: int = 1280,
+    height: int = 800,
+    *,
+    scheme: Literal["light", "dark"] = "light",
+    reduced_motion: bool = True,
+) -> Page:
+    """A page in a context of its own, which is waited for as long as for anything."""
+    context = browser.new_context(
+        viewport={"width": width, "height": height},
+        color_scheme=scheme,
+        reduced_motion="reduce" if reduced_motion else "no-preference",
+    )
+    context.set_default_timeout(1000 * WITHIN_S)
+    return context.new_page()
 
 
 @contextmanager
@@ -52,14 +73,9 @@ def open_page(
     Trouble is: an error or warning on the console (violations of the Content-Security-Policy are such), an exception, a
     request for anything but the file itself.
     """
-    context = browser.new_context(
-        viewport={"width": width, "height": height},
-        color_scheme=scheme,
-        reduced_motion="reduce" if reduced_motion else "no-preference",
-    )
+    page = new_page(browser, width, height, scheme=scheme, reduced_motion=reduced_motion)
     troubles: list[str] = []
     try:
-        page = context.new_page()
         address = file.resolve().as_uri()
         page.on("console", lambda said: troubles.extend(_complaint(said)))
         page.on("pageerror", lambda error: troubles.append(str(error)))
@@ -69,7 +85,7 @@ def open_page(
         # What scripts still do is waited for.
         page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
     finally:
-        context.close()
+        page.context.close()
     assert troubles == []
 
 
@@ -80,6 +96,11 @@ def complaints(page: Page) -> Iterator[list[str]]:
     page.on("console", lambda said: troubles.extend(_complaint(said)))
     page.on("pageerror", lambda error: troubles.append(str(error)))
     yield troubles
+
+
+def wait_for(page: Page, is_so: Callable[[], bool]) -> None:
+    """Wait for something that a page does; a page's policy allows no test to wait inside it."""
+    wait_until(is_so, pause=lambda: page.wait_for_timeout(25))
 
 
 def _complaint(said: ConsoleMessage) -> list[str]:

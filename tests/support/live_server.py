@@ -3,7 +3,6 @@
 import asyncio
 import socket
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -29,6 +28,7 @@ from calib.capture.messages import (
 )
 from calib.capture.page_files import PAGE_POLICY, REPORT_POLICY, page_files
 from tests.support.pages import png
+from tests.support.waiting import wait_until
 
 REPORT = "<!doctype html><title>report</title><h1>The report</h1><a href=#x>part</a><a href=a.json>file</a>"
 Frame = tuple[FrameHeader, NDArray[np.uint8]]
@@ -65,26 +65,13 @@ class ScriptedServer:
         assert self._loop is not None
         asyncio.run_coroutine_threadsafe(work, self._loop).result(10)  # type: ignore[arg-type]
 
-    def heard(self, kind: str, within_s: float = 10.0) -> PageCommand:
-        """The last command of this kind, which must come in time; earlier ones are forgotten with it."""
-        return self.wait(lambda: self._forget(kind), within_s)
-
-    def _forget(self, kind: str) -> PageCommand | None:
-        row = next((row for row, said in enumerate(self.commands) if said.kind == kind), None)
-        if row is None:
-            return None
+    def heard(self, kind: str) -> PageCommand:
+        """The first command of this kind, which must come; earlier ones are forgotten with it."""
+        wait_until(lambda: any(said.kind == kind for said in self.commands))
+        row = next(row for row, said in enumerate(self.commands) if said.kind == kind)
         said = self.commands[row]
         del self.commands[: row + 1]
         return said
-
-    def wait(self, found: "Callable[[], PageCommand | None]", within_s: float = 10.0) -> PageCommand:
-        """What is found, once it is."""
-        until = time.monotonic() + within_s
-        while time.monotonic() < until:
-            if (value := found()) is not None:
-                return value
-            time.sleep(0.02)
-        raise AssertionError(f"not heard within {within_s:g} s; heard {self.commands}")
 
     async def talk(self, page: WebSocket) -> None:
         """One page, as long as it is there."""

@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 from typing import IO
 
+from tests.support.waiting import WITHIN_S
+
 ROOT = Path(__file__).parents[2]
 PYTHON = sys.executable
 
@@ -25,13 +27,22 @@ def start(
 
 
 def run(
-    *words: object, cwd: str | Path | None = None, check: bool = True, timeout_s: float = 120, **environment: str
+    *words: object, cwd: str | Path | None = None, check: bool = True, **environment: str
 ) -> subprocess.CompletedProcess[str]:
     """Run a program to its end, which must be a good one but without `check`."""
     return subprocess.run(
         list(map(str, words)), cwd=cwd, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=check,
-        timeout=timeout_s, start_new_session=True, env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+        timeout=WITHIN_S, start_new_session=True, env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
     )  # fmt: skip
+
+
+def group_is_alive(group: int) -> bool:
+    """Whether any process of a group is left."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def modules_loaded_by(code: str) -> set[str]:

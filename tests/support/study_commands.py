@@ -5,7 +5,6 @@ import io
 import signal
 import sqlite3
 import subprocess
-import time
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +20,7 @@ from tests.support import programs
 from tests.support.calibrations import board, example
 from tests.support.command_line import PICTURE, Answer, calib, files_in, write_inputs
 from tests.support.programs import PYTHON
+from tests.support.waiting import wait_until
 
 BOARD = board()
 TRUE = example(BOARD, np.random.default_rng(8), views=14, noise_px=0.05)
@@ -115,16 +115,15 @@ def start(*options: object) -> subprocess.Popen[str]:
 
 def wait_for_samples(process: subprocess.Popen[str], least: int) -> None:
     """Wait until a running study has kept some samples."""
-    end = time.monotonic() + 60
-    while time.monotonic() < end and process.poll() is None:
+
+    def kept() -> int:
         try:
             connection = sqlite3.connect("file:out/study.sqlite?mode=ro", uri=True)
             (count,) = connection.execute("SELECT count(*) FROM sample").fetchone()
             connection.close()
         except sqlite3.Error:
-            count = 0
-        if count >= least:
-            return
-        time.sleep(0.01)
-    process.kill()
-    raise AssertionError(process.communicate())
+            return 0
+        return int(count)
+
+    wait_until(lambda: process.poll() is not None or kept() >= least)
+    assert process.poll() is None, process.communicate()

@@ -27,6 +27,7 @@ from designer.base.errors import InputError, NotWrittenError
 from designer.target import target_to_json
 from tests.support.live_frames import SIZE, held, image_at, target
 from tests.support.programs import PYTHON, start
+from tests.support.waiting import WITHIN_S, wait_until
 
 ROOT = Path(__file__).parents[3]
 LIMITS = str(ROOT / "tests/support/lenient.toml")
@@ -48,13 +49,13 @@ def photos(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def page_of(address: str) -> ClientConnection:
     """A page's socket, at the address that is printed."""
     where = address.removeprefix("http://").split("/")[0]
-    return connect(f"ws{address[4:]}socket", origin=f"http://{where}", open_timeout=20, max_size=None)
+    return connect(f"ws{address[4:]}socket", origin=f"http://{where}", open_timeout=WITHIN_S, max_size=None)
 
 
 def until(page: ClientConnection, is_it: Callable[[dict[str, object]], bool]) -> dict[str, object]:
     """The first message of a kind."""
     while True:
-        data = page.recv(timeout=120)
+        data = page.recv(timeout=WITHIN_S)
         if isinstance(data, str) and is_it(message := json.loads(data)):
             return message
 
@@ -85,7 +86,7 @@ def test_the_end_of_a_session_is_that_of_a_run(photos: Path, tmp_path: Path) -> 
     file = tmp_path / "a.target.json"
     file.write_text(target_to_json(target()))
     live = calib.live(file, tmp_path / "live", watch=photos, opened=opened, **SOLVED)
-    pages[0].join(10)
+    pages[0].join(WITHIN_S)
     run = calib.run(file, photos, **SOLVED)
     run.save(tmp_path / "run")
     assert seen[-1]["phase"] == "done"
@@ -118,7 +119,7 @@ def test_a_session_that_is_killed_or_stopped_loses_no_photo(photos: Path, tmp_pa
                 with pytest.raises(ConnectionClosed):
                     until(page, lambda one: False)
             said = session.stderr.read()
-            assert session.wait(60) == (130 if ends_by is signal.SIGINT else -signal.SIGKILL)
+            assert session.wait(WITHIN_S) == (130 if ends_by is signal.SIGINT else -signal.SIGKILL)
     assert "calib live a.target.json -o out --no-open --resume" in said
     begun_with = SESSION.read(tmp_path / "out/session.json").sources
     kept = PhotoFolder(tmp_path / "out", target(), begun_with, resume=True).kept
@@ -239,11 +240,8 @@ def test_photos_that_come_while_nothing_is_taken_wait(tmp_path: Path) -> None:
     assert putting.is_alive()  # more are not read than there is room for
     assert not looked
     session.takes_photos = True
-    putting.join(20)
-    for _ in range(200):
-        if len(looked) == len(own):
-            break
-        threading.Event().wait(0.05)
+    putting.join(WITHIN_S)
+    wait_until(lambda: len(looked) == len(own))
     worker.stop()
     assert [one.number for one in looked] == list(range(12))
 

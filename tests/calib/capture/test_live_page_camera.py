@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from calib.capture.messages import PageCommand
 from tests.support import live_messages as told
-from tests.support.browser import complaints, started_browser
+from tests.support.browser import complaints, new_page, started_browser
 from tests.support.live_server import ScriptedServer, scripted_server
+from tests.support.waiting import wait_until
 
 WIDTH, HEIGHT = 640, 480
 CAMERA = ("--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream")
@@ -47,7 +47,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     jpeg = cv2.imencode(".jpg", colours(), [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
     movie.write_bytes(4 * jpeg)
     with started_browser(*CAMERA, f"--use-file-for-fake-video-capture={movie}") as started:
-        page = started.new_context(viewport={"width": 1280, "height": 800}, reduced_motion="reduce").new_page()
+        page = new_page(started)
         page.add_init_script(f"({CAMERA_SCRIPT})()")
         yield page
 
@@ -69,7 +69,7 @@ def live() -> AbstractContextManager[ScriptedServer]:
 
 def frames(server: ScriptedServer, count: int) -> None:
     """Wait for so many frames."""
-    server.wait(lambda: PageCommand("bye") if len(server.frames) >= count else None)
+    wait_until(lambda: len(server.frames) >= count)
 
 
 def test_frames_are_the_cameras_pixels_in_grey(page: Page) -> None:
@@ -156,14 +156,14 @@ def test_tab_that_lost_the_session_stops_and_can_take_it_back(page: Page) -> Non
         page.wait_for_timeout(200)
         assert len(server.frames) == count
         page.get_by_role("button", name="Take it back here").click()
-        server.wait(lambda: PageCommand("bye") if len(server.sockets) == 2 else None)
+        wait_until(lambda: len(server.sockets) == 2)
 
 
 def test_lost_connection_says_how_to_go_on_and_comes_back(page: Page) -> None:
     """Without the server the page says that photos are kept; it comes back to a server that answers again."""
     with scripted_server(told.state(), told.guidance(2)) as server, opened(page, server):
-        server.wait(lambda: PageCommand("bye") if server.sockets else None)
+        wait_until(lambda: server.sockets)
         server.hang_up()
         page.get_by_text("--resume").first.wait_for()
-        server.wait(lambda: PageCommand("bye") if len(server.sockets) == 2 else None)
+        wait_until(lambda: len(server.sockets) == 2)
         page.wait_for_function("() => document.body.dataset.tone !== 'fault'")

@@ -11,10 +11,10 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Page
 
-from calib.capture.messages import FrameHeader, GuidanceMessage, NoticeMessage, TakenMessage
+from calib.capture.messages import FrameHeader, GuidanceMessage, LookMessage, NoticeMessage, TakenMessage
 from calib.guide.told import FrameNote
 from tests.support import live_messages as told
-from tests.support.browser import complaints, overflow_px, started_browser
+from tests.support.browser import complaints, new_page, overflow_px, started_browser, wait_for
 from tests.support.live_server import ScriptedServer, scripted_server
 
 HOSTILE = "<img src=x onerror=alert(1)></script><script>alert(2)</script>"
@@ -33,7 +33,7 @@ Shown = tuple[ScriptedServer, Page]
 def opened() -> Iterator[tuple[ScriptedServer, Page, list[str]]]:
     """One page for all tests, and what it complains of."""
     with started_browser() as browser, scripted_server(told.state("camera"), told.guidance()) as server:
-        page = browser.new_context(reduced_motion="reduce").new_page()
+        page = new_page(browser)
         with complaints(page) as troubles:
             yield server, page, troubles
 
@@ -74,22 +74,29 @@ def big(page: Page, words: str) -> None:
     page.wait_for_function("(words) => document.getElementById('big').textContent === words", arg=words)
 
 
+def sees(server: ScriptedServer, page: Page, look: LookMessage, words: str) -> None:
+    """Tell the page of a look, again and again as it soon forgets it, until these are the large words."""
+
+    def is_said() -> bool:
+        server.say(look)
+        return page.locator("#big").inner_text() == words
+
+    wait_for(page, is_said)
+
+
 def test_words_and_ghost_follow_the_target(shown: Shown) -> None:
     """Unseen: where to hold it; seen: how to come there; there: to hold still, and the ghost is another colour."""
     server, page = shown
     big(page, "Bottom left, right side back, 0.45 m")
-    count, right = drawn(page, is_ghost=True)
-    assert count > 500
-    assert right < 0.45
-    server.say(told.look(1, told.pose(-20, 10, 500, 10)))
-    big(page, "Closer, and tilt the right side away")
+    wait_for(page, lambda: 0 < drawn(page, is_ghost=True)[1] < 0.45)
+    assert drawn(page, is_ghost=True)[0] > 500
+    sees(server, page, told.look(1, told.pose(-20, 10, 500, 10)), "Closer, and tilt the right side away")
     assert "0.50 m → 0.43 m" in page.locator("#small").inner_text()
     assert "tilt 10° → 30°" in page.locator("#small").inner_text()
     server.say(told.look(1, told.pose(0, 0, 158, 10)))
     page.get_by_text("158 mm → 0.43 m").wait_for()  # as the server's own words have it
-    server.say(told.look(2, worth=1.0, still=0.5))
-    big(page, "Hold still")
-    assert any(is_green(server, page) for _ in range(5))  # what was found is not shown for long
+    sees(server, page, told.look(2, worth=1.0, still=0.5), "Hold still")
+    wait_for(page, lambda: is_green(server, page))  # what was found is not shown for long
     server.say(told.nothing_seen(3))
     big(page, "Bottom left, right side back, 0.45 m")
 
@@ -100,25 +107,24 @@ def test_warning_is_the_large_line(shown: Shown) -> None:
     moving = FrameNote("motion", "hold still: blurred by 4 px", forbids=True)
     away, there = told.look(1, told.pose(-20, 10, 500, 10)), told.look(2, worth=1.0)
     server, page = shown
-    server.say(replace(away, look=replace(away.look, notes=(dark,))))
-    big(page, "Too dark")
-    server.say(replace(away, look=replace(away.look, notes=(moving,))))
-    big(page, "Closer, and tilt the right side away")
+    sees(server, page, replace(away, look=replace(away.look, notes=(dark,))), "Too dark")
+    blurred = replace(away, look=replace(away.look, notes=(moving,)))
+    sees(server, page, blurred, "Closer, and tilt the right side away")
     assert page.locator("#notes").inner_text() == moving.sentence
-    server.say(replace(there, look=replace(there.look, notes=(moving,), is_wanted=False)))
-    big(page, "Hold still: blurred by 4 px")
+    blurred = replace(there, look=replace(there.look, notes=(moving,), is_wanted=False))
+    sees(server, page, blurred, "Hold still: blurred by 4 px")
 
 
 def test_mirror_turns_picture_and_words_alike(shown: Shown) -> None:
     """In a mirror the ghost is on the other side, and so are left and right in the words; the rest stays."""
     server, page = shown
-    server.say(told.look(1, told.pose(-20, 10, 500, 10)))
-    big(page, "Closer, and tilt the right side away")
+    away = told.look(1, told.pose(-20, 10, 500, 10))
+    sees(server, page, away, "Closer, and tilt the right side away")
     page.keyboard.press("i")
-    big(page, "Closer, and tilt the left side away")
+    sees(server, page, away, "Closer, and tilt the left side away")
     server.say(told.nothing_seen(2))
     big(page, "Bottom right, left side back, 0.45 m")
-    assert drawn(page, is_ghost=True)[1] > 0.55
+    wait_for(page, lambda: drawn(page, is_ghost=True)[1] > 0.55)
     words = page.evaluate(
         "async (text) => (await import('./words.js')).mirrored(text)", "Left, turned clockwise; 3 copyrights"
     )
@@ -233,8 +239,7 @@ def test_page_fits_a_phone_and_a_wall(shown: Shown, width: int, scheme: Literal[
     server, page = shown
     page.set_viewport_size({"width": width, "height": 844 if width < 1000 else 1440})
     page.emulate_media(color_scheme=scheme)
-    server.say(told.look(1, told.pose(-20, 10, 500, 10)))
-    big(page, "Closer, and tilt the right side away")
+    sees(server, page, told.look(1, told.pose(-20, 10, 500, 10)), "Closer, and tilt the right side away")
     assert overflow_px(page) == 0
     boxes = [one.bounding_box() for one in page.locator("#tools button:visible, .photo-remove").all()]
     assert all(box is not None and min(box["width"], box["height"]) >= 43.9 for box in boxes)

@@ -2,7 +2,6 @@
 
 import http.client
 import threading
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -16,6 +15,7 @@ from calib.capture.messages import FrameHeader, PageCommand, StateMessage, with_
 from calib.capture.server import LOOPBACK, NOT_OURS, TAKEN_OVER, Pages, application, bound_socket
 from calib.capture.sources.source import Frame
 from designer.base.errors import InputError
+from tests.support.waiting import WITHIN_S, wait_until
 
 TOKEN = "any-word"  # noqa: S105  # of this test alone
 STATE = StateMessage("taking", "a board", "out", (), True, True, None, "")
@@ -32,7 +32,7 @@ class Running:
 
     def get(self, path: str, host: str | None = None) -> tuple[int, bytes, dict[str, str]]:
         """Ask for a path, as a host."""
-        line = http.client.HTTPConnection(LOOPBACK, self.port, timeout=10)
+        line = http.client.HTTPConnection(LOOPBACK, self.port, timeout=WITHIN_S)
         line.putrequest("GET", path, skip_host=True)
         line.putheader("Host", host or f"{LOOPBACK}:{self.port}")
         line.endheaders()
@@ -42,7 +42,7 @@ class Running:
     def socket(self, path: str = f"/{TOKEN}/socket", origin: str | None = None):  # type: ignore[no-untyped-def]  # noqa: ANN201
         """A page's socket."""
         where = f"{LOOPBACK}:{self.port}"
-        return connect(f"ws://{where}{path}", origin=origin or f"http://{where}", open_timeout=10, max_size=None)
+        return connect(f"ws://{where}{path}", origin=origin or f"http://{where}", open_timeout=WITHIN_S, max_size=None)
 
 
 @pytest.fixture(scope="module")
@@ -59,18 +59,14 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     server = uvicorn.Server(uvicorn.Config(app, log_level="critical", ws="websockets-sansio"))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [bound]}, daemon=True)
     thread.start()
-    deadline = time.monotonic() + 10
-    while not server.started and time.monotonic() < deadline:
-        time.sleep(0.01)
+    wait_until(lambda: server.started)
     yield Running(port, pages, frames, commands)
     server.should_exit = True
     thread.join(10)
 
 
 def wait_for(found: list[object] | list[Frame] | list[PageCommand], count: int) -> None:
-    deadline = time.monotonic() + 10
-    while len(found) < count and time.monotonic() < deadline:
-        time.sleep(0.01)
+    wait_until(lambda: len(found) >= count)
     assert len(found) == count
 
 
@@ -96,7 +92,7 @@ def test_a_page_of_another_name_is_refused(running: Running) -> None:
 def test_a_socket_of_another_page_is_refused(running: Running, path: str, origin: str | None) -> None:
     """Neither with the wrong origin nor with the wrong word does a WebSocket open."""
     with pytest.raises((ConnectionClosed, InvalidStatus)) as refused, running.socket(path, origin) as page:
-        page.recv(timeout=5)
+        page.recv(timeout=WITHIN_S)
     if isinstance(refused.value, ConnectionClosed):
         assert refused.value.rcvd is not None
         assert refused.value.rcvd.code == NOT_OURS
@@ -138,16 +134,16 @@ def test_nonsense_is_passed_over(running: Running) -> None:
 def test_the_newest_page_has_the_session(running: Running) -> None:
     """An older one is told so and its socket closed; what it says meanwhile is not heeded."""
     with running.socket() as first:
-        assert '"is_here": true' in str(first.recv(timeout=10))
+        assert '"is_here": true' in str(first.recv(timeout=WITHIN_S))
         with running.socket() as second:
-            assert '"is_here": true' in str(second.recv(timeout=10))
-            assert '"is_here": false' in str(first.recv(timeout=10))
+            assert '"is_here": true' in str(second.recv(timeout=WITHIN_S))
+            assert '"is_here": false' in str(first.recv(timeout=WITHIN_S))
             with pytest.raises(ConnectionClosed) as closed:
-                first.recv(timeout=10)
+                first.recv(timeout=WITHIN_S)
             assert closed.value.rcvd is not None
             assert closed.value.rcvd.code == TAKEN_OVER
             running.pages.tell(STATE)
-            assert '"phase": "taking"' in str(second.recv(timeout=10))
+            assert '"phase": "taking"' in str(second.recv(timeout=WITHIN_S))
 
 
 def test_a_port_that_is_taken_is_named(running: Running) -> None:

@@ -16,6 +16,7 @@ from calib.capture.sources.source import Frame
 from calib.capture.sources.watched_folder import WatchedFolder
 from designer.base.errors import InputError
 from tests.support import ring_views
+from tests.support.waiting import wait_until
 
 
 class Heard:
@@ -27,10 +28,7 @@ class Heard:
 
     def wait(self, is_so: Callable[[], bool]) -> None:
         """Wait until something is so."""
-        deadline = time.monotonic() + 15
-        while not is_so() and time.monotonic() < deadline:
-            time.sleep(0.01)
-        assert is_so(), (len(self.frames), self.said)
+        wait_until(is_so)
 
 
 @pytest.fixture(autouse=True)

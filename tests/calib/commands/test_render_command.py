@@ -2,7 +2,7 @@
 
 import json
 import re
-import subprocess
+from contextlib import chdir
 from pathlib import Path
 
 import cv2
@@ -18,10 +18,9 @@ from designer.base.errors import InputError
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry, target_to_json
-from tests.support import programs
-from tests.support.command_line import PAGE
+from tests.support import command_line
+from tests.support.command_line import PAGE, Answer
 from tests.support.designs import asked_for
-from tests.support.programs import PYTHON
 
 CAMERA = Camera("opencv", np.array([300.0, 300, 79.5, 59.5, 0, 0, 0, 0, 0]), (160, 120))
 
@@ -48,9 +47,11 @@ def run(one: RenderJob, folder: Path, *, overwrite: bool = False) -> tuple[int, 
     return done.written, done.kept
 
 
-def calib(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+def calib(*arguments: str | Path, cwd: Path) -> Answer:
     """Run `calib` in a folder."""
-    return programs.run(PYTHON, "-m", "calib.cli", *arguments, cwd=cwd, check=False, COLUMNS="200")
+    with chdir(cwd), pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COLUMNS", "200")
+        return command_line.calib(*arguments)
 
 
 def test_a_killed_run_goes_on(tmp_path: Path) -> None:
@@ -141,15 +142,15 @@ def test_the_command_renders_and_says_what_comes_next(target_file: Path, tmp_pat
     """`calib render` with two processes writes the set, prints a summary, and names the next command."""
     arguments = ["render", target_file, "-o", "set", "--views", "3", "--camera", target_file.with_name("small.json")]
     done = calib(*arguments, "--distance", "12cm", "--blur", "0.7px", "--jobs", "2", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    assert done.code == 0, done.err
     assert {path.name for path in (tmp_path / "set").iterdir()} == PAGE | {
         "photos.json",
         "truth.json", "target.json", "view_0000.png", "view_0001.png", "view_0002.png",
     }  # fmt: skip
-    assert "3 photos of 160 x 120 px" in done.stdout
-    assert re.search(r"^next  calib run .*board\.target\.json set ", done.stdout, re.MULTILINE)
+    assert "3 photos of 160 x 120 px" in done.out
+    assert re.search(r"^next  calib run .*board\.target\.json set ", done.out, re.MULTILINE)
     again = calib(*arguments, "--distance", "12cm", "--blur", "0.7px", cwd=tmp_path)
-    assert "3 were there already" in again.stdout
+    assert "3 were there already" in again.out
 
 
 @pytest.mark.parametrize(
@@ -189,19 +190,19 @@ def test_bad_values_are_refused(
 def test_bad_values_end_the_command_with_one_line(target_file: Path, tmp_path: Path) -> None:
     """On the command line that is one line on standard error and exit code 2."""
     done = calib("render", target_file, "-o", "set", "--views", "0", cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr == "error: --views 0: must be from 1 to 100000\n"
+    assert done.code == 2
+    assert done.err == "error: --views 0: must be from 1 to 100000\n"
 
 
 def test_hard_sets_are_warned_of(target_file: Path, tmp_path: Path) -> None:
     """Rings that are too small, a target that leaves the image, or light beyond full scale, are said."""
     small = ["--camera", target_file.with_name("small.json"), "--views", "2", "--jobs", "1"]
     far = calib("render", target_file, "-o", "far", *small, "--distance", "800mm", cwd=tmp_path)
-    assert far.returncode == 0
-    assert "the largest ring has a radius of 1.2 px" in far.stderr
+    assert far.code == 0
+    assert "the largest ring has a radius of 1.2 px" in far.err
     near = calib(
         "render", target_file, "-o", "near", *small, "--distance", "50mm", "--light-gradient", "60%", cwd=tmp_path
     )
-    assert near.returncode == 0
-    assert "light gradient takes the white beyond full scale" in near.stderr
-    assert "beyond the image in 100% of the views" in near.stderr
+    assert near.code == 0
+    assert "light gradient takes the white beyond full scale" in near.err
+    assert "beyond the image in 100% of the views" in near.err

@@ -1,6 +1,4 @@
-import os
 import subprocess
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,7 +7,8 @@ import pytest
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
 from designer.target import target_to_json
-from tests.support.programs import PYTHON, start
+from tests.support.programs import PYTHON, group_is_alive, start
+from tests.support.waiting import wait_until
 
 BOARD = BoardSpec(
     size_mm=(60, 60), thickness_mm=5, columns=5, rows=5, lattice="square", ring_diameter_mm=7, ring_ratio=0.45,
@@ -25,11 +24,8 @@ def rendering(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     program = start(
         PYTHON, "-m", "calib.cli", *words, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
-    end = time.monotonic() + 60
-    while not any((tmp_path / "p").glob("*.png")):
-        assert program.poll() is None
-        assert time.monotonic() < end
-        time.sleep(0.02)
+    wait_until(lambda: program.poll() is not None or any((tmp_path / "p").glob("*.png")))
+    assert program.poll() is None
     yield program
     program.kill()
     program.wait()
@@ -39,11 +35,4 @@ def test_children_leave_with_their_parent(rendering: subprocess.Popen[str]) -> N
     """Where a program is killed, the processes that it started leave soon after, and do not linger for ever."""
     rendering.kill()
     rendering.wait()
-    end = time.monotonic() + 30
-    while True:
-        try:
-            os.killpg(rendering.pid, 0)
-        except ProcessLookupError:
-            return
-        assert time.monotonic() < end
-        time.sleep(0.05)
+    wait_until(lambda: not group_is_alive(rendering.pid))

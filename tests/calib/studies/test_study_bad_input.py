@@ -128,7 +128,7 @@ def test_points_without_an_image_size_need_one() -> None:
 def test_a_truth_without_end_is_refused() -> None:
     """A pipe that nobody writes to is no truth; it is not waited for."""
     os.mkfifo("pipe")
-    with seconds_at_most(10):
+    with seconds_at_most(60):
         assert "pipe" in refused(*TAKEN, "--truth", "pipe", "-o", "out")
 
 

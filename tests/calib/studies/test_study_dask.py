@@ -16,6 +16,7 @@ from tests.calib.studies.test_study_runner import content, expected
 from tests.support.programs import start
 from tests.support.study_chunks import SEED, cases_of, slow, small_pool
 from tests.support.study_chunks import identity as study_identity
+from tests.support.waiting import WITHIN_S
 
 SAMPLES = 30
 
@@ -74,8 +75,8 @@ def cluster(scheduler: Cluster) -> Cluster:
     scheduler.workers[:] = [worker for worker in scheduler.workers if worker.poll() is None]
     while len(scheduler.workers) < 2:
         scheduler.workers.append(dask("worker", scheduler.address, "--nthreads", "1", "--no-nanny"))
-    with distributed.Client(scheduler.address, timeout=20) as client:
-        client.wait_for_workers(2, timeout=20)
+    with distributed.Client(scheduler.address, timeout=WITHIN_S) as client:
+        client.wait_for_workers(2, timeout=WITHIN_S)
     return scheduler
 
 

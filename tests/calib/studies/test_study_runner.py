@@ -2,7 +2,6 @@ import os
 import signal
 import sqlite3
 import subprocess
-import time
 from collections import defaultdict
 from collections.abc import Callable
 from functools import partial
@@ -18,7 +17,7 @@ from calib.studies.store import open_study, read_study
 from calib.studies.stored_samples import row_of
 from calib.studies.workers import RunChunk, run_by_pool
 from designer.base.errors import InputError
-from tests.support.programs import PYTHON, start
+from tests.support.programs import PYTHON, group_is_alive, start
 from tests.support.study_chunks import (
     FIRST,
     SAMPLES,
@@ -32,6 +31,7 @@ from tests.support.study_chunks import (
     revealing,
     small_pool,
 )
+from tests.support.waiting import WITHIN_S, wait_until
 
 
 @pytest.fixture(scope="module")
@@ -184,15 +184,6 @@ def is_alive(process: int) -> bool:
         return False
 
 
-def group_is_alive(group: int) -> bool:
-    """Whether any process of a group is left."""
-    try:
-        os.killpg(group, 0)
-    except ProcessLookupError:
-        return False
-    return True
-
-
 def test_killed_again_and_again(pool: Pool, tmp_path: Path) -> None:
     """SIGKILL at any moment, any number of times, and the study's content in the end is that of an undisturbed run.
 
@@ -208,10 +199,7 @@ def test_killed_again_and_again(pool: Pool, tmp_path: Path) -> None:
         with read_study(path) as study:
             workers |= {int(text.split()[0]) for case in study.cases() for text in study.load(case.case.name).message}
     assert 0 < len(content(path)) < 2 * SAMPLES
-    end = time.monotonic() + 30
-    while any(map(is_alive, workers)):
-        assert time.monotonic() < end
-        time.sleep(0.05)
+    wait_until(lambda: not any(map(is_alive, workers)))
     assert [row[:-1] for row in run_in(path, pool, quick)] == [row[:-1] for row in expected(pool, SAMPLES)]
 
 
@@ -220,13 +208,10 @@ def test_interrupted(pool: Pool, tmp_path: Path) -> None:
     program = started(tmp_path / "s")
     wait_for(program, 30)
     os.killpg(program.pid, signal.SIGINT)
-    _, errors = program.communicate(timeout=60)
+    _, errors = program.communicate(timeout=WITHIN_S)
     assert program.returncode == 130
     kept = len(content(tmp_path / "s"))
     assert errors == f"stopped after {kept} of 120 samples, which are kept; go on with --resume\n"
     assert 30 <= kept < 120
-    end = time.monotonic() + 30
-    while group_is_alive(program.pid):
-        assert time.monotonic() < end
-        time.sleep(0.05)
+    wait_until(lambda: not group_is_alive(program.pid))
     assert run_in(tmp_path / "s", pool, quick) == expected(pool, SAMPLES)

@@ -4,7 +4,7 @@ import base64
 import io
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
@@ -25,7 +25,7 @@ from designer.page.pictures import raster_of
 from designer.page.scene import Layer, Scene
 from designer.page.shell import page_html
 from designer.target_scene import camera_layer, target_scene
-from tests.support.browser import open_page
+from tests.support.browser import open_page, wait_for
 from tests.support.pages import png
 
 Pixels = NDArray[np.uint8]
@@ -116,15 +116,6 @@ def ico(shared: View) -> View:
     return shared
 
 
-def wait_until(page: BrowserPage, is_so: Callable[[], bool]) -> None:
-    """Wait for something that takes a while; the page's policy allows no test to wait inside it."""
-    for _ in range(200):
-        if is_so():
-            return
-        page.wait_for_timeout(25)
-    raise AssertionError("waited in vain")
-
-
 def scrolled_px(view: View) -> float:
     return float(view.page.evaluate("scrollY"))
 
@@ -200,7 +191,7 @@ def test_drag_turns_and_double_click_resets(ico: View) -> None:
         assert changed > 0.05
     mouse.dblclick(x, y)
     mouse.move(1, 1)
-    wait_until(ico.page, lambda: ico.numbers() == pytest.approx(start, abs=0.02))
+    wait_for(ico.page, lambda: ico.numbers() == pytest.approx(start, abs=0.02))
 
 
 def test_wheel_scrolls_the_page(ico: View) -> None:
@@ -219,12 +210,12 @@ def test_wheel_scrolls_the_page(ico: View) -> None:
     page.keyboard.down("Control")
     page.mouse.wheel(0, -100)
     page.keyboard.up("Control")
-    wait_until(page, lambda: ico.number("distance") < 0.99 * distance)
+    wait_for(page, lambda: ico.number("distance") < 0.99 * distance)
     ico.press("0")
     page.wait_for_timeout(500)
     scrolled = scrolled_px(ico)
     page.mouse.wheel(0, -20)
-    wait_until(page, lambda: ico.number("distance") < 0.99 * distance)
+    wait_for(page, lambda: ico.number("distance") < 0.99 * distance)
     assert scrolled_px(ico) == scrolled
 
 
@@ -258,7 +249,7 @@ def test_dark(ico: View) -> None:
     """The background follows the system's colours at once; the target keeps its own."""
     light = ico.seen()
     ico.page.emulate_media(color_scheme="dark")
-    wait_until(ico.page, lambda: ico.seen()[20, 20].max() < 90)
+    wait_for(ico.page, lambda: ico.seen()[20, 20].max() < 90)
     dark = ico.seen()
     ico.page.emulate_media(color_scheme="light")
     assert light[20, 20].min() > 190
@@ -302,7 +293,7 @@ def test_turns_by_itself_until_touched(browser: Browser, tmp_path: Path) -> None
     with open_page(browser, write_page(tmp_path, ICO_SCENE), reduced_motion=False, width=390, height=400) as page:
         view = page.locator(".viewer")
         start = view.get_attribute("data-azimuth")
-        wait_until(page, lambda: view.get_attribute("data-azimuth") != start)
+        wait_for(page, lambda: view.get_attribute("data-azimuth") != start)
         turn = page.get_by_label("turn", exact=True)
         assert turn.is_checked()
         view.press("ArrowLeft")
@@ -310,7 +301,7 @@ def test_turns_by_itself_until_touched(browser: Browser, tmp_path: Path) -> None
         assert not turn.is_checked()
         stopped = view.get_attribute("data-azimuth")
         turn.check()
-        wait_until(page, lambda: view.get_attribute("data-azimuth") != stopped)
+        wait_for(page, lambda: view.get_attribute("data-azimuth") != stopped)
 
 
 def test_unseen_views_are_drawn_too(browser: Browser, tmp_path: Path) -> None:
