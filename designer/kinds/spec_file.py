@@ -244,7 +244,7 @@ def _model_of(asked: type[AskedPrinting]) -> type[_SpecFile]:
 
 def _asked(asked: type[_Asked], values: Mapping[str, RawValue], origin: str) -> _Asked:
     """Options that were checked."""
-    model = _validate(_model_of(asked), values, origin)
+    model = _validate(_model_of(asked), values, origin)  # type: ignore[arg-type]  # a class is hashable
     return asked(**{name: getattr(model, name) for name in options_of(asked)})
 
 

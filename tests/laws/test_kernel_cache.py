@@ -5,7 +5,6 @@ import importlib
 import logging
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -18,6 +17,7 @@ from calib.core.kernel_code import label, parsed_types, types_text
 from calib.core.kernel_list import Listed, kernel_list, parse_line, part_of
 from calib.core.kernel_store import SUFFIX, Store, read_entry, refusal
 from tests.support.kernel_parts import PARTS
+from tests.support.programs import PYTHON, run
 
 ROOT = Path(__file__).parents[2]
 MODULE = "kernels_of_law"
@@ -57,7 +57,7 @@ def hits(module: ModuleType) -> int:
 def test_a_copy_of_the_sources_with_new_times_compiles_nothing(tmp_path: Path) -> None:
     """What one clone has compiled serves another: entries are found by content, wherever and however old files are."""
     code = "import numpy; from calib.core.small_solve import cholesky_factor; cholesky_factor(numpy.eye(2))"
-    environment = {**os.environ, "RINGSOLID_CACHE": str(tmp_path / "cache"), ALONE: "alone"}
+    environment = {"RINGSOLID_CACHE": str(tmp_path / "cache"), ALONE: "alone"}
     kept = []
     for name in ("one", "two"):
         for package in ("calib", "designer"):
@@ -66,9 +66,7 @@ def test_a_copy_of_the_sources_with_new_times_compiles_nothing(tmp_path: Path) -
                 copy_function=shutil.copyfile,
             )  # fmt: skip
         place = {"PYTHONPATH": str(tmp_path / name), "PYTHONDONTWRITEBYTECODE": "1"}
-        subprocess.run(
-            [sys.executable, "-c", code], check=True, cwd=tmp_path, env={**environment, **place}, timeout=300
-        )
+        run(PYTHON, "-c", code, cwd=tmp_path, **environment, **place)
         kept.append({path: path.stat().st_mtime_ns for path in entries(tmp_path / "cache/kernels")})
     assert kept[0] == kept[1] != {}
 
@@ -166,12 +164,9 @@ def test_what_no_program_used_for_long_goes(tmp_path: Path) -> None:
 def test_what_a_user_tells_numba_is_obeyed(cache: Path, name: str, value: str, tmp_path: Path) -> None:
     """`NUMBA_CACHE_DIR` is where entries go; with `NUMBA_DISABLE_JIT` kernels are plain functions and none are kept."""
     code = f"import {MODULE}; print({MODULE}.outer(1))"
-    environment = {**os.environ, name: value, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
-    command = [sys.executable, "-c", code]
-    run = subprocess.run(
-        command, env=environment, cwd=tmp_path, check=True, capture_output=True, text=True, timeout=120
-    )
-    assert (run.stdout, run.stderr) == ("3\n", "")
+    environment = {name: value, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
+    done = run(PYTHON, "-c", code, cwd=tmp_path, **environment)
+    assert (done.stdout, done.stderr) == ("3\n", "")
     assert bool(entries(tmp_path / "named")) == (name == "NUMBA_CACHE_DIR")
     assert not entries(cache)
 
@@ -182,9 +177,9 @@ def test_what_a_wheel_carries_is_used(cache: Path, tmp_path: Path, monkeypatch: 
 
     has_all = all(get_host_cpu_features().get(feature, False) for feature in kernel_cache.BASELINE_FEATURES)
     made_for = {"NUMBA_CPU_NAME": kernel_cache.BASELINE, "NUMBA_CPU_FEATURES": kernel_cache.baseline_features()}
-    environment = {**os.environ, **made_for, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
+    environment = {**made_for, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
     code = f"import {MODULE}; {MODULE}.outer(1)"
-    subprocess.run([sys.executable, "-c", code], check=True, cwd=tmp_path, env=environment, timeout=120)
+    run(PYTHON, "-c", code, cwd=tmp_path, **environment)
     monkeypatch.setattr(kernel_cache, "CARRIED", cache.rename(tmp_path / "carried"))
     kernel_store._store.cache_clear()
     for is_able in sorted({False, has_all}):
