@@ -23,12 +23,18 @@ def pytest_configure() -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Iterator[None]:
-    """What is there when the tests begin stays: no search for garbage goes through it while it grows, or later."""
+    """What is there when the tests begin stays: no search for garbage goes through it while it grows, or later.
+
+    Linear algebra takes one thread, so that no second one waits for a core that another worker has.
+    """
+    from threadpoolctl import threadpool_limits
+
     gc.disable()
     yield
     gc.collect()
     gc.freeze()
     gc.enable()
+    threadpool_limits(1, user_api="blas")
 
 
 @pytest.hookimpl(optionalhook=True)
