@@ -183,7 +183,7 @@ def _see(camera: Camera, points: KnownPoints, pose: Array) -> tuple[NDArray[np.i
         inside = np.minimum(lower, upper) > MARGIN_PX
         # Beyond where a polynomial turns back there are no images.
         again = rays(camera, np.where(inside[:, None], pixel, 0.0))
-        inside &= np.linalg.norm(again[:, :2] - place[:, :2] / place[:, 2:], axis=1) < 1e-6
+        inside &= np.linalg.norm(np.cross(again, place), axis=1) < 1e-6 * np.linalg.norm(place, axis=1)
     rows = np.flatnonzero(inside & (cosine > np.cos(np.radians(INCIDENCE_DEG))))
     return rows, pixel[rows]
 
