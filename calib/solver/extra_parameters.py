@@ -12,7 +12,9 @@ that centres of a photo share make the scores of photos vary by more than indepe
 deviation, as a covariance that is clustered by photo does (Liang and Zeger 1986, Biometrika 73).
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,32 +31,64 @@ TOLD = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class ExtraParameters:
-    """K parameters, each of which no solution had, to first order."""
+    """K parameters that a solution did not have, to first order."""
 
-    information: Array  # (K, K) g_perp'g_perp; zero where the other unknowns take up all
-    pull: Array  # (K,) g_perp'r
-    variance: float  # of a whitened residual
-    spread: Array  # (K,) variance of the photos' scores, of what independent residuals give; 1 at least
-    photos: Array  # (K,) so many that tell alike would tell as much
+    block: Array  # (V, K + 1, K + 1) by photo: products of columns and, last, residuals, camera and poses taken off
+    square: Array  # (K,) of the columns before
+    equations: int  # less the unknowns
     taken: Array  # (P, K) what the camera's parameters are off by for a unit that is left out
 
-    @property
+    @cached_property
+    def information(self) -> Array:
+        """Products of the columns (K, K); zero of those that the other unknowns take up."""
+        whole = self.block[:, :-1, :-1].sum(axis=0)
+        told = np.diagonal(whole) > TOLD * self.square
+        return np.where(told[:, None] & told, whole, 0.0)
+
+    @cached_property
     def amplitude(self) -> Array:
         """Each as the only one (K,); 0 where nothing tells it."""
         told = np.diagonal(self.information)
-        return np.where(told > 0, self.pull / np.where(told > 0, told, 1.0), 0.0)
+        pull = self.block[:, :-1, -1].sum(axis=0)
+        return np.where(told > 0, pull / np.where(told > 0, told, 1.0), 0.0)
 
-    @property
+    @cached_property
+    def variance(self) -> float:
+        """Of a whitened residual."""
+        return float(self.block[:, -1, -1].sum()) / self.equations
+
+    @cached_property
+    def spread(self) -> Array:
+        """The variance of the photos' scores, of what independent residuals give (K,); 1 at least.
+
+        With the parameter let free they sum to nothing, and independent ones vary by `A_v - A_v^2 / A`.
+        """
+        own = np.diagonal(self.information)
+        part = np.where(own > 0, np.diagonal(self.block, axis1=1, axis2=2)[:, :-1], 0.0)
+        score = np.where(own > 0, self.block[:, :-1, -1] - part * self.amplitude, 0.0)
+        expected = self.variance * (part - part**2 / np.where(own > 0, own, 1.0)).sum(axis=0)
+        spread: Array = np.maximum((score**2).sum(axis=0) / np.where(expected > 0, expected, np.inf), 1.0)
+        return spread
+
+    @cached_property
     def sigma(self) -> Array:
-        """Their standard deviations (K,); without bound where nothing tells them."""
+        """Standard deviations of the amplitudes (K,); without bound where nothing tells them."""
         told = np.diagonal(self.information)
         return np.sqrt(np.where(told > 0, self.variance * self.spread / np.where(told > 0, told, 1.0), np.inf))
 
-    @property
-    def precision(self) -> Array:
-        """The inverse covariance of all together (K, K), with the photos' spread in it."""
-        root = np.sqrt(self.spread)
-        return self.information / self.variance / root[:, None] / root
+    @cached_property
+    def photos(self) -> Array:
+        """So many photos that tell an amplitude alike would tell as much as these do (K,)."""
+        part = np.diagonal(self.block, axis1=1, axis2=2)[:, :-1]
+        return np.where(np.isfinite(self.sigma), part.sum(axis=0) ** 2 / np.maximum((part**2).sum(axis=0), 1e-300), 0.0)
+
+    def beside(self, known: Sequence[int]) -> "ExtraParameters":
+        """The same with some of them among the unknowns, of which then nothing more is told."""
+        rows = list(known)
+        inverse = symmetric_inverse(self.information[np.ix_(rows, rows)]).inverse
+        off = np.eye(self.block.shape[1])
+        off[rows] -= inverse @ self.block.sum(axis=0)[rows]
+        return replace(self, block=off.T @ self.block @ off, equations=self.equations - len(rows))
 
 
 def extra_parameters(calibration: Calibration, moved_px: Array) -> ExtraParameters | None:
@@ -67,7 +101,7 @@ def extra_parameters(calibration: Calibration, moved_px: Array) -> ExtraParamete
     """
     basis = free_directions(calibration.param_covariance)
     inner, count = basis.shape[1], moved_px.shape[2]
-    blocks, raw, equations = [np.zeros((0, inner + count + 1, inner + count + 1))], np.zeros(count), -inner
+    blocks, square, equations = [np.zeros((0, inner + count + 1, inner + count + 1))], np.zeros(count), -inner
     for view in whitened_views(calibration, basis):
         if 2 * len(view.row) <= POSE:
             continue
@@ -76,30 +110,12 @@ def extra_parameters(calibration: Calibration, moved_px: Array) -> ExtraParamete
         across = view.poses_taken().reshape(-1, POSE)
         left = flat - across @ (across.T @ flat)
         blocks.append((left.T @ left)[None])
-        raw += (moved**2).sum(axis=(0, 1))
+        square += (moved**2).sum(axis=(0, 1))
         equations += 2 * len(view.row) - POSE
     block = np.concatenate(blocks)  # (V, Q + K + 1, Q + K + 1)
     whole = block.sum(axis=0)
-    if not (equations > 0 and len(block) > 1 and inner):
+    if not (equations > 0 and inner and whole[-1, -1] > 0):
         return None
     by_camera = symmetric_inverse(whole[:inner, :inner]).inverse @ whole[:inner, inner:]
     off = np.concatenate([-by_camera, np.eye(count + 1)])
-    left = off.T @ block @ off  # (V, K + 1, K + 1) the camera eliminated
-    each, pulls, total = left[:, :-1, :-1], left[:, :-1, -1], left.sum(axis=0)
-    told = np.diagonal(total)[:-1] > TOLD * raw
-    information = np.where(told[:, None] & told, total[:-1, :-1], 0.0)
-    own = np.where(told, np.diagonal(total)[:-1], 1.0)
-    pull = np.where(told, total[:-1, -1], 0.0)
-    variance = float(total[-1, -1]) / equations
-    if not variance > 0:
-        return None
-    # Scores with the parameter let free sum to nothing; independent ones would vary by A_v - A_v^2 / A.
-    parts = np.diagonal(each, axis1=1, axis2=2)  # (V, K)
-    score = pulls - parts * (pull / own)
-    expected = variance * (parts - parts**2 / own).sum(axis=0)
-    spread = np.where(told & (expected > 0), (score**2).sum(axis=0) / np.where(expected > 0, expected, 1.0), 1.0)
-    photos = own**2 / np.maximum((parts**2).sum(axis=0), 1e-300)
-    return ExtraParameters(
-        information, pull, variance, np.maximum(spread, 1.0), np.where(told, photos, 0.0),
-        basis @ by_camera[:, :-1],
-    )  # fmt: skip
+    return ExtraParameters(off.T @ block @ off, square, equations, basis @ by_camera[:, :-1])

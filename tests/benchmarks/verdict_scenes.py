@@ -51,8 +51,11 @@ HABITS = {
     "one axis": Habit(0.9, 0.55, 45.0, 0.5, is_one_axis=True),
 }
 HABIT_SHARES = (0.45, 0.15, 0.1, 0.1, 0.05, 0.15)
-FAULTS = ("none", "print", "bow", "stretch", "glare", "focus")
-FAULT_SHARES = (0.4, 0.2, 0.1, 0.1, 0.1, 0.1)
+FAULTS = ("none", "print", "bow", "stretch", "glare", "focus", "moving", "breathing", "drift", "tilt")
+FAULT_SHARES = (0.3, 0.15, 0.05, 0.05, 0.1, 0.05, 0.1, 0.1, 0.05, 0.05)
+ALIKE = ("moving", "breathing", "drift", "tilt")
+"""Faults that all photos share, which halves of them cannot show: a target that moves while the shutter rolls, a focal
+length that is linear in the distance or in time, centres that are off along the tilt."""
 LENSES = ("mild", "strong", "luhmann", "spline")
 LENS_SHARES = (0.45, 0.2, 0.2, 0.15)
 
@@ -69,7 +72,9 @@ class Case:
     views: int
     noise_px: float
     fault: str
-    amount: float  # of the fault: a factor of the error model, mm of bow, share of x, of sightings, of focal length
+    amount: float
+    """Of the fault: a factor of the error model, mm of bow, share of x, of sightings, of focal length; px that the
+    target moves from the first row to the last, or that centres are off where the target is seen from its side."""
     print_model: str
     rejects: bool  # solved with --reject 4
 
@@ -79,11 +84,11 @@ class Case:
         return self.fault not in ("print", "bow", "stretch")
 
 
-def case_of(seed: int) -> Case:
-    """A draw."""
+def case_of(seed: int, faults: tuple[str, ...] = (), *, careful: bool = False) -> Case:
+    """A draw; of some faults, all alike often, and of many photos taken with care."""
     rng = np.random.default_rng([7, seed])
     target = str(rng.choice(["board", "ico"]))
-    fault = str(rng.choice(FAULTS, p=FAULT_SHARES))
+    fault = str(rng.choice(faults) if faults else rng.choice(FAULTS, p=FAULT_SHARES))
     amounts = {
         "none": 0.0,
         "print": _between(0.03, 1.0, rng),
@@ -91,13 +96,20 @@ def case_of(seed: int) -> Case:
         "stretch": _between(1e-3, 1e-2, rng),
         "glare": _between(0.002, 0.08, rng),
         "focus": _between(1e-5, 2e-3, rng),
+        "moving": _between(0.02, 3.0, rng),
+        "breathing": _between(1e-5, 2e-3, rng),
+        "drift": _between(1e-5, 2e-3, rng),
+        "tilt": _between(0.02, 2.0, rng),
     }
-    return Case(
+    case = Case(
         seed, target, bool(rng.random() < 0.5), str(rng.choice(LENSES, p=LENS_SHARES)),
         str(rng.choice(list(HABITS), p=HABIT_SHARES)), _views(rng),
         float(np.exp(rng.triangular(*np.log([0.01, 0.04, 0.5])))), fault, amounts[fault],
         str(rng.choice(PRINTS[target])), bool(rng.random() < 0.3),
     )  # fmt: skip
+    if not careful:
+        return case
+    return replace(case, habit="careful", views=round(_between(12, 40, rng)), noise_px=_between(0.01, 0.1, rng))
 
 
 def _between(low: float, high: float, rng: np.random.Generator) -> float:
@@ -202,23 +214,22 @@ def sightings_of(case: Case, camera: Camera, rng: np.random.Generator) -> Observ
     if case.fault == "bow":
         made = _bowed(made, case.amount, case.target)
     radius = float(np.abs(points.position_mm[:, :2]).max())
-    views: list[NDArray[np.int64]] = []
     rows: list[NDArray[np.int64]] = []
     pixels: list[Array] = []
+    poses: list[Array] = []
     for pose in poses_of(case, camera, radius, TRIES * case.views, rng):
-        lens = camera
-        if case.fault == "focus":
-            params = camera.params.copy()
-            params[:2] *= 1 + case.amount * float(rng.normal())
-            lens = replace(camera, params=params)
+        lens = _zoomed(camera, case.amount * float(rng.normal())) if case.fault == "focus" else camera
         row, pixel = _see(lens, made, pose)
-        if len(row) >= LEAST_RINGS and len(views) < case.views:
-            views.append(np.full(len(row), len(views)))
+        if len(row) >= LEAST_RINGS and len(rows) < case.views:
             rows.append(row)
             pixels.append(pixel)
-    if not views:
+            poses.append(pose)
+    if not rows:
         return None
+    view = np.repeat(np.arange(len(rows)), [len(row) for row in rows])
     pixel = np.concatenate(pixels)
+    if case.fault in ALIKE:
+        pixel = _alike(case, camera, made, (view, np.concatenate(rows), np.stack(poses)), pixel, rng)
     pixel = pixel + case.noise_px * rng.standard_normal(pixel.shape)
     if case.fault == "glare":
         off = rng.random(len(pixel)) < case.amount
@@ -226,10 +237,47 @@ def sightings_of(case: Case, camera: Camera, rng: np.random.Generator) -> Observ
         angle = rng.uniform(-np.pi, np.pi, off.sum())
         pixel[off] += length[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     covariance = np.tile(case.noise_px**2 * np.eye(2), (len(pixel), 1, 1))
-    names = tuple(f"photo{n:03}.png" for n in range(len(views)))
-    return Observations(
-        camera.image_size, names, np.concatenate(views), np.concatenate(rows), pixel, covariance, points
-    )
+    names = tuple(f"photo{n:03}.png" for n in range(len(rows)))
+    return Observations(camera.image_size, names, view, np.concatenate(rows), pixel, covariance, points)
+
+
+def _zoomed(camera: Camera, share: float) -> Camera:
+    """A camera of a focal length that is more by a share."""
+    params = camera.params.copy()
+    params[:2] *= 1 + share
+    return replace(camera, params=params)
+
+
+def _alike(
+    case: Case, camera: Camera, points: KnownPoints, seen: tuple[NDArray[np.int64], NDArray[np.int64], Array],
+    pixel: Array, rng: np.random.Generator,
+) -> Array:  # fmt: skip
+    """Where points are measured with a fault that all photos share, of views, rows and poses, without: `pixel`."""
+    view, row, poses = seen
+    rotation = poses[view, :3, :3]
+    place = np.einsum("mij,mj->mi", rotation, points.position_mm[row]) + poses[view, :3, 3]
+    sign = float(rng.choice([-1.0, 1.0]))
+    depth = np.bincount(view, place[:, 2]) / np.bincount(view)
+    if case.fault == "moving":
+        along = rng.normal(size=3)
+        moved = case.amount * depth.mean() / camera.params[0] * along / np.linalg.norm(along)
+        by_point = rotation @ moved if rng.random() < 0.5 else moved  # with the target, or before the camera
+        for _ in range(3):  # a point is taken when the row that shows it is
+            pixel = project(camera, place + ((pixel[:, 1:] + 0.5) / camera.image_size[1] - 0.5) * by_point)
+        return pixel
+    if case.fault == "tilt":
+        normal = np.einsum("mij,mj->mi", rotation, points.plane[points.face[row], :3])
+        ray = place / np.linalg.norm(place, axis=1, keepdims=True)
+        along = ray - (ray * normal).sum(axis=1, keepdims=True) * normal
+        ahead = project(camera, place + 1e-3 * along) - pixel
+        sine = np.linalg.norm(along, axis=1, keepdims=True)
+        return pixel + sign * case.amount * sine * ahead / np.maximum(
+            np.linalg.norm(ahead, axis=1, keepdims=True), 1e-300
+        )
+    course = depth - depth.mean() if case.fault == "breathing" else np.arange(len(depth)) - (len(depth) - 1) / 2
+    share = sign * case.amount * course / max(float(np.abs(course).max()), 1e-300)
+    lens = [_zoomed(camera, one) for one in share.tolist()]
+    return np.concatenate([project(one, place[view == number]) for number, one in enumerate(lens)])
 
 
 def _made(case: Case, nominal: TargetGeometry, rng: np.random.Generator) -> TargetGeometry:
