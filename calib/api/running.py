@@ -30,6 +30,7 @@ from calib.api.solving import (
 from calib.cameras import learned_models
 from calib.core.files import named_in_files
 from calib.solver.accuracy import UndeterminedError
+from calib.solver.capture_error import capture_of
 from calib.solver.costs import IMAGE
 from calib.verdict.criteria import STANDARD, read_criteria
 from calib.verdict.halves import half_split
@@ -70,6 +71,7 @@ def run(
     free_bend: bool = False,
     reference: "Reference | None" = None,
     made: str | None = None,
+    capture: str | None = None,
     truth: Place | None = None,
     criteria: Criteria | Place = STANDARD,
     jobs: int | None = None,
@@ -99,6 +101,7 @@ def run(
         free_bend: the bend of a flat target is an unknown, too: two curvatures, along its sides.
         reference: of model `virtual`: the photo that its map is learned from, or `all`.
         made: how the target was made: an error template, a file of errors, or `exact`; None: assumed from its build.
+        capture: how the photos were taken: `still`, `handheld` or `moving`; None: still, unless they show otherwise.
         truth: the `truth.json` of rendered photos; None: the one beside them, if there is one.
         criteria: limits of the verdict: a template's name, a file, or criteria.
         jobs: photos at a time; None: one per core.
@@ -115,7 +118,7 @@ def run(
     from calib.observe.photos import named_photos
     from designer.tolerance.made import how_made
 
-    geometry, limits = target_of(target, "rings"), _criteria(criteria)
+    geometry, limits, taken = target_of(target, "rings"), _criteria(criteria), capture_of(capture)
     plan = plan_from_words(
         model,
         fix=fix,
@@ -146,7 +149,7 @@ def run(
     file = "NAME.target.json" if isinstance(target, TargetGeometry) else named_in_files(Path(target))
     kept = (("target", file), *table, ("photos", str(len(asked.paths))), *settings)
     shown = tuple(one.photo.path for one in search.results if one.seen is not None)
-    task = SolveTask(observations, plan, geometry.layout_id, kept, reference, known, way, shown)
+    task = SolveTask(observations, plan, geometry.layout_id, kept, reference, known, way, taken, shown)
     return _solved(task, geometry, search, limits, progress, writer, is_whole=not isinstance(out, RunWriter))
 
 
@@ -165,6 +168,7 @@ def solve(
     free_bend: bool = False,
     reference: "Reference | None" = None,
     made: str | None = None,
+    capture: str | None = None,
     truth: "Truth | Place | None" = None,
     rendered_id: str = "",
     criteria: Criteria | Place = STANDARD,
@@ -191,6 +195,7 @@ def solve(
         free_bend: the bend of a flat target is an unknown.
         reference: of model `virtual`.
         made: how the target was made.
+        capture: how the photos were taken.
         truth: of rendered photos, or its `truth.json`.
         rendered_id: of the geometry that the photos were rendered of; "": what the records beside a file say.
         criteria: limits of the verdict.
@@ -204,6 +209,7 @@ def solve(
     from designer.tolerance.made import how_made
 
     geometry, limits = None if target is None else target_of(target), _criteria(criteria)
+    taken = capture_of(capture)
     plan = plan_from_words(
         model,
         fix=fix,
@@ -222,7 +228,7 @@ def solve(
     plan, observations = plan.suited(observations)
     layout_id = "" if geometry is None else geometry.layout_id
     known = truth_from(truth)
-    task = SolveTask(observations, plan, layout_id, tuple(settings), reference, known, way)
+    task = SolveTask(observations, plan, layout_id, tuple(settings), reference, known, way, taken)
     return _solved(task, geometry, None, limits, progress, writer, is_whole=not isinstance(out, RunWriter))
 
 

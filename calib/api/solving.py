@@ -16,9 +16,9 @@ from calib.cameras.camera import Camera
 from calib.core.types import Observations
 from calib.metrics.evaluation import Evaluation, evaluate, held_out_px
 from calib.solver.accuracy import UndeterminedError
-from calib.solver.calibration import Calibration
+from calib.solver.calibration import Calibration, Capture
+from calib.solver.capture_error import with_capture_error
 from calib.solver.costs import COSTS, IMAGE
-from calib.solver.image_field import with_image_field
 from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.suited import lens_kind, ruled_out
 from calib.solver.target_error import with_target_error
@@ -258,6 +258,7 @@ class SolveTask:
     reference: "Reference | None" = None  # the photo that a learned map is of
     truth: "Truth | None" = None  # of rendered photos
     made: "Made | None" = None  # how the target was; None: nobody knows
+    capture: Capture | None = None  # how the photos were taken; None: assumed
     photos: tuple[Path, ...] = ()  # that show where the light of a wide lens ends; none: nobody knows
 
     @cached_property
@@ -300,7 +301,7 @@ def _solution(task: SolveTask, model: str) -> Solution:
     if why := ruled_out(model, solved, task.observations, options):
         return Solution(model, None, why)
     try:
-        calibration = with_image_field(with_target_error(solved, task.made))
+        calibration = with_capture_error(with_target_error(solved, task.made), task.capture)
         calibration = _with_image_circle(calibration, task)
         calibration = replace(calibration, remarks=(*calibration.remarks, *task.observations.remarks))
         return Solution(model, evaluate(calibration, task.truth))

@@ -81,6 +81,14 @@ MadeOption = Annotated[
         autocompletion=error_templates,
     ),
 ]
+CaptureOption = Annotated[
+    str | None,
+    typer.Option(
+        help="how the photos were taken, and so what may move alike in all while the shutter rolls: still, handheld or "
+        "moving (default: still, unless the photos show otherwise)",
+        metavar="WAY",
+    ),
+]
 ImageSizeOption = Annotated[str | None, typer.Option(help="of files that do not say it: 2448x2048")]
 GridOption = Annotated[str | None, typer.Option(help="of a corners.vnl: 10x7 corners")]
 PitchOption = Annotated[str | None, typer.Option(help="of a corners.vnl: distance of its corners, 20mm")]

@@ -40,6 +40,7 @@ def run(
     reference: options.ReferenceOption = None,
     reference_target: options.ReferenceTargetOption = None,
     made: options.MadeOption = None,
+    capture: options.CaptureOption = None,
     truth: Annotated[
         Path | None, typer.Option(help="of rendered photos (default: the truth.json beside them, if there is one)")
     ] = None,
@@ -66,9 +67,9 @@ def run(
             found = run_all(
                 target, photos, model=model, fix=fix or (), share=share or (), focal_px=focal_of(focal), loss=loss,
                 reject_sigma=reject, weighted=weighted, minimise=minimise, free_bend=free_bend,
-                reference=reference_of(reference, reference_target), made=made,
+                reference=reference_of(reference, reference_target), made=made, capture=capture,
                 truth=truth, criteria=criteria, jobs=jobs, progress=progress, out=writer,
-                settings=(*made_settings(made), *reference_settings(reference, reference_target)),
+                settings=(*made_settings(made, capture), *reference_settings(reference, reference_target)),
             )  # fmt: skip
     except KeyboardInterrupt:
         stopped(writer)

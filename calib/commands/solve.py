@@ -40,6 +40,7 @@ def solve(
     grid: options.GridOption = None,
     pitch: options.PitchOption = None,
     made: options.MadeOption = None,
+    capture: options.CaptureOption = None,
     criteria: options.CriteriaOption = options.DEFAULT_CRITERIA,
     page: options.PageOption = True,
     verbose: options.VerboseOption = False,
@@ -59,7 +60,7 @@ def solve(
     settings = (
         ("detections", named_in_files(detections)),
         ("target", "" if target is None else named_in_files(target)),
-        *made_settings(made),
+        *made_settings(made, capture),
         *reference_settings(reference, reference_target),
     )
     try:
@@ -67,7 +68,7 @@ def solve(
             found = solve_all(
                 observations, target, model=model, fix=fix or (), share=share or (), focal_px=focal_of(focal),
                 loss=loss, reject_sigma=reject, weighted=weighted, minimise=minimise, free_bend=free_bend,
-                reference=reference_of(reference, reference_target), made=made,
+                reference=reference_of(reference, reference_target), made=made, capture=capture,
                 rendered_id=rendered_id_of(detections), criteria=criteria, progress=progress, out=writer,
                 settings=settings,
             )  # fmt: skip
@@ -81,9 +82,9 @@ def solve(
     )  # fmt: skip
 
 
-def made_settings(made: str | None) -> tuple[tuple[str, str], ...]:
-    """The way of making that was asked for, for the record."""
-    return () if made is None else (("made", made),)
+def made_settings(made: str | None, capture: str | None = None) -> tuple[tuple[str, str], ...]:
+    """The ways of making and of capture that were asked for, for the record."""
+    return tuple((name, value) for name, value in (("made", made), ("capture", capture)) if value is not None)
 
 
 def read_input(

@@ -23,7 +23,7 @@ from calib.rigs.relative import relative
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error
-from calib.verdict.checks import at_most
+from calib.verdict.check_kind import at_most
 from calib.verdict.rig_judge import JudgedRig, judge_rig
 from calib.verdict.verdict import Criteria, Grade, Limits, measured_text
 from designer.base.errors import InputError

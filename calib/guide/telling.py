@@ -18,7 +18,7 @@ from calib.guide.standing import FEWEST_PHOTOS, Proposal, Standing
 from calib.guide.told import Bar, Ghost, Line, SensorMap, Stage, TakenPhoto
 from calib.solver.accuracy import projected_sigma_px, share_px
 from calib.solver.calibration import Calibration
-from calib.verdict.checks import px
+from calib.verdict.check_kind import px
 from calib.verdict.coverage import Coverage
 from calib.verdict.information import knowledge_of
 from calib.verdict.lit_part import lit_part

@@ -20,7 +20,7 @@ from calib.core.files import write_files
 from calib.core.se3 import rigid_fault
 from calib.core.types import KnownPoints, Observations
 from calib.records.observation_table import MAX_RESIDUAL_PX, observations_to_csv, read_sightings
-from calib.solver.calibration import Calibration, ImageField, Status, TargetError
+from calib.solver.calibration import Calibration, CaptureError, ImageField, Status, TargetError
 from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import PlaneBend
 from designer.base.codec import decode, encode
@@ -79,6 +79,7 @@ class CalibrationRecord:
     param_covariance: Annotated[_Covariance, OR_NULL]
     target_error: TargetError | None = None
     image_field: ImageField | None = None
+    capture_error: CaptureError | None = None
     target_bend: Annotated[PlaneBend | None, LEFT_OUT] = None
     geometry_id: Hash
     observations_sha256: Hash
@@ -95,7 +96,11 @@ class CalibrationRecord:
         parts = {"param_covariance": self.param_covariance}
         parts |= {
             f"{name}.param_covariance": part.param_covariance
-            for name, part in (("target_error", self.target_error), ("image_field", self.image_field))
+            for name, part in (
+                ("target_error", self.target_error),
+                ("image_field", self.image_field),
+                ("capture_error", self.capture_error),
+            )
             if part is not None
         }
         for name, covariance in parts.items():
@@ -196,6 +201,7 @@ def record_of(calibration: Calibration, provenance: Provenance, digest: str) -> 
         param_covariance=calibration.param_covariance,
         target_error=calibration.target_error,
         image_field=calibration.image_field,
+        capture_error=calibration.capture_error,
         target_bend=calibration.target_bend,
         geometry_id=points.geometry_id,
         observations_sha256=digest,
@@ -243,6 +249,7 @@ def read_calibration(path: Path) -> tuple[Calibration, Provenance]:
         seconds=file.seconds,
         target_error=file.target_error,
         image_field=file.image_field,
+        capture_error=file.capture_error,
         target_bend=file.target_bend,
     )
     return calibration, replace(file.provenance, observations_sha256=file.observations_sha256)

@@ -76,6 +76,36 @@ class ImageField:
         freeze(self, "param_covariance")
 
 
+Capture = Literal["still", "handheld", "moving"]
+"""How photos are taken: what may move alike in all of them, while one is taken."""
+
+
+@dataclass(frozen=True)
+class CaptureEffect:
+    """Something that is alike in all photos and beyond chance."""
+
+    name: _Text  # "a focal length that changes with the distance"
+    amount: _Size
+    sigma: Annotated[float, AtLeast(0)]
+    unit: _Text  # of both, as in "px from the first row to the last"
+    camera_px: Annotated[float, AtLeast(0)]  # 95 % of the image is off by at most so much by it
+    explains: bool  # with it nothing that is fixed in the image is left over
+    remedy: _Text  # "focus by hand, and leave it"
+
+
+@dataclass(frozen=True, eq=False)
+class CaptureError:
+    """What moves or changes alike in all photos, and what it may have done to the parameters of a camera."""
+
+    capture: Capture
+    because: _Text  # why this one; "" if it was asked for
+    effects: Annotated[tuple[CaptureEffect, ...], Length(0, 20)]  # that the photos show, the surest first
+    param_covariance: Annotated[NDArray[np.float64], Shape("P", "P"), PACKED]  # to be added
+
+    def __post_init__(self) -> None:
+        freeze(self, "param_covariance")
+
+
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """A solved camera, its V poses and how sure they are: `run.best.calibration.cam_from_target`."""
@@ -97,12 +127,14 @@ class Calibration:
     seconds: float
     target_error: TargetError | None = None  # None: nothing is known of how the target was made
     image_field: ImageField | None = None  # None: nothing shows that there is one
+    capture_error: CaptureError | None = None  # None: not asked, or of a camera that is not told by few parameters
     target_bend: PlaneBend | None = None  # by which the points were moved; None: it was no unknown
 
     @property
     def stated_covariance(self) -> NDArray[np.float64]:
-        """The parameters' covariance as it is to be told: by noise, target and what is fixed in the image.  # (P, P)"""
-        parts = [part.param_covariance for part in (self.target_error, self.image_field) if part is not None]
+        """The parameters' covariance as it is to be told: by noise, target, image field and capture.  # (P, P)"""
+        sources = (self.target_error, self.image_field, self.capture_error)
+        parts = [part.param_covariance for part in sources if part is not None]
         stated: NDArray[np.float64] = sum(parts, start=np.asarray(self.param_covariance))
         return stated
 

@@ -46,11 +46,15 @@ class ExtraParameters:
         return np.where(told[:, None] & told, whole, 0.0)
 
     @cached_property
+    def pull(self) -> Array:
+        """Products of columns and residuals (K,); zero of those that the other unknowns take up."""
+        return np.where(np.diagonal(self.information) > 0, self.block[:, :-1, -1].sum(axis=0), 0.0)
+
+    @cached_property
     def amplitude(self) -> Array:
         """Each as the only one (K,); 0 where nothing tells it."""
         told = np.diagonal(self.information)
-        pull = self.block[:, :-1, -1].sum(axis=0)
-        return np.where(told > 0, pull / np.where(told > 0, told, 1.0), 0.0)
+        return self.pull / np.where(told > 0, told, 1.0)
 
     @cached_property
     def variance(self) -> float:

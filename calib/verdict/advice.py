@@ -17,7 +17,8 @@ from calib.core.number_text import figure
 from calib.solver.calibration import Calibration
 from calib.solver.outliers import deviations
 from calib.solver.plane_bend import is_flat
-from calib.verdict.checks import BY_CHANCE, SURE, checks_of, faults_of, made_words, missing_of, px
+from calib.verdict.check_kind import px
+from calib.verdict.checks import BY_CHANCE, SURE, checks_of, faults_of, made_words, missing_of
 from calib.verdict.evidence import FAR_OFF, CameraEvidence
 from calib.verdict.halves import HalvesApart
 from calib.verdict.next_view_words import distance_words, short
@@ -109,6 +110,7 @@ def advice_of(
         (_step(_undetermined(evidence), "solution"),)
         if evidence.status == "degenerate"
         else (
+            _step(_alike(evidence), "capture"),
             _target(calibration, evidence, criteria, inputs),
             _step(_odd_photos(facts, criteria), "residuals", "outliers"),
             _step(_far_off(calibration, criteria, facts, inputs), "outliers"),
@@ -150,6 +152,13 @@ def _names(facts: ViewFacts, rows: NDArray[np.int64]) -> str:
     shown = [short(facts.name[row]) for row in rows[:MOST_NAMES].tolist()]
     more = len(rows) - len(shown)
     return ", ".join(shown) + (f" and {more} more" if more > 0 else "")
+
+
+def _alike(evidence: CameraEvidence) -> str:
+    """What moved or changed alike in all photos, and is named for sure."""
+    error = evidence.uncertainty.capture_error
+    effects = () if error is None else error.effects
+    return "; ".join(dict.fromkeys(effect.remedy for effect in effects if effect.explains))
 
 
 def _target(calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _Step:

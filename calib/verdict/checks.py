@@ -1,18 +1,16 @@
 """Each check: what was measured against its limits, and what that means in one sentence."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from collections.abc import Mapping, Sequence
 
 from calib.core.number_text import figure
 from calib.solver.calibration import TargetError
+from calib.verdict.capture_check import LIMITS, judge_capture
+from calib.verdict.check_kind import LEAST_PX, CheckKind, Found, at_least, at_most, px
 from calib.verdict.evidence import FAR_OFF, CameraEvidence, ModelApart
 from calib.verdict.halves import HalvesApart, NoHalves
 from calib.verdict.target_shape import ShapeEffect
 from calib.verdict.verdict import Check, Criteria, Grade, Limits, measured_text
 from designer.tolerance.made import EXACT, MEASURED
-
-Evidence = TypeVar("Evidence")
 
 NOISY = 3.0
 """Residuals this many times the stated noise of the detector are said to be something else."""
@@ -22,75 +20,12 @@ SURE = 3.0
 """Sigmas beyond which the target is to blame, as is usual for a claim."""
 REFUTED = 1.05
 """A model that leaves over so many times as much as the judged one does not fit the lens: its dissent tells nothing."""
-LEAST_PX = 0.001
-"""Nobody needs to know a camera better."""
 OWN_ROTATION = "its own rotation removed"
 """Said of the covered area: the rotation is that which fits it, not the whole image, best."""
 IRRELEVANT = 0.25
 """Of what good models may differ by: halves that differ by less do no harm, whatever they should."""
 LARGE_SHARE = 0.5
 """Of the residuals: a systematic part that is worth a word although it is small."""
-
-
-NO_LIMITS = Limits(0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Found:
-    """What a check found."""
-
-    grade: Grade
-    value: float | None  # in the check's unit; None: not known
-    sentence: str  # what was found and what it means
-    usable: float | None = None  # the limit that applies here, where it is not that of the criteria
-
-
-@dataclass(frozen=True)
-class CheckKind(Generic[Evidence]):
-    """Something that is checked of a camera or a rig: what it is called, and how it is judged by given limits."""
-
-    name: str  # a key of a criteria file
-    title: str
-    unit: str  # of the value and of its limits
-    judge: Callable[[Evidence, Criteria], Found | None]  # None: there is nothing to say
-    limits: Limits = NO_LIMITS  # where neither the criteria nor the template `standard` have some
-    most: float = 1000.0  # that a limit may be
-    is_at_least: bool = False  # the value must be at least the limits, not at most
-    is_needed: bool = False  # without it nothing is called good
-
-    @property
-    def has_limits(self) -> bool:
-        """Whether there is something to measure."""
-        return bool(self.unit)
-
-    def check(self, evidence: Evidence, criteria: Criteria) -> Check | None:
-        """What came of it for one camera or rig."""
-        found = self.judge(evidence, criteria)
-        if found is None:
-            return None
-        limits = criteria[self.name] if self.has_limits else self.limits
-        usable = limits.usable if found.usable is None else found.usable
-        return Check(
-            self.name, self.title, found.grade, found.value, self.unit, limits.good, usable, self.is_at_least,
-            found.sentence,
-        )  # fmt: skip
-
-
-def at_most(value: float, limits: Limits) -> Grade:
-    """The grade of a value that is better if it is less."""
-    return "good" if value <= limits.good else "usable" if value <= limits.usable else "bad"
-
-
-def at_least(value: float, limits: Limits) -> Grade:
-    """The grade of a value that is better if it is more."""
-    return "good" if value >= limits.good else "usable" if value >= limits.usable else "bad"
-
-
-def px(value: float) -> str:
-    """A length in the image, to two digits but to no more than a thousandth."""
-    if 0 <= value < LEAST_PX:
-        return f"less than {LEAST_PX:g} px"
-    return f"{figure(value, 2)} px"
 
 
 def _solution(evidence: CameraEvidence, _: Criteria) -> Found | None:
@@ -388,12 +323,14 @@ CHECKS: Mapping[str, CheckKind[CameraEvidence]] = {
         CheckKind("systematic", "Systematic residuals", "px", _systematic),
         CheckKind("outliers", "Outliers", "%", _outliers, most=100.0),
         CheckKind("target", "Shape of the target", "px", _target),
+        CheckKind("capture", "Alike in all photos", "px", judge_capture, LIMITS),
         CheckKind("models", "Agreement of the models", "px", _models),
     )
 }
 """All checks in the order of reading. Their limits are in `templates/criteria`."""
 FIRST = (
-    "solution", "target", "residuals", "outliers", "halves", "systematic", "uncertainty", "coverage", "models",
+    "solution", "capture", "target", "residuals", "outliers", "halves", "systematic", "uncertainty", "coverage",
+    "models",
 )  # fmt: skip
 """Of checks that are beyond their limits alike, the one that is named first: what spoils the data comes before what a
 few more photos mend."""

@@ -6,7 +6,8 @@ A file of one's own needs to hold only what differs from the template `standard`
 import re
 from collections.abc import Mapping
 
-from calib.verdict.checks import CHECKS, CheckKind, Evidence
+from calib.verdict.check_kind import CheckKind, Evidence
+from calib.verdict.checks import CHECKS
 from calib.verdict.rig_checks import RIG_CHECKS
 from calib.verdict.verdict import Criteria, Limits
 from designer.base.errors import InputError

@@ -14,7 +14,7 @@ from calib.metrics.errors import Errors, summarise
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.metrics.residual_cells import LEAST_PER_CELL, cells_of_residuals, residuals_of
 from calib.solver.accuracy import share_px
-from calib.solver.calibration import Calibration, ImageField, Status, TargetError
+from calib.solver.calibration import Calibration, CaptureError, ImageField, Status, TargetError
 from calib.solver.outliers import deviations
 from calib.verdict.apart import Known, apart, sigma_over
 from calib.verdict.coverage import Coverage, coverage_of
@@ -45,6 +45,8 @@ class Uncertainty:
     factor: float = 1.0  # by which halves of the photos enlarge the part of the noise
     image_field: ImageField | None = None  # None: nothing shows that there is one
     field_px: float = 0.0  # of the image, by that field alone
+    capture_error: CaptureError | None = None  # what is alike in all photos; None: not asked, or not told
+    capture_px: float = 0.0  # of the image, by that alone
 
     @property
     def by_target(self) -> bool:
@@ -147,7 +149,8 @@ def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -
     known = float(np.isfinite(rays(lit.camera, pixel[lit.is_lit(pixel)])).all(axis=1).mean())
     image = inside = noise = math.nan
     camera, error, field = calibration.camera, calibration.target_error, calibration.image_field
-    by_target = by_field = 0.0
+    alike = calibration.capture_error
+    by_target = by_field = by_capture = 0.0
     if is_estimated and np.isfinite(calibration.param_covariance).all():
         # Halves show what differs between photos; what target and lens are off is the same in all.
         covariance = factor**2 * calibration.param_covariance
@@ -157,12 +160,15 @@ def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -
         if field is not None:
             covariance = covariance + field.param_covariance
             by_field = _if_known(sigma_over_lit_px(lit, field.param_covariance)) or 0.0
+        if alike is not None:
+            covariance = covariance + alike.param_covariance
+            by_capture = _if_known(sigma_over_lit_px(lit, alike.param_covariance)) or 0.0
         image, noise = (sigma_over_lit_px(lit, one) for one in (covariance, calibration.param_covariance))
         inside = share_px(sigma_over(Known(camera, covariance), covered))
     is_exact = camera.learned is not None
     return Uncertainty(
         _if_known(image), _if_known(inside), _if_known(noise), by_target, error, known, is_estimated, is_exact, factor,
-        field, by_field,
+        field, by_field, alike, by_capture,
     )  # fmt: skip
 
 

@@ -9,7 +9,8 @@ from calib.core.parallel import one_thread
 from calib.solver.calibration import Calibration, without_surface
 from calib.solver.target_error import left_open, stated_prior
 from calib.verdict.advice import DETECTED, Inputs, advice_of
-from calib.verdict.checks import OWN_ROTATION, checks_of, faults_of, missing_of, px
+from calib.verdict.check_kind import px
+from calib.verdict.checks import OWN_ROTATION, checks_of, faults_of, missing_of
 from calib.verdict.evidence import CameraEvidence, evidence_of
 from calib.verdict.halves import Half, HalfSplit, Halves, NoHalves
 from calib.verdict.next_views import NextView, next_views

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from calib.core.number_text import figure
-from calib.verdict.checks import CheckKind, Found, at_least, at_most, px
+from calib.verdict.check_kind import CheckKind, Found, at_least, at_most, px
 from calib.verdict.verdict import Check, Criteria, Grade, measured_text
 from designer.base.words import printable
 

@@ -28,7 +28,8 @@ from calib.metrics.residual_cells import Residuals
 from calib.solver.accuracy import share_px
 from calib.solver.calibration import Calibration
 from calib.verdict.apart import Apart, Known, sigma_over
-from calib.verdict.checks import LEAST_PX, made_words, px
+from calib.verdict.check_kind import LEAST_PX, px
+from calib.verdict.checks import made_words
 from calib.verdict.coverage import Coverage
 from calib.verdict.halves import HalvesApart, NoHalves
 from calib.verdict.next_views import NextView
@@ -77,6 +78,8 @@ def uncertainty_figure(
         caption += f", and what a target {made_words(calibration.target_error)} may be off"
     if calibration.image_field is not None:
         caption += ", and what it may have taken of a field fixed in the image that the lens model does not follow"
+    if calibration.capture_error is not None:
+        caption += ", and what is alike in all photos (motion, focus, tilt)"
     if found.is_map_exact:
         caption += "; the learned map is taken as exact, so the truth is larger"
     caption += f". {inside}" if inside else ""

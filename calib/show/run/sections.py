@@ -15,7 +15,7 @@ from calib.observe.records import ImageRecord
 from calib.records.run_folder import Run, Solved
 from calib.show.run.tables import errors_table, focal_length, models_table, parameters_table
 from calib.verdict.apart import Known, apart
-from calib.verdict.checks import LEAST_PX, px
+from calib.verdict.check_kind import LEAST_PX, px
 from calib.verdict.halves import HalvesApart, NoHalves, half_split, halves_apart
 from calib.verdict.lit_part import lit_part
 from calib.verdict.next_views import why_no_next_views

@@ -1,0 +1,191 @@
+"""What moves or changes alike in all photos, and what leaving it out may have done to a camera.
+
+    calibration = with_capture_error(calibration, "handheld")
+    calibration.capture_error.effects, calibration.stated_covariance
+
+A target that always moves the same way while the shutter rolls, a focal length that follows the distance or the time,
+and centres that are off along the tilt displace the sightings of all photos alike. Poses and lens take up most of it,
+and halves of the photos agree on it. Each is a parameter more (`calib.solver.extra_parameters`). With the precision L
+of their amplitudes a, what the way of capture lets expect of them beforehand, N(0, diag(p^2)), and what the camera took
+of a unit of each, T, the photos leave
+
+    a:  mean m = (L + diag(p^-2))^-1 L a_hat,  covariance S = (L + diag(p^-2))^-1
+
+and as the solution stays as it is, its mean square error is more by `T (S + m m') T'`. Where photos tell an amplitude
+that is nothing, little is added; where they tell one, what it did; where they cannot, what the way of capture lets
+expect. An amplitude that is beyond chance stands whatever was expected.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import linearise
+from calib.cameras.refit import image_grid
+from calib.cameras.surface import surface_model
+from calib.core.linear_algebra import sums_by, symmetric_inverse
+from calib.core.parallel import one_thread
+from calib.solver.accuracy import projected_change, share_px
+from calib.solver.calibration import Calibration, Capture, CaptureEffect, CaptureError
+from calib.solver.extra_parameters import ExtraParameters, extra_parameters
+from calib.solver.image_field import with_image_field
+from designer.base.errors import InputError
+from designer.base.words import shown, suggestion
+
+Array = NDArray[np.float64]
+
+SURE = 4.0
+"""Standard deviations beyond which an amplitude is no chance, of photos without number; of few photos more."""
+FEW = 8.0
+"""So many photos that tell an amplitude know its deviation so badly that `SURE` is more by a factor of sqrt 2."""
+ASSUMED: Capture = "still"
+FARTHEST_PX = 1e6
+"""What is beyond is as good as without bound."""
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """Something that is alike in all photos."""
+
+    name: str
+    unit: str
+    expected: Mapping[Capture, float]  # standard deviation beforehand: assumptions
+    remedy: str
+
+
+_ROWS = "px from the first row to the last"
+_REST = "let target and camera rest while a photo is taken, or take it with a flash or a global shutter"
+_FOCUS = "focus by hand and leave focus, zoom and stabilisation alone; let the camera warm up first"
+_EDGES = "light the target evenly, expose less, and give centres of rings or corners rather than of discs' outlines"
+_MOTION: Mapping[Capture, float] = {"still": 0.0, "handheld": 0.1, "moving": 3.0}
+_KINDS = (
+    *(
+        _Kind(f"a target that moves along {whose} {axis} while the shutter rolls", _ROWS, _MOTION, _REST)
+        for whose in ("the camera's", "its own")
+        for axis in "xyz"
+    ),
+    _Kind(
+        "a focal length that changes with the distance", "‰ from the middle distance to the farthest",
+        dict.fromkeys(get_args(Capture), 0.1), _FOCUS,
+    ),
+    _Kind(
+        "a focal length that changes with time", "‰ from the middle photo to the last",
+        dict.fromkeys(get_args(Capture), 0.05), _FOCUS,
+    ),
+    _Kind(
+        "centres that are off along the tilt", "px where seen from the side",
+        dict.fromkeys(get_args(Capture), 0.05), _EDGES,
+    ),
+)  # fmt: skip
+
+
+def capture_of(word: str | None) -> Capture | None:
+    """A way of capture as a person names it; None: none.
+
+    Raises:
+        InputError: there is no such way.
+    """
+    ways: dict[str, Capture] = {"still": "still", "handheld": "handheld", "moving": "moving"}
+    if word is None or word in ways:
+        return None if word is None else ways[word]
+    hint = suggestion(word, list(ways)) or f"; there are {', '.join(ways)}"
+    raise InputError(f"--capture {shown(word)}: no such way of taking photos{hint}")
+
+
+@one_thread
+def with_capture_error(calibration: Calibration, capture: Capture | None = None) -> Calibration:
+    """The calibration with what is alike in all photos, and what is fixed in the image besides; the solution stays.
+
+    Without the former of a learned map or a surface, which are not told by few parameters.
+
+    Args:
+        calibration: solved as if all were at rest.
+        capture: how the photos were taken; None: it is assumed.
+    """
+    camera = calibration.camera
+    if camera.learned is not None or surface_model(camera.model) is not None:
+        return with_image_field(replace(calibration, capture_error=None))
+    moved = moved_px(calibration)
+    found = extra_parameters(calibration, moved)
+    if found is None:
+        return with_image_field(replace(calibration, capture_error=None))
+    way = capture or ASSUMED
+    weighed = weigh(found, np.array([kind.expected[way] for kind in _KINDS]))
+    sure = list(weighed.sure)
+    # Of a cause that explains what is left over, no field in the image is left; a cause that does not is no cause.
+    rest = calibration.residual_px + moved[:, :, sure] @ weighed.mean[sure]
+    field = with_image_field(replace(calibration, residual_px=rest)).image_field
+    pixel = image_grid(camera.image_size).reshape(-1, 2)
+    steps = projected_change(camera, pixel) @ (found.taken[:, sure] * weighed.mean[sure])
+    sigma = np.sqrt(np.diagonal(weighed.covariance))
+    effects = tuple(
+        CaptureEffect(
+            _KINDS[row].name, float(weighed.mean[row]), float(sigma[row]), _KINDS[row].unit,
+            min(share_px(np.linalg.norm(steps[:, :, number], axis=1)), FARTHEST_PX), field is None, _KINDS[row].remedy,
+        )
+        for number, row in enumerate(sure)
+    )  # fmt: skip
+    square = weighed.covariance + np.outer(weighed.mean, weighed.mean)
+    error = CaptureError(way, "" if capture else "assumed", effects, found.taken @ square @ found.taken.T)
+    return replace(calibration, capture_error=error, image_field=field)
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """Amplitudes as photos leave them of what was expected."""
+
+    sure: tuple[int, ...]  # rows of those that are beyond chance, the surest first
+    mean: Array  # (K,)
+    covariance: Array  # (K, K)
+
+
+def weigh(found: ExtraParameters, expected: Array) -> Weighed:
+    """What photos leave of amplitudes of which so much was expected (K,): zero of what is neither expected nor sure."""
+    sure: list[int] = []
+    beside = found
+    while len(sure) < len(expected):
+        times = np.abs(beside.amplitude) / beside.sigma / np.sqrt(1 + FEW / np.maximum(beside.photos, 1.0))
+        if not times.max() > SURE:
+            break
+        sure.append(int(np.argmax(times)))
+        beside = found.beside(sure)
+    spread = np.array(beside.spread)
+    for row in sure:
+        spread[row] = found.beside([other for other in sure if other != row]).spread[row]
+    root = np.sqrt(beside.variance * spread)
+    width = np.array(expected, dtype=np.float64)
+    width[sure] = np.inf
+    free = np.flatnonzero(width > 0)
+    precision = (found.information / root[:, None] / root)[np.ix_(free, free)] + np.diag(width[free] ** -2.0)
+    covariance = np.zeros_like(found.information)
+    covariance[np.ix_(free, free)] = symmetric_inverse(precision).inverse
+    return Weighed(tuple(sure), covariance @ (found.pull / root**2), covariance)
+
+
+def moved_px(calibration: Calibration) -> Array:
+    """Where a unit of each kind moves the measured centres (M, 2, K)."""
+    seen, camera = calibration.observations, calibration.camera
+    pose = calibration.cam_from_target[seen.view]
+    place = np.einsum("mij,mj->mi", pose[:, :3, :3], seen.points.position_mm[seen.point]) + pose[:, :3, 3]
+    linear = linearise(camera, np.ascontiguousarray(place.T))
+    by_place, by_params = linear.by_point.transpose(2, 0, 1), linear.by_params.transpose(2, 0, 1)
+    distance = np.linalg.norm(place, axis=1)
+    count = np.maximum(np.bincount(seen.view, minlength=seen.view_count), 1)
+    farther = sums_by(seen.view, distance[:, None], seen.view_count)[:, 0] / count
+    middle = float(farther.mean())
+    farther -= middle
+    late = (seen.center_px[:, 1] + 0.5) / seen.image_size[1] - 0.5
+    moving = by_place * (late * middle / camera.params[0])[:, None, None]
+    focal = 1e-3 * by_params[:, :, :2] @ camera.params[:2]
+    by_distance = focal * (farther / max(float(np.abs(farther).max()), 1e-300))[seen.view, None]
+    by_time = focal * np.linspace(-1, 1, seen.view_count)[seen.view, None]
+    normal = np.einsum("mij,mj->mi", pose[:, :3, :3], seen.points.plane[seen.points.face[seen.point], :3])
+    ray = place / distance[:, None]
+    along = ray - (ray * normal).sum(axis=1, keepdims=True) * normal
+    ahead = np.einsum("mij,mj->mi", by_place, along)
+    sine = np.linalg.norm(along, axis=1, keepdims=True)
+    tilt = sine * ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-300)
+    return np.concatenate([moving, moving @ pose[:, :3, :3], np.stack([by_distance, by_time, tilt], axis=2)], axis=2)
