@@ -11,7 +11,7 @@ from calib.guide.held import are_near
 from calib.guide.insight import Insight
 from calib.guide.settings import GuideSettings
 from calib.solver.calibration import Calibration
-from calib.solver.image_field import with_image_field
+from calib.solver.capture_error import with_capture_error
 from calib.solver.options import SolveOptions
 from calib.solver.target_error import LeftOpen
 from calib.verdict.evidence import CameraEvidence, evidence_of, uncertainty_of
@@ -63,8 +63,8 @@ def standing_of(insight: Insight, settings: GuideSettings) -> Standing | None:
     standing = Standing(found, evidence := evidence_of([found], 0, halves), judge(evidence, settings.criteria))
     if not standing.is_good:
         return standing
-    # What is fixed in the image takes as long as all the rest, and may only make worse what is good without.
-    found = with_image_field(found)
+    # What is alike in all photos or fixed in the image takes as long as the rest, and may only make worse what is good.
+    found = with_capture_error(found)
     known = uncertainty_of(found, evidence.coverage, evidence.uncertainty.factor)
     evidence = replace(evidence, uncertainty=known)
     return Standing(found, evidence, judge(evidence, settings.criteria))

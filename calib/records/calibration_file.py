@@ -20,7 +20,7 @@ from calib.core.files import write_files
 from calib.core.se3 import rigid_fault
 from calib.core.types import KnownPoints, Observations
 from calib.records.observation_table import MAX_RESIDUAL_PX, observations_to_csv, read_sightings
-from calib.solver.calibration import Calibration, CaptureError, ImageField, Status, TargetError
+from calib.solver.calibration import Calibration, CaptureError, ImageField, PhotoError, Status, TargetError
 from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import PlaneBend
 from designer.base.codec import decode, encode
@@ -80,6 +80,7 @@ class CalibrationRecord:
     target_error: TargetError | None = None
     image_field: ImageField | None = None
     capture_error: CaptureError | None = None
+    photo_error: PhotoError | None = None
     target_bend: Annotated[PlaneBend | None, LEFT_OUT] = None
     geometry_id: Hash
     observations_sha256: Hash
@@ -100,6 +101,7 @@ class CalibrationRecord:
                 ("target_error", self.target_error),
                 ("image_field", self.image_field),
                 ("capture_error", self.capture_error),
+                ("photo_error", self.photo_error),
             )
             if part is not None
         }
@@ -202,6 +204,7 @@ def record_of(calibration: Calibration, provenance: Provenance, digest: str) -> 
         target_error=calibration.target_error,
         image_field=calibration.image_field,
         capture_error=calibration.capture_error,
+        photo_error=calibration.photo_error,
         target_bend=calibration.target_bend,
         geometry_id=points.geometry_id,
         observations_sha256=digest,
@@ -250,6 +253,7 @@ def read_calibration(path: Path) -> tuple[Calibration, Provenance]:
         target_error=file.target_error,
         image_field=file.image_field,
         capture_error=file.capture_error,
+        photo_error=file.photo_error,
         target_bend=file.target_bend,
     )
     return calibration, replace(file.provenance, observations_sha256=file.observations_sha256)

@@ -107,6 +107,17 @@ class CaptureError:
 
 
 @dataclass(frozen=True, eq=False)
+class PhotoError:
+    """What the centres of a photo share, beyond chance."""
+
+    times: Annotated[float, AtLeast(1)]  # deviations by photo, of those of independent errors: root mean square
+    param_covariance: Annotated[NDArray[np.float64], Shape("P", "P"), PACKED]  # beyond all other parts, to be added
+
+    def __post_init__(self) -> None:
+        freeze(self, "param_covariance")
+
+
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """A solved camera, its V poses and how sure they are: `run.best.calibration.cam_from_target`."""
 
@@ -128,12 +139,13 @@ class Calibration:
     target_error: TargetError | None = None  # None: nothing is known of how the target was made
     image_field: ImageField | None = None  # None: nothing shows that there is one
     capture_error: CaptureError | None = None  # None: not asked, or of a camera that is not told by few parameters
+    photo_error: PhotoError | None = None  # None: the centres of a photo share nothing beyond chance
     target_bend: PlaneBend | None = None  # by which the points were moved; None: it was no unknown
 
     @property
     def stated_covariance(self) -> NDArray[np.float64]:
-        """The parameters' covariance as it is to be told: by noise, target, image field and capture.  # (P, P)"""
-        sources = (self.target_error, self.image_field, self.capture_error)
+        """The parameters' covariance as it is to be told: by noise, target, field, capture and photos.  # (P, P)"""
+        sources = (self.target_error, self.image_field, self.capture_error, self.photo_error)
         parts = [part.param_covariance for part in sources if part is not None]
         stated: NDArray[np.float64] = sum(parts, start=np.asarray(self.param_covariance))
         return stated

@@ -32,6 +32,7 @@ from calib.solver.accuracy import projected_change, share_px
 from calib.solver.calibration import Calibration, Capture, CaptureEffect, CaptureError
 from calib.solver.extra_parameters import ExtraParameters, extra_parameters
 from calib.solver.image_field import with_image_field
+from calib.solver.photo_error import with_photo_error
 from designer.base.errors import InputError
 from designer.base.words import shown, suggestion
 
@@ -42,8 +43,6 @@ SURE = 4.0
 FEW = 8.0
 """So many photos that tell an amplitude know its deviation so badly that `SURE` is more by a factor of sqrt 2."""
 ASSUMED: Capture = "still"
-FARTHEST_PX = 1e6
-"""What is beyond is as good as without bound."""
 
 
 @dataclass(frozen=True)
@@ -107,30 +106,30 @@ def with_capture_error(calibration: Calibration, capture: Capture | None = None)
     """
     camera = calibration.camera
     if camera.learned is not None or surface_model(camera.model) is not None:
-        return with_image_field(replace(calibration, capture_error=None))
+        return with_photo_error(with_image_field(replace(calibration, capture_error=None)))
     moved = moved_px(calibration)
     found = extra_parameters(calibration, moved)
     if found is None:
-        return with_image_field(replace(calibration, capture_error=None))
+        return with_photo_error(with_image_field(replace(calibration, capture_error=None)))
     way = capture or ASSUMED
     weighed = weigh(found, np.array([kind.expected[way] for kind in _KINDS]))
     sure = list(weighed.sure)
     # Of a cause that explains what is left over, no field in the image is left; a cause that does not is no cause.
     rest = calibration.residual_px + moved[:, :, sure] @ weighed.mean[sure]
     field = with_image_field(replace(calibration, residual_px=rest)).image_field
-    pixel = image_grid(camera.image_size).reshape(-1, 2)
-    steps = projected_change(camera, pixel) @ (found.taken[:, sure] * weighed.mean[sure])
+    steps = projected_change(camera, image_grid(camera.image_size).reshape(-1, 2))
+    steps = steps[np.isfinite(steps).all(axis=(1, 2))] @ (found.taken[:, sure] * weighed.mean[sure])
     sigma = np.sqrt(np.diagonal(weighed.covariance))
     effects = tuple(
         CaptureEffect(
             _KINDS[row].name, float(weighed.mean[row]), float(sigma[row]), _KINDS[row].unit,
-            min(share_px(np.linalg.norm(steps[:, :, number], axis=1)), FARTHEST_PX), field is None, _KINDS[row].remedy,
+            share_px(np.linalg.norm(steps[:, :, number], axis=1)), field is None, _KINDS[row].remedy,
         )
         for number, row in enumerate(sure)
     )  # fmt: skip
     square = weighed.covariance + np.outer(weighed.mean, weighed.mean)
     error = CaptureError(way, "" if capture else "assumed", effects, found.taken @ square @ found.taken.T)
-    return replace(calibration, capture_error=error, image_field=field)
+    return with_photo_error(replace(calibration, capture_error=error, image_field=field))
 
 
 @dataclass(frozen=True, eq=False)

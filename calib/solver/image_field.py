@@ -14,7 +14,8 @@ X and Z the derivatives of the whitened residuals r by camera and field, the pos
 the amplitude a and the length l are the likeliest for what c does not take up, and the camera's covariance is more by
 `a^2 T K T'`, T = (X' X)^-1 X' Z. K is Matern's with the smoothness 5/2: twice differentiable as lenses are, rough where
 l is short. That the large scales, which the camera takes, follow from the smaller ones, which show, is an assumption: a
-field that looks like a lens to begin with is larger than is stated.
+field that looks like a lens to begin with is larger than is stated. The longer l, the more is taken to follow so; where
+the residuals do not tell a longer one from a shorter one, the shorter one stands.
 """
 
 from dataclasses import dataclass, replace
@@ -37,7 +38,8 @@ LENGTHS = 2.0 ** np.arange(-2, 6)
 AMPLITUDES = np.geomspace(1e-2, 1e8, 101)
 """a^2 over the mean variance of the noise."""
 SURE = 10.0
-"""Twice the logarithm of the likelihood's gain: noise alone reaches it in less than 1 of 100 calibrations."""
+"""Twice the logarithm of the likelihood's gain, by a field and by each longer correlation than the last that stands:
+noise alone reaches it in less than 1 of 100 calibrations."""
 
 
 @one_thread
@@ -157,7 +159,7 @@ def _likeliest(equations: _Equations) -> Array:
     freedom, square = equations.freedom, equations.square
     alone = freedom * np.log(square / freedom)
     ratio = AMPLITUDES * equations.count / equations.weights
-    best, covariance = -SURE, np.zeros_like(equations.normal)
+    best, covariance = 0.0, np.zeros_like(equations.normal)
     for length in LENGTHS:
         field = _correlation(equations.nodes, length)
         value, vector = np.linalg.eigh(field)
@@ -168,7 +170,7 @@ def _likeliest(equations: _Equations) -> Array:
         left = np.maximum(square - (ratio[:, None] * pull / wider).sum(axis=1), np.finfo(float).tiny)
         worse = freedom * np.log(left / freedom) + np.log(wider).sum(axis=1) - alone
         least = int(np.argmin(worse))
-        if worse[least] < best:
+        if worse[least] < best - SURE:
             best = float(worse[least])
             covariance = ratio[least] * left[least] / freedom * np.kron(np.eye(2), field)
     return covariance

@@ -48,6 +48,11 @@ def _uncertainty(evidence: CameraEvidence, criteria: Criteria) -> Found:
             f"; the part of the noise is {figure(found.factor, 2)} times what the solution states, as halves of the "
             "photos differ"
         )
+    if found.photo_error is not None:
+        inside += (
+            f"; the centres of a photo err alike, so that parameters are {figure(found.photo_error.times, 2)} times "
+            "(RMS) as uncertain as by independent errors, which is in it"
+        )
     if found.target_error is not None and found.by_target:
         inside += f"; {px(found.target_px)} of it is what a target {made_as(found.target_error)} may be off"
     if found.image_field is not None and found.by_field and found.field_px >= LEAST_PX:
@@ -95,12 +100,16 @@ def _halves(evidence: CameraEvidence, criteria: Criteria) -> Found:
     found, limits = evidence.halves, criteria["halves"]
     if isinstance(found, NoHalves):
         return Found("unknown", None, found.reason)
-    grade = at_most(found.ratio, limits)
+    grade, is_stated = at_most(found.ratio, limits), evidence.uncertainty.photo_error is not None
     if grade != "good" and found.percentile_95_px <= IRRELEVANT * criteria["models"].good:
         sentence = (
             f"cameras solved from halves of the photos differ {figure(found.ratio, 2)} times more than their standard "
             f"deviations let expect, but only by {px(found.percentile_95_px)} in 95 % of where the target was seen: "
-            "take the standard deviations so many times as large"
+            + (
+                "which the stated uncertainty contains"
+                if is_stated
+                else "take the standard deviations so many times as large"
+            )
         )
         return Found("good", found.ratio, sentence)
     if grade == "good" and found.stated_px > criteria["models"].usable:
@@ -113,10 +122,10 @@ def _halves(evidence: CameraEvidence, criteria: Criteria) -> Found:
     if grade != "good":
         within = criteria["models"].good if grade == "bad" else criteria["models"].usable
         grade = "usable" if found.percentile_95_px <= within else "bad"
-    return Found(grade, found.ratio, _halves_sentence(found, grade, criteria))
+    return Found(grade, found.ratio, _halves_sentence(found, grade, criteria, is_stated=is_stated))
 
 
-def _halves_sentence(found: HalvesApart, grade: Grade, criteria: Criteria) -> str:
+def _halves_sentence(found: HalvesApart, grade: Grade, criteria: Criteria, *, is_stated: bool) -> str:
     times = figure(found.ratio, 2)
     differ = (
         f"cameras solved from halves of the photos differ by {px(found.rms_px)} (RMS) where the target was seen, "
@@ -127,9 +136,14 @@ def _halves_sentence(found: HalvesApart, grade: Grade, criteria: Criteria) -> st
     limit = criteria["models"].usable
     is_within = found.percentile_95_px <= limit
     decides = f"in 95 % of it by {px(found.percentile_95_px)}, {'within' if is_within else 'more than'} {limit:g} px"
+    told = (
+        "what they differ by is in the stated ones"
+        if is_stated
+        else (f"take the noise's part of standard deviations {times} times as large")
+    )
     return (
-        f"{differ}: take the noise's part of standard deviations {times} times as large; something is systematic "
-        f"(target, lens model, focus). Beyond {criteria['halves'].good:g} sigma the difference itself decides: "
+        f"{differ}: {told}; something is systematic (target, lens model, focus). Beyond {criteria['halves'].good:g} "
+        f"sigma the difference itself decides: "
         f"{decides}"
     )
 

@@ -14,7 +14,7 @@ from calib.metrics.errors import Errors, summarise
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.metrics.residual_cells import LEAST_PER_CELL, cells_of_residuals, residuals_of
 from calib.solver.accuracy import share_px
-from calib.solver.calibration import Calibration, CaptureError, ImageField, Status, TargetError
+from calib.solver.calibration import Calibration, CaptureError, ImageField, PhotoError, Status, TargetError
 from calib.solver.outliers import deviations
 from calib.verdict.apart import Known, apart, sigma_over
 from calib.verdict.coverage import Coverage, coverage_of
@@ -47,6 +47,7 @@ class Uncertainty:
     field_px: float = 0.0  # of the image, by that field alone
     capture_error: CaptureError | None = None  # what is alike in all photos; None: not asked, or not told
     capture_px: float = 0.0  # of the image, by that alone
+    photo_error: PhotoError | None = None  # what the centres of a photo share; it stands for the factor of the halves
 
     @property
     def by_target(self) -> bool:
@@ -143,6 +144,9 @@ def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -
         covered: by its sightings.
         factor: that halves of the photos enlarge the standard deviations of the noise by.
     """
+    by_photo = calibration.photo_error
+    if by_photo is not None:
+        factor = 1.0  # both tell what differs between photos
     lit = lit_part(calibration)
     pixel = image_grid(calibration.camera.image_size).reshape(-1, 2)
     is_estimated = bool((np.diagonal(calibration.param_covariance) > 0).any())
@@ -163,12 +167,14 @@ def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -
         if alike is not None:
             covariance = covariance + alike.param_covariance
             by_capture = _if_known(sigma_over_lit_px(lit, alike.param_covariance)) or 0.0
+        if by_photo is not None:
+            covariance = covariance + by_photo.param_covariance
         image, noise = (sigma_over_lit_px(lit, one) for one in (covariance, calibration.param_covariance))
         inside = share_px(sigma_over(Known(camera, covariance), covered))
     is_exact = camera.learned is not None
     return Uncertainty(
         _if_known(image), _if_known(inside), _if_known(noise), by_target, error, known, is_estimated, is_exact, factor,
-        field, by_field, alike, by_capture,
+        field, by_field, alike, by_capture, by_photo,
     )  # fmt: skip
 
 

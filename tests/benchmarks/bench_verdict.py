@@ -3,12 +3,15 @@
 Run from the repository's root: `python -m tests.benchmarks.bench_verdict [--runs N] [--first N] [--virtual]`. Each run
 draws a target (board, icosahedron), a lens (mild, strong, one that no Brown polynomial fits), a habit of taking photos
 (number, place, size, tilts, distances; some tilt the target about one axis only and never roll), noise, and more than
-half of them a fault (a target that is not as its file says: printed, bent or stretched; glare, a focus that moves). A
+half of them a fault (a target that is not as its file says: printed, bent or stretched; glare, a focus that moves; what
+all photos share: a target that moves while the shutter rolls, a focal length that follows distance or time, centres off
+along the tilt). A
 target that is as its file says is judged as one, as that of rendered photos is, others by how their kind is usually
 made; `--assume` takes all targets to be made so, also those that are better. The sightings are computed, not rendered.
 The true error of the camera is what 95 % of the image differs by from the true one, their best rotation removed, in
 pixels. The peer is the rule people go by: a root-mean-square reprojection error of OpenCV's model below 0.2 px is good.
-`--virtual` solves the learned map too, as `calib run` does: several times slower on icosahedra.
+`--virtual` solves the learned map too, as `calib run` does: several times slower on icosahedra. `--faults` draws of
+these alone, and `--careful` many photos taken with care, so that a verdict of good is at stake.
 """
 
 import argparse
@@ -28,7 +31,7 @@ from numpy.typing import NDArray  # noqa: E402
 from calib.cameras.camera import Camera  # noqa: E402
 from calib.cameras.refit import camera_difference  # noqa: E402
 from calib.solver.calibration import Calibration  # noqa: E402
-from calib.solver.image_field import with_image_field  # noqa: E402
+from calib.solver.capture_error import with_capture_error  # noqa: E402
 from calib.solver.options import SolveOptions  # noqa: E402
 from calib.solver.target_error import with_target_error  # noqa: E402
 from calib.verdict.coverage import coverage_of  # noqa: E402
@@ -39,7 +42,7 @@ from calib.verdict.verdict import Criteria, Grade, Limits  # noqa: E402
 from calib.virtual.calibrate import calibrate  # noqa: E402
 from designer.base.errors import InputError  # noqa: E402
 from designer.tolerance.made import EXACT, how_made  # noqa: E402
-from tests.benchmarks.verdict_scenes import Case, case_of, lens_of, sightings_of, target_of  # noqa: E402
+from tests.benchmarks.verdict_scenes import FAULTS, Case, case_of, lens_of, sightings_of, target_of  # noqa: E402
 from tests.support.verdict_cases import judge_run  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -90,7 +93,7 @@ def outcome_of(case: Case, criteria: Criteria, models: Sequence[str], *, assumes
     if not solved:
         return None
     way = how_made(target_of(case), EXACT if case.is_exact and not assumes else None)
-    solved = [with_image_field(with_target_error(one, way)) for one in solved]
+    solved = [with_capture_error(with_target_error(one, way)) for one in solved]
     best = min(range(len(solved)), key=lambda row: _order(solved[row]))
     halves = half_split(solved[best], options)
     judged = judge_run(solved, best, halves, criteria)
@@ -129,9 +132,9 @@ def _quantile(values: Array) -> float:
     return float(np.percentile(values, QUANTILE, method="inverted_cdf"))
 
 
-def outcomes(seeds: range, criteria: Criteria, models: Sequence[str], *, assumes: bool) -> list[Outcome]:
+def outcomes(cases: Sequence[Case], criteria: Criteria, models: Sequence[str], *, assumes: bool) -> list[Outcome]:
     """All runs that give a camera."""
-    found = (outcome_of(case_of(seed), criteria, models, assumes=assumes) for seed in seeds)
+    found = (outcome_of(case, criteria, models, assumes=assumes) for case in cases)
     return [one for one in found if one is not None]
 
 
@@ -215,6 +218,32 @@ def print_kinds(found: Sequence[Outcome], criteria: Criteria) -> None:
             print(f"{name:20}{len(part):6}{len(good):6}{off:14}{far:9}{len(bad):6}{fine:15}")
 
 
+def print_stated(found: Sequence[Outcome]) -> None:
+    """What is stated against what is true, and what is named, by fault and amount."""
+    print(
+        f"\n{'fault':12}{'amounts':>22}{'runs':>6}{'true px':>10}{'stated px':>11}{'true > 2 stated':>17}{'named':>7}"
+    )
+    for fault in FAULTS:
+        part = sorted((one for one in found if one.case.fault == fault), key=lambda one: one.case.amount)
+        for third in (part[: len(part) // 3], part[len(part) // 3 : 2 * len(part) // 3], part[2 * len(part) // 3 :]):
+            if not third:
+                continue
+            stated = [_check(one, "uncertainty") for one in third]
+            beyond = sum(one.true_px > 2 * sigma for one, sigma in zip(third, stated, strict=True))
+            errors = [one.calibrations[0].capture_error for one in third]
+            named = sum(error is not None and bool(error.effects) for error in errors)
+            amounts = f"{third[0].case.amount:.2g} to {third[-1].case.amount:.2g}"
+            middle = np.median([one.true_px for one in third]), np.median(stated)
+            print(f"{fault:12}{amounts:>22}{len(third):6}{middle[0]:10.3f}{middle[1]:11.3f}{beyond:17}{named:7}")
+    print("true px, stated px: medians of the errors that 95 % of the image is within, and of the stated deviations")
+
+
+def _check(one: Outcome, name: str) -> float:
+    """The value of a check; infinite if it is not known."""
+    value = next((check.value for check in one.judged.verdict.checks if check.name == name), None)
+    return np.inf if value is None else value
+
+
 def _size_class(views: int) -> str:
     return "1-3" if views < 4 else "4-9" if views < 10 else "10-40"
 
@@ -244,21 +273,24 @@ def main() -> None:
     parser.add_argument("--criteria", default="standard")
     parser.add_argument("--virtual", action="store_true", help="solve the learned map too")
     parser.add_argument("--assume", action="store_true", help="take exact targets to be made as usual too")
+    parser.add_argument("--faults", nargs="+", default=(), choices=FAULTS)
+    parser.add_argument("--careful", action="store_true", help="many photos, taken with care")
     parser.add_argument("--shown", type=int, default=12, help="false praises and alarms that are listed")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", RuntimeWarning)
     criteria = read_criteria(arguments.criteria)
     models = ("luhmann", "opencv", *(("virtual",) if arguments.virtual else ()))
     begin = time.perf_counter(), time.process_time()
-    found = outcomes(
-        range(arguments.first, arguments.first + arguments.runs), criteria, models, assumes=arguments.assume
-    )
+    seeds = range(arguments.first, arguments.first + arguments.runs)
+    cases = [case_of(seed, tuple(arguments.faults), careful=arguments.careful) for seed in seeds]
+    found = outcomes(cases, criteria, models, assumes=arguments.assume)
     wall, processor = time.perf_counter() - begin[0], time.process_time() - begin[1]
     seconds = f"{wall:.0f} s, {processor:.0f} s of the processor"
     print(f"{len(found)} cameras of {arguments.runs} runs, {seconds}, limits {criteria.name}\n")
     print_confusion(found, criteria)
     print_checks(found, criteria)
     print_kinds(found, criteria)
+    print_stated(found)
     print_false(found, criteria, arguments.shown)
 
 
