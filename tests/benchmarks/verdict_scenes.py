@@ -109,7 +109,7 @@ def case_of(seed: int, faults: tuple[str, ...] = (), *, careful: bool = False) -
     )  # fmt: skip
     if not careful:
         return case
-    return replace(case, habit="careful", views=round(_between(12, 40, rng)), noise_px=_between(0.01, 0.1, rng))
+    return replace(case, habit="careful", views=round(_between(25, 60, rng)), noise_px=_between(0.01, 0.04, rng))
 
 
 def _between(low: float, high: float, rng: np.random.Generator) -> float:

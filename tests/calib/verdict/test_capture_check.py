@@ -50,7 +50,7 @@ def test_at_rest_it_says_what_was_assumed() -> None:
 
 
 def test_what_does_not_explain_what_is_left_over_is_no_cause() -> None:
-    """Beside a field fixed in the image, a fault is something that looks like one, and nothing is advised against it."""
+    """Beside a field fixed in the image, a fault only looks like one, and nothing is advised against it."""
     seen = _moving(0.8)
     apart = (seen.center_px - np.array(TRUE.image_size) * [0.6, 0.45]) / (0.1 * TRUE.image_size[0])
     bump = 0.3 * np.exp(-0.5 * (apart**2).sum(axis=1))[:, None] * [1.0, 0.5]
