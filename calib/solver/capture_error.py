@@ -23,10 +23,10 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import linearise
+from calib.cameras import linearise, project
 from calib.cameras.refit import image_grid
 from calib.cameras.surface import surface_model
-from calib.core.linear_algebra import sums_by, symmetric_inverse
+from calib.core.linear_algebra import covariance_with_prior, sums_by, symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.solver.accuracy import projected_change, share_px
 from calib.solver.calibration import Calibration, Capture, CaptureEffect, CaptureError
@@ -40,8 +40,12 @@ Array = NDArray[np.float64]
 
 SURE = 4.0
 """Standard deviations beyond which an amplitude is no chance, of photos without number; of few photos more."""
+STEP = 1e-3
+"""Of the distance: for second derivatives of the projection."""
 FEW = 8.0
 """So many photos that tell an amplitude know its deviation so badly that `SURE` is more by a factor of sqrt 2."""
+SAME = 0.1
+"""Of the surest amplitude's deviations, those of another may be what its form leaves over."""
 ASSUMED: Capture = "still"
 
 
@@ -58,7 +62,8 @@ class _Kind:
 _ROWS = "px from the first row to the last"
 _REST = "let target and camera rest while a photo is taken, or take it with a flash or a global shutter"
 _FOCUS = "focus by hand and leave focus, zoom and stabilisation alone; let the camera warm up first"
-_EDGES = "light the target evenly, expose less, and give centres of rings or corners rather than of discs' outlines"
+_EDGES = "light the target evenly, and expose less"
+_DISCS = "give the images of the discs' centres, not the middles of their outlines, or use rings"
 _MOTION: Mapping[Capture, float] = {"still": 0.0, "handheld": 0.1, "moving": 3.0}
 _KINDS = (
     *(
@@ -75,8 +80,12 @@ _KINDS = (
         dict.fromkeys(get_args(Capture), 0.05), _FOCUS,
     ),
     _Kind(
-        "centres that are off along the tilt", "px where seen from the side",
-        dict.fromkeys(get_args(Capture), 0.05), _EDGES,
+        "centres that are off along the tilt", "px where seen from the side", dict.fromkeys(get_args(Capture), 0.05),
+        _EDGES,
+    ),
+    _Kind(
+        "centres that are off as the middles of discs' outlines are", "px at 45 degrees and the middle distance",
+        dict.fromkeys(get_args(Capture), 0.0), _DISCS,
     ),
 )  # fmt: skip
 
@@ -144,24 +153,32 @@ class Weighed:
 def weigh(found: ExtraParameters, expected: Array) -> Weighed:
     """What photos leave of amplitudes of which so much was expected (K,): zero of what is neither expected nor sure."""
     sure: list[int] = []
-    beside = found
+    beside, limit = found, SURE
     while len(sure) < len(expected):
         times = np.abs(beside.amplitude) / beside.sigma / np.sqrt(1 + FEW / np.maximum(beside.photos, 1.0))
-        if not times.max() > SURE:
+        if not times.max() > limit:
             break
+        limit = max(limit, SURE + SAME * float(times.max()))
         sure.append(int(np.argmax(times)))
         beside = found.beside(sure)
-    spread = np.array(beside.spread)
-    for row in sure:
-        spread[row] = found.beside([other for other in sure if other != row]).spread[row]
-    root = np.sqrt(beside.variance * spread)
-    width = np.array(expected, dtype=np.float64)
-    width[sure] = np.inf
-    free = np.flatnonzero(width > 0)
-    precision = (found.information / root[:, None] / root)[np.ix_(free, free)] + np.diag(width[free] ** -2.0)
-    covariance = np.zeros_like(found.information)
-    covariance[np.ix_(free, free)] = symmetric_inverse(precision).inverse
-    return Weighed(tuple(sure), covariance @ (found.pull / root**2), covariance)
+    # The sure ones as they are told together; the others by what is left beside them, and what these take of them.
+    information, count = found.information, len(expected)
+    rows = np.array(sure, dtype=np.int64)
+    inverse = symmetric_inverse(information[np.ix_(rows, rows)]).inverse
+    root = np.sqrt([found.beside([other for other in sure if other != row]).spread[row] for row in sure])
+    alone = beside.variance * root[:, None] * inverse * root
+    free = np.array([row for row in range(count) if expected[row] > 0 and row not in sure], dtype=np.int64)
+    wide = np.sqrt(beside.variance * beside.spread[free])
+    told = beside.information[np.ix_(free, free)] / wide[:, None] / wide
+    prior = expected[free]
+    left = prior[:, None] * covariance_with_prior(prior[:, None] * told * prior) * prior
+    take = np.zeros((count, len(free)))
+    take[rows] = -inverse @ information[np.ix_(rows, free)]
+    take[free] = np.eye(len(free))
+    mean, covariance = np.zeros(count), take @ left @ take.T
+    mean[rows] = inverse @ found.pull[rows]
+    covariance[np.ix_(rows, rows)] += alone
+    return Weighed(tuple(sure), mean + take @ (left @ (beside.pull[free] / wide**2)), covariance)
 
 
 def moved_px(calibration: Calibration) -> Array:
@@ -186,5 +203,15 @@ def moved_px(calibration: Calibration) -> Array:
     along = ray - (ray * normal).sum(axis=1, keepdims=True) * normal
     ahead = np.einsum("mij,mj->mi", by_place, along)
     sine = np.linalg.norm(along, axis=1, keepdims=True)
-    tilt = sine * ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-300)
-    return np.concatenate([moving, moving @ pose[:, :3, :3], np.stack([by_distance, by_time, tilt], axis=2)], axis=2)
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-300)
+    # The mean of a small disc's image is off by R^2 / 4 times the Laplacian of the projection over the disc's plane.
+    bend = np.zeros_like(ahead)
+    across = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    for side in (across, np.cross(normal, across)):
+        step = STEP * distance[:, None] * side
+        apart = project(camera, place + step) + project(camera, place - step) - 2 * project(camera, place)
+        bend -= np.nan_to_num(apart) / (STEP * distance[:, None]) ** 2
+    outline = middle**2 / camera.params[0] * bend
+    by_focus = np.stack([by_distance, by_time, sine * ahead, outline], axis=2)
+    return np.concatenate([moving, moving @ pose[:, :3, :3], by_focus], axis=2)

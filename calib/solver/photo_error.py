@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.surface import surface_model
-from calib.core.linear_algebra import pseudo_inverse, solve_square, symmetric_inverse
+from calib.core.linear_algebra import pseudo_inverse
 from calib.core.parallel import one_thread
 from calib.solver.calibration import Calibration, PhotoError
-from calib.solver.free_shape import POSE, free_directions, whitened_views
+from calib.solver.free_shape import POSE, SINGULAR, free_directions, whitened_views
 
 Array = NDArray[np.float64]
 
@@ -55,10 +55,10 @@ def with_photo_error(calibration: Calibration) -> Calibration:
     block = np.stack(blocks)  # (V, Q + 1, Q + 1)
     whole = block.sum(axis=0)
     variance = float(whole[-1, -1]) / equations
-    inverse = symmetric_inverse(whole[:-1, :-1])
-    if not variance > NO_NOISE**2 or inverse.rank < len(whole) - 1:
+    value, axis = np.linalg.eigh(whole[:-1, :-1])
+    if not (variance > NO_NOISE**2 and value[0] > SINGULAR * value[-1]):
         return without
-    root = np.linalg.cholesky(inverse.inverse)
+    root = axis / np.sqrt(value)  # of the inverse normal matrix
     told = root.T @ block[:, :-1, :-1] @ root  # (V, Q, Q) in sum the identity
     score = block[:, :-1, -1] @ root / math.sqrt(variance)  # (V, Q)
     independent = len(root) - float((told**2).sum())
@@ -69,9 +69,9 @@ def with_photo_error(calibration: Calibration) -> Calibration:
     raised = np.einsum("vpk,vk,vk->vp", axis, 1 / np.maximum(value, LEAST_ALONE), np.einsum("vqk,vq->vk", axis, score))
     clustered = variance * root @ (raised.T @ raised) @ root.T
     to_q = pseudo_inverse(basis)
-    stated = np.asarray(np.linalg.cholesky(to_q @ without.stated_covariance @ to_q.T), dtype=np.float64)
-    beyond = solve_square(stated, solve_square(stated, clustered).T)
-    value, axis = np.linalg.eigh(0.5 * (beyond + beyond.T))
+    value, axis = np.linalg.eigh(to_q @ without.stated_covariance @ to_q.T)
+    stated, of_stated = axis * np.sqrt(value), axis / np.sqrt(value)  # a root, and that of the inverse
+    value, axis = np.linalg.eigh(of_stated.T @ clustered @ of_stated)
     more = basis @ stated @ axis * np.sqrt(np.maximum(value - 1, 0.0))
     times = math.sqrt(float(np.maximum(np.linalg.eigvalsh(clustered), 1.0).mean()))
     return replace(calibration, photo_error=PhotoError(times, more @ more.T))

@@ -231,7 +231,7 @@ def print_stated(found: Sequence[Outcome]) -> None:
             stated = [_check(one, "uncertainty") for one in third]
             beyond = sum(one.true_px > 2 * sigma for one, sigma in zip(third, stated, strict=True))
             errors = [one.calibrations[0].capture_error for one in third]
-            named = sum(error is not None and bool(error.effects) for error in errors)
+            named = sum(error is not None and any(effect.explains for effect in error.effects) for error in errors)
             amounts = f"{third[0].case.amount:.2g} to {third[-1].case.amount:.2g}"
             middle = np.median([one.true_px for one in third]), np.median(stated)
             print(f"{fault:12}{amounts:>22}{len(third):6}{middle[0]:10.3f}{middle[1]:11.3f}{beyond:17}{named:7}")
