@@ -4,10 +4,10 @@
     calibration.capture_error.effects, calibration.stated_covariance
 
 A target that always moves the same way while the shutter rolls, a focal length that follows the distance or the time,
-and centres that are off along the tilt displace the sightings of all photos alike. Poses and lens take up most of it,
-and halves of the photos agree on it. Each is a parameter more (`calib.solver.extra_parameters`). With the precision L
-of their amplitudes a, what the way of capture lets expect of them beforehand, N(0, diag(p^2)), and what the camera took
-of a unit of each, T, the photos leave
+and centres that are off along the tilt, or as the middles of discs' outlines are, displace the sightings of all photos
+alike. Poses and lens take up most of it, and halves of the photos agree on it. Each is a parameter more
+(`calib.solver.extra_parameters`). With the precision L of their amplitudes a, what the way of capture lets expect of
+them beforehand, N(0, diag(p^2)), and what the camera took of a unit of each, T, the photos leave
 
     a:  mean m = (L + diag(p^-2))^-1 L a_hat,  covariance S = (L + diag(p^-2))^-1
 
@@ -198,16 +198,18 @@ def moved_px(calibration: Calibration) -> Array:
     focal = 1e-3 * by_params[:, :, :2] @ camera.params[:2]
     by_distance = focal * (farther / max(float(np.abs(farther).max()), 1e-300))[seen.view, None]
     by_time = focal * np.linspace(-1, 1, seen.view_count)[seen.view, None]
-    normal = np.einsum("mij,mj->mi", pose[:, :3, :3], seen.points.plane[seen.points.face[seen.point], :3])
+    face = seen.points.face[seen.point]  # -1: on a plane that nobody knows, and so without a tilt
+    planes = np.concatenate([seen.points.plane[:, :3], np.zeros((1, 3))])
+    normal = np.einsum("mij,mj->mi", pose[:, :3, :3], planes[face])
     ray = place / distance[:, None]
-    along = ray - (ray * normal).sum(axis=1, keepdims=True) * normal
+    along = np.where(face[:, None] < 0, 0.0, ray - (ray * normal).sum(axis=1, keepdims=True) * normal)
     ahead = np.einsum("mij,mj->mi", by_place, along)
     sine = np.linalg.norm(along, axis=1, keepdims=True)
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-300)
     # The mean of a small disc's image is off by R^2 / 4 times the Laplacian of the projection over the disc's plane.
     bend = np.zeros_like(ahead)
     across = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
     for side in (across, np.cross(normal, across)):
         step = STEP * distance[:, None] * side
         apart = project(camera, place + step) + project(camera, place - step) - 2 * project(camera, place)

@@ -129,3 +129,13 @@ def test_columns_are_told_in_their_units() -> None:
     apart = one.observations.center_px - one.camera.params[2:4]
     at_end = one.observations.view == len(POSES) - 1
     np.testing.assert_allclose(moved[at_end, :, 7], 1e-3 * apart[at_end], atol=0.1)
+
+
+def test_points_on_no_known_plane_have_no_tilt() -> None:
+    """They are looked at for motion and focus all the same."""
+    one = solve(_faulty(0, 0.5, 0), "opencv", SolveOptions())
+    points = one.observations.points
+    loose = replace(points, face=np.full_like(points.face, -1), plane=np.zeros((0, 4)))
+    told = with_capture_error(replace(one, observations=replace(one.observations, points=loose))).capture_error
+    assert told is not None
+    assert [effect.name for effect in told.effects] == [next(iter(KINDS))]
