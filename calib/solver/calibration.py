@@ -89,7 +89,7 @@ class CaptureEffect:
     sigma: Annotated[float, AtLeast(0)]
     unit: _Text  # of both, as in "px from the first row to the last"
     camera_px: Annotated[float, AtLeast(0)]  # 95 % of the image is off by at most so much by it
-    explains: bool  # with it nothing that is fixed in the image is left over
+    explains: bool  # it leaves nothing over that is fixed in the image, and no parameter was held that does the same
     remedy: _Text  # "focus by hand, and leave it"
 
 

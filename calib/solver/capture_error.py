@@ -31,6 +31,7 @@ from calib.core.parallel import one_thread
 from calib.solver.accuracy import projected_change, share_px
 from calib.solver.calibration import Calibration, Capture, CaptureEffect, CaptureError
 from calib.solver.extra_parameters import ExtraParameters, extra_parameters
+from calib.solver.free_shape import free_directions
 from calib.solver.image_field import with_image_field
 from calib.solver.photo_error import with_photo_error
 from designer.base.errors import InputError
@@ -123,7 +124,8 @@ def with_capture_error(calibration: Calibration, capture: Capture | None = None)
     way = capture or ASSUMED
     weighed = weigh(found, np.array([kind.expected[way] for kind in _KINDS]))
     sure = list(weighed.sure)
-    # Of a cause that explains what is left over, no field in the image is left; a cause that does not is no cause.
+    # A cause that leaves a field in the image over is none, and parameters that are held do what moves things does.
+    is_free = free_directions(calibration.param_covariance).shape[1] == len(camera.params)
     rest = calibration.residual_px + moved[:, :, sure] @ weighed.mean[sure]
     field = with_image_field(replace(calibration, residual_px=rest)).image_field
     steps = projected_change(camera, image_grid(camera.image_size).reshape(-1, 2))
@@ -132,7 +134,8 @@ def with_capture_error(calibration: Calibration, capture: Capture | None = None)
     effects = tuple(
         CaptureEffect(
             _KINDS[row].name, float(weighed.mean[row]), float(sigma[row]), _KINDS[row].unit,
-            share_px(np.linalg.norm(steps[:, :, number], axis=1)), field is None, _KINDS[row].remedy,
+            share_px(np.linalg.norm(steps[:, :, number], axis=1)), field is None and is_free,
+            _KINDS[row].remedy,
         )
         for number, row in enumerate(sure)
     )  # fmt: skip

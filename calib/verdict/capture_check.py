@@ -31,7 +31,8 @@ def judge_capture(evidence: CameraEvidence, criteria: Criteria) -> Found | None:
         sentence = f"the photos show {shown}; its uncertainty contains it"
     else:
         sentence = (
-            f"something looks like {shown}; it does not explain all that is left over, so it may be another cause"
+            f"something looks like {shown}; it does not explain all that is left over, or parameters were fixed or "
+            "shared, so it may be another cause"
         )
     return Found(at_most(value, criteria["capture"]), value, sentence)
 

@@ -7,6 +7,7 @@ import numpy as np
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration
 from calib.solver.capture_error import with_capture_error
+from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.verdict.criteria import read_criteria
 from calib.verdict.halves import NoHalves
@@ -57,3 +58,11 @@ def test_what_does_not_explain_what_is_left_over_is_no_cause() -> None:
     run, _ = _judged(replace(seen, center_px=seen.center_px + bump))
     assert check(run, "capture").sentence.startswith("something looks like")
     assert "let target and camera rest" not in " ".join(run.verdict.advice)
+
+
+def test_a_parameter_that_is_held_may_be_the_cause_as_well() -> None:
+    """One focal length for both axes of a camera with two scales the rows as a target that moves does."""
+    one = with_capture_error(solve(sightings(views=16), "opencv", SolveOptions(shared=(("fx_px", "fy_px"),))))
+    run = judge_run([one], 0, NoHalves("not solved"), read_criteria())
+    assert check(run, "capture").sentence.startswith("something looks like")
+    assert "fixed or shared" in check(run, "capture").sentence
