@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.rig import Rig
+from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import make_pose, rotation_between
 from calib.space.budget import over_volume, position_errors, shape_errors
 from calib.space.error_size import PointErrors
@@ -73,10 +74,7 @@ def _with_one_like(covariance: Array, own: Rows) -> Array:
     errors are those that the others' let expect of `own`, and as much that is theirs alone.
     """
     others = np.setdiff1d(np.arange(len(covariance)), own)
-    unit = np.sqrt(np.diagonal(covariance)[others])
-    unit[unit == 0] = 1.0  # pixels and radians differ by so much that the inverse is taken of correlations
-    inverse = np.linalg.pinv(covariance[np.ix_(others, others)] / np.outer(unit, unit), hermitian=True)
-    expected: Array = covariance[np.ix_(own, others)] @ (inverse / np.outer(unit, unit))
+    expected: Array = covariance[np.ix_(own, others)] @ symmetric_inverse(covariance[np.ix_(others, others)]).inverse
     across = np.empty((len(own), len(covariance)))
     across[:, others] = covariance[np.ix_(own, others)]
     across[:, own] = expected @ covariance[np.ix_(others, own)]
