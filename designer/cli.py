@@ -1,7 +1,8 @@
 """The command `design`."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
 
@@ -10,7 +11,7 @@ import typer
 from designer.base.answer import Summary
 from designer.base.command import Later, command, new_app, run
 from designer.kinds.presets import one_of, printer_templates, target_templates
-from designer.spec.build import BUILDS
+from designer.spec.build import BUILDS, builds_of
 from designer.spec.kind import Kind, kinds
 from designer.spec.options import Asked, AskedPrinting, options_of
 from designer.spec.options import Option as SpecOption
@@ -61,13 +62,16 @@ def _option(name: str, option: SpecOption) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
 
 
-def _takes(*asked: type[AskedPrinting]) -> Callable[[Callable[..., Summary]], Callable[..., Summary]]:
-    """Give a command the options of kinds, in place of its `**options`."""
+def _takes(
+    *asked: type[AskedPrinting], builds: tuple[str, ...] = tuple(BUILDS), idle: Collection[str] = ()
+) -> Callable[[Callable[..., Summary]], Callable[..., Summary]]:
+    """Give a command the options of kinds, in place of its `**options`; `idle` ones say nothing about these builds."""
 
     def decorate(function: Callable[..., Summary]) -> Callable[..., Summary]:
         named = [p for p in inspect.signature(function).parameters.values() if p.kind != p.VAR_KEYWORD]
         known = {name: option for one in asked for name, option in options_of(one).items()}
-        typed = [name for name, option in known.items() if option.value != "machine"]  # a table, of files alone
+        known["build"] = replace(known["build"], help=f"how it is made: {', '.join(builds)}")
+        typed = [name for name, one in known.items() if one.value != "machine" and name not in idle]  # a table: files'
         own_first = sorted(typed, key=lambda name: name in options_of(Asked))
         options = [_option(name, known[name]) for name in own_first]
         function.__signature__ = inspect.Signature(named + options)  # type: ignore[attr-defined]  # what inspect reads
@@ -82,7 +86,7 @@ def _given(options: dict[str, Option]) -> dict[str, str | bool]:
 
 
 Folder = Annotated[Path | None, typer.Option("--out", "-o", help=FOLDER_HELP)]
-MustFit = Annotated[bool, typer.Option("--must-fit", help="refuse a part that is larger than the printer's bed")]
+MustFit = Annotated[bool, typer.Option("--must-fit", help="write nothing of a part that does not fit the bed")]
 
 
 def _command_of(kind: Kind) -> None:
@@ -94,7 +98,13 @@ def _command_of(kind: Kind) -> None:
         return _saved(designed(kind.name, must_fit=must_fit, **_given(options)), out)
 
     design.__doc__ = f"Design {kind.title}."
-    command(app, kind.name)(_takes(kind.asked)(design))
+    spec = kind.spec
+    builds = [BUILDS[name] for name in builds_of(spec.form)]
+    ways = [build for build in builds if not (build.is_in_parts and spec.is_graded)]  # a small piece is of one piece
+    idle = {name for name in options_of(kind.asked) if all(name in build.idle for build in ways)}
+    if spec.form == "plate":
+        idle.add("mount")
+    command(app, kind.name)(_takes(kind.asked, builds=tuple(build.name for build in ways), idle=idle)(design))
 
 
 for _kind in kinds():
@@ -170,6 +180,7 @@ def check(
     from designer.kinds.sizing import size_job, size_printing
     from designer.kinds.spec_file import parse_printing, parse_spec, replaced
     from designer.make.printability import check_printability
+    from designer.produce import Design, maker_of
     from designer.report.summary import check_summary, say_check
     from designer.target import load_target
 
@@ -180,7 +191,9 @@ def check(
         path = preset_or_file("targets", str(file))
         job = size_job(parse_spec(replaced(read_spec_file(path), _given(options)), str(file))).job
         target, printing = lay_out(job.target), job.printing
-    result = check_printability(target, printing, bed_is_rule=True)
+        if printing.way.is_in_parts:
+            maker_of(printing).remarks(Design(job))  # parts that cannot be made or laid on a bed are refused
+    result = check_printability(target, printing)
     say_check(str(file), target, printing, result)
     return check_summary(target, printing, result)
 

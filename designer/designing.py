@@ -180,9 +180,10 @@ def designed(values: dict[str, RawValue], origin: str, *, must_fit: bool) -> Des
     sized = size_job(parse_spec(values, origin))
     made = Design(sized.job)
     _ = made.printed_pattern  # an ink offset that closes rings is refused with its limits, before the rules
-    check = check_printability(made.target, sized.job.printing, bed_is_rule=must_fit)
-    if check.violations:
-        raise InputError(check.violations[0].text)
+    check = check_printability(made.target, sized.job.printing)
+    refused = [found for found in check.violations if must_fit or found.rule != "bed"]
+    if refused:
+        raise InputError(refused[0].text)
     built = maker_of(sized.job.printing).remarks(made)  # which refuses what cannot be built so
     return DesignedTarget(made, check, (*sized.remarks, *built))
 

@@ -1,20 +1,26 @@
 """From a job to its files, in memory: one exporter per format, one maker per build."""
 
+import os
+import signal
+import subprocess
+import sys
+import tomllib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
+from importlib.util import find_spec
 
 import numpy as np
 
 from designer.base.errors import InputError
-from designer.base.units import NO_SKEW
 from designer.formats.folder import OutputFile
 from designer.kinds.board_cuts import ring_pieces
 from designer.kinds.layout import lay_out
-from designer.kinds.spec_file import spec_to_toml
+from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import parse_spec, spec_to_toml
 from designer.make.bed import against_skew, bed_from_target, mapped
 from designer.make.cutting import Cutting, cuttings
 from designer.make.estimate import PrintEstimate, estimate
@@ -156,9 +162,15 @@ def make_files(design: Design, on_stage: Callable[[str], None]) -> tuple[OutputF
     # Compressing and drawing let other threads run.
     with ThreadPoolExecutor(THREADS) as pool:
         running = {name: pool.submit(lambda make: [*make(design)], EXPORTERS[name]) for name in job.formats}
-        for name, files in running.items():
-            on_stage(name)
-            made += files.result()
+        try:
+            for name, files in running.items():
+                on_stage(name)
+                made += files.result()
+        except KeyboardInterrupt:  # which threads do not hear
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in tuple(_PROCESSES):
+                process.kill()
+            raise
     if job.printing.stand:
         on_stage("stand")
         made += _stand(design)
@@ -166,6 +178,9 @@ def make_files(design: Design, on_stage: Callable[[str], None]) -> tuple[OutputF
 
 
 # Exporters import what they need when they run: build123d takes 4 s to load.
+
+_PROCESSES: set[subprocess.Popen[bytes]] = set()
+"""At work for exporters."""
 
 
 def _3mf(design: Design) -> Made:
@@ -202,17 +217,14 @@ def _stl(design: Design) -> Made:
                 yield f"{stem}.pattern.stl", stl_bytes(part.ink), f"the ink of {piece.name}"
         return
     part = _as_it_lies(design)
-    yield "body.stl", stl_bytes(part.body), "the body"
+    yield "body.stl", stl_bytes(part.body), "the body" if part.ink is not None else "the bare body, without rings"
     if part.ink is not None:
         yield "pattern.stl", stl_bytes(part.ink), "the ink, which fits into the body"
 
 
 def _as_it_lies(design: Design) -> Part:
-    """The part in the target frame; one that is sheared for a printer as it lies on the bed, which no STL file says."""
-    part, printing = design.part, design.job.printing
-    if printing.skew_compensation_rad == NO_SKEW:
-        return part
-    motion = bed_from_target(design.target, printing)
+    """The part on the bed as it is printed, which no STL file says, above the bed's corner."""
+    part, motion = design.part, bed_from_target(design.target, design.job.printing)
     lift_mm = np.array([0.0, 0.0, motion[2, 3]])
     return part.placed(lambda points: mapped(points, motion[:3, :3]) + lift_mm)
 
@@ -244,16 +256,35 @@ def _sheets(design: Design) -> str:
 
 
 def _step(design: Design) -> Made:
-    try:
-        from designer.make.cad import step_bytes
-    except ImportError as error:
+    """In a process of its own: a boolean of the CAD kernel takes half a minute, and hears no Ctrl-C."""
+    if find_spec("build123d") is None:
         raise InputError(
-            f"--formats step: needs {error.name or 'build123d'}, which is not installed; pip install "
-            "'ringsolid[cad]', or leave step out"
-        ) from None
-    job = design.job
-    step = step_bytes(job.target, design.printed_pattern, job.printing, name=job.name, scale=design.scale)
+            "--formats step: needs build123d, which is not installed; pip install 'ringsolid[cad]', or leave step out"
+        )
+    line = "from designer.produce import step_from_spec; step_from_spec()"
+    process = subprocess.Popen(  # noqa: S603 - this program again
+        [sys.executable, "-P", "-c", line], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+    )  # fmt: skip
+    _PROCESSES.add(process)
+    try:
+        step, _ = process.communicate(spec_to_toml(design.job).encode())
+    finally:
+        _PROCESSES.discard(process)
+    if process.returncode:
+        raise InputError("--formats step: the CAD kernel made none of this design; leave step out")
     yield "step", step, "for CAD: true circles, coloured parts"
+
+
+def step_from_spec() -> None:
+    """Read a resolved spec, write its STEP file: what the process that makes it runs."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from designer.make.cad import step_bytes
+
+    job = size_job(parse_spec(tomllib.loads(sys.stdin.buffer.read().decode()), "")).job
+    design = Design(job)
+    pattern = design.printed_pattern
+    sys.stdout.buffer.write(step_bytes(job.target, pattern, job.printing, name=job.name, scale=design.scale))
 
 
 def _glb(design: Design) -> Made:

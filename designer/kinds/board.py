@@ -225,7 +225,9 @@ def _chosen(asked: AskedBoard, spec: BoardSpec) -> Iterator[str]:
     """What was not given, and why it is as it is."""
     if asked.size is None:
         of_rings = asked.columns is not None
-        room = "about A4, or what the bed takes beside brim and prime tower; --size says otherwise"
+        is_usual = spec.size_mm == USUAL_SIZE_MM
+        room = "about A4" if is_usual else "what the bed takes beside brim and prime tower"
+        room += "; --size says otherwise"
         yield f"board {format_mm(*spec.size_mm)} ({'rings and margin' if of_rings else room})"
     pitch = spec.pitch_mm
     if asked.pitch is None and asked.ring_diameter is None:

@@ -42,8 +42,7 @@ class BoardCuts:
 def strip_mm(printer: PrinterProfile) -> Array:
     """Where the prime tower stands: along the bed's longer side, in front, and left free there.  # (2,)
 
-    In front, since printers keep a corner there for themselves (P1 and X1 of Bambu Lab 18 x 28 mm for the cutter, in
-    their slicer's profiles).
+    In front, since printers keep a corner there for themselves (P1 and X1 of Bambu Lab 18 x 28 mm for the cutter).
     """
     across = 1 if printer.bed_mm[1] <= printer.bed_mm[0] else 0
     strip: Array = np.eye(2)[across] * TOWER_DEPTH_MM
@@ -56,9 +55,12 @@ def tower_mm(printer: PrinterProfile) -> tuple[float, float]:
     return (width, BRIM_MM) if strip_mm(printer)[1] else (BRIM_MM, depth)
 
 
-def room_mm(printer: PrinterProfile) -> Array:
-    """What a bed takes beside brim and prime tower, along x and y.  # (2,)"""
-    return np.array(printer.bed_mm[:2]) - 2 * BRIM_MM - strip_mm(printer)
+def room_mm(printer: PrinterProfile) -> tuple[Array, Array]:
+    """What a bed takes beside brim, prime tower and what it excludes: front left corner and size.  # (2,), (2,)"""
+    strip = strip_mm(printer)
+    rooms = printer.rooms_mm(BRIM_MM, (float(strip[0]), float(strip[1])))
+    left, front, right, rear = max(rooms, key=lambda room: (room[2] - room[0]) * (room[3] - room[1]))
+    return np.array([left, front]), np.array([right - left, rear - front])
 
 
 def cut_board(target: TargetGeometry, printer: PrinterProfile, scale: float) -> BoardCuts:
@@ -67,7 +69,7 @@ def cut_board(target: TargetGeometry, printer: PrinterProfile, scale: float) -> 
     Raises:
         InputError: none do, or the board needs no cut.
     """
-    room = room_mm(printer) / scale
+    room = room_mm(printer)[1] / scale
     low, high = target.outline_mm[0].min(axis=0), target.outline_mm[0].max(axis=0)
     size = high - low
     if _fits(size, room) is not None:

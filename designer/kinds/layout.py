@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from designer.base.solid import INLAY_SHARE, Index
 from designer.spec.spec import Spec
-from designer.target import PARALLEL, TargetGeometry
+from designer.target import PARALLEL, TargetGeometry, bounding_radius_mm
 
 DECIMALS = 9
 """Coordinates are rounded to a picometre, so that processors whose sine differs in the last bit agree on ids."""
@@ -206,3 +206,45 @@ def _margin_mm(target: TargetGeometry) -> float:
     cross = edge[..., 0] * to_center[..., 1] - edge[..., 1] * to_center[..., 0]
     inside = cross / np.linalg.norm(edge, axis=2)
     return float((inside - target.radius_outer_mm[:, None]).min())
+
+
+IMAGE_HALF_HEIGHT = 0.4096
+"""Of the camera template machine-vision, at distance 1: tangents of half its angles of view, over the height and over
+the diagonal."""
+IMAGE_HALF_DIAGONAL = 0.6383
+_AIM_SHARE, _PLANAR_AIM_SHARE = 0.8, 0.7
+"""How far the camera looks past the target, of the distance from the image's middle to its corners: so far that rings
+come into the corners, and that nothing with one face loses the dots that name its rings."""
+_OUTSIDE = 0.9
+"""Of the way to the target's hull, what the aim may take up."""
+
+
+@dataclass(frozen=True)
+class PhotoSet:
+    """From where a target is photographed: turned at random, and looking past it by up to the aim's offset."""
+
+    distance_mm: tuple[float, float]  # of the cameras from the target's origin, drawn evenly between the two
+    aim_offset_mm: float
+    half_angle_rad: float  # of the cap around the normal of a plate; pi: from all sides
+
+
+def advised_photos(target: TargetGeometry, distance_mm: tuple[float, float] | None = None) -> PhotoSet:
+    """Photos as a person should take them: near and far, turned, rings into the image's corners.
+
+    The page of a design has the line of `calib render` for them, and studies assume them. From the nearest place the
+    target's outline fills the height of the image of the camera template machine-vision.
+
+    Args:
+        target: any.
+        distance_mm: other distances; None: from there to twice as far.
+    """
+    inside = bounding_radius_mm(target)
+    near = inside / IMAGE_HALF_HEIGHT
+    near, far = distance_mm or (_two_digits(near), _two_digits(2 * near))
+    aim = (_PLANAR_AIM_SHARE if target.is_plate else _AIM_SHARE) * IMAGE_HALF_DIAGONAL * near
+    aim = _two_digits(max(min(aim, _OUTSIDE * (near - inside)), 0.0))
+    return PhotoSet((near, far), aim, math.radians(45) if target.is_plate else math.pi)
+
+
+def _two_digits(value: float) -> float:
+    return float(f"{value:.2g}")

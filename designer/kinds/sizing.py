@@ -10,6 +10,7 @@ import numpy as np
 
 from designer.base.errors import InputError
 from designer.base.units import NO_SKEW, format_mm, format_skew, round_down, round_up
+from designer.kinds.board_cuts import room_mm
 from designer.kinds.layout import (
     border_width_mm,
     corner_room_mm,
@@ -23,7 +24,7 @@ from designer.kinds.spec_file import read_printer_file
 from designer.spec.build import ANY_MOUNT, BUILDS, STEM_MM, builds_of, mount_room_mm
 from designer.spec.format import FORMATS, choose_formats
 from designer.spec.kind import kinds
-from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM, Machine
+from designer.spec.machine import Machine
 from designer.spec.options import Asked, AskedPrinting
 from designer.spec.spec import FILAMENT_PRICE, PAPER_LINE_MM, Job, Line, PrinterProfile, PrintSpec, Spec
 from designer.target import TargetGeometry
@@ -181,7 +182,10 @@ def printer_of(asked: AskedPrinting) -> PrinterProfile:
     if not (nozzle and line and layer and bed):
         file = read_printer_file(preset_or_file("printers", name))
         nozzle, bed = nozzle or file.nozzle, bed or file.bed
-        machine = machine or file.machine_with(nozzle)
+        if machine is None:
+            machine = file.machine_with(nozzle)
+            if asked.bed is not None and asked.printer is None:  # a bed of some other printer
+                machine = replace(machine, excluded_mm=())
         if not (line and layer):
             known = next((one for one in file.nozzles if one.diameter == nozzle), None)
             if known is None:
@@ -219,10 +223,10 @@ def _choose_build(asked: AskedPrinting, known: tuple[str, ...], what: str) -> st
 
 def _line_of(build: str, printer: PrinterProfile) -> Line:
     if BUILDS[build].is_two_filament:
-        longer, shorter = sorted(printer.bed_mm[:2], reverse=True)
+        longer, shorter = sorted(room_mm(printer)[1].tolist(), reverse=True)
         return Line(
             printer.line_width_mm, printer.nozzle_mm, f"a {printer.nozzle_mm:g}mm nozzle", 10_000, SOLID_INLAY_MM,
-            (longer - 2 * BRIM_MM, shorter - 2 * BRIM_MM - TOWER_DEPTH_MM),
+            (longer, shorter),
         )  # fmt: skip
     return Line(PAPER_LINE_MM, PAPER_LINE_MM, "a printed sheet", 50_000, 0.0)
 

@@ -142,7 +142,14 @@ def _mount(value: str) -> str:
 
 
 def _machine(value: RawValue) -> Machine:
-    return value if isinstance(value, Machine) else decode(Machine, cast("JsonValue", value))
+    machine = value if isinstance(value, Machine) else decode(Machine, cast("JsonValue", value))
+    for left, front, right, rear in machine.excluded_mm:
+        if left >= right or front >= rear:
+            area = f"[{left:g}, {front:g}, {right:g}, {rear:g}]"
+            raise ValueError(
+                f"excluded_mm {area}: must be left, front, right and rear of a rectangle, such as [0, 0, 18, 28]"
+            )
+    return machine
 
 
 Length = Annotated[float, BeforeValidator(parse_length_mm)]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from designer.base.errors import InputError
 from designer.base.solid import Solid
 from designer.kinds.layout import border_width_mm
-from designer.make.bed import against_skew_along
+from designer.make.bed import against_skew_along, bed_words
 from designer.make.booleans import cylinder, frame_along, mesh_of, placed, solid_of
 from designer.make.core import CorePart, make_core, mount_vertex, split_of
 from designer.make.lettering import ID_DIGITS
@@ -27,7 +27,7 @@ from designer.make.tile import MOST_THICKNESS_MM, TileSizes, make_tile, thicknes
 from designer.make.tower import TOWER_MM
 from designer.spec.build import ANY_MOUNT, NO_MOUNT
 from designer.spec.machine import BRIM_MM
-from designer.spec.spec import PrintSpec
+from designer.spec.spec import PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
@@ -160,16 +160,20 @@ def _largest_edge_mm(assembly: Assembly, printing: PrintSpec) -> int:
     Tiles and core are smaller than the solid by what does not grow with it.
     """
     solid, sizes, scale = assembly.solid, assembly.sizes, 1 + printing.shrink_compensation_percent / 100
-    width, depth, _ = printing.printer.bed_mm
-    widest = largest_inradius_mm(len(sizes.outline_mm), (width, depth), tower=True) / scale
+    widest = largest_inradius_mm(len(sizes.outline_mm), printing.printer, tower=True) / scale
     by_tile = solid.edge_mm + (widest - _inradius_mm(sizes)) / solid.polyhedron.face_inradius
-    corners, room = solid.corners_mm(below_mm=sizes.seat_depth_mm), _room_mm(printing)
+    corners, height = solid.corners_mm(below_mm=sizes.seat_depth_mm), printing.printer.bed_mm[2]
+    rooms = [
+        np.array([right - left, rear - front, height])
+        for left, front, right, rear in printing.printer.rooms_mm(BED_RIM_MM)
+    ]
     core_edge = solid.edge_mm - sizes.seat_depth_mm / solid.polyhedron.inradius
     fitting = []
     for part in assembly.core:
         if part.seats:  # without pits, which not all edges have
             own = corners[np.unique(solid.polyhedron.faces[list(part.seats)])] @ frame_along(part.up)[:3, :3]
-            fitting.append(core_edge * float((room / (scale * np.ptp(own, axis=0))).min()))
+            size = scale * np.ptp(own, axis=0)
+            fitting.append(core_edge * max(float((room / size).min()) for room in rooms))
     edge = int(min(by_tile, min(fitting) + 2 * MOST_THICKNESS_MM / solid.polyhedron.inradius))
     while edge - _seat_mm(edge, sizes) / solid.polyhedron.inradius > min(fitting):
         edge -= 1
@@ -186,12 +190,6 @@ def _inradius_mm(sizes: TileSizes) -> float:
     return float(-sizes.outline_at(sizes.chamfer_mm if sizes.ink_side == "down" else 0.0)[:, 1].min())
 
 
-def _room_mm(printing: PrintSpec) -> Array:
-    """What pieces of the core may take of a bed.  # (3,)"""
-    room: Array = np.array(printing.printer.bed_mm) - [2 * BED_RIM_MM, 2 * BED_RIM_MM, 0.0]
-    return room
-
-
 def _words(pieces: tuple[Piece, ...]) -> str:
     """`tiles 0 to 6`, `bowl`, `cap, ring and post`."""
     names = [piece.name for piece in pieces]
@@ -204,9 +202,8 @@ def _tile_pieces(assembly: Assembly, printing: PrintSpec) -> Iterator[tuple[Piec
     """Tiles by their numbers, side by side."""
     sizes, scale = assembly.sizes, 1 + printing.shrink_compensation_percent / 100
     is_down = sizes.ink_side == "down"
-    width, depth, _ = printing.printer.bed_mm
     sides = len(sizes.outline_mm)
-    shares = nest(sides, scale * _inradius_mm(sizes), len(assembly.tiles), (width, depth), tower=True)
+    shares = nest(sides, scale * _inradius_mm(sizes), len(assembly.tiles), printing.printer, tower=True)
     tiles = enumerate(assembly.tiles)
     for share in shares:
         pieces = []
@@ -247,37 +244,38 @@ def _as_printed(part: Part, axes: Array, printing: PrintSpec) -> Part:
 
 def _in_rows(pieces: list[Piece], printing: PrintSpec) -> Iterator[tuple[Piece, ...]]:
     """Pieces in rows from the left front, on as many beds as they take; all on one are centred together."""
-    bed, room = np.array(printing.printer.bed_mm), _room_mm(printing)
+    printer, width = printing.printer, printing.printer.bed_mm[0] - 2 * BED_RIM_MM
     row: list[Piece] = []
-    at, deepest = np.zeros(2), 0.0
+    at, deepest, widest = np.zeros(2), 0.0, 0.0
     for piece in pieces:
         turned = piece.part.body.vertices_mm @ piece.bed_from_part[:3, :3].T
         low, size = turned.min(axis=0), np.ptp(turned, axis=0)
-        if (size > room).any():
+        if printer.place_mm((size[0], size[1]), BED_RIM_MM) is None or size[2] > printer.bed_mm[2]:
             shown = " x ".join(f"{length:.0f}" for length in size)
-            raise InputError(
-                f"the core's {piece.name} needs {shown}mm, the bed of {printing.printer.name} has "
-                f"{' x '.join(f'{length:g}' for length in bed)}mm"
-            )
-        if at[0] + size[0] > room[0]:
+            raise InputError(f"the core's {piece.name} needs {shown}mm, {bed_words(printer)}")
+        if at[0] + size[0] > width:
             at = np.array([0.0, at[1] + deepest + APART_MM])
             deepest = 0.0
-        if at[1] + size[1] > room[1]:
-            yield _centred(row, bed)
-            row, at, deepest = [], np.zeros(2), 0.0
+        together = max(widest, at[0] + size[0]), at[1] + max(deepest, size[1])
+        if printer.place_mm(together, BED_RIM_MM) is None:
+            yield _centred(row, printer)
+            row, at, deepest, widest = [], np.zeros(2), 0.0, 0.0
         motion = piece.bed_from_part.copy()
         motion[:3, 3] = [at[0] - low[0], at[1] - low[1], -low[2]]
         row.append(replace(piece, bed_from_part=motion))
         at = at + np.array([size[0] + APART_MM, 0.0])
-        deepest = max(deepest, float(size[1]))
-    yield _centred(row, bed)
+        deepest, widest = max(deepest, float(size[1])), max(widest, float(at[0] - APART_MM))
+    yield _centred(row, printer)
 
 
-def _centred(pieces: list[Piece], bed_mm: Array) -> tuple[Piece, ...]:
-    """Pieces moved together to the middle of the bed."""
+def _centred(pieces: list[Piece], printer: PrinterProfile) -> tuple[Piece, ...]:
+    """Pieces moved together to the middle of the bed, or as near to it as the bed is free."""
     corners = np.concatenate(
         [piece.part.body.vertices_mm @ piece.bed_from_part[:3, :3].T + piece.bed_from_part[:3, 3] for piece in pieces]
     )
+    low, (width, depth, _) = corners.min(axis=0), np.ptp(corners, axis=0).tolist()
+    place = printer.place_mm((width, depth), BED_RIM_MM)
+    assert place is not None  # noqa: S101 - they were put together so
     step = np.zeros((4, 4))
-    step[:2, 3] = bed_mm[:2] / 2 - (corners.max(axis=0) + corners.min(axis=0))[:2] / 2
+    step[:2, 3] = place - low[:2]
     return tuple(replace(piece, bed_from_part=piece.bed_from_part + step) for piece in pieces)

@@ -1,4 +1,4 @@
-"""How the target lies on the printer's bed: its last face down, centred."""
+"""How the target lies on the printer's bed: its last face down, in the middle or as near to it as the bed is free."""
 
 import math
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from designer.base.units import NO_SKEW, skew_matrix
 from designer.kinds.layout import corners_mm, face_down, is_turned
-from designer.spec.spec import PrintSpec
+from designer.spec.spec import PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
 
 _ALIKE = 1e-6
@@ -19,19 +19,18 @@ def bed_from_target(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.f
     """The rigid motion that puts the printed part on the bed.
 
     The outward normal of the last face turns to -z (a board has only one), the lowest point comes to z = 0, and the
-    longer of the two horizontal extents runs along the bed's longer side, centred on the bed. Skew compensation does
-    not turn the part.
+    longer of the two horizontal extents runs along the bed's longer side. It lies in the bed's middle, or as near to it
+    as what the printer excludes of its bed allows. Skew compensation does not turn the part.
 
     Returns:
         bed_from_target, from the target frame in millimetres to the bed with its origin in a corner.  # (4, 4)
     """
-    bed_x, bed_y, _ = printing.printer.bed_mm
     rotation = _bed_axes(target, printing)
     turned = printed_corners_mm(target, printing) @ rotation.T
-    low, high = turned.min(axis=0), turned.max(axis=0)
+    low, (width, depth, _) = turned.min(axis=0), np.ptp(turned, axis=0).tolist()
     motion = np.eye(4)
     motion[:3, :3] = rotation
-    motion[:3, 3] = [(bed_x - low[0] - high[0]) / 2, (bed_y - low[1] - high[1]) / 2, -low[2]]
+    motion[:3, 3] = [*printing.printer.laid_mm((width, depth)), 0.0] - low
     return motion
 
 
@@ -70,8 +69,15 @@ def mapped(points_mm: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArr
 def printed_size_mm(target: TargetGeometry, printing: PrintSpec) -> tuple[float, float, float]:
     """The part's bounding box along the bed's axes, as `bed_from_target` lays it."""
     corners = printed_corners_mm(target, printing)
-    x, y, z = np.ptp(corners @ bed_from_target(target, printing)[:3, :3].T, axis=0).tolist()
+    x, y, z = np.ptp(corners @ _bed_axes(target, printing).T, axis=0).tolist()
     return x, y, z
+
+
+def bed_words(printer: PrinterProfile) -> str:
+    """`the bed of bambu-p1s has 256 x 256 x 256 mm, of which 18 x 28 mm in front left may not be printed on`."""
+    room = " x ".join(f"{length:g}" for length in printer.bed_mm)
+    but = f", of which {printer.excluded_words} may not be printed on" if printer.excluded_mm else ""
+    return f"the bed of {printer.name} has {room} mm{but}"
 
 
 def overhang(target: TargetGeometry, printing: PrintSpec) -> tuple[int, float] | None:

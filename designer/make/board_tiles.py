@@ -18,14 +18,13 @@ from manifold3d import CrossSection, JoinType, Manifold
 from numpy.typing import NDArray
 
 from designer.base.errors import InputError
-from designer.kinds.board_cuts import BoardCuts, Point, cut_board, room_mm, strip_mm, tower_mm
+from designer.kinds.board_cuts import BoardCuts, Point, cut_board, room_mm, tower_mm
 from designer.make.bed import against_skew_along
 from designer.make.booleans import mesh_of, prism, solid_of, union
 from designer.make.lettering import HEIGHT, ID_DIGITS, text_contours, text_width
 from designer.make.mesh import Mesh, Part, inlaid, plate_hull
 from designer.make.pattern import Contour, make_pattern
 from designer.make.plate import Piece, Plate
-from designer.spec.machine import BRIM_MM
 from designer.spec.spec import PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
 
@@ -297,7 +296,7 @@ def _lying(name: str, part: Part, axes: Array, printing: PrintSpec) -> Piece:
 
 def _in_rows(pieces: list[Piece], printer: PrinterProfile) -> Iterator[tuple[Piece, ...]]:
     """Pieces side by side in rows behind the prime tower, in the middle of as many beds as they take."""
-    room = room_mm(printer)
+    _, room = room_mm(printer)
     row: list[Piece] = []
     at, deepest = np.zeros(2), 0.0
     for piece in pieces:
@@ -321,5 +320,6 @@ def _in_the_middle(pieces: list[Piece], printer: PrinterProfile) -> tuple[Piece,
     """Pieces that begin at (0, 0), moved together to the middle of the room beside the prime tower."""
     high = np.max([piece.as_it_lies.body.vertices_mm.max(axis=0) for piece in pieces], axis=0)
     step = np.zeros((4, 4))
-    step[:2, 3] = BRIM_MM + strip_mm(printer) + (room_mm(printer) - high[:2]) / 2
+    corner, room = room_mm(printer)
+    step[:2, 3] = corner + (room - high[:2]) / 2
     return tuple(replace(piece, bed_from_part=piece.bed_from_part + step) for piece in pieces)

@@ -33,19 +33,16 @@ class InlaidSolids:
 
 
 def step_bytes(spec: Spec, pattern: Pattern, printing: PrintSpec, *, name: str, scale: float = 1.0) -> bytes:
-    """A STEP file of the printed target: an assembly `name` of a `body` and, in two filaments, its `ink`.
+    """A STEP file of a target printed in two filaments: an assembly `name` of a `body` and its `ink`.
 
     Args:
         spec: the target's design.
         pattern: its ink, made with the same `scale`.
-        printing: gives build, inlay, sticker thickness and colours.
+        printing: gives inlay and colours.
         name: the label of the whole.
         scale: the size of the printed part over the design's, from shrinkage compensation.
     """
-    if printing.is_two_filament:
-        solids = inlaid_solids(spec, pattern, printing.inlay_mm, scale=scale)
-    else:
-        solids = InlaidSolids(plain_solid(spec, printing, scale=scale), ())
+    solids = inlaid_solids(spec, pattern, printing.inlay_mm, scale=scale)
     step = _step_text(_assembly(solids, name))
     return _coloured(step, printing.body_colour, printing.ink_colour).encode("latin-1")
 
@@ -65,13 +62,6 @@ def inlaid_solids(spec: Spec, pattern: Pattern, inlay_mm: float, *, scale: float
         ink += [_labelled(_prism(text, -inlay_mm, 0.0), "text").moved(frame) for text in face.dark_text]
     # One cut with all tools: a loop over them takes 25 times as long for each ring.
     return InlaidSolids(_only_solid(solid.cut(*ink)), tuple(ink))
-
-
-def plain_solid(spec: Spec, printing: PrintSpec, *, scale: float = 1.0) -> Solid:
-    """The bare body: a solid smaller by the stickers that are glued on, or a sheet, which does not shrink."""
-    if spec.solid is None:
-        return _solid_below(spec, 0.0, 1.0)
-    return _solid_below(spec, printing.sticker_thickness_mm * scale, scale)
 
 
 def _solid_below(spec: Spec, depth_mm: float, scale: float) -> Solid:
@@ -137,10 +127,8 @@ def _labelled(solid: Solid, label: str) -> Solid:
 
 def _assembly(solids: InlaidSolids, name: str) -> Compound:
     """The tree of products with their names."""
-    parts: list[Solid | Compound] = [_labelled(solids.body, "body")]
-    if solids.ink:
-        parts.append(Compound(label="ink", children=list(solids.ink)))
-    return Compound(label=name, children=parts)
+    ink = Compound(label="ink", children=list(solids.ink))
+    return Compound(label=name, children=[_labelled(solids.body, "body"), ink])
 
 
 def _step_text(assembly: Compound) -> str:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from designer.base.errors import InputError
 from designer.base.solid import regular_polygon
 from designer.make.tower import TOWER_MM
+from designer.spec.spec import PrinterProfile
 
 Array = NDArray[np.float64]
 
@@ -31,49 +32,54 @@ class Nest:
     spacing_mm: float
 
 
-def nest(sides: int, inradius_mm: float, count: int, bed_mm: tuple[float, float], *, tower: bool) -> tuple[Nest, ...]:
+def nest(sides: int, inradius_mm: float, count: int, printer: PrinterProfile, *, tower: bool) -> tuple[Nest, ...]:
     """Regular polygons on as few beds as they fit on, then evenly and as far apart as that allows.
 
     Args:
         sides: 3 or 4.
         inradius_mm: of a tile where it is widest.
         count: of tiles.
-        bed_mm: width and depth.
+        printer: whose beds they are.
         tower: whether the corner with the highest x and y stays free for a prime tower.
 
     Raises:
         InputError: not one fits.
     """
-    densest = _lattice(sides, inradius_mm, SPACINGS_MM[-1], bed_mm, tower)
+    densest = _lattice(sides, inradius_mm, SPACINGS_MM[-1], printer, tower)
     if not len(densest):
-        beside = " beside a prime tower" if tower else ""
-        raise InputError(f"a tile does not fit a bed of {bed_mm[0]:g} x {bed_mm[1]:g}mm{beside}")
+        beside = [f"what it excludes ({printer.excluded_words})"] if printer.excluded_mm else []
+        beside = [*beside, "a prime tower"] if tower else beside
+        bed = " x ".join(f"{side:g}" for side in printer.bed_mm[:2])
+        raise InputError(f"a tile does not fit a bed of {bed}mm{' beside ' * bool(beside)}{' and '.join(beside)}")
     beds = math.ceil(count / len(densest))
     each = math.ceil(count / beds)
     spacing, lattice = SPACINGS_MM[-1], densest
     for spacing in SPACINGS_MM:
-        lattice = _lattice(sides, inradius_mm, spacing, bed_mm, tower)
+        lattice = _lattice(sides, inradius_mm, spacing, printer, tower)
         if len(lattice) >= each:
             break
     shares = [each] * (count // each) + ([count % each] if count % each else [])
     return tuple(Nest(lattice[:share], spacing) for share in shares)
 
 
-def largest_inradius_mm(sides: int, bed_mm: tuple[float, float], *, tower: bool) -> float:
+def largest_inradius_mm(sides: int, printer: PrinterProfile, *, tower: bool) -> float:
     """Of a tile that fits a bed alone, to a tenth of a millimetre."""
-    low, high = 0.0, max(bed_mm) / 2
+    low, high = 0.0, max(printer.bed_mm[:2]) / 2
     while high - low > 0.1:
         middle = (low + high) / 2
-        if len(_lattice(sides, middle, SPACINGS_MM[-1], bed_mm, tower)):
+        if len(_lattice(sides, middle, SPACINGS_MM[-1], printer, tower)):
             low = middle
         else:
             high = middle
     return low
 
 
-def _lattice(sides: int, inradius: float, spacing: float, bed: tuple[float, float], tower: bool) -> Array:
+def _lattice(sides: int, inradius: float, spacing: float, printer: PrinterProfile, tower: bool) -> Array:
     """The densest of the tilings that are turned and shifted by steps: tiles inside, those in the middle first."""
-    cell = inradius + spacing / 2
+    bed, cell = printer.bed_mm[:2], inradius + spacing / 2
+    taken = [np.array(area) + spacing / 2 * np.array([-1, -1, 1, 1]) for area in printer.excluded_mm]
+    if tower:
+        taken.append(np.array([bed[0] - TOWER_MM, bed[1] - TOWER_MM, *bed]))
     cells = _cells(sides, cell, math.hypot(*bed))
     outline = regular_polygon(sides, inradius)
     corners = np.einsum("nij,kj->nki", cells[:, :2, :2], outline) + cells[:, None, :2, 2]
@@ -89,8 +95,8 @@ def _lattice(sides: int, inradius: float, spacing: float, bed: tuple[float, floa
                 inside = (moved >= BED_RIM_MM).all(axis=(1, 2)) & (moved <= np.array(bed) - BED_RIM_MM).all(axis=(1, 2))
                 if inside.sum() <= len(best):
                     continue
-                if tower:
-                    inside &= _clear_of_corner(moved, np.array(bed) - TOWER_MM)
+                for area in taken:
+                    inside &= _clear_of(moved, area)
                 if inside.sum() > len(best):
                     motion = np.array([[cosine, -sine, middle[0] + u], [sine, cosine, middle[1] + v], [0, 0, 1]])
                     best = motion @ cells[inside]
@@ -120,12 +126,13 @@ def _motion(turn: float, x: float, y: float) -> Array:
     return np.array([[cosine, -sine, x], [sine, cosine, y], [0.0, 0.0, 1.0]])
 
 
-def _clear_of_corner(corners: Array, low: Array) -> NDArray[np.bool_]:
-    """Whether convex polygons stay out of the quadrant above `low`: one of their sides or its own parts them."""
+def _clear_of(corners: Array, area: Array) -> NDArray[np.bool_]:
+    """Whether convex polygons stay out of a rectangle: a side of theirs, or one of the rectangle's, parts them."""
+    low, high = area[:2], area[2:]
     after = np.roll(corners, -1, axis=1)
     outward = np.stack([after[..., 1] - corners[..., 1], corners[..., 0] - after[..., 0]], axis=2)
-    beyond = ((low - corners) * outward).sum(axis=2) >= 0
-    by_own_side = ((outward >= -1e-12).all(axis=2) & beyond).any(axis=1)
-    beside = np.logical_or.reduce((corners <= low).all(axis=1), axis=1)
+    nearest = np.where(outward > 0, low, high)  # of the rectangle's corners, along each outward normal
+    by_own_side = (((nearest - corners) * outward).sum(axis=2) >= 0).any(axis=1)
+    beside = np.logical_or.reduce((corners <= low).all(axis=1) | (corners >= high).all(axis=1), axis=1)
     clear: NDArray[np.bool_] = by_own_side | beside
     return clear

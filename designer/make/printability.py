@@ -12,10 +12,11 @@ from typing import Literal
 from designer.base.units import round_down
 from designer.base.words import capital
 from designer.kinds.layout import Widths, border_width_mm, deepest_inlay_mm, inset_per_depth, narrowest_widths
-from designer.make.bed import overhang, printed_size_mm
+from designer.make.bed import bed_words, overhang, printed_size_mm
 from designer.page.blocks import Finding, Findings
 from designer.page.blocks import Level as PageLevel
 from designer.spec.build import BUILDS, builds_of
+from designer.spec.machine import BRIM_MM
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
@@ -115,13 +116,12 @@ def sentence(remark: str) -> str:
     return f"{capital(remark)}."
 
 
-def check_printability(target: TargetGeometry, printing: PrintSpec, *, bed_is_rule: bool) -> PrintCheck:
+def check_printability(target: TargetGeometry, printing: PrintSpec) -> PrintCheck:
     """Hold a target to all design rules that apply to it.
 
     Args:
         target: any target geometry.
         printing: how it is to be made.
-        bed_is_rule: whether a part larger than the bed is a violation (else a warning).
     """
     looks = {name: look for name, rule in RULES.items() if (look := rule.look(target, printing)) is not None}
     findings: list[PrintFinding] = []
@@ -131,7 +131,7 @@ def check_printability(target: TargetGeometry, printing: PrintSpec, *, bed_is_ru
             if isinstance(text, Narrow):
                 narrow[name] = text
             else:
-                findings.append(PrintFinding(name, "warning" if name == "bed" and not bed_is_rule else level, text))
+                findings.append(PrintFinding(name, level, text))
     return PrintCheck((*_said_once(narrow), *findings), looks)
 
 
@@ -248,18 +248,21 @@ def _plate_remarks(target: TargetGeometry, depth: float, layer: float) -> Iterat
 def _bed(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:
     if not printing.way.has_body or printing.way.is_in_parts:  # whose plates are made, or refused
         return None
-    size, bed = printed_size_mm(target, printing), printing.printer.bed_mm
-    room, said = " x ".join(f"{length:g}" for length in bed), tuple[tuple[Level, str], ...]()
-    is_too_wide = min(size[:2]) > min(bed[:2]) or max(size[:2]) > max(bed[:2])
-    if is_too_wide or size[2] > bed[2]:
-        shown = " x ".join(f"{length:.1f}" for length in size)
-        text = (
-            f"the part needs {shown} mm, the bed of {printing.printer.name} has {room} mm; "
-            f"use a smaller target{_in_parts(target)} or a larger printer"
-        )
-        said = (("violation", text),)
+    size, printer = printed_size_mm(target, printing), printing.printer
+    said: tuple[tuple[Level, str], ...] = ()
+    shown = " x ".join(f"{length:.1f}" for length in size)
+    if printer.place_mm(size[:2]) is None or size[2] > printer.bed_mm[2]:
+        remedy = f"use a smaller target{_in_parts(target)} or a larger printer"
+        if printer.place_mm((size[1], size[0])) is not None and size[2] <= printer.bed_mm[2]:
+            remedy = "turned by a quarter it fits: turn it, and say --bed-turn 90deg to calib measure"
+        said = (("violation", f"the part needs {shown} mm, {bed_words(printer)}; {remedy}"),)
+    elif printer.place_mm(size[:2], BRIM_MM) is None:
+        text = f"the part takes {shown} mm and leaves no room for a brim of {BRIM_MM:g} mm: {bed_words(printer)}"
+        said = (("note", f"{text}; print it without, or with a narrower one"),)
     lies = " x ".join(f"{round(length, 1 if length < 10 else 0):g}" for length in size)
-    return RuleLook(f"{lies} mm", f"of {room} mm", said)
+    room = " x ".join(f"{length:g}" for length in printer.bed_mm)
+    but = f", without {printer.excluded_words}" if printer.excluded_mm else ""
+    return RuleLook(f"{lies} mm", f"of {room} mm{but}", said)
 
 
 def _in_parts(target: TargetGeometry) -> str:

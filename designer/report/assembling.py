@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from designer.formats.folder import OutputFile
 from designer.make.assembly import Assembly
 from designer.make.mounts import Mount
-from designer.page.blocks import Block, Command, Figure, Fold, Leaf, Link, Section, Steps, Table, View3d, text_table
+from designer.page.blocks import Block, Command, Fold, Leaf, Section, Steps, Table, View3d, text_table
 from designer.produce import Design
-from designer.report.assembly_pictures import exploded_scene, plate_picture
+from designer.report.assembly_pictures import exploded_scene
 from designer.report.costs import grams
 from designer.report.making import colour_words
 from designer.report.measuring import example_length
-from designer.report.plates import plate_folds, plate_table
+from designer.report.plates import plate_figures, plate_folds, plate_table
 
 _LIES = {
     "cap": "open side down", "bowl": "open side down", "core": "open side down", "lid": "seat up", "ring": "flat",
@@ -35,28 +35,13 @@ def assembling_section(design: Design, assembly: Assembly, files: Sequence[Outpu
     blocks: tuple[Block, ...] = (
         view,
         plate_table(design),
-        Fold("1. Print the plates", (_settings(design, assembly), *_plate_figures(design, assembly)), is_open=True),
+        Fold("1. Print the plates", (_settings(design, assembly), *plate_figures(design)), is_open=True),
         *plate_folds(design, [file.name for file in files]),
         Fold("2. Look at the tiles", (_checks(assembly),), is_open=True),
         Fold("3. Assemble", (_core_table(design, assembly), _steps(design, assembly)), is_open=True),
         Fold("4. Measure it", _measuring(design), is_open=True),
     )
     return Section("Making it", blocks, lead)
-
-
-def _plate_figures(design: Design, assembly: Assembly) -> tuple[Leaf, ...]:
-    """Each plate from above."""
-    figures = []
-    for plate in design.plates:
-        stem = f"{design.job.name}.{plate.name}"
-        there = "3mf" in design.job.formats
-        links = tuple(Link(f"{stem}.{kind}.3mf", f"{stem}.{kind}.3mf") for kind in ("prusa", "bambu") if there)
-        title = f"{plate.name.replace('-', ' ').capitalize()}: {plate.words}"
-        alt = f"The bed from above with {plate.words}" + (
-            " and a free corner for the prime tower." if plate.is_two_filament else "."
-        )
-        figures.append(Figure(title, plate_picture(design, assembly, plate), alt, "Seen from above.", links))
-    return tuple(figures)
 
 
 def _settings(design: Design, assembly: Assembly) -> Table:
@@ -83,7 +68,7 @@ def _settings(design: Design, assembly: Assembly) -> Table:
         "layer height": f"{printer.layer_height_mm:g} mm, the first layer too: the ink is "
         f"{printing.inlay_mm / printer.layer_height_mm:.3g} layers deep, a tile {sizes.thickness_mm:g} mm",
         "line width": f"{printer.line_width_mm:g} mm",
-        "walls, infill": f"{printer.machine.shells.text}",
+        "walls, infill": f"{printer.machine.shells.words()}",
         "supports": "off, for tiles and core",
         "brim": "off for tiles, if they hold: it would have to be cut off the edge that meets the neighbour",
         "ironing": "off: it drags ink over white",

@@ -1,17 +1,14 @@
-"""Pictures of a solid in parts: taken apart in 3D, and each plate from above."""
+"""A solid in parts, taken apart in 3D."""
 
 from dataclasses import replace
 
 import numpy as np
-from manifold3d import JoinType, triangulate
+from manifold3d import triangulate
 from numpy.typing import NDArray
 
 from designer.make.assembly import Assembly
-from designer.make.booleans import mesh_of, solid_of
-from designer.make.mesh import Mesh, wall_strip
-from designer.make.plate import Piece, Plate
-from designer.make.tower import TOWER_MM
-from designer.page.blocks import Svg
+from designer.make.booleans import mesh_of
+from designer.make.mesh import wall_strip
 from designer.page.scene import Labels, Layer, Scene, Surface
 from designer.produce import Design
 from designer.target import TargetGeometry
@@ -28,7 +25,6 @@ INSIDE_OUT = 1.6
 PLATE_COLOURS = ("#d55e00", "#009e73", "#0072b2", "#cc79a7", "#e69f00", "#56b4e9", "#f0e442")
 """Okabe and Ito's (2008), which colour-blind people tell apart; more plates begin again."""
 CORE_COLOUR, POST_COLOUR = "#9aa1a9", "#5b636c"
-_PX_PER_MM = 96 / 25.4
 
 
 def exploded_scene(design: Design, assembly: Assembly) -> Scene:
@@ -95,72 +91,3 @@ def _tile_back(assembly: Assembly, apart: TargetGeometry, face: int, colour: str
     triangles = np.concatenate([wall_strip(ids[0], ids[1]), triangulate([back])[:, ::-1].astype(np.int32) + count])
     frame = apart.target_from_face[face]
     return Surface(points @ frame[:3, :3].T + frame[:3, 3], triangles.astype(np.int64), colour)
-
-
-def plate_picture(design: Design, assembly: Assembly, plate: Plate) -> Svg:
-    """A plate from above: outlines, names, the corner of the prime tower; ink below the tiles is grey."""
-    width, depth, _ = design.job.printing.printer.bed_mm
-    ink = "#b8bec5" if assembly.sizes.ink_side == "down" else "#22262b"
-    lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {depth:g}" width="{width:g}mm" '
-        f'height="{depth:g}mm" font-family="sans-serif" text-anchor="middle">',
-        f'<rect width="{width:g}" height="{depth:g}" fill="#f4f5f6" stroke="#8a9099" stroke-width="0.6"/>',
-    ]
-    if plate.is_two_filament:
-        lines.append(
-            f'<rect x="{width - TOWER_MM:g}" y="0" width="{TOWER_MM:g}" height="{TOWER_MM:g}" fill="none" '
-            'stroke="#d55e00" stroke-width="0.6" stroke-dasharray="3 2"/>'
-            f'<text x="{width - TOWER_MM / 2:g}" y="{TOWER_MM / 2:g}" font-size="7" fill="#b34f00">prime tower</text>'
-        )
-    for piece in plate.pieces:
-        lines += _piece_lines(design, assembly, piece, depth, ink)
-    return Svg("\n".join((*lines, "</svg>\n")).encode(), width * _PX_PER_MM, depth * _PX_PER_MM)
-
-
-def _piece_lines(design: Design, assembly: Assembly, piece: Piece, depth_mm: float, ink: str) -> list[str]:
-    """A piece: its shadow on the bed, rings as circles, its name."""
-    lies = piece.as_it_lies
-    shadow = [_hull_on_bed(assembly, piece)] if lies.ink is not None else _shadow(lies.body)
-    path = "".join(
-        "M" + "L".join(f"{x:.2f} {depth_mm - y:.2f}" for x, y in np.asarray(polygon).tolist()) + "Z"
-        for polygon in shadow
-    )
-    lines = [f'<path d="{path}" fill="#ffffff" fill-rule="evenodd" stroke="#22262b" stroke-width="0.5"/>']
-    size = 7.0
-    if lies.ink is not None:
-        face = int(piece.name.split()[1])
-        mine = design.target.ring_face == face
-        at = design.target.center_in_face_mm[mine] @ piece.bed_from_part[:3, :3].T + piece.bed_from_part[:3, 3]
-        for (x, y, _), radius in zip(at.tolist(), design.target.radius_outer_mm[mine].tolist(), strict=True):
-            lines.append(
-                f'<circle cx="{x:.2f}" cy="{depth_mm - y:.2f}" r="{0.72 * radius:.2f}" fill="none" '
-                f'stroke="{ink}" stroke-width="{0.5 * radius:.2f}"/>'
-            )
-        size = 0.35 * assembly.sizes.seat_inradius_mm + 2.0
-    x, y = piece.bed_from_part[:2, 3].tolist() if lies.ink is not None else _middle(np.concatenate(shadow))
-    text = piece.name.removeprefix("tile ")
-    lines.append(
-        f'<text x="{x:.2f}" y="{depth_mm - y + size / 3:.2f}" font-size="{size:.1f}" font-weight="bold" '
-        f'fill="#0b3d66" stroke="#ffffff" stroke-width="{size / 6:.2f}" paint-order="stroke">{text}</text>'
-    )
-    return lines
-
-
-def _shadow(body: Mesh) -> list[Array]:
-    """What a body covers of the bed, without specks."""
-    outline = solid_of(body).project().offset(0.3, JoinType.Miter).offset(-0.3, JoinType.Miter)
-    return [np.asarray(polygon) for polygon in outline.to_polygons()]
-
-
-def _hull_on_bed(assembly: Assembly, piece: Piece) -> Array:
-    """A tile's outline at its widest, on the bed."""
-    outline = assembly.sizes.outline_at(0.0)
-    motion = piece.bed_from_part
-    on_bed: Array = outline @ motion[:2, :2].T + motion[:2, 3]
-    return on_bed
-
-
-def _middle(points: Array) -> tuple[float, float]:
-    """Of the box around points."""
-    x, y = ((points.max(axis=0) + points.min(axis=0)) / 2).tolist()
-    return x, y

@@ -79,7 +79,7 @@ def _otherwise(design: Design, build: str) -> BuildCosts | None:
     values = {key: value for key, value in tomllib.loads(spec_to_toml(design.job)).items() if key not in _CHOSEN_ANEW}
     try:
         other = Design(size_job(parse_spec({**values, "build": build}, "")).job)
-        if check_printability(other.target, other.job.printing, bed_is_rule=True).violations:
+        if check_printability(other.target, other.job.printing).violations:
             return None
         return BuildCosts(build, BUILDS[build].is_two_filament, other.estimate)
     except InputError:
@@ -145,9 +145,10 @@ def _few_digits(value: float) -> str:
     return f"{float(f'{value:.{3 if value >= 100 else 2}g}'):g}"
 
 
-def cost_table(costs: Costs, printing: PrintSpec) -> Table:
-    """This build against the others."""
-    assumed = ", which is assumed" if printing.filament_price == FILAMENT_PRICE else ""
+def cost_table(costs: Costs, printing: PrintSpec, layers: float) -> Table:
+    """This build against the others; a plate has so many layers."""
+    is_assumed = printing.filament_price == FILAMENT_PRICE
+    assumed, currency = (", which is assumed", ", EUR") if is_assumed else ("", "")
     columns = (
         Column("build", is_number=False),
         Column("plates"),
@@ -156,10 +157,10 @@ def cost_table(costs: Costs, printing: PrintSpec) -> Table:
         Column("purge", note="filament that changes throw away"),
         Column("filament", note="all that comes off the spools"),
         Column("spools", note="of 1 kg"),
-        Column("price", note=f"at {printing.filament_price:g} a kilogram{assumed}: --filament-price"),
+        Column(f"price{currency}", note=f"at {printing.filament_price:g} a kilogram{assumed}: --filament-price"),
     )
     rows = tuple(_cost_row(way, is_own=way is costs.own) for way in (costs.own, *costs.others))
-    return Table("What it takes", columns, rows, note=_rests_on(printing))
+    return Table("What it takes", columns, rows, note=_rests_on(printing, layers))
 
 
 def _cost_row(way: BuildCosts, *, is_own: bool) -> tuple[Cell, ...]:
@@ -177,7 +178,7 @@ def _cost_row(way: BuildCosts, *, is_own: bool) -> tuple[Cell, ...]:
     )
 
 
-def _rests_on(printing: PrintSpec) -> str:
+def _rests_on(printing: PrintSpec, layers: float) -> str:
     """The assumptions in a line."""
     machine = printing.printer.machine
     change = machine.change
@@ -186,19 +187,20 @@ def _rests_on(printing: PrintSpec) -> str:
         changing = f"a nozzle for each filament, {change.time_s:g} s and {change.purge_to_ink_mm3:g} mm³ a change"
     left_out = f"Brim{', stand' * printing.stand} and supports"
     return (
-        f"Estimated before slicing, from the model and the profile of {printing.printer.name}: {machine.shells.text}, "
-        f"layers of {printing.printer.layer_height_mm:g} mm, {changing}. PrusaSlicer with the same settings differs by "
+        f"Estimated before slicing, from the model and the profile of {printing.printer.name}: "
+        f"{machine.shells.words(layers)}, layers of {printing.printer.layer_height_mm:g} mm, {changing}. "
+        "PrusaSlicer with the same settings differs by "
         f"up to 15 % in time and 5 % in plastic, real printers by more. {machine.start_s / 60:.2g} min a plate "
         f"for heating and levelling are as the profile assumes. {left_out} are not in it."
     )
 
 
-def cost_section(costs: Costs, printing: PrintSpec) -> Section:
+def cost_section(costs: Costs, printing: PrintSpec, plate_layers: float = math.inf) -> Section:
     """This build against the others, its filament by slot, its time by plate."""
     one = costs.own.estimate
     layers = "1 layer holds" if one.inked_layers == 1 else f"{one.inked_layers} layers hold"
     why = f" {layers} ink, which makes {_changes(one.changes)}." if one.changes else ""
-    blocks = (cost_table(costs, printing), _slot_table(one, printing), _plate_table(one))
+    blocks = (cost_table(costs, printing, plate_layers), _slot_table(one, printing), _plate_table(one))
     return Section(COSTS_TITLE, blocks, f"{cost_sentence(one)}{why}")
 
 

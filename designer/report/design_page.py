@@ -35,9 +35,7 @@ from designer.page.blocks import (
 from designer.page.shell import page_html
 from designer.produce import Design, maker_of
 from designer.report.costs import Costs, cost_section, cost_sentence, costs_of, verdict
-from designer.report.making import (
-    colour_words,
-)
+from designer.report.making import colour_words, layers_of
 from designer.report.measuring import measure_blocks, photo_blocks
 from designer.report.other_makers import other_makers
 from designer.report.pictures import Panels, preview_panels, printed_ink, printed_scene
@@ -87,7 +85,7 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile], 
         headline=headline(job.printing, check, costs),
         lead=_lead(design, panels),
         sections=(
-            *((cost_section(costs, job.printing),) if costs.is_printed else ()),
+            *((cost_section(costs, job.printing, layers_of(design)),) if costs.is_printed else ()),
             Section(RULES_TITLE, (check.told(),), _rule_lead(job.printing, check)),
             maker_of(job.printing).making(design, files),
             *((stand_section(design),) if job.printing.stand else ()),

@@ -5,17 +5,14 @@ from collections.abc import Sequence
 from designer.formats.folder import OutputFile
 from designer.formats.svg import decimal
 from designer.make.board_tiles import KEY_END_MM, KEY_REACH_MM, KEY_WAIST_MM, BoardInPieces, Seam
-from designer.make.booleans import solid_of
 from designer.make.plate import Plate
-from designer.page.blocks import Block, Cell, Column, Figure, Fold, Leaf, Link, Section, Steps, Svg, Table
+from designer.page.blocks import Block, Cell, Column, Figure, Fold, Section, Steps, Svg, Table
 from designer.page.pictures import drawing_of_svg
 from designer.produce import Design
 from designer.report.making import print_settings
-from designer.report.plates import plate_folds, plate_table
-from designer.spec.spec import PrinterProfile
+from designer.report.plates import plate_figures, plate_folds, plate_table
 
 _PIECE, _LINE, _KEY, _INK, _PAPER = "#e4e4e4", "#6b6b6b", "#d55e00", "#1a1a1a", "#ffffff"
-_COARSE_MM = 0.2
 
 
 def jointing_section(design: Design, board: BoardInPieces, files: Sequence[OutputFile]) -> Section:
@@ -30,7 +27,7 @@ def jointing_section(design: Design, board: BoardInPieces, files: Sequence[Outpu
         _plan(design, board),
         _pieces_table(board, plates),
         plate_table(design),
-        Fold("Plates", _plate_figures(design)),
+        Fold("Plates", plate_figures(design)),
         *print_settings(design, design.job.printing.printer.machine.shells),
         *plate_folds(design, [file.name for file in files]),
         Fold("Join the pieces", (_joining_steps(design, board),), is_open=True),
@@ -81,45 +78,6 @@ def _key_svg(seam: Seam, middle: list[float], high: list[float]) -> str:
         x, y = (middle[k] + across * float(seam.across[k]) + along * float(seam.along[k]) for k in (0, 1))
         corners.append(f"{decimal(high[0] - x)},{decimal(high[1] - y)}")
     return f'<polygon points="{" ".join(corners)}" fill="{_KEY}"/>'
-
-
-def plate_svg(plate: Plate, printer: PrinterProfile) -> Svg:
-    """A plate from above: pieces as they cover the bed, their ink below them in grey, the prime tower's strip free."""
-    width, depth, _ = printer.bed_mm
-    lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {decimal(width)} {decimal(depth)}">',
-        f'<rect width="{decimal(width)}" height="{decimal(depth)}" fill="{_PAPER}" stroke="{_LINE}"/>',
-    ]
-    for piece in plate.pieces:
-        lies = piece.as_it_lies
-        shapes = [(lies.body, _PIECE)] if lies.ink is None else [(lies.body, _PIECE), (lies.ink, _LINE)]
-        for mesh, colour in shapes:
-            path = ""
-            for outline in solid_of(mesh).project().simplify(_COARSE_MM).to_polygons():
-                points = " ".join(f"{decimal(x)},{decimal(depth - y)}" for x, y in outline.tolist())
-                path += f"M{points}Z"
-            lines.append(f'<path d="{path}" fill="{colour}" fill-rule="evenodd" stroke="{_LINE}" stroke-width="0.3"/>')
-        if lies.ink is not None:
-            x, y = ((lies.body.vertices_mm.max(axis=0) + lies.body.vertices_mm.min(axis=0)) / 2)[:2].tolist()
-            lines.append(
-                f'<text x="{decimal(x)}" y="{decimal(depth - y + 12)}" font-size="36" text-anchor="middle" '
-                f'fill="{_KEY}">{piece.name.split()[1]}</text>'
-            )
-    lines.append("</svg>\n")
-    return drawing_of_svg("\n".join(lines).encode())
-
-
-def _plate_figures(design: Design) -> tuple[Leaf, ...]:
-    """Each plate from above, with its files."""
-    figures, has_files = [], "3mf" in design.job.formats
-    for plate in design.plates:
-        stem, title = f"{design.job.name}.{plate.name}", plate.name.replace("-", " ").capitalize()
-        links = tuple(Link(f"{stem}.{kind}.3mf", f"{stem}.{kind}.3mf") for kind in ("prusa", "bambu") if has_files)
-        alt = f"The bed from above with {plate.words}."
-        tower = " The free strip in front is the prime tower's." if plate.is_two_filament else ""
-        picture = plate_svg(plate, design.job.printing.printer)
-        figures.append(Figure(f"{title}: {plate.words}", picture, alt, f"From above.{tower}", links))
-    return tuple(figures)
 
 
 def _pieces_table(board: BoardInPieces, plates: Sequence[Plate]) -> Table:

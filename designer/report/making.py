@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from designer.base.units import NO_SKEW, SCALE_BAR_MM, format_skew
 from designer.base.words import capital
 from designer.kinds.layout import adjacent_faces
-from designer.make.bed import overhang
+from designer.make.bed import overhang, printed_size_mm
 from designer.make.printability import COUNT
 from designer.page.blocks import Block, Fold, Leaf, Paragraph, Steps, text_table
 from designer.produce import Design
-from designer.spec.machine import Shells
+from designer.spec.machine import BRIM_MM, Shells
 from designer.spec.spec import PrinterProfile, PrintSpec
 
 _COLOUR_NAMES = {"#ffffff": "white", "#000000": "black"}
@@ -137,7 +137,9 @@ def print_settings(design: Design, shells: Shells) -> tuple[Leaf, ...]:
                 "as the file has it: the back (face 1) down, its ink in the first layers, and the front's in the last "
                 "ones; the back comes out as flat and as glossy as the bed, the front shows the lines of the top layer"
             )
-        brim = "worth it on a large board: corners that lift bend the plate; cut it off flush"
+        brim = "worth it if corners lift and bend the plate; cut it off flush"
+    if printer.place_mm(printed_size_mm(design.target, printing)[:2], BRIM_MM) is None:
+        brim = f"off: one of {BRIM_MM:g} mm has no room around the part on this bed"
     supports, over = "off: nothing overhangs", overhang(design.target, printing)
     if over is not None:
         supports = (
@@ -154,7 +156,7 @@ def print_settings(design: Design, shells: Shells) -> tuple[Leaf, ...]:
         "layer height": f"{printer.layer_height_mm:g} mm, the first layer too: the ink is {printing.inlay_mm:g} mm "
         f"deep, {ink_layers:.3g} layer{'s' * (ink_layers != 1)} of a flat face",
         "line width": f"{printer.line_width_mm:g} mm: the design rules above were held to it",
-        "walls, infill": f"{shells.text}; not critical, the filament above is for these",
+        "walls, infill": f"{shells.words(layers_of(design))}; not critical, the filament above is for these",
         "supports": supports,
         "brim": brim,
         "ironing": "off: it drags ink over white",
@@ -164,6 +166,12 @@ def print_settings(design: Design, shells: Shells) -> tuple[Leaf, ...]:
         "turning": _turn_words(printing),
     }
     return (text_table("Settings in every slicer", ("setting", "value"), rows.items(), visible_rows=len(rows)),)
+
+
+def layers_of(design: Design) -> float:
+    """How many layers a plate has; a solid has more than its shells."""
+    printer = design.job.printing.printer
+    return round(design.job.target.depth_mm * design.scale / printer.layer_height_mm, 3)
 
 
 def _scale_words(printing: PrintSpec) -> str:
@@ -191,8 +199,8 @@ def sticker_blocks(design: Design, sheets: tuple[Leaf, ...]) -> tuple[Block, ...
         "smaller on every face than the finished target, the thickness of a sticker.",
         lay,
         f"{_scale_words(printing)}.",
-        f"Layer height {printing.printer.layer_height_mm:g} mm, {Shells().text}; ironing off. Remove blobs and seams: "
-        "a sticker over them is not flat.",
+        f"Layer height {printing.printer.layer_height_mm:g} mm, {Shells().words()}; ironing off. Remove blobs and "
+        "seams: a sticker over them is not flat.",
     ))  # fmt: skip
     pages = f"{len(design.pages)} page{'s' if len(design.pages) > 1 else ''} of {job.page}"
     sheet_steps = Steps((

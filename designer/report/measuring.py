@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from designer.base.units import NO_SKEW, format_skew
 from designer.base.words import capital
-from designer.kinds.layout import opposite_faces
+from designer.kinds.layout import advised_photos, opposite_faces
 from designer.make.bed import bed_from_target
 from designer.page.blocks import Block, Cell, Column, Command, Leaf, Paragraph, Steps, Table, text_table
 from designer.produce import Design
-from designer.report.making import two_digits
 from designer.spec.spec import PrintSpec
-from designer.target import PARALLEL, TargetGeometry, bounding_radius_mm
+from designer.target import PARALLEL, TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
 
@@ -30,13 +29,7 @@ READING = "READING"
 _LEAST_RING_PX = 10
 SIMULATED_CAMERA = "machine-vision"
 """The camera template that calib render takes unless told otherwise."""
-IMAGE_HALF_HEIGHT = 0.4096
-"""Of that camera, at distance 1: tangents of half its angles of view, over the height and over the diagonal."""
-IMAGE_HALF_DIAGONAL = 0.6383
 _SIMULATED_VIEWS = 24
-_AIM_SHARE, _PLANAR_AIM_SHARE = 0.8, 0.7
-"""How far the camera looks past the target, of the distance from the image's middle to its corners: so far that rings
-come into the corners, and that nothing with one face loses the dots that name its rings."""
 
 
 @dataclass(frozen=True)
@@ -448,15 +441,12 @@ def photo_blocks(design: Design) -> tuple[Block, ...]:
 
 
 def simulated_line(design: Design) -> str:
-    """The command that takes simulated photos as one should: near and far, turned, and into the image's corners.
-
-    From the nearest place the target's outline fills the height of the image.
-    """
-    nearest, is_flat = bounding_radius_mm(design.target) / IMAGE_HALF_HEIGHT, design.target.is_plate
-    aim = (_PLANAR_AIM_SHARE if is_flat else _AIM_SHARE) * IMAGE_HALF_DIAGONAL * nearest
-    near, far, aside = (two_digits(length) for length in (nearest, 2 * nearest, aim))
-    cap = " --cap-angle 45deg" if is_flat else ""
+    """The command that takes simulated photos as one should: near and far, turned, and into the image's corners."""
+    photos = advised_photos(design.target)
+    near, far = photos.distance_mm
+    cap = f" --cap-angle {math.degrees(photos.half_angle_rad):.0f}deg" if design.target.is_plate else ""
     return (
-        f"calib render {design.job.name}.target.json -o simulated --views {_SIMULATED_VIEWS} "
-        f"--distance {near}mm..{far}mm --aim-offset {aside}mm --random-roll{cap} --blur 0.7px --contrast-to-noise 50"
+        f"calib render {design.job.name}.target.json -o simulated --views {_SIMULATED_VIEWS} --distance "
+        f"{near:g}mm..{far:g}mm --aim-offset {photos.aim_offset_mm:g}mm --random-roll{cap} --blur 0.7px "
+        "--contrast-to-noise 50"
     )

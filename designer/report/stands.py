@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from designer.make.bed import bed_words
 from designer.make.estimate import estimate
 from designer.make.mesh import Mesh, Part
 from designer.make.plate import Piece, Plate
@@ -35,9 +36,10 @@ def stand_section(design: Design) -> Section:
         ("time", duration(takes.time_s)),
     ]
     printer = job.printing.printer
-    if (np.sort(size_mm[:2]) > np.sort(printer.bed_mm[:2])).any() or size_mm[2] > printer.bed_mm[2]:
-        bed = " x ".join(f"{length:g}" for length in printer.bed_mm)
-        rows.append(("bed", f"it is larger than that of {printer.name}, {bed} mm: print it on another"))
+    width, depth, height = size_mm.tolist()
+    is_wide = all(printer.place_mm(size) is None for size in ((width, depth), (depth, width)))
+    if is_wide or height > printer.bed_mm[2]:
+        rows.append(("bed", f"it does not fit: {bed_words(printer)}; print it on another"))
     view = View3d(
         "The target on its stand",
         _scene(design, stand),

@@ -87,6 +87,7 @@ def design_summary(
         tuple(written.folder / file.name for file in written.files),
         (_run_line(job, written.folder),),
         (*_chosen(design, remarks), *written.replaced),
+        VIOLATED if check.violations else 0,
     )
 
 

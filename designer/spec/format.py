@@ -19,6 +19,7 @@ class FileFormat:
     is_flat: bool = False  # of flat stock, which neither shrinks nor skews as plastic does
     has_true_circles: bool = False  # which do not stay circles in a sheared part
     is_of_one_piece: bool = False  # it holds a target as a whole
+    is_of_filaments: bool = False  # body and ink as they are printed: where ink is on a sheet, it would be blank
     is_of_plates: bool = False  # it holds all plates of a build in parts, with presets of the printer
     suffix: str = ""  # of its files' names, where there is a guide
     guide: str = ""  # module of `designer.formats` that tells what to do with it; "": the build's own text does
@@ -36,6 +37,8 @@ class FileFormat:
             return f"{name} is of a {' or a '.join(self.forms)}, and this is a {form}; use {self.instead}"
         if self.is_of_one_piece and printing.way.is_in_parts:
             return f"{name} is of one piece, and this build is in parts; use 3mf or stl"
+        if self.is_of_filaments and not printing.is_two_filament:
+            return f"{name} shows what is printed of plastic, and the rings of this build are on a sheet; use pdf"
         if self.is_of_plates:
             return _why_no_project(name, printing)
         if self.has_true_circles and is_skewed:
@@ -94,8 +97,8 @@ FORMATS: Mapping[Format, FileFormat] = {
     "png": FileFormat("PNG, a preview"),
     "pdf": FileFormat("PDF, artwork for printers"),
     "svg": FileFormat("SVG, artwork for print shops"),
-    "step": FileFormat("STEP, for CAD", has_true_circles=True, is_of_one_piece=True),
-    "glb": FileFormat("GLB, for viewers"),
+    "step": FileFormat("STEP, for CAD", has_true_circles=True, is_of_one_piece=True, is_of_filaments=True),
+    "glb": FileFormat("GLB, for viewers", is_of_filaments=True),
     "dxf": FileFormat("DXF, for lasers, cutters and CAD", is_flat=True, suffix=".dxf", guide="dxf"),
     "laser": FileFormat("Laser SVG, to engrave and cut", is_flat=True, suffix=".laser.svg", guide="laser"),
     "gerber": _GERBER,

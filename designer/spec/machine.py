@@ -4,10 +4,11 @@ The defaults are those of a printer that nothing is known of (`templates/printer
 later at moderate settings, every number an assumption. A printer's file says its own, each with a source.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from designer.base.marks import LEFT_OUT, Above, AtLeast, AtMost
+from designer.base.marks import LEFT_OUT, Above, AtLeast, AtMost, Length
 
 BRIM_MM = 5.0
 """Free around a part on the bed: the usual width of a brim in slicers."""
@@ -20,6 +21,9 @@ Purge = Annotated[float, AtLeast(0), AtMost(5000)]
 Flow = Annotated[float, Above(0), AtMost(200)]
 PlateSide = Annotated[float, Above(0), AtMost(5000)]
 Layers = Annotated[int, AtLeast(0), AtMost(10_000)]
+Place = Annotated[float, AtLeast(0), AtMost(5000)]
+Area = tuple[Place, Place, Place, Place]
+"""A rectangle of the bed, in mm from its front left corner: left, front, right, rear."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +75,10 @@ class Shells:
     top_layers: Layers = 5
     infill: Annotated[float, AtLeast(0), AtMost(1)] = 0.15
 
-    @property
-    def text(self) -> str:
-        """In words."""
+    def words(self, layers: float = math.inf) -> str:
+        """Of a part with so many layers."""
+        if layers <= self.bottom_layers + self.top_layers:
+            return f"{self.walls} walls, all layers solid"
         return (
             f"{self.walls} walls, {self.bottom_layers} solid layers at the bottom and {self.top_layers} at the top, "
             f"{100 * self.infill:g} % infill"
@@ -108,6 +113,7 @@ class Machine:
     least_layer_s: Seconds = 5.0  # a layer that takes less is printed slower, to cool
     start_s: Seconds = 300.0  # heating, homing and levelling, before the first layer
     clearance_mm: Annotated[float, AtLeast(0), AtMost(2)] = 0.15  # between printed parts that are put into each other
+    excluded_mm: Annotated[tuple[Area, ...], Length(0, 8)] = ()  # of the bed: where nothing may be printed
 
 
 UNKNOWN_MACHINE = Machine()

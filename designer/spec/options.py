@@ -62,9 +62,7 @@ class AskedPrinting:
     ink_colour: Annotated[str | None, Option("colour", "colour of the ink (#000000)")] = None
     labels: Annotated[bool | None, Option("switch", "print face numbers and target id where they fit")] = None
     stand: Annotated[bool | None, Option("switch", "also write a printable stand")] = None
-    filament_price: Annotated[
-        float | None, Option("price", "what a kilogram of filament costs, in any currency (25)")
-    ] = None
+    filament_price: Annotated[float | None, Option("price", "what a kilogram of filament costs (25, in EUR)")] = None
     chord_error: Annotated[float | None, Option("chord error", "farthest a polygon strays from its circle (5um)")] = (
         None
     )

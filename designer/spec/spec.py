@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from designer.spec.build import ANY_MOUNT, BUILDS, Build, Form, Format, InkSide
-from designer.spec.machine import UNKNOWN_MACHINE, Machine, Presets
+from designer.spec.machine import BRIM_MM, UNKNOWN_MACHINE, Area, Machine, Presets
 
 if TYPE_CHECKING:
     import numpy as np
@@ -98,6 +98,22 @@ class Spec(ABC):
         """What a person would type for the fields that other kinds do not have."""
 
 
+_ROUNDING_MM = 1e-6
+"""Lengths of a part come out of turns of the design."""
+
+
+def _beside(room: Area, taken: Area) -> list[Area]:
+    """The largest rectangles of a room that are clear of another rectangle."""
+    left, front, right, rear = room
+    if taken[0] >= right or taken[2] <= left or taken[1] >= rear or taken[3] <= front:
+        return [room]
+    parts = [
+        (left, front, taken[0], rear), (taken[2], front, right, rear),
+        (left, front, right, taken[1]), (left, taken[3], right, rear),
+    ]  # fmt: skip
+    return [part for part in parts if part[0] < part[2] and part[1] < part[3]]
+
+
 @dataclass(frozen=True)
 class PrinterProfile:
     """What the design rules need to know of a printer."""
@@ -123,6 +139,55 @@ class PrinterProfile:
             return None
         fits = all(side <= most for side, most in zip(self.bed_mm, presets.plate_mm, strict=False))
         return presets if fits else None
+
+    @property
+    def excluded_mm(self) -> tuple[Area, ...]:
+        """Where nothing may be printed."""
+        return self.machine.excluded_mm
+
+    @property
+    def excluded_words(self) -> str:
+        """`18 x 28 mm in front left`; "" of a bed that is free everywhere."""
+        return " and ".join(self._area_words(*area) for area in self.excluded_mm)
+
+    def _area_words(self, left: float, front: float, right: float, rear: float) -> str:
+        size = f"{right - left:g} x {rear - front:g} mm"
+        width, depth, _ = self.bed_mm
+        along = "in front" if front <= 0 else "at the rear" if rear >= depth else ""
+        across = "left" if left <= 0 else "right" if right >= width else ""
+        return f"{size} {along} {across}" if along and across else f"{size} from {left:g}, {front:g} mm on"
+
+    def rooms_mm(self, free_mm: float = 0.0, strip_mm: tuple[float, float] = (0.0, 0.0)) -> tuple[Area, ...]:
+        """The largest rectangles of the bed that may be printed on, which overlap; one of no size if nothing is left.
+
+        Args:
+            free_mm: between them and the bed's rim or an excluded area.
+            strip_mm: left free along the left rim and along the front.
+        """
+        width, depth, _ = self.bed_mm
+        rooms: list[Area] = [(strip_mm[0] + free_mm, strip_mm[1] + free_mm, width - free_mm, depth - free_mm)]
+        for left, front, right, rear in self.excluded_mm:
+            taken = (left - free_mm, front - free_mm, right + free_mm, rear + free_mm)
+            rooms = [part for room in rooms for part in _beside(room, taken)]
+        return tuple(rooms) or ((0.0, 0.0, 0.0, 0.0),)
+
+    def place_mm(self, size_mm: tuple[float, float], free_mm: float = 0.0) -> tuple[float, float] | None:
+        """The front left corner of a rectangle as near to the bed's middle as there is room for it; None: nowhere.
+
+        This is the one rule for what fits: checks, pictures and files stand on it.
+        """
+        middle = [(side - length) / 2 for side, length in zip(self.bed_mm, size_mm, strict=False)]
+        places = []
+        for room in self.rooms_mm(free_mm):
+            most = [room[k + 2] - size_mm[k] for k in (0, 1)]
+            if all(most[k] >= room[k] - _ROUNDING_MM for k in (0, 1)):
+                places.append((min(max(middle[0], room[0]), most[0]), min(max(middle[1], room[1]), most[1])))
+        return min(places, key=lambda place: math.dist(place, middle), default=None)
+
+    def laid_mm(self, size_mm: tuple[float, float]) -> tuple[float, float]:
+        """Where a rectangle is laid: with room for a brim, else without, and one that is too large in the middle."""
+        place = self.place_mm(size_mm, BRIM_MM) or self.place_mm(size_mm)
+        return place or ((self.bed_mm[0] - size_mm[0]) / 2, (self.bed_mm[1] - size_mm[1]) / 2)
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from designer.base.solid import CODES, TRIANGLE_POSITIONS
 from designer.base.units import skew_matrix
 from designer.formats.folder import OutputFile, write_folder
 from designer.kinds.ico import icosahedron
-from designer.kinds.layout import lay_out, opposite_faces
+from designer.kinds.layout import IMAGE_HALF_DIAGONAL, IMAGE_HALF_HEIGHT, lay_out, opposite_faces
 from designer.kinds.sizing import size_job
 from designer.make.bed import bed_from_target
 from designer.make.estimate import DENSITY_G_PER_CM3, PlateEstimate, PrintEstimate
@@ -41,8 +41,6 @@ from designer.report.costs import BuildCosts, Costs, cost_section
 from designer.report.design_page import DOT, PAGE_FILE, code_blocks, design_page, headline, page_file
 from designer.report.making import BODY_SLOT, INK_SLOT, usual_slicer
 from designer.report.measuring import (
-    IMAGE_HALF_DIAGONAL,
-    IMAGE_HALF_HEIGHT,
     READING,
     SIMULATED_CAMERA,
     caliper_lengths,
@@ -77,7 +75,7 @@ BUILDS = tuple(SPECS)
 def made(build: str) -> tuple[Design, PrintCheck, tuple[OutputFile, ...]]:
     """A design, its check and its files, as the command makes them."""
     design = Design(size_job(SPECS[build]).job)
-    check = check_printability(design.target, design.job.printing, bed_is_rule=False)
+    check = check_printability(design.target, design.job.printing)
     return design, check, make_files(design, lambda stage: None)
 
 
@@ -487,7 +485,7 @@ def test_a_page_tells_of_a_stand_where_there_is_one() -> None:
 def test_hours_and_changes_of_plates_are_told_once() -> None:
     """One table of the page has the minutes of each plate: two would differ by rounding."""
     design = Design(size_job(asked_for("cube", {"edge": "40mm", "build": "tiles", "chord_error": "20um"})).job)
-    check = check_printability(design.target, design.job.printing, bed_is_rule=False)
+    check = check_printability(design.target, design.job.printing)
     page = design_page(design, check, ())
     plates = [leaf for leaf in leaves(page) if isinstance(leaf, Table) and leaf.title.startswith("Plates")]
     assert len(plates) == 2
@@ -508,7 +506,7 @@ def test_lengths_of_filament_are_plain_numbers() -> None:
 def test_a_coupon_is_no_fault_and_leads_to_calib_coupon() -> None:
     """Its fine marks are not warned of, those below a line are; what follows is `calib coupon` with its options."""
     design = Design(size_job(asked_for("coupon", {"ink_offset": "-30um"})).job)
-    check = check_printability(design.target, design.job.printing, bed_is_rule=False)
+    check = check_printability(design.target, design.job.printing)
     assert not [finding for finding in check.findings if finding.level != "note"]
     lines = [leaf.line for part in trial_sections(design) for leaf in part.blocks if isinstance(leaf, Command)]
     assert lines[0].startswith("calib coupon coupon.jpg --length")
@@ -516,4 +514,4 @@ def test_a_coupon_is_no_fault_and_leads_to_calib_coupon() -> None:
     fine = size_job(asked_for("coupon", {"nozzle": "0.2mm"})).job.printing
     assert (design.job.printing.inlay_mm, fine.inlay_mm, fine.printer.layer_height_mm) == (0.2, 0.2, 0.1)  # opaque
     wide = replace(design.job.printing, printer=replace(design.job.printing.printer, line_width_mm=0.7))
-    assert "one line" in check_printability(design.target, wide, bed_is_rule=False).findings[0].text
+    assert "one line" in check_printability(design.target, wide).findings[0].text

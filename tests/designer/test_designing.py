@@ -1,13 +1,22 @@
 """Designing from Python: the same as the command line."""
 
 import math
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 import pytest
 
 import designer
+from designer import produce
 from designer.designing import LENGTHS
+from designer.make import cad
+from designer.produce import Design, make_files
 from designer.spec.kind import KINDS, kind_named
 from designer.spec.options import options_of
 from tests.support.command_line import design
@@ -95,3 +104,55 @@ def test_the_import_loads_next_to_nothing() -> None:
     loaded, listed = (set(line.split()) for line in run(PYTHON, "-c", code).stdout.splitlines())
     assert not {"numpy", "pydantic", "typer", "designer.target", "designer.spec.kind"} & loaded
     assert {*designer.__all__, *KINDS} <= listed
+
+
+def test_a_process_that_makes_a_file_ends_with_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stopped while the CAD kernel is at work: it is ended, and the person does not wait for it."""
+    begun = Event()
+    process: list[subprocess.Popen[bytes]] = []
+
+    def slow(design: Design) -> Iterator[tuple[str, bytes, str]]:
+        process.append(subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE))
+        produce._PROCESSES.add(process[0])
+        begun.set()
+        process[0].wait()
+        yield "step", b"", ""
+
+    def interrupt(stage: str) -> None:
+        assert begun.wait(60)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(produce, "EXPORTERS", {**produce.EXPORTERS, "step": slow})
+    made = designer.board(size_mm=(60, 60)).design
+    with pytest.raises(KeyboardInterrupt):
+        make_files(replace(made, job=replace(made.job, formats=("step",))), interrupt)
+    assert process[0].wait() == -signal.SIGKILL
+
+
+def test_step_is_the_same_from_a_process_of_its_own() -> None:
+    """The spec that it is handed is the design: the same bytes as made in place."""
+    made = designer.board(size_mm=(40, 40), formats=("step",)).design
+    job = made.job
+    (step,) = (one.content for one in make_files(made, lambda _: None) if one.name.endswith(".step"))
+    assert step == cad.step_bytes(job.target, made.printed_pattern, job.printing, name=job.name, scale=made.scale)
+
+
+@pytest.mark.parametrize("printer", ["bambu-p1s", "bambu-a1"])
+def test_what_does_not_fit_ends_as_the_check_of_it(printer: str, tmp_path: Path) -> None:
+    """`design` writes a part that the printer cannot make and says so, with the exit code of `check`; or refuses it."""
+    options = ("--size", "240x240mm", "--printer", printer)
+    made = design("board", *options, "-o", tmp_path / "b")
+    checked = design("check", tmp_path / "b" / "board-240x240mm.toml")
+    assert made.code == checked.code == (1 if printer == "bambu-p1s" else 0)
+    refused = design("board", *options, "--must-fit", "-o", tmp_path / "c")
+    assert refused.code == (2 if made.code else 0)
+    assert (tmp_path / "c").exists() == (not made.code)
+
+
+def test_parts_that_fit_no_bed_are_refused_by_the_check_too(tmp_path: Path) -> None:
+    """Pieces too large for the bed: the same line from `design` and from `check` of the same spec."""
+    spec = tmp_path / "long.toml"
+    spec.write_text('kind = "board"\nsize = "60x60mm"\nbuild = "tiles"\n')
+    made, checked = design("make", spec, "-o", tmp_path / "b"), design("check", spec)
+    assert made.code == checked.code == 2
+    assert made.err == checked.err

@@ -1,6 +1,7 @@
 """A solid in tiles as the command makes it: files, plates, page."""
 
 import io
+import re
 import zipfile
 from functools import cache
 
@@ -11,9 +12,12 @@ import pytest
 from designer.builds.tiles import assembly_of
 from designer.designing import DesignedTarget, design
 from designer.formats.folder import OutputFile
+from designer.kinds.sizing import size_job
 from designer.make.mounts import MOUNTS as BUILT_MOUNTS
+from designer.produce import Design
+from designer.report.plates import plate_picture
 from designer.spec.build import MOUNTS
-from tests.support.designs import COARSE
+from tests.support.designs import COARSE, asked_for
 
 FACES = 20
 
@@ -100,3 +104,21 @@ def test_the_page_tells_the_way_from_plates_to_a_measured_solid() -> None:
 def test_mounts_are_those_that_options_name() -> None:
     """What is offered is what is made, in the same order."""
     assert tuple(BUILT_MOUNTS) == MOUNTS
+
+
+@pytest.mark.parametrize("ink_side", ["down", "up"])
+def test_pictures_of_plates_show_rings_as_rings_dots_as_dots_and_what_lies_below_in_dashes(ink_side: str) -> None:
+    """A dot is one disc, a ring has a hole; ink on the bed is dashed, and the area that the bed excludes is drawn."""
+    values = {"edge": "50mm", "build": "tiles", "ink_side": ink_side, "chord_error": COARSE}
+    made = Design(size_job(asked_for("cube", values)).job)
+    target, pictures = made.target, [plate_picture(made, plate).content.decode() for plate in made.plates]
+    circles = [one for picture in pictures for one in re.findall(r"<circle [^>]*>", picture)]
+    rings, dots = target.ring_count - int(target.is_dot.sum()), int(target.is_dot.sum())
+    if ink_side == "down":
+        assert all("stroke-dasharray" in one for one in circles)
+        assert len(circles) == 2 * rings + dots
+    else:
+        assert not any("stroke-dasharray" in one for one in circles)
+        assert sum('fill="none"' in one for one in circles) == rings
+        assert len(circles) == rings + dots
+    assert all('fill="url(#excluded)"' in picture for picture in pictures)

@@ -157,7 +157,7 @@ def test_what_no_two_sided_board_can_be(values: dict[str, object], message: str)
 def test_rules_of_two_sides() -> None:
     """A plate that does not end at a layer puts the upper ink off; a stand would cover rings of the back."""
     design = two_sided(thickness="3.5mm")
-    check = check_printability(design.target, design.job.printing, bed_is_rule=True)
+    check = check_printability(design.target, design.job.printing)
     assert any("use 3.6mm" in finding.text for finding in check.findings)
     with pytest.raises(InputError, match="leave --stand out"):
         make_stand(design.target, design.job.printing)

@@ -147,7 +147,7 @@ def test_part_lies_on_the_bed(name: str) -> None:
     assert motion[:3, :3] @ design.target.target_from_face[-1, :3, 2] == pytest.approx([0, 0, -1], abs=1e-9)
     assert (placed.max(axis=0) < printing.printer.bed_mm).all()
     assert (placed[:, :2].min(axis=0) > 0).all()
-    assert not check_printability(design.target, printing, bed_is_rule=True).violations
+    assert not check_printability(design.target, printing).violations
 
 
 @each_kind

@@ -4,12 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from designer.base.solid import Solid
 from designer.kinds.ico import icosahedron
+from designer.kinds.sizing import size_job
 from designer.make.bed import bed_from_target, printed_size_mm
 from designer.produce import Design
-from tests.support.designs import ink_of, small_board, small_ico
+from designer.spec.machine import BRIM_MM, Machine
+from designer.spec.spec import PrinterProfile
+from tests.support.designs import COARSE, asked_for, ink_of, small_board, small_ico
 
 PHI = (1 + 5**0.5) / 2
 
@@ -76,3 +81,48 @@ def test_body_under_stickers_is_smaller() -> None:
     printing = replace(design.job.printing, build="stickers", sticker_thickness_mm=0.25)
     height = np.ptp(Solid(icosahedron(), 20.0).corners_mm() @ bed_from_target(design.target, printing)[2, :3])
     assert printed_size_mm(design.target, printing)[2] == pytest.approx(height - 0.5)
+
+
+@given(
+    st.tuples(st.floats(5, 120), st.floats(5, 120)),
+    st.lists(st.tuples(*[st.integers(0, 90)] * 2, *[st.integers(3, 60)] * 2), max_size=2),
+    st.floats(0, 6),
+)
+@settings(max_examples=60, deadline=None)
+def test_what_fits_lies_clear_of_what_the_bed_excludes(
+    size_mm: tuple[float, float], areas: list[tuple[int, int, int, int]], free_mm: float
+) -> None:
+    """A rectangle is placed as near to the middle as a search over all corners finds, and nowhere only if none does."""
+    excluded = tuple((float(x), float(y), float(x + w), float(y + d)) for x, y, w, d in areas)
+    printer = PrinterProfile("any", (110.0, 100.0, 50.0), 0.4, 0.45, 0.2, Machine(excluded_mm=excluded))
+    low = np.full(2, free_mm)
+    high = np.array(printer.bed_mm[:2]) - free_mm - size_mm
+    middle = (np.array(printer.bed_mm[:2]) - size_mm) / 2
+    edges = [
+        np.array([middle[k], low[k], high[k], *(one[k] - free_mm - size_mm[k] for one in excluded),
+                  *(one[k + 2] + free_mm for one in excluded)])
+        for k in (0, 1)
+    ]  # fmt: skip
+    corners = np.stack(np.meshgrid(*edges), axis=-1).reshape(-1, 2)
+    right = ((corners >= low - 1e-7) & (corners <= high + 1e-7)).all(axis=1)
+    for one in excluded:
+        before, after = np.array(one[:2]) - free_mm - size_mm, np.array(one[2:]) + free_mm
+        right &= ((corners <= before + 1e-7) | (corners >= after - 1e-7)).any(axis=1)
+    place = printer.place_mm(size_mm, free_mm)
+    assert (place is None) == (not right.any())
+    if place is not None:
+        nearest = np.linalg.norm(corners[right] - middle, axis=1).min()
+        assert np.linalg.norm(place - middle) == pytest.approx(nearest, abs=1e-5)
+
+
+def test_parts_and_brims_lie_clear_of_the_cutters_corner() -> None:
+    """On a P1S a board of 200 x 200 mm and its brim are clear of 18 x 28 mm in front left; on an A1 it is centred."""
+    for name, is_centred in (("bambu-p1s", False), ("bambu-a1", True)):
+        sized = size_job(asked_for("board", {"size": "220x200mm", "printer": name, "chord_error": COARSE}))
+        design = Design(sized.job)
+        corners = on_bed(design, bed_from_target(design.target, sized.job.printing))
+        low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
+        assert (low - BRIM_MM >= -1e-9).all()
+        assert (high + BRIM_MM <= 256 + 1e-9).all()
+        assert ((low + high) / 2 == pytest.approx(np.full(2, 128.0))) == is_centred
+        assert is_centred or (low - BRIM_MM >= np.array([18, 28]) - 1e-9).any()

@@ -157,27 +157,6 @@ def test_ink_offset_and_inlay_reach_the_solids() -> None:
     assert dot.volume == pytest.approx(np.pi * 3.6**2 * 0.8, rel=1e-9)
 
 
-@pytest.mark.parametrize("build", ["stickers", "sheet"])
-def test_where_the_pattern_is_paper_the_body_is_plain(build: str, tmp_path: Path) -> None:
-    """One solid, no ink: with stickers on it an icosahedron has the nominal size; sheets are not compensated."""
-    spec, printing = CASES["ico" if build == "stickers" else "board, dark letters"]
-    printing = replace(printing, build=build, inlay_mm=0.0)
-    pattern = make_pattern(lay_out(spec), printing, scale=SCALE)
-    path = tmp_path / "plain.step"
-    path.write_bytes(cad.step_bytes(spec, pattern, printing, name="plain", scale=SCALE))
-    (body,) = build123d.import_step(path).children
-    assert body.label == "body"
-    assert hex_colour(body) == printing.body_colour
-    if isinstance(spec, IcoSpec):
-        edges = [edge.length for edge in body.edges()]
-        assert len(edges) == 30
-        smaller = spec.edge_mm - printing.sticker_thickness_mm / spec.shape().inradius
-        np.testing.assert_allclose(edges, SCALE * smaller, rtol=1e-9)
-    else:
-        assert body.volume == pytest.approx(60 * 50 * 4)
-        assert abs(body.bounding_box().max.Z) < 1e-6
-
-
 _PRINT_DIGEST = """
 import hashlib
 from designer.make import cad

@@ -25,8 +25,8 @@ ICO = lay_out(IcoSpec(100.0, 8, 7.0, 0.45, 10.0, 2.0, 3.0))
 BOARD = lay_out(BoardSpec((90.0, 80.0), 5.0, 8, 7, "square", 7.0, 0.45, 10.0, 1.5, 2.0, dots=True))
 
 
-def found(target: TargetGeometry, printing: PrintSpec, rule: str, *, bed_is_rule: bool = True) -> list[PrintFinding]:
-    check = check_printability(target, printing, bed_is_rule=bed_is_rule)
+def found(target: TargetGeometry, printing: PrintSpec, rule: str) -> list[PrintFinding]:
+    check = check_printability(target, printing)
     return [finding for finding in check.findings if rule in finding.rules]
 
 
@@ -38,7 +38,7 @@ def level(target: TargetGeometry, printing: PrintSpec, rule: str) -> str:
 
 def test_papers_target_holds_all_rules() -> None:
     """Edge 100 mm with a 0.4 mm nozzle: every rule holds, and the only finding is a note on overhangs."""
-    check = check_printability(ICO, SOLID, bed_is_rule=True)
+    check = check_printability(ICO, SOLID)
     assert check.holding == tuple(RULES)
     assert check.violations == ()
     assert [finding.level for finding in check.findings] == ["note"]
@@ -183,7 +183,7 @@ def test_a_target_of_one_ring_has_no_gaps() -> None:
         np.array([False]), np.eye(4)[None], BOARD.outline_mm, BOARD.outline_mm, np.array([-1]), np.eye(2)[None],
     )  # fmt: skip
     assert narrowest_widths(one).gap_mm == np.inf
-    assert check_printability(one, PRINTING, bed_is_rule=True).findings == ()
+    assert check_printability(one, PRINTING).findings == ()
 
 
 # --- inlay, bed, overhang --------------------------------------------------------------------------------------------
@@ -217,23 +217,37 @@ def test_inlay_must_not_go_through_the_board() -> None:
     assert level(BOARD, replace(PRINTING, inlay_mm=5.0), "inlay") == "violation"
 
 
-def test_bed_is_a_warning_unless_asked_as_a_rule() -> None:
-    """An icosahedron of edge 100 needs 186.9 x 161.9 x 151.2 mm; a rule of the user makes it a violation."""
-    beds = {"fits": (187.0, 162.0, 151.3), "turned": (162.0, 187.0, 151.3), "wide": (186.0, 300.0, 300.0)}
+def test_a_part_that_is_larger_than_the_bed_is_a_violation() -> None:
+    """An icosahedron of edge 100 needs 186.9 x 161.9 x 151.2 mm, and 5 mm more on all sides for a brim."""
+    beds = {"fits": (197.0, 172.0, 151.3), "turned": (172.0, 197.0, 151.3), "wide": (197.0, 300.0, 300.0)}
+    without_brim = {"bare": (187.0, 162.0, 151.3), "bare, turned": (162.0, 187.0, 151.3)}
     tight = {"short": (186.0, 186.0, 300.0), "narrow": (300.0, 161.0, 300.0), "low": (300.0, 300.0, 151.0)}
-    for bed in beds.values():
-        assert level(ICO, replace(SOLID, printer=replace(PRINTER, bed_mm=bed)), "bed") == "holds"
-    for bed in tight.values():
-        printing = replace(SOLID, printer=replace(PRINTER, bed_mm=bed))
-        assert level(ICO, printing, "bed") == "violation"
-        assert [f.level for f in found(ICO, printing, "bed", bed_is_rule=False)] == ["warning"]
-        assert "bed" not in check_printability(ICO, printing, bed_is_rule=False).holding
+    for cases, verdict in ((beds, "holds"), (without_brim, "note"), (tight, "violation")):
+        for bed in cases.values():
+            assert level(ICO, replace(SOLID, printer=replace(PRINTER, bed_mm=bed)), "bed") == verdict
+    assert "bed" not in check_printability(ICO, replace(SOLID, printer=replace(PRINTER, bed_mm=bed))).holding
+
+
+@pytest.mark.parametrize(
+    ("size", "p1s", "a1"),
+    [
+        ("240x240mm", "violation", "holds"), ("256x256mm", "violation", "note"), ("250x230mm", "violation", "note"),
+        ("256x228mm", "note", "note"), ("246x218mm", "holds", "holds"),
+    ],
+)  # fmt: skip
+def test_corners_that_a_bed_excludes_are_not_printed_on(size: str, p1s: str, a1: str) -> None:
+    """Bambu Lab's P1S keeps 18 x 28 mm in front left for its cutter; the profile of the A1 excludes nothing."""
+    for name, verdict in (("bambu-p1s", p1s), ("bambu-x1c", p1s), ("bambu-a1", a1)):
+        job = size_job(parse_spec({"kind": "board", "size": size, "printer": name}, "")).job
+        assert level(lay_out(job.target), job.printing, "bed") == verdict
+        if verdict == "violation":
+            assert "18 x 28 mm in front left" in found(lay_out(job.target), job.printing, "bed")[0].text
 
 
 def test_bed_counts_shrinkage_compensation() -> None:
     """A part printed 1 % larger needs 1 % more bed."""
     printing = replace(SOLID, printer=replace(PRINTER, bed_mm=(187.5, 187.5, 187.5)))
-    assert level(ICO, printing, "bed") == "holds"
+    assert level(ICO, printing, "bed") == "note"
     assert level(ICO, replace(printing, shrink_compensation_percent=1.0), "bed") == "violation"
 
 
@@ -262,7 +276,7 @@ def test_overhang_is_noted_on_solids_only() -> None:
 def test_what_was_sized_here_breaks_no_width_rule(values: dict[str, RawValue]) -> None:
     """Automatic sizes violate no rule of widths and inlay, and every finding is one line that ends in a remedy."""
     job = size_job(parse_spec(values, "")).job
-    check: PrintCheck = check_printability(lay_out(job.target), job.printing, bed_is_rule=True)
+    check: PrintCheck = check_printability(lay_out(job.target), job.printing)
     assert [finding.rule for finding in check.violations if finding.rule != "bed"] == []
     for finding in check.findings:
         assert len(finding.text.splitlines()) == 1

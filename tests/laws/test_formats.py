@@ -1,0 +1,176 @@
+"""The law of formats: whatever file of a target is written shows every ring of it, or is refused."""
+
+import base64
+import io
+import re
+import tempfile
+import xml.etree.ElementTree as ET
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+import build123d
+import ezdxf
+import numpy as np
+import pytest
+import svgelements
+import trimesh
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from designer.base.errors import InputError
+from designer.kinds.sizing import size_job
+from designer.produce import Design, make_files
+from designer.spec.build import BUILDS, Format, builds_of
+from designer.spec.format import FORMATS
+from designer.spec.kind import kind_named
+from tests.support.designs import SMALL, asked_for
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*deprecated")  # in the readers of others
+Array = NDArray[np.float64]
+
+IN_PIECES = {"size": "150x100mm", "bed": "130x130x100mm"}
+"""Of a board that is larger than the bed."""
+
+
+def rings_of_mesh(vertices: Array, triangles: NDArray[np.int64], most_mm: float) -> int:
+    """How many closed parts have a hole and are no larger than the largest ring."""
+    used, triangles = np.unique(triangles, return_inverse=True)
+    vertices, triangles = vertices[used], triangles.reshape(-1, 3)
+    _, joined = np.unique(np.round(vertices, 4), axis=0, return_inverse=True)
+    corners = joined.reshape(-1)[triangles]
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    count = int(joined.max()) + 1
+    _, part = connected_components(coo_array((np.ones(len(edges)), edges.T), (count, count)), directed=False)
+    euler = np.bincount(part) - np.bincount(part[edges[:, 0]]) / 2 + np.bincount(part[corners[:, 0]])
+    place = np.empty((count, 3))
+    place[joined.reshape(-1)] = vertices
+    low, high = np.full((len(euler), 3), np.inf), np.full((len(euler), 3), -np.inf)
+    np.minimum.at(low, part, place)
+    np.maximum.at(high, part, place)
+    return int(((euler == 0) & (np.linalg.norm(high - low, axis=1) <= most_mm)).sum())
+
+
+def meshes_of_3mf(content: bytes) -> Iterator[tuple[Array, NDArray[np.int64]]]:
+    """Meshes, those of PrusaSlicer by their volumes: ranges of triangles that its own file names."""
+    with zipfile.ZipFile(io.BytesIO(content)) as package:
+        volumes = "Metadata/Slic3r_PE_model.config"
+        text = package.read(volumes).decode() if volumes in package.namelist() else ""
+        objects = [re.findall(r'firstid="(\d+)" lastid="(\d+)"', one) for one in text.split("<object ")[1:]]
+        for name in (name for name in package.namelist() if name.endswith(".model")):
+            for number, mesh in enumerate(ET.fromstring(package.read(name)).findall(".//{*}mesh")):
+                points = [[float(one.attrib[axis]) for axis in "xyz"] for one in mesh.findall(".//{*}vertex")]
+                corners = [[int(one.attrib[f"v{k}"]) for k in (1, 2, 3)] for one in mesh.findall(".//{*}triangle")]
+                ranges = objects[number] if objects else [(0, len(corners) - 1)]
+                yield from ((np.array(points), np.array(corners[int(a) : int(b) + 1])) for a, b in ranges)
+
+
+def in_3mf(content: bytes, most_mm: float) -> int:
+    return sum(rings_of_mesh(*mesh, most_mm) for mesh in meshes_of_3mf(content))
+
+
+def in_mesh(kind: str, scale: float) -> Callable[[bytes, float], int]:
+    def count(content: bytes, most_mm: float) -> int:
+        scene = trimesh.load_scene(io.BytesIO(content), file_type=kind)
+        meshes = [one for one in scene.geometry.values() if isinstance(one, trimesh.Trimesh)]
+        return sum(rings_of_mesh(one.vertices * scale, one.faces, most_mm) for one in meshes)
+
+    return count
+
+
+def in_step(content: bytes, most_mm: float) -> int:
+    with tempfile.NamedTemporaryFile(suffix=".step") as place:
+        Path(place.name).write_bytes(content)
+        ink = next(child for child in build123d.import_step(place.name).children if child.label == "ink")
+    return sum(child.label == "ring" for child in ink.children)
+
+
+def in_svg(content: bytes, most_mm: float) -> int:
+    paths = svgelements.SVG.parse(io.BytesIO(content), ppi=25.4).elements(lambda one: isinstance(one, svgelements.Path))
+    parts = [svgelements.Path(part) for path in paths for part in path.as_subpaths()]
+    return paired([part.bbox() for part in parts if any(isinstance(step, svgelements.Arc) for step in part)])
+
+
+def in_dxf(content: bytes, most_mm: float) -> int:
+    circles = ezdxf.read(io.StringIO(content.decode("ascii"))).modelspace().query("CIRCLE")
+    return paired(
+        [
+            (at.x - radius, at.y - radius, at.x + radius, at.y + radius)
+            for at, radius in ((one.dxf.center, one.dxf.radius) for one in circles)
+        ]
+    )
+
+
+def in_pdf(content: bytes, most_mm: float) -> int:
+    boxes = []
+    for stream in re.findall(rb"stream\r?\n(.*?)endstream", content, re.DOTALL):
+        text = zlib.decompress(base64.a85decode(b"<~" + stream.strip(), adobe=True)).decode("latin-1")
+        for arcs in re.findall(r"(?:[-\d.]+ [-\d.]+ m )((?:(?:[-\d.]+ ){6}c\s+){4})", text):
+            points = np.array([float(number) for number in re.findall(r"[-\d.]+", arcs)]).reshape(-1, 3, 2)[:, 2]
+            boxes.append((*points.min(axis=0).tolist(), *points.max(axis=0).tolist()))
+    return paired(boxes)
+
+
+def in_gerber(ending: str) -> Callable[[bytes, float], int]:
+    def count(content: bytes, most_mm: float) -> int:
+        """Apertures of a circle with a hole, flashed: `%ADD11C,7.0X3.15*%`."""
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            text = "".join(archive.read(name).decode() for name in archive.namelist() if name[-4:] in ending)
+        holed = set(re.findall(r"%ADD(\d+)C,[\d.]+X[\d.]+\*%", text))
+        flashed, chosen = 0, ""
+        for line in text.splitlines():
+            if pick := re.match(r"D(\d{2,})\*", line):
+                chosen = pick[1]
+            flashed += line.endswith("D03*") and chosen in holed
+        return flashed
+
+    return count
+
+
+def paired(boxes: list[tuple[float, float, float, float]]) -> int:
+    """Of circles by their boxes: how many have another about the same middle."""
+    middles = [((left + right) / 2, (low + high) / 2) for left, low, right, high in boxes]
+    return len(cKDTree(middles).query_pairs(0.01))
+
+
+READERS: Mapping[str, tuple[Format, Callable[[bytes, float], int]]] = {
+    "prusa.3mf": ("3mf", in_3mf), "bambu.3mf": ("3mf", in_3mf), "bambu-orca.3mf": ("project", in_3mf),
+    "stl": ("stl", in_mesh("stl", 1.0)), "glb": ("glb", in_mesh("glb", 1.0)), "step": ("step", in_step),
+    "svg": ("svg", in_svg), "laser.svg": ("laser", in_svg), "dxf": ("dxf", in_dxf), "pdf": ("pdf", in_pdf),
+    "gerber.zip": ("gerber", in_gerber(".gto.gbo")), "gerber-mask.zip": ("gerber-mask", in_gerber(".gts.gbs")),
+}  # fmt: skip
+"""By the end of a name: the format, and how many rings a reader finds. A picture (png) has its own tests."""
+WAYS = [(kind, build) for kind in ("board", "cube") for build in builds_of(kind_named(kind).spec.form)]
+"""Every build, of a small plate and a small solid."""
+
+
+@pytest.mark.parametrize(("kind", "build"), WAYS)
+def test_every_format_of_every_build_shows_every_ring_or_is_refused(kind: str, build: str) -> None:
+    """Read back by others: as many rings as the design has in the files of each format, however many files."""
+    values = {**SMALL[kind], "chord_error": "0.2mm", "labels": False, "page": "fit", "formats": "all", "build": build}
+    values |= IN_PIECES if (kind, build) == ("board", "tiles") else {}
+    design = Design(size_job(asked_for(kind, values)).job)
+    target, seen = design.target, dict[str, int]()
+    most_mm = 4 * float(target.radius_outer_mm.max())
+    for file in make_files(design, lambda _: None):
+        endings = [ending for ending in READERS if file.name.endswith(f".{ending}")]
+        if endings and not (file.name.endswith("body.stl") and not BUILDS[build].is_two_filament):
+            ending = max(endings, key=len)
+            seen[ending] = seen.get(ending, 0) + READERS[ending][1](file.content, most_mm)
+    rings = target.ring_count - int(target.is_dot.sum())
+    assert seen == dict.fromkeys(seen, rings)
+    written = {READERS[ending][0] for ending in seen}
+    for name in FORMATS:
+        if name not in written | {"png"} and not (name == "stl" and not BUILDS[build].is_two_filament):
+            with pytest.raises(InputError, match=r"formats that go with it|3mf: left out"):
+                raise_if_left_out(kind, {**values, "formats": name}, name)
+
+
+def raise_if_left_out(kind: str, values: Mapping[str, object], name: Format) -> None:
+    """Size a job of one format; one that is left out with a remark counts as refused."""
+    sized = size_job(asked_for(kind, values))
+    if name not in sized.job.formats:
+        raise InputError(next(line for line in sized.remarks if line.startswith(f"{name}: left out")))
