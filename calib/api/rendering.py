@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -29,7 +29,7 @@ from calib.renderer.faces import ring_truth, target_fits
 from calib.renderer.job import Rendered, RenderJob, run_job
 from calib.renderer.light import Levels
 from calib.renderer.options import LIMITS, Bits, RenderOptions, Sampling
-from calib.renderer.poses import MAX_VIEWS, PoseGrid, Region, directions_over_image, grid_poses, load_poses
+from calib.renderer.poses import MAX_VIEWS, PoseGrid, Region, load_poses, photo_poses
 from calib.renderer.quantities import choice, real, whole
 from calib.renderer.scene import RenderScene, scene_from_target
 from calib.renderer.truth import TRUTH_FILE, FileFormat
@@ -145,24 +145,15 @@ def render(
     seed, looks_aside = whole("--seed", seed, 0, MAX_SEED), False
     if poses is None:
         grid = _grid(geometry, views, distance_mm, region, cap_rad, aim_offset_mm, random_roll=random_roll)
-        limit_rad = _aside(taken, aside_rad)
-        if limit_rad:
-            rng = np.random.default_rng([seed, grid.views])
-            grid = replace(grid, aside=directions_over_image(taken, grid.views, limit_rad, rng))
-        where, looks_aside = grid_poses(grid, np.random.default_rng(seed)), aim_offset_mm > 0 or limit_rad > 0
+        aside_rad = None if aside_rad is None else real("--aside", aside_rad, 0, math.pi, " rad")
+        where, limit_rad = photo_poses(grid, taken, seed, aside_rad)
+        looks_aside = aim_offset_mm > 0 or limit_rad > 0
     elif isinstance(poses, str | PathLike):
         where = load_poses(Path(poses))
     else:
         where = _checked_poses(poses)
     job = RenderJob(geometry, taken, where, light, seed, file_format, whole("--quality", quality, 1, 100))
     return RenderedPhotos(job, looks_aside=looks_aside)
-
-
-def _aside(camera: Camera, aside_rad: float | None) -> float:
-    """How far off the axis targets are to stand: anywhere in a wide lens's image if it is not said."""
-    if aside_rad is None:
-        return math.pi if camera.has_dark_corners else 0.0
-    return real("--aside", aside_rad, 0, math.pi, " rad")
 
 
 def check_light(options: RenderOptions, file_format: FileFormat) -> None:

@@ -38,6 +38,7 @@ from calib.studies.tolerance.what_if import WhatIf
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
 from designer.base.words import cut, printable, several
+from designer.kinds.layout import PhotoSet, advised_photos
 from designer.kinds.presets import preset_names
 from designer.target import TargetGeometry, bounding_radius_mm, target_to_json
 from designer.tolerance.error_file import error_model
@@ -100,6 +101,7 @@ class _Photographing:
     model: str
     weighted: bool
     seed: int
+    aim_offset_mm: float | None  # None: as advised
 
 
 def tolerance(
@@ -108,7 +110,8 @@ def tolerance(
     *,
     changes: Sequence[str] = (),
     views: int = 90,
-    distance_mm: float = 400.0,
+    distance_mm: float | tuple[float, float] | None = None,
+    aim_offset_mm: float | None = None,
     camera: Camera | Place = "machine-vision",
     model: str = DEFAULT,
     weighted: bool = False,
@@ -120,7 +123,7 @@ def tolerance(
     against: TargetGeometry | Place | None = None,
     against_errors: str | None = None,
     against_changes: Sequence[str] = (),
-    against_distance_mm: float | None = None,
+    against_distance_mm: float | tuple[float, float] | None = None,
     vary: str | None = None,
     seed: int = 1,
     jobs: int | None = None,
@@ -139,7 +142,9 @@ def tolerance(
         errors: an error template, or a TOML file.
         changes: other sizes of single errors: `face_tilt=0.1deg`.
         views: how many photos.
-        distance_mm: of the cameras from the target's origin.
+        distance_mm: of the cameras from the target's origin, or between which two; None: near and far, as the page of
+            a design advises.
+        aim_offset_mm: how far they look past the target at most; None: as advised, into the image's corners.
         camera: a camera, a file, or a template.
         model: that is solved, one of `calib.cameras.fitted_models()`.
         weighted: weigh observations by their covariances, or all alike.
@@ -151,7 +156,7 @@ def tolerance(
         against: another target to compare with.
         against_errors: the errors of that target.
         against_changes: other sizes of single errors of that target, as `changes`.
-        against_distance_mm: to that target; None: the same.
+        against_distance_mm: to that target; None: the same, or as advised for it.
         vary: the error to compare by; None: the worst one of faces.
         seed: of all that is random.
         jobs: processes; None: one per core.
@@ -170,6 +175,7 @@ def tolerance(
         whole("--views", views, 1, MAX_VIEWS), camera_of(camera),
         camera.model if isinstance(camera, Camera) else fspath(camera), model, weighted,
         whole("--seed", seed, 0, MAX_SEED),
+        None if aim_offset_mm is None else real("--aim-offset", aim_offset_mm, 0, DISTANCES_MM[1], "mm"),
     )  # fmt: skip
     count = whole("--draws", draws, 2, MAX_DRAWS)
     by = quantity_named(chosen).name
@@ -187,7 +193,7 @@ def tolerance(
         first = _photographed(target, errors, changes, distance_mm, photographing, stack)
         other = None
         if against is not None and against_errors is not None:
-            distance = against_distance_mm or distance_mm
+            distance = distance_mm if against_distance_mm is None else against_distance_mm
             other = _photographed(against, against_errors, against_changes, distance, photographing, stack)
             if other.name == first.name:
                 same = other.errors.name == first.errors.name
@@ -209,7 +215,8 @@ def ways(
     *,
     by: str = "distortion_map",
     views: int = 90,
-    distance_mm: float = 400.0,
+    distance_mm: float | tuple[float, float] | None = None,
+    aim_offset_mm: float | None = None,
     camera: Camera | Place = "machine-vision",
     model: str = DEFAULT,
     weighted: bool = False,
@@ -228,7 +235,9 @@ def ways(
         target: a geometry, or its file.
         by: the quantity that ways are ranked by.
         views: how many photos.
-        distance_mm: of the cameras from the target's origin.
+        distance_mm: of the cameras from the target's origin, or between which two; None: near and far, as the page of
+            a design advises.
+        aim_offset_mm: how far they look past the target at most; None: as advised, into the image's corners.
         camera: a camera, a file, or a template.
         model: that is solved.
         weighted: weigh observations by their covariances, or all alike.
@@ -243,7 +252,8 @@ def ways(
     usual = next(iter(_templates(geometry)))
     return tolerance(
         target, usual if assumed is None else assumed.errors.name, views=views, distance_mm=distance_mm,
-        camera=camera, model=model, weighted=weighted, linear=True, by=by, seed=seed, progress=progress,
+        aim_offset_mm=aim_offset_mm, camera=camera, model=model, weighted=weighted, linear=True, by=by, seed=seed,
+        progress=progress,
     )  # fmt: skip
 
 
@@ -258,13 +268,13 @@ def _check_against(
     against: TargetGeometry | Place | None,
     against_errors: str | None,
     against_changes: Sequence[str],
-    against_distance_mm: float | None,
+    against_distance_mm: float | tuple[float, float] | None,
     vary: str | None,
 ) -> None:
     """Refuse options that say nothing without another one."""
     if against is not None and against_errors is None:
         raise InputError(f"--against {_path_of(against)}: say how it is made too, such as --against-errors fdm-board")
-    distance = None if against_distance_mm is None else f"{against_distance_mm:g}mm"
+    distance = None if against_distance_mm is None else _range_words(_both(against_distance_mm))
     sizes = " ".join(map(str, several("--against-set", against_changes))) or None
     for option, value in (
         ("--against-errors", against_errors), ("--against-set", sizes), ("--against-distance", distance),
@@ -278,7 +288,7 @@ def _photographed(
     target: TargetGeometry | Place,
     errors: str,
     changes: Sequence[str],
-    distance_mm: float,
+    distance_mm: float | tuple[float, float] | None,
     by: _Photographing,
     stack: ExitStack,
 ) -> PhotographedTarget:
@@ -289,23 +299,20 @@ def _photographed(
     """
     geometry = target_of(target, "rings")
     made = error_model(errors, changes)
-    distance_mm = real("--distance", distance_mm, *DISTANCES_MM, "mm")
-    inside = bounding_radius_mm(geometry)
-    if distance_mm <= inside:
-        raise InputError(
-            f"--distance {distance_mm:g}mm: the target reaches {inside:.0f}mm from its origin; stay farther away"
-        )
-    fit = view_fit(geometry, by.camera, distance_mm).remark
+    photos = _photos(geometry, distance_mm, by.aim_offset_mm)
+    fit = view_fit(geometry, by.camera, photos.distance_mm[1]).remark
     try:
         setting = make_setting(
-            geometry, by.camera, views=by.views, distance_mm=distance_mm, model=by.model, seed=by.seed,
+            geometry, by.camera, views=by.views, photos=photos, model=by.model, seed=by.seed,
             options=SolveOptions(weighted=by.weighted),
         )  # fmt: skip
     except InputError as error:
         raise InputError(f"{error}{f' ({fit})' if fit else ''}") from None
-    photos = (
+    advised = " (as its design's page advises)" if photos == advised_photos(geometry) else ""
+    photos_words = (
         f"{_count(geometry.face_count, 'face')}, {geometry.ring_count} rings; "
-        f"{_count(by.views, 'view')} from {distance_mm:g}mm by {by.camera_name}, "
+        f"{_count(by.views, 'view')} from {_range_words(photos.distance_mm)}, looking up to "
+        f"{photos.aim_offset_mm:g}mm past the target's middle{advised}, by {by.camera_name}, "
         f"{len(setting.observations.view)} observations; solved: {by.model}{', weighted' if by.weighted else ''}"
     )
     is_nominal, is_solid = geometry.source == "nominal", not geometry.is_planar
@@ -314,10 +321,44 @@ def _photographed(
         *(["layers and axes are those of a print that lies on its last face"] if is_solid else []),
         *setting.remarks,
     )
-    words = PhotographedSetting(photos, f"{made.name}: {made.title}", remarks, (fit,) if fit else ())
+    words = PhotographedSetting(photos_words, f"{made.name}: {made.title}", remarks, (fit,) if fit else ())
     name, way = _name_of(_path_of(target)), printable(fspath(errors))
     ways = {way: error_model(errors), **_templates(geometry)}
     return PhotographedTarget(name, _file_of(target, stack), setting, made, words, way, ways)
+
+
+def _photos(
+    target: TargetGeometry, distance_mm: float | tuple[float, float] | None, aim_offset_mm: float | None
+) -> PhotoSet:
+    """What was asked for, and what was left open as a design's page advises.
+
+    Raises:
+        InputError: a camera would stand in the target, or in what it looks at.
+    """
+    both = None if distance_mm is None else _both(distance_mm)
+    photos = advised_photos(target, both)
+    photos = photos if aim_offset_mm is None else replace(photos, aim_offset_mm=aim_offset_mm)
+    near, far = photos.distance_mm
+    inside = bounding_radius_mm(target)
+    if not inside + photos.aim_offset_mm < near <= far:
+        past = f", and the aim {photos.aim_offset_mm:g}mm" if photos.aim_offset_mm else ""
+        raise InputError(
+            f"--distance {_range_words((near, far))}: the target reaches {inside:.0f}mm from its origin{past}; stay "
+            "farther away"
+        )
+    return photos
+
+
+def _both(distance_mm: float | tuple[float, float]) -> tuple[float, float]:
+    """The nearest and the farthest distance."""
+    near, far = distance_mm if isinstance(distance_mm, tuple) and len(distance_mm) == 2 else (distance_mm, distance_mm)
+    near, far = (real("--distance", one, *DISTANCES_MM, "mm") for one in (near, far))
+    return near, far
+
+
+def _range_words(distance_mm: tuple[float, float]) -> str:
+    near, far = distance_mm
+    return f"{near:g}mm" if near == far else f"{near:g}mm..{far:g}mm"
 
 
 def _templates(target: TargetGeometry) -> dict[str, ErrorModel]:

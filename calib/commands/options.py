@@ -22,6 +22,10 @@ CameraArgument = Annotated[
 CameraTemplateOption = Annotated[
     str, typer.Option(help="camera template, or a camera file", autocompletion=camera_templates)
 ]
+AimOffsetOption = Annotated[
+    str | None,
+    typer.Option(help="look past the target's origin, by up to this (default: as the page of a design advises)"),
+]
 RigOption = Annotated[
     str | None,
     typer.Option(

@@ -46,8 +46,12 @@ def tolerance(
     views: Annotated[int, typer.Option(help="how many photos")] = 90,
     distance: Annotated[
         str | None,
-        typer.Option(help="of the cameras from the target's origin (default: 400mm; of a rig: as its template says)"),
+        typer.Option(
+            help="of the cameras from the target's origin: 400mm, or 250mm..500mm (default: as the page of a design "
+            "advises; of a rig: as its template says)"
+        ),
     ] = None,
+    aim_offset: options.AimOffsetOption = None,
     camera: options.CameraTemplateOption = "machine-vision",
     model: Annotated[
         str,
@@ -90,22 +94,23 @@ def tolerance(
     """
     from calib.api.loading import DISTANCES_MM
     from calib.api.tolerancing import tolerance as find_tolerance
-    from calib.renderer.quantities import length
+    from calib.renderer.quantities import length, length_range
 
     if rig is not None:
         only_these(context, "--rig", OF_RIGS)
         count = 0 if linear else DRAWS if draws is None else draws
         return tolerance_of_rig(target, errors, rig, changes or (), frames, distance, count, seed, out)
     formats = options.figure_formats(figures)
-    far = None if against_distance is None else length("--against-distance", against_distance, *DISTANCES_MM)
+    far = None if against_distance is None else length_range("--against-distance", against_distance, *DISTANCES_MM)
     read_camera(camera)
     with nullcontext() if linear else kept_when_stopped():
         with progress_bars() as progress:
             found = find_tolerance(
                 target, errors, changes=changes or (), views=views,
-                distance_mm=length("--distance", distance or "400mm", *DISTANCES_MM), camera=camera, model=model,
-                weighted=weighted, draws=200 if draws is None else draws, full=full, linear=linear,
-                require=require or (), by=by,
+                distance_mm=None if distance is None else length_range("--distance", distance, *DISTANCES_MM),
+                aim_offset_mm=None if aim_offset is None else length("--aim-offset", aim_offset, 0, DISTANCES_MM[1]),
+                camera=camera, model=model, weighted=weighted, draws=200 if draws is None else draws, full=full,
+                linear=linear, require=require or (), by=by,
                 against=against, against_errors=against_errors, against_changes=against_changes or (),
                 against_distance_mm=far, vary=vary, seed=seed, jobs=jobs, dask=dask, resume=resume,
                 out=out, progress=progress,

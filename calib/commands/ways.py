@@ -23,7 +23,14 @@ def ways(
         str, typer.Option(help="what they are ranked by: distortion_map, focal_length, intersection, pose, ...")
     ] = "distortion_map",
     views: Annotated[int, typer.Option(help="how many photos")] = 90,
-    distance: Annotated[str, typer.Option(help="of the cameras from the target's origin")] = "400mm",
+    distance: Annotated[
+        str | None,
+        typer.Option(
+            help="of the cameras from the target's origin: 400mm, or 250mm..500mm (default: as the page of a design "
+            "advises)"
+        ),
+    ] = None,
+    aim_offset: options.AimOffsetOption = None,
     camera: options.CameraTemplateOption = "machine-vision",
     model: Annotated[
         str,
@@ -41,15 +48,17 @@ def ways(
     """
     from calib.api.loading import DISTANCES_MM
     from calib.api.tolerancing import ways as find_ways
-    from calib.renderer.quantities import length
+    from calib.renderer.quantities import length, length_range
     from calib.show.studies.ways_tables import ways_headline, ways_table
     from designer.page.terminal import say_findings, say_headline, say_table, say_written
 
     read_camera(camera)
     with progress_bars() as progress:
         found = find_ways(
-            target, by=by, views=views, distance_mm=length("--distance", distance, *DISTANCES_MM), camera=camera,
-            model=model, weighted=weighted, seed=seed, progress=progress,
+            target, by=by, views=views,
+            distance_mm=None if distance is None else length_range("--distance", distance, *DISTANCES_MM),
+            aim_offset_mm=None if aim_offset is None else length("--aim-offset", aim_offset, 0, DISTANCES_MM[1]),
+            camera=camera, model=model, weighted=weighted, seed=seed, progress=progress,
         )  # fmt: skip
     with waiting("drawing figures"):
         files = found.save(out)

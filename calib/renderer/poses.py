@@ -3,7 +3,7 @@
 import csv
 import io
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -67,6 +67,22 @@ def grid_poses(grid: PoseGrid, rng: np.random.Generator) -> Array:
     if grid.aside is None:
         return poses
     return make_pose(rotation_between(np.array([0.0, 0.0, 1.0]), grid.aside), np.zeros(3)) @ poses
+
+
+def photo_poses(grid: PoseGrid, camera: Camera, seed: int, aside_rad: float | None = None) -> tuple[Array, float]:
+    """Poses `cam_from_target` (V, 4, 4) of a grid, and how far off the axis the camera sees what it aims at.
+
+    Args:
+        grid: without directions aside.
+        camera: that takes the photos.
+        seed: of all that is random.
+        aside_rad: how far off the axis at most; None: anywhere in a wide lens's image, else straight ahead.
+    """
+    limit = (math.pi if camera.has_dark_corners else 0.0) if aside_rad is None else aside_rad
+    if limit:
+        rng = np.random.default_rng([seed, grid.views])
+        grid = replace(grid, aside=directions_over_image(camera, grid.views, limit, rng))
+    return grid_poses(grid, np.random.default_rng(seed)), limit
 
 
 def directions_over_image(camera: Camera, count: int, limit_rad: float, rng: np.random.Generator) -> Array:

@@ -325,12 +325,14 @@ def prediction(setting: Setting) -> None:
     from calib.cameras.camera import camera_or_preset
     from calib.studies.tolerance.predict import linear_table
     from calib.studies.tolerance.setting import make_setting
+    from designer.kinds.layout import advised_photos
     from designer.target import load_target
     from designer.tolerance.error_file import error_model
 
     target, errors = target_file(setting), error_model("fdm-dual")
+    nominal = load_target(target)
     scene = make_setting(
-        load_target(target), camera_or_preset("machine-vision"), views=90, distance_mm=400.0, model="luhmann", seed=1
+        nominal, camera_or_preset("machine-vision"), views=90, photos=advised_photos(nominal), model="luhmann", seed=1
     )
     out = setting.folder / "predicted"
     arguments = ("tolerance", target, "--errors", "fdm-dual", "--linear", "-o", out)

@@ -24,6 +24,7 @@ from calib.studies.tolerance.draw import drawn_noise, drawn_values, run_draws, s
 from calib.studies.tolerance.predict import linear_table  # noqa: E402
 from calib.studies.tolerance.quantities import NAMES  # noqa: E402
 from calib.studies.tolerance.result import ToleranceTable, table_of_draws  # noqa: E402
+from calib.studies.tolerance.seen import aimed_at  # noqa: E402
 from calib.studies.tolerance.setting import Setting, make_setting  # noqa: E402
 from designer.kinds.ico import IcoSpec  # noqa: E402
 from designer.kinds.layout import lay_out  # noqa: E402
@@ -105,7 +106,7 @@ def main() -> None:
     errors = error_model(chosen.errors)
     target = lay_out(IcoSpec(100.0, 8, 7.0, 0.45, 10.0, 2.0, 1.0))
     begin = clock()
-    setting = make_setting(target, CAMERA, views=90, distance_mm=400.0, model="opencv", seed=1)
+    setting = make_setting(target, CAMERA, views=90, photos=aimed_at(target, 400.0), model="opencv", seed=1)
     print(
         f"setting: {since(begin).wall:.2f} s, {len(setting.observations.view)} sightings, {len(errors.sources)} sources"
     )

@@ -35,6 +35,7 @@ from calib.studies.tolerance.predict import control_of, linear_table  # noqa: E4
 from calib.studies.tolerance.quantities import MAIN, NAMES  # noqa: E402
 from calib.studies.tolerance.setting import Setting, make_setting  # noqa: E402
 from calib.studies.tolerance.what_if import WhatIf, WhatIfTable  # noqa: E402
+from designer.kinds.layout import advised_photos  # noqa: E402
 from designer.page.blocks import Page  # noqa: E402
 from designer.page.shell import page_html  # noqa: E402
 from designer.tolerance.error_file import error_model  # noqa: E402
@@ -120,7 +121,8 @@ def main() -> None:
     print(f"prediction and coefficients: {time.perf_counter() - begin:.1f} s")
     table = study.what_ifs
     assert table is not None
-    setting = make_setting(target, camera_of("machine-vision"), views=90, distance_mm=400.0, model=DEFAULT, seed=1)
+    photos = advised_photos(target)
+    setting = make_setting(target, camera_of("machine-vision"), views=90, photos=photos, model=DEFAULT, seed=1)
     rng = np.random.default_rng(given.seed)
     counts = {"within": 0, "marked, off": 0, "marked, within": 0, "OFF, NOT MARKED": 0}
     worst = 0.0

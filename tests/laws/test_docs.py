@@ -30,8 +30,11 @@ from calib.verdict.halves import NoHalves
 from designer.base.errors import InputError
 from designer.cli import app as design_app
 from designer.kinds.layout import lay_out
+from designer.kinds.presets import preset_names
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec
+from designer.tolerance.effort import size_of
+from designer.tolerance.error_file import error_model
 from designer.tolerance.shape import shape_of, target_of
 from tests.support.ring_views import view_of
 from tests.support.run_folders import write_run
@@ -188,3 +191,22 @@ def test_the_reference_has_every_public_name(tmp_path: Path) -> None:
         missing = [name for name in package.__all__ if f'id="{name}"' not in text]
         assert not missing
     assert {path.name for path in tmp_path.glob("*.html")} == {"calib.html", "designer.html", "index.html"}
+
+
+def test_prices_and_hours_of_the_table_of_ways_are_those_of_the_command() -> None:
+    """Every way that suits the target is a row, with the price and the hours that `design ways` tells."""
+    text = (ROOT / "docs/choose-a-target.md").read_text()
+    for head, design in (
+        ("icosahedron of edge 100 mm", {"kind": "ico", "edge": "100mm"}),
+        ("board of 220 x 220 mm", {"kind": "board", "size": "220x220mm"}),
+    ):
+        target = lay_out(size_job(parse_spec(design, "")).job.target)
+        table = text[text.index(f"| {head}") :].partition("\n\n")[0]
+        told = {name: (float(price), float(hours)) for name, price, hours in
+                re.findall(r"`([a-z-]+)` \|.* \| ([\d.]+) \| ([\d.]+) \|$", table, re.MULTILINE)}  # fmt: skip
+        models = {name: error_model(name) for name in preset_names("errors")}
+        efforts = {name: (one.price, one.hours) for name, one in models.items() if one.suits_target(target)}
+        assert told == {
+            name: tuple(float(f"{effort.of(size_of(target)):.2g}") for effort in both if effort is not None)
+            for name, both in efforts.items()
+        }

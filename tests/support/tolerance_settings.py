@@ -13,6 +13,7 @@ from calib.studies.tolerance.explore import PhotographedTarget, TolerancePlan, c
 from calib.studies.tolerance.quantities import parse_requirements
 from calib.studies.tolerance.record import PhotographedSetting, ToleranceStudy
 from calib.studies.tolerance.result import ToleranceTable
+from calib.studies.tolerance.seen import aimed_at
 from calib.studies.tolerance.setting import Setting, make_setting
 from calib.studies.tolerance.stored import Keeping
 from designer.target import target_to_json
@@ -30,7 +31,7 @@ VIEWS, DISTANCE_MM = 24, 260.0
 def ico_setting(model: str = "opencv", *, weighted: bool = False) -> Setting:
     """An icosahedron of 60 mm, through a lens with distortion."""
     return make_setting(
-        ico(), CAMERAS["opencv"], views=VIEWS, distance_mm=DISTANCE_MM, model=model, seed=1,
+        ico(), CAMERAS["opencv"], views=VIEWS, photos=aimed_at(ico(), DISTANCE_MM), model=model, seed=1,
         options=SolveOptions(weighted=weighted),
     )  # fmt: skip
 
@@ -38,7 +39,8 @@ def ico_setting(model: str = "opencv", *, weighted: bool = False) -> Setting:
 @cache
 def board_setting() -> Setting:
     """A board of 90 x 60 mm."""
-    return make_setting(board(), CAMERAS["opencv"], views=VIEWS, distance_mm=DISTANCE_MM, model="opencv", seed=1)
+    photos = aimed_at(board(), DISTANCE_MM)
+    return make_setting(board(), CAMERAS["opencv"], views=VIEWS, photos=photos, model="opencv", seed=1)
 
 
 @cache

@@ -30,7 +30,8 @@ from calib.cameras.camera import Camera
 from calib.cameras.linear_part import linear_part
 from calib.core.se3 import transform
 from calib.core.types import LEAST_RADIUS_PX
-from calib.renderer.poses import PoseGrid, grid_poses
+from calib.renderer.poses import PoseGrid, grid_poses, photo_poses
+from designer.kinds.layout import PhotoSet
 from designer.target import TargetGeometry, bounding_radius_mm
 
 Array = NDArray[np.float64]
@@ -57,17 +58,24 @@ FARTHEST = 64.0
 CLOSE = 1.01
 
 
-def views_from(target: TargetGeometry, distance_mm: float, views: int, seed: int) -> Array:
+def views_from(target: TargetGeometry, camera: Camera, photos: PhotoSet, views: int, seed: int) -> Array:
     """Poses on a Fibonacci grid around a target, of a board from a cap on each of its sides, rolled at random.
 
-    (V, 4, 4)
+    The same as `calib render` takes with these options.  # (V, 4, 4)
     """
-    half_angle = CAP_RAD if target.is_plate else math.pi
-    grid = PoseGrid(
-        views, half_angle, (distance_mm, distance_mm), random_roll=True, aim_offset_mm=0.0,
+    return photo_poses(_grid(target, photos, views), camera, seed)[0]
+
+
+def _grid(target: TargetGeometry, photos: PhotoSet, views: int) -> PoseGrid:
+    return PoseGrid(
+        views, photos.half_angle_rad, photos.distance_mm, random_roll=True, aim_offset_mm=photos.aim_offset_mm,
         is_two_sided=target.has_back,
     )  # fmt: skip
-    return grid_poses(grid, np.random.default_rng(seed))
+
+
+def aimed_at(target: TargetGeometry, distance_mm: float) -> PhotoSet:
+    """Photos from one distance that all look at the target's origin: `aimed_at(target, 400.0)`."""
+    return PhotoSet((distance_mm, distance_mm), 0.0, CAP_RAD if target.is_plate else math.pi)
 
 
 def seen_in(
@@ -158,7 +166,8 @@ def view_fit(target: TargetGeometry, camera: Camera, distance_mm: float) -> View
         camera: that takes them.
         distance_mm: of the cameras from the target's origin, outside of it.
     """
-    poses = views_from(target, distance_mm, CHECKED_VIEWS, 0)
+    grid = _grid(target, aimed_at(target, distance_mm), CHECKED_VIEWS)
+    poses = grid_poses(grid, np.random.default_rng(0))
     nearest = float(np.linalg.norm(target.center_mm, axis=1).min())
     focal_px = float(linear_part(camera).params[0])
     largest = float(target.radius_outer_mm.max())

@@ -22,6 +22,7 @@ from calib.studies.tolerance.anchor import Anchor, factorise
 from calib.studies.tolerance.map_error import ImageGrid, grid_of
 from calib.studies.tolerance.seen import CONTRAST_TO_NOISE, LEAST_MINOR_PX, LEAST_RINGS, seen_in, views_from
 from designer.base.errors import InputError
+from designer.kinds.layout import PhotoSet
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
@@ -65,7 +66,7 @@ def make_setting(
     camera: Camera,
     *,
     views: int,
-    distance_mm: float,
+    photos: PhotoSet,
     model: str,
     seed: int,
     options: SolveOptions = AS_THE_PAPER,
@@ -76,7 +77,7 @@ def make_setting(
         target: nominal.
         camera: that takes the photos.
         views: how many.
-        distance_mm: of the cameras from the target's origin.
+        photos: from where.
         model: to be solved.
         seed: of the rolls.
         options: of the solution.
@@ -86,9 +87,11 @@ def make_setting(
     """
     if views < 1:
         raise InputError(f"{views} views: give one or more")
-    if not (math.isfinite(distance_mm) and distance_mm > 0):
-        raise InputError(f"distance {distance_mm:g}mm: must be more than 0")
-    return setting_at(target, camera, views_from(target, distance_mm, views, seed), model=model, options=options)
+    near = photos.distance_mm[0]
+    if not (math.isfinite(near) and near > 0):
+        raise InputError(f"distance {near:g}mm: must be more than 0")
+    poses = views_from(target, camera, photos, views, seed)
+    return setting_at(target, camera, poses, model=model, options=options)
 
 
 def setting_at(

@@ -3,6 +3,7 @@ import numpy as np
 from calib.studies.tolerance.draw import run_draws
 from calib.studies.tolerance.full import run_full_draws
 from calib.studies.tolerance.quantities import NAMES
+from calib.studies.tolerance.seen import aimed_at
 from calib.studies.tolerance.setting import make_setting
 from tests.support.perturbed_targets import ico
 from tests.support.solver_scenes import CAMERAS
@@ -14,7 +15,9 @@ TOLD = ("reprojection", "intersection", "reconstruction", "intersection_true", "
 
 def test_images_say_what_simulated_sightings_say() -> None:
     """Rendered, detected and calibrated, the same errors cost what they cost without images, and noise stays small."""
-    setting = make_setting(ico(), CAMERAS["opencv"], views=6, distance_mm=DISTANCE_MM, model="opencv", seed=1)
+    setting = make_setting(
+        ico(), CAMERAS["opencv"], views=6, photos=aimed_at(ico(), DISTANCE_MM), model="opencv", seed=1
+    )
     model = errors("fdm-dual").only("face_offset")
     (full,), (simulated,) = (run(setting, model, 7, range(1)) for run in (run_full_draws, run_draws))
     assert full.shape == simulated.shape == (3, len(NAMES))

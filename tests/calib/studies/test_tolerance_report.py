@@ -1,11 +1,13 @@
 """What a tolerance study says of the numbers behind it: its record, limits, and whether the target fits the photos."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import calib
 from calib.core.types import LEAST_RADIUS_PX
 from calib.renderer.faces import target_fits
 from calib.renderer.poses import PoseGrid, grid_poses
@@ -17,10 +19,13 @@ from calib.studies.tolerance.predict import control_of, linear_table
 from calib.studies.tolerance.quantities import NAMES, Requirement, parse_requirements, quantity_row
 from calib.studies.tolerance.record import TOLERANCE_TABLE
 from calib.studies.tolerance.result import table_of_draws
-from calib.studies.tolerance.seen import CAP_RAD, view_fit
+from calib.studies.tolerance.seen import CAP_RAD, view_fit, views_from
 from calib.studies.tolerance.sizes import Reach
 from designer.base.errors import InputError
+from designer.kinds.layout import advised_photos
+from designer.report.measuring import simulated_line
 from designer.target import TargetGeometry, bounding_radius_mm
+from tests.support.designs import small
 from tests.support.perturbed_targets import board, ico
 from tests.support.solver_scenes import CAMERAS
 from tests.support.tolerance_settings import DRAWS, few_errors, ico_setting, tolerance_study, tolerance_table
@@ -152,3 +157,22 @@ def test_the_distance_told_shows_all_of_the_target(chosen: TargetGeometry) -> No
     assert far.radius_px < LEAST_RADIUS_PX
     assert f"up to --distance {math.floor(near.large_to_mm)}mm" in far.remark
     assert view_fit(chosen, camera, math.sqrt(near.fits_from_mm * near.large_to_mm)).remark == ""
+
+
+@pytest.mark.parametrize("kind", ["ico", "board"])
+def test_photos_are_those_that_the_page_of_a_design_advises(kind: str) -> None:
+    """A study's usual views are the poses that `calib render` takes with the options of the line on the page."""
+    design = small(kind)
+    line = re.sub(r"--(\S+) ([^-\s]\S*)", r"--\1=\2", simulated_line(design)).split()
+    given = dict(one.removeprefix("--").split("=") for one in line if "=" in one)
+    assert "--random-roll" in line
+    near, far = (float(one.removesuffix("mm")) for one in given["distance"].split(".."))
+    job = calib.render(
+        design.target, views=7, distance_mm=(near, far), aim_offset_mm=float(given["aim-offset"].removesuffix("mm")),
+        cap_rad=math.radians(float(given.get("cap-angle", "60deg").removesuffix("deg"))), random_roll=True, seed=1,
+    ).job  # fmt: skip
+    photos = advised_photos(design.target)
+    np.testing.assert_array_equal(views_from(design.target, job.camera, photos, 7, 1), job.cam_from_target)
+    study = calib.tolerance(design.target, "fdm-dual" if kind == "ico" else "fdm-board", views=7, linear=True).study
+    assert f"from {near:g}mm..{far:g}mm, looking up to {photos.aim_offset_mm:g}mm past" in study.setting.photos
+    assert "as its design's page advises" in study.setting.photos

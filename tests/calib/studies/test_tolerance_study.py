@@ -37,7 +37,7 @@ from calib.studies.tolerance.map_error import ImageGrid, map_error_px
 from calib.studies.tolerance.measures import TrueShape, measures, moved_onto, true_shape
 from calib.studies.tolerance.quantities import NAMES, quantity_row
 from calib.studies.tolerance.result import table_of_draws
-from calib.studies.tolerance.seen import EDGE_VARIANCE, FLAT_MINOR, LEAST_MINOR_PX, centre_covariances
+from calib.studies.tolerance.seen import EDGE_VARIANCE, FLAT_MINOR, LEAST_MINOR_PX, aimed_at, centre_covariances
 from calib.studies.tolerance.setting import Setting, make_setting
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced, displaced_shape
@@ -341,8 +341,8 @@ def test_another_model_starts_from_its_best_fit() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"distance_mm": 1e6}, "none of 4 views sees"),
-        ({"distance_mm": -1.0}, "must be more than 0"),
+        ({"photos": aimed_at(ico(), 1e6)}, "none of 4 views sees"),
+        ({"photos": aimed_at(ico(), -1.0)}, "must be more than 0"),
         ({"views": 0}, "give one or more"),
         ({"model": "virtual"}, "solves luhmann"),
         ({"options": SolveOptions(reject_sigma=4.0)}, "no outliers"),
@@ -350,7 +350,7 @@ def test_another_model_starts_from_its_best_fit() -> None:
 )
 def test_settings_that_mean_nothing_are_refused(change: dict[str, object], message: str) -> None:
     """A setting without sightings, or with options that have no place in it, is refused in one line."""
-    given: dict[str, object] = {"views": 4, "distance_mm": 250.0, "model": "opencv", "seed": 0}
+    given: dict[str, object] = {"views": 4, "photos": aimed_at(ico(), 250.0), "model": "opencv", "seed": 0}
     with pytest.raises(InputError, match=message):
         make_setting(ico(), CAMERAS["opencv"], **{**given, **change})  # type: ignore[arg-type]
 
@@ -360,4 +360,4 @@ def test_one_view_of_a_board_determines_nothing() -> None:
     flat = board_setting().target
     with pytest.raises(InputError, match="do not determine"):
         make_setting(flat, Camera("pinhole", np.array([2500.0, 2500, 1223, 1023]), (2448, 2048)), views=1,
-                     distance_mm=250.0, model="opencv", seed=0)  # fmt: skip
+                     photos=aimed_at(flat, 250.0), model="opencv", seed=0)  # fmt: skip
