@@ -38,7 +38,7 @@ from calib.studies.tolerance.what_if import WhatIf
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
 from designer.base.words import cut, printable, several
-from designer.kinds.layout import PhotoSet, advised_photos
+from designer.kinds.layout import Viewpoints, advised_photos
 from designer.kinds.presets import preset_names
 from designer.target import TargetGeometry, bounding_radius_mm, target_to_json
 from designer.tolerance.error_file import error_model
@@ -329,7 +329,7 @@ def _photographed(
 
 def _photos(
     target: TargetGeometry, distance_mm: float | tuple[float, float] | None, aim_offset_mm: float | None
-) -> PhotoSet:
+) -> Viewpoints:
     """What was asked for, and what was left open as a design's page advises.
 
     Raises:

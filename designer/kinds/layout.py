@@ -220,7 +220,7 @@ _OUTSIDE = 0.9
 
 
 @dataclass(frozen=True)
-class PhotoSet:
+class Viewpoints:
     """From where a target is photographed: turned at random, and looking past it by up to the aim's offset."""
 
     distance_mm: tuple[float, float]  # of the cameras from the target's origin, drawn evenly between the two
@@ -228,7 +228,7 @@ class PhotoSet:
     half_angle_rad: float  # of the cap around the normal of a plate; pi: from all sides
 
 
-def advised_photos(target: TargetGeometry, distance_mm: tuple[float, float] | None = None) -> PhotoSet:
+def advised_photos(target: TargetGeometry, distance_mm: tuple[float, float] | None = None) -> Viewpoints:
     """Photos as a person should take them: near and far, turned, rings into the image's corners.
 
     The page of a design has the line of `calib render` for them, and studies assume them. From the nearest place the
@@ -243,7 +243,7 @@ def advised_photos(target: TargetGeometry, distance_mm: tuple[float, float] | No
     near, far = distance_mm or (_two_digits(near), _two_digits(2 * near))
     aim = (_PLANAR_AIM_SHARE if target.is_plate else _AIM_SHARE) * IMAGE_HALF_DIAGONAL * near
     aim = _two_digits(max(min(aim, _OUTSIDE * (near - inside)), 0.0))
-    return PhotoSet((near, far), aim, math.radians(45) if target.is_plate else math.pi)
+    return Viewpoints((near, far), aim, math.radians(45) if target.is_plate else math.pi)
 
 
 def _two_digits(value: float) -> float:

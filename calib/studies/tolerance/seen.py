@@ -31,7 +31,7 @@ from calib.cameras.linear_part import linear_part
 from calib.core.se3 import transform
 from calib.core.types import LEAST_RADIUS_PX
 from calib.renderer.poses import PoseGrid, grid_poses, photo_poses
-from designer.kinds.layout import PhotoSet
+from designer.kinds.layout import Viewpoints
 from designer.target import TargetGeometry, bounding_radius_mm
 
 Array = NDArray[np.float64]
@@ -58,7 +58,7 @@ FARTHEST = 64.0
 CLOSE = 1.01
 
 
-def views_from(target: TargetGeometry, camera: Camera, photos: PhotoSet, views: int, seed: int) -> Array:
+def views_from(target: TargetGeometry, camera: Camera, photos: Viewpoints, views: int, seed: int) -> Array:
     """Poses on a Fibonacci grid around a target, of a board from a cap on each of its sides, rolled at random.
 
     The same as `calib render` takes with these options.  # (V, 4, 4)
@@ -66,16 +66,16 @@ def views_from(target: TargetGeometry, camera: Camera, photos: PhotoSet, views: 
     return photo_poses(_grid(target, photos, views), camera, seed)[0]
 
 
-def _grid(target: TargetGeometry, photos: PhotoSet, views: int) -> PoseGrid:
+def _grid(target: TargetGeometry, photos: Viewpoints, views: int) -> PoseGrid:
     return PoseGrid(
         views, photos.half_angle_rad, photos.distance_mm, random_roll=True, aim_offset_mm=photos.aim_offset_mm,
         is_two_sided=target.has_back,
     )  # fmt: skip
 
 
-def aimed_at(target: TargetGeometry, distance_mm: float) -> PhotoSet:
+def aimed_at(target: TargetGeometry, distance_mm: float) -> Viewpoints:
     """Photos from one distance that all look at the target's origin: `aimed_at(target, 400.0)`."""
-    return PhotoSet((distance_mm, distance_mm), 0.0, CAP_RAD if target.is_plate else math.pi)
+    return Viewpoints((distance_mm, distance_mm), 0.0, CAP_RAD if target.is_plate else math.pi)
 
 
 def seen_in(

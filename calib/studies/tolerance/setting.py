@@ -22,7 +22,7 @@ from calib.studies.tolerance.anchor import Anchor, factorise
 from calib.studies.tolerance.map_error import ImageGrid, grid_of
 from calib.studies.tolerance.seen import CONTRAST_TO_NOISE, LEAST_MINOR_PX, LEAST_RINGS, seen_in, views_from
 from designer.base.errors import InputError
-from designer.kinds.layout import PhotoSet
+from designer.kinds.layout import Viewpoints
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ def make_setting(
     camera: Camera,
     *,
     views: int,
-    photos: PhotoSet,
+    photos: Viewpoints,
     model: str,
     seed: int,
     options: SolveOptions = AS_THE_PAPER,
