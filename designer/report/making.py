@@ -191,7 +191,7 @@ def _turn_words(printing: PrintSpec) -> str:
 def sticker_blocks(design: Design, sheets: tuple[Leaf, ...]) -> tuple[Block, ...]:
     """A body in one filament, and sheets to glue on; `sheets` shows them."""
     job, printing = design.job, design.job.printing
-    lay = "Lay it on any of its faces ('place on face', 'lay flat'); without ink all of them are alike."
+    lay = "It lies on a face, as it is printed; any other does as well, since without ink all of them are alike."
     if printing.skew_compensation_rad != NO_SKEW:
         lay = f"{_turn_words(printing)}."
     body = Steps((

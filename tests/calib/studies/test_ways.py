@@ -23,7 +23,7 @@ VIEWS, DISTANCE_MM = 8, 260.0
 @cache
 def ranked(target: str) -> ToleranceResult:
     """All ways of a small target."""
-    return calib.ways(TARGETS[target](), views=VIEWS, distance_mm=DISTANCE_MM)
+    return calib.ways(TARGETS[target](), views=VIEWS, distance_mm=DISTANCE_MM, aim_offset_mm=0.0)
 
 
 @pytest.mark.parametrize("target", TARGETS)
@@ -43,7 +43,9 @@ def test_what_suits_is_ranked_and_nothing_else(target: str) -> None:
 def test_a_way_is_what_a_study_of_it_alone_predicts(target: str, way: str) -> None:
     """The errors, and the one that costs most, are those of `tolerance(..., linear=True)` with that template."""
     one = next(one for one in ranked(target).study.ways() if one.way.name == way)
-    alone = calib.tolerance(TARGETS[target](), way, views=VIEWS, distance_mm=DISTANCE_MM, linear=True, by=BY).study
+    alone = calib.tolerance(
+        TARGETS[target](), way, views=VIEWS, distance_mm=DISTANCE_MM, aim_offset_mm=0.0, linear=True, by=BY
+    ).study
     assert [one.total(name) for name in NAMES] == pytest.approx([alone.total(name) for name in NAMES], rel=1e-6)
     assert one.worst == alone.ranking[0].error
 
