@@ -91,7 +91,7 @@ _GERBER = FileFormat(
     least_of="lines of silkscreen in the tolerances of PCBWay and others",
 )
 FORMATS: Mapping[Format, FileFormat] = {
-    "3mf": FileFormat("3MF, for slicers"),
+    "3mf": FileFormat("3MF, for slicers", is_of_filaments=True),
     "project": FileFormat("3MF project, for Bambu Studio and OrcaSlicer: all plates in one file", is_of_plates=True),
     "stl": FileFormat("STL, for slicers"),
     "png": FileFormat("PNG, a preview"),
