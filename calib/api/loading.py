@@ -56,6 +56,8 @@ def load_observations(
     *,
     image_size: tuple[int, int] | None = None,
     grid: "PointGrid | None" = None,
+    points: str | None = None,
+    diameter_mm: float | None = None,
 ) -> Observations:
     """Read what a camera is solved from: `load_observations("detections.csv", "ico.target.json")`.
 
@@ -64,6 +66,10 @@ def load_observations(
         target: that detections show, whose X, Y, Z are taken; a table may show one too.
         image_size: width and height in px of a file that does not say it.
         grid: of a `corners.vnl`.
+        points: what was measured of a table's points: `corner`, `ring` (the image of its centre), or `circle` (the
+            centre of its image, as blob and circle-grid detectors give it); None: as the table or target says, if one
+            does.
+        diameter_mm: of circles; None: as the table or target says.
 
     Raises:
         InputError: the file cannot be read, something else is needed, or nothing is left to solve from.
@@ -78,7 +84,7 @@ def load_observations(
     geometry = (
         target if target is None or isinstance(target, TargetGeometry) else place_of(target, "a target, or its file")
     )
-    return read_observations(place, geometry, image_size=image_size, grid=grid)
+    return read_observations(place, geometry, image_size=image_size, grid=grid, points=points, diameter_mm=diameter_mm)
 
 
 def observations_of(observed: Observed, target: "TargetGeometry | Place | None") -> Observations:

@@ -18,11 +18,13 @@ from calib.metrics.evaluation import Evaluation, evaluate, held_out_px
 from calib.solver.accuracy import UndeterminedError
 from calib.solver.calibration import Calibration, Capture
 from calib.solver.capture_error import with_capture_error
+from calib.solver.circles import with_circle_doubt
 from calib.solver.costs import COSTS, IMAGE
 from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.suited import lens_kind, ruled_out
 from calib.solver.target_error import with_target_error
 from calib.verdict.lit_part import lit_part
+from calib.verdict.reading import unit_doubt
 from calib.virtual.calibrate import calibrate
 from designer.base.errors import InputError
 from designer.base.words import several, shown, suggestion
@@ -301,9 +303,10 @@ def _solution(task: SolveTask, model: str) -> Solution:
     if why := ruled_out(model, solved, task.observations, options):
         return Solution(model, None, why)
     try:
-        calibration = with_capture_error(with_target_error(solved, task.made), task.capture)
+        calibration = with_circle_doubt(with_capture_error(with_target_error(solved, task.made), task.capture))
         calibration = _with_image_circle(calibration, task)
-        calibration = replace(calibration, remarks=(*calibration.remarks, *task.observations.remarks))
+        unit = (doubt,) if (doubt := unit_doubt(calibration)) else ()
+        calibration = replace(calibration, remarks=(*calibration.remarks, *unit, *task.observations.remarks))
         return Solution(model, evaluate(calibration, task.truth))
     except InputError as error:
         return Solution(model, None, str(error), isinstance(error, UndeterminedError))

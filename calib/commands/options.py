@@ -94,6 +94,14 @@ CaptureOption = Annotated[
     ),
 ]
 ImageSizeOption = Annotated[str | None, typer.Option(help="of files that do not say it: 2448x2048")]
+PointsOption = Annotated[
+    str | None,
+    typer.Option(
+        help="what a table's points are: corner, ring (the image of its centre), or circle:13mm (the centre of its "
+        "image, as blob and circle-grid detectors give it; default: as the table or the target says)",
+        metavar="KIND",
+    ),
+]
 GridOption = Annotated[str | None, typer.Option(help="of a corners.vnl: 10x7 corners")]
 PitchOption = Annotated[str | None, typer.Option(help="of a corners.vnl: distance of its corners, 20mm")]
 ReferenceOption = Annotated[

@@ -39,6 +39,7 @@ def solve(
     image_size: options.ImageSizeOption = None,
     grid: options.GridOption = None,
     pitch: options.PitchOption = None,
+    points: options.PointsOption = None,
     made: options.MadeOption = None,
     capture: options.CaptureOption = None,
     criteria: options.CriteriaOption = options.DEFAULT_CRITERIA,
@@ -56,10 +57,11 @@ def solve(
     from calib.solver.accuracy import UndeterminedError
 
     writer = RunWriter(out, models_of(model))
-    observations = read_input(detections, target, image_size, grid, pitch)
+    observations = read_input(detections, target, image_size, grid, pitch, points)
     settings = (
         ("detections", named_in_files(detections)),
         ("target", "" if target is None else named_in_files(target)),
+        *(() if points is None else (("points", points),)),
         *made_settings(made, capture),
         *reference_settings(reference, reference_target),
     )
@@ -88,12 +90,31 @@ def made_settings(made: str | None, capture: str | None = None) -> tuple[tuple[s
 
 
 def read_input(
-    detections: Path, target: Path | None, image_size: str | None, grid: str | None, pitch: str | None
+    detections: Path,
+    target: Path | None,
+    image_size: str | None,
+    grid: str | None,
+    pitch: str | None,
+    points: str | None = None,
 ) -> "Observations":
     """What a camera is solved from, of a file of any kind, with the options that some kinds need."""
     from calib.api.loading import load_observations
 
-    return load_observations(detections, target, image_size=image_size_of(image_size), grid=grid_of(grid, pitch))
+    kind, diameter_mm = points_of(points)
+    return load_observations(
+        detections, target, image_size=image_size_of(image_size), grid=grid_of(grid, pitch), points=kind,
+        diameter_mm=diameter_mm,
+    )  # fmt: skip
+
+
+def points_of(text: str | None) -> tuple[str | None, float | None]:
+    """What a table's points are, and the diameter of circles: `circle:13mm`."""
+    from calib.renderer.quantities import parsed
+    from designer.base.units import parse_length_mm
+
+    kind, _, diameter = (text or "").partition(":")
+    diameter_mm = parsed("--points", diameter, parse_length_mm) if diameter else None
+    return (None if text is None else kind), diameter_mm
 
 
 def image_size_of(text: str | None, option: str = "--image-size") -> tuple[int, int] | None:

@@ -135,10 +135,13 @@ class KnownPoints:
     face: NDArray[np.int64]  # (K,) row of `plane`; -1: on no known plane
     plane: NDArray[np.float64]  # (F, 4) unit normal n and offset d (mm) of the plane n X = d
     geometry_id: str = ""  # of the target file they come from; "" for points from elsewhere
+    circle_mm: NDArray[np.float64] | None = None
+    """(K,) diameters of the circles whose images' centres were measured; 0: the point itself was, nan: nobody said;
+    None: the points themselves."""
 
     def __post_init__(self) -> None:
         freeze(self, "face", dtype=np.int64)
-        freeze(self, "position_mm", "plane")
+        freeze(self, "position_mm", "plane", "circle_mm")
 
     @property
     def middle_mm(self) -> NDArray[np.float64]:

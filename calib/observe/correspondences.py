@@ -1,7 +1,8 @@
 """Correspondences from elsewhere, and what kind of file they are in.
 
 A CSV holds image,u,v,X,Y,Z in any order, and may hold a face (a plane that points lie in), and sigma, suu,suv,svv or a
-weight, which is 1/sigma in units that nobody knows, as of mrcal's corners.
+weight, which is 1/sigma in units that nobody knows, as of mrcal's corners. A diameter_mm says that the centre of a
+circle's image was measured, 0 that the point itself was; dots of a target file say that too.
 Points are told apart by X, Y, Z. With a target file its points are meant: those with the ids of a column id, or those
 that are nearest to X, Y, Z. The image size stands in a comment, `# image_size 2448 x 2048`, or is given.
 """
@@ -33,7 +34,10 @@ Size = tuple[int, int]
 
 SEEN, ID = ("image", "u", "v"), "id"
 REQUIRED = (*SEEN, "X", "Y", "Z")
-OPTIONAL = ("face", "sigma", "weight", *COVARIANCE)
+DIAMETER = "diameter_mm"
+OPTIONAL = ("face", DIAMETER, "sigma", "weight", *COVARIANCE)
+POINTS, CIRCLE = ("corner", "ring", "circle"), "circle"
+"""What a point is: a corner of squares, a ring whose centre's image was measured, a circle whose image's centre was."""
 MAX_FILE_BYTES = 128 * 2**20
 """As text in memory a table takes about ten times as much."""
 MAX_LENGTH_MM = 1e7
@@ -57,6 +61,8 @@ def read_observations(
     *,
     image_size: Size | None = None,
     grid: "PointGrid | None" = None,
+    points: str | None = None,
+    diameter_mm: float | None = None,
 ) -> Observations:
     """What a camera is solved from, of a file of any of the three kinds; its first lines tell which.
 
@@ -65,6 +71,8 @@ def read_observations(
         target: of detections, or its file; a table may show one too, else it holds its own points.
         image_size: width and height in px of what does not say it itself.
         grid: of a corners.vnl.
+        points: what a table's points are, one of `POINTS`; None: as the table or the target says, if one does.
+        diameter_mm: of circles; None: as the table or the target says.
 
     Raises:
         InputError: the file is not to be read, something else is needed or does not belong, or nothing is left.
@@ -72,7 +80,13 @@ def read_observations(
     from calib.observe.corners_vnl import is_corners, observations_from_corners
 
     start = _start_of(path)
+    if points not in (None, *POINTS):
+        raise InputError(f"--points {shown(str(points))}: give corner, ring, or circle:13mm, circles of that diameter")
+    if diameter_mm is not None and (points != CIRCLE or not 0 < diameter_mm <= MAX_LENGTH_MM):
+        raise InputError(f"diameter {diameter_mm:g} mm: is of circles, and more than 0; give --points circle:13mm")
     if is_detections(path):
+        if points is not None:
+            raise InputError(f"{path}: detections are the images of rings' centres; leave --points out")
         if target is None:
             raise InputError(f"{path}: detections need the target they show; give --target NAME.target.json")
         if image_size is not None or grid is not None:
@@ -82,6 +96,8 @@ def read_observations(
             read_detections(path, geometry, target_path=name), geometry, origin=str(path)
         )
     if is_corners(path, start):
+        if points not in (None, "corner"):
+            raise InputError(f"{path}: holds corners; leave --points {points} out")
         if target is not None:
             raise InputError(f"{path}: corners lie on their own grid; leave --target out")
         text = read_text(path, "a corners.vnl", MAX_FILE_BYTES)
@@ -91,11 +107,16 @@ def read_observations(
     if grid is not None:
         raise InputError(f"{path}: no corners.vnl, so its points have coordinates; leave --grid out")
     of_points = load_target(target) if isinstance(target, Path) else target
-    return read_correspondences(path, image_size=image_size, target=of_points)
+    return read_correspondences(path, image_size=image_size, target=of_points, points=points, diameter_mm=diameter_mm)
 
 
 def read_correspondences(
-    path: Path, *, image_size: Size | None = None, target: TargetGeometry | None = None
+    path: Path,
+    *,
+    image_size: Size | None = None,
+    target: TargetGeometry | None = None,
+    points: str | None = None,
+    diameter_mm: float | None = None,
 ) -> Observations:
     """Read a CSV with image,u,v,X,Y,Z, or of a target's points image,u,v,id.
 
@@ -121,7 +142,7 @@ def read_correspondences(
             f"{path}: the image size is not known; add a line '# image_size 2448 x 2048' at the top, or give "
             "--image-size 2448x2048"
         )
-    every = rows_of_table(table, size, target)
+    every = rows_of_table(table, size, target, points, diameter_mm)
     require_inside(every, str(path))
     used = (*REQUIRED, *OPTIONAL, *([ID] if of_target else []))
     unused = [name for name in table.cells if name not in used]
@@ -182,9 +203,12 @@ def _read_comments(path: Path, stream: io.StringIO) -> tuple[Size | None, int]:
 
 def _column_fault(columns: tuple[str, ...], *, of_target: bool) -> str:
     """What is wrong with the names of the columns."""
-    wanted = f"the columns must be {','.join(REQUIRED)}, and may be face, sigma, weight or {','.join(COVARIANCE)}"
+    more = f"sigma, weight or {','.join(COVARIANCE)}"
+    wanted = f"the columns must be {','.join(REQUIRED)}, and may be face, {DIAMETER}, {more}"
     if of_target and ID in columns:
-        wanted = f"the columns must be {','.join(SEEN)},{ID}, and may be sigma, weight or {','.join(COVARIANCE)}"
+        wanted = (
+            f"the columns must be {','.join(SEEN)},{ID}, and may be {DIAMETER}, sigma, weight or {','.join(COVARIANCE)}"
+        )
     if len(columns) == 1 and re.search(r"[;\t]", columns[0]):
         return "values must be separated by commas"
     required = SEEN if of_target and ID in columns else REQUIRED
@@ -199,7 +223,13 @@ def accuracy_fault(columns: tuple[str, ...]) -> str:
     return ""
 
 
-def rows_of_table(table: CsvTable, size: Size, target: TargetGeometry | None) -> Observations:
+def rows_of_table(
+    table: CsvTable,
+    size: Size,
+    target: TargetGeometry | None,
+    kind: str | None = None,
+    diameter_mm: float | None = None,
+) -> Observations:
     """The table's rows in order, with remarks on its points."""
     u, v = table.reals("u"), table.reals("v")
     table.require(np.maximum(np.abs(u), np.abs(v)) <= MAX_SIDE_PX, f"u or v is beyond {MAX_SIDE_PX} px")
@@ -211,6 +241,7 @@ def rows_of_table(table: CsvTable, size: Size, target: TargetGeometry | None) ->
     point, points, remarks = (
         _own_points(table) if target is None else (_points_of(table, target), known_points(target), ())
     )
+    points = replace(points, circle_mm=_circles(table, point, points, target, kind, diameter_mm))
     order = table.sorted_once(view, point, "the same point of the same image a second time; keep one")
     return Observations(
         size, tuple(names), view[order], point[order], np.stack([u, v], axis=1)[order],
@@ -263,6 +294,44 @@ def _points_of(table: CsvTable, target: TargetGeometry) -> NDArray[np.int64]:
     return np.asarray(nearest, dtype=np.int64)
 
 
+def _circles(
+    table: CsvTable, point: NDArray[np.int64], points: KnownPoints, target: TargetGeometry | None,
+    kind: str | None, diameter_mm: float | None,
+) -> Array:  # fmt: skip
+    """The diameters (K,) of the circles whose images' centres were measured: 0 of points, nan where nobody says it.
+
+    Raises:
+        InputError: it is said twice, or circles have no diameter, or one that makes them overlap.
+    """
+    circle_mm = np.full(len(points.face), np.nan)
+    if DIAMETER in table.cells:
+        each = table.reals(DIAMETER)
+        if kind is not None and (kind != CIRCLE or diameter_mm is not None):
+            raise InputError(f"{table.path}: its column {DIAMETER} says what the points are; leave --points out")
+        table.require((each >= 0) & (each <= MAX_LENGTH_MM), f"{DIAMETER} must be 0 (no circle) to {MAX_LENGTH_MM:g}")
+        circle_mm[point] = each
+        table.require(each == circle_mm[point], f"the point has another {DIAMETER} on another line")
+    elif kind is not None and kind != CIRCLE:
+        circle_mm[:] = 0.0
+    elif diameter_mm is not None:
+        circle_mm[:] = diameter_mm
+    elif target is not None and target.has_marks and (target.is_dot.all() or kind == CIRCLE):
+        circle_mm = 2 * target.radius_outer_mm
+    elif kind == CIRCLE:
+        raise InputError(
+            f"{table.path}: the circles' diameter is not known; give --points circle:13mm, or a column {DIAMETER}"
+        )
+    seen = np.flatnonzero(np.bincount(point, minlength=len(circle_mm)))
+    largest = float(np.nanmax(circle_mm[seen], initial=0.0))
+    if largest > 0 and len(seen) > 1:
+        apart = float(np.median(cKDTree(points.position_mm[seen]).query(points.position_mm[seen], k=2)[0][:, 1]))
+        if largest > apart:
+            raise InputError(
+                f"{table.path}: circles of {largest:g} mm overlap if {apart:g} mm apart, as the points are; check it"
+            )
+    return circle_mm
+
+
 def _covariance(table: CsvTable) -> Array | None:
     """The covariances of the rows, if the table has any.  # (M, 2, 2)"""
     if "sigma" in table.cells:
@@ -293,7 +362,16 @@ def require_inside(every: Observations, origin: str) -> None:
     if outside.any():
         row = int(np.argmax(outside.any(axis=1)))
         u, v = every.center_px[row]
+        beyond = (np.maximum(-0.5 - every.center_px, every.center_px - size[::-1] + 0.5) > 0).any(axis=1)
+        on_side = f"{size[1]} x {size[0]} px"
+        turned = (
+            f"; all fit {on_side}: are u and v exchanged, or width and height?"
+            if not beyond.any()
+            else f"; this photo fits {on_side}: was it turned on its side?"
+            if not beyond[every.view == every.view[row]].any()
+            else ""
+        )
         raise InputError(
             f"{origin}: {every.view_names[every.view[row]]}: a point at u {u:g}, v {v:g} is far outside an image "
-            f"of {size[0]} x {size[1]} px; check the image size"
+            f"of {size[0]} x {size[1]} px; check the image size{turned}"
         )

@@ -56,8 +56,9 @@ def mirrored_views(seen: Observations, *, has_fronts: bool, origin: str) -> NDAr
     mirrored: NDArray[np.bool_] = side < 0
     if mirrored.any() and not (side > 0).any():
         raise InputError(
-            f"{origin}: the points are mirrored: the photos were flipped, or the points are numbered or measured as "
-            "in a mirror; flip the photos back, or correct X Y Z to a right-handed frame"
+            f"{origin}: the points are mirrored: the photos were flipped, u and v are exchanged, v is counted from "
+            "below, or the points are numbered or measured as in a mirror; flip the photos back, correct u v (v counts "
+            "downwards), or X Y Z to a right-handed frame"
         )
     return mirrored
 

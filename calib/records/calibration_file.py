@@ -20,7 +20,15 @@ from calib.core.files import write_files
 from calib.core.se3 import rigid_fault
 from calib.core.types import KnownPoints, Observations
 from calib.records.observation_table import MAX_RESIDUAL_PX, observations_to_csv, read_sightings
-from calib.solver.calibration import Calibration, CaptureError, ImageField, PhotoError, Status, TargetError
+from calib.solver.calibration import (
+    Calibration,
+    CaptureError,
+    CircleDoubt,
+    ImageField,
+    PhotoError,
+    Status,
+    TargetError,
+)
 from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import PlaneBend
 from designer.base.codec import decode, encode
@@ -81,6 +89,7 @@ class CalibrationRecord:
     image_field: ImageField | None = None
     capture_error: CaptureError | None = None
     photo_error: PhotoError | None = None
+    circle_doubt: Annotated[CircleDoubt | None, LEFT_OUT] = None
     target_bend: Annotated[PlaneBend | None, LEFT_OUT] = None
     geometry_id: Hash
     observations_sha256: Hash
@@ -97,13 +106,8 @@ class CalibrationRecord:
         parts = {"param_covariance": self.param_covariance}
         parts |= {
             f"{name}.param_covariance": part.param_covariance
-            for name, part in (
-                ("target_error", self.target_error),
-                ("image_field", self.image_field),
-                ("capture_error", self.capture_error),
-                ("photo_error", self.photo_error),
-            )
-            if part is not None
+            for name in ("target_error", "image_field", "capture_error", "photo_error", "circle_doubt")
+            if (part := getattr(self, name)) is not None
         }
         for name, covariance in parts.items():
             if covariance.shape != (len(names),) * 2:
@@ -205,6 +209,7 @@ def record_of(calibration: Calibration, provenance: Provenance, digest: str) -> 
         image_field=calibration.image_field,
         capture_error=calibration.capture_error,
         photo_error=calibration.photo_error,
+        circle_doubt=calibration.circle_doubt,
         target_bend=calibration.target_bend,
         geometry_id=points.geometry_id,
         observations_sha256=digest,
@@ -254,6 +259,7 @@ def read_calibration(path: Path) -> tuple[Calibration, Provenance]:
         image_field=file.image_field,
         capture_error=file.capture_error,
         photo_error=file.photo_error,
+        circle_doubt=file.circle_doubt,
         target_bend=file.target_bend,
     )
     return calibration, replace(file.provenance, observations_sha256=file.observations_sha256)

@@ -118,6 +118,19 @@ class PhotoError:
 
 
 @dataclass(frozen=True, eq=False)
+class CircleDoubt:
+    """What the camera may be off because nobody said whether its points are centres of circles."""
+
+    diameter_mm: Annotated[float, AtLeast(0)]  # that fits best, 0 if none does
+    sigmas: Annotated[float, AtLeast(-1e9), AtMost(1e9)]  # by which the square of that diameter differs from 0
+    spacing_mm: Annotated[float, AtLeast(0)]  # of the points
+    param_covariance: Annotated[NDArray[np.float64], Shape("P", "P"), PACKED]  # to be added
+
+    def __post_init__(self) -> None:
+        freeze(self, "param_covariance")
+
+
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """A solved camera, its V poses and how sure they are: `run.best.calibration.cam_from_target`."""
 
@@ -140,13 +153,25 @@ class Calibration:
     image_field: ImageField | None = None  # None: nothing shows that there is one
     capture_error: CaptureError | None = None  # None: not asked, or of a camera that is not told by few parameters
     photo_error: PhotoError | None = None  # None: the centres of a photo share nothing beyond chance
+    circle_doubt: CircleDoubt | None = None  # None: what the points are is known
     target_bend: PlaneBend | None = None  # by which the points were moved; None: it was no unknown
 
     @property
+    def errors(self) -> "dict[str, TargetError | ImageField | CaptureError | PhotoError | CircleDoubt]":
+        """What may be off besides the noise of single observations, by its field's name."""
+        parts = {
+            "target_error": self.target_error,
+            "image_field": self.image_field,
+            "capture_error": self.capture_error,
+            "photo_error": self.photo_error,
+            "circle_doubt": self.circle_doubt,
+        }
+        return {name: part for name, part in parts.items() if part is not None}
+
+    @property
     def stated_covariance(self) -> NDArray[np.float64]:
-        """The parameters' covariance as it is to be told: by noise, target, field, capture and photos.  # (P, P)"""
-        sources = (self.target_error, self.image_field, self.capture_error, self.photo_error)
-        parts = [part.param_covariance for part in sources if part is not None]
+        """The parameters' covariance as it is to be told: by noise and by all of `errors`.  # (P, P)"""
+        parts = [part.param_covariance for part in self.errors.values()]
         stated: NDArray[np.float64] = sum(parts, start=np.asarray(self.param_covariance))
         return stated
 
@@ -160,10 +185,11 @@ def without_surface(calibration: Calibration) -> Calibration:
     model = surface_model(calibration.camera.model)
     if model is None:
         return calibration
-    own, error = slice(model.first_control), calibration.target_error
+    own, error, doubt = slice(model.first_control), calibration.target_error, calibration.circle_doubt
     return replace(
         calibration,
         camera=model.base_camera(calibration.camera),
         param_covariance=calibration.param_covariance[own, own],
         target_error=error and replace(error, param_covariance=error.param_covariance[own, own]),
+        circle_doubt=doubt and replace(doubt, param_covariance=doubt.param_covariance[own, own]),
     )

@@ -12,6 +12,7 @@ from calib.cameras.surface import SurfaceModel, surface_model
 from calib.core.types import Observations, keep_views
 from calib.solver.accuracy import Accuracy, UndeterminedError, accuracy_of, why_degenerate
 from calib.solver.calibration import Calibration, Status
+from calib.solver.circles import with_circles
 from calib.solver.descend import Descended, descend, is_robust, without_lens
 from calib.solver.in_space import descend_in_space, require_planes
 from calib.solver.options import SolveOptions, Tie, tie_parameters
@@ -57,6 +58,14 @@ def solve(
 
         flat = replace(options, free_bend=False)
         return solve_bent(observations, lambda seen: solve(seen, model, flat, noise_px2=noise_px2), options)
+    return with_circles(observations, lambda seen: _solved(seen, model, options, noise_px2, begin))
+
+
+def _solved(
+    observations: Observations, model: str, options: SolveOptions, noise_px2: Array | None, begin: float
+) -> Calibration:
+    """The solution from points as they are given."""
+    surface = surface_model(model)
     require_planes(options.minimise, observations.points, observations.point)
     lens = model if surface is None else surface.base.name
     tie = tie_parameters(model, options)

@@ -6,7 +6,7 @@ the same, what spoils the photos comes before what is missing in them: more phot
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.outliers import deviations
 from calib.solver.plane_bend import is_flat
 from calib.verdict.check_kind import px
-from calib.verdict.checks import BY_CHANCE, SURE, checks_of, faults_of, made_words, missing_of
+from calib.verdict.checks import BY_CHANCE, SURE, checks_of, circles_told_mm, faults_of, made_words, missing_of
 from calib.verdict.evidence import FAR_OFF, CameraEvidence
 from calib.verdict.halves import HalvesApart
 from calib.verdict.next_view_words import distance_words, short
@@ -57,12 +57,14 @@ class Inputs:
 
     detections: str = "detections.csv"
     target: str = "NAME.target.json"  # "": they hold their own points
+    points: str = ""  # what these are, if that was said
 
     @property
     def solve(self) -> str:
         """The command that solves again."""
         target = f" --target {shlex.quote(self.target)}" if self.target else ""
-        return f"calib solve {shlex.quote(self.detections)}{target} -o again"
+        points = f" --points {self.points}" if self.points else ""
+        return f"calib solve {shlex.quote(self.detections)}{target}{points} -o again"
 
     @property
     def measure(self) -> str:
@@ -105,11 +107,14 @@ def advice_of(
         views: the next photos that were found for it; None: nobody looked for any.
         inputs: what it was solved from, for the commands to type.
     """
+    if evidence.reading:  # of observations that are read wrongly nothing else is known
+        return (evidence.reading,)
     facts = view_facts(calibration)
     faults = (
         (_step(_undetermined(evidence), "solution"),)
         if evidence.status == "degenerate"
         else (
+            _step(_points(evidence, criteria, inputs), "points", "uncertainty"),
             _step(_alike(evidence), "capture"),
             _target(calibration, evidence, criteria, inputs),
             _step(_odd_photos(facts, criteria), "residuals", "outliers"),
@@ -145,6 +150,20 @@ def _wanting(evidence: CameraEvidence, checks: Sequence[Check]) -> list[str]:
     """Names of the checks that keep the verdict from being good, as the verdict names them, the worst first."""
     found = (*faults_of(checks, "bad"), *faults_of(checks, "usable"), *missing_of(evidence, checks))
     return [check.name for check in found]
+
+
+def _points(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> str:
+    """Points of which nobody said what they are, where that decides."""
+    found = evidence.uncertainty
+    if not found.by_circles or found.circle_px <= LARGE_SHARE * criteria["uncertainty"].good:
+        return ""
+    told_mm = circles_told_mm(found)
+    size = "DIAMETERmm" if told_mm is None else f"{figure(told_mm, 2)}mm"
+    fits = "" if told_mm is None else ", as it seems (give the true diameter)"
+    return (
+        f"say what the points are: `{replace(inputs, points=f'circle:{size}').solve}` if they are centres of circles "
+        f"from a blob or circle-grid detector{fits}, with --points corner if they are corners"
+    )
 
 
 def _names(facts: ViewFacts, rows: NDArray[np.int64]) -> str:

@@ -6,7 +6,7 @@ from calib.core.number_text import figure
 from calib.solver.calibration import TargetError
 from calib.verdict.capture_check import LIMITS, judge_capture
 from calib.verdict.check_kind import LEAST_PX, CheckKind, Found, at_least, at_most, px
-from calib.verdict.evidence import FAR_OFF, CameraEvidence, ModelApart
+from calib.verdict.evidence import FAR_OFF, CameraEvidence, ModelApart, Uncertainty
 from calib.verdict.halves import HalvesApart, NoHalves
 from calib.verdict.target_shape import ShapeEffect
 from calib.verdict.verdict import Check, Criteria, Grade, Limits, measured_text
@@ -28,12 +28,20 @@ LARGE_SHARE = 0.5
 """Of the residuals: a systematic part that is worth a word although it is small."""
 
 
+SURE_CIRCLES = 4.0
+"""Sigmas from which on points are said to fit as centres of circles: other faults of the photos look so, too."""
+
+
 def _solution(evidence: CameraEvidence, _: Criteria) -> Found | None:
     if evidence.status == "converged":
         return None
     fault = {"degenerate": "the photos do not determine the camera", "stopped": "the solution is not at its end"}
     reason = f": {evidence.status_reason}" if evidence.status_reason else ""
     return Found("bad", None, f"{fault.get(evidence.status, '')}{reason}")
+
+
+def _reading(evidence: CameraEvidence, _: Criteria) -> Found | None:
+    return Found("bad", None, evidence.reading) if evidence.reading else None
 
 
 def _uncertainty(evidence: CameraEvidence, criteria: Criteria) -> Found:
@@ -60,6 +68,8 @@ def _uncertainty(evidence: CameraEvidence, criteria: Criteria) -> Found:
             f"; {px(found.field_px)} of it is what the camera may have taken of a field of "
             f"{px(found.image_field.left_px)} fixed in the image that the lens model does not follow"
         )
+    if found.by_circles and found.circle_px >= LEAST_PX:
+        inside += f"; {px(found.circle_px)} of it is what the camera may be off if its points are centres of circles"
     if found.is_map_exact:
         sentence = f"not known: the learned map is taken as exact, and covers {100 * found.known:.0f} % of the image"
         return Found("unknown", None, sentence)
@@ -74,6 +84,35 @@ def _uncertainty(evidence: CameraEvidence, criteria: Criteria) -> Found:
     value = found.image_px
     sentence = f"the camera is uncertain by up to {px(value)} in 95 % of the {area} (1 sigma){inside}"
     return Found(at_most(value, limits), value, sentence)
+
+
+def circles_told_mm(found: Uncertainty) -> float | None:
+    """The diameter of the circles that the points are surely centres of, as the photos tell it; None: they do not."""
+    doubt = found.circle_doubt
+    if doubt is None or doubt.sigmas <= SURE_CIRCLES or not 0 < doubt.diameter_mm <= doubt.spacing_mm:
+        return None
+    return doubt.diameter_mm
+
+
+def _points(evidence: CameraEvidence, criteria: Criteria) -> Found | None:
+    """Points that nobody said are corners or centres of circles, where that matters."""
+    found, limits = evidence.uncertainty, criteria["uncertainty"]
+    if not found.by_circles or found.circle_px < LEAST_PX or found.circle_doubt is None:
+        return None
+    told_mm = circles_told_mm(found)
+    off = f"off by up to {px(found.circle_px)}"
+    if told_mm is not None:
+        sentence = (
+            f"the points fit as the centres of circles of about {figure(told_mm, 2)} mm diameter "
+            f"({figure(found.circle_doubt.sigmas, 2)} sigma), and taken for points they leave the camera {off}; "
+            "--points says what they are"
+        )
+        return Found(at_most(found.circle_px, limits), None, sentence)
+    sentence = (
+        "not known: nobody said whether the points are corners or centres of circles, and the photos do not tell it; "
+        f"the camera may be {off} by that, which its uncertainty contains (--points says what they are)"
+    )
+    return Found("unknown", None, sentence)
 
 
 def _coverage(evidence: CameraEvidence, criteria: Criteria) -> Found:
@@ -330,6 +369,8 @@ CHECKS: Mapping[str, CheckKind[CameraEvidence]] = {
     kind.name: kind
     for kind in (
         CheckKind("solution", "Solution", "", _solution),
+        CheckKind("reading", "How the observations read", "", _reading),
+        CheckKind("points", "What the points are", "", _points),
         CheckKind("uncertainty", "Uncertainty over the image", "px", _uncertainty, is_needed=True),
         CheckKind("coverage", "Sensor coverage", "%", _coverage, most=100.0, is_at_least=True, is_needed=True),
         CheckKind("halves", "Cross-validation by halves", "sigma", _halves, is_needed=True),
@@ -343,8 +384,8 @@ CHECKS: Mapping[str, CheckKind[CameraEvidence]] = {
 }
 """All checks in the order of reading. Their limits are in `templates/criteria`."""
 FIRST = (
-    "solution", "capture", "target", "residuals", "outliers", "halves", "systematic", "uncertainty", "coverage",
-    "models",
+    "reading", "solution", "points", "capture", "target", "residuals", "outliers", "halves", "systematic",
+    "uncertainty", "coverage", "models",
 )  # fmt: skip
 """Of checks that are beyond their limits alike, the one that is named first: what spoils the data comes before what a
 few more photos mend."""

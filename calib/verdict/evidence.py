@@ -14,12 +14,21 @@ from calib.metrics.errors import Errors, summarise
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.metrics.residual_cells import LEAST_PER_CELL, cells_of_residuals, residuals_of
 from calib.solver.accuracy import share_px
-from calib.solver.calibration import Calibration, CaptureError, ImageField, PhotoError, Status, TargetError
+from calib.solver.calibration import (
+    Calibration,
+    CaptureError,
+    CircleDoubt,
+    ImageField,
+    PhotoError,
+    Status,
+    TargetError,
+)
 from calib.solver.outliers import deviations
 from calib.verdict.apart import Known, apart, sigma_over
 from calib.verdict.coverage import Coverage, coverage_of
 from calib.verdict.halves import HalfSplit, HalvesApart, NoHalves, halves_apart
 from calib.verdict.lit_part import lit_part, sigma_over_lit_px
+from calib.verdict.reading import reading_of
 from calib.verdict.target_shape import ShapeEffect, shape_effect
 
 Array = NDArray[np.float64]
@@ -48,6 +57,8 @@ class Uncertainty:
     capture_error: CaptureError | None = None  # what is alike in all photos; None: not asked, or not told
     capture_px: float = 0.0  # of the image, by that alone
     photo_error: PhotoError | None = None  # what the centres of a photo share; it stands for the factor of the halves
+    circle_doubt: CircleDoubt | None = None  # None: what the points are is known
+    circle_px: float = 0.0  # of the image, by that doubt alone
 
     @property
     def by_target(self) -> bool:
@@ -58,6 +69,11 @@ class Uncertainty:
     def by_field(self) -> bool:
         """Whether more of it is the field's than the noise's."""
         return self.noise_px is None or self.field_px > self.factor * self.noise_px
+
+    @property
+    def by_circles(self) -> bool:
+        """Whether more of it is by the doubt about what the points are than by the noise."""
+        return self.circle_doubt is not None and self.circle_px > self.factor * (self.noise_px or 0.0)
 
 
 @dataclass(frozen=True)
@@ -100,6 +116,7 @@ class CameraEvidence:
     leftover: Leftover
     shape: ShapeEffect | None  # what a target of another shape would change; None: cannot be told
     models: tuple[ModelApart, ...]
+    reading: str = ""  # what else the observations are, as a sentence, if that explains all
 
     @property
     def may_be_lens(self) -> bool:
@@ -132,7 +149,7 @@ def evidence_of(calibrations: Sequence[Calibration], best: int, halves: HalfSpli
         judged.camera.model, judged.status, reason, judged.observations.view_count,
         uncertainty_of(judged, covered, factor), covered, found, _leftover(evaluate(judged)),
         shape_effect(judged, covered),
-        tuple(_model_apart(judged, other, covered) for other in others),
+        tuple(_model_apart(judged, other, covered) for other in others), reading_of(judged),
     )  # fmt: skip
 
 
@@ -152,29 +169,21 @@ def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -
     is_estimated = bool((np.diagonal(calibration.param_covariance) > 0).any())
     known = float(np.isfinite(rays(lit.camera, pixel[lit.is_lit(pixel)])).all(axis=1).mean())
     image = inside = noise = math.nan
-    camera, error, field = calibration.camera, calibration.target_error, calibration.image_field
-    alike = calibration.capture_error
-    by_target = by_field = by_capture = 0.0
+    camera = calibration.camera
+    by = dict.fromkeys(("target_error", "image_field", "capture_error", "photo_error", "circle_doubt"), 0.0)
     if is_estimated and np.isfinite(calibration.param_covariance).all():
         # Halves show what differs between photos; what target and lens are off is the same in all.
         covariance = factor**2 * calibration.param_covariance
-        if error is not None:
-            covariance = covariance + error.param_covariance
-            by_target = _if_known(sigma_over_lit_px(lit, error.param_covariance)) or 0.0
-        if field is not None:
-            covariance = covariance + field.param_covariance
-            by_field = _if_known(sigma_over_lit_px(lit, field.param_covariance)) or 0.0
-        if alike is not None:
-            covariance = covariance + alike.param_covariance
-            by_capture = _if_known(sigma_over_lit_px(lit, alike.param_covariance)) or 0.0
-        if by_photo is not None:
-            covariance = covariance + by_photo.param_covariance
+        for name, part in calibration.errors.items():
+            covariance = covariance + part.param_covariance
+            by[name] = _if_known(sigma_over_lit_px(lit, part.param_covariance)) or 0.0
         image, noise = (sigma_over_lit_px(lit, one) for one in (covariance, calibration.param_covariance))
         inside = share_px(sigma_over(Known(camera, covariance), covered))
     is_exact = camera.learned is not None
     return Uncertainty(
-        _if_known(image), _if_known(inside), _if_known(noise), by_target, error, known, is_estimated, is_exact, factor,
-        field, by_field, alike, by_capture, by_photo,
+        _if_known(image), _if_known(inside), _if_known(noise), by["target_error"], calibration.target_error, known,
+        is_estimated, is_exact, factor, calibration.image_field, by["image_field"], calibration.capture_error,
+        by["capture_error"], by_photo, calibration.circle_doubt, by["circle_doubt"],
     )  # fmt: skip
 
 

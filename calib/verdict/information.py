@@ -224,7 +224,8 @@ def stated_error(known: Knowledge, calibration: Calibration, factor: float, open
     size, error = known.basis.shape[1], calibration.target_error
     none, to_q = np.zeros((size, 0)), pseudo_inverse(known.basis)
     by_field = np.zeros((size, size))
-    for part in (calibration.image_field, calibration.capture_error, calibration.photo_error):
+    parts = (calibration.image_field, calibration.capture_error, calibration.photo_error, calibration.circle_doubt)
+    for part in parts:
         if known.is_determined and part is not None:
             by_field = by_field + to_q @ part.param_covariance @ to_q.T
     if error is None or not known.is_determined or not error.param_covariance.any():

@@ -157,4 +157,6 @@ def judged_by(
 def inputs_of(settings: Sequence[tuple[str, str]]) -> Inputs:
     """What a camera was solved from, as its command was told; `calib run` detects into a file of its own."""
     named = dict(settings)
-    return Inputs(named.get("detections", DETECTED.detections), named.get("target", DETECTED.target))
+    return Inputs(
+        named.get("detections", DETECTED.detections), named.get("target", DETECTED.target), named.get("points", "")
+    )

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from calib.cameras import learned_models
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration
+from calib.solver.circles import with_circles
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from designer.base.errors import InputError
@@ -37,10 +38,10 @@ def calibrate(
     if options.free_bend:
         raise InputError(f"--free-bend: model {model} is learned from a target as it is given; solve another with it")
     if reference == ALL_VIEWS:
-        return solve_virtual(observations, options, all_views=True)
+        return with_circles(observations, lambda seen: solve_virtual(seen, options, all_views=True))
     if options.fixed and (reference is not None or on_plane_mm(observations.points, observations.point) is not None):
         raise InputError(
             f"{options.fixed[0][0]} cannot be fixed: the sensor of a map learned from a photo has a focal length and a "
             "centre of its own; learn the map from all views, with --reference all"
         )
-    return solve_virtual(observations, options, reference)
+    return with_circles(observations, lambda seen: solve_virtual(seen, options, reference))

@@ -80,6 +80,8 @@ def uncertainty_figure(
         caption += ", and what it may have taken of a field fixed in the image that the lens model does not follow"
     if calibration.capture_error is not None:
         caption += ", and what is alike in all photos (motion, focus, tilt)"
+    if calibration.circle_doubt is not None:
+        caption += ", and what it may be off if its points, of which nobody said what they are, are centres of circles"
     if found.is_map_exact:
         caption += "; the learned map is taken as exact, so the truth is larger"
     caption += f". {inside}" if inside else ""

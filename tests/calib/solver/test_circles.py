@@ -1,0 +1,155 @@
+"""Centres of circles' images: taken to the images of the circles' centres, or asked about, so that nothing is wrong."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from calib.cameras import project
+from calib.cameras.camera import Camera
+from calib.core.se3 import transform
+from calib.core.types import KnownPoints, Observations
+from calib.solver.accuracy import projected_change
+from calib.solver.calibration import Calibration
+from calib.solver.circles import circle_shift_px, with_circle_doubt
+from calib.solver.solve import solve
+from designer.base.errors import InputError
+from tests.support.solver_scenes import board, icosahedron, noisy, observe, poses_around
+
+Array = NDArray[np.float64]
+
+SIZE = (1600, 1200)
+CAMERAS = {
+    "opencv": Camera("opencv", np.array([1500.0, 1502, 805, 596, -0.22, 0.08, 5e-4, -4e-4, 0.0]), SIZE),
+    "pinhole": Camera("pinhole", np.array([1500.0, 1500, 805, 596]), SIZE),
+    "fisheye": Camera("fisheye", np.array([600.0, 600, 805, 596, 0.03, -0.01, 0.002, 0.0]), SIZE),
+}
+DISTANCE_MM = {"fisheye": 130.0}
+NOISE_PX, PITCH_MM = 0.04, 20.0
+RIM = 720
+
+
+def _blob_centre_px(camera: Camera, center_mm: Array, axes_mm: Array) -> Array:
+    """The centre of a circle's image by OpenCV's moments, of a fine polygon."""
+    angle = np.linspace(0, 2 * np.pi, RIM, endpoint=False)
+    rim = project(camera, center_mm + np.column_stack([np.cos(angle), np.sin(angle)]) @ axes_mm)
+    middle = rim.mean(axis=0)  # what OpenCV holds as floats of 24 bits are differences from it
+    moments = cv2.moments((rim - middle).astype(np.float32))
+    centre: Array = middle + np.array([moments["m10"], moments["m01"]]) / moments["m00"]
+    return centre
+
+
+def _scene(
+    model: str,
+    diameter_mm: float,
+    *,
+    seed: int = 0,
+    photos: int = 20,
+    points: KnownPoints | None = None,
+    distance_mm: float | None = None,
+) -> tuple[Observations, Observations, Array]:
+    """What a blob detector gives of circles without noise, where their centres are seen, and the poses."""
+    rng = np.random.default_rng(seed)
+    distance_mm = distance_mm or DISTANCE_MM.get(model, 330.0)
+    poses = poses_around(photos, rng, distance_mm=distance_mm, half_angle_deg=55, aim_mm=0.15 * distance_mm)
+    plain = observe(CAMERAS[model], points or board(10, 7, PITCH_MM), poses, rng, incidence_deg=70)
+    if not diameter_mm:
+        return plain, plain, poses
+    centers = []
+    for view, point in zip(plain.view.tolist(), plain.point.tolist(), strict=True):
+        normal = plain.points.plane[plain.points.face[point], :3]
+        axes = np.linalg.svd(normal[None])[2][1:] @ poses[view][:3, :3].T
+        place = transform(poses[view], plain.points.position_mm[point][None])[0]
+        centers.append(_blob_centre_px(CAMERAS[model], place, 0.5 * diameter_mm * axes))
+    return replace(plain, center_px=np.array(centers)), plain, poses
+
+
+def _said(seen: Observations, diameter_mm: float) -> Observations:
+    """The observations with what their points are; nan: nobody says it."""
+    return replace(seen, points=replace(seen.points, circle_mm=np.full(len(seen.points.face), diameter_mm)))
+
+
+def _times_stated(found: Calibration, model: str) -> float:
+    """The error where points were seen over the stated standard deviation, root mean square."""
+    change = projected_change(found.camera, found.observations.center_px[::11])
+    off = change @ (found.camera.params - CAMERAS[model].params)
+    stated = np.einsum("nip,pq,niq->", change, found.stated_covariance, change)
+    return float(np.sqrt((off**2).sum() / stated))
+
+
+@pytest.mark.parametrize("model", CAMERAS)
+@pytest.mark.parametrize("diameter_mm", [2.0, 15.0])
+def test_the_shift_is_that_of_the_image_of_the_area(model: str, diameter_mm: float) -> None:
+    """Through any lens, what lies between OpenCV's centre of a blob and the image of the circle's centre."""
+    blob, plain, poses = _scene(model, diameter_mm, photos=3)
+    at_truth = replace(solve(plain, model), camera=CAMERAS[model], cam_from_target=poses)
+    shift = circle_shift_px(at_truth, np.full(len(plain.view), diameter_mm))
+    true = blob.center_px - plain.center_px
+    assert np.hypot(*true.T).max() > 1e-3 * diameter_mm**2
+    np.testing.assert_allclose(shift, true, atol=2e-3 * np.abs(true).max() + 1e-4)
+
+
+@pytest.mark.parametrize("model", CAMERAS)
+@pytest.mark.parametrize("diameter_mm", [0.0, 6.0, 13.0, 15.0])
+def test_circles_of_a_known_diameter_are_as_good_as_points(model: str, diameter_mm: float) -> None:
+    """The camera is that which points with the same noise give, to a fraction of its standard deviations."""
+    blob, plain, _ = _scene(model, diameter_mm, seed=1)
+    noise = noisy(plain, NOISE_PX, np.random.default_rng(2)).center_px - plain.center_px
+    found, exact = (solve(one, model) for one in (
+        _said(replace(blob, center_px=blob.center_px + noise), diameter_mm),
+        replace(plain, center_px=plain.center_px + noise),
+    ))  # fmt: skip
+    sigma = np.sqrt(np.diagonal(exact.param_covariance))
+    np.testing.assert_array_less(np.abs(found.camera.params - exact.camera.params), 0.15 * sigma + 1e-9)
+    np.testing.assert_allclose(found.observations.center_px, plain.center_px + noise, atol=0.02)
+    assert with_circle_doubt(found).circle_doubt is None
+
+
+def test_circles_on_a_solid_lie_in_its_faces() -> None:
+    """The correction takes each circle's own plane."""
+    model = "opencv"
+    blob, plain, _ = _scene(model, 8.0, points=icosahedron(100.0, 6))
+    found, exact = solve(_said(blob, 8.0), model), solve(plain, model)
+    assert np.hypot(*(blob.center_px - plain.center_px).T).max() > 0.1
+    np.testing.assert_allclose(found.camera.params, exact.camera.params, rtol=1e-5, atol=2e-4)
+
+
+@pytest.mark.parametrize("model", CAMERAS)
+@pytest.mark.parametrize("diameter_mm", [0.0, 3.0, 6.0, 9.0, 13.0, 15.0])
+def test_what_nobody_said_is_in_the_stated_covariance(model: str, diameter_mm: float) -> None:
+    """Points that may be centres of circles leave a camera off by no more than is stated, whatever they are."""
+    times = []
+    for seed in range(3):
+        blob, _, _ = _scene(model, diameter_mm, seed=10 + seed, photos=10)
+        noise_px = NOISE_PX * (1 + 2 * seed)
+        seen = noisy(blob, noise_px, np.random.default_rng(seed))
+        found = with_circle_doubt(solve(_said(seen, np.nan), model))
+        assert found.circle_doubt is not None
+        times.append(_times_stated(found, model))
+    assert max(times) < 1.96
+
+
+@pytest.mark.parametrize(("noise_px", "is_told"), [(0.02, True), (1.0, False)])
+def test_photos_tell_what_their_points_are(noise_px: float, is_told: bool) -> None:
+    """With little noise the diameter is found to a few standard deviations, and no corner is called a circle."""
+    for diameter_mm in (0.0, 13.0):
+        blob, _, _ = _scene("opencv", diameter_mm, distance_mm=200.0)
+        seen = noisy(blob, noise_px, np.random.default_rng(4))
+        doubt = with_circle_doubt(solve(_said(seen, np.nan), "opencv")).circle_doubt
+        assert doubt is not None
+        if diameter_mm and is_told:
+            assert doubt.sigmas > 10
+            assert abs(doubt.diameter_mm - diameter_mm) < 1.0
+        else:
+            assert doubt.sigmas < 4
+
+
+def test_circles_need_their_planes() -> None:
+    """Points on no known plane cannot be circles, and a message says what to give."""
+    _, plain, _ = _scene("opencv", 0.0, photos=4)
+    loose = replace(plain, points=replace(plain.points, face=np.full(len(plain.points.face), -1)))
+    with pytest.raises(InputError, match="give the points a column face"):
+        solve(_said(loose, 5.0), "opencv")
+    assert with_circle_doubt(solve(_said(loose, np.nan), "opencv")).circle_doubt is None
