@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import linearise, parameter_names, rays
+from calib.cameras import linearise, neutral, parameter_names, rays, told_parameters
 from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
 from calib.core.linear_algebra import least_squares, moved_covariance, worse_sigma
@@ -35,6 +35,9 @@ NO_FIT = 0.03
 """Median residual, as a part of the image's longer side, that no lens explains."""
 SINGULAR = 1e-13
 LITTLE_TILT_DEG = 5.0
+LONG, PARALLEL = 0.06, 0.01
+"""Of the image's longer side to the focal length: lenses so long hardly show their centre and distortion, and if their
+focal length is not told either, nothing tells their rays from parallel ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,6 +186,8 @@ def why_degenerate(observations: Observations, found: Minimum, sigma_px: float, 
                 f"{seen} of a plane seen straight on (tilted {tilt:.1f} deg at most): focal length and distance cannot "
                 f"be told apart; tilt the target by 20 to 50 deg, or fix the focal length"
             )
+        if not sure and is_parallel(found.camera):
+            return _parallel_text(focal, sigma)
         if not sure:
             return (
                 f"{seen} of a plane: the focal length is not determined ({_focal_text(focal, sigma)}); take more "
@@ -193,9 +198,40 @@ def why_degenerate(observations: Observations, found: Minimum, sigma_px: float, 
     weak = [name for name, share in zip(names, part.tolist(), strict=True) if share > 0.3 * max(part.max(), 1e-300)]
     if determined:
         return ""
+    if not sure and is_parallel(found.camera):
+        return _parallel_text(focal, sigma)
+    if sure and (remedy := long_lens_remedy(found.camera, tie)):
+        return f"{', '.join(weak)} cannot be told apart: {remedy}"
     if not sure:
         return f"the focal length is not determined ({_focal_text(focal, sigma)}); take more views, or fix parameters"
     return f"{', '.join(weak)} cannot be told apart; take views that fill the image, or fix one of them"
+
+
+def is_parallel(camera: Camera) -> bool:
+    """Whether a focal length is so long that the rays are nearly parallel."""
+    return bool(max(camera.image_size) < PARALLEL * camera.params[:2].min())
+
+
+def long_lens_remedy(camera: Camera, tie: Tie) -> str:
+    """What to fix of a lens so long that photos hardly tell it; "" of others, and where nothing is left to fix."""
+    names, start = [one.name for one in told_parameters(camera.model)], neutral(camera.model)
+    start[2:4] = 0.5 * (np.array(camera.image_size) - 1)
+    free = [k for k in range(2, len(names)) if tie.row[k] >= 0]
+    if not free or not max(camera.image_size) < LONG * camera.params[:2].min():
+        return ""
+    field_deg = np.rad2deg(max(camera.image_size) / camera.params[0])
+    return (
+        f"photos hardly tell the principal point and the distortion of a lens with {field_deg:.2g} deg field of view; "
+        f"fix them: --fix {','.join(f'{names[k]}={start[k]:g}' for k in free)}"
+    )
+
+
+def _parallel_text(focal: Array, sigma: Array) -> str:
+    return (
+        "the photos show no perspective, near parts of the target are as large as far ones (focal length "
+        f"{_focal_text(focal, sigma)}), as through a telecentric lens, which no model here holds; with another lens "
+        "hold the target nearer, or fix the focal length"
+    )
 
 
 def _focal_text(focal: Array, sigma: Array) -> str:

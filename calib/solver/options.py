@@ -23,7 +23,7 @@ class SolveOptions:
     fixed: tuple[tuple[str, float | None], ...] = ()  # parameter and value; None: the value it starts from
     shared: tuple[tuple[str, ...], ...] = ()  # groups of parameters that have one value
     focal_px: float | None = None  # first guess
-    max_iterations: int = 100
+    max_iterations: int = 300
     minimise: str = IMAGE  # of `calib.solver.costs.COSTS`
     free_bend: bool = False  # of a flat target, which is then an unknown
 

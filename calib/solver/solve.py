@@ -10,7 +10,7 @@ from calib.cameras import MODELS
 from calib.cameras.camera import Camera
 from calib.cameras.surface import SurfaceModel, surface_model
 from calib.core.types import Observations, keep_views
-from calib.solver.accuracy import Accuracy, UndeterminedError, accuracy_of, why_degenerate
+from calib.solver.accuracy import Accuracy, UndeterminedError, accuracy_of, long_lens_remedy, why_degenerate
 from calib.solver.calibration import Calibration, Status
 from calib.solver.circles import with_circles
 from calib.solver.descend import Descended, descend, is_robust, without_lens
@@ -18,12 +18,14 @@ from calib.solver.in_space import descend_in_space, require_planes
 from calib.solver.options import SolveOptions, Tie, tie_parameters
 from calib.solver.outliers import shifted_photo
 from calib.solver.problem import Problem, pack, target_covariance, target_poses
-from calib.solver.start import FirstPoses, coarse_camera, first_poses
+from calib.solver.start import FirstPoses, coarse_camera, first_poses, turned_over
 from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 
 FAR_OFF = 6.0
+TURNS = 4
+"""Of descending again with poses turned over that are better so."""
 
 
 def solve(
@@ -126,6 +128,15 @@ def _down(
         bent, accuracy = bend(problem, lens, surface, tie, options, noise_px2)
         return _Down(bent, lens, surface_accuracy=accuracy)
     lens = descend(problem, camera, poses, tie, options, noise_px2)
+    for _ in range(TURNS):  # a long lens tells the two poses of a plane apart only when it is nearly known
+        camera, poses = lens.minimum.camera, lens.minimum.cam_from_target
+        turned = None if lens.is_lost.any() else turned_over(problem, camera, poses, is_robust=is_robust(options))
+        if turned is None:
+            break
+        again = descend(problem, camera, turned, tie, options, noise_px2)
+        if not again.minimum.blocks.cost.sum() < lens.minimum.blocks.cost.sum():
+            break
+        lens = again
     found = descend_in_space(problem, observations.points, observations.point, lens, tie, options, noise_px2)
     if found is None:
         return _Down(lens, lens)
@@ -168,7 +179,9 @@ def _calibration(
     if reason:
         remarks = [reason, *remarks]
     elif not found.converged:
-        remarks = [f"stopped after {found.iterations} steps, short of the minimum", *remarks]
+        remedy = long_lens_remedy(found.camera, tie)
+        said = f"stopped after {found.iterations} steps, short of the minimum" + (f": {remedy}" if remedy else "")
+        remarks = [said, *remarks]
     else:
         remarks = [*remarks, *shifted_photo(lens.blocks.products, tie, observations.view_names)]
     accuracy = down.surface_accuracy or accuracy

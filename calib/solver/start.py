@@ -51,6 +51,8 @@ HOPELESS = 300.0
 """A start this many times worse than what is known leads nowhere better."""
 FAR_OFF = 0.1
 """Of the image's longer side: farther off than that is no worse."""
+BETTER = 0.999
+"""Of the cost of a view: a pose turned over that is better than this is another one, not rounding."""
 STEPS = 15
 MOST_STEPS = 50
 
@@ -321,6 +323,16 @@ def _improved(
     poses[views[better]] = minimum.cam_from_target[better]
     cost[views[better]] = minimum.blocks.cost[better]
     return _Best(poses, cost)
+
+
+def turned_over(problem: Problem, camera: Camera, cam_from_target: Array, *, is_robust: bool) -> Array | None:
+    """The poses (V, 4, 4), those turned over that are better so; None if none is."""
+    loss, shown = RobustLoss(), view_misfit(problem, camera, cam_from_target, RobustLoss())
+    if is_robust:
+        loss = forgetful(shown.residual_px)
+        shown = view_misfit(problem, camera, cam_from_target, loss)
+    found = _turned_over(problem, camera, _Best(cam_from_target, shown.cost), loss)
+    return found.poses if (found.cost < BETTER * shown.cost).any() else None
 
 
 def _turned_over(few: Problem, camera: Camera, best: _Best, loss: RobustLoss) -> _Best:

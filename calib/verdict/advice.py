@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import ANY_LENS, free_form_models
 from calib.core.number_text import figure
+from calib.solver.accuracy import is_parallel
 from calib.solver.calibration import Calibration
 from calib.solver.outliers import deviations
 from calib.solver.plane_bend import is_flat
@@ -127,7 +128,10 @@ def advice_of(
     is_to_measure = any(step.measures for step in faults)
     steps = (
         *faults,
-        _Step(photo_advice(calibration, evidence, criteria, views), ("solution", "uncertainty", "coverage")),
+        _Step(
+            () if is_hopeless(calibration) else photo_advice(calibration, evidence, criteria, views),
+            ("solution", "uncertainty", "coverage"),
+        ),
         _step(_lens(evidence, criteria, calibration.camera.model, inputs), "systematic", "models"),
         _step("" if is_to_measure else _target_share(evidence, criteria, inputs)),
         _step("" if calibration.camera.has_dark_corners else _small(facts)),  # a quarter of 190 degrees is much
@@ -140,6 +144,11 @@ def advice_of(
         steps, key=lambda step: min((order.index(name) for name in step.mends if name in order), default=99)
     )
     return tuple(sentence for step in ranked for sentence in step.sentences)
+
+
+def is_hopeless(calibration: Calibration) -> bool:
+    """Whether no photo would tell more: the camera is not determined, and shows no perspective."""
+    return calibration.status == "degenerate" and is_parallel(calibration.camera)
 
 
 def _step(sentence: str, *mends: str, measures: bool = False) -> _Step:

@@ -8,7 +8,7 @@ from typing import Annotated
 from calib.core.parallel import one_thread
 from calib.solver.calibration import Calibration, without_surface
 from calib.solver.target_error import left_open, stated_prior
-from calib.verdict.advice import DETECTED, Inputs, advice_of
+from calib.verdict.advice import DETECTED, Inputs, advice_of, is_hopeless
 from calib.verdict.check_kind import px
 from calib.verdict.checks import OWN_ROTATION, checks_of, faults_of, missing_of
 from calib.verdict.evidence import CameraEvidence, evidence_of
@@ -133,7 +133,7 @@ def judge_cameras(
     """
     evidence = evidence_of(calibrations, best, halves)
     judged = calibrations[best]
-    views = next_views(
+    views = () if is_hopeless(judged) else next_views(
         judged, goal_px=criteria["uncertainty"].good, goal_covered=criteria["coverage"].good / 100,
         factor=evidence.uncertainty.factor, opened=left_open(without_surface(judged), stated_prior(judged, target)),
     )  # fmt: skip

@@ -51,7 +51,7 @@ def unit_doubt(calibration: Calibration) -> str:
     """A question about the unit of a target that is seen from nowhere; "" if there is none."""
     points = calibration.observations.points
     used = np.unique(calibration.observations.point)
-    if not len(used):
+    if not len(used) or calibration.status == "degenerate":
         return ""
     place = points.position_mm[used]
     distance_mm = float(np.median(np.linalg.norm(transform(calibration.cam_from_target, place.mean(axis=0)), axis=-1)))
