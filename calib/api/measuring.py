@@ -30,7 +30,7 @@ from calib.as_built.result import AsBuilt
 from calib.as_built.seats import Seat
 from calib.as_built.solve import measure as measure_print
 from calib.as_built.solve import measure_rig, with_known_weights
-from calib.cameras import fitted_models
+from calib.cameras import COMMON, fitted_models
 from calib.core.files import write_files
 from calib.core.types import Detections, Observations
 from calib.coupons.ink_of_rings import InkBleed, ink_of_cameras, ink_of_rings
@@ -410,7 +410,13 @@ def _sets(
                 f"{name}: {one.view_count} photos can be used; a camera needs at least {LEAST_VIEWS}, and "
                 "20 or more from all sides to measure a target well"
             )
-    return [one for _, one in named]
+    # Centres of circles count as points where the camera that they give takes them to.
+    return [
+        solve(one, COMMON).observations
+        if one.points.circle_mm is not None and (one.points.circle_mm > 0).any()
+        else one
+        for _, one in named
+    ]
 
 
 def _remarks(

@@ -23,7 +23,8 @@ def target(
         Path | None, typer.Option(help="the points' planes, plane,nx,ny,nz,d (CSV); without: fitted")
     ] = None,
     diameter: Annotated[
-        str | None, typer.Option(help="of the dots at the points, to render them (default: no marks)")
+        str | None,
+        typer.Option(help="of the dots at the points, of which tables hold the images' centres (default: no marks)"),
     ] = None,
     inside: Annotated[
         bool, typer.Option("--inside", help="fitted planes are seen from inside, as the walls of a room")

@@ -13,6 +13,7 @@ from calib.metrics import METRICS, OF_TRUTH
 from calib.metrics.errors import Errors, ErrorSummary, is_known, predict, summarise, summarise_groups
 from calib.solver.accuracy import NO_FIT
 from calib.solver.calibration import Calibration
+from calib.solver.circles import with_circles
 from calib.solver.start import solve_poses
 from designer.base.errors import InputError
 
@@ -199,7 +200,8 @@ def evaluate_on(calibration: Calibration, observations: Observations, name: str)
             f"{name}: photos of {sizes[0]} px, but the camera's have {sizes[1]}; give photos of the camera"
         )
     is_outlier = np.zeros(len(observations.view), dtype=bool)
-    one, has_pose = _posed(calibration, observations, is_outlier)
+    one = with_circles(observations, lambda seen: _posed(calibration, seen, is_outlier)[0])
+    has_pose = np.isin(observations.view_names, one.observations.view_names)
     if not has_pose.any():
         raise InputError(f"{name}: no photo has a pose that shows its points; check that they are of this camera")
     remarks = [

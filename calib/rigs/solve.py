@@ -15,10 +15,12 @@ from calib.cameras import parameter_names
 from calib.core.parallel import one_thread_with_scipy
 from calib.core.types import Observations, RigObservations
 from calib.rigs.adjust import adjusted
+from calib.rigs.camera_alone import camera_alone
 from calib.rigs.options import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration
 from calib.rigs.start import Alone, solve_alone
 from calib.rigs.worth import DISAGREES
+from calib.solver.circles import through_circles
 from calib.solver.in_space import require_planes
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
@@ -50,6 +52,16 @@ def solve_rig(
             one would have to be shifted to fit, or options that do not fit.
     """
     options = options or RigOptions()
+    found, said = through_circles(
+        observations.sightings,
+        lambda seen: _solved(replace(observations, sightings=tuple(seen)), choices, options),
+        lambda rig: [camera_alone(rig, number) for number in range(len(choices))],
+    )
+    return replace(found, remarks=(*found.remarks, *said)) if said else found
+
+
+def _solved(observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions) -> RigCalibration:
+    """The rig from points as they are given."""
     _check(observations, choices, options)
     alone = _each_alone(observations, choices, options)
     if options.allows_slack is not None or options.carrier is not None:

@@ -13,8 +13,9 @@ The shift depends on the camera so little that it is taken from the last solutio
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from calib.solver.extra_parameters import ExtraParameters, extra_parameters
 from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 ROUNDS, SETTLED_PX = 10, 1e-4
 """Of solving with the shifts of the last camera, until none changes by more."""
@@ -46,38 +48,54 @@ def with_circles(observations: Observations, solve: Callable[[Observations], Cal
     Raises:
         InputError: circles on no known plane, and as `solve` does.
     """
-    points = observations.points
+    found, said = through_circles((observations,), lambda seen: solve(*seen), lambda solved: (solved,))
+    return replace(found, remarks=(*found.remarks, *said)) if said else found
+
+
+def through_circles(
+    seen: Sequence[Observations],
+    solve: Callable[[Sequence[Observations]], T],
+    cameras: Callable[[T], Sequence[Calibration]],
+) -> tuple[T, tuple[str, ...]]:
+    """The same of several cameras that are solved together, and a word on what was done.
+
+    Args:
+        seen: by each camera, of the same points.
+        solve: from the images of points.
+        cameras: of what comes out, each with the views that were solved.
+    """
+    points = seen[0].points
     if points.circle_mm is None or not (points.circle_mm > 0).any():
-        return solve(observations)
-    plain = replace(
-        observations, points=replace(points, circle_mm=np.where(points.circle_mm > 0, 0.0, points.circle_mm))
-    )
-    if (points.face[points.circle_mm > 0] < 0).any():
+        return solve(seen), ()
+    circle_mm = np.nan_to_num(points.circle_mm)
+    if (points.face[circle_mm > 0] < 0).any():
         raise InputError(
             "centres of circles need the planes that the circles lie in, and some points are on none; give the points "
             "a column face, or the target a column plane"
         )
-    found, last = solve(plain), np.zeros_like(observations.center_px)
+    rest = replace(points, circle_mm=np.where(points.circle_mm > 0, 0.0, points.circle_mm))
+    plain = [replace(one, points=rest) for one in seen]
+    found, last = solve(plain), [np.zeros_like(one.center_px) for one in seen]
     for _ in range(ROUNDS):
-        shift = _shift_of_rows(observations, points.circle_mm, found)
-        if float(np.abs(shift - last).max(initial=0.0)) <= SETTLED_PX:
+        shift = [_shift_of_rows(*pair, circle_mm) for pair in zip(seen, cameras(found), strict=True)]
+        if all((np.abs(new - old) <= SETTLED_PX).all() for new, old in zip(shift, last, strict=True)):
             break
-        found, last = solve(replace(plain, center_px=observations.center_px - shift)), shift
-    sizes = sorted({float(f"{size:.6g}") for size in points.circle_mm[points.circle_mm > 0].tolist()})
-    told = f"{sizes[0]:g} mm" if len(sizes) == 1 else f"{sizes[0]:g} to {sizes[-1]:g} mm"
-    said = (
-        f"centres of circles of {told} were taken to the images of the circles' centres, by up to "
-        f"{float(np.hypot(*last.T).max(initial=0.0)):.2g} px"
+        moved = [replace(one, center_px=one.center_px - by) for one, by in zip(plain, shift, strict=True)]
+        found, last = solve(moved), shift
+    sizes = sorted({f"{size:.6g}" for size in circle_mm[circle_mm > 0].tolist()}, key=float)
+    most_px = max(float(np.hypot(*one.T).max(initial=0.0)) for one in last)
+    return found, (
+        f"centres of circles of {' to '.join(dict.fromkeys((sizes[0], sizes[-1])))} mm were taken to the images of the "
+        f"circles' centres, by up to {most_px:.2g} px",
     )
-    return replace(found, remarks=(*found.remarks, said))
 
 
-def _shift_of_rows(observations: Observations, circle_mm: Array, found: Calibration) -> Array:
+def _shift_of_rows(observations: Observations, found: Calibration, circle_mm: Array) -> Array:
     """The shifts (M, 2) by a calibration of circles of K points; zero in views that it left out."""
     number = {name: view for view, name in enumerate(found.observations.view_names)}
     is_kept = np.array([name in number for name in observations.view_names])[observations.view]
     shift = np.zeros_like(observations.center_px)
-    shift[is_kept] = circle_shift_px(found, np.nan_to_num(circle_mm[found.observations.point]))
+    shift[is_kept] = circle_shift_px(found, circle_mm[found.observations.point])
     return shift
 
 

@@ -1,5 +1,6 @@
 """Correspondences from elsewhere: the same data in any of the three kinds of file are the same observations."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +13,10 @@ from numpy.typing import NDArray
 
 from calib.core.types import Detections, KnownPoints, Observations
 from calib.observe.corners_vnl import PointGrid
-from calib.observe.correspondences import parse_pair, read_correspondences, read_observations
+from calib.observe.correspondences import parse_pair, read_correspondences, read_observations, require_inside
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
-from calib.observe.point_target import points_with_planes
+from calib.observe.point_target import PointTable, points_with_planes, target_from_points
 from designer.base.errors import InputError
 from designer.target import target_to_json
 from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by
@@ -350,3 +351,61 @@ def test_pairs_of_numbers() -> None:
     for text in ("2448", "0x5", "5x0", "-1x5", "axb", "1x2x3", "99999x1", "1.5x2", "9" * 5000 + "x1"):
         with pytest.raises(InputError, match=r"^--image-size"):
             parse_pair("--image-size", text, 10_000)
+
+
+def test_a_table_says_what_its_points_are(tmp_path: Path) -> None:
+    """A column, the command, or the target's dots tell the circles; else nobody did."""
+    seen = sightings(known_points(BOARD))
+    cells = as_rows(seen)
+    cells["diameter_mm"] = ["6.5"] * len(seen.view)
+    bare = write_csv(tmp_path / "bare.csv", cells, USUAL, head=SIZE_LINE)
+    told = write_csv(tmp_path / "told.csv", cells, f"{USUAL},diameter_mm", head=SIZE_LINE)
+    points = PointTable(BOARD.center_mm, ("",) * BOARD.ring_count, np.arange(BOARD.ring_count))
+    dots, none = (target_from_points(points, diameter_mm=size) for size in (5.0, 0.0))
+
+    def circle_mm(path: Path, **words: object) -> Array:
+        found = read_observations(path, **words).points.circle_mm  # type: ignore[arg-type]
+        assert found is not None
+        return found
+
+    assert np.isnan(circle_mm(bare)).all()
+    assert np.isnan(circle_mm(bare, target=none)).all()
+    assert (circle_mm(bare, points="corner") == 0).all()
+    assert (circle_mm(bare, target=dots, points="ring") == 0).all()
+    assert (circle_mm(bare, points="circle", diameter_mm=7.0) == 7.0).all()
+    assert (circle_mm(bare, target=dots) == 5.0).all()
+    assert (circle_mm(told) == 6.5).all()
+    assert (circle_mm(told, points="circle") == 6.5).all()
+
+
+@pytest.mark.parametrize(
+    ("words", "rule"),
+    [
+        ({"points": "blob"}, "give corner, ring, or circle:13mm"),
+        ({"points": "circle"}, "diameter is not known"),
+        ({"points": "corner", "diameter_mm": 3.0}, "is of circles"),
+        ({"diameter_mm": 3.0}, "is of circles"),
+        ({"points": "circle", "diameter_mm": 13.0}, "circles of 13 mm overlap if 12 mm apart"),
+    ],
+)
+def test_points_that_cannot_be_are_refused(words: dict[str, object], rule: str, tmp_path: Path) -> None:
+    """With the rule and the remedy."""
+    bare = write_csv(tmp_path / "b.csv", as_rows(sightings(known_points(BOARD))), USUAL, head=SIZE_LINE)
+    with pytest.raises(InputError, match=re.escape(rule)):
+        read_observations(bare, **words)  # type: ignore[arg-type]
+
+
+def test_pictures_laid_on_their_side_are_asked_about() -> None:
+    """Points outside the image that fit one of exchanged width and height: all of them, or a photo's."""
+    seen = sightings(known_points(BOARD))
+    corner = np.array([10.0, 1190.0])
+    last = np.flatnonzero(seen.view == seen.view_count - 1)[0]
+    center_px = np.minimum(seen.center_px, 880.0)
+    center_px[last] = corner
+    for u, question in (
+        (880.0, "all fit 900 x 1200 px: are u and v exchanged"),
+        (1190.0, "this photo fits 900 x 1200 px"),
+    ):
+        center_px[0] = u, 100.0
+        with pytest.raises(InputError, match=question):
+            require_inside(replace(seen, center_px=center_px), "t.csv")

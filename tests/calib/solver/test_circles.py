@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.se3 import transform
-from calib.core.types import KnownPoints, Observations
+from calib.core.types import KnownPoints, Observations, RigObservations
+from calib.metrics.evaluation import evaluate_on
+from calib.rigs.options import CameraChoice
+from calib.rigs.solve import solve_rig
 from calib.solver.accuracy import projected_change
 from calib.solver.calibration import Calibration
 from calib.solver.circles import circle_shift_px, with_circle_doubt
@@ -153,3 +156,36 @@ def test_circles_need_their_planes() -> None:
     with pytest.raises(InputError, match="give the points a column face"):
         solve(_said(loose, 5.0), "opencv")
     assert with_circle_doubt(solve(_said(loose, np.nan), "opencv")).circle_doubt is None
+
+
+def test_cameras_of_a_rig_take_circles_to_points_together() -> None:
+    """Two cameras that see circles stand as those that see points do."""
+    rng = np.random.default_rng(3)
+    apart = np.eye(4)
+    apart[0, 3] = -40.0
+    poses = poses_around(10, rng, distance_mm=330.0, half_angle_deg=45)
+    rigs = []
+    for diameter_mm in (13.0, 0.0):
+        seen = []
+        for pose in (poses, apart @ poses):
+            plain = observe(CAMERAS["opencv"], board(10, 7, PITCH_MM), pose, rng, incidence_deg=75)
+            at_truth = replace(solve(plain, "opencv"), camera=CAMERAS["opencv"], cam_from_target=pose)
+            shift = circle_shift_px(at_truth, np.full(len(plain.view), diameter_mm))
+            seen.append(_said(replace(plain, center_px=plain.center_px + shift), diameter_mm))
+        names, frames = seen[0].view_names, np.arange(10)
+        rig = RigObservations(("left", "right"), names, tuple(seen), (frames, frames))
+        rigs.append(solve_rig(rig, [CameraChoice("opencv")] * 2))
+    circles, points = rigs
+    assert "13 mm" in circles.remarks[-1]
+    np.testing.assert_allclose(circles.cam_from_rig, points.cam_from_rig, atol=2e-4)
+    np.testing.assert_allclose(circles.cameras[1].params, points.cameras[1].params, rtol=2e-5, atol=1e-3)
+
+
+def test_a_camera_is_evaluated_on_circles_as_on_points() -> None:
+    """Other photos of circles leave nothing over with the true camera."""
+    blob, plain, _ = _scene("opencv", 13.0, photos=5)
+    true = replace(solve(plain, "opencv"), camera=CAMERAS["opencv"])
+    found = evaluate_on(true, _said(blob, 13.0), "other.csv")
+    errors = found.of("reprojection")
+    assert errors is not None
+    assert np.abs(errors.vector).max() < 1e-3
