@@ -133,7 +133,7 @@ def judge_cameras(
     """
     evidence = evidence_of(calibrations, best, halves)
     judged = calibrations[best]
-    views = () if is_hopeless(judged) else next_views(
+    views = () if evidence.reading or is_hopeless(judged) else next_views(
         judged, goal_px=criteria["uncertainty"].good, goal_covered=criteria["coverage"].good / 100,
         factor=evidence.uncertainty.factor, opened=left_open(without_surface(judged), stated_prior(judged, target)),
     )  # fmt: skip
