@@ -324,6 +324,8 @@ def _circles(
     seen = np.flatnonzero(np.bincount(point, minlength=len(circle_mm)))
     largest = float(np.nanmax(circle_mm[seen], initial=0.0))
     if largest > 0 and len(seen) > 1:
+        from scipy.spatial import cKDTree
+
         apart = float(np.median(cKDTree(points.position_mm[seen]).query(points.position_mm[seen], k=2)[0][:, 1]))
         if largest > apart:
             raise InputError(

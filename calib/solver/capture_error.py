@@ -131,6 +131,9 @@ def with_capture_error(calibration: Calibration, capture: Capture | None = None)
     steps = projected_change(camera, image_grid(camera.image_size).reshape(-1, 2))
     steps = steps[np.isfinite(steps).all(axis=(1, 2))] @ (found.taken[:, sure] * weighed.mean[sure])
     sigma = np.sqrt(np.diagonal(weighed.covariance))
+    unsaid = calibration.observations.points.circle_mm
+    # Of points that nobody said are no circles, `calib.solver.circles` tells what discs do.
+    counts = np.array([kind.remedy != _DISCS or unsaid is None or not np.isnan(unsaid).any() for kind in _KINDS])
     effects = tuple(
         CaptureEffect(
             _KINDS[row].name, float(weighed.mean[row]), float(sigma[row]), _KINDS[row].unit,
@@ -138,8 +141,9 @@ def with_capture_error(calibration: Calibration, capture: Capture | None = None)
             _KINDS[row].remedy,
         )
         for number, row in enumerate(sure)
+        if counts[row]
     )  # fmt: skip
-    square = weighed.covariance + np.outer(weighed.mean, weighed.mean)
+    square = np.outer(counts, counts) * (weighed.covariance + np.outer(weighed.mean, weighed.mean))
     error = CaptureError(way, "" if capture else "assumed", effects, found.taken @ square @ found.taken.T)
     return with_photo_error(replace(calibration, capture_error=error, image_field=field))
 

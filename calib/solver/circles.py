@@ -19,7 +19,6 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
@@ -137,6 +136,8 @@ def _estimated(found: ExtraParameters) -> tuple[float, float]:
 
 def _spacing_mm(seen: Observations, point: NDArray[np.int64]) -> float:
     """The usual distance of neighbours among points on known planes; 0 if there are none."""
+    from scipy.spatial import cKDTree
+
     used = np.unique(point[seen.points.face[point] >= 0])
     if len(used) < 2:
         return 0.0

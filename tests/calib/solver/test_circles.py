@@ -16,6 +16,7 @@ from calib.rigs.options import CameraChoice
 from calib.rigs.solve import solve_rig
 from calib.solver.accuracy import projected_change
 from calib.solver.calibration import Calibration
+from calib.solver.capture_error import with_capture_error
 from calib.solver.circles import circle_shift_px, with_circle_doubt
 from calib.solver.solve import solve
 from designer.base.errors import InputError
@@ -189,3 +190,14 @@ def test_a_camera_is_evaluated_on_circles_as_on_points() -> None:
     errors = found.of("reprojection")
     assert errors is not None
     assert np.abs(errors.vector).max() < 1e-3
+
+
+def test_circles_are_told_once() -> None:
+    """What nobody said is in the doubt about circles alone, and not also among what is alike in all photos."""
+    blob, _, _ = _scene("opencv", 13.0, distance_mm=200.0)
+    seen = noisy(blob, 0.02, np.random.default_rng(4))
+    for circle_mm, is_doubt in ((np.nan, True), (0.0, False)):
+        found = with_circle_doubt(with_capture_error(solve(_said(seen, circle_mm), "opencv")))
+        assert found.capture_error is not None
+        assert any("discs" in effect.name for effect in found.capture_error.effects) != is_doubt
+        assert (found.circle_doubt is not None) == is_doubt
