@@ -108,14 +108,15 @@ def capture_of(word: str | None) -> Capture | None:
 def with_capture_error(calibration: Calibration, capture: Capture | None = None) -> Calibration:
     """The calibration with what is alike in all photos, and what is fixed in the image besides; the solution stays.
 
-    Without the former of a learned map or a surface, which are not told by few parameters.
+    Without the former of a learned map or a surface, which are not told by few parameters, and of a camera that the
+    photos do not determine, beside which anything seems to move.
 
     Args:
         calibration: solved as if all were at rest.
         capture: how the photos were taken; None: it is assumed.
     """
     camera = calibration.camera
-    if camera.learned is not None or surface_model(camera.model) is not None:
+    if calibration.status == "degenerate" or camera.learned is not None or surface_model(camera.model) is not None:
         return with_photo_error(with_image_field(replace(calibration, capture_error=None)))
     moved = moved_px(calibration)
     found = extra_parameters(calibration, moved)
