@@ -1,5 +1,6 @@
 """Where a camera sits on a robot, or beside a turntable: what `calib hand-eye` does."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.api.loading import Place, Progress, camera_of, folder_of, load_observations, photos_of, target_of, unheard
-from calib.api.rig_choosing import CameraWishes, choices_of, wishes_of
+from calib.api.rig_choosing import CameraWishes, choices_of, require_wishes, wishes_of
 from calib.api.rig_observing import RigSearch, search_one
 from calib.api.rig_result import RigResult, RigWriter
 from calib.api.rigging import RigSeen, judged_rig
@@ -22,8 +23,8 @@ from calib.observe.rig_photos import RigPhoto, RigPhotos
 from calib.observe.rig_sightings import read_rig_sightings
 from calib.observe.robot_poses import RobotPoses, poses_of, read_robot_poses
 from calib.rigs.bent import bent_alone
-from calib.rigs.options import CameraChoice, Carrier, RigOptions
-from calib.rigs.robot_check import why_wrong
+from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
+from calib.rigs.robot_readings import why_wrong
 from calib.rigs.start import solve_alone
 from calib.rigs.turntable import turned_by
 from calib.solver.costs import IMAGE
@@ -32,14 +33,19 @@ from calib.verdict.criteria import STANDARD, read_rig_criteria
 from calib.verdict.verdict import Criteria
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
+from designer.base.words import shown
 from designer.target import TargetGeometry
-from designer.tolerance.made import how_made
+from designer.tolerance.made import Made, how_made
 
 Array = NDArray[np.float64]
 
 CAMERA = "camera"
 """The name of the one that the robot carries, or looks at."""
 FEWEST_POSES = 3
+SURELY = 4.0
+"""Standard deviations from which on a target was not made as it is said."""
+ROBOT_LENGTHS = 1e-3
+"""Standard deviation of a robot's own lengths, as a part of them."""
 IN_HAND, TARGET_IN_HAND, TABLE = "robot, camera in hand", "robot, target in hand", "turntable"
 
 
@@ -58,7 +64,7 @@ def hand_eye(
     model: str = ALL,
     fix: Sequence[str] = (),
     minimise: str = IMAGE,
-    target_size: bool = True,
+    target_size: bool | None = None,
     free_bend: bool = False,
     robot_noise: tuple[float, float] | None = None,
     made: str | None = None,
@@ -90,7 +96,7 @@ def hand_eye(
         model: of the camera; `all` chooses.
         fix: parameters to keep.
         minimise: distances in the image, or in space.
-        target_size: solve the target's size, by the robot's ways.
+        target_size: solve the target's size by the robot's ways alone, or keep it; None: as sure as it was made so.
         free_bend: solve the bend of a flat target, by the photos alone: two curvatures, along its sides.
         robot_noise: standard deviations of a coordinate of the robot's errors, rad and mm; None: estimated.
         made: how the target was made.
@@ -105,6 +111,8 @@ def hand_eye(
         BlindCameraError: no photo shows the target.
     """
     writer = None if out is None else RigWriter(folder_of(out))
+    if isinstance(robot, RobotPoses) and (inverted or unit is not None or euler is not None):
+        raise InputError("inverted, unit, euler: tell how a file of robot poses is read; these poses are read already")
     poses = robot if isinstance(robot, RobotPoses) else read_robot_poses(
         place_of(robot, "a file of robot poses"), unit=unit, euler=euler, is_inverted=inverted
     )  # fmt: skip
@@ -112,18 +120,29 @@ def hand_eye(
     seen = _seen(target, photos, table, wish, jobs, progress)
     seen, rows = _with_poses(seen, poses)
     base_from_flange = poses.base_from_flange[rows]
-    _require_right(
-        seen.observations, wish, base_from_flange, poses, is_camera_in_hand=not target_in_hand, is_inverted=inverted
-    )
+    _require_right(seen.observations, wish, poses, rows, is_camera_in_hand=not target_in_hand)
     if free_bend:
         seen = _bent(seen, wish, progress)
     noise = (None, None) if robot_noise is None else robot_noise
     carrier = Carrier(
         TARGET_IN_HAND if target_in_hand else IN_HAND,
         base_from_flange if target_in_hand else invert(base_from_flange),
-        is_camera_in_hand=not target_in_hand, sigma_rad=noise[0], sigma_mm=noise[1], tells_size=target_size,
+        is_camera_in_hand=not target_in_hand, sigma_rad=noise[0], sigma_mm=noise[1],
+        size_sigma=_size_sigma(seen.target, _made(seen, wish)) if target_size is None else FREE_SIZE * target_size,
     )  # fmt: skip
-    return _solved(seen, wish, carrier, progress, writer)
+    result = _solved(seen, wish, carrier, progress)
+    fit = result.calibration.carrier
+    if fit is not None and abs(fit.size - 1) > SURELY * carrier.size_sigma > 0:
+        # The robot's ways belie how the target was made: then they alone tell.
+        result = _solved(seen, wish, replace(carrier, size_sigma=FREE_SIZE), progress)
+    return _written(result, progress, writer)
+
+
+def _size_sigma(target: TargetGeometry | None, made: Made | None) -> float:
+    """Standard deviation of a target's size against a robot's lengths, by how both were made."""
+    if target is None or made is None:
+        return FREE_SIZE
+    return math.hypot(ROBOT_LENGTHS, 0.0 if made.prior is None else made.prior.size_sigma(target.center_mm))
 
 
 def turntable(
@@ -175,7 +194,7 @@ def turntable(
     number = np.array([seen.order[name] for name in seen.observations.frame_names], dtype=np.float64)
     angle = np.deg2rad(0.0 if step_deg is None else step_deg) * number
     carrier = Carrier(TABLE, turned_by(angle), is_turntable=True, has_free_angles=step_deg is None)
-    return _solved(seen, wish, carrier, progress, writer)
+    return _written(_solved(seen, wish, carrier, progress), progress, writer)
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,14 +232,20 @@ def _seen(
     wish: _Wish, jobs: int | None, progress: Progress,
 ) -> _Seen:  # fmt: skip
     """What the camera saw, from photos or a table."""
+    if wish.refine and wish.camera is None:
+        raise InputError("--refine: there is no lens to solve on from; give --camera, or leave it out")
+    require_wishes(_wishes(wish), (CAMERA,))
+    found = photos_of(photos)
     if table is not None:
+        if found.paths or found.failures:
+            first = found.failures[0] if found.failures else shown(found.paths[0].name)
+            raise InputError(f"--table: says what was seen in the photos; leave these out: {first}")
         geometry = None if target is None else target_of(target)
         one = table if isinstance(table, Observations) else _table_of(table, geometry)
         return _Seen(geometry, _rig_of(one), {name: row for row, name in enumerate(one.view_names)})
     if target is None:
         raise InputError("no target; give the target file of what the photos show, or a table of observations")
     geometry = target_of(target, "rings")
-    found = photos_of(photos)
     if not found.paths:
         raise InputError(found.failures[0] if found.failures else "no photos; give files or a folder")
     plan = None if wish.given else plan_from_words(
@@ -274,24 +299,14 @@ def _with_poses(seen: _Seen, poses: RobotPoses) -> tuple[_Seen, list[int]]:
 
 
 def _require_right(
-    observations: RigObservations,
-    wish: _Wish,
-    base_from_flange: Array,
-    poses: RobotPoses,
-    *,
-    is_camera_in_hand: bool,
-    is_inverted: bool,
+    observations: RigObservations, wish: _Wish, poses: RobotPoses, rows: list[int], *, is_camera_in_hand: bool
 ) -> None:
-    """Refuse poses that fit far better the other way round, or in another unit."""
+    """Refuse poses that explain the photos in another reading alone, or in none."""
     given = wish.given.get(CAMERA)
     model = COMMON if wish.model == ALL else wish.model
     choice = CameraChoice(model if given is None else given.model, given, is_refined=False)
     alone = solve_alone(observations.sightings[0], CAMERA, choice, RigOptions())
-    known = np.isfinite(alone.cam_from_target[:, 0, 0])
-    why = why_wrong(
-        alone.cam_from_target[known], base_from_flange[known], is_camera_in_hand=is_camera_in_hand,
-        is_inverted=is_inverted,
-    )  # fmt: skip
+    why = why_wrong(alone.cam_from_target, poses, np.array(rows), is_camera_in_hand=is_camera_in_hand)
     if why:
         raise InputError(f"{poses.origin}: {why}")
 
@@ -313,14 +328,21 @@ def _wishes(wish: _Wish) -> CameraWishes:
     return wishes_of(wish.model, wish.given or None, wish.refine, wish.fix, plan.options)
 
 
-def _solved(seen: _Seen, wish: _Wish, carrier: Carrier, progress: Progress, writer: RigWriter | None) -> RigResult:
-    """One adjustment, judged, and written if there is a folder."""
+def _made(seen: _Seen, wish: _Wish) -> Made | None:
+    return how_made(seen.target, wish.made, rendered_id="" if seen.search is None else seen.search.rendered_id)
+
+
+def _solved(seen: _Seen, wish: _Wish, carrier: Carrier, progress: Progress) -> RigResult:
+    """One adjustment, judged."""
     criteria = wish.criteria
     limits = criteria if isinstance(criteria, Criteria) else read_rig_criteria(str(criteria))
-    made = how_made(seen.target, wish.made, rendered_id="" if seen.search is None else seen.search.rendered_id)
-    whole = RigSeen(seen.target, seen.search, seen.observations, made, seen.bend)
+    whole = RigSeen(seen.target, seen.search, seen.observations, _made(seen, wish), seen.bend)
     options = RigOptions(carrier=carrier, minimise=wish.minimise)
-    result = judged_rig(whole, _wishes(wish), options, limits, progress, wish.settings)
+    return judged_rig(whole, _wishes(wish), options, limits, progress, wish.settings)
+
+
+def _written(result: RigResult, progress: Progress, writer: RigWriter | None) -> RigResult:
+    """Written, if there is a folder."""
     if writer is not None:
         progress("writing", 0, 0)
         writer.write(result)

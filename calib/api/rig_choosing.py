@@ -92,7 +92,16 @@ def require_wishes(wishes: CameraWishes, names: Sequence[str]) -> None:
     without = [name for name in refined if name not in wishes.given]
     if without:
         raise InputError(f"--refine {shown(without[0])}: is solved anyway, as no camera was given for it; leave it out")
+    named = set(names) if isinstance(wishes.model, str) and wishes.model != ALL else set(models)
+    told_twice = [name for name in wishes.given if name in named]
+    if told_twice and (models or len(wishes.given) == len(names)):
+        raise InputError(
+            f"--model: camera {shown(told_twice[0])} is of the model {wishes.given[told_twice[0]].model}, as its file "
+            "says; leave out --model or --camera"
+        )
     plans = [wishes.plan_of(name) for name in names if wishes.is_refined(name)]
+    if wishes.fix and not plans:
+        raise InputError(f"--fix {shown(wishes.fix[0])}: all cameras are kept as they were given; --refine them too")
     used = {name for plan in plans for name, _ in plan.options.fixed}
     for owner, text in map(_split, wishes.fix):
         if not owner and _parameter(text) not in used:

@@ -44,6 +44,12 @@ class RigInput:
         return bool(self.photos) or self.table is not None
 
     @property
+    def needless(self) -> str:
+        """What is given and is of photos alone: the option; "" if nothing is."""
+        given = {"--pattern": self.pattern, "--times": self.times, "--tolerance": self.tolerance_s}
+        return next((name for name, value in given.items() if value is not None), "")
+
+    @property
     def has_sightings(self) -> bool:
         """Whether the table is all there is to solve from."""
         from calib.observe.rig_photo_table import is_sightings
@@ -125,18 +131,20 @@ def photos_of_rig(given: RigInput) -> "RigPhotos":
     """
     from calib.observe.rig_photo_table import read_photo_table, read_stamps
     from calib.observe.rig_photos import framed, joined_by_name, photos_by_pattern, photos_in_folders, with_stamps
-    from calib.observe.rig_times import joined_by_time
+    from calib.observe.rig_times import joined_by_time, stamped_by_name
 
     if given.table is not None:
         table = read_photo_table(given.table)
         found, is_framed = table, bool(table[0].frame)
     elif given.pattern is not None:
         joined = photos_by_pattern(given.photos, given.pattern)
-        if given.times is None:
+        if given.times is None and given.tolerance_s is None:
             return joined
         found, is_framed = joined.photos, True
     else:
         found, is_framed = photos_in_folders(given.photos), False
+        if given.times is None:
+            found = stamped_by_name(found)
     if given.times is not None:
         found = with_stamps(found, read_stamps(given.times, found))
     is_timed = all(photo.time_s is not None for photo in found)

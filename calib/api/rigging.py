@@ -156,13 +156,18 @@ def _observed(
 ) -> tuple[TargetGeometry | None, RigSearch | None, RigObservations]:
     """What was seen, of which target, and in which photos."""
     if isinstance(observed, RigObservations):
-        if given.is_anything:
+        if given.is_anything or given.needless:
             raise InputError("observations: are all there is to solve from; leave photos and tables out")
         require_wishes(wishes, observed.camera_names)
         return None, None, observed
     if not given.is_anything:
         raise InputError("no photos; give a folder a camera, or --table files.csv, or --table sightings.csv")
     if given.has_sightings and given.table is not None:
+        if given.needless:
+            raise InputError(
+                f"{given.needless}: is of photos; {given.table} holds sightings, which say their frames and, in a "
+                "column time_s, their times; leave it out"
+            )
         target = None if observed is None else target_of(observed)
         seen = read_rig_sightings(given.table, target)
         require_wishes(wishes, seen.camera_names)

@@ -42,8 +42,13 @@ def hand_eye(
     fix: options.FixOption = None,
     minimise: options.MinimiseOption = IMAGE,
     target_size: Annotated[
-        bool, typer.Option("--target-size/--no-target-size", help="solve the target's size by the robot's ways")
-    ] = True,
+        bool | None,
+        typer.Option(
+            "--target-size/--no-target-size",
+            help="solve the target's size by the robot's ways alone, or keep it (default: as sure as it was made so)",
+            show_default=False,
+        ),
+    ] = None,
     free_bend: options.FreeBendOption = False,
     robot_noise: Annotated[
         str | None, typer.Option(help="the robot's own errors, if they are known: 0.1mm,0.02deg")

@@ -8,8 +8,8 @@ A row, or an entry, is a photo: `image`, a position whose unit its columns name 
 import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
+from pathlib import Path, PureWindowsPath
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from calib.core.se3 import MAX_DISTANCE_MM, invert, make_pose
 from calib.core.types import freeze
 from calib.interop.parsing import number, parse_yaml, shown_plain
 from calib.observe.csv_table import ANY_NAME, csv_cell, read_table, read_text
-from calib.observe.robot_rotations import RotationColumns, RowError, rotation_columns, to_quaternion
+from calib.observe.robot_rotations import RotationColumns, RowError, of_quaternion, rotation_columns, to_quaternion
 from designer.base.errors import InputError
 from designer.base.small_file import parse_json
 from designer.base.words import shown, suggestion
@@ -29,7 +29,7 @@ Entry = Mapping[str, object]
 KIND = "ringsolid.robot-poses"
 FIRST_LINE = "# ringsolid robot-poses, version 1"
 IMAGE = ("image", "photo", "file", "name", "frame")
-LENGTHS = {"mm": 1.0, "m": 1e3}
+LENGTHS = {"mm": 1.0, "m": 1e3, "cm": 10.0, "in": 25.4}
 ANGLES = {"rad": 1.0, "deg": float(np.pi / 180)}
 MOST_POSES, MAX_FILE_BYTES = 100_000, 16 * 2**20
 MOST_TURNS_RAD = 4 * np.pi
@@ -50,7 +50,7 @@ _MAPS = {
 }
 MOST_YAML_VALUES = 9_000
 _VALUE = re.compile(r"[^\s,:\[\]{}]+")
-_UNIT = re.compile(r"_(mm|m|rad|deg)$")
+_UNIT = re.compile(rf"_({'|'.join((*LENGTHS, *ANGLES))})$")
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,14 +61,16 @@ class RobotPoses:
     base_from_flange: Array  # (V, 4, 4)
     origin: str  # what messages name
     read_as: str = ""  # what the columns were taken for
+    is_inverted: bool = False  # the file held flange_from_base
+    length_unit: str = "mm"  # what its positions were taken for
+    is_unit_named: bool = False  # by its columns
+    angles_rad: Array | None = None  # (V, 3) of columns that hold angles, as they stand there
+    angle_names: tuple[str, ...] = ()
+    angle_unit: str = "rad"
+    has_quaternions: bool = False
 
     def __post_init__(self) -> None:
-        freeze(self, "base_from_flange")
-
-    @property
-    def inverted(self) -> "RobotPoses":
-        """The same, of a file that held flange_from_base."""
-        return replace(self, base_from_flange=invert(self.base_from_flange))
+        freeze(self, "base_from_flange", "angles_rad")
 
 
 def read_robot_poses(
@@ -96,12 +98,16 @@ def read_robot_poses(
     images = _images(path, places, columns)
     used: set[str] = set()
     ways = rotation_columns(euler)
-    rotation, read_as = _rotations(path, places, columns, ways, given, used)
-    shift = _shifts(path, places, columns, given, used)
+    way, angle, value, rotation = _rotations(path, places, columns, ways, given, used)
+    length, shift = _shifts(path, places, columns, given, used)
+    _check_options(path, unit, euler, way, angle, length)
     _check_last_row(path, places, columns, used)
     pose = make_pose(rotation, shift)
-    found = RobotPoses(images, pose, str(path), read_as)
-    return found.inverted if is_inverted else found
+    return RobotPoses(
+        images, invert(pose) if is_inverted else pose, str(path), way.what, is_inverted, length.name, length.is_named,
+        value if way.are_angles else None, way.names if way.are_angles else (), angle.name,
+        has_quaternions=way.rotations is of_quaternion,
+    )  # fmt: skip
 
 
 def robot_poses_to_csv(images: Sequence[str], base_from_flange: Array) -> bytes:
@@ -118,14 +124,16 @@ def poses_to_csv(head: Sequence[str], images: Sequence[str], pose: Array) -> byt
     return ("\n".join(lines) + "\n").encode("utf-8", ANY_NAME)
 
 
-def _units(text: str | None) -> dict[str, float]:
-    """Factors to mm and rad of columns that name no unit."""
-    found: dict[str, float] = {}
+def _units(text: str | None) -> dict[str, str]:
+    """Of the lengths and angles of columns that name no unit."""
+    found: dict[str, str] = {}
     for word in [] if text is None else [one.strip().lower() for one in text.split(",")]:
         table, name = (LENGTHS, "length") if word in LENGTHS else (ANGLES, "angle")
         if word not in table or name in found:
-            raise InputError(f"--unit {shown(text)}: give mm or m, deg or rad, or one of each, such as mm,deg")
-        found[name] = table[word]
+            raise InputError(
+                f"--unit {shown(text)}: give {' or '.join(LENGTHS)}, {' or '.join(ANGLES)}, or one of each: mm,deg"
+            )
+        found[name] = word
     return found
 
 
@@ -258,10 +266,10 @@ def _rotations(
     places: Sequence[str],
     columns: Mapping[str, _Column],
     ways: Sequence[RotationColumns],
-    given: Mapping[str, float],
+    given: Mapping[str, str],
     used: set[str],
-) -> tuple[Array, str]:
-    """The one rotation that the columns say, and in which way."""
+) -> tuple[RotationColumns, "_Unit", Array, Array]:
+    """The one rotation that the columns say: in which way, in which unit, their numbers, and what these mean."""
     said = [way for way in ways if all(name in columns for name in way.names)]
     if not said:
         raise InputError(
@@ -273,57 +281,75 @@ def _rotations(
         raise InputError(f"{path}: two rotations, {names}; leave one out")
     (way,) = said
     used.update(way.names)
-    factor = 1.0
+    unit = _Unit("rad", is_named=True)
     if way.are_angles:
-        factor = _factor(path, [columns[name] for name in way.names], ANGLES, given.get("angle"), "rad", "deg")
-    value = factor * np.column_stack([_reals(path, places, columns[name]) for name in way.names])
+        unit = _unit_of(path, [columns[name] for name in way.names], tuple(ANGLES), given.get("angle"))
+    value = ANGLES[unit.name] * np.column_stack([_reals(path, places, columns[name]) for name in way.names])
     if way.are_angles and (off := np.flatnonzero(np.abs(value).max(axis=1) > MOST_TURNS_RAD)).size:
         raise InputError(
             f"{path}: {places[off[0]]}: an angle of {np.abs(value[off[0]]).max():.4g} rad is more than two turns; are "
             "these degrees? name the columns _deg, or give --unit deg"
         )
     try:
-        return way.rotations(value), way.what
+        return way, unit, value, way.rotations(value)
     except RowError as error:
         raise InputError(f"{path}: {places[error.row]}: {error.rule}") from None
 
 
 def _shifts(
-    path: Path, places: Sequence[str], columns: Mapping[str, _Column], given: Mapping[str, float], used: set[str]
-) -> Array:
-    """The positions, in mm."""
+    path: Path, places: Sequence[str], columns: Mapping[str, _Column], given: Mapping[str, str], used: set[str]
+) -> tuple["_Unit", Array]:
+    """The unit of the positions, and these in mm."""
     for names in (("x", "y", "z"), ("m03", "m13", "m23")):
         if all(name in columns for name in names):
             used.update(names)
-            factor = _factor(path, [columns[name] for name in names], LENGTHS, given.get("length"), "m", "mm")
-            shift: Array = factor * np.column_stack([_reals(path, places, columns[name]) for name in names])
+            unit = _unit_of(path, [columns[name] for name in names], tuple(LENGTHS), given.get("length"))
+            shift: Array = LENGTHS[unit.name] * np.column_stack([_reals(path, places, columns[name]) for name in names])
             far = np.flatnonzero(np.abs(shift).max(axis=1) > MAX_DISTANCE_MM)
             if far.size:
                 raise InputError(
                     f"{path}: {places[far[0]]}: lies more than {MAX_DISTANCE_MM:g} mm away; check the unit"
                 )
-            return shift
+            return unit, shift
     raise InputError(f"{path}: no position: give x_mm,y_mm,z_mm, or x_m,y_m,z_m")
 
 
-def _factor(
-    path: Path, columns: Sequence[_Column], units: Mapping[str, float], given: float | None, *names: str
-) -> float:
-    """By which numbers are multiplied: as their columns say, which must be alike, or else as is given."""
+def _check_options(
+    path: Path, unit: str | None, euler: str | None, way: RotationColumns, angle: "_Unit", length: "_Unit"
+) -> None:
+    """Refuse what says how columns are to be read that there are not."""
+    if euler is not None and not way.are_angles:
+        raise InputError(f"{path}: --euler {shown(euler)}: its rotations are {way.what}; leave it out")
+    for word in _units(unit).values():
+        if word in ANGLES and not way.are_angles:
+            raise InputError(f"{path}: --unit {word}: its rotations are {way.what}, which have no unit; leave it out")
+        said = length if word in LENGTHS else angle
+        if word != said.name:
+            raise InputError(f"{path}: --unit {word}: its columns say {said.name}; rename them, or leave --unit out")
+
+
+@dataclass(frozen=True)
+class _Unit:
+    name: str
+    is_named: bool  # by the columns; else by an option
+
+
+def _unit_of(path: Path, columns: Sequence[_Column], units: Sequence[str], given: str | None) -> _Unit:
+    """The unit of numbers: as their columns say, which must be alike, or else as is given."""
     said = {column.unit for column in columns}
     told = ", ".join(column.name for column in columns)
     if len(said) > 1 or not said <= {"", *units}:
-        raise InputError(f"{path}: {told}: name one unit for all, {' or '.join(names)}")
+        raise InputError(f"{path}: {told}: name one unit for all, {' or '.join(units)}")
     (unit,) = said
     if unit:
-        return units[unit]
+        return _Unit(unit, is_named=True)
     if given is None:
-        both = " or ".join(f"{columns[0].name}_{name}" for name in names)
+        both = " or ".join(f"{columns[0].name}_{name}" for name in units)
         raise InputError(
             f"{path}: {told} do not say their unit; name the columns {both} and so on, or give --unit "
-            + " or ".join(names)
+            + " or ".join(units)
         )
-    return given
+    return _Unit(given, is_named=False)
 
 
 def _check_last_row(path: Path, places: Sequence[str], columns: Mapping[str, _Column], used: set[str]) -> None:
@@ -335,6 +361,11 @@ def _check_last_row(path: Path, places: Sequence[str], columns: Mapping[str, _Co
             if off.size:
                 cell = shown_plain(columns[name].cells[off[0]])
                 raise InputError(f"{path}: {places[off[0]]}: {name} {cell}: the last row must be 0 0 0 1")
+
+
+def _file_name(name: str) -> str:
+    """What stands after the last slash, or after the last backslash of a path of Windows."""
+    return Path(name).name if "/" in name else PureWindowsPath(name).name
 
 
 @dataclass(frozen=True)
@@ -351,7 +382,7 @@ def poses_of(poses: RobotPoses, photos: Sequence[str]) -> PosesOfPhotos:
     Raises:
         InputError: not one photo has a pose.
     """
-    for short in (lambda name: name, lambda name: Path(name).name, lambda name: Path(name).stem):
+    for short in (lambda name: name, _file_name, lambda name: Path(_file_name(name)).stem):
         rows: dict[str, list[int]] = {}
         for row, image in enumerate(poses.images):
             rows.setdefault(short(image), []).append(row)

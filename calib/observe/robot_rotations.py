@@ -5,8 +5,9 @@ then the turned y, then the twice turned x. The two name the same rotations, in 
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,15 @@ NAMED_EULER = {
     "kawasaki": "zyz-intrinsic",
 }
 """Conventions by the robots that use them: KUKA's A B C, Fanuc's W P R, ROS's roll pitch yaw, Kawasaki's O A T."""
+VECTOR = ("rx", "ry", "rz")
+_ORDERS = tuple(
+    f"{first}{second}{third}-{how}"
+    for how in ("intrinsic", "extrinsic")
+    for first, second, third in product("xyz", repeat=3)
+    if second not in (first, third)
+)
+_MIXED = ("xzy", "yxz", "yzx", "zxy")
+"""Orders of turns about x, y, z that no order of the axes with these three angles in a row has."""
 _EULER = re.compile(r"([xyz])([xyz])([xyz])-(extrinsic|intrinsic)")
 
 
@@ -109,6 +119,57 @@ def euler_convention(text: str) -> str:
             f" or {', '.join(NAMED_EULER)}"
         )
     return convention
+
+
+@dataclass(frozen=True, eq=False)
+class RotationReading:
+    """What rotations may mean: `reading.rotation`, and how a person would say so."""
+
+    what: str
+    remedy: str
+    rotation: Array  # (V, 3, 3)
+
+
+def angle_readings(names: Sequence[str], value: Array) -> list[RotationReading]:
+    """All that three angles (V, 3) in rad can mean: Euler angles of each order, or a rotation vector.
+
+    Args:
+        names: of their columns, without unit.
+        value: as they stand there.
+    """
+    is_by_axis = tuple(names) == VECTOR
+    read = []
+    for convention in _ORDERS:
+        takes = not is_by_axis or convention[:3] == "xyz"
+        remedy = f"give --euler {convention}"
+        if not takes:
+            remedy = f"name the columns e1, e2, e3 and {remedy}"
+        read.append(RotationReading(f"Euler angles {_known_as(convention)}", remedy, of_euler(value, convention)))
+    for axes in _MIXED:  # the columns are about x, y, z, and the turns in another order
+        convention = f"{axes}-extrinsic"
+        remedy = (
+            f"give --euler {convention}" if is_by_axis else f"name the columns rx, ry, rz and give --euler {convention}"
+        )
+        order = value[:, ["xyz".index(axis) for axis in axes]]
+        read.append(RotationReading(f"Euler angles {convention}", remedy, of_euler(order, convention)))
+    remedy = "leave --euler out" if is_by_axis else "name the columns rx, ry, rz"
+    return [*read, RotationReading("rotation vectors", remedy, exp_rotation(value))]
+
+
+def quaternion_readings(rotation: Array) -> list[RotationReading]:
+    """What rotations (V, 3, 3) were if their quaternions' four numbers had been taken in another order."""
+    value = to_quaternion(rotation)
+    return [
+        RotationReading(f"quaternions {what}", f"name the four columns {names}",
+                        of_quaternion(np.roll(value, by, axis=1)))
+        for what, names, by in (("w first", "qw, qx, qy, qz", -1), ("w last", "qx, qy, qz, qw", 1))
+    ]  # fmt: skip
+
+
+def _known_as(convention: str) -> str:
+    """A convention with the robots that use it."""
+    users = [name for name, meant in NAMED_EULER.items() if meant == convention]
+    return f"{convention} ({', '.join(users)})" if users else convention
 
 
 def rotation_columns(euler: str | None) -> tuple[RotationColumns, ...]:

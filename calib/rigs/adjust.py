@@ -14,7 +14,7 @@ from calib.rigs.carrier import carrier_errors
 from calib.rigs.descend import descend_rig
 from calib.rigs.in_space import RigInSpace, rig_in_space, space_remark, with_step
 from calib.rigs.motion import motion_of
-from calib.rigs.options import RigOptions
+from calib.rigs.options import FREE_SIZE, RigOptions
 from calib.rigs.problem import RigProblem, RigState, frame_times, without_params
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.rigs.rig_start import RigStart, start_rig, thinned
@@ -183,4 +183,5 @@ def _carrier_fit(found: Found, problem: RigProblem, accuracy: RigAccuracy) -> Ca
         prior.carrier.kind, target_poses(packed, target)[0],
         target_covariance(packed, target, accuracy.carrier_covariance[None])[0],
         float(prior.sigma[0]), float(prior.sigma[1]), error, angle, size=state.size, size_sigma=accuracy.size_sigma,
+        size_sigma_before=prior.carrier.size_sigma or FREE_SIZE,
     )  # fmt: skip

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
 from calib.rigs.carrier import error_derivatives, weights
-from calib.rigs.descend import EXPECTED_SIZE
 from calib.rigs.result import RigCalibration
 from calib.rigs.target_error import carrier_prior, posed_frames, tells_size
 from calib.solver.free_shape import POSE
@@ -55,6 +54,6 @@ def frame_information(found: RigCalibration, basis: Array) -> Array:
 def expected_information(found: RigCalibration, directions: int) -> Array:
     """What is known without any frame, of the same unknowns: about how large a target is.  # (Q, Q)"""
     least = np.zeros(directions + tells_size(found) + POSE)
-    if tells_size(found):
-        least[directions] = EXPECTED_SIZE**-2
+    if found.carrier is not None and tells_size(found):
+        least[directions] = found.carrier.size_sigma_before**-2
     return np.diag(least)

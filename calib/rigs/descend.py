@@ -21,8 +21,6 @@ from calib.solver.options import Loss
 Array = NDArray[np.float64]
 
 EXPECTED_DELAY_S = 10.0
-EXPECTED_SIZE = 0.1
-"""Standard deviation of a target's size, as a part of it: a page that was fitted to the paper is 3 to 6 % off."""
 PATIENCE = 16
 """Steps refused because a camera does not show a point there."""
 
@@ -102,11 +100,12 @@ def params_of(problem: RigProblem, camera: int) -> NDArray[np.int64]:
 
 def _add_size(into: Normal, problem: RigProblem, state: RigState) -> float:
     """Add what is expected of the target's size."""
-    if problem.size_column < 0:
+    if problem.size_column < 0 or problem.prior is None:
         return 0.0
-    column, off = problem.size_column, (state.size - 1) / EXPECTED_SIZE
-    into.other[column, column] += EXPECTED_SIZE**-2
-    into.other[column, -1] += off / EXPECTED_SIZE
+    column, sigma = problem.size_column, problem.prior.carrier.size_sigma
+    off = (state.size - 1) / sigma
+    into.other[column, column] += sigma**-2
+    into.other[column, -1] += off / sigma
     return off**2
 
 

@@ -22,6 +22,7 @@ from calib.rigs.options import CameraChoice, RigOptions
 from calib.rigs.relative import relative
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
+from calib.rigs.target_error import carrier_prior
 from designer.base.errors import InputError
 from designer.base.marks import AtLeast, AtMost, Length, Line, Word
 
@@ -169,10 +170,11 @@ def half_solver(found: RigCalibration, choices: Sequence[CameraChoice], options:
         for name, own in zip(half.camera_names, half.sightings, strict=True):
             if not own.view_count:
                 raise InputError(f"{name} sees the target in none of them")
-        if carrier is not None and len(carrier.rig_from_carrier) != len(rows):
-            raise InputError("frames were left out of the solution; leave them out of its input, too")
         if carrier is not None:
-            carrier = replace(carrier, rig_from_carrier=carrier.rig_from_carrier[rows])
+            carried = carrier.rig_from_carrier
+            if len(carried) != len(rows):  # frames were left out of the solution
+                carried = carrier_prior(found)[0].carrier.rig_from_carrier
+            carrier = replace(carrier, rig_from_carrier=carried[rows])
         has_slack = found.slack is not None
         return solve_rig(half, near, replace(options, carrier=carrier, reject_sigma=None, allows_slack=has_slack))
 

@@ -13,6 +13,11 @@ from calib.solver.options import Loss
 Array = NDArray[np.float64]
 
 
+FREE_SIZE = 0.1
+"""Standard deviation of the size of a target of which nobody knows how it was made: a page that was fitted to the paper
+is 3 to 6 % off."""
+
+
 @dataclass(frozen=True)
 class CameraChoice:
     """How one camera of a rig is to be solved."""
@@ -39,7 +44,8 @@ class Carrier:
     has_free_angles: bool = False  # of a turntable
     sigma_rad: float | None = None  # of its own errors; None: estimated
     sigma_mm: float | None = None
-    tells_size: bool = False  # of the target: a robot's ways are lengths, by which it is then solved
+    size_sigma: float = 0.0
+    """Standard deviation of the target's size, as a part of it, before a robot's ways tell it; 0: it is not solved."""
 
     def __post_init__(self) -> None:
         freeze(self, "rig_from_carrier")

@@ -117,7 +117,7 @@ def pack_rig(
         sigma = np.array([carrier.sigma_rad or np.nan, carrier.sigma_mm or np.nan])
         prior = CarrierPrior(carrier, np.arange(6) + count, sigma)
         count += 6
-    size_column = count if carrier is not None and carrier.tells_size else -1
+    size_column = count if carrier is not None and carrier.size_sigma > 0 else -1
     count += int(size_column >= 0)
     return RigProblem(tuple(seen), observations.frame_count, count, loss, scale, prior=prior, size_column=size_column)
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
 from calib.core.types import RigObservations, freeze, frozen_array
+from calib.rigs.options import FREE_SIZE
 from calib.solver.calibration import Status
 from designer.base.marks import LEFT_OUT, OR_NULL, Gap, Shape
 
@@ -33,6 +34,7 @@ class CarrierFit:
     undetermined: tuple[str, ...] = ()  # what the motions do not tell, one line each
     size: float = 1.0  # of the target, as a part of what its file says, by the robot's ways; 1: not asked for
     size_sigma: float = 0.0
+    size_sigma_before: float = FREE_SIZE  # by how the target was made
 
     def __post_init__(self) -> None:
         freeze(self, "carrier_from_target", "covariance", "error", "angle_rad")

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.number_text import figure
 from calib.core.se3 import invert
 from calib.core.types import RigObservations, keep_frames
 from calib.rigs.hand_eye import HandEyeStart, start_hand_eye
@@ -17,6 +18,7 @@ from calib.rigs.start import Alone, frame_candidates, joined, synchronised
 from calib.rigs.turntable import start_turntable, turned_by
 from calib.rigs.worth import LEAST_SCALE, LEAST_SIGMA
 from calib.solver.problem import few_per_view, select
+from designer.base.words import printable
 
 Array = NDArray[np.float64]
 
@@ -72,7 +74,7 @@ def start_rig(observations: RigObservations, alone: Sequence[Alone], options: Ri
 
 
 def _of_carrier(begin: RigStart, carrier: Carrier) -> RigStart:
-    """The start with where the carrier holds the rig or the target, and how it errs."""
+    """The start with where the carrier holds the rig or the target, and how it errs; without frames that it belies."""
     problem, frames = begin.problem, begin.state.rig_from_target
     start = start_hand_eye(frames, carrier.rig_from_carrier) if not carrier.is_turntable else None
     if start is None:
@@ -80,6 +82,10 @@ def _of_carrier(begin: RigStart, carrier: Carrier) -> RigStart:
         table = start_turntable(frames, None if carrier.has_free_angles else np.arctan2(turn[:, 1, 0], turn[:, 0, 0]))
         start, carrier = table.start, replace(carrier, rig_from_carrier=turned_by(table.angle_rad))
         problem = replace(problem, prior=problem.prior and replace(problem.prior, carrier=carrier))
+    elif start.is_far_off.any():
+        observations, alone, options = _without(begin.observations, begin.alone, begin.options, ~start.is_far_off)
+        said = (*begin.remarks, *_far_off_remarks(begin.observations.frame_names, start))
+        return replace(start_rig(observations, alone, options), remarks=said)
     return replace(
         begin, problem=_with_noise(problem, start), state=_carried(begin.state, start), undetermined=start.undetermined
     )
@@ -100,15 +106,32 @@ def _placed(
     if has_pose.all():
         return observations, alone, options, ()
     lost = [name for name, ok in zip(observations.frame_names, has_pose.tolist(), strict=True) if not ok]
+    remarks = tuple(f"frame {name}: left out: no camera's sightings show where the target was" for name in lost)
+    return *_without(observations, alone, options, has_pose), remarks
+
+
+def _without(
+    observations: RigObservations, alone: Sequence[Alone], options: RigOptions, keep: NDArray[np.bool_]
+) -> tuple[RigObservations, Sequence[Alone], RigOptions]:
+    """Some of the frames."""
     kept = [
-        replace(one, cam_from_target=one.cam_from_target[has_pose[frames]])
+        replace(one, cam_from_target=one.cam_from_target[keep[frames]])
         for frames, one in zip(observations.frame, alone, strict=True)
     ]
     carrier = options.carrier
     if carrier is not None:
-        options = replace(options, carrier=replace(carrier, rig_from_carrier=carrier.rig_from_carrier[has_pose]))
-    remarks = tuple(f"frame {name}: left out: no camera's sightings show where the target was" for name in lost)
-    return keep_frames(observations, has_pose), kept, options, remarks
+        options = replace(options, carrier=replace(carrier, rig_from_carrier=carrier.rig_from_carrier[keep]))
+    return keep_frames(observations, keep), kept, options
+
+
+def _far_off_remarks(names: Sequence[str], start: HandEyeStart) -> list[str]:
+    """Which frames the carrier's pose does not fit, and by how much."""
+    turn, shift = np.rad2deg(np.linalg.norm(start.error[:, :3], axis=1)), np.linalg.norm(start.error[:, 3:], axis=1)
+    return [
+        f"{printable(names[row])}: left out: its robot pose is {figure(turn[row], 2)} deg and "
+        f"{figure(shift[row], 2)} mm off what the others tell"
+        for row in np.flatnonzero(start.is_far_off).tolist()
+    ]
 
 
 def _carried(state: RigState, start: HandEyeStart) -> RigState:

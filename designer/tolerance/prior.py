@@ -87,6 +87,13 @@ class ShapePrior:
         sigma: Array = np.sqrt(variance)
         return sigma
 
+    def size_sigma(self, position_mm: Array) -> float:
+        """Standard deviation of the size of a target of rings at places (R, 3), as a part of it."""
+        lever = position_mm - position_mm.mean(axis=0)
+        lever = lever / max(float((lever**2).sum()), np.finfo(float).tiny)
+        shared, own = np.einsum("ri,sri->s", lever, self.modes_mm), np.einsum("ri,ric->rc", lever, self.ring_modes_mm)
+        return float(np.sqrt((shared**2).sum() + (own**2).sum()))
+
 
 def shape_prior(target: TargetGeometry, errors: ErrorModel, bed_from_target: Array | None = None) -> ShapePrior:
     """The prior of a way of making: every source that moves centres, with its standard deviation.

@@ -27,7 +27,7 @@ from calib.core.se3 import exp_rotation, invert, log_rotation, look_at, make_pos
 from calib.core.types import KnownPoints, Observations, RigObservations, keep_frames
 from calib.observe.robot_poses import read_robot_poses
 from calib.rigs.bent import bent_alone
-from calib.rigs.options import CameraChoice, Carrier, RigOptions
+from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.solver.solve import solve
@@ -91,7 +91,8 @@ def ours(photos: Photos, model: str, noise: tuple[float, float] | None = None, *
          tells_size: bool = True, allows_slack: bool = True) -> RigCalibration:  # fmt: skip
     """One adjustment of everything, the robot's noise estimated or given."""
     carrier = Carrier(
-        kind, photos.rig_from_carrier, is_camera_in_hand=kind == IN_HAND[0], tells_size=tells_size,
+        kind, photos.rig_from_carrier, is_camera_in_hand=kind == IN_HAND[0],
+        size_sigma=FREE_SIZE if tells_size else 0.0,
         sigma_rad=noise[0] if noise else None, sigma_mm=noise[1] if noise else None,
     )  # fmt: skip
     return solve_rig(photos.seen, [CameraChoice(model)], RigOptions(carrier=carrier, allows_slack=allows_slack))

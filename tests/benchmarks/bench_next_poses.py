@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose, skew
 from calib.core.types import keep_frames
 from calib.rigs.halves import NoRigHalves
-from calib.rigs.options import CameraChoice, Carrier, RigOptions
+from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.relative import center_sigma_mm
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
@@ -58,7 +58,12 @@ class Arm:
         seen = keep_frames(scene.observations, np.isin(np.arange(len(sent)), rows))
         sigma = self.noise if is_given else (None, None)
         carrier = Carrier(
-            self.kind, told[rows], is_camera_in_hand=in_hand, sigma_rad=sigma[0], sigma_mm=sigma[1], tells_size=True
+            self.kind,
+            told[rows],
+            is_camera_in_hand=in_hand,
+            sigma_rad=sigma[0],
+            sigma_mm=sigma[1],
+            size_sigma=FREE_SIZE,
         )
         choice = CameraChoice("opencv") if is_free else CameraChoice("opencv", given=lens, is_refined=False)
         return solve_rig(seen, [choice], RigOptions(carrier=carrier, allows_slack=not is_given))

@@ -101,7 +101,7 @@ def test_a_camera_in_hand_is_found_and_written_for_programs(folder: Path, tmp_pa
     [
         ("inverted.csv", (), "look like flange_from_base.*give --inverted"),
         ("robot.csv", ("--inverted",), "look like base_from_flange.*leave out --inverted"),
-        ("metres.csv", (), "look like metres that are taken for millimetres.*--unit"),
+        ("metres.csv", (), "look like positions in m that are taken for mm.*: name the columns x_m, y_m, z_m"),
         ("seen.csv", (), "seen.csv"),
         ("robot.csv", ("--robot-noise", "0.1mm"), "a length and an angle"),
     ],

@@ -83,7 +83,8 @@ def test_trees_say_what_tables_say(entry: dict[str, object], form: str, tmp_path
     path.write_text(
         json.dumps({"a.png": entry} if form == "by name" else [whole] if form == "list" else {"poses": [whole]})
     )
-    found = read_robot_poses(path, unit="mm")
+    named = {"position_m", "matrix_mm"} & set(entry)
+    found = read_robot_poses(path, unit=None if named else "mm")
     assert np.abs(found.base_from_flange[0] - MATRIX).max() < 1e-9
 
 
@@ -137,3 +138,26 @@ def test_photos_have_the_poses_of_their_names(tmp_path: Path) -> None:
     assert found.unused == ("c",)
     with pytest.raises(InputError, match="names no photo"):
         poses_of(read_robot_poses(path), ["x.png"])
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"unit": "mm"}, "--unit mm: its columns say m"),
+        ({"unit": "deg"}, "--unit deg: its rotations are quaternions"),
+        ({"euler": "kuka"}, "--euler 'kuka': its rotations are quaternions"),
+    ],
+)
+def test_what_the_columns_leave_no_room_for_is_refused(options: dict[str, str], said: str, tmp_path: Path) -> None:
+    """An option that says how columns are to be read which are not there."""
+    path = tmp_path / "poses.csv"
+    path.write_text("image,x_m,y_m,z_m,qx,qy,qz,qw\na,1,2,3,0,0,0,1\n")
+    with pytest.raises(InputError, match=said):
+        read_robot_poses(path, **options)
+
+
+def test_a_path_of_windows_names_its_photo(tmp_path: Path) -> None:
+    """What stands after the last backslash does, as after the last slash."""
+    path = tmp_path / "poses.csv"
+    path.write_text("image,x_m,y_m,z_m,qx,qy,qz,qw\n" + "C:\\data\\cal\\b.png,1,2,3,0,0,0,1\n")
+    assert poses_of(read_robot_poses(path), ["run/a.png", "run/b.png"]).row == (None, 0)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose
 from calib.core.types import RigObservations
 from calib.observe.observations import known_points
-from calib.rigs.options import CameraChoice, Carrier, RigOptions
+from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error
@@ -133,7 +133,7 @@ def test_a_robot_tells_the_size_in_part_and_what_is_left_is_stated() -> None:
     assert (error < 3 * stated).all()
     assert (error > 3 * noise).any()
     assert stated.max() < 0.7 * TOO_LARGE * 500.0
-    free = solve_rig(rig, [CameraChoice("opencv")], RigOptions(carrier=replace(carrier, tells_size=True)))
+    free = solve_rig(rig, [CameraChoice("opencv")], RigOptions(carrier=replace(carrier, size_sigma=FREE_SIZE)))
     assert free.carrier is not None
     assert free.carrier.size == pytest.approx(1 + TOO_LARGE, abs=4 * free.carrier.size_sigma)
     by_target, by_noise = (

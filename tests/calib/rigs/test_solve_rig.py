@@ -13,7 +13,7 @@ from calib.rigs.accuracy import shared_inverse
 from calib.rigs.descend import assembled, descend_rig, rig_equations
 from calib.rigs.motion import Motion
 from calib.rigs.motion_error import motion_covariance
-from calib.rigs.options import CameraChoice, Carrier, RigOptions
+from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.problem import RigProblem, RigState, pack_rig, without_params
 from calib.rigs.result import RigCalibration
 from calib.rigs.rig_start import start_rig
@@ -63,7 +63,7 @@ def test_gradients_are_those_of_the_cost(kind: str) -> None:
     frames = scene.observations.frame_count
     rng = np.random.default_rng(3)
     base = make_pose(exp_rotation(rng.normal(0, 0.5, (frames, 3))), rng.normal(0, 200.0, (frames, 3)))
-    carrier = Carrier("robot", base, is_camera_in_hand=kind != "target in hand", tells_size=True)
+    carrier = Carrier("robot", base, is_camera_in_hand=kind != "target in hand", size_sigma=FREE_SIZE)
     carried = kind.endswith("in hand")
     observations = replace(
         scene.observations, time_s=tuple(0.1 * rows + 0.01 * c for c, rows in enumerate(scene.observations.frame))
@@ -299,7 +299,7 @@ def camera_in_hand(turns: Array, *, noise_px: float = 0.02) -> tuple[RigObservat
     rows = scene.observations.frame[0]
     observations = keep_frames(replace(scene.observations, sightings=(told,)), np.isin(np.arange(count), rows))
     carrier = Carrier(
-        "robot, camera in hand", (wobble @ flange_from_base)[rows], is_camera_in_hand=True, tells_size=True
+        "robot, camera in hand", (wobble @ flange_from_base)[rows], is_camera_in_hand=True, size_sigma=FREE_SIZE
     )
     return observations, carrier, cam_from_flange
 
@@ -321,7 +321,7 @@ def test_turns_about_one_axis_leave_a_shift_open_and_say_so() -> None:
     turns = np.random.default_rng(2).uniform(-0.6, 0.6, (12, 1)) * np.array([0.3, 0.2, 1.0])
     observations, carrier, _ = camera_in_hand(turns)
     given = CameraChoice("opencv", given=rig_views.camera(), is_refined=False)
-    found = solve_rig(observations, [given], RigOptions(carrier=replace(carrier, tells_size=False)))
+    found = solve_rig(observations, [given], RigOptions(carrier=replace(carrier, size_sigma=0.0)))
     assert found.carrier is not None
     assert found.carrier.undetermined
     sigma = np.sqrt(np.diagonal(found.covariance)[found.rig.pose_rows(0)])

@@ -13,7 +13,7 @@ from calib.core.types import keep_frames
 from calib.observe.robot_poses import read_robot_poses, robot_poses_to_csv
 from calib.rigs.carried_information import expected_information, frame_information
 from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
-from calib.rigs.options import CameraChoice, Carrier, RigOptions
+from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.relative import center_sigma_mm
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
@@ -55,7 +55,7 @@ class Robot:
         seen = keep_frames(scene.observations, np.isin(np.arange(len(sent)), rows))
         carrier = Carrier(
             self.kind, told[rows], is_camera_in_hand=self.kind == HAND, sigma_rad=NOISE[0], sigma_mm=NOISE[1],
-            tells_size=is_free,
+            size_sigma=FREE_SIZE if is_free else 0.0,
         )  # fmt: skip
         choice = CameraChoice("opencv", given=lens, is_refined=is_free)
         return solve_rig(seen, [choice], RigOptions(carrier=carrier, allows_slack=allows_slack))
