@@ -10,22 +10,31 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.cameras import parameter_names
+from calib.core.number_text import figure
 from calib.core.parallel import one_thread_with_scipy
-from calib.core.types import Observations, RigObservations
+from calib.core.types import Observations, RigObservations, keep_views
 from calib.rigs.adjust import adjusted
 from calib.rigs.camera_alone import camera_alone
 from calib.rigs.options import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration
-from calib.rigs.start import Alone, solve_alone
+from calib.rigs.start import Alone, solve_alone, view_rms
 from calib.rigs.worth import DISAGREES
 from calib.solver.circles import through_circles
 from calib.solver.in_space import require_planes
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from designer.base.errors import InputError
+from designer.base.words import printable
 
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+FAR_OFF, MOST_OFF, FEWEST_LEFT = 3.5, 0.1, 4
+"""Times what most photos of a camera leave over, from which on one is left out; the part of them that may be; and how
+many have to be left."""
 LINEAR_PART = 4
 """Parameters of any model before those of its distortion."""
 SURE = 3e-3
@@ -64,6 +73,26 @@ def _solved(observations: RigObservations, choices: Sequence[CameraChoice], opti
     """The rig from points as they are given."""
     _check(observations, choices, options)
     alone = _each_alone(observations, choices, options)
+    rms = [
+        one.view_rms if one.view_rms is not None else np.full((len(one.cam_from_target), 2), np.nan) for one in alone
+    ]
+    if is_off := _far_off(observations, rms):
+        return _solved_without(is_off, rms, observations, choices, options)
+    found = _of_all(observations, choices, options, alone)
+    if options.carrier is not None or found.status != "converged" or len(found.cameras) < 2:
+        return found
+    rms = [view_rms(seen, left) for seen, left in zip(found.observations.sightings, found.residual_px, strict=True)]
+    if not (is_off := _far_off(found.observations, rms)):
+        return found
+    is_off = _worst_of_frames(found.observations, is_off, rms)
+    again = _solved_without(is_off, rms, found.observations, choices, options)
+    return again if again.status == "converged" else found
+
+
+def _of_all(
+    observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions, alone: Sequence[Alone]
+) -> RigCalibration:
+    """The rig of all photos, with slack of single ones where they do not fit together."""
     if options.allows_slack is not None or options.carrier is not None:
         return _settled(observations, choices, replace(options, allows_slack=options.allows_slack is not False), alone)
     found = _settled(observations, choices, replace(options, allows_slack=False), alone)
@@ -72,6 +101,55 @@ def _solved(observations: RigObservations, choices: Sequence[CameraChoice], opti
     if not all(_tells_its_lens(*one) for one in zip(observations.sightings, choices, alone, strict=True)):
         return found
     return adjusted(observations, replace(options, allows_slack=True), alone)
+
+
+def _far_off(observations: RigObservations, rms: Sequence[Array]) -> tuple[Flags, ...]:
+    """Single photos (C,) of (V_c,) that fit far worse than most of their camera's; none if there are many such."""
+    is_off = tuple(
+        np.nan_to_num(one[:, 0]) > FAR_OFF * (np.nanmedian(one[:, 0]) if np.isfinite(one).any() else np.inf)
+        for one in rms
+    )
+    few = all(off.sum() <= MOST_OFF * len(off) and len(off) - off.sum() >= FEWEST_LEFT for off in is_off if off.any())
+    return is_off if few and any(off.any() for off in is_off) else ()
+
+
+def _worst_of_frames(observations: RigObservations, is_off: Sequence[Flags], rms: Sequence[Array]) -> tuple[Flags, ...]:
+    """Of each frame that has such a photo the worst; both if two cameras alone see it: which is wrong nobody knows."""
+    worst, seen_by = np.zeros(observations.frame_count), np.zeros(observations.frame_count, dtype=np.int64)
+    for frames, off, own in zip(observations.frame, is_off, rms, strict=True):
+        seen_by[frames] += 1
+        worst[frames[off]] = np.maximum(worst[frames[off]], own[off, 1])
+    return tuple(
+        (off & (own[:, 1] == worst[frames])) | ((worst > 0) & (seen_by == 2))[frames]
+        for frames, off, own in zip(observations.frame, is_off, rms, strict=True)
+    )
+
+
+def _solved_without(
+    is_off: Sequence[Flags],
+    rms: Sequence[Array],
+    observations: RigObservations,
+    choices: Sequence[CameraChoice],
+    options: RigOptions,
+) -> RigCalibration:
+    """The rig without some photos, which are named."""
+    remarks = []
+    for name, seen, off, own in zip(observations.camera_names, observations.sightings, is_off, rms, strict=True):
+        remarks += [
+            f"{printable(name)}, {printable(seen.view_names[row])}: left out: {figure(own[row, 1], 2)} px RMS, most of "
+            f"its photos {figure(float(np.nanmedian(own[:, 1])), 2)} px: is it a false detection, or of another moment?"
+            for row in np.flatnonzero(off).tolist()
+        ]
+    times = observations.time_s
+    keep = [~off for off in is_off]
+    kept = replace(
+        observations,
+        sightings=tuple(keep_views(seen, ok) for seen, ok in zip(observations.sightings, keep, strict=True)),
+        frame=tuple(frames[ok] for frames, ok in zip(observations.frame, keep, strict=True)),
+        time_s=None if times is None else tuple(stamp[ok] for stamp, ok in zip(times, keep, strict=True)),
+    )
+    found = solve_rig(kept, choices, options)
+    return replace(found, remarks=(*remarks, *found.remarks))
 
 
 def _check(observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions) -> None:

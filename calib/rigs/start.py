@@ -22,6 +22,7 @@ from calib.solver.accuracy import UndeterminedError
 from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions, Tie, tie_parameters
+from calib.solver.outliers import deviations
 from calib.solver.solve import solve
 from calib.solver.start import solve_poses
 from designer.base.errors import InputError
@@ -46,6 +47,7 @@ class Alone:
     cam_from_target: Array  # (V_c, 4, 4) nan where it has no pose of its own
     scale: float  # standard deviation of an observation: px, or in units of the stated covariance
     solved: Calibration | None = None  # None: its lens was given
+    view_rms: Array | None = None  # (V_c, 2) of `view_rms`; nan: it has no pose
 
 
 def solve_alone(seen: Observations, name: str, choice: CameraChoice, options: RigOptions) -> Alone:
@@ -66,7 +68,9 @@ def solve_alone(seen: Observations, name: str, choice: CameraChoice, options: Ri
             )
         found = solve_poses(camera, part, weighted=options.weighted)
         poses[many] = found.cam_from_target
-        return Alone(camera, _tie(camera.model, choice), poses, found.scale)
+        rms = np.full((seen.view_count, 2), np.nan)
+        rms[many] = view_rms(part, found.residual_px)
+        return Alone(camera, _tie(camera.model, choice), poses, found.scale, None, rms)
     fixed = SolveOptions(weighted=options.weighted, fixed=choice.fixed)
     wanted = replace(fixed, loss=options.loss, reject_sigma=options.reject_sigma)
     try:
@@ -76,8 +80,18 @@ def solve_alone(seen: Observations, name: str, choice: CameraChoice, options: Ri
     except InputError as error:
         raise InputError(f"camera {name}: {error}") from None
     number = {view: row for row, view in enumerate(seen.view_names)}
-    poses[[number[view] for view in solved.observations.view_names]] = solved.cam_from_target
-    return Alone(solved.camera, tie_parameters(choice.model, fixed), poses, solved.scale, solved)
+    rows = [number[view] for view in solved.observations.view_names]
+    poses[rows] = solved.cam_from_target
+    rms = np.full((seen.view_count, 2), np.nan)
+    rms[rows] = view_rms(solved.observations, solved.residual_px)
+    return Alone(solved.camera, tie_parameters(choice.model, fixed), poses, solved.scale, solved, rms)
+
+
+def view_rms(seen: Observations, residual_px: Array) -> Array:
+    """Root mean square length of each view's residuals (M, 2): in robust deviations, and in px.  # (V, 2)"""
+    length = np.stack([deviations(residual_px.T, seen.cov_px2), np.hypot(*residual_px.T)])
+    count = np.maximum(np.bincount(seen.view, minlength=seen.view_count), 1)
+    return np.sqrt([np.bincount(seen.view, one**2, seen.view_count) / count for one in length]).T
 
 
 def _tie(model: str, choice: CameraChoice) -> Tie:

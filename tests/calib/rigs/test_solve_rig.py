@@ -386,3 +386,27 @@ def test_a_table_that_wobbles_is_solved_with_its_camera_in_few_steps(are_free: b
     off = cam_from_table[:3, 2] * np.sign(axis @ cam_from_table[:3, 2]) - axis
     covariance = skew(axis) @ found.covariance[rows, rows][:3, :3] @ skew(axis).T
     assert off @ np.linalg.pinv(covariance, rcond=1e-9) @ off < 16
+
+
+@pytest.mark.parametrize("is_moved", [False, True])
+def test_one_bad_photo_is_left_out_and_named(is_moved: bool) -> None:
+    """Of a false detection, or of a target that was moved before one camera took it: the rest is as without it."""
+    scene = rig_views.ring(count=3, frames=16, noise_px=0.1, seed=4)
+    seen = scene.observations
+    own = seen.sightings[2]
+    bad = own.view == 5
+    rng = np.random.default_rng(0)
+    off = np.array([6.0, 0.0]) if is_moved else 1.5 * rng.normal(size=(int(bad.sum()), 2))
+    center = own.center_px.copy()
+    center[bad] += off
+    spoilt = replace(seen, sightings=(*seen.sightings[:2], replace(own, center_px=center)))
+    choices = [CameraChoice("opencv")] * 3
+    found = solve_rig(spoilt, choices)
+    keep = np.arange(own.view_count) != 5
+    without = replace(
+        seen, sightings=(*seen.sightings[:2], keep_views(own, keep)), frame=(*seen.frame[:2], seen.frame[2][keep])
+    )
+    (line,) = [line for line in found.remarks if "left out" in line]
+    assert line.startswith(f"cam2, {own.view_names[5]}: left out")
+    assert found.slack is None
+    assert np.allclose(found.cam_from_rig, solve_rig(without, choices).cam_from_rig, atol=1e-5)
