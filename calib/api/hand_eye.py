@@ -24,7 +24,7 @@ from calib.observe.rig_sightings import read_rig_sightings
 from calib.observe.robot_poses import RobotPoses, poses_of, read_robot_poses
 from calib.rigs.bent import bent_alone
 from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
-from calib.rigs.robot_readings import why_wrong
+from calib.rigs.robot_readings import why_size, why_wrong
 from calib.rigs.start import solve_alone
 from calib.rigs.turntable import turned_by
 from calib.solver.costs import IMAGE
@@ -117,7 +117,8 @@ def hand_eye(
         place_of(robot, "a file of robot poses"), unit=unit, euler=euler, is_inverted=inverted
     )  # fmt: skip
     wish = _Wish(camera, refine, model, tuple(fix), cost_of(minimise), made, criteria, tuple(settings))
-    seen = _seen(target, photos, table, wish, jobs, progress)
+    limits, seen = _limits(wish), _seen(target, photos, table, wish, jobs, progress)
+    way = _made(seen, wish)
     seen, rows = _with_poses(seen, poses)
     base_from_flange = poses.base_from_flange[rows]
     _require_right(seen.observations, wish, poses, rows, is_camera_in_hand=not target_in_hand)
@@ -128,13 +129,16 @@ def hand_eye(
         TARGET_IN_HAND if target_in_hand else IN_HAND,
         base_from_flange if target_in_hand else invert(base_from_flange),
         is_camera_in_hand=not target_in_hand, sigma_rad=noise[0], sigma_mm=noise[1],
-        size_sigma=_size_sigma(seen.target, _made(seen, wish)) if target_size is None else FREE_SIZE * target_size,
+        size_sigma=_size_sigma(seen.target, way) if target_size is None else FREE_SIZE * target_size,
     )  # fmt: skip
-    result = _solved(seen, wish, carrier, progress)
+    result = _solved(seen, way, wish, carrier, limits, progress)
     fit = result.calibration.carrier
     if fit is not None and abs(fit.size - 1) > SURELY * carrier.size_sigma > 0:
         # The robot's ways belie how the target was made: then they alone tell.
-        result = _solved(seen, wish, replace(carrier, size_sigma=FREE_SIZE), progress)
+        result = _solved(seen, way, wish, replace(carrier, size_sigma=FREE_SIZE), limits, progress)
+        fit = result.calibration.carrier
+    if fit is not None and (why := why_size(poses, fit.size)):
+        raise InputError(f"{poses.origin}: {why}")
     return _written(result, progress, writer)
 
 
@@ -190,11 +194,11 @@ def turntable(
         raise InputError(f"step {step_deg:g} deg: must be more than 0 and at most 180")
     writer = None if out is None else RigWriter(folder_of(out))
     wish = _Wish(camera, refine, model, tuple(fix), cost_of(minimise), made, criteria, tuple(settings))
-    seen = _seen(target, photos, table, wish, jobs, progress)
+    limits, seen = _limits(wish), _seen(target, photos, table, wish, jobs, progress)
     number = np.array([seen.order[name] for name in seen.observations.frame_names], dtype=np.float64)
     angle = np.deg2rad(0.0 if step_deg is None else step_deg) * number
     carrier = Carrier(TABLE, turned_by(angle), is_turntable=True, has_free_angles=step_deg is None)
-    return _written(_solved(seen, wish, carrier, progress), progress, writer)
+    return _written(_solved(seen, _made(seen, wish), wish, carrier, limits, progress), progress, writer)
 
 
 @dataclass(frozen=True, eq=False)
@@ -332,11 +336,15 @@ def _made(seen: _Seen, wish: _Wish) -> Made | None:
     return how_made(seen.target, wish.made, rendered_id="" if seen.search is None else seen.search.rendered_id)
 
 
-def _solved(seen: _Seen, wish: _Wish, carrier: Carrier, progress: Progress) -> RigResult:
+def _limits(wish: _Wish) -> Criteria:
+    return wish.criteria if isinstance(wish.criteria, Criteria) else read_rig_criteria(str(wish.criteria))
+
+
+def _solved(
+    seen: _Seen, made: Made | None, wish: _Wish, carrier: Carrier, limits: Criteria, progress: Progress
+) -> RigResult:
     """One adjustment, judged."""
-    criteria = wish.criteria
-    limits = criteria if isinstance(criteria, Criteria) else read_rig_criteria(str(criteria))
-    whole = RigSeen(seen.target, seen.search, seen.observations, _made(seen, wish), seen.bend)
+    whole = RigSeen(seen.target, seen.search, seen.observations, made, seen.bend)
     options = RigOptions(carrier=carrier, minimise=wish.minimise)
     return judged_rig(whole, _wishes(wish), options, limits, progress, wish.settings)
 

@@ -102,6 +102,8 @@ def require_wishes(wishes: CameraWishes, names: Sequence[str]) -> None:
     plans = [wishes.plan_of(name) for name in names if wishes.is_refined(name)]
     if wishes.fix and not plans:
         raise InputError(f"--fix {shown(wishes.fix[0])}: all cameras are kept as they were given; --refine them too")
+    for plan in plans:
+        _together(plan)
     used = {name for plan in plans for name, _ in plan.options.fixed}
     for owner, text in map(_split, wishes.fix):
         if not owner and _parameter(text) not in used:
@@ -164,15 +166,25 @@ def _refined(camera: Camera, fixed: tuple[tuple[str, float | None], ...]) -> Cam
     return CameraChoice(camera.model, replace(camera, params=params), fixed=fixed)
 
 
+def _together(plan: SolvePlan) -> list[str]:
+    """The models of a plan that a rig can have.
+
+    Raises:
+        InputError: it has none.
+    """
+    together = [model for model in plan.models if model not in {*learned_models(), *free_form_models()}]
+    if not together:
+        raise InputError(f"--model {plan.models[0]}: is solved alone, not in a rig; give another, such as {COMMON}")
+    return together
+
+
 def _model_of(seen: Observations, plan: SolvePlan) -> str:
     """The model of a camera: the one that other programs share, or of a wide lens what leaves least in photos held out.
 
     Raises:
         InputError: a model was asked for that is solved alone.
     """
-    together = [model for model in plan.models if model not in {*learned_models(), *free_form_models()}]
-    if not together:
-        raise InputError(f"--model {plan.models[0]}: is solved alone, not in a rig; give another, such as {COMMON}")
+    together = _together(plan)
     if len(together) == 1 or COMMON in together:
         return COMMON if COMMON in together else together[0]
     solved = compared(

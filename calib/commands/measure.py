@@ -115,10 +115,17 @@ def measure(
     check_places(places_of(out), target)
     percent = parsed("--shrink-compensation", shrink_compensation, parse_percent)
     if measured_length is not None:
-        if detections or rig or length:
+        of_photos = {
+            detections[0] if detections else "": bool(detections), "--rig": rig, "--length": length, "--model": model,
+            "--one-camera": one_camera, "--rings": rings != "free", "--bow": bow is not None,
+            "--unweighted": not weighted, "--reject": reject, "--fix": fix, "--share": share,
+            "--skew-compensation": skew_compensation != "0", "--bed-turn": bed_turn != "0deg",
+            "--image-size": image_size, "--held-out": held_out is not None, "--truth": truth,
+        }  # fmt: skip
+        if needless := next((name for name, given in of_photos.items() if given), None):
             raise InputError(
-                f"--measured-length rescales without photos, so {detections[0] if detections else rig or '--length'} "
-                "does not belong there; with photos give the length with --length"
+                f"--measured-length rescales without photos, so {needless} does not belong there; with photos give the "
+                "length with --length"
             )
         return _rescale(target, measured_length, made, out, percent)
     if not detections and rig is None:

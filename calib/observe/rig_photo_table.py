@@ -3,7 +3,7 @@
 import io
 import os
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def read_photo_table(path: Path) -> tuple[RigPhoto, ...]:
     count = len(table.lines)
     frames = table.cells.get(FRAME, ("",) * count)
     times: Sequence[float | None] = _stamps(table) if TIME in table.cells else [None] * count
-    files = [path.parent / name for name in table.cells[FILE]]
+    files = [path.parent / _of_any_system(path.parent, name) for name in table.cells[FILE]]
     return tuple(
         RigPhoto(camera, file, frame, time_s)
         for camera, file, frame, time_s in zip(table.cells["camera"], files, frames, times, strict=True)
@@ -65,9 +65,15 @@ def read_stamps(path: Path, photos: Sequence[RigPhoto]) -> dict[Path, float]:
     by_name = {(photo.camera, photo.path.name): photo.path for photo in photos}
     found: dict[Path, float] = {}
     for camera, file, time_s in zip(table.cells["camera"], table.cells[FILE], _stamps(table), strict=True):
-        place = by_name.get((camera, file), path.parent / file)
+        place = by_name.get((camera, file), path.parent / _of_any_system(path.parent, file))
         found[Path(os.path.realpath(place))] = time_s
     return found
+
+
+def _of_any_system(folder: Path, name: str) -> str:
+    """A file's name, of which backslashes are those of Windows unless a file is called so."""
+    is_windows = "\\" in name and "/" not in name and "\0" not in name and not (folder / name).exists()
+    return PureWindowsPath(name).as_posix() if is_windows else name
 
 
 def _read(path: Path, required: Sequence[str], wanted: str) -> CsvTable:

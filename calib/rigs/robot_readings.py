@@ -54,7 +54,7 @@ SAME = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class PoseReading:
     """A way to read a robot's poses, and what it leaves over."""
 
     rotation: RotationReading | None  # None: as it was read
@@ -110,7 +110,7 @@ def why_wrong(cam_from_target: Array, poses: RobotPoses, row: Rows, *, is_camera
     return _judged(seen, found, poses, is_camera_in_hand=is_camera_in_hand)
 
 
-def readings(seen: Array, poses: RobotPoses, row: Rows, *, is_camera_in_hand: bool) -> list[Reading]:
+def readings(seen: Array, poses: RobotPoses, row: Rows, *, is_camera_in_hand: bool) -> list[PoseReading]:
     """All ways to read a robot's poses that turn as the camera did, the first as they were read.
 
     Args:
@@ -148,7 +148,7 @@ def readings(seen: Array, poses: RobotPoses, row: Rows, *, is_camera_in_hand: bo
             rotation, is_other, _ = rotations[one.which[row_of]]
             turn_rad = _spread_out(one.turn_rad[row_of], one.is_there)
             found += [
-                Reading(
+                PoseReading(
                     rotation, is_other, one.is_turned_back, one.is_inverted, one.shift, factor, turn_rad,
                     _spread_out(mm, one.is_there),
                 )
@@ -277,7 +277,7 @@ def _nearest_rotation(matrix: Array) -> Array:
 def _ways(seen: Array, carried: Array, way: Array, x: Array, factors: Sequence[float]) -> Array:
     """How far each pose is off in mm (R, K, V), with factors (K,) on the robot's ways.
 
-    `t_A = X R z + size factor X t + t_X` is linear in the size, z and t_X; a size beyond its limits is put there.
+    `t_A = X R z + s factor X t + t_X` is linear in s, one over the target's size, in z and t_X; s keeps its limits.
     """
     factor = np.array(factors)
     turned = x[:, None] @ carried
@@ -297,13 +297,13 @@ def _ways(seen: Array, carried: Array, way: Array, x: Array, factors: Sequence[f
         curve = np.einsum("rkv,rkvc,rkvc->rk", weight, left[..., 1], left[..., 1])
         slope = np.einsum("rkv,rkvc,rkvc->rk", weight, left[..., 0], left[..., 1])
         whole = slope / np.maximum(curve, np.finfo(float).tiny) / factor
-        size = np.clip(np.where(np.isfinite(whole), whole, 1.0), *SIZES)
-        off = np.linalg.norm(left[..., 0] - (size * factor)[:, :, None, None] * left[..., 1], axis=-1)
+        scale = np.clip(np.where(np.isfinite(whole), whole, 1.0), *SIZES)
+        off = np.linalg.norm(left[..., 0] - (scale * factor)[:, :, None, None] * left[..., 1], axis=-1)
         weight = _robust(off, FLOOR_PART * length)
     return off
 
 
-def _judged(seen: Array, found: Sequence[Reading], poses: RobotPoses, *, is_camera_in_hand: bool) -> str:
+def _judged(seen: Array, found: Sequence[PoseReading], poses: RobotPoses, *, is_camera_in_hand: bool) -> str:
     """A line on what poses look like, "" if they may be what was said."""
     turned, moved, away = _extent(seen)
     floor = np.array([FLOOR_RAD, max(FLOOR_MM, FLOOR_PART * away)])
@@ -314,7 +314,7 @@ def _judged(seen: Array, found: Sequence[Reading], poses: RobotPoses, *, is_came
     least = int(count.max()) - 1
     if count[as_said] >= least and _is_near(found[as_said].off, turned, moved, LOST):
         return ""
-    if _is_near((rad, mm), turned, moved, MOST_OFF) and count.max() >= LEAST_EXPLAINED * len(seen):
+    if _is_near((rad, mm), turned, moved, MOST_OFF) and count.max() >= max(LEAST_EXPLAINED * len(seen), FEWEST):
         fits = [one for one, explained in zip(found, count.tolist(), strict=True) if explained >= least]
         simplest = [one for one in fits if not any(other.changes < one.changes for other in fits)]
         told = {_told(one, poses, is_camera_in_hand=is_camera_in_hand): one for one in simplest}
@@ -346,7 +346,7 @@ def _off_words(off: tuple[float, float]) -> str:
     return f"turns off by {figure(float(np.rad2deg(off[0])), 2)} deg and ways by {figure(off[1], 2)} mm"
 
 
-def _told(one: Reading, poses: RobotPoses, *, is_camera_in_hand: bool) -> tuple[str, str]:
+def _told(one: PoseReading, poses: RobotPoses, *, is_camera_in_hand: bool) -> tuple[str, str]:
     """What a reading is, and how to say it."""
     looks, remedies = [], []
     if one.rotation is not None:
@@ -376,6 +376,21 @@ def _told(one: Reading, poses: RobotPoses, *, is_camera_in_hand: bool) -> tuple[
     if abs(one.factor) != 1:
         _add_unit(abs(one.factor), poses, looks, remedies)
     return "; ".join(looks), " and ".join(remedies)
+
+
+def why_size(poses: RobotPoses, size: float) -> str:
+    """What the size of a target by the robot's ways, as a part of what its file says, looks like; "" if it may be."""
+    if SIZES[0] <= size <= SIZES[1]:
+        return ""
+    looks: list[str] = []
+    remedies: list[str] = []
+    for factor in _factors(poses):
+        if factor > 0 and SIZES[0] <= size * factor <= SIZES[1]:
+            _add_unit(factor, poses, looks, remedies)
+    told = f"by the robot's ways the target has {figure(100 * size, 3)} % of the size that its file says"
+    if not looks:
+        return f"{told}, which no unit explains: measure the target, and a way of the robot"
+    return f"{told}; these look like {', or '.join(looks)}: {', or '.join(remedies)}"
 
 
 def _add_unit(factor: float, poses: RobotPoses, looks: list[str], remedies: list[str]) -> None:

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 NOISY = 2.0
 """Residuals of a camera this many times the noise that is stated for it are said to be something else."""
 
+OF_ROBOTS = 2.0
+"""Times the limit of residuals up to which a camera on a robot is judged by its error in mm alone."""
+
 NOT_KNOWN = "the covariance of the cameras' poses is not known"
 
 
@@ -96,6 +99,7 @@ def _halves(evidence: "RigEvidence", criteria: Criteria) -> Found:
 
 
 def _residuals(evidence: "RigEvidence", criteria: Criteria) -> Found:
+    """Of the worst camera. Those of one on a robot spoil it later: what they do at the target `space` tells in mm."""
     limits = criteria["residuals"]
     worst = max(evidence.cameras, key=lambda one: one.rms_px if math.isfinite(one.rms_px) else math.inf)
     if not math.isfinite(worst.rms_px):
@@ -106,7 +110,11 @@ def _residuals(evidence: "RigEvidence", criteria: Criteria) -> Found:
     if worst.times_stated is not None and worst.times_stated > NOISY:
         times = figure(worst.times_stated, 2)
         sentence += f", {times} times the noise that is stated: most of it is not noise, but target, lens or motion"
-    return Found(at_most(worst.rms_px, limits), worst.rms_px, sentence)
+    grade = at_most(worst.rms_px, limits)
+    in_mm = evidence.carried is not None and math.isfinite(evidence.carried.sigma_mm)
+    if grade == "bad" and in_mm and worst.rms_px <= OF_ROBOTS * limits.usable:
+        return Found("usable", worst.rms_px, sentence, usable=worst.rms_px)
+    return Found(grade, worst.rms_px, sentence)
 
 
 def _outliers(evidence: "RigEvidence", criteria: Criteria) -> Found | None:

@@ -14,7 +14,7 @@ from calib.observe.rig_photos import (
     photos_in_folders,
     with_stamps,
 )
-from calib.observe.rig_times import joined_by_time
+from calib.observe.rig_times import joined_by_time, stamped_by_name
 from designer.base.errors import InputError
 
 
@@ -158,3 +158,20 @@ def test_photos_that_lie_too_far_apart_stay_alone() -> None:
     with pytest.raises(InputError, match=r"within 0.001 ms of each other: a from 100.001 to 101.9"):
         joined_by_time(shots(), 1e-6)
     assert any("may be chance" in line for line in joined_by_time(shots(), 0.06).remarks)
+
+
+def test_paths_of_windows_name_files_of_folders(tmp_path: Path) -> None:
+    """A backslash parts folders as a slash does."""
+    (tmp_path / "files.csv").write_text("camera,frame,file\nleft,1,left\\1.png\nright,1,right/1.png\n")
+    assert [one.path for one in read_photo_table(tmp_path / "files.csv")] == [
+        tmp_path / "left/1.png", tmp_path / "right/1.png",
+    ]  # fmt: skip
+
+
+def test_names_that_are_time_stamps_join_photos_of_two_clocks() -> None:
+    """Nanoseconds in 19 digits are seconds; names that cameras have alike, or of other kinds, are names."""
+    stamps = {"left": (1700000000000000000, 1700000001000000000), "right": (1700000000004000000, 1700000001002000000)}
+    photos = tuple(RigPhoto(name, Path(f"{name}/{stamp}.png"), "") for name, own in stamps.items() for stamp in own)
+    assert [one.time_s for one in stamped_by_name(photos)] == pytest.approx([0.0, 1.0, 0.004, 1.002], abs=1e-9)
+    named = (*photos[:2], *(RigPhoto("right", Path(f"right/{one.path.name}"), "") for one in photos[:2]))
+    assert [one.time_s for one in stamped_by_name(named)] == [None] * 4

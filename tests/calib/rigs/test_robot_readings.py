@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose
 from calib.observe.robot_poses import RobotPoses, read_robot_poses
-from calib.rigs.robot_readings import why_wrong
+from calib.rigs.robot_readings import why_size, why_wrong
 
 Array = NDArray[np.float64]
 Written = tuple[str, Array, Array]  # columns of the rotation, positions in mm, rotations
@@ -162,3 +162,19 @@ def test_what_no_photo_tells_apart_is_not_decided(tmp_path: Path) -> None:
     why = why_wrong(seen, read(written, tmp_path), rows, is_camera_in_hand=True)
     assert "explain them alike" in why
     assert why_wrong(seen, read(quaternions(base_from_flange), tmp_path), rows, is_camera_in_hand=True) == ""
+
+
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [
+        (0.98, ""),
+        (0.1, "positions in cm that are taken for mm"),
+        (0.04, "positions in in that"),
+        (10.0, "points in cm that"),
+        (0.5, "no unit explains"),
+    ],
+)
+def test_a_size_that_no_target_has_is_another_unit(size: float, said: str) -> None:
+    """Where too few turns tell no reading, the target's size by the robot's ways does."""
+    why = why_size(RobotPoses(("a.png",), np.eye(4)[None], "robot.csv"), size)
+    assert said in why if said else why == ""

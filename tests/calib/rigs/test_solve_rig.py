@@ -11,6 +11,7 @@ from calib.core.se3 import exp_rotation, invert, log_rotation, look_at, make_pos
 from calib.core.types import RigObservations, keep_frames, keep_views
 from calib.rigs.accuracy import shared_inverse
 from calib.rigs.descend import assembled, descend_rig, rig_equations
+from calib.rigs.halves import half_solver
 from calib.rigs.motion import Motion
 from calib.rigs.motion_error import motion_covariance
 from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
@@ -410,3 +411,21 @@ def test_one_bad_photo_is_left_out_and_named(is_moved: bool) -> None:
     assert line.startswith(f"cam2, {own.view_names[5]}: left out")
     assert found.slack is None
     assert np.allclose(found.cam_from_rig, solve_rig(without, choices).cam_from_rig, atol=1e-5)
+
+
+def test_poses_of_a_robot_that_do_not_fit_are_left_out_and_named() -> None:
+    """From the start on: what is found is what the other photos tell, halves of them too."""
+    turns = np.random.default_rng(3).uniform(-0.5, 0.5, (14, 3))
+    observations, carrier, _ = camera_in_hand(turns)
+    lost = np.arange(len(carrier.rig_from_carrier)) % 5 == 2
+    moved = carrier.rig_from_carrier.copy()
+    moved[lost] = moved[lost] @ make_pose(exp_rotation(np.array([0.2, 0.1, 0.0])), np.array([40.0, 0.0, 20.0]))
+    given = [CameraChoice("opencv", given=rig_views.camera(), is_refined=False)]
+    found = solve_rig(observations, given, RigOptions(carrier=replace(carrier, rig_from_carrier=moved)))
+    named = [line.partition(":")[0] for line in found.remarks if "left out: its robot pose" in line]
+    assert named == [name for name, off in zip(observations.frame_names, lost.tolist(), strict=True) if off]
+    kept = replace(carrier, rig_from_carrier=carrier.rig_from_carrier[~lost])
+    alone = solve_rig(keep_frames(observations, ~lost), given, RigOptions(carrier=kept))
+    assert np.allclose(found.cam_from_rig, alone.cam_from_rig, atol=1e-4)
+    halves = half_solver(found, given, RigOptions(carrier=replace(carrier, rig_from_carrier=moved)))
+    assert halves(np.arange(len(found.rig_from_target)) % 2 == 0).status == "converged"

@@ -73,6 +73,16 @@ def test_one_camera_on_a_robot_is_judged_by_what_its_pose_leaves_open() -> None:
     assert {check.name: check.grade for check in rig_verdict(unknown, STANDARD).checks}["space"] == "unknown"
 
 
+@pytest.mark.parametrize(("rms_px", "grade"), [(0.54, "usable"), (1.1, "bad")])
+def test_residuals_of_a_camera_on_a_robot_are_judged_in_mm(rms_px: float, grade: Grade) -> None:
+    """What half a pixel does to a point where the target was is known, and is no reason of its own not to use it."""
+    (left, _), one = evidence().cameras, CarriedError(500.0, 0.4)
+    known = evidence(
+        pairs=(), ties=(), middle=None, carried=one, carrier=carried(0.05), cameras=(replace(left, rms_px=rms_px),)
+    )
+    assert rig_verdict(known, STANDARD).grade == grade
+
+
 def test_a_lens_that_was_kept_makes_no_rig_good() -> None:
     """What a given lens is off by shows in no residual: a focal length .5 % off moves a camera by 60 sigmas."""
     verdict = rig_verdict(evidence(coverages=(covered(), None)), STANDARD)
