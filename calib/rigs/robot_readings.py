@@ -316,7 +316,10 @@ def _judged(seen: Array, found: Sequence[PoseReading], poses: RobotPoses, *, is_
         return ""
     if _is_near((rad, mm), turned, moved, MOST_OFF) and count.max() >= max(LEAST_EXPLAINED * len(seen), FEWEST):
         fits = [one for one, explained in zip(found, count.tolist(), strict=True) if explained >= least]
-        simplest = [one for one in fits if not any(other.changes < one.changes for other in fits)]
+        simplest = sorted(
+            (one for one in fits if not any(other.changes < one.changes for other in fits)),
+            key=lambda one: (len(one.changes), float(np.log(np.maximum(one.off, floor)).sum())),
+        )
         told = {_told(one, poses, is_camera_in_hand=is_camera_in_hand): one for one in simplest}
         looks = [f"{what} ({_off_words(one.off)}): {remedy}" for (what, remedy), one in told.items()]
         alike = f"; {len(looks)} readings explain them alike" if len(looks) > 1 else ""
