@@ -68,18 +68,22 @@ def test_the_template_is_bent_as_no_brown_polynomial_is() -> None:
         assert 2.0 < refit(camera, model, turn=True).rms_px < 5.0
 
 
-def test_control_points_left_out_of_a_file_are_zero() -> None:
-    """A camera file of a person may name single control points only; a name that there is not is refused."""
-    values = {
-        "format": "ringsolid.camera", "version": 1, "model": "spline", "image_size": list(SIZE),
-        "parameters": {"fx_px": 900.0, "fy_px": 880.0, "cx_px": 510.0, "cy_px": 390.0, "du_row1_column2_px": 4.0},
-    }  # fmt: skip
-    camera = camera_from_mapping(values, "test", is_written_by_hand=True)
-    assert np.flatnonzero(camera.params[FIRST:]).tolist() == [COLUMNS + 2]
-    assert len(parameter_names("spline")) == FIRST + 2 * ROWS * COLUMNS
-    wrong = values | {"parameters": {**values["parameters"], "du_row9_column9_px": 1.0}}
+def test_a_file_has_all_control_points() -> None:
+    """A file that ends early is refused, not read with zeros for what is missing; so is a name that there is not."""
+    names = parameter_names("spline")
+    assert len(names) == FIRST + 2 * ROWS * COLUMNS
+    lens = {"fx_px": 900.0, "fy_px": 880.0, "cx_px": 510.0, "cy_px": 390.0}
+    whole = {**dict.fromkeys(names, 0.0), **lens, "du_row1_column2_px": 4.0}
+    values = {"format": "ringsolid.camera", "version": 1, "model": "spline", "image_size": list(SIZE)}
+
+    def read(parameters: dict[str, float]) -> Camera:
+        return camera_from_mapping({**values, "parameters": parameters}, "test", is_written_by_hand=True)
+
+    assert np.flatnonzero(read(whole).params[FIRST:]).tolist() == [COLUMNS + 2]
+    with pytest.raises(InputError, match=f"{names[-3]} is missing, and 2 more of the {len(names)} of model spline"):
+        read({name: whole[name] for name in names[:-3]})
     with pytest.raises(InputError, match="unknown parameter 'du_row9_column9_px'"):
-        camera_from_mapping(wrong, "test")
+        read({**whole, "du_row9_column9_px": 1.0})
 
 
 def test_it_is_not_solved() -> None:
