@@ -7,8 +7,8 @@ Names are loaded when they are used, so that the import costs nothing.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING
 
+TYPE_CHECKING = False  # `typing` takes long to load, and Ctrl-C in the meantime leaves a traceback
 if TYPE_CHECKING:
     from calib.api.bootstrapping import BootstrapResult, bootstrap
     from calib.api.bootstrapping_rigs import RigBootstrapResult, rig_bootstrap

@@ -1,6 +1,10 @@
-"""The command `calib`."""
+"""The command `calib`. What it is made of loads when it begins."""
 
-from designer.base.command import Later, new_app, run
+from designer.base.interrupts import hold_interrupts
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    import typer
 
 PRINT, MAKE, CALIBRATE, JUDGE, USE = "Print right", "Make photos", "Calibrate", "Judge", "Use the camera"
 IN_SPACE = "Measure in space"
@@ -15,21 +19,29 @@ TASKS: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 """The commands by what they are for; each is the function of its name in the module of its name."""
 
-COMMANDS = {
-    name: Later("calib.commands.{0}:{0}".format(name.replace("-", "_")), task)
-    for task, names in TASKS
-    for name in names
-}
-app = new_app(
-    "calib",
-    "Use the calibration targets that `design` makes. Begin with: calib run TARGET.json photos",
-    {**COMMANDS, "study": Later("calib.commands.study:app", "Study")},
-)
+
+def app() -> "typer.Typer":
+    """All commands."""
+    from designer.base.command import Later, new_app
+
+    commands = {
+        name: Later("calib.commands.{0}:{0}".format(name.replace("-", "_")), task)
+        for task, names in TASKS
+        for name in names
+    }
+    return new_app(
+        "calib",
+        "Use the calibration targets that `design` makes. Begin with: calib run TARGET.json photos",
+        {**commands, "study": Later("calib.commands.study:app", "Study")},
+    )
 
 
 def main() -> None:
     """Run the command line."""
-    run(app)
+    hold_interrupts()
+    from designer.base.command import run
+
+    run(app())
 
 
 if __name__ == "__main__":

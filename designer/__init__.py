@@ -8,8 +8,8 @@ There is a function for each kind of target. Names are loaded when they are used
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING
 
+TYPE_CHECKING = False  # `typing` takes long to load, and Ctrl-C in the meantime leaves a traceback
 if TYPE_CHECKING:
     from collections.abc import Callable
 

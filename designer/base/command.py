@@ -6,6 +6,7 @@ import inspect
 import io
 import os
 import shlex
+import signal
 import sys
 from collections import UserDict
 from collections.abc import Callable, Collection, Iterator, Mapping, MutableMapping, Sequence
@@ -22,6 +23,7 @@ from typer.core import TyperGroup
 
 from designer.base.answer import NegativeError, StoppedError, Summary, document, program
 from designer.base.errors import InputError
+from designer.base.interrupts import heed_interrupts, hold_interrupts
 from designer.base.words import printable
 
 if TYPE_CHECKING:
@@ -189,6 +191,8 @@ def run(app: typer.Typer) -> None:
             print(document(summary, command=_command_of(app, name, words), line=line, error=error), end="")
     finally:
         _LINE.reset(before)
+        with suppress(KeyboardInterrupt):  # it came too late
+            heed_interrupts()
     if reason := not_heard():
         summary, _ = _refused(f"standard output cannot be written: {reason}; make room, or send it elsewhere")
     sys.exit(summary.exit_code)
@@ -201,7 +205,11 @@ def _search_seldom_for_cycles() -> None:
 
 
 def _leave() -> None:
-    """Without a search, but where booleans were used: their library writes about each solid that is left in a cycle."""
+    """Without a search, but where booleans were used: their library writes about each solid that is left in a cycle.
+
+    What the command wrote and said stands; Ctrl-C comes too late.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     if "manifold3d" in sys.modules:
         gc.collect()
     gc.freeze()
@@ -215,7 +223,11 @@ def _asks_for_json(words: Sequence[str]) -> bool:
 def _carried_out(app: typer.Typer, name: str, words: Sequence[str]) -> tuple[Summary, str | None]:
     """What came of a command line, and why it did not come to its end, which people are told."""
     try:
-        ended = typer.main.get_command(app).main(list(words) or ["--help"], prog_name=name, standalone_mode=False)
+        try:
+            heed_interrupts()
+            ended = typer.main.get_command(app).main(list(words) or ["--help"], prog_name=name, standalone_mode=False)
+        finally:
+            hold_interrupts()  # until the answer is told
     except StoppedError as error:
         return _stopped(str(error), error.summary)
     except NegativeError as error:
@@ -258,6 +270,7 @@ def _refused(message: str) -> tuple[Summary, str]:
 
 
 def _stopped(message: str, kept: Summary) -> tuple[Summary, str]:
+    exec("")  # noqa: S102  # else Python, if Ctrl-C met such a call, as of a dataclass, kills itself in the end
     print(printable(message), file=sys.stderr)
     return Summary(kept.answer, kept.wrote, kept.next_steps, kept.remarks, STOPPED), printable(message)
 

@@ -304,7 +304,7 @@ def test_commands_have_only_options_that_exist() -> None:
     from calib.cli import app as calib
     from designer.cli import app as design
 
-    groups = {"calib": typer.main.get_command(calib), "design": typer.main.get_command(design)}
+    groups = {"calib": typer.main.get_command(calib()), "design": typer.main.get_command(design())}
     for build in BUILDS:
         for leaf in leaves(page_of(build)):
             if not isinstance(leaf, Command):

@@ -167,7 +167,7 @@ def command_lines() -> list[list[str]]:
 
 def test_commands_and_options_in_the_pages_exist() -> None:
     """What the pages say to type is understood: each command is there, with each option that is used."""
-    programs = {"design": get_command(design_app), "calib": get_command(calib_app)}
+    programs = {"design": get_command(design_app()), "calib": get_command(calib_app())}
     lines = command_lines()
     assert len(lines) > 40
     for words in lines:

@@ -1,5 +1,7 @@
 """How commands end: 0 fine, 1 ran but the answer is negative, 2 bad input, 130 stopped; in JSON too."""
 
+import json
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +13,7 @@ from typer.core import TyperGroup
 from calib.cli import app as calib_app
 from designer.cli import app as design_app
 from tests.support.command_line import LENIENT, Answer, calib, design, summary_of
-from tests.support.programs import PYTHON, start
+from tests.support.programs import PYTHON, run, start
 from tests.support.waiting import WITHIN_S
 
 ROOT = Path(__file__).parents[2]
@@ -197,7 +199,7 @@ def _commands(app: typer.Typer) -> Iterator[str]:
     return walk(root, "")
 
 
-@pytest.mark.parametrize(("program", "app", "cases"), [(design, design_app, DESIGN), (calib, calib_app, CALIB)])
+@pytest.mark.parametrize(("program", "app", "cases"), [(design, design_app(), DESIGN), (calib, calib_app(), CALIB)])
 def test_the_table_is_of_all_commands_and_each_has_the_option(
     program: Callable[..., Answer], app: typer.Typer, cases: tuple[Case, ...]
 ) -> None:
@@ -232,6 +234,33 @@ def test_a_stopped_command_ends_with_130(words: tuple[str, ...], patched: str, m
     summary = summary_of(answer)
     assert answer.err.splitlines()[-1] == summary["error"]
     assert summary["error"].startswith("stopped; ")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no signal masks")
+@pytest.mark.parametrize("module", ["calib.cli", "designer.cli"])
+@pytest.mark.parametrize("option", [[], ["--json"]])
+def test_ctrl_c_while_modules_load_ends_in_one_line(module: str, option: list[str]) -> None:
+    """Whichever of them it meets: it waits until they are loaded, and nothing is done then."""
+    script = (
+        "import os, signal, sys\n"
+        f"from {module} import main\n"
+        "class Pressed:\n"
+        "    def find_spec(self, name, *rest):\n"
+        "        os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Pressed())\n"
+        "main()\n"
+    )
+    done = run(PYTHON, "-c", script, "templates", *option, check=False)
+    assert (done.returncode, done.stderr) == (130, "stopped; nothing was written\n")
+    assert not option or json.loads(done.stdout)["exit_code"] == 130
+
+
+def test_a_program_takes_ctrl_c_before_it_loads_anything() -> None:
+    """Its entry loads so little that there is hardly a moment before."""
+    for module in ("calib.cli", "designer.cli"):
+        script = f"import sys; before = set(sys.modules); import {module}; print(*set(sys.modules) - before)"
+        loaded = run(PYTHON, "-S", "-c", script).stdout.split()
+        assert not {"typer", "typing", "re", "pathlib", "numpy"} & set(loaded), loaded
 
 
 def test_a_model_that_was_finished_before_ctrl_c_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

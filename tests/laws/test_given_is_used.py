@@ -24,7 +24,7 @@ NAMING = {"Path", "str", "list[str]", "list[Path]"}
 
 def _cases() -> list[tuple[str, str]]:
     """Each option that takes a file, a name or a quantity, of all commands that this folder has the input for."""
-    group = typer.main.get_command(app)
+    group = typer.main.get_command(app())
     assert isinstance(group, TyperGroup)
     return [
         (name, one.opts[0])

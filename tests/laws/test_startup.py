@@ -39,7 +39,7 @@ def told(words, asked):
     assert not heavy & set(sys.modules), (words, asked, heavy & set(sys.modules))
     return heard.getvalue()
 
-for words, is_group in [((), True), *commands(typer.main.get_command(cli.app), ())]:
+for words, is_group in [((), True), *commands(typer.main.get_command(cli.app()), ())]:
     pressed = {"COMP_WORDS": " ".join([program, *words, "--"]), "COMP_CWORD": str(len(words) + 1)}
     for said in told((*words, "--help"), {}), told((), {f"_{program.upper()}_COMPLETE": "complete_bash", **pressed}):
         assert "--help" in said and (is_group or "--json" in said), (words, said)

@@ -181,7 +181,7 @@ def test_bad_values_are_refused(
     """A value that breaks a rule is refused in one line that names it, before anything is written."""
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError) as caught:
-        app(["render", str(target_file), "-o", "set", *options], standalone_mode=False)
+        app()(["render", str(target_file), "-o", "set", *options], standalone_mode=False)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "set").exists()

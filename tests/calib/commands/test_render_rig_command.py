@@ -35,7 +35,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def render(*words: str) -> None:
     """`calib render` of three frames into `out`."""
     usual = ["render", "board.target.json", "-o", "out", "--frames", "3", "--jobs", "1"]
-    app([*usual, *words], standalone_mode=False)
+    app()([*usual, *words], standalone_mode=False)
 
 
 def test_each_camera_has_a_folder_and_the_truth_joins_them(folder: Path) -> None:
