@@ -1,6 +1,7 @@
 """How a command line begins and ends: its options, its streams, and its exit code."""
 
 import atexit
+import codecs
 import gc
 import inspect
 import io
@@ -8,6 +9,7 @@ import os
 import shlex
 import signal
 import sys
+import unicodedata
 from collections import UserDict
 from collections.abc import Callable, Collection, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
@@ -43,6 +45,11 @@ _LINE = ContextVar("command line", default="")
 Function = TypeVar("Function", bound=Callable[..., Summary])
 OUT, ERR = 1, 2
 """What the operating system calls them."""
+PLAIN = {
+    "±": "+-", "×": "x", "·": "*", "°": "deg", "⁻": "^-", "σ": "sigma", "µ": "u", "μ": "u", "≤": "<=", "≥": ">=",
+    "●": "*", "○": "o",
+}  # fmt: skip
+"""What stands in for a character where there is none, as in the locale C, beside its nearest letter or digit."""
 
 
 @dataclass(frozen=True)
@@ -317,10 +324,10 @@ class _Forgiving(io.TextIOWrapper):
 
 
 def forgive_readers() -> None:
-    """Let the readers of this program's standard output and error leave before its end."""
-    if sys.stdout is sys.__stdout__ and sys.stdout is not None:
+    """Let the readers of this program's standard output and error leave before its end, or not be there at all."""
+    if sys.stdout is sys.__stdout__:
         sys.stdout = _forgiving(sys.stdout, OUT)
-    if sys.stderr is sys.__stderr__ and sys.stderr is not None:
+    if sys.stderr is sys.__stderr__:
         sys.stderr = _forgiving(sys.stderr, ERR)
 
 
@@ -332,14 +339,30 @@ def not_heard() -> str:
     return sys.stdout.failure
 
 
-def _forgiving(stream: TextIO, number: int) -> TextIO:
+def _forgiving(stream: TextIO | None, number: int) -> TextIO:
+    if stream is None:  # closed: of the next file that is opened its number would be
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        if nowhere != number:
+            os.dup2(nowhere, number)
+            os.close(nowhere)
+        return open(number, "w", encoding="utf-8", closefd=False)
     stream.flush()
+    codecs.register_error("plain", _plain)
     return _Forgiving(
         open(number, "wb", closefd=False),  # open to the end of the program
         encoding=stream.encoding,
-        errors=stream.errors,
+        errors="plain",
         line_buffering=number == ERR or stream.isatty(),
     )
+
+
+def _plain(error: UnicodeError) -> tuple[str, int]:
+    """Stand in for a character that a terminal does not have."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    character = error.object[error.start]
+    nearest = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()  # `2` of a raised one
+    return PLAIN.get(character) or nearest or ascii(character)[1:-1], error.start + 1
 
 
 @contextmanager

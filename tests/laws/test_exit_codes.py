@@ -1,6 +1,7 @@
 """How commands end: 0 fine, 1 ran but the answer is negative, 2 bad input, 130 stopped; in JSON too."""
 
 import json
+import shlex
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -304,6 +305,40 @@ def test_a_reader_may_leave(option: list[str], tmp_path: Path) -> None:
     assert process.returncode == 1
     assert set(said.splitlines()) <= {"a line that nobody reads"}
     assert (tmp_path / "done").exists()
+
+
+ANSWERED = """
+import os, shlex, sys
+if sys.argv[1] == "closed":
+    os.close(1)
+    sys.stdout = sys.__stdout__ = None  # as Python has it then
+from calib.cli import main
+for line in sys.argv[2:]:
+    sys.argv, code = ["calib", *shlex.split(line)], None
+    try:
+        main()
+    except SystemExit as end:
+        code = end.code
+    assert code == 0, (line, code)
+"""
+
+
+@pytest.mark.parametrize("stdout", ["closed", "C"])
+def test_a_command_runs_where_its_words_cannot_be_said(stdout: str) -> None:
+    """Without standard output, or in a locale that has no `±` and no `°`, for which others stand: code and files stay.
+
+    No file takes the number of a standard output that is closed: with `--json` it would be written over.
+    """
+    lines = (
+        "triangulate pair.rig.json sightings.csv -o out", "convert camera.json --to opencv -o new.yml --json",
+        f"solve detections.csv --target board.target.json --model pinhole -o out {shlex.join(LENIENT)}",
+    )  # fmt: skip
+    locale = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    done = run(PYTHON, "-c", ANSWERED, stdout, *lines, check=False, **(locale if stdout == "C" else {}))
+    assert done.returncode == 0, done.stderr
+    assert (("+-" in done.stdout) and done.stdout.isascii()) == (stdout == "C")
+    assert Path("out/camera.json").exists()
+    assert Path("new.yml").exists()
 
 
 @pytest.mark.parametrize("words", [("run", "board.target.json", "photos"), ("render", "board.target.json"), BOOTSTRAP])
