@@ -192,7 +192,8 @@ def read_planes(path: Path) -> dict[str, Plane]:
     names = [name.strip() for name in table.cells["plane"]]
     table.require(np.array([names.index(name) == row for row, name in enumerate(names)]), "the plane a second time")
     normal, offset = np.stack([table.reals(name) for name in ("nx", "ny", "nz")], axis=1), table.reals("d")
-    length = np.linalg.norm(normal, axis=1)
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(normal, axis=1)
     table.require((length > 1e-6) & (length < 1e6), "nx, ny, nz must be a direction, its length best 1")
     return {
         name: Plane(n / size, float(d / size)) for name, n, d, size in zip(names, normal, offset, length, strict=True)

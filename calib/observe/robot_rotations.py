@@ -58,7 +58,8 @@ def of_quaternion(value: Array) -> Array:
     Raises:
         ValueError: one is far from unit length.
     """
-    length = np.linalg.norm(value, axis=1)
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(value, axis=1)
     off = np.flatnonzero(~(np.abs(length - 1) < UNIT_LENGTH))
     if len(off):
         raise RowError(int(off[0]), f"a quaternion of length {length[off[0]]:.4g}; a rotation's is 1")

@@ -10,6 +10,7 @@ import shlex
 import signal
 import sys
 import unicodedata
+import warnings
 from collections import UserDict
 from collections.abc import Callable, Collection, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
@@ -21,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO, TypeVar, cast
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from designer.base.answer import NegativeError, StoppedError, Summary, document, program
 from designer.base.errors import InputError
@@ -109,6 +110,21 @@ class _ByTask(TyperGroup):
                 formatter.write_dl(rows)
 
 
+class _Command(TyperCommand):
+    """Refuses an empty word for a file or a folder, which would be the folder that one is in."""
+
+    def parse_args(self, ctx: "Context", args: list[str]) -> list[str]:
+        """Look at the words before they are paths."""
+        given, _, _ = self.make_parser(ctx).parse_args(list(args))
+        parameters = inspect.signature(cast("Callable[..., Summary]", self.callback)).parameters
+        for one in self.params:
+            words = given.get(one.name or "")
+            is_empty = "" in (words if isinstance(words, list | tuple) else (words,))
+            if is_empty and "Path" in str(parameters[str(one.name)].annotation):
+                raise InputError(f"{one.opts[0]} '': names no file and no folder; give its name, or leave it out")
+        return super().parse_args(ctx, args)
+
+
 def new_app(name: str, about: str, commands: Mapping[str, Later]) -> typer.Typer:
     """A program with `-h`, `--version`, and its commands listed by task.
 
@@ -164,7 +180,7 @@ def command(app: typer.Typer, name: str | None = None, task: str | None = None) 
         option = inspect.Parameter("as_json", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=annotation)
         parameters = [*signature.parameters.values(), option]
         with_json.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-        app.command(name, rich_help_panel=task)(with_json)
+        app.command(name, cls=_Command, rich_help_panel=task)(with_json)
         return function
 
     return register
@@ -184,6 +200,8 @@ def run(app: typer.Typer) -> None:
     """
     forgive_readers()
     _search_seldom_for_cycles()
+    if not sys.warnoptions:  # what NumPy says of a number that a line refuses
+        warnings.simplefilter("ignore", RuntimeWarning)
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else all installed packages are asked for some
     name = app.info.name if isinstance(app.info.name, str) else Path(sys.argv[0]).name
     words = sys.argv[1:]

@@ -32,6 +32,8 @@ from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
 
+FLAT_MM = 1e-6
+"""As low as parts of a single face are."""
 APART_MM = 8.0
 """Between the pieces of a core: room for two brims."""
 _FACE_DOWN = np.diag([-1.0, 1.0, -1.0, 1.0])
@@ -172,7 +174,7 @@ def _largest_edge_mm(assembly: Assembly, printing: PrintSpec) -> int:
     for part in assembly.core:
         if part.seats:  # without pits, which not all edges have
             own = corners[np.unique(solid.polyhedron.faces[list(part.seats)])] @ frame_along(part.up)[:3, :3]
-            size = scale * np.ptp(own, axis=0)
+            size = scale * np.maximum(np.ptp(own, axis=0), FLAT_MM)
             fitting.append(core_edge * max(float((room / size).min()) for room in rooms))
     edge = int(min(by_tile, min(fitting) + 2 * MOST_THICKNESS_MM / solid.polyhedron.inradius))
     while edge - _seat_mm(edge, sizes) / solid.polyhedron.inradius > min(fitting):

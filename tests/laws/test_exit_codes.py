@@ -211,6 +211,18 @@ def test_the_table_is_of_all_commands_and_each_has_the_option(
         assert "--json" in program(*name.split(), "--help").out, name
 
 
+@pytest.mark.parametrize(("program", "app"), [(design, design_app()), (calib, calib_app())])
+def test_an_empty_word_is_no_folder(program: Callable[..., Answer], app: typer.Typer) -> None:
+    """`-o ""`, as of a shell's variable that is not set, fills no current folder: every command refuses it."""
+    before = sorted(Path().rglob("*"))
+    for name in _commands(app):
+        if "-o, --out" in program(*name.split(), "--help").out:
+            answer = program(*name.split(), "-o", "")
+            said = "error: --out '': names no file and no folder; give its name, or leave it out\n"
+            assert (answer.code, answer.err) == (2, said), name
+    assert sorted(Path().rglob("*")) == before
+
+
 @pytest.mark.parametrize(
     ("words", "patched"),
     [

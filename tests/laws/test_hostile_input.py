@@ -129,6 +129,29 @@ def test_what_would_not_be_read_again_is_not_written(monkeypatch: pytest.MonkeyP
     assert not Path("out").exists()
 
 
+@pytest.mark.parametrize(
+    ("words", "head", "row"),
+    [
+        (("hand-eye", "board.target.json", "photos", "--robot"), "image,x_mm,y_mm,z_mm,qx,qy,qz,qw", "v,1,2,3,0,0,0,1"),
+        (
+            ("hand-eye", "board.target.json", "photos", "--robot"),
+            "image,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg",
+            "v,1,2,3,4,5,6",
+        ),
+        (("target", "--from", "points.csv", "--planes"), "plane,nx,ny,nz,d", "a,0,0,1,0"),
+    ],
+)
+def test_numbers_at_the_end_of_all_are_refused_in_one_line(words: tuple[str, ...], head: str, row: str) -> None:
+    """Of every column, without a word of what computes with them."""
+    Path("points.csv").write_text("id,x_mm,y_mm,z_mm,plane\n" + "".join(f"{n},{n},{n * n},0,a\n" for n in range(5)))
+    for column in range(1, head.count(",") + 1):
+        values = row.split(",")
+        values[column] = "1e308"
+        Path("table.csv").write_text(f"{head}\n{','.join(values)}\n{row.replace('v', 'w').replace('a,', 'b,')}\n")
+        answer = calib(*words, "table.csv", "-o", "out.target.json")
+        assert (answer.code, answer.err.count("\n")) == (2, 1), (column, answer)
+
+
 @pytest.mark.parametrize("value", [-1.0, float("inf")])
 def test_a_study_of_impossible_errors_is_refused(study_path: Path, value: float) -> None:
     """No reprojection error is negative or endless."""
