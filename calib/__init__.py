@@ -237,9 +237,11 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> object:
+    from designer.base.errors import offered
+
     for home, names in _HOMES.items():
         if name in names:
-            globals()[name] = found = getattr(import_module(home), name)
+            globals()[name] = found = offered(getattr(import_module(home), name), __name__)
             return found
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

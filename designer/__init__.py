@@ -32,16 +32,18 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> object:
+    from designer.base.errors import offered
+
     for home, names in _HOMES.items():
         if name in names:
-            globals()[name] = found = getattr(import_module(home), name)
+            globals()[name] = found = offered(getattr(import_module(home), name), __name__)
             return found
     from designer.spec.kind import KINDS
 
     if name in KINDS:
         from designer.designing import function_of
 
-        globals()[name] = made = function_of(name)
+        globals()[name] = made = offered(function_of(name), __name__)
         return made
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

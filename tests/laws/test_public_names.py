@@ -2,7 +2,9 @@
 
 import ast
 import inspect
+import pickle
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -36,6 +38,42 @@ def test_each_kind_of_target_is_a_function_with_help(kind: str) -> None:
     assert function.__name__ == kind
     assert told.startswith(f"Design {kind_named(kind).title}: `designer.{kind}(")
     assert all(f"    {name}: " in told for name in options_of(kind_named(kind).asked))
+
+
+REFUSED = (
+    (calib.budget, ("pair.rig.json",), {"seen_by": 9}),
+    (calib.budget, ("pair.rig.json",), {"length_mm": -1.0}),
+    (calib.budget, ("pair.rig.json",), {"noise_px": -1.0}),
+    (calib.render, ("board.target.json",), {"views": 0}),
+    (calib.render, ("board.target.json",), {"aside_rad": 9.0}),
+    (calib.tolerance, ("board.target.json",), {"distance_mm": -1.0, "errors": "fdm-board"}),
+    (calib.plan, ("board.target.json",), {"within_px": 0.0, "camera": "camera.json"}),
+    (calib.evaluate, ("solved",), {"held_out": 99}),
+    (calib.turntable, ("board.target.json", "photos"), {"step_deg": 0.0}),
+    (calib.bootstrap, ("detections.csv", "board.target.json"), {"samples": 0}),
+    (calib.measure, ("board.target.json",), {"rings": "square"}),
+    (designer.ico, (), {"edge": "0mm"}),
+    (designer.load, ("3d-board",), {"pitch": "0mm"}),
+)
+
+
+@pytest.mark.parametrize(("function", "values", "options"), REFUSED)
+def test_python_is_told_of_its_own_names(
+    function: Callable[..., object], values: tuple[str, ...], options: dict[str, object], scene: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """What a function refuses it names as it was given, and not as on a command line, which has `--seen-by`."""
+    monkeypatch.chdir(scene)
+    with pytest.raises(designer.InputError) as error:
+        function(*values, **options)
+    assert next(iter(options)).removesuffix("_deg") in str(error.value)
+    assert "--" not in str(error.value)
+
+
+def test_another_process_finds_the_functions() -> None:
+    """By the package's name, whichever module they come from."""
+    for package, name in PUBLIC:
+        assert pickle.loads(pickle.dumps(getattr(package, name))) is getattr(package, name)  # noqa: S301
 
 
 def test_type_checkers_see_what_is_loaded_when_used() -> None:

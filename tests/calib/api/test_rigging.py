@@ -176,12 +176,12 @@ def test_swapped_lenses_are_told() -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"reference": "cam9"}, "--reference 'cam9': no such camera; did you mean"),
+        ({"reference": "cam9"}, "reference 'cam9': no such camera; did you mean"),
         ({"cameras": {"nobody": SCENE.cameras[0]}}, "--camera 'nobody': no such camera; there are"),
         ({"fix": ["k9"]}, "no such parameter"),
-        ({"fix": ["nobody:k3"]}, "--fix 'nobody': no such camera"),
+        ({"fix": ["nobody:k3"]}, "fix 'nobody': no such camera"),
         ({"refine": ["cam0"]}, "is solved anyway"),
-        ({"delays": True}, "--delays: time offsets are told by time stamps"),
+        ({"delays": True}, "delays: time offsets are told by time stamps"),
         ({"model": {"cam0": "periscope"}}, "no such model"),
         ({"model": "virtual"}, "is solved alone"),
         ({"table": "more.csv"}, "observations: are all there is"),

@@ -201,10 +201,10 @@ def test_three_cameras_that_have_to_see_a_point_see_less() -> None:
         ({"distance_mm": (500, 4000), "volume": ((0, 0, 0), (1, 1, 1))}, "each says where"),
         ({"volume": ((0, 0, 5), (1, 1, 1))}, "the smaller first"),
         ({"volume": ((0, 0, -500), (1, 1, -400))}, "no point of the volume"),
-        ({"seen_by": 3}, "--seen-by 3: must be from 2 to 2"),
-        ({"noise_px": 0.0}, "--noise"),
+        ({"seen_by": 3}, "seen_by 3: must be from 2 to 2"),
+        ({"noise_px": 0.0}, "noise_px"),
         ({"noise_px": (0.1, 0.1, 0.1)}, "3 numbers for 2 cameras"),
-        ({"length_mm": -1.0}, "--length"),
+        ({"length_mm": -1.0}, "length_mm"),
     ],
 )
 def test_options_that_break_a_rule_are_refused(wrong: dict[str, object], said: str) -> None:
@@ -230,7 +230,7 @@ def test_distances_of_a_rig_may_be_far() -> None:
 def test_noise_that_nobody_states_is_asked_for() -> None:
     """A rig from elsewhere may not tell it."""
     rig = replace(without_errors(pinhole_pair()), noise_px=None)
-    with pytest.raises(InputError, match="give --noise"):
+    with pytest.raises(InputError, match="give noise_px"):
         calib.budget(rig)
     assert calib.budget(rig, noise_px=0.2).record.noise_px.tolist() == [0.2, 0.2]
     assert rig.cameras[0].image_size == SIZE

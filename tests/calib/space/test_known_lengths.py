@@ -98,9 +98,9 @@ def test_the_rigs_own_target_is_said_to_check_no_size(pair: tuple[RigScene, RigC
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({}, "give a table of sightings; or --photos"),
+        ({}, "give a table of sightings; or photos"),
         ({"photos": ["a", "b"]}, "name the target file"),
-        ({"target": "x.target.json", "sightings": "p.csv"}, "--target: is of photos"),
+        ({"target": "x.target.json", "sightings": "p.csv"}, "target: is of photos"),
         ({"photos": "none", "target": "x.target.json"}, "no such folder"),
     ],
 )
