@@ -45,7 +45,7 @@ def live(
     from calib.api.solving import models_of
     from calib.capture.live import live as take_photos
     from calib.commands.live_rigs import take_rig_photos
-    from calib.commands.live_said import line_to_show, said, stopped_live
+    from calib.commands.live_said import line_to_go_on, line_to_show, said, stopped_live
     from calib.commands.solve import image_size_of
     from calib.solver.accuracy import UndeterminedError
 
@@ -72,4 +72,12 @@ def live(
         stopped_live(Summary(solutions_answer(writer.finished, None, writer.place_of), tuple(writer.files)))
     except UndeterminedError as error:
         negative(writer, error)
-    return said_report(found, writer, remark="", verbose=False, more="and add them with --resume", evaluate="")
+    return said_report(
+        found,
+        writer,
+        remark="",
+        verbose=False,
+        more="going on with --resume",
+        evaluate="",
+        again=line_to_go_on(),
+    )

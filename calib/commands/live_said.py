@@ -18,12 +18,16 @@ def line_to_show() -> str:
     return re.sub(r"//[^/@\s]*@", "//USER:PASSWORD@", command_line())
 
 
+def line_to_go_on() -> str:
+    """The command that adds photos to those that are there."""
+    line = line_to_show()
+    return line if "--resume" in line.split() else f"{line} --resume"
+
+
 def stopped_live(summary: Summary) -> NoReturn:
     """End after Ctrl-C: photos are kept.
 
     Raises:
         StoppedError: always.
     """
-    line = line_to_show()
-    again = line if "--resume" in line.split() else f"{line} --resume"
-    raise StoppedError(f"stopped; the photos are kept: {again}", summary) from None
+    raise StoppedError(f"stopped; the photos are kept: {line_to_go_on()}", summary) from None

@@ -107,7 +107,9 @@ def say_files(folder: Path, files: Sequence[Path], remarks: Sequence[str]) -> No
     say_lines("note", remarks)
 
 
-def next_steps(run: RunResult, folder: Path, files: Sequence[Path], *, more: str, evaluate: str) -> NextSteps:
+def next_steps(
+    run: RunResult, folder: Path, files: Sequence[Path], *, more: str, evaluate: str, again: str = ""
+) -> NextSteps:
     """What to do next.
 
     Args:
@@ -116,6 +118,7 @@ def next_steps(run: RunResult, folder: Path, files: Sequence[Path], *, more: str
         files: that were written.
         more: what to do with more photos, as in "add them to the photos".
         evaluate: what to type to evaluate the best camera; "" for nothing.
+        again: what to type to go on; "" for the same command.
     """
     page = next((path for path in files if path.name == "index.html"), None)
     look = (f"open {shown(page)} in a browser",) if page else (f"calib report {quoted(folder)}   # draws its page",)
@@ -123,9 +126,9 @@ def next_steps(run: RunResult, folder: Path, files: Sequence[Path], *, more: str
         where = "the page proposes" if page else "next_views.json describes"
         photos = "the photo" if len(run.next_views) == 1 else f"the {len(run.next_views)} photos"
         take = f"take {photos} that {where}, {more}" if run.next_views else "do what is said above"
-        line = command_line()
+        line, which = again or command_line(), "run this" if again else "then run the same command again"
         none = "no camera is determined: " if run.best.calibration.status == "degenerate" else ""
-        said = (f"{none}{take}; then run the same command again", *((line,) if 0 < len(line) <= LONGEST_LINE else ()))
+        said = (f"{none}{take}; {which}", *((line,) if 0 < len(line) <= LONGEST_LINE else ()))
         return NextSteps((*look, *said), (line,) if line else ())
     place = folder if (folder / "camera.json").exists() else folder / run.best.model
     convert = (

@@ -40,7 +40,14 @@ def report_of(run: "RunResult", writer: "RunWriter", *, page: bool, verbose: boo
 
 
 def said_report(
-    run: "RunResult", writer: "RunWriter", remark: str, *, verbose: bool, more: str, evaluate: str
+    run: "RunResult",
+    writer: "RunWriter",
+    remark: str,
+    *,
+    verbose: bool,
+    more: str,
+    evaluate: str,
+    again: str = "",
 ) -> Summary:
     """Say what came of a run whose page is written, or not for a reason that is remarked; the rest as `report_of`."""
     from calib.commands.run_screen import next_steps, say_files, say_next, say_run
@@ -48,7 +55,7 @@ def said_report(
     remarks = tuple(filter(None, [remark]))
     say_run(run, writer.told(run), verbose=verbose)
     say_files(writer.folder, writer.files, remarks)
-    steps = next_steps(run, writer.folder, writer.files, more=more, evaluate=evaluate)
+    steps = next_steps(run, writer.folder, writer.files, more=more, evaluate=evaluate, again=again)
     say_next(steps)
     of_search = () if run.search is None else run.search.remarks
     return Summary(

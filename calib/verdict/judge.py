@@ -79,7 +79,7 @@ def _why_good(evidence: CameraEvidence) -> str:
     uncertain, halves, area = evidence.uncertainty.image_px, evidence.halves, evidence.coverage.area
     parts = [f"{100 * evidence.coverage.share:.0f} % of the {area} is covered"]
     if uncertain is not None:
-        parts.insert(0, f"the camera is uncertain by at most {px(uncertain)} in 95 % of the {area}")
+        parts.insert(0, f"the camera is uncertain by at most {px(uncertain)} in 95 % of the {area} (1 sigma)")
     if not isinstance(halves, NoHalves):
         parts.append("two halves of the photos agree")
     return f"{', '.join(parts[:-1])}, and {parts[-1]}"
