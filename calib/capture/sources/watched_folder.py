@@ -15,8 +15,6 @@ from designer.base.words import printable
 
 LOOK_S = 0.3
 STOP_S = 5.0
-MOST_NAMED = 6
-"""Of the files that stay broken: the newest, and a few more."""
 GIVEN_UP_S = 5.0
 """A file that did not change for so long and still cannot be read is named."""
 
@@ -109,8 +107,7 @@ class WatchedFolder:
                 self._broken[path] = f"{reason}; it is left out"
             self._done[path] = self._waiting.pop(path)
         broken = [path for path in reversed(self._broken) if path.exists()]
-        others = ", ".join(printable(path.name) for path in broken[1:MOST_NAMED])
-        others += f" and {len(broken) - MOST_NAMED} more" if len(broken) > MOST_NAMED else ""
+        others = ", ".join(printable(path.name) for path in broken[1:])
         return f"{self._broken[broken[0]]}{f'; so are {others}' if others else ''}" if broken else ""
 
     def _read(self, path: Path) -> str:
