@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from calib.core.linear_algebra import least_squares
 from calib.detector.candidates import Candidates
 from calib.detector.grid import Grid
-from calib.detector.marks import DOT, RING, UNREADABLE, read_marks
+from calib.detector.marks import DOT, RING, UNREADABLE, read_marks, usual_contrast
 from calib.detector.plan import TargetPlan
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -45,11 +45,8 @@ class Alignment:
 class GridReader:
     """Reads marks at lattice positions of one grid, each once: seen rings are rings, the rest is looked at."""
 
-    def __init__(
-        self, image: NDArray[np.generic], candidates: Candidates, grid: Grid, plan: TargetPlan, contrast: float
-    ) -> None:
+    def __init__(self, image: NDArray[np.generic], candidates: Candidates, grid: Grid, plan: TargetPlan) -> None:
         self._image, self._candidates, self._grid, self._plan = image, candidates, grid, plan
-        self._contrast = contrast
         self._row = {(int(i), int(j)): k for k, (i, j) in enumerate(grid.index)}
         self._mark: dict[tuple[int, int], int] = {}
         steps = plan.lattice
@@ -69,6 +66,11 @@ class GridReader:
             )
             self._mark.update({key: self._judge(key, int(mark)) for key, mark in zip(new, read, strict=True)})
         return np.array([self._mark[key] for key in keys])
+
+    @cached_property
+    def _contrast(self) -> float:
+        """Of the grid's own rings: its face may be in shadow."""
+        return usual_contrast(self._image, self._candidates.take(self._grid.row))
 
     @cached_property
     def discs(self) -> Integers:

@@ -16,6 +16,7 @@ from calib.core.types import Detections
 from calib.detector.borders import Threshold, reduced, thresholds
 from calib.detector.candidates import Candidates, find_candidates, merged
 from calib.detector.lens import Lens
+from calib.detector.marks import usual_contrast
 from calib.detector.measure import Measured
 from calib.detector.pipeline import (
     LEAST_SIDE_PX,
@@ -28,7 +29,6 @@ from calib.detector.pipeline import (
     name_grids,
     naming_of,
     nothing_found,
-    usual_contrast,
 )
 from calib.detector.place import Naming, Placement, Places, complete, predict, without_strangers
 from calib.detector.plan import TargetPlan

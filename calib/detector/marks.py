@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.jit import jit
-from calib.detector.candidates import plane_offset
+from calib.detector.candidates import Candidates, plane_offset
+from calib.detector.place import Places, usual_nearby
 from calib.detector.plan import TargetPlan
 from calib.detector.ring_fit import RingFits
 from calib.detector.ring_model import E00, E11, RATIO, upright
@@ -27,6 +28,10 @@ MAX_STRETCH = 0.25
 """How much longer or shorter, as a logarithm, a circle may look in any direction than its place predicts."""
 MAX_OFF_RADII = 0.2
 """Nothing may lie farther from its place than this share of its radius, however uncertain it is."""
+LEAST_CONTRAST = 4.0
+"""Times its own noise: what has less need not be a feature at all."""
+FAINTEST = 0.3
+"""Of the contrast around it on its face."""
 MAX_SIGMA_PX = 0.5
 """Centres less certain than this (2-D) would only do harm to who does not weigh them."""
 
@@ -76,15 +81,40 @@ def read_marks(
     White is looked for `around` outer radii from the centre. Where it is brighter than ink by less than a third of
     `contrast`, that of the rings nearby, nothing can be read.
     """
-    level = zone_levels(image, ellipse, ratio=ratio, around=around)
+    return marks_of(zone_levels(image, ellipse, ratio=ratio, around=around), contrast)
+
+
+def marks_of(level: Floats, contrast: float | Floats) -> NDArray[np.int64]:
+    """RING, DOT or UNREADABLE from what `zone_levels` gives, where the rings nearby have that contrast.  # (N, 5)"""
     step = level[:, 2] - level[:, 1]
     with np.errstate(invalid="ignore", divide="ignore"):
         brightness = (level[:, 0] - level[:, 1]) / step
         readable = (step > contrast / 3) & (level[:, 3] <= 0.25) & (level[:, 4] <= 0.35)
-    mark = np.full(len(ellipse), UNREADABLE)
+    mark = np.full(len(level), UNREADABLE)
     mark[readable & (brightness > 0.35)] = RING
     mark[readable & (brightness < 0.2)] = DOT
     return mark
+
+
+def usual_contrast(image: NDArray[np.generic], candidates: Candidates) -> float:
+    """White minus ink of the usual ring, in grey levels."""
+    rings = np.flatnonzero(candidates.ratio > 0)
+    if not len(rings):
+        return 1.0
+    e, ratio = candidates.ellipse[rings], candidates.ratio[rings]
+    height, width = image.shape
+    steps = []
+    upright = np.arctan2(e[:, 3], e[:, 2] + e[:, 4])
+    for angle in (upright + quarter * (np.pi / 2) + 0.4 for quarter in range(4)):
+        across = np.cos(angle) / e[:, 2]
+        along = (np.sin(angle) - e[:, 3] * across) / e[:, 4]
+        levels = []
+        for rho in (0.5 * (1 + ratio), np.full(len(rings), 1.3)):
+            u = np.clip(np.rint(e[:, 0] + rho * across), 0, width - 1).astype(np.int64)
+            v = np.clip(np.rint(e[:, 1] + rho * along), 0, height - 1).astype(np.int64)
+            levels.append(np.asarray(image[v, u], dtype=np.float64))
+        steps.append(levels[1] - levels[0])
+    return max(float(np.median(steps)), 1e-6)
 
 
 def zone_levels(image: NDArray[np.generic], ellipse: Floats, *, ratio: float, around: float) -> Floats:
@@ -97,19 +127,25 @@ def zone_levels(image: NDArray[np.generic], ellipse: Floats, *, ratio: float, ar
     return level
 
 
-def judge(
-    fits: RingFits, residual_px: Floats | None, is_dot: NDArray[np.bool_], shape: Floats, plan: TargetPlan
-) -> NDArray[np.str_]:
-    """Why fits are refused, given the E predicted and how far they are from where the grid puts them; empty: not."""
+def judge(fits: RingFits, residual_px: Floats | None, places: Places, plan: TargetPlan) -> NDArray[np.str_]:
+    """Why fits are refused, given their places and how far they are from where the grid puts them; empty: not.
+
+    Light differs between faces: contrast is held against that of the neighbours on the face, and noise, which does not
+    shrink with it, against the photo's usual noise in their light.
+    """
+    is_dot, shape = plan.target.is_dot[places.ring], places.shape
     count = len(fits.ok)
     reason = np.full(count, "", dtype="<U40")
     if not count:
         return reason
     contrast = fits.contrast
     good = fits.ok & (contrast > 0)
-    usual_contrast = float(np.median(contrast[good])) if good.any() else 1.0
+    photo_contrast = float(np.median(contrast[good])) if good.any() else 1.0
     roughness = fits.noise / np.maximum(contrast, 1e-9)
     usual_roughness = float(np.median(roughness[good])) if good.any() else 0.0
+    doubtful = (contrast < FAINTEST * photo_contrast) | (roughness > 3 * usual_roughness + 0.04)
+    nearby = usual_nearby(plan, places, doubtful, contrast, good)
+    nearby = np.where(np.isnan(nearby), photo_contrast, np.minimum(nearby, photo_contrast))
     stretch = stretch_of(fits.params[:, E00 : E11 + 1], shape)
     usual_stretch = float(np.median(stretch[good])) if good.any() else 0.0
     ratio = fits.params[:, RATIO]
@@ -126,8 +162,8 @@ def judge(
     odd |= ~is_dot & (np.abs(ratio - usual_ratio) > 0.2)
     reason[odd] = ODD_SHAPE
     reason[sigma > MAX_SIGMA_PX] = VAGUE
-    reason[roughness > 3 * usual_roughness + 0.04] = COVERED
-    reason[contrast < 0.3 * usual_contrast] = FAINT
+    reason[roughness > 3 * usual_roughness * photo_contrast / nearby + 0.04] = COVERED
+    reason[(contrast < FAINTEST * nearby) | (contrast < LEAST_CONTRAST * fits.noise)] = FAINT
     reason[~good] = COVERED
     return reason
 

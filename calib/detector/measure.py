@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.types import CUT_OFF, OUTSIDE, TOO_FLAT
+from calib.core.types import CUT_OFF, LEAST_RADIUS_PX, OUTSIDE, TOO_FLAT
 from calib.detector.candidates import MIN_RADIUS_PX, Candidates, semi_axes_px
 from calib.detector.lens import Lens, local_form
 from calib.detector.lines import (
@@ -20,9 +20,9 @@ from calib.detector.lines import (
     left_covariance,
     with_sound_lines,
 )
-from calib.detector.marks import COVERED, DOT, RING, judge, read_marks
+from calib.detector.marks import COVERED, DOT, RING, judge, marks_of, zone_levels
 from calib.detector.pair_fit import fit_pairs
-from calib.detector.place import Naming, Placement, Places, nearest_rows, predict
+from calib.detector.place import Naming, Placement, Places, nearest_rows, predict, usual_nearby
 from calib.detector.plan import TargetPlan
 from calib.detector.ring_fit import RingFits, fit_rings
 from calib.detector.ring_model import BLUR, DARKNESS, E00, E11, PARAMETERS, RATIO, WHITE
@@ -45,6 +45,10 @@ ODD_EDGES = (
 NO_GREY_EDGES = (
     "edges have hardly any grey levels (drawn or resized without smoothing?): centres hang on where pixels fall, and "
     "their standard deviations are more than doubled for it"
+)
+DARK_FACES = (
+    "a face turned to the camera is so dark (in shadow, or covered) that none of its rings could be measured: light "
+    "the target from more sides"
 )
 
 
@@ -74,15 +78,13 @@ def measure(
     """Fit all features that must be in the image and keep those that prove to be there."""
     image_size = (image.shape[1], image.shape[0])
     places = predict(plan, placement, image_size)
-    marks = read_marks(
-        image,
-        np.hstack([places.center_px, places.shape]),
-        ratio=plan.ratio,
-        around=0.4 + 0.6 * plan.limit,
-        contrast=contrast,
-    )
+    ellipse = np.hstack([places.center_px, places.shape])
+    level = zone_levels(image, ellipse, ratio=plan.ratio, around=0.4 + 0.6 * plan.limit)
     is_dot = plan.target.is_dot[places.ring]
     named = np.isin(places.ring, naming.ring)
+    step = level[:, 2] - level[:, 1]
+    nearby = usual_nearby(plan, places, ~(step > contrast / 3), step, named & (step > 0))
+    marks = marks_of(level, np.where(np.isnan(nearby), contrast, np.minimum(nearby, contrast)))
     # What a border already showed to be a ring need not be read again; the rest must look as the target says.
     there = np.where(is_dot, marks == DOT, (marks == RING) | named)
     # Flatter ones run into their neighbours' blur, which the model does not know.
@@ -92,7 +94,7 @@ def measure(
     at = np.flatnonzero(there & (start[:, BLUR] > 0))
     found = Places(places.ring[at], places.center_px[at], places.shape[at])
     fits, residual_px, remarks = _fit_with_lines(image, plan, found, start[at], placement, camera_lens)
-    reason = judge(fits, residual_px, is_dot[at], found.shape, plan)
+    reason = judge(fits, residual_px, found, plan)
     good = reason == ""
     left_out = np.setdiff1d(np.arange(len(places.ring)), at)
     is_whole = places.are_whole(image_size)
@@ -102,6 +104,9 @@ def measure(
     missing += [(int(r), str(why)) for r, why in zip(found.ring[~good], reason[~good], strict=True)]
     on_seen = np.flatnonzero(np.isin(plan.target.ring_face, placement.seen()))
     missing += [(int(r), OUTSIDE) for r in np.setdiff1d(on_seen, places.ring)]
+    plain = is_whole & (small >= LEAST_RADIUS_PX) & np.isfinite(level).all(axis=1)
+    if _has_dark_face(plan, places.ring[plain], level[plain], found.ring[good]):
+        remarks = (*remarks, DARK_FACES)
     return Measured(
         ring=found.ring[good],
         center_px=fits.center_px[good],
@@ -112,6 +117,16 @@ def measure(
         missing=tuple(missing),
         remarks=remarks,
     )
+
+
+def _has_dark_face(plan: TargetPlan, ring: Integers, level: Floats, measured: Integers) -> bool:
+    """Whether white is darker, on a face without features measured, than halfway from ink to white on the others."""
+    face, lit = plan.target.ring_face[ring], np.unique(plan.target.ring_face[measured])
+    is_lit = np.isin(face, lit)
+    if not is_lit.any():
+        return False
+    middle = float(np.median(level[is_lit, 1:3], axis=0).mean())
+    return any(float(np.median(level[face == f, 2])) < middle for f in np.setdiff1d(face, lit))
 
 
 def _starts(
@@ -192,27 +207,27 @@ def _fit_with_lines(
         return replace(fits, ok=fits.ok & (known.known | ~is_dot))
 
     fits = fitted(start, None)
-    sounder = with_sound_lines(known, lines(_seen(fits, start, is_dot, places, plan))[1])
+    sounder = with_sound_lines(known, lines(_seen(fits, start, places, plan))[1])
     if sounder is not None:
         known = sounder
         fits = fitted(start, None)
     growth = blur_growth(fits.center_px, fits.params[:, BLUR], fits.ok & ~is_dot, on_face)
     if is_noticed(growth[fits.ok], fits.params[fits.ok, BLUR]):
         fits = fitted(np.where(fits.ok[:, None], fits.params, start), growth)
-    sound = judge(fits, None, is_dot, places.shape, plan) == ""
+    sound = judge(fits, None, places, plan) == ""
     face = np.where(sound, plan.target.ring_face[places.ring], -1)
     roughness = fits.noise / np.maximum(fits.contrast, 1e-9)
     ratios = variance_ratios(fits.scores, fits.params, roughness, face, SOFTENED_RATIO if softened else 1.0)
     left = left_covariance(growth, fits.params[:, BLUR], fits.params[:, E00 : E11 + 1], fits.params[:, RATIO])
     fits = replace(fits, cov_px2=ratios.ring[:, None, None] * fits.cov_px2 + left)
     remarks = () if ratios.photo < WORTH_A_WORD else (NO_GREY_EDGES if softened else ODD_EDGES,)
-    return fits, lines(_seen(fits, start, is_dot, places, plan))[1].residual_px, remarks
+    return fits, lines(_seen(fits, start, places, plan))[1].residual_px, remarks
 
 
-def _seen(fits: RingFits, start: Floats, is_dot: NDArray[np.bool_], places: Places, plan: TargetPlan) -> Seen:
+def _seen(fits: RingFits, start: Floats, places: Places, plan: TargetPlan) -> Seen:
     """The centres of fits, to be trusted where these are sound."""
     sigma_px = np.sqrt(np.abs(np.trace(fits.cov_px2, axis1=1, axis2=2)) / 2)
-    sound = judge(fits, None, is_dot, places.shape, plan) == ""
+    sound = judge(fits, None, places, plan) == ""
     return Seen(np.where(fits.ok[:, None], fits.center_px, start[:, :2]), sigma_px, sound)
 
 

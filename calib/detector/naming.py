@@ -176,11 +176,11 @@ class _Placed:
 
 
 def name_faces(
-    plan: TargetPlan, candidates: Candidates, grids: tuple[Grid, ...], image: NDArray[np.generic], contrast: float
+    plan: TargetPlan, candidates: Candidates, grids: tuple[Grid, ...], image: NDArray[np.generic]
 ) -> tuple[NamedFaces, bool]:
     """Names of the grids that have one beyond doubt, and whether the image is a mirror image."""
     grids = tuple(part for grid in grids for part in _on_one_face(plan, candidates, grid))
-    readers = [GridReader(image, candidates, grid, plan, contrast) for grid in grids]
+    readers = [GridReader(image, candidates, grid, plan) for grid in grids]
     found = _name(plan, candidates, grids, readers, plan.lattice.turns)
     if len(found.named) == sum(len(grid.row) >= MIN_GRID for grid in grids):
         return found, False
@@ -362,14 +362,14 @@ class BoardName:
 
 
 def name_board(
-    plan: TargetPlan, candidates: Candidates, grids: tuple[Grid, ...], image: NDArray[np.generic], contrast: float
+    plan: TargetPlan, candidates: Candidates, grids: tuple[Grid, ...], image: NDArray[np.generic]
 ) -> BoardName:
     """Name the grid that carries the origin mark, or the one that fills a board without marks."""
     reason = BoardName(None, "no grid of rings was found")
     for grid in grids:
         if len(grid.row) < MIN_BOARD_GRID:
             break
-        reader = GridReader(image, candidates, grid, plan, contrast)
+        reader = GridReader(image, candidates, grid, plan)
         sure = candidates.ratio[grid.row] > 0
         if sure.sum() < MIN_BOARD_GRID - 1:
             continue

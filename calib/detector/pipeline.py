@@ -13,7 +13,7 @@ from calib.detector.borders import reduced, reduction, thresholds
 from calib.detector.candidates import Candidates, find_candidates, merged, semi_axes_px
 from calib.detector.grid import Grid, grow_grids
 from calib.detector.lens import CameraLens, Lens, misfit_px
-from calib.detector.marks import DOT, RING
+from calib.detector.marks import DOT, RING, usual_contrast
 from calib.detector.measure import Measured, measure
 from calib.detector.naming import BoardName, NamedGrid, StrangeCode, name_board, name_faces
 from calib.detector.place import Naming, Placement, complete, predict, without_strangers
@@ -250,39 +250,17 @@ def _completed(pixels: NDArray[np.generic], plan: TargetPlan, found: NamedRings)
 def name_grids(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates) -> NamedRings:
     """Grow grids and name them."""
     grids = grow_grids(candidates, plan.lattice, across_gaps=not plan.is_coded)
-    contrast = usual_contrast(pixels, candidates)
     if not grids:
         return NamedRings(candidates, (), (), ("no grid of rings was found",))
     if plan.is_coded:
-        faces, mirrored = name_faces(plan, candidates, grids, pixels, contrast)
+        faces, mirrored = name_faces(plan, candidates, grids, pixels)
         if mirrored:
             return NamedRings(candidates, grids, (), (MIRRORED,), is_mirrored=True)
         remarks = () if faces.named else ("no face code could be read beyond doubt",)
         return NamedRings(candidates, grids, faces.named, remarks, strange=faces.strange)
-    board: BoardName = name_board(plan, candidates, grids, pixels, contrast)
+    board: BoardName = name_board(plan, candidates, grids, pixels)
     remarks = (MIRRORED,) if board.is_mirrored else (board.remark,) if board.remark else ()
     return NamedRings(candidates, grids, (board.named,) if board.named else (), remarks, board.is_mirrored)
-
-
-def usual_contrast(pixels: NDArray[np.generic], candidates: Candidates) -> float:
-    """White minus ink of the usual ring, in grey levels."""
-    rings = np.flatnonzero(candidates.ratio > 0)
-    if not len(rings):
-        return 1.0
-    e, ratio = candidates.ellipse[rings], candidates.ratio[rings]
-    height, width = pixels.shape
-    steps = []
-    upright = np.arctan2(e[:, 3], e[:, 2] + e[:, 4])
-    for angle in (upright + quarter * (np.pi / 2) + 0.4 for quarter in range(4)):
-        across = np.cos(angle) / e[:, 2]
-        along = (np.sin(angle) - e[:, 3] * across) / e[:, 4]
-        levels = []
-        for rho in (0.5 * (1 + ratio), np.full(len(rings), 1.3)):
-            u = np.clip(np.rint(e[:, 0] + rho * across), 0, width - 1).astype(np.int64)
-            v = np.clip(np.rint(e[:, 1] + rho * along), 0, height - 1).astype(np.int64)
-            levels.append(np.asarray(pixels[v, u], dtype=np.float64))
-        steps.append(levels[1] - levels[0])
-    return max(float(np.median(steps)), 1e-6)
 
 
 def naming_of(plan: TargetPlan, named: tuple[NamedGrid, ...]) -> Naming:

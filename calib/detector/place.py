@@ -27,6 +27,8 @@ FLATTEST_GUESS = 0.2
 has its rings half a step aside, flatter still a whole one: each would bear the next one's name, and all would agree."""
 ROUNDS = 5
 MIN_FOR_PROJECTION = 12
+NEIGHBOURS, FEWEST_NEIGHBOURS = 9, 4
+"""Of the same face, which tell in what light a place lies."""
 CHUNK = 256
 """Points whose distances from all others are held at a time."""
 STRANGE = 0.2
@@ -307,6 +309,19 @@ def _worst_misfit(plan: TargetPlan, candidates: Candidates, naming: Naming, lens
     off = np.linalg.norm(mapped[:, :2] / mapped[:, 2:] - straight, axis=1)
     share = off / (plan.pitch_radii * candidates.radius_px[naming.candidate[has_ray]])
     return max(float(np.median(share[face == f])) for f in faces)
+
+
+def usual_nearby(
+    plan: TargetPlan, places: Places, wanted: NDArray[np.bool_], value: Floats, is_known: NDArray[np.bool_]
+) -> Floats:
+    """Median of a value over the nearest places of a face that have a known one; nan: too few or not wanted.  # (N,)"""
+    usual, face = np.full(len(value), np.nan), plan.target.ring_face[places.ring]
+    for f in np.unique(face[wanted]):
+        mine, known = (face == f) & wanted, np.flatnonzero((face == f) & is_known)
+        if len(known) >= FEWEST_NEIGHBOURS:
+            near = nearest_rows(places.center_px[mine], places.center_px[known], NEIGHBOURS)
+            usual[mine] = np.median(value[known[near]], axis=1)
+    return usual
 
 
 def nearest_rows(point: Floats, among: Floats, most: int = 1) -> Integers:

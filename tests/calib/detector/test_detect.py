@@ -328,3 +328,35 @@ def test_rings_beyond_the_edge_are_not_said_to_be_hidden() -> None:
     assert missing["cut by the image's edge"] > 0
     assert set(missing) <= {"outside the image", "cut by the image's edge"}
     assert found.faces[0].measurable == len(found.ring)
+
+
+HARD_LIGHT = replace(USUAL, shading=0.95, contrast_to_noise=120, white=0.9, black=0.05, background=0.1)
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_faces_in_shadow_are_measured(seed: int) -> None:
+    """On faces with a twentieth of the others' light, rings well above their noise are found, placed and weighed."""
+    view = view_of(ico(), seed, options=HARD_LIGHT)
+    found = detect(view.image, ico(), name="x")
+    assert not np.setdiff1d(np.flatnonzero(view.clean & (view.incidence_rad < 1.1)), found.ring).size
+    assert np.nanmax(misplaced(found, view)) < 0.3
+    assert chi_square(found, view).mean() < 2.6
+    assert not found.remarks
+
+
+def test_a_face_without_light_is_told() -> None:
+    """A face that shows nothing but its own dark is remarked, not passed over; what has light is found."""
+    view = view_of(ico(), 3, options=replace(HARD_LIGHT, shading=1.0, contrast_to_noise=40, background=0.5))
+    found = detect(view.image, ico(), name="x")
+    assert len(found.ring) >= 21
+    assert any("dark" in remark for remark in found.remarks)
+
+
+def test_a_faint_ring_among_its_like_is_refused() -> None:
+    """A ring with a fifth of its neighbours' contrast, under something that lets light through, is not measured."""
+    view = view_of(board(), 1)
+    row = int(np.argmin(np.linalg.norm(view.center_px - np.array([500, 400]), axis=1)))
+    u, v = np.rint(view.center_px[row]).astype(int)
+    patch = view.image[v - 14 : v + 15, u - 14 : u + 15]
+    patch[:] = 150 + 0.2 * (patch.astype(float) - 150)
+    assert row not in detect(view.image, board(), name="x").ring
