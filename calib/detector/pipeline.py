@@ -4,6 +4,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,6 +35,9 @@ LITTLE_PX = 0.1
 """That grids may be off with a camera, whatever a guessed lens leaves."""
 BYTES_IN_WORDS = (257, 256)
 MIRRORED = "mirrored: the image shows the target in a mirror, or was flipped; flip it back and detect again"
+INVERTED = "inverted: the image shows the target white on black; its grey levels were exchanged for the search"
+FEWEST_DISCS = 6
+"""Dark discs, as an inverted image has in its rings, without which it is none."""
 
 
 def face_records(
@@ -80,6 +84,7 @@ class NamedRings:
     remarks: tuple[str, ...]
     is_mirrored: bool = False
     strange: tuple[StrangeCode, ...] = ()
+    is_inverted: bool = False  # found in the inverted image
     placed: tuple[Naming, Placement] | None = None  # completed by a lens guessed from the grids; None: not asked for
 
     @property
@@ -137,6 +142,7 @@ def detect(
     if min(pixels.shape) < LEAST_SIDE_PX:
         return nothing_found(plan, name, image_size, None, ("the image is too small to hold a ring",))
     found = _search(pixels, plan) if found is None else found
+    pixels = inverted(pixels) if found.is_inverted else pixels
     if not found.named:
         return nothing_found(plan, name, image_size, found.candidates, found.remarks)
     first = naming_of(plan, found.named)
@@ -195,7 +201,25 @@ def as_kernels_want(pixels: NDArray[np.generic]) -> NDArray[np.generic]:
     return np.require(pixels, dtype=kind, requirements=["C", "W"])
 
 
+def inverted(pixels: NDArray[np.generic]) -> NDArray[np.generic]:
+    """White for black, within the levels that the kind of pixels, or an image of floats, has."""
+    if pixels.dtype == np.uint8:
+        return np.asarray(cv2.bitwise_not(pixels.view(np.uint8)))
+    return np.asarray((pixels.min() + pixels.max()) - pixels, dtype=np.float32)
+
+
 def _search(pixels: NDArray[np.generic], plan: TargetPlan) -> NamedRings:
+    """As the image is; only if the target is not named there, but discs are seen, in the inverted one."""
+    found = _search_as_is(pixels, plan)
+    if found.named or found.is_mirrored or np.count_nonzero(found.candidates.ratio == 0) < FEWEST_DISCS:
+        return found
+    other = _search_as_is(inverted(pixels), plan)
+    if not (other.named or other.is_mirrored):
+        return found
+    return replace(other, is_inverted=True, remarks=(INVERTED, *other.remarks))
+
+
+def _search_as_is(pixels: NDArray[np.generic], plan: TargetPlan) -> NamedRings:
     """Coarse to fine: name grids in a reduced image; only if none is to be had there, in a finer one."""
     factor = reduction((pixels.shape[0], pixels.shape[1]))
     found = _search_at(pixels, plan, factor)

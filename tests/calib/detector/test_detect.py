@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import camera_or_preset
 from calib.core.types import Detections
-from calib.detector.pipeline import detect, find
+from calib.detector.pipeline import INVERTED, MIRRORED, detect, find
 from calib.renderer import RenderOptions, View, render_view
 from designer.target import TargetGeometry
 from tests.support.ring_views import CAMERA, USUAL, board, ellipse_of, ico, misplaced, scene_of, view_of
@@ -360,3 +360,20 @@ def test_a_faint_ring_among_its_like_is_refused() -> None:
     patch = view.image[v - 14 : v + 15, u - 14 : u + 15]
     patch[:] = 150 + 0.2 * (patch.astype(float) - 150)
     assert row not in detect(view.image, board(), name="x").ring
+
+
+@pytest.mark.parametrize("target", [board(), ico()], ids=["board", "ico"])
+def test_inverted_images_are_found_and_told(target: TargetGeometry) -> None:
+    """White on black is found like black on white, of bytes, words and floats, and said; mirrored, it is refused."""
+    view = view_of(target, 2)
+    found = detect(view.image, target, name="x")
+    negative = 255 - view.image
+    for image in (negative, negative.astype(np.uint16) * 17 + 3, (negative / 255).astype(np.float32)):
+        other = detect(image, target, name="x")
+        assert np.array_equal(other.ring, found.ring)
+        assert np.abs(other.center_px - found.center_px).max() < 1e-3
+        assert other.remarks == (INVERTED, *found.remarks)
+        assert same(detect(image, target, name="x", found=find(image, target)), other)
+    flipped = detect(np.ascontiguousarray(negative[:, ::-1]), target, name="x")
+    assert not len(flipped.ring)
+    assert flipped.remarks == (INVERTED, MIRRORED)
