@@ -92,6 +92,7 @@ class Detections:
     rejected_px: NDArray[np.float64] | None = None  # (K, 2) ring-like things that got no name
     ratio: NDArray[np.float64] | None = None  # (N,) inner over outer radius, 0 of a dot; nan or None: not known
     blur_px: NDArray[np.float64] | None = None  # (N,) standard deviation of the edges' blur; likewise
+    motion_px: float = 0.0  # by which a motion smeared all edges while the photo was exposed; 0: none noticed
 
     def __post_init__(self) -> None:
         freeze(self, "ring", dtype=np.int64)
@@ -162,6 +163,7 @@ class Observations:
     cov_px2: NDArray[np.float64] | None  # (M, 2, 2); None: not known, all alike
     points: KnownPoints
     remarks: tuple[str, ...] = ()  # what was left out of them, or should be known, one line each
+    smeared: tuple[str, ...] = ()  # names of views that a motion blurred
 
     def __post_init__(self) -> None:
         freeze(self, "view", "point", dtype=np.int64)

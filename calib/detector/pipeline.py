@@ -1,5 +1,6 @@
 """From a photo's pixels to named centres: the steps of the detector in order."""
 
+import math
 from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TypeAlias
@@ -12,10 +13,11 @@ from calib.cameras.camera import Camera
 from calib.core.types import Detections, FaceRecord, Mark
 from calib.detector.borders import reduced, reduction, thresholds
 from calib.detector.candidates import Candidates, find_candidates, merged, semi_axes_px
+from calib.detector.frame_quality import frame_quality
 from calib.detector.grid import Grid, grow_grids
 from calib.detector.lens import CameraLens, Lens, misfit_px
 from calib.detector.marks import DOT, RING, usual_contrast
-from calib.detector.measure import Measured, measure
+from calib.detector.measure import ODD_EDGES, Measured, measure
 from calib.detector.naming import BoardName, NamedGrid, StrangeCode, name_board, name_faces
 from calib.detector.place import Naming, Placement, complete, predict, without_strangers
 from calib.detector.plan import TargetPlan, plan_for
@@ -36,6 +38,13 @@ LITTLE_PX = 0.1
 BYTES_IN_WORDS = (257, 256)
 MIRRORED = "mirrored: the image shows the target in a mirror, or was flipped; flip it back and detect again"
 INVERTED = "inverted: the image shows the target white on black; its grey levels were exchanged for the search"
+MOTION_BLUR_PX, MOTION_RINGS = 0.85, 20
+"""Edges of less blur, in the median, were not blurred by a motion worth a word; so many rings tell its direction."""
+LEAST_MOTION_PX, MOTION_OF_BLUR = 2.5, 1.9
+"""A motion that explains the blur: its variance makes that along it at least so many times that across. Wide blurs of
+slanted rings come to 1.6 without one (rendered)."""
+INK_WIDTH = 0.6
+"""Of the outer radius."""
 FEWEST_DISCS = 6
 """Dark discs, as an inverted image has in its rings, without which it is none."""
 
@@ -167,8 +176,30 @@ def detect(
         return nothing_found(plan, name, image_size, found.candidates, (*remarks, f"this cannot be the target: {why}"))
     if odd := proportion_remark(evidence):
         remarks.append(odd)
-    remarks += measured.remarks
-    return _result(plan, name, image_size, found, naming, placement, measured, tuple(remarks))
+    result = _result(plan, name, image_size, found, naming, placement, measured, tuple(remarks))
+    motion_px, motion = _motion(pixels, result, target)
+    # Where a motion made the edges odd, no print did.
+    said = (motion, *(one for one in measured.remarks if one != ODD_EDGES)) if motion else measured.remarks
+    return replace(result, remarks=(*remarks, *said), motion_px=motion_px)
+
+
+def _motion(pixels: NDArray[np.generic], found: Detections, target: TargetGeometry) -> tuple[float, str]:
+    """How far in px a motion smeared a photo's edges, and what to say of it; 0: none, or other blur was more."""
+    if not len(found.ring) or np.median(np.asarray(found.blur_px)) < MOTION_BLUR_PX:
+        return 0.0, ""
+    rows = np.unique(np.linspace(0, len(found.ring) - 1, MOTION_RINGS).round().astype(np.int64))
+    quality = frame_quality(pixels, found.keep(rows), target)
+    if quality is None or not quality.motion_px >= LEAST_MOTION_PX:
+        return 0.0, ""
+    length_px, across = quality.motion_px, quality.blur_px**2
+    if across + length_px**2 / 12 < MOTION_OF_BLUR * across:
+        return 0.0, ""
+    # Beyond the ink's width more cannot be told.
+    words = f"{length_px:.0f} px or more" if length_px > INK_WIDTH * quality.radius_px else f"about {length_px:.0f} px"
+    return length_px, (
+        f"motion blur: edges are smeared by {words} along {math.degrees(quality.motion_rad):.0f} deg (0: left and "
+        "right, 90: up and down); hold still, or expose for a shorter time"
+    )
 
 
 def _camera_remarks(plan: TargetPlan, measured: Measured, lens: Lens, image_size: tuple[int, int]) -> list[str]:

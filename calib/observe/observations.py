@@ -85,7 +85,17 @@ def _said_of_many(seen: Sequence[Detections]) -> tuple[str, ...]:
         for remark, times in count.items()
         if times >= max(2, MANY * len(shown))
     )
-    return (*misplaced_pieces(shown), *many)
+    return (*misplaced_pieces(shown), *many, *_motion_blur(shown))
+
+
+def _motion_blur(shown: Sequence[Detections]) -> tuple[str, ...]:
+    """How many photos a motion blurred, by how much, and which was worst."""
+    moved = [one for one in shown if one.motion_px > 0]
+    if not moved:
+        return ()
+    worst = max(moved, key=lambda one: one.motion_px)
+    which = f"{worst.image} is" if len(moved) == 1 else f"{len(moved)} of {len(shown)} photos, most {worst.image}, are"
+    return (f"{which} blurred by a motion: hold still, or expose for a shorter time",)
 
 
 def observations_for_poses(seen: Sequence[Detections], target: TargetGeometry) -> Observations | None:
@@ -113,6 +123,7 @@ def _all_of(seen: Sequence[Detections], target: TargetGeometry) -> Observations:
         np.concatenate([one.center_px for one in seen]),
         np.concatenate([one.cov_px2 for one in seen]),
         known_points(target),
+        smeared=tuple(one.image for one in seen if one.motion_px > 0),
     )
 
 

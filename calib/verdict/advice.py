@@ -303,6 +303,15 @@ def _far_off(calibration: Calibration, criteria: Criteria, facts: ViewFacts, inp
     per_view = np.bincount(seen.view[far], minlength=seen.view_count)
     rows = np.argsort(-per_view, kind="stable")
     rows = rows[per_view[rows] > 0]
+    smeared = np.isin(seen.view_names, seen.smeared)[seen.view]
+    if far[smeared].sum() > LARGE_SHARE * count and far[smeared].mean() > WORSE * far[~smeared].sum() / max(
+        (~smeared).sum(), 1
+    ):
+        moved = rows[np.isin([seen.view_names[row] for row in rows.tolist()], seen.smeared)]
+        return (
+            f"take {_names(facts, moved)} again, held still or exposed for a shorter time: {int(far[smeared].sum())} "
+            f"of the {count} observations that are far off or were left out are in these photos, which a motion blurred"
+        )
     where = f"in {_names(facts, rows)}" if len(rows) <= MOST_NAMES else f"most in {_names(facts, rows[:MOST_NAMES])}"
     what = "were left out" if out[far].all() else "are far off or were left out" if out.any() else "are far off"
     leave = "" if out.any() else f"; to leave them out: `{inputs.solve} --reject {FAR_OFF:g}`"

@@ -1,8 +1,10 @@
 """The whole detector on rendered views: bad input, recall, accuracy, and the same answer twice."""
 
 import math
+import re
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -377,3 +379,27 @@ def test_inverted_images_are_found_and_told(target: TargetGeometry) -> None:
     flipped = detect(np.ascontiguousarray(negative[:, ::-1]), target, name="x")
     assert not len(flipped.ring)
     assert flipped.remarks == (INVERTED, MIRRORED)
+
+
+@pytest.mark.parametrize(("length_px", "is_told"), [(0, False), (1, False), (5, True)])
+def test_motion_blur_is_told_with_its_length_and_direction(length_px: int, is_told: bool) -> None:
+    """Edges smeared to one side are said to be so; the length is right to a pixel. What is out of focus is none."""
+    view = view_of(ico(), 2, options=replace(USUAL, contrast_to_noise=100))
+    # Down to the right by 45 degrees.
+    weights = np.eye(max(1, round(length_px / math.sqrt(2))) + 1 if length_px else 1, dtype=np.float64)
+    smeared = cv2.filter2D(view.image, -1, weights / weights.sum())
+    found = detect(smeared, ico(), name="x")
+    assert (found.motion_px > 0) == is_told
+    assert any("motion" in remark for remark in found.remarks) == is_told
+    if is_told:
+        assert abs(found.motion_px - length_px) < 1.5
+        assert re.search(r"about \d px along (4\d|5\d) deg", found.remarks[0])
+
+
+def test_out_of_focus_is_no_motion() -> None:
+    """A blur alike in all directions, wide and of slanted rings, is not said to be a motion."""
+    for seed in range(3):
+        view = view_of(board(), seed, options=replace(USUAL, blur_px=2.2))
+        found = detect(view.image, board(), name="x")
+        assert len(found.ring) > 90
+        assert found.motion_px == 0

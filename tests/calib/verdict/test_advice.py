@@ -207,6 +207,17 @@ def test_sightings_left_out_are_counted_where_they_are() -> None:
     assert set(names[:2]) == {"view3.png", "view8.png"}
 
 
+def test_what_was_left_out_of_photos_that_a_motion_blurred_is_not_blamed_on_glare() -> None:
+    """Where most of what is far off lies in smeared photos these are to be taken again; elsewhere it is as before."""
+    seen = good().observations
+    out = np.isin(seen.view, (3, 8)) & (np.random.default_rng(0).random(len(seen.view)) < 0.4)
+    for smeared, is_motion in ((("view3.png", "view8.png"), True), (("view4.png",), False)):
+        calibration = replace(good(), is_outlier=out, observations=replace(seen, smeared=smeared))
+        said = " ".join(advice(calibration))
+        assert ("motion blurred" in said and "view3.png" in said and "--reject" not in said) == is_motion
+        assert ("glare" in said) != is_motion
+
+
 def test_a_bent_board_is_to_be_measured_before_anything_else() -> None:
     """A board bent by 1 mm over 150 mm makes `calib measure` the first advice; halves that differ do so, too."""
     bent = replace(BOARD, position_mm=BOARD.position_mm + np.array([0, 0, 1e-4]) * BOARD.position_mm[:, :1] ** 2)
