@@ -97,7 +97,7 @@ class Example:
         run("calib", "pose", self.board, camera, photos / "view_0001.png", "-o", self.folder / "poses.json")
         run("calib", "undistort", camera, photos / "view_0001.png", "-o", self.folder / "flat")
         run("calib", "diff", camera, self.folder / "camera/opencv/camera.json")
-        for form in ("colmap", "kalibr", "mrcal"):
+        for form in ("colmap", "opencv", "mrcal"):
             run("calib", "convert", camera, "--to", form, "-o", self.folder / f"to-{form}")
 
     def rig(self) -> None:
