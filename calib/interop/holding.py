@@ -70,7 +70,7 @@ def _too_far(camera: Camera, target: CameraFormat, held: Held, accept_px: float,
     allowed = math.ceil(most * 100) / 100
     line = (
         f"{target.title}'s lens {held.lens.name}{why} is off by up to {most:.3g} px, more than {accept_px:g} px; "
-        f"allow it with --accept {allowed:g}px (accept_px={allowed:g})"
+        f"allow it with --accept {allowed:g}px"
     )
     offered = _one_a_model(target.written.values()) if others else []
     strange = [one for one in offered if one.model is not None and one.is_wide != held.lens.is_wide]

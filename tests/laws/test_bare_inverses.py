@@ -32,6 +32,8 @@ ALLOWED = {
     "calib/interop/rigs/opencv.py write": "the linear part of a camera, whose focal lengths are more than zero",
     "calib/interop/mrcal_surface.py surface_of": "smoothed by its bends, which leave no control point free",
     "calib/rigs/accuracy.py shared_inverse": "what cannot be inverted is caught, and said to be undetermined",
+    "calib/rigs/robot_readings.py _ways": "a normal matrix with more on its diagonal",
+    "calib/verdict/reading.py _own_centres": "a shortest solution, which any photo has",
     "calib/rigs/motion.py Motion.speed_covariance": "a Gram matrix with the poses' noise on its diagonal",
     "calib/rigs/motion.py motion_of": "a Gram matrix with the poses' noise on its diagonal",
     "calib/rigs/motion.py _most_likely": "a Gram matrix with the poses' noise on its diagonal",

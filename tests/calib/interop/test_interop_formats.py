@@ -66,7 +66,7 @@ def test_a_format_never_changes_the_family_of_a_lens(name: str, model: str) -> N
     done = calib.convert(camera, name, accept_px=1e3)
     if done.max_px > ACCEPTED_PX:
         assert any(" px of where the camera sees a point" in line for line in done.lost)
-        with pytest.raises(InputError, match="--accept"):
+        with pytest.raises(InputError, match="accept_px"):
             calib.convert(camera, name)
     lens = done.held.lens
     assert lens.model is None or lens.is_wide == ABILITIES[model].is_wide
