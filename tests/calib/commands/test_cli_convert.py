@@ -39,7 +39,7 @@ def test_there_and_back(name: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_the_residual_is_told_and_true(capsys: pytest.CaptureFixture[str]) -> None:
     """The stated RMS and max are the difference between the two files; a large one is refused, or warned of."""
-    with pytest.raises(InputError, match=r"pinhole-radtan, which has no k3, is off .* --accept 13.73px .*pinhole-equi"):
+    with pytest.raises(InputError, match=r"pinhole-radtan, which has no k3, is off .* --accept 13.73px; pinhole-equi"):
         convert("barrel.json", to="kalibr", out=Path("camchain.yaml"))
     with pytest.raises(InputError, match=r"more than 13\.7 px"):
         convert("barrel.json", to="kalibr", out=Path("camchain.yaml"), accept="13.7px")
