@@ -9,9 +9,10 @@ from os import PathLike
 from pathlib import Path
 from typing import TypeAlias
 
-from calib.api.loading import Place, Progress, load_observations, observations_of, target_of, unheard
+from calib.api.loading import Place, Progress, load_observations, observations_of, photos_of, target_of, unheard
 from calib.api.measuring_rigs import rig_to_measure_from, told_of
 from calib.api.page_shown import ShownAsPage
+from calib.api.searching import PhotoSearch
 from calib.api.solving import ALL, SolvePlan, plan_from_words
 from calib.as_built.back import tells_thickness, with_thickness
 from calib.as_built.cross_validation import cross_validate
@@ -26,6 +27,7 @@ from calib.as_built.lengths import (
     usual_sigmas,
 )
 from calib.as_built.options import AsBuiltOptions
+from calib.as_built.remarks import EARLIER_LENS, is_another_lens
 from calib.as_built.result import AsBuilt
 from calib.as_built.seats import Seat
 from calib.as_built.solve import measure as measure_print
@@ -37,11 +39,13 @@ from calib.coupons.ink_of_rings import InkBleed, ink_of_cameras, ink_of_rings
 from calib.metrics.evaluation import evaluate
 from calib.observe.correspondences import is_detections
 from calib.observe.dataset import read_detections
+from calib.observe.photos import FoundPhotos, named_photos
 from calib.records.as_built_file import AsBuiltRecord, record_of
 from calib.renderer.quantities import number
 from calib.rigs.result import RigCalibration
 from calib.show.measured.files import TARGET_SUFFIX, check_places, measured_files, places_of
 from calib.show.measured.words import why_not
+from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.verdict.judge import VERDICT, VERDICT_FILE
 from designer.base.answer import program
@@ -116,6 +120,7 @@ def measure(
     *,
     rig: RigCalibration | Place | None = None,
     lengths: str | CaliperLength | Iterable[str | CaliperLength] = (),
+    photos: Place | Iterable[Place] = (),
     model: str | None = None,
     one_camera: bool = False,
     rings: str = "free",
@@ -145,6 +150,8 @@ def measure(
         rig: instead: a solved rig, or its folder, whose cameras saw the print in frames; all faces are then measured at
             once, with a pose a frame and not one a photo.
         lengths: of a caliper, which tell the size.
+        photos: that `observed` was found in, of one camera: searched again with the lens and the target as measured,
+            and measured once more. Centres found through the lens of the target as designed bend the camera.
         model: of the cameras; None: that of the best camera of the run whose `detections.csv` is given, else the one
             with the smaller residuals, as `run` chooses. `remarks` say which and why.
         one_camera: all files are of one camera.
@@ -198,9 +205,10 @@ def measure(
         items = _items(observed)
         sets = _sets(items, nominal, target, image_size, one_camera=one_camera)
     else:
-        beside = (observed, model, one_camera, fix, share, image_size)
+        beside = (observed, photos, model, one_camera, fix, share, image_size)
         cameras = rig_to_measure_from(rig, nominal, is_alone=not any(beside))
         sets = list(cameras.observations.sightings)
+    again = _to_search(photos, items, nominal)
     parts = _parts(held_out, min(one.view_count for one in sets) if cameras is None else len(cameras.rig_from_target))
     progress("measuring", 0, 0)
     chosen, why = _chosen(plan, items, sets) if cameras is None else (cameras.cameras[0].model, told_of(cameras))
@@ -208,6 +216,13 @@ def measure(
     options = with_known_weights(options if rings == "free" else replace(options, ring_sigma_mm=None), sets)
     if cameras is None:
         found = measure_print(sets, nominal, chosen, options, asked)
+        if again is None:
+            why = (*why, *_earlier_lens(sets, _detections(items, nominal), nominal, found, options.solve))
+        elif found.status == "degenerate":
+            why = (*why, "photos were not searched again: they do not determine the camera")
+        else:
+            sets = [_searched(again, nominal, found, progress)]
+            found = measure_print(sets, nominal, chosen, options, asked)
     else:
         found = measure_rig(cameras, nominal, options, asked)
     held = None
@@ -227,6 +242,7 @@ def measure(
             "model": ", ".join(sorted({one.model for one in found.cameras})), "rings": rings,
             "one-camera": str(one_camera), "weighted": str(options.solve.weighted),
             "reject": f"{reject_sigma or ''}", "bow": {None: "default", True: "bow", False: "flat"}[bow],
+            "photos": "" if again is None else "searched again",
             "fix": " ".join(fix), "made": made or "", "share": " ".join(share),
             "shrink-compensation": f"{made_with.shrink_percent:g}%",
             "skew-compensation": format_skew(made_with.skew_rad), "bed-turn": f"{math.degrees(bed_turn_rad):g}deg",
@@ -364,6 +380,54 @@ def _ink_of_each(items: Sequence[_Item], nominal: TargetGeometry) -> list[InkBle
     paths = [path for path in _paths(items) if is_detections(path)]
     read = [read_detections(path, nominal, target_path=Path("the target")) for path in paths]
     return [ink for seen in (photos, *read) if (ink := ink_of_rings(seen, nominal)) is not None]
+
+
+def _detections(items: Iterable[_Item], nominal: TargetGeometry) -> list[Detections]:
+    """All detections among what was given, those of files too."""
+    items = tuple(items)
+    paths = [path for path in _paths(items) if is_detections(path)]
+    read = [read_detections(path, nominal, target_path=Path("the target")) for path in paths]
+    return [*(one for one in items if isinstance(one, Detections)), *(one for photos in read for one in photos)]
+
+
+def _to_search(photos: Place | Iterable[Place], items: Sequence[_Item], nominal: TargetGeometry) -> FoundPhotos | None:
+    """The photos that detections were found in; None: none are given.
+
+    Raises:
+        InputError: not of one camera's detections, or not all of their photos.
+    """
+    if not isinstance(photos, str | PathLike) and not (photos := tuple(photos)):
+        return None
+    seen = _detections(items, nominal)
+    if not seen or (len(items) > 1 and _paths(items)):
+        raise InputError(
+            "--photos: they are searched again with one camera's lens; give the detections.csv of one camera"
+        )
+    given = photos_of(photos)
+    named, wanted = named_photos(given.paths), {one.image for one in seen}
+    if missing := sorted(wanted - {one.name for one in named}):
+        raise InputError(f"--photos: {shown(missing[0])} is not among them; give all photos that the detections are of")
+    return replace(given, paths=tuple(one.path for one in named if one.name in wanted))
+
+
+def _searched(photos: FoundPhotos, nominal: TargetGeometry, found: AsBuilt, progress: Progress) -> Observations:
+    """What is seen with the lens and the target that were measured, to be measured against the design."""
+    search = PhotoSearch(found.target, photos, progress=progress).once(found.cameras[0])
+    return observations_of([replace(one, geometry_id=nominal.geometry_id) for one in search.detections], nominal)
+
+
+def _earlier_lens(
+    sets: Sequence[Observations],
+    seen: Iterable[Detections],
+    nominal: TargetGeometry,
+    found: AsBuilt,
+    plan: SolveOptions,
+) -> tuple[str, ...]:
+    """That centres were found through another lens than the measured one, if they were."""
+    if found.status == "degenerate" or not any(one.geometry_id == nominal.geometry_id for one in seen):
+        return ()
+    before = [solve(one, camera.model, plan).camera for one, camera in zip(sets, found.cameras, strict=True)]
+    return (EARLIER_LENS,) if is_another_lens(found, before) else ()
 
 
 def _paths(items: Iterable[_Item]) -> list[Path]:

@@ -32,8 +32,8 @@ def rig_to_measure_from(rig: RigCalibration | Place, nominal: TargetGeometry, *,
     """
     if not is_alone:
         raise InputError(
-            "--rig: the rig has its photos, and says how its cameras were solved; leave detections, --model, --fix, "
-            "--share, --one-camera and --image-size out"
+            "--rig: the rig has its photos, and says how its cameras were solved; leave detections, --photos, "
+            "--model, --fix, --share, --one-camera and --image-size out"
         )
     name = "the rig" if isinstance(rig, RigCalibration) else str(rig)
     found = rig if isinstance(rig, RigCalibration) else read_rig_run(Path(rig)).found

@@ -39,6 +39,14 @@ def measure(
             help="instead of detections: the folder of calib rig, whose cameras saw the print at once", metavar="FOLDER"
         ),
     ] = None,
+    photos: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="that the detections were found in, of one camera: images, a folder or a pattern; they are searched "
+            "again with the lens and the target as measured, so that the camera is right too",
+            metavar="PHOTOS",
+        ),
+    ] = None,
     length: Annotated[
         list[str] | None,
         typer.Option(
@@ -116,7 +124,8 @@ def measure(
     percent = parsed("--shrink-compensation", shrink_compensation, parse_percent)
     if measured_length is not None:
         of_photos = {
-            detections[0] if detections else "": bool(detections), "--rig": rig, "--length": length, "--model": model,
+            detections[0] if detections else "": bool(detections), "--rig": rig, "--photos": photos,
+            "--length": length, "--model": model,
             "--one-camera": one_camera, "--rings": rings != "free", "--bow": bow is not None,
             "--unweighted": not weighted, "--reject": reject, "--fix": fix, "--share": share,
             "--skew-compensation": skew_compensation != "0", "--bed-turn": bed_turn != "0deg",
@@ -135,7 +144,8 @@ def measure(
         )
     with progress_bars() as progress:
         measured = measure_print(
-            target, detections or (), rig=rig, lengths=length or (), model=model, one_camera=one_camera, rings=rings,
+            target, detections or (), rig=rig, lengths=length or (), photos=photos or (), model=model,
+            one_camera=one_camera, rings=rings,
             bow=bow, made=made, weighted=weighted, reject_sigma=reject, fix=fix or (), share=share or (),
             shrink_compensation_percent=percent,
             skew_compensation_rad=parsed("--skew-compensation", skew_compensation, parse_skew_rad),
@@ -143,7 +153,9 @@ def measure(
             held_out=held_out, truth=truth, progress=progress,
         )  # fmt: skip
     folder = quoted(out.with_name(out.name.removesuffix(".target.json")))
-    if rig is None and detections:
+    if photos:
+        use = f"calib run {quoted(out)} {' '.join(map(quoted, map(Path, photos)))} -o {folder}"
+    elif rig is None and detections:
         use = f"calib solve {quoted(detections[0])} --target {quoted(out)} -o {folder}"
     else:
         use = f"calib rig {quoted(out)} --table {quoted(Path(f'{rig}/sightings.csv'))} -o {folder}"

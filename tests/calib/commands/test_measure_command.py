@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from calib.api.measuring import measure as measure_from_python
 from calib.api.measuring import rescale
+from calib.api.searching import PhotoSearch
 from calib.as_built.cross_validation import cross_validate, laid_over
 from calib.as_built.deviations import (
     Compensation,
@@ -29,12 +30,15 @@ from calib.as_built.deviations import (
 )
 from calib.as_built.lengths import CALIPER_SIGMA_MM, CaliperLength, asked_length, length_in
 from calib.as_built.options import AsBuiltOptions
+from calib.as_built.remarks import EARLIER_LENS
 from calib.as_built.solve import measure as measure_print
+from calib.cameras.camera import Camera
 from calib.commands.measure import measure
 from calib.core.se3 import exp_rotation
 from calib.core.types import Observations, keep_sightings
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
+from calib.observe.photos import PhotoFile, PhotoResult, Search
 from calib.show.measured import picture
 from calib.show.measured.next_print import next_print
 from calib.solver.options import SolveOptions
@@ -533,3 +537,46 @@ def test_a_board_seen_from_one_side_only_is_said() -> None:
     assert answer.code == 1, answer
     assert "No camera is determined" in answer.out
     assert json.loads(Path("m.as_built.json").read_text())["status"] == "degenerate"
+
+
+def test_photos_are_searched_again_with_what_was_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The lens and the target are those measured, and what is found then is measured against the design."""
+    better, asked = seen(), list[tuple[TargetGeometry, Camera]]()
+    astray = replace(better, center_px=better.center_px + 1e-3 * (better.center_px - better.center_px.mean(axis=0)))
+    write_seen(astray, "seen.csv")
+    for name in (*better.view_names, "another.png"):
+        Path(name).touch()
+
+    def once(search: PhotoSearch, camera: Camera) -> Search:
+        asked.append((search.target, camera))
+        assert [path.name for path in search.photos.paths] == list(better.view_names)
+        found = [replace(one, geometry_id="0" * 8) for one in detections_of(better, search.target)]
+        results = tuple(PhotoResult(PhotoFile(Path(one.image), one.image), one, "") for one in found)
+        return Search(search.target, results, (), 0, 0.0)
+
+    monkeypatch.setattr(PhotoSearch, "once", once)
+    paths = [*better.view_names, "another.png"]
+    way: dict[str, Any] = {"model": "opencv", "held_out": 0}
+    plain = measure_from_python("ico.target.json", "seen.csv", **way)
+    again = measure_from_python("ico.target.json", "seen.csv", photos=paths, **way)
+    write_seen(better, "seen.csv")
+    wanted = measure_from_python("ico.target.json", "seen.csv", **way)
+    ((target, camera),) = asked
+    assert target.geometry_id == plain.target.geometry_id
+    assert np.array_equal(camera.params, plain.found.cameras[0].params)
+    focal_px = [one.found.cameras[0].params[0] for one in (again, plain)]
+    assert focal_px[0] == pytest.approx(wanted.found.cameras[0].params[0], abs=1e-3)  # digits of the file
+    assert abs(focal_px[1] - focal_px[0]) > 1.0
+    assert EARLIER_LENS in plain.remarks  # a camera of the print as designed is another one
+    assert EARLIER_LENS not in again.remarks
+
+
+def test_photos_that_cannot_be_searched_again_are_refused() -> None:
+    """Those of other detections, of several cameras, or beside observations that are of no photos."""
+    Path("another.png").touch()
+    with pytest.raises(InputError, match=r"--photos: .* is not among them"):
+        measure_from_python("ico.target.json", "seen.csv", photos="another.png")
+    write_seen(seen(), "second.csv")
+    for observed in (["seen.csv", "second.csv"], seen()):
+        with pytest.raises(InputError, match=r"--photos: .*one camera"):
+            measure_from_python("ico.target.json", observed, photos="another.png")
