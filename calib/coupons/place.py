@@ -41,8 +41,9 @@ CROPPED_SIGMA = 0.15
 CAMERA_ASPECTS = (1, 5 / 4, 4 / 3, 3 / 2, 16 / 9, 2, 19.5 / 9, 20 / 9, 21 / 9)
 """Of pictures as cameras take them, the longer side over the shorter; a picture of none of these was cropped."""
 ASPECT_SLACK = 0.01
-RADIAL_SIGMA = 0.03
-"""Of the radial term; an assumption: phones straighten their photos to about 1 % at the corners."""
+RADIAL_SIGMA = 0.12
+"""Of the radial term; an assumption: phones straighten their photos to about 1 % at the corners, but webcams and raw
+photos have -0.1 and more. The rings tell it, so that a wide prior costs nothing."""
 SCAN_SIGMA = (1e-3, 1e-3, 3e-4)
 """Of a flatbed's stated resolution, of its two axes against each other, and of their angle (rad). An assumption: no
 maker states them; a calibrated ruler in a scan tells them."""

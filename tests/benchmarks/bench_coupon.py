@@ -80,6 +80,13 @@ def curved(rng: np.random.Generator) -> list[Taken]:
     return [replace(taken, contrast=contrast, defocus_px=rng.choice([0.0, 2.0]), gamma=gamma)]
 
 
+def barrel(rng: np.random.Generator) -> list[Taken]:
+    """A photo squarely from above by a lens not straightened, its principal point off by 1 % of the diagonal."""
+    (taken,) = one(rng)
+    angle = rng.uniform(0, 2 * np.pi)
+    return [replace(taken, radial=-0.11, centre_px=(25 * np.cos(angle), 25 * np.sin(angle)))]
+
+
 def scan(rng: np.random.Generator) -> list[Taken]:
     """A flatbed at 600 dpi, as good as is assumed of one."""
     turn = np.radians(rng.uniform(-3, 3))
@@ -89,7 +96,7 @@ def scan(rng: np.random.Generator) -> list[Taken]:
 
 DRAWS: Mapping[str, Draw] = {
     "one photo": one, "tilted": tilted, "tilted, 4 lengths": tilted, "four photos": four, "curved": curved,
-    "scan": scan,
+    "barrel": barrel, "scan": scan,
 }  # fmt: skip
 SEEDS: Mapping[str, int] = {"one photo": 100}
 FEWER_SEEDS = 30
