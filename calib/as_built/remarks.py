@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from calib.as_built.datum import FEW_VIEWS, SeenParts, few_views
 from calib.as_built.result import AsBuilt
 from calib.cameras.camera import Camera
+from calib.core.linear_algebra import symmetric_inverse
 from calib.core.types import Observations
 from calib.solver.outliers import deviations
 from designer.target import TargetGeometry
@@ -77,8 +78,7 @@ def faces_words(which: Flags) -> str:
 def is_another_lens(found: AsBuilt, before: Sequence[Camera]) -> bool:
     """Whether a measured camera is not the one that the target as designed gave, by far more than its own noise."""
     for camera, covariance, other in zip(found.cameras, found.param_covariance, before, strict=True):
-        free = np.flatnonzero(np.diagonal(covariance) > 0)
-        off = (np.asarray(other.params) - np.asarray(camera.params))[free]
-        if off @ np.linalg.lstsq(covariance[np.ix_(free, free)], off)[0] > ANOTHER**2 * len(free):
+        off, known = other.params - camera.params, symmetric_inverse(covariance).inverse
+        if off @ known @ off > ANOTHER**2 * np.count_nonzero(np.diagonal(covariance) > 0):
             return True
     return False
