@@ -124,20 +124,14 @@ class _Work:
 
     def _serve(self, process: "subprocess.Popen[str]") -> None:
         """Give a process kernel after kernel, until none is left or the process is gone."""
-        if process.stdin is None or process.stdout is None:
-            return
-        with suppress(OSError, ValueError):
-            while (line := self._next()) is not None:
-                process.stdin.write(f"{line.line}\n")
-                process.stdin.flush()
-                is_gone = not process.stdout.readline()
-                with self._changed:
-                    self._done.add(line)  # or it failed, and fails again where it is called
-                    done = len(self._done)
-                    self._changed.notify_all()
-                    self._told(done, self._count, (time.monotonic() - self._start_s) * (self._count - done) / done)
-                if is_gone:
-                    return
+        is_there = True
+        while is_there and (line := self._next()) is not None:
+            is_there = _compiles(process, line)
+            with self._changed:
+                self._done.add(line)  # or it failed, and fails again where it is called
+                done = len(self._done)
+                self._changed.notify_all()
+                self._told(done, self._count, (time.monotonic() - self._start_s) * (self._count - done) / done)
 
     def _next(self) -> Listed | None:
         """A kernel whose callees are compiled; waits for one, and is None when all are begun."""
@@ -151,6 +145,17 @@ class _Work:
                     return None  # kernels that call each other
                 self._changed.wait()
             return None
+
+
+def _compiles(process: "subprocess.Popen[str]", line: Listed) -> bool:
+    """Have a process compile a kernel; whether it is still there afterwards."""
+    if process.stdin is None or process.stdout is None:
+        return False
+    with suppress(OSError, ValueError):
+        process.stdin.write(f"{line.line}\n")
+        process.stdin.flush()
+        return bool(process.stdout.readline())
+    return False
 
 
 def _waits_for(lines: tuple[Listed, ...]) -> Mapping[Listed, frozenset[Listed]]:

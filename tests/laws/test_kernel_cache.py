@@ -11,13 +11,13 @@ from types import ModuleType
 
 import pytest
 
-from calib.core import kernel_cache, kernel_store
+from calib.core import compile_ahead, kernel_cache, kernel_store
 from calib.core.compile_ahead import ALONE, FEWEST_KERNELS, Teller, warm_up
 from calib.core.kernel_code import label, parsed_types, types_text
 from calib.core.kernel_list import Listed, kernel_list, parse_line, part_of
 from calib.core.kernel_store import SUFFIX, Store, read_entry, refusal
 from tests.support.kernel_parts import PARTS
-from tests.support.programs import PYTHON, run
+from tests.support.programs import PYTHON, run, start
 
 ROOT = Path(__file__).parents[2]
 MODULE = "kernels_of_law"
@@ -239,6 +239,20 @@ def test_kernels_are_compiled_ahead_by_processes(
     module = fresh()
     assert (module.outer(1), hits(module)) == (3, 1)
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_process_that_ends_holds_nobody_up(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where one of two processes is gone, the other does not wait for what that one was to compile."""
+    lines = tuple(Listed(f"{MODULE}:{name}", kind) for name in ("outer", "inner") for kind in ("int64", "float64"))
+    monkeypatch.setattr("calib.core.compile_ahead.kernel_list", lambda: {"law": lines})
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1}, raising=False)
+    gone = start(PYTHON, "-c", "")
+    gone.wait()
+    processes = [gone, compile_ahead._start()]
+    monkeypatch.setattr("calib.core.compile_ahead._start", lambda: processes.pop(0))
+    assert warm_up() == len(lines)
+    assert entries(cache)
+    assert fresh().outer(1) == 3
 
 
 def test_progress_is_said_in_lines(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
