@@ -33,18 +33,21 @@ MOTION_ROUNDS = 3
 """Of telling the target's motion by frames that are solved with it."""
 
 
-def adjusted(observations: RigObservations, options: RigOptions, alone: Sequence[Alone]) -> RigCalibration:
-    """The rig that is most likely; arguments as those of `start_rig`, and it raises what that does.
+def adjusted(observations: RigObservations, options: RigOptions, starts: Sequence[Sequence[Alone]]) -> RigCalibration:
+    """The rig that is most likely of those that some starts lead to; arguments as those of `start_rig`.
 
     Raises:
-        InputError: it has no minimum in space.
+        InputError: what `start_rig` raises, or it has no minimum in space.
     """
     begin = time.perf_counter()
-    started = start_rig(observations, alone, options)
-    image, problem = _down(started)
+    ends = []
+    for alone in starts:
+        start = start_rig(observations, alone, options)
+        ends.append((*_down(start), start))
+    image, problem, start = min(ends, key=lambda end: (not end[0].converged, _unlikeliness(end[1])))
     is_image = options.minimise == IMAGE or not image.converged
-    there = None if is_image else rig_in_space(problem, image, started.observations, started.alone, started.options)
-    return _calibration(image, problem, there, started, begin)
+    there = None if is_image else rig_in_space(problem, image, start.observations, start.alone, start.options)
+    return _calibration(image, problem, there, start, begin)
 
 
 def _down(start: RigStart) -> tuple[Found, RigProblem]:
@@ -63,6 +66,12 @@ def _down(start: RigStart) -> tuple[Found, RigProblem]:
         problem = replace(problem, motion=motion_of(found.state.rig_from_target, frame_times(observations)))
         found = descend_rig(problem, found.state, max_iterations=steps, loss="cauchy", small_decrease=1e-6)
     return settled(problem, found, observations, start.alone, options)
+
+
+def _unlikeliness(problem: RigProblem) -> float:
+    """Minus the logarithm of the likelihood, each camera's noise being what it leaves over; a constant apart."""
+    counts = np.array([2 * int(one.problem.is_used.sum()) for one in problem.seen])
+    return float(counts @ np.log(problem.scale))
 
 
 def _calibration(

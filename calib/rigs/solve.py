@@ -22,6 +22,7 @@ from calib.rigs.options import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration
 from calib.rigs.start import Alone, solve_alone, view_rms
 from calib.rigs.worth import DISAGREES
+from calib.solver.calibration import Calibration
 from calib.solver.circles import through_circles
 from calib.solver.in_space import require_planes
 from calib.solver.options import SolveOptions
@@ -100,7 +101,7 @@ def _of_all(
         return found
     if not all(_tells_its_lens(*one) for one in zip(observations.sightings, choices, alone, strict=True)):
         return found
-    return adjusted(observations, replace(options, allows_slack=True), alone)
+    return adjusted(observations, replace(options, allows_slack=True), [alone])
 
 
 def _far_off(observations: RigObservations, rms: Sequence[Array]) -> tuple[Flags, ...]:
@@ -180,24 +181,47 @@ def _each_alone(
 def _settled(
     observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions, alone: Sequence[Alone]
 ) -> RigCalibration:
-    """A rig; if that ends short of a minimum, from where a rig without distortion ends.
+    """The most likely rig of the starts that there are; if that ends short of a minimum, from lenses of no distortion.
 
-    Cameras that hardly tell their lenses begin with wild ones, by which some points have no pixel on the way.
+    Cameras whose own photos leave their lenses open begin with wild ones, which of them by chance: the order of photos
+    decides. So a second start has the lens of the camera that tells it best in their place.
     """
-    found = adjusted(observations, options, alone)
+    is_open = [one.solved is not None and one.solved.status != "converged" for one in alone]
+    starts = [alone]
+    if options.carrier is None and any(is_open):
+        starts.append(_begun_anew(is_open, observations, choices, options, alone))
+    found = adjusted(observations, options, starts)
     if found.status != "stopped":
         return found
+    is_free = [choice.is_refined for choice in choices]
     try:
-        plain = [_without_lens(choice) for choice in choices]
-        begun = adjusted(observations, options, _each_alone(observations, plain, options))
-        near = [
-            replace(choice, given=camera) if choice.is_refined else choice
-            for choice, camera in zip(choices, begun.cameras, strict=True)
-        ]
-        again = adjusted(observations, options, _each_alone(observations, near, options))
+        again = adjusted(observations, options, [_begun_anew(is_free, observations, choices, options, alone)])
     except InputError:
         return found
     return again if again.status == "converged" else found
+
+
+def _begun_anew(
+    anew: Sequence[bool],
+    observations: RigObservations,
+    choices: Sequence[CameraChoice],
+    options: RigOptions,
+    alone: Sequence[Alone],
+) -> list[Alone]:
+    """The start with other lenses of some cameras: that of the surest other one of their kind, else no distortion."""
+    start = list(alone)
+    for number in np.flatnonzero(anew).tolist():
+        seen, choice, own = observations.sightings[number], choices[number], alone[number]
+        like = [
+            (_focal_sigma(one.solved), one.camera)
+            for other, one in enumerate(alone)
+            if one.solved is not None and not anew[other] and choices[other] == choice and not choice.fixed
+            and one.camera.image_size == own.camera.image_size
+        ]  # fmt: skip
+        lens = replace(choice, given=min(like, key=lambda pair: pair[0])[1]) if like else _without_lens(choice)
+        begun = solve_alone(seen, observations.camera_names[number], lens, options)
+        start[number] = replace(own, camera=begun.camera, cam_from_target=begun.cam_from_target)
+    return start
 
 
 def _without_lens(choice: CameraChoice) -> CameraChoice:
@@ -215,5 +239,10 @@ def _tells_its_lens(seen: Observations, choice: CameraChoice, one: Alone) -> boo
         alone = one.solved or solve(seen, choice.model, SolveOptions(fixed=choice.fixed))
     except InputError:
         return False
-    sigma, focal = np.sqrt(np.diagonal(alone.param_covariance)[:2]), alone.camera.params[:2]
-    return alone.status == "converged" and bool((sigma <= SURE * np.abs(focal)).all())
+    return alone.status == "converged" and _focal_sigma(alone) <= SURE
+
+
+def _focal_sigma(alone: Calibration) -> float:
+    """The larger standard deviation of the two focal lengths, as a part of them."""
+    sigma = np.sqrt(np.diagonal(alone.param_covariance)[:2]) / np.abs(alone.camera.params[:2])
+    return float(np.nan_to_num(sigma, nan=np.inf).max())

@@ -25,10 +25,18 @@ def test_corners_of_other_frames_are_placed_in_any_order() -> None:
     found = solve_rig(seen, choices)
     assert found.slack is None
     assert length_errors(found.rig, corners.of(~is_first))[0] <= 0.95
-    mixed = shuffled(seen, np.random.default_rng(2))  # from here the first descent ends short of the minimum
-    again = solve_rig(mixed, choices, RigOptions(reference=mixed.camera_names.index("cam0")))
-    rows = [again.rig.row(name) for name in found.rig.names]
-    np.testing.assert_allclose(again.rig.center_mm[rows], found.rig.center_mm, atol=0.05)
+    for seed in range(6):  # in some orders a camera alone ends in a lens from which the rig has no way to the minimum
+        rng = np.random.default_rng(seed)
+        mixed = shuffled(seen, rng)
+        rounded = [
+            replace(one, center_px=one.center_px + rng.normal(0, 1e-9, (len(one), 2))) for one in mixed.sightings
+        ]
+        again = solve_rig(
+            replace(mixed, sightings=tuple(rounded)), choices, RigOptions(reference=mixed.camera_names.index("cam0"))
+        )
+        assert again.status == "converged"
+        rows = [again.rig.row(name) for name in found.rig.names]
+        np.testing.assert_allclose(again.rig.center_mm[rows], found.rig.center_mm, atol=0.05)
 
 
 def test_photos_that_tell_their_lens_may_have_slack_and_others_none(monkeypatch: pytest.MonkeyPatch) -> None:
