@@ -12,7 +12,6 @@ TYPE_CHECKING = False  # `typing` takes long to load, and Ctrl-C in the meantime
 if TYPE_CHECKING:
     from calib.api.bootstrapping import BootstrapResult, bootstrap
     from calib.api.bootstrapping_rigs import RigBootstrapResult, rig_bootstrap
-    from calib.api.budgeting import BudgetResult, budget
     from calib.api.converting import Conversion, convert
     from calib.api.converting_rigs import RigConversion
     from calib.api.costing import CostResult, study_cost
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from calib.api.tolerancing_rigs import RigToleranceResult, rig_tolerance
     from calib.api.triangulating import TriangulationResult, triangulate
     from calib.api.undistorting import Undistorter, undistort
+    from calib.app.budget import Budget, budget
     from calib.cameras.camera import Camera
     from calib.cameras.rig import Rig
     from calib.cameras.undistortion import Undistorted
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BootstrapResult",
-    "BudgetResult",
+    "Budget",
     "Calibration",
     "Camera",
     "Conversion",
@@ -125,6 +125,10 @@ __all__ = [
 ]
 
 _HOMES = {
+    "calib.app.budget": (
+        "Budget",
+        "budget",
+    ),
     "calib.api.bootstrapping": (
         "BootstrapResult",
         "bootstrap",
@@ -132,10 +136,6 @@ _HOMES = {
     "calib.api.bootstrapping_rigs": (
         "RigBootstrapResult",
         "rig_bootstrap",
-    ),
-    "calib.api.budgeting": (
-        "BudgetResult",
-        "budget",
     ),
     "calib.api.converting": (
         "Conversion",

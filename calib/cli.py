@@ -18,6 +18,15 @@ TASKS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("Set up", ("warm-up",)),
 )
 """The commands by what they are for; each is the function of its name in the module of its name."""
+LINES = {
+    "budget": "Tell how large errors in space are to be expected, in mm.",
+}
+"""What the list of commands says of each, as its docstring begins."""
+
+
+def _place(name: str) -> str:
+    word = name.replace("-", "_")
+    return f"calib.{'app' if name in LINES else 'commands'}.{word}:{word}"
 
 
 def app() -> "typer.Typer":
@@ -25,7 +34,11 @@ def app() -> "typer.Typer":
     from designer.base.command import Later, new_app
 
     commands = {
-        name: Later("calib.commands.{0}:{0}".format(name.replace("-", "_")), task)
+        name: Later(
+            "calib.{1}.{0}:{0}".format(name.replace("-", "_"), "app" if name in LINES else "commands"),
+            task,
+            LINES.get(name, ""),
+        )
         for task, names in TASKS
         for name in names
     }

@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.page.scene import Cameras, Labels, Layer, Rings, Scene, Segments, Shape, Surface
+from designer.page.scene import Cameras, Drawn, Labels, Layer, Rings, Scene, Segments, Surface
 from designer.target import TargetGeometry, bounding_radius_mm
 
 Array = NDArray[np.float64]
@@ -95,7 +95,7 @@ def camera_size_mm(cam_from_target: Array) -> float:
     return max(CAMERA_SHARE * float(np.median(np.linalg.norm(cam_from_target[:, :3, 3], axis=1))), 1e-3)
 
 
-def _body(target: TargetGeometry, body_colour: str, ink_colour: str) -> tuple[Shape, ...]:
+def _body(target: TargetGeometry, body_colour: str, ink_colour: str) -> tuple[Drawn, ...]:
     """The faces inside their borders, the borders, and the rest of a board's slab."""
     inside: list[Part] = []
     border: list[Part] = []
@@ -112,7 +112,7 @@ def _body(target: TargetGeometry, body_colour: str, ink_colour: str) -> tuple[Sh
         if target.is_planar:
             inside.append((back, polygon_triangles(outline)[:, ::-1]))
         edges += [_sides(back), np.stack([front, back], axis=1)]
-    shapes: list[Shape] = [_surface(inside, body_colour)]
+    shapes: list[Drawn] = [_surface(inside, body_colour)]
     if has_border:
         shapes.append(_surface(border, ink_colour))
     if edges:
@@ -143,7 +143,7 @@ def _face_numbers(target: TargetGeometry) -> Labels:
     return Labels(middle, target.target_from_face[:, :3, 2], texts, size)
 
 
-def _axes(target: TargetGeometry) -> tuple[Shape, ...]:
+def _axes(target: TargetGeometry) -> tuple[Drawn, ...]:
     """The frame's axes with their letters; those of a solid reach out of it."""
     radius = bounding_radius_mm(target)
     length = (0.55 if target.is_plate else 1.14) * radius

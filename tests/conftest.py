@@ -48,7 +48,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: "Producer") -> "Work
 @pytest.fixture(autouse=True)
 def _quiet_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     """No lines of progress, however slow the machine: tests hold what a command says against what it should."""
-    monkeypatch.setattr("calib.show.screen.SAID_EVERY_S", math.inf)
+    monkeypatch.setattr("designer.page.progress.SAID_EVERY_S", math.inf)
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,6 @@ from calib.api.loading import (
     MAX_SEED,
     Observed,
     Place,
-    Progress,
     ask_cluster,
     folder_of,
     load_observations,
@@ -19,12 +18,10 @@ from calib.api.loading import (
     processes_of,
     target_of,
     truth_from,
-    unheard,
 )
 from calib.api.page_shown import ShownAsPage
 from calib.api.solving import SolvePlan, plan_from_words
 from calib.cameras import DEFAULT, solved_models
-from calib.core.files import check_folder, write_files
 from calib.core.types import Observations
 from calib.observe.corners_vnl import PointGrid
 from calib.renderer.quantities import whole
@@ -40,7 +37,9 @@ from calib.studies.store import check_place, open_study, read_study
 from calib.studies.study_table import StudyCases, StudyTable, cases_of, study_table
 from calib.studies.workers import CaseSpec
 from designer.base.errors import InputError
+from designer.base.files import check_folder, write_files
 from designer.base.words import cut, printable, several
+from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry
 
 MAX_SAMPLES, MAX_SIZE = 1_000_000, 100_000

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from calib.api.loading import MAX_SEED, Place, Progress, unheard
+from calib.api.loading import MAX_SEED, Place
 from calib.api.page_shown import ShownAsPage
 from calib.api.table_folder import check_table_folder, write_table
 from calib.records.rig_file import read_rig
@@ -15,6 +15,7 @@ from calib.studies.rig_bootstrap_record import RIG_BOOTSTRAP, RigBootstrapStudy
 from designer.base.answer import program
 from designer.base.errors import InputError
 from designer.base.words import printable
+from designer.page.progress import Progress, unheard
 
 MOST_SAMPLES, LEAST_FRAMES = 100_000, 4
 

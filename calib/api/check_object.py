@@ -7,13 +7,14 @@ from typing import NoReturn
 
 import numpy as np
 
-from calib.api.loading import Place, Progress, target_of
+from calib.api.loading import Place, target_of
 from calib.api.rig_observing import photos_of_rig, rig_input, search_rig
 from calib.cameras.rig import Rig
 from calib.core.types import RigObservations
 from calib.space.sightings import PointSightings
 from designer.base.errors import InputError
 from designer.base.words import shown
+from designer.page.progress import Progress
 from designer.target import TargetGeometry
 
 

@@ -11,7 +11,6 @@ from calib.cameras import fitted_models, parameter_names
 from calib.cameras.camera import Camera
 from calib.cameras.refit import FOCAL_AND_CENTRE, Refit
 from calib.cameras.rig import Rig
-from calib.core.files import write_files
 from calib.interop.choosing import ACCEPTED_PX, LARGE_PX
 from calib.interop.format import CameraFormat
 from calib.interop.holding import Held, fit_to_format
@@ -19,6 +18,7 @@ from calib.interop.losses import lost_of
 from calib.interop.reading import OpenedCamera, find_format
 from calib.interop.rigs.reading import OpenedRig
 from designer.base.errors import InputError
+from designer.base.files import write_files
 from designer.base.own_files import require_ours, signed
 from designer.base.small_file import place_of
 from designer.base.words import several, shown

@@ -12,7 +12,6 @@ from calib.api.loading import Place
 from calib.cameras.camera import Camera
 from calib.cameras.refit import Refit
 from calib.cameras.rig import Rig, keep_cameras
-from calib.core.files import check_folder, write_files
 from calib.core.se3 import compose, make_pose
 from calib.interop.choosing import LARGE_PX
 from calib.interop.holding import Held, fit_to_format
@@ -21,6 +20,7 @@ from calib.interop.rigs import OWN_RIG
 from calib.interop.rigs.format import RigFormat, WrittenRig
 from calib.interop.rigs.reading import OpenedRig, find_rig_format, require_unit
 from designer.base.errors import InputError
+from designer.base.files import check_folder, write_files
 from designer.base.own_files import require_ours, signed
 from designer.base.small_file import place_of
 from designer.base.words import several, shown

@@ -10,15 +10,12 @@ from calib.api.loading import (
     MAX_SEED,
     Observed,
     Place,
-    Progress,
     load_observations,
     observations_of,
     processes_of,
-    unheard,
 )
 from calib.api.page_shown import ShownAsPage
 from calib.cameras import DEFAULT, fitted_models
-from calib.core.files import check_folder, write_files
 from calib.core.types import Observations
 from calib.observe.corners_vnl import PointGrid
 from calib.renderer.quantities import whole
@@ -29,7 +26,9 @@ from calib.studies.identity import digest_of, sha256_of
 from calib.studies.progress import DrawCount
 from calib.studies.store import read_study
 from designer.base.errors import InputError
+from designer.base.files import check_folder, write_files
 from designer.base.words import cut, printable, shown, suggestion
+from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry
 
 MAX_SETS, MAX_STARTS = 10_000, 100_000

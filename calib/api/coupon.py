@@ -9,12 +9,16 @@ from typing import TypeAlias
 import numpy as np
 
 from calib.api.detecting import Detector
-from calib.api.loading import Place, Progress, folder_of, photos_of, target_of, unheard
+from calib.api.loading import (
+    Place,
+    folder_of,
+    photos_of,
+    target_of,
+)
 from calib.api.page_shown import ShownAsPage
 from calib.api.searching import refuse_nothing
 from calib.as_built.deviations import Compensation
 from calib.as_built.lengths import CaliperLength, asked_lengths, usual_sigmas
-from calib.core.files import write_files
 from calib.core.types import Detections
 from calib.coupons.edges import edges_of
 from calib.coupons.place import KnownLength, PlacedPictures, Sighting, place
@@ -28,10 +32,12 @@ from calib.records.coupon import COUPON, COUPON_FILE, CouponRecord, ReadPicture
 from calib.renderer.quantities import number
 from designer.base.answer import program
 from designer.base.errors import InputError
+from designer.base.files import write_files
 from designer.base.units import NO_SKEW, Skew, format_mm, format_skew
 from designer.kinds.presets import preset_or_file
 from designer.kinds.sizing import DEFAULT_PRINTER
 from designer.kinds.spec_file import with_corrections
+from designer.page.progress import Progress, unheard
 from designer.spec.kind import kind_named
 from designer.target import TargetGeometry
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from calib.api.loading import Place, opened_camera
 from calib.cameras.camera import Camera
 from calib.cameras.refit import CameraDifference, camera_difference
-from calib.core.files import write_files
 from calib.interop.reading import OpenedCamera
 from calib.renderer.quantities import real
 from designer.base.errors import InputError
+from designer.base.files import write_files
 from designer.base.marks import Gap
 from designer.base.own_files import require_ours
 
@@ -79,7 +79,7 @@ class ComparedCameras:
         Raises:
             InputError: no PNG file, one of the cameras' files, or somebody else's.
         """
-        from calib.figures.difference_picture import difference_picture
+        from calib.draw.difference_picture import difference_picture
 
         place, whole = Path(path), self.zones["whole image"]
         check_picture(place, self.opened)

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from calib.api.loading import Observed, Place, folder_of, load_observations, observations_of, truth_from
 from calib.api.run_result import RunResult
-from calib.core.files import check_folder, write_files
 from calib.core.types import Observations
 from calib.metrics.evaluation import LEAST_FOLDS, Evaluation, evaluate_held_out, evaluate_on
 from calib.metrics.evaluation import evaluate as evaluate_all
@@ -19,6 +18,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.virtual.calibrate import calibrate
 from designer.base.errors import InputError
+from designer.base.files import check_folder, write_files
 from designer.base.own_files import require_ours
 from designer.base.small_file import place_of
 from designer.target import TargetGeometry
@@ -55,7 +55,7 @@ class EvaluationResult:
         check_metrics_folder(place)
         files = evaluation_files(self.asked, place)
         if figures:
-            from calib.figures import calibration_figures
+            from calib.draw import calibration_figures
 
             files |= calibration_figures(self.solved_from, place)
         write_files(files)

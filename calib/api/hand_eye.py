@@ -7,7 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import Place, Progress, camera_of, folder_of, load_observations, photos_of, target_of, unheard
+from calib.api.loading import (
+    Place,
+    camera_of,
+    folder_of,
+    load_observations,
+    photos_of,
+    target_of,
+)
 from calib.api.rig_choosing import CameraWishes, choices_of, require_wishes, wishes_of
 from calib.api.rig_observing import RigSearch, search_one
 from calib.api.rig_result import RigResult, RigWriter
@@ -34,6 +41,7 @@ from calib.verdict.verdict import Criteria
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
 from designer.base.words import shown
+from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry
 from designer.tolerance.made import Made, how_made
 

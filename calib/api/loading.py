@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
@@ -13,6 +13,7 @@ from calib.interop import FORMATS, OWN
 from calib.interop.rigs import OWN_RIG, RIG_FORMATS
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
+from designer.page.progress import Progress
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera
@@ -25,11 +26,6 @@ if TYPE_CHECKING:
     from designer.target import Needs, TargetGeometry
 
 Place: TypeAlias = str | PathLike[str]
-Progress: TypeAlias = Callable[[str, float, int], None]
-"""Is told what is being done, how many are done, and of how many, as in `("searching", 3, 12)`; of 0 nobody knows.
-
-Nothing here prints; a caller may.
-"""
 MAX_SEED, MOST_JOBS = 2**63 - 1, 1024
 DISTANCES_MM = (1.0, 10_000.0)
 """From which targets are photographed."""
@@ -287,7 +283,3 @@ def photos_of(photos: Place | Iterable[Place]) -> "FoundPhotos":
         return find_photos([fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos)])
     except TypeError as error:
         raise InputError(f"photos: {error}; give files, folders or patterns (an array goes to calib.detect)") from None
-
-
-def unheard(what: str, done: float, total: int) -> None:
-    """Progress of which nobody is told."""

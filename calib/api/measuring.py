@@ -9,7 +9,13 @@ from os import PathLike
 from pathlib import Path
 from typing import TypeAlias
 
-from calib.api.loading import Place, Progress, load_observations, observations_of, photos_of, target_of, unheard
+from calib.api.loading import (
+    Place,
+    load_observations,
+    observations_of,
+    photos_of,
+    target_of,
+)
 from calib.api.measuring_rigs import rig_to_measure_from, told_of
 from calib.api.page_shown import ShownAsPage
 from calib.api.searching import PhotoSearch
@@ -33,7 +39,6 @@ from calib.as_built.seats import Seat
 from calib.as_built.solve import measure as measure_print
 from calib.as_built.solve import measure_rig, with_known_weights
 from calib.cameras import COMMON, fitted_models
-from calib.core.files import write_files
 from calib.core.types import Detections, Observations
 from calib.coupons.ink_of_rings import InkBleed, ink_of_cameras, ink_of_rings
 from calib.metrics.evaluation import evaluate
@@ -50,9 +55,11 @@ from calib.solver.solve import solve
 from calib.verdict.judge import VERDICT, VERDICT_FILE
 from designer.base.answer import program
 from designer.base.errors import InputError
+from designer.base.files import write_files
 from designer.base.small_file import place_of
 from designer.base.units import NO_SKEW, Skew, format_skew
 from designer.base.words import several, shown
+from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry, target_to_json
 from designer.tolerance.made import EXACT, Made, how_made
 

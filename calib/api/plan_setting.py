@@ -10,7 +10,6 @@ from calib.cameras import COMMON, WIDE, fitted_models
 from calib.cameras.camera import Camera
 from calib.cameras.refit import refit
 from calib.cameras.surface import surface_model
-from calib.core.number_text import figure
 from calib.core.types import KnownPoints
 from calib.records.hand_eye_file import HAND_EYE, HAND_EYE_FILE, HandEye
 from calib.renderer.quantities import real
@@ -18,6 +17,7 @@ from calib.solver.calibration import Calibration
 from calib.verdict.before_photos import usual_hold
 from calib.verdict.views import Habits, TargetShape
 from designer.base.errors import InputError
+from designer.base.number_text import figure
 from designer.base.small_file import place_of
 from designer.target import TargetGeometry
 

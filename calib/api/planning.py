@@ -9,12 +9,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import Place, Progress, camera_of, folder_of, target_of, unheard
+from calib.api.loading import (
+    Place,
+    camera_of,
+    folder_of,
+    target_of,
+)
 from calib.api.page_shown import ShownAsPage
 from calib.api.plan_setting import Carried, carried_by, front_of, hand_of, planned_camera
 from calib.cameras.camera import Camera
-from calib.core.files import check_folder, named_in_files, write_files
-from calib.core.number_text import figure
 from calib.core.parallel import one_thread
 from calib.guide.settings import GuideSettings, settings_of
 from calib.records.hand_eye_file import HandEye
@@ -41,7 +44,10 @@ from calib.verdict.verdict import Criteria
 from calib.verdict.views import TargetShape, shape_of
 from designer.base.answer import program
 from designer.base.errors import InputError
+from designer.base.files import check_folder, named_in_files, write_files
+from designer.base.number_text import figure
 from designer.base.own_files import require_ours
+from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]

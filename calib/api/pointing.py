@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from calib.api.loading import Place
-from calib.core.files import write_files
 from calib.observe.point_target import read_planes, read_points, target_from_points
 from designer.base.errors import InputError
+from designer.base.files import write_files
 from designer.base.own_files import require_ours
 from designer.target import FORMAT, TargetGeometry, load_target, target_to_json
 

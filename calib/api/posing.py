@@ -3,12 +3,18 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, overload
 
-from calib.api.loading import Place, Progress, camera_of, photos_of, target_of, unheard
+from calib.api.loading import (
+    Place,
+    camera_of,
+    photos_of,
+    target_of,
+)
 from calib.api.searching import PhotoSearch
 from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
 from calib.observe.target_poses import PhotoWithoutPose, PoseResult, target_poses
 from designer.base.errors import InputError
+from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry
 
 if TYPE_CHECKING:

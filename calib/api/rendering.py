@@ -15,12 +15,10 @@ from calib.api.loading import (
     DISTANCES_MM,
     MAX_SEED,
     Place,
-    Progress,
     camera_of,
     folder_of,
     processes_of,
     target_of,
-    unheard,
 )
 from calib.cameras.camera import Camera
 from calib.core.se3 import rigid_fault
@@ -36,6 +34,7 @@ from calib.renderer.truth import TRUTH_FILE, FileFormat
 from calib.renderer.view import render_view
 from designer.base.errors import InputError
 from designer.base.words import shown
+from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry, bounding_radius_mm
 
 CHECKED_VIEWS = 50

@@ -11,10 +11,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import DISTANCES_MM, MAX_SEED, Place, Progress, folder_of, processes_of, target_of, unheard
+from calib.api.loading import (
+    DISTANCES_MM,
+    MAX_SEED,
+    Place,
+    folder_of,
+    processes_of,
+    target_of,
+)
 from calib.api.rendering import RenderedPhotos, check_light
 from calib.cameras.rig import RIG, Rig
-from calib.core.files import write_files
 from calib.core.types import LEAST_RADIUS_PX
 from calib.renderer.faces import ring_truth
 from calib.renderer.held_target import held_poses, way_of
@@ -25,7 +31,9 @@ from calib.renderer.rig_template import HeldTarget, SimulatedRig, read_simulated
 from calib.renderer.scene import scene_from_target
 from calib.renderer.truth import RIG_TRUTH, TRUTH_FILE, FileFormat, RigTruth, TrueFrame
 from designer.base.errors import InputError
+from designer.base.files import write_files
 from designer.base.words import shown
+from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry
 
 RIG_FILE, PHOTO_TABLE = "rig.json", "photos.csv"

@@ -6,8 +6,10 @@ from pathlib import Path
 
 from calib.show.folder import build_page, origin_in, why_no_page, write_page
 from designer.base.errors import InputError
+from designer.base.files import write_files
 from designer.base.words import printable
 from designer.page.blocks import Page
+from designer.page.page_file import BLOCKS_FILE, PAGE, PAGE_FILE
 
 CALIBRATION, RIG = "calibration", "rig"
 VERDICTS = {CALIBRATION: "verdict.json", RIG: "rig_verdict.json"}
@@ -36,6 +38,8 @@ def report(folder: Path, *, criteria: str | None = None, kinds: Collection[str] 
     Raises:
         InputError: nothing to report, limits of what is no calibration, or a page that stays; the message says why.
     """
+    if (folder / BLOCKS_FILE).is_file():
+        return _from_blocks(folder, criteria, kinds)
     origin = origin_in(folder)
     kind = origin.kind if not kinds or origin.kind in kinds else next(iter(kinds))
     if why := why_no_page(folder, kind):
@@ -54,6 +58,22 @@ def report(folder: Path, *, criteria: str | None = None, kinds: Collection[str] 
         origin.kind, page, place, None if criteria is None else verdict,
         can_be_judged=origin.kind in VERDICTS and not verdict.exists(),
     )  # fmt: skip
+
+
+def _from_blocks(folder: Path, criteria: str | None, kinds: Collection[str]) -> Reported:
+    """The page of a folder that holds its blocks."""
+    from designer.page.shell import page_html
+
+    stored = PAGE.read(folder / BLOCKS_FILE)
+    if criteria is not None or (kinds and stored.kind not in kinds):
+        what = printable(stored.kind)
+        raise InputError(
+            f"--criteria: limits are for calibrations and rigs, and {folder} holds another kind: {what}"
+            if criteria is not None
+            else f"{folder / PAGE_FILE}: stays as it is, the page of what is in this folder otherwise ({what})"
+        )
+    write_files({folder / PAGE_FILE: page_html(stored.page)})
+    return Reported(stored.kind, stored.page, folder / PAGE_FILE)
 
 
 def _judge_again(folder: Path, kind: str, criteria: str) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from calib.api.loading import Place, Progress, camera_of
+from calib.api.loading import Place, camera_of
 from calib.api.run_result import best_of
 from calib.api.solving import ALL, SolvePlan, SolveTask, compared, models_of, plan_from_words, solve_models
 from calib.cameras import COMMON, MODELS, free_form_models, learned_models, parameter_names, told_parameters
@@ -13,6 +13,7 @@ from calib.rigs.options import CameraChoice
 from calib.solver.options import SolveOptions
 from designer.base.errors import InputError
 from designer.base.words import several, shown, suggestion
+from designer.page.progress import Progress
 
 OF_ONE = ":"
 """Between a camera's name and what is asked of it alone, as in `left:k3=0`."""

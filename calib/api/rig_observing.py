@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.api.loading import Place, Progress, target_of
+from calib.api.loading import Place, target_of
 from calib.core.types import Observations, RigObservations
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
 from designer.base.words import shown
+from designer.page.progress import Progress
 from designer.target import TargetGeometry
 
 if TYPE_CHECKING:

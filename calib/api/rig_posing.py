@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import Place, Progress, rig_of, target_of
+from calib.api.loading import Place, rig_of, target_of
 from calib.api.rig_observing import RigSearch, photos_of_rig, rig_input, search_with_lenses
 from calib.cameras.rig import Rig
 from calib.core.types import Detections
@@ -17,6 +17,7 @@ from calib.records.rig_poses_file import CameraResidual, FrameWithoutPose, RigPo
 from calib.rigs.target_pose import CameraSight, RigPose, pose_in_rig
 from designer.base.errors import InputError
 from designer.base.words import printable
+from designer.page.progress import Progress
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]

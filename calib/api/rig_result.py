@@ -11,7 +11,6 @@ from calib.api.page_shown import ShownAsPage
 from calib.api.rig_observing import RigSearch
 from calib.api.rig_pictures import draw_rig_pictures, remove_rig_pictures
 from calib.cameras.rig import RIG, Rig
-from calib.core.files import check_folder, write_files
 from calib.core.types import RigObservations
 from calib.observe.rig_sightings import KIND as SIGHTINGS
 from calib.observe.rig_sightings import rig_sightings_to_csv
@@ -32,6 +31,7 @@ from calib.verdict.rig_judge import RIG_VERDICT, RIG_VERDICT_FILE, JudgedRig
 from calib.verdict.verdict import Verdict
 from designer.base.answer import program
 from designer.base.errors import InputError
+from designer.base.files import check_folder, write_files
 from designer.base.own_files import require_ours
 from designer.target import TargetGeometry
 from designer.tolerance.made import Made

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from os import fspath
 
-from calib.api.loading import Place, Progress, folder_of, target_of, unheard
+from calib.api.loading import Place, folder_of, target_of
 from calib.api.rig_choosing import CameraWishes, choices_of, require_wishes, wishes_of
 from calib.api.rig_observing import RigInput, RigSearch, photos_of_rig, rig_input, search_rig, with_remarks
 from calib.api.rig_result import RigResult, RigWriter
@@ -27,6 +27,7 @@ from calib.verdict.verdict import Criteria
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
 from designer.base.words import shown, suggestion
+from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry
 from designer.tolerance.made import Made, how_made
 

@@ -12,9 +12,8 @@ from calib.api.loading import folder_of
 from calib.api.page_shown import ShownAsPage
 from calib.api.solving import Solution, SolveTask
 from calib.cameras import MODELS
-from calib.core.files import check_folder, write_files
 from calib.core.types import Observations
-from calib.figures import CALIBRATION_PICTURE
+from calib.draw import CALIBRATION_PICTURE
 from calib.metrics.evaluation import Evaluation
 from calib.observe.records import Records, records_path
 from calib.records.calibration_file import (
@@ -33,6 +32,7 @@ from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextView, Next
 from calib.verdict.verdict import Verdict
 from designer.base.answer import program
 from designer.base.errors import InputError, NotWrittenError
+from designer.base.files import check_folder, write_files
 from designer.base.own_files import is_ours, require_ours
 from designer.target import TargetGeometry
 
@@ -252,7 +252,7 @@ class RunWriter:
 
     def write_tables(self) -> None:
         """Write tables of each model, and a picture of the best one."""
-        from calib.figures import calibration_figures
+        from calib.draw import calibration_figures
 
         for one in self.finished:
             if one.evaluation is not None:

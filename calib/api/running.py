@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING
 from calib.api.loading import (
     Observed,
     Place,
-    Progress,
     folder_of,
     observations_of,
     photos_of,
     rendered_id_of,
     target_of,
     truth_from,
-    unheard,
 )
 from calib.api.run_result import DETECTIONS_FILE, RunResult, RunWriter, best_of
 from calib.api.solving import (
@@ -28,7 +26,6 @@ from calib.api.solving import (
     solve_models,
 )
 from calib.cameras import learned_models
-from calib.core.files import named_in_files
 from calib.solver.accuracy import UndeterminedError
 from calib.solver.capture_error import capture_of
 from calib.solver.costs import IMAGE
@@ -38,8 +35,10 @@ from calib.verdict.judge import inputs_of, judge_cameras
 from calib.verdict.verdict import Criteria
 from calib.virtual.calibrate import ALL_VIEWS
 from designer.base.errors import InputError
+from designer.base.files import named_in_files
 from designer.base.small_file import place_of
 from designer.base.words import suggestion
+from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry
 
 if TYPE_CHECKING:

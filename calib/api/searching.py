@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.api.detecting import Detector
-from calib.api.loading import Progress, processes_of, unheard
+from calib.api.loading import processes_of
 from calib.cameras import COMMON, WIDE
 from calib.core.types import Detections, Observations
 from calib.detector import pipeline
@@ -33,6 +33,7 @@ from calib.observe.records import Records
 from calib.renderer.truth import TRUTH_FILE
 from calib.show.photos.why_nothing import explained
 from designer.base.errors import InputError
+from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from calib.core.files import check_folder
 from designer.base.errors import InputError
+from designer.base.files import check_folder
 from designer.base.own_files import require_ours
 
 

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib.api.bootstrapping import BootstrapResult, Sampling
-from calib.api.loading import MAX_SEED, Place, Progress, processes_of, unheard
+from calib.api.loading import MAX_SEED, Place, processes_of
 from calib.api.page_shown import ShownAsPage
-from calib.core.files import check_folder, write_files
 from calib.renderer.quantities import whole
 from calib.show.studies.study_folder import STUDY_FILE
 from calib.studies import paper_study
@@ -16,6 +15,8 @@ from calib.studies.progress import DrawCount
 from calib.studies.store import read_study
 from calib.studies.study_table import StudyTable, cases_of, study_table
 from designer.base.errors import InputError
+from designer.base.files import check_folder, write_files
+from designer.page.progress import Progress, unheard
 
 
 def study_paper(

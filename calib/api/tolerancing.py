@@ -12,18 +12,15 @@ from calib.api.loading import (
     DISTANCES_MM,
     MAX_SEED,
     Place,
-    Progress,
     ask_cluster,
     camera_of,
     folder_of,
     processes_of,
     target_of,
-    unheard,
 )
 from calib.api.page_shown import ShownAsPage
 from calib.cameras import DEFAULT
 from calib.cameras.camera import Camera
-from calib.core.files import check_folder, write_files
 from calib.renderer.poses import MAX_VIEWS
 from calib.renderer.quantities import real, whole
 from calib.solver.options import SolveOptions
@@ -36,10 +33,12 @@ from calib.studies.tolerance.setting import make_setting
 from calib.studies.tolerance.stored import Keeping
 from calib.studies.tolerance.what_if import WhatIf
 from designer.base.errors import InputError
+from designer.base.files import check_folder, write_files
 from designer.base.small_file import place_of
 from designer.base.words import cut, printable, several
 from designer.kinds.layout import Viewpoints, advised_photos
 from designer.kinds.presets import preset_names
+from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry, bounding_radius_mm, target_to_json
 from designer.tolerance.error_file import error_model
 from designer.tolerance.made import error_model_for

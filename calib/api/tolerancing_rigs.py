@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.api.loading import MAX_SEED, Place, Progress, target_of, unheard
+from calib.api.loading import MAX_SEED, Place, target_of
 from calib.api.page_shown import ShownAsPage
 from calib.api.rendering_rigs import held_before, simulated_rig
 from calib.api.table_folder import check_table_folder, write_table
@@ -22,6 +22,7 @@ from calib.studies.tolerance.rig_record import RIG_TOLERANCE, RigToleranceStudy
 from designer.base.answer import program
 from designer.base.errors import InputError
 from designer.base.words import cut, printable
+from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 

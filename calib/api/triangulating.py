@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.api.check_object import as_points, seen_of_object
-from calib.api.loading import Place, Progress, folder_of, rig_of, unheard
+from calib.api.loading import Place, folder_of, rig_of
 from calib.api.page_shown import ShownAsPage
 from calib.cameras.rig import Rig
-from calib.core.files import check_folder, write_files
-from calib.core.number_text import figure
 from calib.core.types import RigObservations
 from calib.observe.point_table import read_point_table
 from calib.records.triangulation_file import (
@@ -31,8 +29,11 @@ from calib.space.known_lengths import LengthCheck
 from calib.space.sightings import PointSightings
 from calib.space.triangulate import Triangulation, noise_of, triangulate_points
 from designer.base.errors import InputError
+from designer.base.files import check_folder, write_files
+from designer.base.number_text import figure
 from designer.base.own_files import require_ours
 from designer.base.small_file import place_of
+from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry
 
 NOISE_PX = (1e-6, 1e3)

@@ -10,21 +10,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.api.detecting import Pixels, require_image
-from calib.api.loading import Place, Progress, camera_of, folder_of, photos_of, unheard
+from calib.api.loading import (
+    Place,
+    camera_of,
+    folder_of,
+    photos_of,
+)
 from calib.api.searching import refuse_nothing
 from calib.cameras import ABILITIES, LINEAR, pictures, undistortion
 from calib.cameras.camera import CAMERA, Camera, camera_to_json
 from calib.cameras.camera import load_camera as load_own_camera
 from calib.cameras.picture_of import looking, picture_of
 from calib.cameras.undistortion import Undistorted
-from calib.core.files import distinct_stems, write_files
 from calib.observe.images import Grey, read_colour
 from calib.observe.photos import PhotoFile, named_photos, require_size, why_failed
 from calib.renderer.quantities import choice, real
 from calib.show.photos.photos_file import PHOTOS_FILE, read_photos
 from calib.show.photos.undistorted_photos import CAMERA_FILE, MARK, UndistortedFile, UndistortedFiles
 from designer.base.errors import InputError
+from designer.base.files import distinct_stems, write_files
 from designer.base.own_files import require_ours
+from designer.page.progress import Progress, unheard
 
 FOCAL_RANGE_PX = (1.0, 1e7)
 LEAST_FIELD_RAD = math.radians(1)

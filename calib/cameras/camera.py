@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import ABILITIES, MODELS, CameraModel, parameter_names, project, rays
-from calib.core.files import write_files
 from calib.core.types import freeze
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind, laid_out
+from designer.base.files import write_files
 from designer.base.marks import LEFT_OUT, Above, AtLeast, AtMost, Length, Shape
 from designer.base.small_file import JsonValue, parse_json, place_of, read_small_text, read_spec_file
 from designer.base.words import shown, suggestion

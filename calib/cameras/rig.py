@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.core.files import write_files
 from calib.core.se3 import invert, rigid_fault
 from calib.core.types import freeze
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
+from designer.base.files import write_files
 from designer.base.marks import LEFT_OUT, PACKED, AtLeast, AtMost, Length, Shape
 from designer.base.small_file import place_of
 from designer.base.words import shown, suggestion

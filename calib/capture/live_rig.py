@@ -16,12 +16,12 @@ from calib.capture.serving import Heard, Serving
 from calib.capture.sources.opencv_camera import OpenCVCamera
 from calib.capture.sources.source import Source
 from calib.capture.sources.watched_folder import WatchedFolder, require_apart
-from calib.core.files import write_files
 from calib.guide.rig_guide import RigGuide
 from calib.observe.rig_photos import camera_names_of
 from calib.show.folder import why_no_page
 from calib.verdict.criteria import STANDARD
 from designer.base.errors import InputError
+from designer.base.files import write_files
 from designer.base.small_file import place_of
 from designer.base.words import shown
 from designer.target import TargetGeometry

@@ -17,10 +17,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.files import check_folder, write_files
 from calib.observe.photos import images_in
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
+from designer.base.files import check_folder, write_files
 from designer.base.marks import Length, Line, Word
 from designer.base.own_files import require_ours
 from designer.base.words import shown

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from calib.commands.options import PhotosArgument
-from calib.show.screen import progress_bars
 from designer.base.answer import Summary
 from designer.base.command import command_line
 from designer.kinds.presets import printer_templates
+from designer.page.progress import progress_bars
 
 if TYPE_CHECKING:
     from designer.base.answer import Value

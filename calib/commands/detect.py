@@ -8,9 +8,9 @@ import typer
 
 from calib.commands.folder_page import say_next
 from calib.commands.options import PhotoJobsOption, PhotosArgument, TargetArgument
-from calib.show.screen import progress_bars
 from designer.base.answer import Summary
 from designer.kinds.presets import camera_templates
+from designer.page.progress import progress_bars
 from designer.page.terminal import quoted, shown
 
 NOTHING_FOUND = 1

@@ -9,11 +9,11 @@ import typer
 from calib.cameras import fitted_models
 from calib.commands import options
 from calib.commands.solve import image_size_of
-from calib.show.screen import progress_bars, waiting
 from designer.base.answer import Summary
 from designer.base.command import command_line
 from designer.base.errors import InputError
 from designer.kinds.presets import error_templates, one_of
+from designer.page.progress import progress_bars, waiting
 from designer.page.terminal import quoted
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ import typer
 
 from calib.commands import options
 from calib.commands.detect import exports_folder
-from calib.show.screen import progress_bars
 from designer.base.answer import Summary
+from designer.page.progress import progress_bars
 
 if TYPE_CHECKING:
     from designer.base.answer import Value

@@ -7,11 +7,11 @@ import typer
 
 from calib.commands.camera_argument import read_camera
 from calib.commands.options import PhotoJobsOption, TargetArgument, WeightedOption
-from calib.show.screen import progress_bars
 from designer.base.answer import Summary
 from designer.base.errors import InputError
 from designer.base.words import printable
 from designer.kinds.presets import camera_templates
+from designer.page.progress import progress_bars
 from designer.page.terminal import shown
 
 if TYPE_CHECKING:

@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib.show.screen import progress_bars
 from designer.base.answer import Summary
 from designer.base.words import printable
+from designer.page.progress import progress_bars
 from designer.page.terminal import shown
 
 if TYPE_CHECKING:

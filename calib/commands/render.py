@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, cast, get_args
 import typer
 
 from calib.commands.options import CameraTemplateOption, JobsOption, RigOption, SeedOption
-from calib.show.screen import progress_bars
 from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError
 from designer.kinds.presets import one_of
+from designer.page.progress import progress_bars
 from designer.page.terminal import shown
 
 if TYPE_CHECKING:

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, cast
 
 import typer
 
-from calib.show.screen import progress_bars
 from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError
+from designer.page.progress import progress_bars
 from designer.page.terminal import say_table, shown
 
 if TYPE_CHECKING:

@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from calib.show.screen import waiting
 from designer.base.answer import Summary
 from designer.kinds.presets import criteria_templates
+from designer.page.progress import waiting
 from designer.page.terminal import quoted, say_headline, shown
 
 NEGATIVE = 1

@@ -9,11 +9,11 @@ import typer
 
 from calib.commands import options
 from calib.commands.detect import exports_folder
-from calib.core.files import named_in_files
-from calib.show.screen import progress_bars, waiting
 from calib.solver.costs import IMAGE
 from designer.base.answer import NegativeError, StoppedError, Summary
 from designer.base.command import NOTHING_WRITTEN, command_line
+from designer.base.files import named_in_files
+from designer.page.progress import progress_bars, waiting
 
 BAD = 1
 """The rig is not to be used."""

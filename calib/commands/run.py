@@ -10,10 +10,10 @@ from calib.commands.detect import exports_folder
 from calib.commands.folder_page import say_next as say_next_of_overlays
 from calib.commands.running import negative, report_of, solutions_answer, stopped
 from calib.commands.solve import focal_of, made_settings, reference_of, reference_settings
-from calib.show.screen import progress_bars
 from calib.solver.costs import IMAGE
 from designer.base.answer import Summary
 from designer.base.command import command_line
+from designer.page.progress import progress_bars
 from designer.page.terminal import quoted
 
 if TYPE_CHECKING:

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calib.api.run_result import RunResult
-from calib.core.number_text import figure
 from calib.metrics.evaluation import Evaluation
 from calib.records.evaluation_files import metrics_of
 from calib.records.run_folder import Run
 from calib.show.run.sections import check_findings, headline_of, key_facts, steps_of
 from calib.show.run.tables import checks_table, errors_table, faces_table, models_table, parameters_table
 from designer.base.command import command_line
+from designer.base.number_text import figure
 from designer.page.blocks import Finding, Headline
 from designer.page.terminal import (
     quoted,

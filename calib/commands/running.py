@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, cast
 
-from calib.show.screen import waiting
 from designer.base.answer import NegativeError, StoppedError, Summary
 from designer.base.command import NOTHING_WRITTEN, command_line
+from designer.page.progress import waiting
 from designer.page.terminal import shown
 
 if TYPE_CHECKING:

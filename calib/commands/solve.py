@@ -7,11 +7,11 @@ import typer
 
 from calib.commands import options
 from calib.commands.running import negative, report_of, stopped
-from calib.core.files import named_in_files
-from calib.show.screen import progress_bars
 from calib.solver.costs import IMAGE
 from designer.base.answer import Summary
 from designer.base.errors import InputError
+from designer.base.files import named_in_files
+from designer.page.progress import progress_bars
 from designer.page.terminal import quoted
 
 if TYPE_CHECKING:

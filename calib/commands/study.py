@@ -13,12 +13,12 @@ from calib.commands import options
 from calib.commands.folder_page import say_next, with_page, with_page_again
 from calib.commands.solve import grid_of, image_size_of
 from calib.commands.study_rig import SAMPLES, bootstrap_of_rig
-from calib.show.screen import progress_bars, waiting
 from designer.base.answer import StoppedError, Summary, Value
 from designer.base.codec import encode
 from designer.base.command import command, only_these
 from designer.base.errors import InputError
 from designer.kinds.presets import one_of
+from designer.page.progress import progress_bars, waiting
 from designer.page.terminal import quoted, say_findings, say_headline, say_line, say_table, say_written
 
 if TYPE_CHECKING:
@@ -277,7 +277,7 @@ def answer_of(kind: type[T], table: T) -> Mapping[str, Value]:
 
 def say_sampled(sampled: "DrawCount", jobs: int | None, dask: str | None = None) -> None:
     """Say how many samples were computed, and how fast."""
-    from calib.core.number_text import figure
+    from designer.base.number_text import figure
 
     count = jobs or os.cpu_count() or 1
     by = f"{count} process{'es' if count > 1 else ''}" if dask is None else f"the cluster at {dask}"

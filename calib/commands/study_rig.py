@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from calib.commands.folder_page import say_next, with_page
-from calib.show.screen import progress_bars
 from designer.base.answer import Summary
+from designer.page.progress import progress_bars
 
 SAMPLES = 200
 """Each is a rig that is solved."""

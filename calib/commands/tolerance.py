@@ -12,11 +12,11 @@ from calib.commands.camera_argument import read_camera
 from calib.commands.folder_page import say_next, with_page
 from calib.commands.study import answer_of, kept_when_stopped
 from calib.commands.tolerance_rig import DRAWS, tolerance_of_rig
-from calib.show.screen import progress_bars, waiting
 from designer.base.answer import Summary
 from designer.base.command import only_these
 from designer.kinds.presets import error_templates, one_of
 from designer.page.blocks import Finding
+from designer.page.progress import progress_bars, waiting
 from designer.page.terminal import quoted
 
 if TYPE_CHECKING:

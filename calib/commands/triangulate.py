@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from calib.commands.options import PhotoJobsOption
-from calib.show.screen import progress_bars
 from designer.base.answer import Summary
 from designer.base.errors import InputError
+from designer.page.progress import progress_bars
 
 if TYPE_CHECKING:
     from designer.base.answer import Value

@@ -16,9 +16,9 @@ from calib.commands.hand_eye import (
     kept_settings,
 )
 from calib.commands.rig import answers, told_rig
-from calib.show.screen import progress_bars
 from calib.solver.costs import IMAGE
 from designer.base.answer import Summary
+from designer.page.progress import progress_bars
 
 
 def turntable(

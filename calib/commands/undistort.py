@@ -10,9 +10,9 @@ import typer
 from calib.cameras import LINEAR, pictures
 from calib.commands.camera_argument import camera_answer, read_camera
 from calib.commands.options import CameraArgument, PhotosArgument
-from calib.show.screen import progress_bars
 from designer.base.answer import StoppedError, Summary
 from designer.kinds.presets import one_of
+from designer.page.progress import progress_bars
 from designer.page.terminal import quoted, shown
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ from calib.cameras import DEFAULT, fitted_models
 from calib.commands import options
 from calib.commands.camera_argument import read_camera
 from calib.commands.folder_page import say_next, with_page
-from calib.show.screen import progress_bars, waiting
 from designer.base.answer import Summary, Value
 from designer.kinds.presets import one_of
 from designer.page.blocks import Finding
+from designer.page.progress import progress_bars, waiting
 from designer.page.terminal import quoted
 
 

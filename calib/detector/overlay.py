@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from calib.core.files import write_files
 from calib.core.types import Detections
 from calib.detector.canvas import Box, Canvas, Colour, Point, canvas_between
 from calib.detector.overlay_frame import MISSING, REJECTED, face_colours, frame, sigma_colour
 from calib.detector.where_expected import ImagedFace, imaged_face
 from designer.base.errors import InputError
+from designer.base.files import write_files
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]

@@ -8,7 +8,6 @@ from os import PathLike
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.number_text import figure
 from calib.core.se3 import compose
 from calib.core.types import Detections
 from calib.guide.ghost_lines import ghost_lines
@@ -25,6 +24,7 @@ from calib.verdict.next_view_words import place_of
 from calib.verdict.next_views import outline_px
 from calib.verdict.rig_next_frames import NextFrame
 from designer.base.errors import InputError
+from designer.base.number_text import figure
 from designer.base.words import shown
 from designer.target import TargetGeometry, load_target
 

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.rig import Rig
-from calib.core.number_text import figure
 from calib.core.parallel import one_thread_with_scipy
 from calib.guide.guide import Guide
 from calib.guide.telling import bar_of
@@ -27,6 +26,7 @@ from calib.verdict.check_kind import at_most
 from calib.verdict.rig_judge import JudgedRig, judge_rig
 from calib.verdict.verdict import Criteria, Grade, Limits, measured_text
 from designer.base.errors import InputError
+from designer.base.number_text import figure
 
 Array = NDArray[np.float64]
 

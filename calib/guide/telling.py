@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
-from calib.core.number_text import figure
 from calib.core.types import Detections
 from calib.guide.held import held_at
 from calib.guide.hints import short_of, side_words
@@ -26,6 +25,7 @@ from calib.verdict.next_view_words import place_of, place_words, thing_word, til
 from calib.verdict.next_views import NextView, outline_px
 from calib.verdict.verdict import Check, Grade
 from calib.verdict.views import TargetShape
+from designer.base.number_text import figure
 
 Array = NDArray[np.float64]
 

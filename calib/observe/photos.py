@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.core.files import distinct_stems
 from calib.core.types import Detections
 from calib.observe.images import SUFFIXES_OF, Photo, read_image
 from calib.observe.records import ImageRecord, image_record
 from designer.base.errors import InputError
+from designer.base.files import distinct_stems
 from designer.target import TargetGeometry
 
 OVERLAY_MARK = ".overlay"

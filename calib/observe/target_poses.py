@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.core.files import write_files
 from calib.core.se3 import log_rotation, skew
 from calib.core.types import Detections
 from calib.observe.observations import observations_for_poses
@@ -20,6 +19,7 @@ from calib.observe.photos import Search
 from calib.solver.start import solve_poses
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
+from designer.base.files import write_files
 from designer.base.marks import Hash, Key, Shape
 from designer.base.own_files import require_ours
 from designer.base.small_file import place_of

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera, camera_to_json
-from calib.core.files import write_files
 from calib.core.se3 import rigid_fault
 from calib.core.types import KnownPoints, Observations
 from calib.records.observation_table import MAX_RESIDUAL_PX, observations_to_csv, read_sightings
@@ -34,6 +33,7 @@ from calib.solver.plane_bend import PlaneBend
 from designer.base.codec import decode, encode
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
+from designer.base.files import write_files
 from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Count, Gap, Hash, Length, Shape
 from designer.base.words import shown
 

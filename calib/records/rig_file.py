@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.rig import LONGEST_DELAY_S, MOST_CAMERAS, POSE, RIG
-from calib.core.files import write_files
 from calib.core.se3 import rigid_fault
 from calib.core.types import KnownPoints, RigObservations
 from calib.records.calibration_file import CALIBRATION_FILE, Provenance, calibration_files, read_calibration
@@ -30,6 +29,7 @@ from calib.solver.calibration import Calibration, Status
 from calib.verdict.rig_judge import RIG_VERDICT, RIG_VERDICT_FILE, JudgedRig
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
+from designer.base.files import write_files
 from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Count, Length, Line, Shape, Word
 from designer.base.words import shown
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from calib.core.files import write_files
 from calib.records.calibration_file import Provenance
 from calib.records.rig_file import RIG_CALIBRATION_FILE, read_rig
 from calib.records.run_folder import TARGET_FILE
@@ -14,6 +13,7 @@ from calib.verdict.rig_evidence import RigEvidence, rig_evidence
 from calib.verdict.rig_judge import RIG_VERDICT, RIG_VERDICT_FILE, JudgedRig, judge_rig
 from calib.verdict.verdict import Criteria, Verdict
 from designer.base.errors import InputError
+from designer.base.files import write_files
 from designer.base.words import printable
 from designer.target import TargetGeometry, load_target
 

@@ -12,7 +12,6 @@ from typing import TypeVar
 import numpy as np
 
 from calib.cameras import MODELS
-from calib.core.files import write_files
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.observe.records import RECORDS, Records
@@ -26,6 +25,7 @@ from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextView, Next
 from calib.verdict.verdict import Criteria, Verdict
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
+from designer.base.files import write_files
 from designer.base.words import printable
 from designer.target import TargetGeometry, load_target
 

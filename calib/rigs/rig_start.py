@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.number_text import figure
 from calib.core.se3 import invert
 from calib.core.types import RigObservations, keep_frames
 from calib.rigs.hand_eye import HandEyeStart, start_hand_eye
@@ -18,6 +17,7 @@ from calib.rigs.start import Alone, frame_candidates, joined, synchronised
 from calib.rigs.turntable import start_turntable, turned_by
 from calib.rigs.worth import LEAST_SCALE, LEAST_SIGMA
 from calib.solver.problem import few_per_view, select
+from designer.base.number_text import figure
 from designer.base.words import printable
 
 Array = NDArray[np.float64]

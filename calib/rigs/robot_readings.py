@@ -16,10 +16,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.number_text import figure
 from calib.core.se3 import invert, log_rotation
 from calib.observe.robot_poses import ANGLES, LENGTHS, MOST_TURNS_RAD, RobotPoses
 from calib.observe.robot_rotations import RotationReading, angle_readings, quaternion_readings
+from designer.base.number_text import figure
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]

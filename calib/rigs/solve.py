@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import parameter_names
-from calib.core.number_text import figure
 from calib.core.parallel import one_thread_with_scipy
 from calib.core.types import Observations, RigObservations, keep_views
 from calib.rigs.adjust import adjusted
@@ -28,6 +27,7 @@ from calib.solver.in_space import require_planes
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from designer.base.errors import InputError
+from designer.base.number_text import figure
 from designer.base.words import printable
 
 Array = NDArray[np.float64]

@@ -10,10 +10,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TypeAlias, cast
 
-from calib.core.files import write_files
 from calib.show.parts.origin import ORIGIN, ORIGIN_FILE, Origin, origin_of, read_origin
 from designer.base.answer import program
 from designer.base.errors import InputError, NotWrittenError
+from designer.base.files import write_files
 from designer.base.own_files import kind_of
 from designer.base.words import printable
 from designer.page.blocks import Page
@@ -40,7 +40,6 @@ KINDS: Mapping[str, str] = {
     "poses": "photos.photos_page.photos_page",
     "rig_poses": "photos.photos_page.photos_page",
     "triangulation": "space.triangulated.triangulation_page",
-    "budget": "space.budgeted.budget_page",
     "plan": "plan.page.plan_page",
 }
 """What builds the page of each kind of folder: a function below `calib.show`, loaded when it is needed."""
@@ -173,7 +172,6 @@ def origin_in(folder: Path) -> Origin:
 
 def _kind_in(folder: Path) -> str:
     """The kind of a folder's results, by the files in it; "" if there are none."""
-    from calib.records.budget_file import BUDGET_FILE
     from calib.records.coupon import COUPON_FILE
     from calib.records.plan_file import PLAN_FILE
     from calib.records.rig_file import is_rig_folder
@@ -193,7 +191,7 @@ def _kind_in(folder: Path) -> str:
     if any(folder.glob("*.as_built.json")):
         return "measure"
     of_one_kind = (
-        (COUPON_FILE, "coupon"), (TRIANGULATION_FILE, "triangulation"), (BUDGET_FILE, "budget"), (PLAN_FILE, "plan"),
+        (COUPON_FILE, "coupon"), (TRIANGULATION_FILE, "triangulation"), (PLAN_FILE, "plan"),
     )  # fmt: skip
     for name, kind in of_one_kind:
         if (folder / name).is_file():

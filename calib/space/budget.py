@@ -7,6 +7,8 @@ What a part of the rig costs is told by a condition: if it were known exactly, a
 large would the errors be? Parts go together, so what they cost does not add up.
 """
 
+import csv
+import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -20,6 +22,7 @@ from calib.core.types import freeze
 from calib.space.error_size import NOT_KNOWN, PointErrors, errors_of, rms_error_mm
 from calib.space.linear import calibration_factor
 from calib.space.propagate import Propagated, Rays, propagate
+from calib.space.triangulate import UNSURE
 from calib.space.volume import WorkingVolume, seen_by_cameras
 from designer.base.errors import InputError
 
@@ -30,6 +33,18 @@ CELLS = (21, 21, 21)
 FINER, LEAST_POINTS = (41, 41, 41), 300
 MOST_POINTS, MOST_NUMBERS = 4000, 20_000_000
 """Of the lattice, and of what independent errors of the rig do to its points."""
+_AXES = ("XX", "XY", "XZ", "YY", "YZ", "ZZ")
+COLUMNS = (
+    "X", "Y", "Z", "cameras", "sigma_mm", "noise_mm", "calibration_mm", "shape_mm",
+    *(f"{part}_{axes}" for part in ("c", "noise", "calibration") for axes in _AXES),
+)  # fmt: skip
+EXPLAINED = (
+    "# ringsolid budget, version 1",
+    "# X Y Z: in the rig's frame, mm; sigma_mm: root mean square of the error's length in space; noise_mm, "
+    "calibration_mm: its parts",
+    "# shape_mm: the same with the best rigid motion of all points taken off",
+    "# c_: covariance in mm^2; noise_: its part by the pixels; calibration_: by the rig's errors; empty: not known",
+)
 AS_NOTHING = 1e-7
 """Of a part's largest independent error, what is rounding."""
 
@@ -220,6 +235,39 @@ def _span(factor: Array) -> Array:
     _, size, across = np.linalg.svd(unit, full_matrices=False)
     basis: Array = across[size > AS_NOTHING * size[0]].T
     return basis
+
+
+def shape_error_mm(expected: Expected) -> Array:
+    """What the rig's errors do to the shape of all points, root mean square (N,); nan: not known."""
+    changes = shape_changes(expected)
+    size: Array = np.full(len(expected.point_mm), np.nan) if changes is None else np.sqrt((changes**2).sum(axis=(1, 2)))
+    return size
+
+
+def share_not_measured(rig: Rig, expected: Expected) -> float:
+    """Of the points, those whose error reaches a third of their distance."""
+    away = np.linalg.norm(expected.point_mm[:, None] - rig.center_mm, axis=2).min(axis=1)
+    return float((rms_error_mm(expected.covariance_mm2) > UNSURE * away).mean())
+
+
+def grid_csv(expected: Expected, shape_mm: Array) -> bytes:
+    """The lattice of the volume as a table, a line a point; what is not known is empty."""
+    stream = io.StringIO(newline="")
+    stream.writelines(f"{line}\n" for line in EXPLAINED)
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    shared = expected.calibration_mm2
+    shared = np.full_like(expected.noise_mm2, np.nan) if shared is None else shared
+    parts = (expected.covariance_mm2, expected.noise_mm2, shared)
+    upper = np.triu_indices(3)
+    shape = np.sqrt(np.trace(expected.noise_mm2, axis1=1, axis2=2) + shape_mm**2)
+    numbers = np.column_stack([
+        expected.point_mm, expected.cameras, *(rms_error_mm(part) for part in parts), shape,
+        *(part[:, upper[0], upper[1]] for part in parts),
+    ])  # fmt: skip
+    for row in numbers.tolist():
+        writer.writerow([f"{value:.9g}" if np.isfinite(value) else "" for value in row])
+    return stream.getvalue().encode()
 
 
 def shape_errors(expected: Expected) -> PointErrors:

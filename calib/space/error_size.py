@@ -37,3 +37,8 @@ def errors_of(length_mm: Array) -> PointErrors:
     if not len(known):
         return NOT_KNOWN
     return PointErrors(*(float(value) for value in (*np.percentile(known, [50, MOST]), known.max())))
+
+
+def rms_errors(covariance_mm2: Array | None) -> PointErrors:
+    """Three numbers of the errors of many points with covariances (N, 3, 3); nan if these are not known."""
+    return NOT_KNOWN if covariance_mm2 is None else errors_of(rms_error_mm(covariance_mm2))

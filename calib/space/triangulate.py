@@ -5,7 +5,7 @@ sighting that contradicts the others is found by leaving each camera out in turn
 contradict each other are both in doubt.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -149,6 +149,20 @@ def noise_of(rig: Rig, noise_px: Array | float | None, sightings: PointSightings
     if not (noise > 0).all():
         raise InputError(f"a noise of {noise.min():g} px: it must be more than zero; give --noise, such as 0.1px")
     return noise.copy()
+
+
+def noise_of_each(rig: Rig, noise_px: float | Sequence[float] | None) -> Array | None:
+    """The noise that was given, for each camera (C,); None: none was.
+
+    Raises:
+        InputError: not one number, or one for each camera.
+    """
+    if noise_px is None:
+        return None
+    each = [noise_px] if isinstance(noise_px, int | float) else list(noise_px)
+    if len(each) not in (1, len(rig.names)):
+        raise InputError(f"--noise: {len(each)} numbers for {len(rig.names)} cameras; give one, or one a camera")
+    return noise_of(rig, np.array(each))
 
 
 def _solve_all(

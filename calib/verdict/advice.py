@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import ANY_LENS, free_form_models
-from calib.core.number_text import figure
 from calib.solver.accuracy import is_parallel
 from calib.solver.calibration import Calibration
 from calib.solver.outliers import deviations
@@ -27,6 +26,7 @@ from calib.verdict.next_views import NextView
 from calib.verdict.photo_advice import is_sure, photo_advice
 from calib.verdict.verdict import Check, Criteria
 from calib.verdict.views import ViewFacts, shape_of, view_facts
+from designer.base.number_text import figure
 
 SMALL_TILT_DEG, GOOD_TILT_DEG = 15.0, 20.0
 """Tilts below the first hardly tell focal length from distance; those from the second on do."""

@@ -1,10 +1,10 @@
 """Whether something moved, breathed or leaned alike in all photos, which halves of them cannot show."""
 
-from calib.core.number_text import figure
 from calib.solver.calibration import CaptureError
 from calib.verdict.check_kind import Found, at_most, px
 from calib.verdict.evidence import CameraEvidence
 from calib.verdict.verdict import Criteria, Limits
+from designer.base.number_text import figure
 
 LIMITS = Limits(0.1, 0.3)
 

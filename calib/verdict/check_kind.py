@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from calib.core.number_text import figure
 from calib.verdict.verdict import Check, Criteria, Grade, Limits
+from designer.base.number_text import figure
 
 Evidence = TypeVar("Evidence")
 

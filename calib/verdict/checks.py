@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-from calib.core.number_text import figure
 from calib.solver.calibration import TargetError
 from calib.verdict.capture_check import LIMITS, judge_capture
 from calib.verdict.check_kind import LEAST_PX, CheckKind, Found, at_least, at_most, px
@@ -10,6 +9,7 @@ from calib.verdict.evidence import FAR_OFF, CameraEvidence, ModelApart, Uncertai
 from calib.verdict.halves import HalvesApart, NoHalves
 from calib.verdict.target_shape import ShapeEffect
 from calib.verdict.verdict import Check, Criteria, Grade, Limits, measured_text
+from designer.base.number_text import figure
 from designer.tolerance.made import EXACT, MEASURED
 
 NOISY = 3.0

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from calib.cameras import project
 from calib.cameras.rig import POSE
 from calib.core.linear_algebra import symmetric_inverse
-from calib.core.number_text import figure
 from calib.core.parallel import one_thread
 from calib.core.se3 import exp_rotation, invert, make_pose, rigid_fault, transform
 from calib.core.types import KnownPoints, Observations, RigObservations, frozen_array
@@ -36,6 +35,7 @@ from calib.verdict.few_of_many import few_of_many
 from calib.verdict.next_view_words import short
 from calib.verdict.points_seen import is_new, some_points, that_look
 from designer.base.marks import ONE_LINE, Gap, Length, Shape
+from designer.base.number_text import figure
 
 Array = NDArray[np.float64]
 

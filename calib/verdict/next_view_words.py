@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.number_text import figure
+from designer.base.number_text import figure
 from designer.base.words import printable
 
 Array = NDArray[np.float64]

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from calib.core.number_text import figure
 from calib.solver.calibration import Calibration
 from calib.solver.plane_bend import is_flat
 from calib.verdict.check_kind import px
@@ -10,6 +9,7 @@ from calib.verdict.checks import SURE
 from calib.verdict.evidence import CameraEvidence
 from calib.verdict.next_views import NextView, photos_needed, why_no_next_views
 from calib.verdict.verdict import Criteria
+from designer.base.number_text import figure
 
 MANY_TIMES = 5
 """So many times as many photos as there are will not be taken."""

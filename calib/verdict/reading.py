@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import COMMON, fitted_models, parameter_names
-from calib.core.number_text import figure
 from calib.core.se3 import transform
 from calib.core.types import Observations, keep_sightings
 from calib.solver.calibration import Calibration
@@ -17,6 +16,7 @@ from calib.solver.free_shape import POSE, whitened_views
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from designer.base.errors import InputError
+from designer.base.number_text import figure
 
 Array = NDArray[np.float64]
 

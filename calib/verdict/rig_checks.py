@@ -4,9 +4,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from calib.core.number_text import figure
 from calib.verdict.check_kind import CheckKind, Found, at_least, at_most, px
 from calib.verdict.verdict import Check, Criteria, Grade, measured_text
+from designer.base.number_text import figure
 from designer.base.words import printable
 
 if TYPE_CHECKING:

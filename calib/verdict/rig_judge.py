@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-from calib.core.number_text import figure
 from calib.rigs.halves import NoRigHalves, RigHalves
 from calib.rigs.result import RigCalibration
 from calib.verdict.judge import WORSE
@@ -15,6 +14,7 @@ from calib.verdict.rig_next_frames import NextFrame, next_frames
 from calib.verdict.verdict import Check, Criteria, Grade, Verdict
 from designer.base.file_kind import FileKind
 from designer.base.marks import LEFT_OUT, Hash, Length, Line
+from designer.base.number_text import figure
 from designer.base.words import printable
 
 MENDED_BY_FRAMES = ("frames", "baselines", "space", "halves")

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from calib.cameras import linearise
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import symmetric_inverse
-from calib.core.number_text import figure
 from calib.core.parallel import one_thread
 from calib.core.se3 import make_pose, rigid_fault, skew, transform
 from calib.core.types import KnownPoints, frozen_array
@@ -27,6 +26,7 @@ from calib.verdict.few_of_many import few_of_many
 from calib.verdict.next_view_words import distance_words, place_of, place_words, short
 from calib.verdict.points_seen import is_new, some_points, that_look
 from designer.base.marks import ONE_LINE, AtLeast, AtMost, Length, Shape, Word
+from designer.base.number_text import figure
 from designer.base.words import printable
 
 Array = NDArray[np.float64]

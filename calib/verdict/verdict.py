@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from calib.core.number_text import figure
 from designer.base.marks import AtLeast, AtMost, Length, Line, Word
+from designer.base.number_text import figure
 
 Grade = Literal["good", "usable", "bad", "unknown"]
 """`bad`: do not use; `unknown`: could not be checked, which is said and worsens nothing but leaves no praise."""

@@ -6,13 +6,17 @@ raises ValueError. A class with methods `to_json` and `from_json` has a form of 
 refused; so is what is missing and has no default.
 """
 
+import base64
+import binascii
 import dataclasses
 import math
 import types
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
+from importlib import import_module
 from typing import (
     Annotated,
+    ForwardRef,
     Literal,
     Protocol,
     TypeVar,
@@ -25,7 +29,22 @@ from typing import (
 )  # fmt: skip
 
 from designer.base.errors import InputError
-from designer.base.marks import HEX, INLINE, LEFT_OUT, ONE_LINE, OR_NULL, PACKED, Bound, Key, Mark, NullIs, Shape
+from designer.base.marks import (
+    HEX,
+    INLINE,
+    LEFT_OUT,
+    NOT_IN_FILE,
+    ONE_LINE,
+    OR_NULL,
+    PACKED,
+    Bound,
+    From,
+    Key,
+    Mark,
+    NullIs,
+    Shape,
+    Tagged,
+)
 from designer.base.small_file import JsonValue
 from designer.base.words import printable, shown, suggestion
 
@@ -69,10 +88,22 @@ def decode(kind: type[T], value: JsonValue, place: str = "") -> T:
     return cast(T, _decode(kind, value, place, {}))
 
 
+def encode_written(value: object) -> dict[str, JsonValue]:
+    """A dataclass that is written and never read, as JSON values.
+
+    Its module need not have loaded the types of its fields: where these are names alone, values say how.
+    """
+    return _encode_fields(type(value), value)
+
+
 @cache
 def _split(hint: object) -> tuple[object, tuple[object, ...]]:
-    """A type and its marks."""
-    return (get_args(hint)[0], get_args(hint)[1:]) if get_origin(hint) is Annotated else (hint, ())
+    """A type and its marks; one that is named only is loaded from where a mark says."""
+    if get_origin(hint) is not Annotated:
+        return hint, ()
+    base, *marks = get_args(hint)
+    home = _find(marks, From)
+    return base if home is None else getattr(import_module(home.module), base.__forward_arg__), tuple(marks)
 
 
 @cache
@@ -86,12 +117,20 @@ def _find(marks: Sequence[object], kind: type[T]) -> T | None:
 
 def _encode(hint: object, value: object) -> JsonValue:
     base, marks = _split(hint)
-    origin, inner = get_origin(base), get_args(base)
     if value is None:
         return None
+    if isinstance(base, str | ForwardRef):
+        return _encode_by_value(value)
+    origin, inner = get_origin(base), get_args(base)
     if origin in (Union, types.UnionType):
-        members = [one for one in inner if one is not types.NoneType]
-        return _encode(members[0] if len(members) == 1 else type(value), value)
+        members = _members(inner)
+        if len(members) == 1:
+            return _encode(members[0], value)
+        encoded = _encode(type(value), value)
+        is_tagged = isinstance(value, Tagged)
+        return {"is": type(value).__name__, **cast("dict[str, JsonValue]", encoded)} if is_tagged else encoded
+    if base is bytes:
+        return base64.b64encode(cast(bytes, value)).decode()
     if origin is Literal or base in (str, bool):
         return cast("str | bool", value)
     if base is int:
@@ -110,12 +149,38 @@ def _encode(hint: object, value: object) -> JsonValue:
     return _encode_packed(value) if PACKED in marks else _encode_array(value, has_gaps=OR_NULL in marks)
 
 
+def _members(inner: tuple[object, ...]) -> list[object]:
+    """Of a union, null aside; those of a union in it too, which stands there with its marks."""
+    members: list[object] = []
+    for one in inner:
+        base = _split(one)[0]
+        is_union = get_origin(base) in (Union, types.UnionType)
+        members += _members(get_args(base)) if is_union else [one] * (one is not types.NoneType)
+    return members
+
+
+def _encode_by_value(value: object) -> JsonValue:
+    """Where the type is not loaded; a number that is not finite is not known."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, tuple | list):
+        return [_encode_by_value(item) for item in value]
+    if isinstance(value, Mapping):
+        return {str(key): _encode_by_value(item) for key, item in value.items()}
+    if value is None or isinstance(value, str | bool | int):
+        return value
+    return _encode(type(value), value) if dataclasses.is_dataclass(value) else _encode_array(value, has_gaps=True)
+
+
 def _encode_fields(kind: type, value: object) -> dict[str, JsonValue]:
     document, fields = dict[str, JsonValue](), _fields(kind)
     if type(value) is not kind:
         raise TypeError(f"a {type(value).__name__} where files hold a {kind.__name__}")
     for name, key, hint in fields:
-        encoded, marks = _encode(hint, getattr(value, name)), _split(hint)[1]
+        marks = _split(hint)[1]
+        if NOT_IN_FILE in marks:
+            continue
+        encoded = _encode(hint, getattr(value, name))
         if LEFT_OUT in marks and encoded in (None, ""):
             continue
         document |= cast("dict[str, JsonValue]", encoded) if INLINE in marks else {key: encoded}
@@ -142,8 +207,11 @@ def _encode_packed(value: object) -> JsonValue:
 
 @cache
 def _fields(kind: type) -> tuple[tuple[str, str, object], ...]:
-    """Name, key and type of each field."""
-    hints = get_type_hints(kind, include_extras=True)
+    """Name, key and type of each field; of a class whose types are not all loaded, the names of these."""
+    try:
+        hints = get_type_hints(kind, include_extras=True)
+    except NameError:
+        hints = {one.name: one.type for one in dataclasses.fields(kind)}
     named = [(one.name, hints[one.name]) for one in dataclasses.fields(kind) if one.init]
     keys = (_find(_split(hint)[1], Key) for _, hint in named)
     return tuple((name, name if key is None else key.name, hint) for (name, hint), key in zip(named, keys, strict=True))
@@ -209,13 +277,20 @@ def _decode(hint: object, value: JsonValue, place: str, sizes: dict[str, int]) -
 
 def _decode_union(inner: tuple[object, ...], value: JsonValue, place: str, sizes: dict[str, int]) -> object:
     """Null, or the member whose keys an object has."""
-    members = [one for one in inner if one is not types.NoneType]
-    if value is None and len(members) < len(inner):
+    members = _members(inner)
+    if value is None and types.NoneType in inner:
         return None
     if len(members) == 1:
         return _decode(members[0], value, place, sizes)
-    given = set(value) if isinstance(value, dict) else set()
     kinds = cast("list[type]", members)
+    if all(isinstance(kind, type) and issubclass(kind, Tagged) for kind in kinds):
+        body = dict(value) if isinstance(value, dict) else {}
+        tag = body.pop("is", None)
+        wanted = next((kind for kind in kinds if kind.__name__ == tag), None)
+        if wanted is None:
+            raise _refuse(place, value, f'must be one of {", ".join(kind.__name__ for kind in kinds)}, told by "is"')
+        return _decode(wanted, body, place, sizes)
+    given = set(value) if isinstance(value, dict) else set()
     for kind in kinds:
         needed = {key for name, key, _ in _fields(kind) if name in _needed(kind)}
         if needed <= given <= set(_keys(kind)):
@@ -249,7 +324,15 @@ def _decode_float(value: JsonValue, place: str) -> object:
     return value
 
 
+def _decode_bytes(value: JsonValue, place: str) -> object:
+    try:
+        return base64.b64decode(cast(str, value), validate=True)
+    except (TypeError, ValueError, binascii.Error):
+        raise BadValueError(f"{place} must be base64") from None
+
+
 _SCALARS: Mapping[object, Callable[[JsonValue, str], object]] = {
+    bytes: _decode_bytes,
     str: partial(_decode_scalar, str, "text"),
     bool: partial(_decode_scalar, bool, "true or false"),
     int: _decode_int,

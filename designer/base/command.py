@@ -59,12 +59,14 @@ class Later:
 
     place: str  # "module:name" of a function, or of an app
     task: str | None = None  # under which the program's help lists it
+    help: str = ""  # its line in that list; "": it is loaded to be asked
 
     def loaded(self, name: str) -> "Command":
         """The command, under its name on the command line."""
         module, _, word = self.place.partition(":")
         kept = getattr(import_module(module), word)
         if not isinstance(kept, typer.Typer):
+            kept = kept.as_command() if hasattr(kept, "as_command") else kept
             alone = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
             command(alone, name, self.task)(kept)
             return typer.main.get_command(alone)
@@ -100,6 +102,10 @@ class _ByTask(TyperGroup):
         """Write a section for each task."""
         tasks: dict[str, list[tuple[str, str]]] = {}
         for name in self.list_commands(ctx):
+            later = self.later.get(name)
+            if later is not None and later.help:
+                tasks.setdefault(later.task or "Commands", []).append((name, later.help))
+                continue
             one = self.get_command(ctx, name)
             if one is not None and not one.hidden:
                 task = getattr(one, "rich_help_panel", None)
@@ -111,7 +117,20 @@ class _ByTask(TyperGroup):
 
 
 class _Command(TyperCommand):
-    """Refuses an empty word for a file or a folder, which would be the folder that one is in."""
+    """Refuses an empty word for a file or folder, which would be the folder one is in; lists options in groups."""
+
+    def format_options(self, ctx: "Context", formatter: "HelpFormatter") -> None:
+        """Write a section for each group."""
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for one in self.get_params(ctx):
+            row = one.get_help_record(ctx)
+            if row is not None:
+                panel = getattr(one, "rich_help_panel", None)
+                usual = "Arguments" if one.param_type_name == "argument" else "Options"
+                groups.setdefault(panel if isinstance(panel, str) else usual, []).append(row)
+        for title, rows in groups.items():
+            with formatter.section(title):
+                formatter.write_dl(rows)
 
     def parse_args(self, ctx: "Context", args: list[str]) -> list[str]:
         """Look at the words before they are paths."""
@@ -176,7 +195,9 @@ def command(app: typer.Typer, name: str | None = None, task: str | None = None) 
             return function(**values)
 
         signature = inspect.signature(function)
-        annotation = Annotated[bool, typer.Option(JSON, help="answer in JSON on standard output, for programs")]
+        annotation = Annotated[
+            bool, typer.Option(JSON, help="answer in JSON on standard output, for programs", rich_help_panel="Output")
+        ]
         option = inspect.Parameter("as_json", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=annotation)
         parameters = [*signature.parameters.values(), option]
         with_json.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]

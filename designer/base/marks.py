@@ -94,6 +94,17 @@ class Key:
     name: str
 
 
+@dataclass(frozen=True)
+class From:
+    """Where a type is that is named only, so that its module is loaded when a file is."""
+
+    module: str
+
+
+class Tagged:
+    """Of a union of such classes, files say which it is: `{"is": "Table", ...}`."""
+
+
 class Sign:
     """A mark without a number."""
 
@@ -107,6 +118,8 @@ LEFT_OUT: Final = Sign()
 """None and "" are not written."""
 PACKED: Final = Sign()
 """A covariance; one of hundreds of parameters is written short, see `designer.base.packed`."""
+NOT_IN_FILE: Final = Sign()
+"""A field of a result that Python and the page have, and no file."""
 INLINE: Final = Sign()
 """A dataclass whose fields stand among those of the one around it."""
 

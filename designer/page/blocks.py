@@ -6,8 +6,10 @@ Reports build these; `designer.page.shell` alone turns them into HTML, and escap
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 from urllib.parse import quote
+
+from designer.base.marks import From, Tagged
 
 if TYPE_CHECKING:
     from designer.page.scene import Scene  # here alone: a terminal's lines need no NumPy
@@ -20,7 +22,7 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 
 @dataclass(frozen=True)
-class Raster:
+class Raster(Tagged):
     """A picture of pixels, PNG or JPEG by its content."""
 
     content: bytes
@@ -29,7 +31,7 @@ class Raster:
 
 
 @dataclass(frozen=True)
-class Svg:
+class Svg(Tagged):
     """An SVG file that follows the page's scheme, see `designer.page.pictures`."""
 
     content: bytes
@@ -46,14 +48,14 @@ class Link:
 
 
 @dataclass(frozen=True)
-class Paragraph:
+class Paragraph(Tagged):
     """Plain text."""
 
     text: str
 
 
 @dataclass(frozen=True)
-class Facts:
+class Facts(Tagged):
     """Names and their values, a line each."""
 
     rows: tuple[tuple[str, str], ...]
@@ -71,7 +73,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Findings:
+class Findings(Tagged):
     """Things that were checked, the worst as they stand: the page does not sort them."""
 
     rows: tuple[Finding, ...]
@@ -97,7 +99,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Table:
+class Table(Tagged):
     """A table that sorts by a click on any head."""
 
     title: str
@@ -114,7 +116,7 @@ def text_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], 
 
 
 @dataclass(frozen=True)
-class Figure:
+class Figure(Tagged):
     """A drawing or picture with its caption."""
 
     title: str
@@ -137,7 +139,7 @@ class Picture:
 
 
 @dataclass(frozen=True)
-class Gallery:
+class Gallery(Tagged):
     """Small pictures that are shown large on a click."""
 
     pictures: tuple[Picture, ...]
@@ -145,18 +147,18 @@ class Gallery:
 
 
 @dataclass(frozen=True, eq=False)
-class View3d:
+class View3d(Tagged):
     """A scene that turns under the mouse, a finger or the arrow keys."""
 
     title: str
-    scene: "Scene"
+    scene: Annotated["Scene", From("designer.page.scene")]
     alt: str
     caption: str = ""
     poster: Raster | None = None  # shown where a browser has no WebGL, and in print
 
 
 @dataclass(frozen=True)
-class Command:
+class Command(Tagged):
     """A line to type, with a button that copies it."""
 
     line: str
@@ -164,7 +166,7 @@ class Command:
 
 
 @dataclass(frozen=True)
-class Steps:
+class Steps(Tagged):
     """What to do, in order."""
 
     items: tuple[str, ...]
@@ -180,18 +182,18 @@ class FileRow:
 
 
 @dataclass(frozen=True)
-class FileList:
+class FileList(Tagged):
     """The files of the folder."""
 
     rows: tuple[FileRow, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Sliders:
+class Sliders(Tagged):
     """Numbers that follow what a person sets; where nothing can be set, the table says them as they are at first."""
 
     title: str
-    model: "WhatIfModel"
+    model: Annotated["WhatIfModel", From("designer.page.what_if")]
     table: Table
     note: str = ""
 
@@ -202,7 +204,7 @@ Leaf: TypeAlias = (
 
 
 @dataclass(frozen=True, eq=False)
-class Fold:
+class Fold(Tagged):
     """Blocks under a heading that opens and closes; all are open in print."""
 
     title: str
@@ -243,6 +245,7 @@ class Page:
     made_by: str = ""  # the command line that wrote the folder
     program: str = ""  # name and version
     is_negative: bool = False  # the command that made it says no, though nothing is bad: exit code 1
+    next_steps: tuple[Command, ...] = ()  # what to type now
 
 
 def href(path: str) -> str:

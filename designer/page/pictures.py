@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
-# Colours without meaning, those of `calib.figures.style` and of matplotlib itself: on light, on dark, and what is so.
+# Colours without meaning, those of `calib.draw.style` and of matplotlib itself: on light, on dark, and what is so.
 _NEUTRAL = {
     "ink": ("#1a1a1a", "#e6e9ec", ("#1a1a1a", "#262626", "#000000")),
     "grey": ("#6b6b6b", "#a3abb3", ("#6b6b6b", "#7f7f7f", "#808080")),

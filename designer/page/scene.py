@@ -4,10 +4,12 @@ import base64
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+from designer.base.marks import Shape, Tagged
 
 Array = NDArray[np.float64]
 JsonValue: TypeAlias = "str | int | float | bool | Sequence[JsonValue] | Mapping[str, JsonValue] | None"
@@ -17,60 +19,60 @@ MARKUP = {character: f"\\u{ord(character):04x}" for character in "<>&"}
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class Surface(Tagged):
     """Flat triangles of one colour, seen from both sides."""
 
-    vertices_mm: Array  # (N, 3)
-    triangles: NDArray[np.int64]  # (T, 3) rows of `vertices_mm`
+    vertices_mm: Annotated[Array, Shape("N", 3)]
+    triangles: Annotated[NDArray[np.int64], Shape("T", 3)]  # rows of `vertices_mm`
     colour: str  # "#rrggbb"
 
 
 @dataclass(frozen=True, eq=False)
-class Rings:
+class Rings(Tagged):
     """Flat rings and discs, each in a plane of its own."""
 
-    center_mm: Array  # (R, 3)
-    normal: Array  # (R, 3) unit, outwards
-    radius_outer_mm: Array  # (R,)
-    radius_inner_mm: Array  # (R,) 0: a disc
+    center_mm: Annotated[Array, Shape("R", 3)]
+    normal: Annotated[Array, Shape("R", 3)]  # unit, outwards
+    radius_outer_mm: Annotated[Array, Shape("R")]
+    radius_inner_mm: Annotated[Array, Shape("R")]  # 0: a disc
     colours: tuple[str, ...]  # (R,) "#rrggbb", or one for all
     names: tuple[str, ...] = ()  # (R,) said when one is pointed at; (): nothing is said
 
 
 @dataclass(frozen=True, eq=False)
-class Segments:
+class Segments(Tagged):
     """Straight lines."""
 
-    ends_mm: Array  # (L, 2, 3)
+    ends_mm: Annotated[Array, Shape("L", 2, 3)]
     colours: tuple[str, ...]  # (L,) or one for all
 
 
 @dataclass(frozen=True, eq=False)
-class Cameras:
+class Cameras(Tagged):
     """Pyramids and domes of camera views: the apex is the camera's centre, the base what it sees.
 
     A view is rows of points in the camera's frame, from the middle of the image to its border, each clockwise from the
     top left. A pyramid is one row, its four corners; a dome has several, of a multiple of four.
     """
 
-    target_from_cam: Array  # (V, 4, 4)
-    view: Array  # (R, S, 3) in units of `size_mm`
+    target_from_cam: Annotated[Array, Shape("V", 4, 4)]
+    view: Annotated[Array, Shape("R", "S", 3)]  # in units of `size_mm`
     size_mm: float  # depth of the pyramids, radius of the domes
     colours: tuple[str, ...]  # (V,) or one for all
     names: tuple[str, ...]  # (V,) said when one is pointed at
 
 
 @dataclass(frozen=True, eq=False)
-class Labels:
+class Labels(Tagged):
     """Words that face the viewer, hidden while their normal points away."""
 
-    position_mm: Array  # (N, 3)
-    normal: Array  # (N, 3) unit
+    position_mm: Annotated[Array, Shape("N", 3)]
+    normal: Annotated[Array, Shape("N", 3)]  # unit
     texts: tuple[str, ...]  # (N,)
     size_mm: float  # height of a letter
 
 
-Shape: TypeAlias = Surface | Rings | Segments | Cameras | Labels
+Drawn: TypeAlias = Surface | Rings | Segments | Cameras | Labels
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +80,7 @@ class Layer:
     """Shapes that are shown and hidden together."""
 
     name: str  # beside its switch
-    shapes: tuple[Shape, ...]
+    shapes: tuple[Drawn, ...]
     is_shown: bool = True
     has_switch: bool = True
 
@@ -115,7 +117,7 @@ def scene_json(scene: Scene) -> str:
     return "".join(MARKUP.get(character, character) for character in text)
 
 
-def _shape(shape: Shape) -> JsonObject:
+def _shape(shape: Drawn) -> JsonObject:
     """A shape's kind and fields."""
     values = {field.name: getattr(shape, field.name) for field in fields(shape)}
     count = len(next(iter(values.values())))

@@ -11,7 +11,7 @@ from designer.base.words import printable
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from designer.page.blocks import Facts, Finding, Headline, Level, Table
+    from designer.page.blocks import Facts, Finding, Headline, Level, Page, Table
 
 WIDE = 240
 """Columns where there is no terminal: nobody's window is narrow, so a row is a line."""
@@ -112,3 +112,25 @@ def say_table(table: "Table") -> None:
     if table.note:
         print(printable(table.note))
     print()
+
+
+def say_page(page: "Page", *, verbose: bool) -> None:
+    """What a person is told before a page is opened: the answer, the facts, and what to know of them.
+
+    Args:
+        page: all of it.
+        verbose: with the tables.
+    """
+    from designer.page.blocks import Facts, Findings, Table
+
+    if page.headline is not None:
+        say_headline(page.headline)
+    lead = [block for block in page.lead if isinstance(block, Facts)]
+    inside = [block for section in page.sections for block in section.blocks]
+    for block in (*lead, *(one for one in inside if isinstance(one, Findings) or verbose)):
+        if isinstance(block, Facts):
+            say_facts(block)
+        elif isinstance(block, Findings):
+            say_findings(block.rows)
+        elif isinstance(block, Table):
+            say_table(block)

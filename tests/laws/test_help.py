@@ -1,5 +1,6 @@
 """What the two programs say of themselves."""
 
+import importlib
 import re
 import sys
 from importlib.metadata import version
@@ -7,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from calib.cli import LINES
+from designer.page.capability import prose
 from tests.support.command_line import calib, design
 
 PROGRAMS = {"calib": calib, "design": design}
@@ -37,8 +40,15 @@ def test_commands_stand_under_what_they_are_for() -> None:
     assert listed["Calibrate"] == ["run", "live", "plan", "rig", "hand-eye", "turntable", "detect", "solve", "measure"]
     names = [name for each in listed.values() for name in each]
     assert len(set(names)) == len(names)
-    modules = {path.stem for path in (Path(__file__).parents[2] / "calib" / "commands").glob("*.py")}
+    modules = {path.stem for path in (Path(__file__).parents[2] / "calib").glob("*/*.py")}
     assert {name.replace("-", "_") for name in names} <= modules
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_the_list_says_of_a_command_what_its_docstring_does(name: str) -> None:
+    """The list is made without loading the command, from a line that stands in it too."""
+    function = getattr(importlib.import_module(f"calib.app.{name.replace('-', '_')}"), name.replace("-", "_"))
+    assert prose(function).splitlines()[0] == LINES[name]
 
 
 def test_step_without_the_cad_kernel_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

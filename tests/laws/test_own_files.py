@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from calib.core.files import write_files
 from calib.interop import FORMATS
 from calib.interop.rigs import RIG_FORMATS
 from calib.renderer.job import SUFFIX
 from designer.base.errors import InputError
+from designer.base.files import write_files
 from designer.base.own_files import kind_of, require_ours, signed
 from tests.laws.test_exit_codes import BOOTSTRAP, CASES, WRITING, Case, folder, require_promised
 from tests.support.command_line import Answer, calib, summary_of

@@ -65,7 +65,7 @@ def without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     """The detector above, and pictures that are not drawn: both take longer than all else."""
     monkeypatch.setattr("calib.detector.pipeline.find", lambda *_: None)
     monkeypatch.setattr("calib.detector.pipeline.detect", detect)
-    monkeypatch.setattr("calib.figures.picture", lambda *_, **__: PICTURE)
+    monkeypatch.setattr("calib.draw.picture", lambda *_, **__: PICTURE)
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
     monkeypatch.setattr("calib.show.studies.study_folder.files_of", named)
     monkeypatch.setattr("calib.show.measured.picture.picture", lambda *_: PICTURE)

@@ -20,7 +20,6 @@ from calib.metrics.errors import ErrorSummary
 from calib.observe.records import ImageRecord, Records
 from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
 from calib.records.as_built_file import AsBuiltRecord, SolvedCamera
-from calib.records.budget_file import BudgetRecord, LengthErrors
 from calib.records.calibration_file import CalibrationRecord, Provenance, SolvedView
 from calib.records.coupon import CouponRecord, ReadPicture
 from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummary
@@ -41,12 +40,8 @@ from calib.show.photos.photos_file import ToldPhoto, ToldPhotos, ToldSection
 from calib.solver.calibration import ImageField, MadeWith, TargetError
 from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import PlaneBend
-from calib.space.budget import KnownExactly
-from calib.space.budget_views import DepthCurve, ErrorSlice
 from calib.space.error_size import PointErrors
 from calib.space.known_lengths import LengthBin, LengthCheck
-from calib.space.volume import WorkingVolume
-from calib.space.what_if import ChangedRig
 from calib.studies.compare.cases import Plan
 from calib.studies.compare.results import CaseRow, ComparisonTable, Explanation
 from calib.studies.cost.cases import CostPlan
@@ -92,6 +87,8 @@ from designer.page.blocks import (
     Steps,
     Table,
 )  # fmt: skip
+from designer.page.page_file import StoredPage
+from tests.support.pages import whole_page
 
 PINHOLE = Camera("pinhole", np.array([900.0, 901.5, 500.25, 380.0]), (1000, 800))
 POSE = np.array([[0.0, -1, 0, 1.5], [1, 0, 0, -2], [0, 0, 1, 1e3 / 3], [0, 0, 0, 1]])
@@ -349,22 +346,8 @@ def _rig_tolerance() -> RigToleranceStudy:
     )  # fmt: skip
 
 
-def _budget() -> BudgetRecord:
-    gap = math.nan
-    pair = Rig(("left", "right"), (PINHOLE, PINHOLE), np.stack([np.eye(4), POSE]), None, np.full(2, 0.1))
-    errors, unknown = PointErrors(0.1, 0.2, 1 / 3), PointErrors(gap, gap, gap)
-    volume = WorkingVolume(POSE, np.zeros(3), np.ones(3) / 3, 0.0, math.inf, False, "a box")
-    curve = np.array([gap, 0.1])
-    grid = np.array([[0.1, gap], [1 / 3, 2.0]])
-    return BudgetRecord(
-        "ringsolid 1", {"rig file": "rig.json"}, pair, volume, 0.5, 2, np.full(2, 0.1), 7, errors, errors, unknown,
-        errors, unknown, 100.0, (LengthErrors("ahead", errors, errors, unknown),),
-        (KnownExactly("the lenses", errors, unknown),),
-        (ChangedRig("more", "nothing", errors, unknown, 0.5),),
-        DepthCurve(np.array([1.0, 2.0]), curve, curve, curve, curve),
-        (ErrorSlice("a plane", "x", "y", np.array([1.0, 2.0]), np.array([1.0, 1.5]), grid, grid, grid),),
-        np.ones((1, 3)) / 3, np.eye(3)[None] / 7, ("a remark",),
-    )  # fmt: skip
+def _page() -> StoredPage:
+    return StoredPage("budget", whole_page(has_scene=True))
 
 
 def _hand_eye() -> object:
@@ -403,7 +386,7 @@ EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.plan": _plan,
     "ringsolid.coupon": _coupon,
     "ringsolid.camera": _camera,
-    "ringsolid.budget": _budget,
+    "ringsolid.page": _page,
     "ringsolid.rig_tolerance": _rig_tolerance,
     "ringsolid.rig_bootstrap": _rig_bootstrap,
     "ringsolid.rig_poses": _rig_poses,

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from calib.core.files import distinct_stems, write_files
 from calib.core.types import FaceRecord
 from calib.metrics.evaluation import evaluate
 from calib.observe.records import RECORDS, ImageRecord, Records
@@ -19,6 +18,7 @@ from calib.renderer.truth import Truth
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
+from designer.base.files import distinct_stems, write_files
 from designer.page.blocks import Block, Finding, Findings, Fold, Page, Section, Table
 from designer.target import TargetGeometry
 from tests.support.calibrations import board, example
@@ -98,5 +98,5 @@ PANEL = "calib.show.run.figures.svg_panel"
 @pytest.fixture(autouse=True)
 def nothing_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """For a folder that has a `conftest.py`: figures of calibrations are blank; those of `show` test what they show."""
-    monkeypatch.setattr("calib.figures.picture", lambda *_, **__: PICTURE)
+    monkeypatch.setattr("calib.draw.picture", lambda *_, **__: PICTURE)
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)

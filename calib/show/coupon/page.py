@@ -14,9 +14,9 @@ from calib.show.coupon.words import (
     shape_table,
     widths_table,
 )
-from calib.show.parts.folder_blocks import files_section, question_section, title_of
 from calib.show.parts.origin import Origin
 from designer.page.blocks import Command, Facts, Page, Section
+from designer.page.folders import files_section, question_section, title_of
 
 QUESTION = (
     "How much wider than designed does the printer draw, how large, and how square? Tone curve and blur of each "

@@ -6,9 +6,9 @@ from calib.as_built.deviations import Estimate
 from calib.records.coupon import CouponRecord
 from calib.show.measured.next_print import NextOption, next_options
 from calib.show.measured.numbers import degrees, percent, told
-from calib.show.parts.folder_blocks import number, whole
 from designer.base.units import format_mm
 from designer.page.blocks import Cell, Column, Command, Facts, Finding, Findings, Headline, Paragraph, Table
+from designer.page.folders import number, whole
 
 SURE_MM = 0.02
 """A bleed that is known to this is worth dialling in."""

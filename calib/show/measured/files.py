@@ -11,10 +11,10 @@ import numpy as np
 
 from calib.as_built.deviations import FREE_PARAMETERS, Estimate, bent_mm
 from calib.as_built.seats import Seats
-from calib.core.files import check_folder
 from calib.records.as_built_file import AS_BUILT, AsBuiltRecord
 from calib.show.measured.picture import report_picture
 from designer.base.errors import InputError
+from designer.base.files import check_folder
 from designer.base.own_files import require_ours
 from designer.target import FORMAT as TARGET_FORMAT
 from designer.target import TargetGeometry, load_target, target_to_json

@@ -3,7 +3,7 @@
 import math
 
 from calib.as_built.deviations import Estimate
-from calib.core.number_text import figure, with_digits
+from designer.base.number_text import figure, with_digits
 
 FINEST = 1.5e-4
 """Standard deviation to whose digits numbers are told at the most."""

@@ -22,7 +22,6 @@ from calib.show.measured.words import (
     validation_findings,
     why_not,
 )
-from calib.show.parts.folder_blocks import files_section, question_section, read_small_bytes
 from calib.show.parts.origin import Origin
 from designer.base.errors import InputError
 from designer.base.words import capital, cut, printable
@@ -43,6 +42,7 @@ from designer.page.blocks import (
     View3d,
     is_linkable,
 )
+from designer.page.folders import files_section, question_section, read_small_bytes
 from designer.target import TargetGeometry, load_target
 
 QUESTION = (

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_built.deviations import Verdict, bent_mm
-from calib.figures.style import EMPTY, GREY, INK, VERMILION, WIDTH_PX, note, picture, round_length
+from calib.draw.style import EMPTY, GREY, INK, VERMILION, WIDTH_PX, note, picture, round_length
 from calib.records.as_built_file import AsBuiltRecord
 from calib.show.measured.scene import deviations_of, nice
 from designer.target import TargetGeometry

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_built.deviations import bent_mm
-from calib.core.number_text import figure
 from calib.core.se3 import exp_rotation
 from calib.records.as_built_file import AsBuiltRecord
+from designer.base.number_text import figure
 from designer.page.blocks import View3d
 from designer.page.scene import Layer, Segments, Surface
 from designer.target import TargetGeometry

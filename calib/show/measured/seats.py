@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 from calib.as_built.deviations import Estimate
 from calib.as_built.seats import PARTS, Fault, Seat, Seats
-from calib.core.number_text import figure, with_digits
 from calib.show.measured.numbers import told
+from designer.base.number_text import figure, with_digits
 from designer.base.words import capital
 from designer.page.blocks import Cell, Column, Finding, Level, Table
 

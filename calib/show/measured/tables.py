@@ -7,12 +7,12 @@ import numpy as np
 
 from calib.as_built.cross_validation import Gain
 from calib.as_built.deviations import FREE_PARAMETERS, Estimate
-from calib.core.number_text import figure
 from calib.records.as_built_file import AsBuiltRecord
 from calib.show.measured.numbers import degrees, percent, told
 from calib.show.measured.scene import datum_words, deviations_of
 from calib.show.measured.seats import seats_table
 from calib.show.measured.words import axes_words
+from designer.base.number_text import figure
 from designer.page.blocks import Cell, Column, Level, Table
 from designer.target import TargetGeometry
 

@@ -6,11 +6,11 @@ import numpy as np
 
 from calib.as_built.cross_validation import Gain
 from calib.as_built.deviations import JUDGED, Estimate
-from calib.core.number_text import figure
 from calib.coupons.ink_of_rings import InkBleed
 from calib.records.as_built_file import AsBuiltRecord
 from calib.show.measured.numbers import degrees, percent, told
 from calib.show.measured.seats import seat_findings, seats_sentence
+from designer.base.number_text import figure
 from designer.base.units import format_mm
 from designer.page.blocks import Facts, Finding, Findings, Headline
 from designer.spec.build import BUILDS, builds_of

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from calib.observe.image_headers import DamagedError
 from calib.observe.images import read_preview
-from calib.show.parts.folder_blocks import size_bytes, title_of
 from designer.base.words import cut, printable
 from designer.page.blocks import Finding, Findings, Gallery, Leaf, Level, Picture, Raster, is_linkable
+from designer.page.folders import size_bytes, title_of
 
 STANDS_OUT = 2.0
 """A photo whose error is so many times the median of all is marked."""

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from calib.core.files import write_files
 from designer.base.errors import InputError
+from designer.base.files import write_files
 from designer.base.own_files import is_ours
 from designer.base.words import printable, with_article
 from designer.target import FORMAT, TargetGeometry, load_target, target_to_json

@@ -7,12 +7,10 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from calib.core.number_text import figure as digits
 from calib.core.types import NOT_MEASURABLE, UNMEASURABLE_WORDS
 from calib.observe.misplaced import misplaced_pieces
 from calib.observe.photos import PhotoResult, Search
 from calib.observe.records import ImageRecord, common_remarks, median_sigma_px
-from calib.show.parts.folder_blocks import number, some_of, whole
 from calib.show.parts.gallery import shortened
 from calib.show.photos.photos_file import (
     PHOTOS_FILE,
@@ -24,8 +22,10 @@ from calib.show.photos.photos_file import (
     worst_level,
 )
 from designer.base.answer import program
+from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Steps, Table, is_linkable
+from designer.page.folders import number, some_of, whole
 from designer.target import TargetGeometry
 
 WORDS: Mapping[Level, str] = {"good": "found", "usable": "found in part", "bad": "not found", "note": ""}

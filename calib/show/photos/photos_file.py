@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.core.files import write_files
 from calib.core.se3 import rigid_fault
 from designer.base.file_kind import FileKind
+from designer.base.files import write_files
 from designer.base.marks import LEFT_OUT, Hash, Length, Shape
 from designer.base.small_file import JsonValue
 from designer.base.words import printable

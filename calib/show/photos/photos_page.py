@@ -4,12 +4,12 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from calib.show.parts.folder_blocks import files_section, warnings
 from calib.show.parts.gallery import Shot, gallery, is_there, spread, title_of_pictures
 from calib.show.parts.kept_target import kept_target
 from calib.show.parts.origin import Origin
 from calib.show.photos.photos_file import KIND_WORDS, ToldPhotos, ToldSection, read_photos, told_table
 from designer.page.blocks import Block, Command, Facts, Figure, Findings, Page, Section
+from designer.page.folders import files_section, warnings
 
 
 def photos_page(folder: Path, origin: Origin) -> Page:

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
-from calib.core.files import distinct_stems
 from calib.core.se3 import transform
 from calib.core.types import Detections
 from calib.detector.canvas import Canvas, Colour, canvas_between
@@ -17,6 +16,7 @@ from calib.detector.overlay_frame import INK, cut_text, text_strip
 from calib.observe.images import read_image
 from calib.observe.photos import OVERLAY_MARK, why_failed
 from calib.observe.target_poses import PoseResult, TargetPose
+from designer.base.files import distinct_stems
 from designer.target import TargetGeometry, bounding_radius_mm
 
 Array: TypeAlias = NDArray[np.float64]

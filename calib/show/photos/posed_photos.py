@@ -10,12 +10,9 @@ import numpy as np
 
 from calib.cameras import LINEAR
 from calib.cameras.camera import Camera
-from calib.core.number_text import figure as digits
-from calib.core.number_text import with_digits
 from calib.observe.photos import PhotoResult
 from calib.observe.records import common_remarks
 from calib.observe.target_poses import PoseResult, TargetPose
-from calib.show.parts.folder_blocks import number, some_of, whole
 from calib.show.parts.gallery import STANDS_OUT, shortened
 from calib.show.parts.kept_target import TARGET_FILE, target_words
 from calib.show.photos.photos_file import (
@@ -28,7 +25,10 @@ from calib.show.photos.photos_file import (
     worst_level,
 )
 from calib.show.photos.place_scene import distance_words
+from designer.base.number_text import figure as digits
+from designer.base.number_text import with_digits
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph
+from designer.page.folders import number, some_of, whole
 
 GOOD_RMS_PX, USABLE_RMS_PX = 0.5, 2.0
 """Of the residuals in the median photo. A ring's centre is good to a few hundredths of a pixel, so half a pixel is

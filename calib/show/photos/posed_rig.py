@@ -8,13 +8,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from calib.core.number_text import figure as digits
-from calib.core.number_text import with_digits
 from calib.core.se3 import transform
 from calib.observe.photos import PhotoResult
 from calib.observe.target_poses import PoseResult, target_pose
 from calib.records.rig_poses_file import CameraResidual, RigPoseResult, RigTargetPose
-from calib.show.parts.folder_blocks import number, some_of, whole
 from calib.show.parts.gallery import STANDS_OUT, shortened
 from calib.show.parts.kept_target import target_words
 from calib.show.photos.photos_file import (
@@ -27,8 +24,11 @@ from calib.show.photos.photos_file import (
     worst_level,
 )
 from calib.show.photos.posed_photos import WORDS
+from designer.base.number_text import figure as digits
+from designer.base.number_text import with_digits
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph, Table
+from designer.page.folders import number, some_of, whole
 
 GOOD_EXCESS, USABLE_EXCESS = 1.5, 3.0
 """Residuals in what noise and the rig's own errors let expect, in the median frame. What exceeds them is no error that

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.number_text import figure as digits
 from calib.core.types import LEAST_RADIUS_PX
 from calib.detector.candidates import MIN_RADIUS_PX
 from calib.renderer.faces import ring_truth
@@ -16,13 +15,14 @@ from calib.renderer.job import RenderJob
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import scene_from_target
 from calib.renderer.truth import TRUTH_FILE
-from calib.show.parts.folder_blocks import number, whole
 from calib.show.parts.kept_target import TARGET_FILE, target_words
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
 from calib.show.photos.place_scene import distance_words, tilts_deg
 from calib.show.run.sections import field_of_view_words
+from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable
 from designer.page.blocks import Cell, Column, Command, Finding, Headline
+from designer.page.folders import number, whole
 
 FILES = (
     (TRUTH_FILE, "camera, poses and options: what a calibration of these photos should find"),

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from calib.renderer.job import RenderJob
 from calib.renderer.truth import TRUTH_FILE
-from calib.show.parts.folder_blocks import number, whole
 from calib.show.parts.kept_target import TARGET_FILE, target_words
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
 from calib.show.photos.rendered_photos import (
@@ -23,6 +22,7 @@ from calib.show.photos.rendered_photos import (
 )
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Command, Finding, Headline, Table
+from designer.page.folders import number, whole
 
 RIG_FILE, PHOTO_TABLE = "rig.json", "photos.csv"
 FILES = (

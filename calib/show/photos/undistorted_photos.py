@@ -11,12 +11,12 @@ from calib.cameras import LINEAR, PictureKind, pictures, project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.field_of_view import field_of_view
 from calib.cameras.linear_part import linear_part
-from calib.core.number_text import figure as digits
 from calib.observe.photos import PhotoFile
-from calib.show.parts.folder_blocks import some_of
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
 from calib.show.run.sections import field_of_view_words
+from designer.base.number_text import figure as digits
 from designer.page.blocks import Cell, Column, Command, Figure, Finding, Headline
+from designer.page.folders import some_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -250,7 +250,7 @@ def _next(made: UndistortedFiles, change: Change) -> tuple[Command, ...]:
 
 def undistortion_figure(taken: Camera, new_camera: Camera, cam_from_new: Array | None = None) -> Figure:
     """Lines that were straight and level in the photo, in the undistorted frame."""
-    from calib.figures.style import AxesDrawing, image_axes
+    from calib.draw.style import AxesDrawing, image_axes
     from calib.show.run.figures import figure_of
 
     last_u, last_v = (side - 1 for side in taken.image_size)

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.figures.style import BLUE, GREY, VERMILION, AxesDrawing, open_axes, svg_panel
+from calib.draw.rig_scene import body_words, view_of
+from calib.draw.style import BLUE, GREY, VERMILION, AxesDrawing, open_axes, svg_panel
 from calib.metrics.errors import centers_mm
 from calib.records.plan_file import PLAN, PLAN_FILE, POSES_FILE, PlanRecord, photo_names
-from calib.show.parts.folder_blocks import files_section, title_of
 from calib.show.parts.kept_target import TARGET_FILE, kept_target
 from calib.show.parts.origin import Origin
 from calib.show.plan.sketch import sketch
@@ -21,7 +21,12 @@ from calib.show.plan.words import (
     tried_words,
     tries_table,
 )
-from calib.show.run.camera_scene import BODY, INK, NEXT, body_words, first_look, view_of
+from calib.show.run.camera_scene import (
+    BODY,
+    INK,
+    NEXT,
+    first_look,
+)
 from designer.page.blocks import (
     Block,
     Command,
@@ -36,6 +41,7 @@ from designer.page.blocks import (
     Steps,
     View3d,
 )
+from designer.page.folders import files_section, title_of
 from designer.page.pictures import drawing_of_svg
 from designer.page.scene import Scene
 from designer.target import TargetGeometry

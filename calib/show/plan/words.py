@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from calib.core.number_text import figure as digits
 from calib.records.plan_file import HAND, PlanRecord, photo_names
-from calib.show.parts.folder_blocks import number
+from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable
 from designer.page.blocks import Cell, Column, Finding, Findings, Headline, Table
+from designer.page.folders import number
 
 
 def headline_of(record: PlanRecord) -> Headline:

@@ -5,13 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib.core.number_text import figure as digits
 from calib.observe.robot_rotations import to_quaternion
 from calib.rigs.result import CarrierFit, RigCalibration
-from calib.show.parts.folder_blocks import number
 from calib.verdict.next_robot_poses import NextPose, gain_words, photo_names
+from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable
 from designer.page.blocks import Block, Cell, Column, Facts, Finding, Findings, Section, Table
+from designer.page.folders import number
 
 MOST_ROWS = 12
 """Frames that are shown, the worst."""

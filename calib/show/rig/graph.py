@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.figures.style import BLUE, GREY, INK, PALE, svg_panel
+from calib.draw.style import BLUE, GREY, INK, PALE, svg_panel
 from designer.base.words import cut, printable
 from designer.page.blocks import Figure
 from designer.page.pictures import drawing_of_svg

@@ -7,7 +7,6 @@ from pathlib import Path
 from calib.records.rig_file import CAMERAS, folder_names
 from calib.records.rig_folder import RigRun, read_rig_run
 from calib.rigs.halves import NoRigHalves, RigHalves
-from calib.show.parts.folder_blocks import file_list, some_of, title_of
 from calib.show.parts.origin import Origin
 from calib.show.rig.carrier import carrier_section, next_poses_table
 from calib.show.rig.graph import sharing_figure, sharing_words
@@ -19,6 +18,7 @@ from calib.show.run.sections import check_findings
 from calib.verdict.next_robot_poses import photo_names
 from designer.base.words import capital, printable
 from designer.page.blocks import Block, Command, Finding, Findings, Fold, Page, Paragraph, Section, Steps
+from designer.page.folders import file_list, some_of, title_of
 
 FILES = (
     ("rig.json", "the cameras, where each stands and the joint covariance, for other commands and programs"),

@@ -6,18 +6,18 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.number_text import figure as digits
-from calib.core.number_text import with_digits
 from calib.records.rig_folder import RigRun
 from calib.rigs.camera_alone import camera_alone
 from calib.rigs.figures import PairFigures
 from calib.rigs.halves import RigHalves, enlarged
 from calib.rigs.relative import center_covariance, worst
 from calib.rigs.result import RigCalibration
-from calib.show.parts.folder_blocks import number, whole
 from calib.show.run.tables import focal_length
+from designer.base.number_text import figure as digits
+from designer.base.number_text import with_digits
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Table
+from designer.page.folders import number, whole
 
 Array = NDArray[np.float64]
 

@@ -5,9 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from calib.figures.sigma_map import SigmaMap, sigma_map
+from calib.draw.sigma_map import SigmaMap, sigma_map
 from calib.records.run_folder import Run, Solved, read_run
-from calib.show.parts.folder_blocks import file_list, title_of
 from calib.show.parts.gallery import OVERLAYS
 from calib.show.parts.origin import Origin
 from calib.show.run.camera_scene import camera_view, spread_words
@@ -26,6 +25,7 @@ from calib.show.run.sections import (
 from calib.show.run.tables import faces_table, faces_words
 from calib.verdict.halves import HalvesApart, NoHalves
 from designer.page.blocks import Fold, Page, Section
+from designer.page.folders import file_list, title_of
 
 FILES_OF_RUN = (
     ("verdict.json", "what was checked, for programs"),

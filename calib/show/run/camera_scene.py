@@ -3,17 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import ABILITIES, rays
-from calib.cameras.camera import Camera
-from calib.cameras.field_of_view import spokes
-from calib.cameras.parameters import slopes
-from calib.core.number_text import figure as digits
 from calib.core.types import KnownPoints
+from calib.draw.rig_scene import body_words, view_of
 from calib.metrics.errors import centers_mm
 from calib.metrics.evaluation import by_view
 from calib.records.run_folder import Solved
 from calib.verdict.next_views import NextView
 from calib.verdict.views import view_facts
+from designer.base.number_text import figure as digits
 from designer.base.words import printable
 from designer.page.blocks import View3d
 from designer.page.scene import Layer, Rings, Scene, Segments, Surface
@@ -34,10 +31,6 @@ STEPS = 5
 READABLE = (0.35, 0.9)
 """The part of a scale of colours that stands out from a light and from a dark page."""
 MOST_POINTS_FOR_PITCH = 2000
-DOME_SPOKES, DOME_ROWS = 24, 4
-"""Directions around a dome, and rows from its middle to its border."""
-STEEPEST = 2.5
-"""A side of the image whose light comes from farther off the axis, as a tangent, makes no pyramid."""
 SIDE = 0.9
 """How far from the cameras' mean direction the viewer stands at first, as a tangent."""
 
@@ -90,31 +83,6 @@ def spread_words(one: Solved) -> str:
         seen = np.unique(points.face[one.calibration.observations.point])
         words += f", which show {len(seen[seen >= 0])} of {len(points.plane)} faces"
     return f"{words}."
-
-
-def view_of(camera: Camera) -> Array:
-    """What a camera sees as `designer.page.scene.Cameras` draws it: a pyramid, or the dome of a wide lens."""
-    corners = _corner_rays(camera)
-    if not ABILITIES[camera.model].is_wide:
-        return corners[None]
-    dome = spokes(camera, DOME_SPOKES, DOME_ROWS)
-    reaches_far = np.hypot(dome[-1, :, 0], dome[-1, :, 1]) > STEEPEST * dome[-1, :, 2]
-    return dome if np.isfinite(dome).all() and reaches_far.any() else corners[None]
-
-
-def body_words(view: Array) -> str:
-    """What is drawn for a camera."""
-    return "pyramid" if len(view) == 1 else "dome"
-
-
-def _corner_rays(camera: Camera) -> Array:
-    """Through the image's corners, clockwise from the top left, with z = 1; without a lens where that has none."""
-    width, height = camera.image_size
-    corner = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=np.float64)
-    through = np.column_stack([slopes(rays(camera, corner)), np.ones(4)])
-    straight = np.column_stack([(corner - camera.params[2:4]) / camera.params[:2], np.ones(4)])
-    known = np.isfinite(through).all(axis=1) & (np.abs(through).max(axis=1) < 10)
-    return np.where(known[:, None], through, straight)
 
 
 def _colours(rmse: Array) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...]]:

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.number_text import figure as digits
 from calib.core.types import Observations
-from calib.figures.fields import coverage_drawing, draw_map, residuals_drawing, uncertainty_drawing
-from calib.figures.histograms import sizes_drawing
-from calib.figures.sigma_map import SigmaMap, place_on_map
-from calib.figures.style import (
+from calib.draw.fields import coverage_drawing, draw_map, residuals_drawing, uncertainty_drawing
+from calib.draw.histograms import sizes_drawing
+from calib.draw.sigma_map import SigmaMap, place_on_map
+from calib.draw.style import (
     BLUE,
     GREEN,
     ORANGE,
@@ -33,6 +32,7 @@ from calib.verdict.checks import made_words
 from calib.verdict.coverage import Coverage
 from calib.verdict.halves import HalvesApart, NoHalves
 from calib.verdict.next_views import NextView
+from designer.base.number_text import figure as digits
 from designer.base.words import capital
 from designer.page.blocks import Figure
 from designer.page.pictures import drawing_of_svg

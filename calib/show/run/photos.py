@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.number_text import figure as digits
 from calib.core.types import UNMEASURABLE_WORDS
 from calib.metrics.evaluation import Evaluation, by_view
 from calib.observe.photos import OVERLAY_MARK
 from calib.observe.records import ImageRecord, Records, common_remarks
-from calib.show.parts.folder_blocks import number, whole
 from calib.show.parts.gallery import OVERLAYS, STANDS_OUT, Shot, gallery, shortened
 from calib.verdict.views import view_facts
+from designer.base.number_text import figure as digits
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Finding, Findings, Leaf, Level, Section, Table
+from designer.page.folders import number, whole
 
 Array = NDArray[np.float64]
 

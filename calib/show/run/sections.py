@@ -9,7 +9,6 @@ import numpy as np
 
 from calib.cameras.camera import Camera
 from calib.cameras.field_of_view import field_of_view
-from calib.core.number_text import figure as digits
 from calib.metrics.residual_cells import cells_of, cells_of_residuals, columns_rows, residuals_of
 from calib.observe.records import ImageRecord
 from calib.records.run_folder import Run, Solved
@@ -20,6 +19,7 @@ from calib.verdict.halves import HalvesApart, NoHalves, half_split, halves_apart
 from calib.verdict.lit_part import lit_part
 from calib.verdict.next_views import why_no_next_views
 from calib.verdict.verdict import Check, Grade, Verdict
+from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable
 from designer.page.blocks import (
     Block,
@@ -37,7 +37,7 @@ from designer.page.blocks import (
 )
 
 if TYPE_CHECKING:
-    from calib.figures.sigma_map import SigmaMap
+    from calib.draw.sigma_map import SigmaMap
 
 LEVELS: dict[Grade, Level] = {"good": "good", "usable": "usable", "bad": "bad", "unknown": "note"}
 WORDS: dict[Grade, str] = {"good": "good", "usable": "usable", "bad": "do not use", "unknown": "not checked"}
@@ -216,8 +216,8 @@ def accuracy_section(run: Run, found: "SigmaMap", halves: HalvesApart | NoHalves
         found: how uncertain the best camera is over the image.
         halves: how far cameras of halves of its photos lie apart.
     """
-    from calib.figures.fields import systematic_drawing
-    from calib.figures.histograms import distribution_drawing
+    from calib.draw.fields import systematic_drawing
+    from calib.draw.histograms import distribution_drawing
     from calib.show.run.figures import (
         coverage_figure,
         figure_of,
@@ -290,7 +290,7 @@ def models_section(run: Run) -> Section:
 
 def _fields(solved: Sequence[Solved]) -> list[Figure]:
     """The systematic residuals of several models in one scale of colours."""
-    from calib.figures.fields import systematic_drawing
+    from calib.draw.fields import systematic_drawing
     from calib.show.run.figures import systematic_figure
 
     residuals = [residuals_of(one.evaluation) for one in solved]

@@ -8,18 +8,18 @@ import numpy as np
 from calib.cameras import MODELS
 from calib.cameras.linear_part import focal_px
 from calib.cameras.surface import surface_model
-from calib.core.number_text import figure as digits
-from calib.core.number_text import with_digits
 from calib.core.types import UNMEASURABLE_WORDS
 from calib.metrics.evaluation import Evaluation, by_face
 from calib.observe.records import Records
 from calib.records.evaluation_files import FoundParameter, Metrics
 from calib.records.run_folder import Solved
-from calib.show.parts.folder_blocks import number, whole
 from calib.solver.calibration import Calibration
 from calib.verdict.verdict import Verdict
+from designer.base.number_text import figure as digits
+from designer.base.number_text import with_digits
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Level, Table
+from designer.page.folders import number, whole
 
 OF_ITS_OWN_SENSOR = (
     "fx of the virtual camera is left out: it belongs to the sensor that its map leads to, not to the photos"

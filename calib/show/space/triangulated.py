@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from calib.core.number_text import figure as digits
 from calib.records.triangulation_file import (
     POINTS_FILE,
     RESIDUALS_FILE,
@@ -13,11 +12,11 @@ from calib.records.triangulation_file import (
     TRIANGULATION_FILE,
     TriangulationRecord,
 )
-from calib.show.parts.folder_blocks import files_section, number, some_of, title_of, whole
 from calib.show.parts.origin import Origin
 from calib.space.error_size import PointErrors
 from calib.space.known_lengths import LengthCheck
 from calib.space.triangulate import ONE_CAMERA, REASONS
+from designer.base.number_text import figure as digits
 from designer.base.words import printable
 from designer.page.blocks import (
     Block,
@@ -35,6 +34,7 @@ from designer.page.blocks import (
     Table,
     View3d,
 )
+from designer.page.folders import files_section, number, some_of, title_of, whole
 
 MOST_FIGURES = 8
 GOOD_SHARE, USABLE_SHARE = 0.95, 0.5
@@ -254,7 +254,7 @@ def scale_words(check: LengthCheck) -> str:
 
 def _residual_figures(record: TriangulationRecord) -> tuple[Figure, ...]:
     """The residuals of the first cameras, as arrows over their images."""
-    from calib.figures.fields import residuals_drawing
+    from calib.draw.fields import residuals_drawing
     from calib.metrics.residual_cells import Residuals
     from calib.show.run.figures import figure_of
 
@@ -274,7 +274,7 @@ def _scene(record: TriangulationRecord) -> tuple[View3d, ...]:
     """The rig and some of the points."""
     if not len(record.drawn_mm):
         return ()
-    from calib.show.space.rig_scene import CAMERA, POINT, error_axes, looked_at, rig_layer, scene_size_mm
+    from calib.draw.rig_scene import CAMERA, POINT, error_axes, looked_at, rig_layer, scene_size_mm
 
     size_mm = scene_size_mm(record.rig, record.drawn_mm)
     points, enlarged = error_axes(record.drawn_mm, record.drawn_mm2, size_mm)

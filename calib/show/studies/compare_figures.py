@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.figures.style import BLUE, EMPTY, GREEN, GREY, INK, ORANGE, VERMILION, note, nothing
+from calib.draw.style import BLUE, EMPTY, GREEN, GREY, INK, ORANGE, VERMILION, note, nothing
 from calib.show.studies import study_folder
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, LENS_OBJECTS
 from calib.studies.compare.objects import MODELS, OBJECTS, PaperObject

@@ -6,10 +6,8 @@ from functools import partial
 from pathlib import Path
 
 from calib.cameras import COMMON
-from calib.core.number_text import figure
 from calib.observe.csv_table import ANY_NAME
 from calib.show.markdown import markdown
-from calib.show.parts.folder_blocks import files_section, question_section, warnings
 from calib.show.parts.origin import Origin
 from calib.show.studies.compare_figures import FIGURES, comparison_figures
 from calib.show.studies.compare_tables import OBJECT_OF, alone_table, explains, lens_table, objects_table
@@ -29,7 +27,9 @@ from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, LENS_OBJE
 from calib.studies.compare.objects import MODELS, REPROJECTION_RATIO
 from calib.studies.compare.results import COMPARISON, CaseRow, ComparisonTable, Explanation, Results, short
 from calib.studies.compare.scene import CAP_RAD
+from designer.base.number_text import figure
 from designer.page.blocks import Block, Command, Finding, Findings, Headline, Page, Section, Steps
+from designer.page.folders import files_section, question_section, warnings
 
 QUESTION = (
     "Which of the paper's five objects is best, do errors of manufacturing explain the paper's numbers, and does the "

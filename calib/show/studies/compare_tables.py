@@ -2,11 +2,11 @@
 
 import math
 
-from calib.core.number_text import figure
 from calib.show.studies.study_tables import NOT_KNOWN, text_cell
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, PLAIN_DRAWN
 from calib.studies.compare.objects import OBJECTS
 from calib.studies.compare.results import NEAR, REACH, CaseRow, ComparisonTable, Explanation, short
+from designer.base.number_text import figure
 from designer.page.blocks import Cell, Column, Level, Table
 
 LENSES = {

@@ -4,7 +4,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib.figures.style import BLUE, EMPTY, GREEN, GREY, INK, ORANGE, VERMILION, nothing
+from calib.draw.style import BLUE, EMPTY, GREEN, GREY, INK, ORANGE, VERMILION, nothing
 from calib.show.studies import study_folder
 from calib.show.studies.cost_tables import TITLES
 from calib.studies.cost.results import CostTable

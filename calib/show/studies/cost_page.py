@@ -4,10 +4,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from calib.core.number_text import figure
 from calib.observe.csv_table import ANY_NAME
 from calib.show.markdown import markdown
-from calib.show.parts.folder_blocks import files_section, question_section, warnings
 from calib.show.parts.origin import Origin
 from calib.show.studies.cost_figures import FIGURE, cost_figures
 from calib.show.studies.cost_tables import TITLES, costs_table, ratios_table, starts_table
@@ -28,7 +26,9 @@ from calib.studies.cost.cases import CONTRAST_TO_NOISE, FARTHEST, SETTINGS, VIEW
 from calib.studies.cost.errors import WEIGHTED
 from calib.studies.cost.photographed import OUTLIER_PX, OUTLIER_SHARE
 from calib.studies.cost.results import COST_TABLE, CostRatio, CostTable, StartRow
+from designer.base.number_text import figure
 from designer.page.blocks import Block, Command, Finding, Findings, Headline, Page, Section
+from designer.page.folders import files_section, question_section, warnings
 
 QUESTION = (
     "Which distances are best minimised: those in the image, or those in space between rays and rings, as the paper "

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib.core.number_text import figure
 from calib.show.studies.study_tables import NOT_KNOWN, text_cell
 from calib.solver.costs import COSTS
 from calib.studies.cost.cases import REAL
 from calib.studies.cost.photographed import MEASURES
 from calib.studies.cost.results import SHARE, CostRatio, CostTable, StartRow
+from designer.base.number_text import figure
 from designer.page.blocks import Cell, Column, Level, Table
 
 TITLES = {

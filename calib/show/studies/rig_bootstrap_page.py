@@ -3,13 +3,13 @@
 import math
 from pathlib import Path
 
-from calib.core.number_text import figure as digits
-from calib.show.parts.folder_blocks import files_section, number, question_section, whole
 from calib.show.parts.origin import Origin
 from calib.studies.rig_bootstrap import PairSpread
 from calib.studies.rig_bootstrap_record import RIG_BOOTSTRAP, RigBootstrapStudy
+from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Page, Section, Table
+from designer.page.folders import files_section, number, question_section, whole
 
 QUESTION = (
     "How far would the rig be off with other frames like these? Frames are drawn with replacement, as many as there "

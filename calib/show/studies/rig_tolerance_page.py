@@ -3,12 +3,11 @@
 import math
 from pathlib import Path
 
-from calib.core.number_text import figure as digits
-from calib.show.parts.folder_blocks import files_section, number, question_section
 from calib.show.parts.origin import Origin
 from calib.show.studies.tolerance_words import amount, source_title
 from calib.studies.tolerance.rig_costs import RigCost
 from calib.studies.tolerance.rig_record import RIG_TOLERANCE, RigToleranceStudy
+from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable
 from designer.page.blocks import (
     Cell,
@@ -21,6 +20,7 @@ from designer.page.blocks import (
     Section,
     Table,
 )
+from designer.page.folders import files_section, number, question_section
 from designer.tolerance.sources import SOURCES
 
 QUESTION = (

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.core.number_text import figure
-from calib.figures.style import (
+from calib.draw.style import (
     BLUE,
     DEEP,
     EMPTY,
@@ -25,7 +24,7 @@ from calib.figures.style import (
     bar_beside,
     nothing,
 )
-from calib.figures.style import note as remark
+from calib.draw.style import note as remark
 from calib.show.studies import study_folder
 from calib.show.studies.study_tables import setting_in_words, unit_words
 from calib.studies.paper_table import paper_value
@@ -41,6 +40,7 @@ from calib.studies.statistics import (
     predicted_correlations,
 )
 from calib.studies.study_table import StudyCases, StudyTable
+from designer.base.number_text import figure
 from designer.base.words import printable
 
 if TYPE_CHECKING:

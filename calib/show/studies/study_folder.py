@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, cast
 
-from calib.figures.style import picture
+from calib.draw.style import picture
 from calib.observe.csv_table import ANY_NAME
-from calib.show.parts.folder_blocks import read_small_bytes, size_bytes
 from calib.studies.identity import StudyIdentity
 from calib.studies.store import read_study
 from designer.base.codec import encode
@@ -18,6 +17,7 @@ from designer.base.errors import InputError
 from designer.base.small_file import JsonValue
 from designer.base.words import cut, printable
 from designer.page.blocks import Block, Figure, Finding, Findings, Link, Raster, Svg
+from designer.page.folders import read_small_bytes, size_bytes
 from designer.page.pictures import drawing_of_svg
 
 if TYPE_CHECKING:

@@ -7,7 +7,6 @@ from typing import cast
 
 from calib.observe.csv_table import ANY_NAME
 from calib.show.markdown import markdown
-from calib.show.parts.folder_blocks import files_section, question_section, warnings
 from calib.show.parts.origin import Origin
 from calib.show.studies.study_figures import slug, study_figures
 from calib.show.studies.study_folder import (
@@ -60,6 +59,7 @@ from designer.page.blocks import (
     Steps,
     Table,
 )
+from designer.page.folders import files_section, question_section, warnings
 
 BOOTSTRAP_QUESTION = (
     "How much would the camera and its errors change, had other photos been taken? Views are drawn with replacement "

@@ -3,10 +3,10 @@
 import math
 from collections.abc import Sequence
 
-from calib.core.number_text import figure, with_digits
 from calib.studies.findings import ABOUT, ROOT, SIGNIFICANT, HeldClaim
 from calib.studies.statistics import CaseSummary, Distribution, Metric, Setting
 from calib.studies.study_table import StudyTable
+from designer.base.number_text import figure, with_digits
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Level, Table
 

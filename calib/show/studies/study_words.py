@@ -4,12 +4,12 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
-from calib.core.number_text import figure, with_digits
 from calib.show.studies.study_tables import LEVEL_OF_VERDICT, setting_in_words
 from calib.studies.findings import HeldClaim
 from calib.studies.paper_table import BOARD, CORRECTION, ICOSAHEDRON, INTERVALS, TARGETS, paper_value
 from calib.studies.statistics import LEAST_P, METRICS, SMALL_SKEWNESS, CaseSummary, Distribution, Setting
 from calib.studies.study_table import StudyTable
+from designer.base.number_text import figure, with_digits
 from designer.base.words import printable
 from designer.page.blocks import Finding, Headline, Level
 

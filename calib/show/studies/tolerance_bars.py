@@ -4,12 +4,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.core.number_text import figure
-from calib.figures.style import BLUE, EMPTY, GREEN, INK, VERMILION, note, nothing
+from calib.draw.style import BLUE, EMPTY, GREEN, INK, VERMILION, note, nothing
 from calib.show.studies.tolerance_words import BELOW, amount, amount_of
 from calib.studies.tolerance.draw import TOGETHER
 from calib.studies.tolerance.quantities import MAIN, quantity_named
 from calib.studies.tolerance.record import NEVER, BudgetRow, ToleranceStudy
+from designer.base.number_text import figure
 from designer.base.words import capital, printable
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.figures.style import BLUE, EMPTY, GREEN, GREY, INK, ORANGE, VERMILION, note
+from calib.draw.style import BLUE, EMPTY, GREEN, GREY, INK, ORANGE, VERMILION, note
 from calib.show.studies.tolerance_bars import COLUMNS, TITLES, heading, open_sides, plain_log_axis
 from calib.show.studies.tolerance_words import BELOW, HUMAN, amount_of, swept_sources
 from calib.studies.tolerance.quantities import MAIN, quantity_named

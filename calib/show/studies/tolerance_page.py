@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from calib.show.parts.folder_blocks import files_section, question_section, warnings
 from calib.show.parts.origin import Origin
 from calib.show.studies.study_folder import (
     JSON_FILE,
@@ -50,6 +49,7 @@ from calib.studies.tolerance.record import TOLERANCE_TABLE, Crossovers, Photogra
 from calib.studies.tolerance.stored import AGAINST_FILE
 from designer.base.words import capital, printable
 from designer.page.blocks import Block, Command, Facts, Finding, Findings, Fold, Page, Section, Steps
+from designer.page.folders import files_section, question_section, warnings
 
 QUESTION = (
     "What do errors of manufacturing cost a calibration that takes the drawing for true? Targets are made with errors "

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 
-from calib.core.number_text import figure
 from calib.show.studies.tolerance_words import (
     HUMAN,
     amount_of,
@@ -17,6 +16,7 @@ from calib.show.studies.tolerance_words import (
 from calib.studies.tolerance.draw import TOGETHER
 from calib.studies.tolerance.quantities import MAIN, Quantity, other_reference, quantity_named
 from calib.studies.tolerance.record import NEVER, AllowedRow, BudgetRow, CostRow, Crossovers, Together, ToleranceStudy
+from designer.base.number_text import figure
 from designer.base.words import capital
 from designer.page.blocks import Cell, Column, Level, Table
 from designer.tolerance.sources import SOURCES

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator
 
-from calib.core.number_text import figure, with_digits
 from calib.studies.statistics import HALF_WIDTH
 from calib.studies.tolerance.draw import BARE, TOGETHER
 from calib.studies.tolerance.quantities import MAIN, other_reference, quantity_named
@@ -18,6 +17,7 @@ from calib.studies.tolerance.record import (
     ToleranceStudy,
 )
 from calib.studies.tolerance.sizes import FACTORS
+from designer.base.number_text import figure, with_digits
 from designer.base.words import capital
 from designer.page.blocks import Finding, Headline
 from designer.tolerance.sources import SOURCES

@@ -2,12 +2,12 @@
 
 import math
 
-from calib.core.number_text import figure
 from calib.show.studies.tolerance_tables import HEADS
 from calib.show.studies.tolerance_words import source_title
 from calib.studies.tolerance.quantities import quantity_named
 from calib.studies.tolerance.record import ToleranceStudy
 from calib.studies.tolerance.what_if import RankedWay
+from designer.base.number_text import figure
 from designer.base.words import capital
 from designer.page.blocks import Cell, Column, Headline, Section, Table
 

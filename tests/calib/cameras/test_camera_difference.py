@@ -11,9 +11,9 @@ from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
 from calib.core.se3 import exp_rotation
-from calib.figures.difference_picture import difference_picture
-from calib.figures.sigma_map import scale_end
-from calib.figures.style import WIDTH_PX
+from calib.draw.difference_picture import difference_picture
+from calib.draw.sigma_map import scale_end
+from calib.draw.style import WIDTH_PX
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE, ask_mrcal, text_of
 

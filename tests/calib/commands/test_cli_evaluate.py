@@ -15,7 +15,6 @@ from typer.testing import CliRunner, Result
 
 import calib
 from calib.commands.evaluate import evaluate as command
-from calib.core.number_text import figure, with_digits
 from calib.core.types import Observations
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import by_point, by_view, evaluate
@@ -29,6 +28,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from designer.base.errors import InputError
+from designer.base.number_text import figure, with_digits
 from tests.support.calibrations import board, example, icosahedron
 
 APP = typer.Typer()

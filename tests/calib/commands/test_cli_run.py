@@ -102,7 +102,7 @@ class Detector:
 
 def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """None is drawn any more."""
-    monkeypatch.setattr("calib.figures.picture", lambda *_, **__: PICTURE)
+    monkeypatch.setattr("calib.draw.picture", lambda *_, **__: PICTURE)
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
 
 
@@ -306,7 +306,7 @@ def test_ctrl_c_keeps_what_is_finished(detector: Detector, monkeypatch: pytest.M
         answer = calib("run", "board.target.json", "photos", "-o", "out")
         assert (answer.code, answer.err) == (130, "stopped; finished and kept: out/detections.csv, out/luhmann\n")
     with monkeypatch.context() as patch:
-        patch.setattr("calib.figures.calibration_figures", interrupted)
+        patch.setattr("calib.draw.calibration_figures", interrupted)
         answer = calib(*quick("photos"))
         assert (answer.code, answer.err) == (130, "stopped; finished and kept: out/detections.csv, out\n")
     assert not [name for name in files_in(folder) if "unfinished" in name]

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera, load_camera
-from calib.core.files import named_in_files
 from calib.core.se3 import look_at, transform
 from calib.core.types import Detections, Observations
 from calib.observe.dataset import write_detections
@@ -22,6 +21,7 @@ from calib.records.calibration_file import read_calibration
 from calib.solver.calibration import Calibration
 from calib.virtual.calibrate import calibrate
 from designer.base.errors import InputError
+from designer.base.files import named_in_files
 from designer.target import load_target, target_to_json
 from tests.support.calibrations import board, example, icosahedron, seen_by
 from tests.support.command_line import JUDGED, LENIENT, calib, detections_of, files_in, refused, write_inputs

@@ -14,8 +14,8 @@ from PIL import Image
 
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation
-from calib.figures import calibration_figures
-from calib.figures.style import picture, round_length
+from calib.draw import calibration_figures
+from calib.draw.style import picture, round_length
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.metrics.residual_cells import LEAST_PER_CELL, cells_of, columns_rows, residuals_of
 from calib.observe.observations import known_points
@@ -119,7 +119,7 @@ def test_no_text_lies_on_another(monkeypatch: pytest.MonkeyPatch) -> None:
     def kept(height_px: int, draw: Callable[[Figure], None], **options: bool) -> bytes:
         return picture(height_px, lambda page: (draw(page), pages.append(page))[0], **options)
 
-    monkeypatch.setattr("calib.figures.picture", kept)
+    monkeypatch.setattr("calib.draw.picture", kept)
     calibration_figures(tiny(0), Path())
     for axes in pages[0].axes:
         texts = [text for text in axes.findobj(Text) if isinstance(text, Text) and text.get_text()]

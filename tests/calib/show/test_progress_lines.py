@@ -2,7 +2,7 @@
 
 import pytest
 
-from calib.show.screen import progress_bar
+from designer.page.progress import progress_bar
 
 EVERY_S = 4.0
 
@@ -12,8 +12,8 @@ def test_progress_is_told_in_lines_off_a_terminal(
 ) -> None:
     """Every few seconds a line on standard error says how many are done and about how long the rest takes."""
     now = [100.0]
-    monkeypatch.setattr("calib.show.screen.SAID_EVERY_S", EVERY_S)
-    monkeypatch.setattr("calib.show.screen.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("designer.page.progress.SAID_EVERY_S", EVERY_S)
+    monkeypatch.setattr("designer.page.progress.time.monotonic", lambda: now[0])
     with progress_bar("drawing", 40) as tell:
         for done in range(1, 41):
             now[0] += EVERY_S / 4

@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 
 from calib.cameras.camera import Camera
-from calib.figures.sigma_map import place_in_image
+from calib.draw.rig_scene import view_of
+from calib.draw.sigma_map import place_in_image
 from calib.metrics.errors import centers_mm
 from calib.observe.observations import known_points
 from calib.records.run_folder import judge_again, read_run
 from calib.renderer.truth import Truth, true_views
 from calib.show.parts.origin import Origin
 from calib.show.run.calibration_page import calibration_page
-from calib.show.run.camera_scene import camera_view, view_of
+from calib.show.run.camera_scene import camera_view
 from calib.show.run.sections import as_sentence, field_of_view_words, finding_of, headline_by
 from calib.verdict.criteria import read_criteria
 from calib.verdict.verdict import Check, Verdict

@@ -21,7 +21,7 @@ from tests.support.space_scenes import points_before, row_of_cameras, sighted
 
 
 @pytest.fixture(scope="module")
-def budget_of_pair() -> calib.BudgetResult:
+def budget_of_pair() -> calib.Budget:
     """The budget of a pair, made once."""
     return calib.budget(row_of_cameras(2), distance_mm=(700, 1500))
 
@@ -87,12 +87,9 @@ def test_points_of_two_cameras_without_a_position_are_judged_as_before() -> None
     )
 
 
-def test_a_budgets_page_shows_depth_planes_and_what_would_help(
-    tmp_path: Path, budget_of_pair: calib.BudgetResult
-) -> None:
+def test_a_budgets_page_shows_depth_planes_and_what_would_help(budget_of_pair: calib.Budget) -> None:
     """Three figures of a pair; each change with what it assumes; the headline's number is the table's."""
-    budget_of_pair.save(tmp_path)
-    page = build_page(tmp_path, origin_in(tmp_path))
+    page = budget_of_pair.page()
     figures = [block for section in page.sections for block in section.blocks if isinstance(block, Figure)]
     assert [one.title.split(",")[0] for one in figures] == [
         "Depth error over distance", "Error of a point", "Error of a point"
@@ -102,24 +99,6 @@ def test_a_budgets_page_shows_depth_planes_and_what_would_help(
     assert page.headline.word == f"{first.rows[0][1].text} mm"
     assumed = next(block for section in page.sections for block in section.blocks if isinstance(block, Facts))
     assert [name for name, _ in assumed.rows] == [row[0].text for row in last.rows[1:]]
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("drawn_mm", [[1e300, 0, 0]]), ("drawn_mm2", [[[1, 2], [3, 4]]]), ("slices", [{"title": "x"}]),
-        ("noise_px", [-1.0, 0.1]), ("position", None), ("volume", {}),
-    ],
-)  # fmt: skip
-def test_a_damaged_budget_is_refused_by_its_name(
-    key: str, value: object, tmp_path: Path, budget_of_pair: calib.BudgetResult
-) -> None:
-    """One line, with the remedy; nothing is drawn of it."""
-    budget_of_pair.save(tmp_path)
-    path = tmp_path / "budget.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), key: value}))
-    with pytest.raises(InputError, match=r"budget\.json: .*make the budget again"):
-        build_page(tmp_path, origin_in(tmp_path))
 
 
 def test_rings_in_photos_of_a_check_object_become_points(tmp_path: Path) -> None:

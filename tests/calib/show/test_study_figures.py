@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from calib.figures.style import picture
+from calib.draw.style import picture
 from calib.show.studies.study_figures import (
     Pair,
     _edges,

@@ -47,7 +47,7 @@ def ring() -> Rig:
 def test_depth_of_a_stereo_pair_follows_the_formula() -> None:
     """Noise alone: `sigma_Z = sqrt(2) Z^2 sigma / (f b)` on the bisector, and across `Z sigma / (sqrt(2) f)`."""
     rig = pinhole_pair()
-    found = calib.budget(rig, distance_mm=(500, 4000)).record
+    found = calib.budget(rig, distance_mm=(500, 4000))
     assert found.depth is not None
     focal, z = rig.cameras[0].params[0], found.depth.distance_mm
     np.testing.assert_allclose(found.depth.depth_mm, np.sqrt(2) * z**2 * NOISE_PX / (focal * 100), rtol=0.01)
@@ -114,7 +114,7 @@ def test_parts_are_those_that_are_not_fixed() -> None:
 
 def test_knowing_a_part_never_makes_it_worse() -> None:
     """And knowing the kind is worth at least as much as knowing one camera of it."""
-    found = calib.budget(row_of_cameras(3), distance_mm=(700, 1500)).record
+    found = calib.budget(row_of_cameras(3), distance_mm=(700, 1500))
     known = {one.part: one.position.median_mm for one in found.known}
     assert max(known.values()) <= found.position.median_mm
     assert known["the whole rig"] == found.by_noise.median_mm <= known["the lenses"] <= known["the lens of b"]
@@ -140,8 +140,8 @@ def test_changes_are_budgets_of_changed_rigs() -> None:
     np.testing.assert_allclose(more.covariance[:first, last:], rig.covariance[:first, first:last])
     correlation = more.covariance / np.sqrt(np.outer(*[np.diagonal(more.covariance)] * 2) + 1e-300)
     assert np.linalg.eigvalsh(correlation).min() > -1e-9
-    changes = {one.change: one for one in calib.budget(rig, distance_mm=(700, 1500)).record.changes}
-    now = calib.budget(rig, distance_mm=(700, 1500)).record.position.median_mm
+    changes = {one.change: one for one in calib.budget(rig, distance_mm=(700, 1500)).changes}
+    now = calib.budget(rig, distance_mm=(700, 1500)).position.median_mm
     assert len(changes) == 4
     assert all(one.position.median_mm < now for one in changes.values())
 
@@ -154,14 +154,14 @@ def test_one_camera_more_shares_what_the_cameras_share(sign: int) -> None:
     together = np.zeros(len(rig.covariance))
     together[2], together[rig.pose_rows(1).start + 1] = 5.0, sign * 5.0 / rig.cameras[0].params[0]
     joined = replace(rig, covariance=0.01 * rig.covariance + np.outer(together, together))
-    found = calib.budget(joined, distance_mm=(700, 1500)).record
+    found = calib.budget(joined, distance_mm=(700, 1500))
     more = next(one for one in found.changes if one.change == "one camera more")
     assert more.shape.median_mm < found.shape.median_mm
 
 
 def test_without_a_covariance_only_noise_is_told() -> None:
     """What is not known is nan, and said."""
-    found = calib.budget(replace(row_of_cameras(2), covariance=None), distance_mm=(700, 1500)).record
+    found = calib.budget(replace(row_of_cameras(2), covariance=None), distance_mm=(700, 1500))
     assert np.isnan([found.by_calibration.median_mm, found.shape.median_mm]).all()
     assert found.position == found.by_noise
     assert found.known == ()
@@ -181,8 +181,8 @@ def test_volumes_follow_the_cameras() -> None:
     assert around.far_mm == 150  # a quarter of the way
     eyes = np.array([[-40.0, 0, 0], [40, 0, 0]])
     back = Rig(("a", "b"), (wide_camera(),) * 2, look_at(eyes, 10 * eyes), None, NOISE)
-    assert calib.budget(back).record.share > 0.1
-    box = calib.budget(pinhole_pair(), volume=((-100, -100, 900), (100, 100, 1100))).record
+    assert calib.budget(back).share > 0.1
+    box = calib.budget(pinhole_pair(), volume=((-100, -100, 900), (100, 100, 1100)))
     assert (box.share, box.depth) == (1.0, None)
     assert box.points > 3000 >= box.points - 4000
 
@@ -215,9 +215,9 @@ def test_options_that_break_a_rule_are_refused(wrong: dict[str, object], said: s
 
 def test_where_errors_are_as_large_as_the_distance_it_is_said() -> None:
     """The law of small errors holds there no more, and no point would have a position."""
-    far = calib.budget(pinhole_pair(), distance_mm=(1e5, 1e6)).record
+    far = calib.budget(pinhole_pair(), distance_mm=(1e5, 1e6))
     assert "errors reach a third of the distance" in " ".join(far.remarks)
-    assert "errors reach" not in " ".join(calib.budget(pinhole_pair(), distance_mm=(500, 2000)).record.remarks)
+    assert "errors reach" not in " ".join(calib.budget(pinhole_pair(), distance_mm=(500, 2000)).remarks)
 
 
 def test_distances_of_a_rig_may_be_far() -> None:
@@ -232,5 +232,5 @@ def test_noise_that_nobody_states_is_asked_for() -> None:
     rig = replace(without_errors(pinhole_pair()), noise_px=None)
     with pytest.raises(InputError, match="give noise_px"):
         calib.budget(rig)
-    assert calib.budget(rig, noise_px=0.2).record.noise_px.tolist() == [0.2, 0.2]
+    assert calib.budget(rig, noise_px=0.2).noise_px.tolist() == [0.2, 0.2]
     assert rig.cameras[0].image_size == SIZE

@@ -7,7 +7,7 @@ import pytest
 
 from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
-from calib.figures.sigma_map import place_on_map, sigma_map
+from calib.draw.sigma_map import place_on_map, sigma_map
 from calib.solver.solve import solve
 from calib.verdict.apart import Known, sigma_over
 from calib.verdict.checks import OWN_ROTATION

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from designer.page.scene import Cameras, Labels, Layer, Rings, Scene, Segments, Shape, Surface, scene_json
+from designer.page.scene import Cameras, Drawn, Labels, Layer, Rings, Scene, Segments, Surface, scene_json
 
 RNG = np.random.default_rng(7)
 Z = np.tile([0.0, 0.0, 1.0], (3, 1))
@@ -22,7 +22,7 @@ RINGS = Rings(RNG.normal(size=(3, 3)), Z, np.full(3, 2.0), np.array([1.0, 0.9, 0
 SEGMENTS = Segments(RNG.normal(size=(2, 2, 3)), ("#112233", "#445566"))
 CAMERAS = Cameras(np.tile(np.eye(4), (2, 1, 1)), CORNERS, 10.0, ("#0072b2",), ("one", "two"))
 LABELS = Labels(RNG.normal(size=(3, 3)), Z, ("1", "2", "3"), 4.0)
-SHAPES: tuple[Shape, ...] = (SURFACE, RINGS, SEGMENTS, CAMERAS, LABELS)
+SHAPES: tuple[Drawn, ...] = (SURFACE, RINGS, SEGMENTS, CAMERAS, LABELS)
 SCENE = Scene(
     (Layer("all", SHAPES), Layer("none", (), is_shown=False, has_switch=False)),
     up=(0.0, 0.0, 1.0),
@@ -31,7 +31,7 @@ SCENE = Scene(
 )
 
 
-def of_shape(shape: Shape) -> Scene:
+def of_shape(shape: Drawn) -> Scene:
     """A scene of one shape."""
     return replace(SCENE, layers=(Layer("a <layer>", (shape,)),))
 
@@ -121,7 +121,7 @@ def test_text_stays_text(text: str) -> None:
         (replace(LABELS, size_mm=np.inf), "not JSON compliant"),
     ],
 )
-def test_what_cannot_be_drawn_is_refused(shape: Shape, message: str) -> None:
+def test_what_cannot_be_drawn_is_refused(shape: Drawn, message: str) -> None:
     """A number that no viewer can place, or a colour that belongs to nothing, never reaches a page."""
     with pytest.raises(ValueError, match=message):
         scene_json(of_shape(shape))
@@ -130,7 +130,7 @@ def test_what_cannot_be_drawn_is_refused(shape: Shape, message: str) -> None:
 def test_empty_shapes_are_fine() -> None:
     """A layer may have nothing to show: no outliers, no cameras."""
     none = np.zeros((0, 3))
-    empty: tuple[Shape, ...] = (
+    empty: tuple[Drawn, ...] = (
         Rings(none, none, np.zeros(0), np.zeros(0), ()),
         Segments(np.zeros((0, 2, 3)), ("#000000",)),
         Cameras(np.zeros((0, 4, 4)), CORNERS, 1.0, ("#000000",), ()),

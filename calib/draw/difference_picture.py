@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.refit import CameraDifference, image_centre
-from calib.figures.fields import draw_map
-from calib.figures.sigma_map import scale_end
-from calib.figures.style import DEEP, PALE, image_axes, note, picture, round_length
+from calib.draw.fields import draw_map
+from calib.draw.sigma_map import scale_end
+from calib.draw.style import DEEP, PALE, image_axes, note, picture, round_length
 from designer.base.words import NAME
 
 if TYPE_CHECKING:

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.number_text import figure as digits
-from calib.figures.sigma_map import SigmaMap, scale_end
-from calib.figures.style import (
+from calib.draw.sigma_map import SigmaMap, scale_end
+from calib.draw.style import (
     BLUE,
     DEEP,
     EMPTY,
@@ -24,6 +23,7 @@ from calib.figures.style import (
 )
 from calib.metrics.residual_cells import ResidualCells, Residuals
 from calib.verdict.coverage import Coverage
+from designer.base.number_text import figure as digits
 from designer.base.words import capital
 
 if TYPE_CHECKING:

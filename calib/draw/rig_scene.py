@@ -3,10 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import ABILITIES, rays
+from calib.cameras.camera import Camera
+from calib.cameras.field_of_view import spokes
+from calib.cameras.parameters import slopes
 from calib.cameras.rig import Rig
-from calib.figures.style import round_length
-from calib.show.run.camera_scene import view_of
+from calib.draw.style import round_length
 from designer.base.words import printable
+from designer.page.blocks import View3d
 from designer.page.scene import Cameras, Layer, Scene, Segments
 
 Array = NDArray[np.float64]
@@ -15,6 +19,11 @@ CAMERA, POINT, EDGE = "#0072B2", "#D55E00", "#8a9099"
 """Okabe and Ito's blue and vermilion, and a grey, seen on light and dark."""
 SHARE, AXIS_SHARE = 0.12, 0.05
 """Of the scene's size: a camera's pyramid, the usual point's longest axis."""
+
+DOME_SPOKES, DOME_ROWS = 24, 4
+"""Directions around a dome, and rows from its middle to its border."""
+STEEPEST = 2.5
+"""A side of the image whose light comes from farther off the axis, as a tangent, makes no pyramid."""
 
 
 def scene_size_mm(rig: Rig, points_mm: Array) -> float:
@@ -45,6 +54,15 @@ def error_axes(points_mm: Array, covariance_mm2: Array, size_mm: float) -> tuple
     return Layer("points", (Segments(ends, (POINT,)),)), enlarged
 
 
+def rig_and_errors(rig: Rig, points_mm: Array, covariance_mm2: Array, title: str, alt: str, caption: str) -> View3d:
+    """The cameras, and points (N, 3) as the axes of their errors, of covariances (N, 3, 3)."""
+    size_mm = scene_size_mm(rig, points_mm)
+    points, enlarged = error_axes(points_mm, covariance_mm2, size_mm)
+    legend = (CAMERA, "camera"), (POINT, "expected error")
+    scene = looked_at(rig, (rig_layer(rig, size_mm), points), legend)
+    return View3d(title, scene, alt, f"{caption}, {enlarged:g} times enlarged. Point at a camera for its name.")
+
+
 def looked_at(rig: Rig, layers: tuple[Layer, ...], legend: tuple[tuple[str, str], ...]) -> Scene:
     """The scene from behind the cameras and from above, as they have it."""
     frames = rig.rig_from_cam
@@ -58,3 +76,28 @@ def looked_at(rig: Rig, layers: tuple[Layer, ...], legend: tuple[tuple[str, str]
 def _unit(vector: Array) -> tuple[float, float, float]:
     x, y, z = (vector / np.linalg.norm(vector)).tolist()
     return round(x, 6), round(y, 6), round(z, 6)
+
+
+def view_of(camera: Camera) -> Array:
+    """What a camera sees as `designer.page.scene.Cameras` draws it: a pyramid, or the dome of a wide lens."""
+    corners = _corner_rays(camera)
+    if not ABILITIES[camera.model].is_wide:
+        return corners[None]
+    dome = spokes(camera, DOME_SPOKES, DOME_ROWS)
+    reaches_far = np.hypot(dome[-1, :, 0], dome[-1, :, 1]) > STEEPEST * dome[-1, :, 2]
+    return dome if np.isfinite(dome).all() and reaches_far.any() else corners[None]
+
+
+def body_words(view: Array) -> str:
+    """What is drawn for a camera."""
+    return "pyramid" if len(view) == 1 else "dome"
+
+
+def _corner_rays(camera: Camera) -> Array:
+    """Through the image's corners, clockwise from the top left, with z = 1; without a lens where that has none."""
+    width, height = camera.image_size
+    corner = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=np.float64)
+    through = np.column_stack([slopes(rays(camera, corner)), np.ones(4)])
+    straight = np.column_stack([(corner - camera.params[2:4]) / camera.params[:2], np.ones(4)])
+    known = np.isfinite(through).all(axis=1) & (np.abs(through).max(axis=1) < 10)
+    return np.where(known[:, None], through, straight)

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.number_text import figure as digits
-from calib.figures.style import BLUE, ORANGE, VERMILION, AxesDrawing, nothing, open_axes
+from calib.draw.style import BLUE, ORANGE, VERMILION, AxesDrawing, nothing, open_axes
 from calib.metrics.evaluation import Evaluation
 from calib.solver.outliers import whitened
 from calib.solver.problem import whiteners
+from designer.base.number_text import figure as digits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.core.number_text import figure as digits
-from calib.figures.fields import draw_map
-from calib.figures.style import BLUE, GREY, INK, VERMILION, AxesDrawing, nothing, open_axes
+from calib.draw.fields import draw_map
+from calib.draw.style import BLUE, GREY, INK, VERMILION, AxesDrawing, nothing, open_axes
 from calib.space.budget_views import DepthCurve, ErrorSlice
+from designer.base.number_text import figure as digits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,13 +1,24 @@
-"""Progress on standard error, while there is a screen."""
+"""Progress: who works tells how far it is, and a command shows it on standard error, while there is a screen."""
 
 import math
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
+from typing import TypeAlias
+
+Progress: TypeAlias = Callable[[str, float, int], None]
+"""Is told what is being done, how many are done, and of how many, as in `("searching", 3, 12)`; of 0 nobody knows.
+
+Rooms never print; a caller may.
+"""
 
 SAID_EVERY_S = 4.0
 """Between lines of progress where there is no terminal."""
+
+
+def unheard(what: str, done: float, total: int) -> None:
+    """Progress of which nobody is told."""
 
 
 @contextmanager
@@ -33,7 +44,7 @@ def progress_bar(label: str, total: int) -> Iterator[Callable[[float], None]]:
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, float, int], None]]:
-    """A bar for each kind of work, one after the other, as `calib.api.loading.Progress` has it."""
+    """A bar for each kind of work, one after the other, as `Progress` has it."""
     with ExitStack() as stack:
         open_bars: dict[str, Callable[[float], None]] = {}
 

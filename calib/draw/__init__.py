@@ -4,8 +4,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib.core.number_text import figure as digits
-from calib.figures.style import (
+from calib.draw.style import (
     ABOVE_PX,
     BELOW_PX,
     HEADLINE_PX,
@@ -20,6 +19,7 @@ from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation
 from calib.metrics.residual_cells import cells_of_residuals, residuals_of
 from calib.verdict.coverage import coverage_of
+from designer.base.number_text import figure as digits
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,9 +45,9 @@ def calibration_figures(evaluation: Evaluation, folder: Path) -> dict[Path, byte
 
 def _draw_page(page: "Figure", evaluation: Evaluation, image_px: float) -> None:
     """Three rows of two panels, the first two of which are images so high."""
-    from calib.figures.fields import coverage_drawing, residuals_drawing, systematic_drawing, uncertainty_drawing
-    from calib.figures.histograms import distribution_drawing, sizes_drawing
-    from calib.figures.sigma_map import sigma_map
+    from calib.draw.fields import coverage_drawing, residuals_drawing, systematic_drawing, uncertainty_drawing
+    from calib.draw.histograms import distribution_drawing, sizes_drawing
+    from calib.draw.sigma_map import sigma_map
 
     calibration, residuals = evaluation.calibration, residuals_of(evaluation)
     cells = cells_of_residuals(residuals)

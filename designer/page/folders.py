@@ -2,14 +2,17 @@
 
 import math
 import stat
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Generic, TypeVar
 
-from calib.core.number_text import figure
-from designer.base.words import printable
+from designer.base.number_text import figure
+from designer.base.words import capital, printable
 from designer.page.blocks import (
     Block,
     Cell,
+    Column,
     Command,
     Facts,
     FileList,
@@ -17,8 +20,11 @@ from designer.page.blocks import (
     Finding,
     Findings,
     Section,
+    Table,
     is_linkable,
 )
+
+Row = TypeVar("Row")
 
 DEFAULT_NAME = "calibration"
 """How `calib run` calls its folder: it says nothing, so the folder around it is named too."""
@@ -93,3 +99,42 @@ def files_section(folder: Path, purposes: Sequence[tuple[str, str]], again: Comm
     files = file_list(folder, purposes)
     blocks: tuple[Block, ...] = (files,) if files.rows else ()
     return Section("Files", (*blocks, again))
+
+
+@dataclass(frozen=True)
+class Shown(Generic[Row]):
+    """A column of `table_of`: its title, what it shows of a row, and what that means."""
+
+    title: str
+    value: Callable[[Row], str | float | Cell]  # a number is set to its digits; nan: not known
+    note: str = ""
+    digits: int = 2
+    unknown: str = ""  # what stands where a number is not known
+
+
+def table_of(
+    rows: Iterable[Row], *columns: Shown[Row], title: str = "", note: str = "", visible_rows: int = 12
+) -> Table:
+    """A table with a row for each thing: `table_of(parts, Shown("part", lambda one: one.part), ...)`."""
+    cells = tuple(tuple(_cell(column.value(row), column) for column in columns) for row in rows)
+    heads = tuple(
+        Column(column.title, any(row[at].value is not None for row in cells), column.note)
+        for at, column in enumerate(columns)
+    )
+    return Table(title, heads, cells, note, visible_rows)
+
+
+def _cell(value: str | float | Cell, column: Shown[Row]) -> Cell:
+    if isinstance(value, Cell):
+        return value
+    if isinstance(value, str):
+        return Cell(printable(value))
+    if isinstance(value, int):
+        return whole(value)
+    return number(value, column.digits) if math.isfinite(value) else Cell(column.unknown)
+
+
+def notes(lines: Iterable[str]) -> tuple[Findings, ...]:
+    """What a person must know of the numbers, a line each; nothing if there are none."""
+    rows = tuple(Finding("note", "", capital(printable(line))) for line in lines)
+    return (Findings(rows),) if rows else ()

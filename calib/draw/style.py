@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
+    from designer.page.blocks import Figure as FigureBlock
+
 # Okabe and Ito 2008: told apart by people with any kind of colour blindness.
 BLUE, VERMILION, GREEN, ORANGE, GREY = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#6b6b6b"
 INK, EMPTY = "#1a1a1a", "#e4e4e4"
@@ -139,6 +141,17 @@ def svg_panel(draw: "Callable[[Axes], None]", *, height_in: float = PANEL_HEIGHT
         stream = io.BytesIO()
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
     return stream.getvalue()
+
+
+def figure_of(drawing: "AxesDrawing") -> "FigureBlock":
+    """A drawing as a page shows it."""
+    from designer.page.blocks import Figure
+    from designer.page.pictures import drawing_of_svg
+
+    has_bar, size = drawing.has_bar, drawing.image_size
+    height_in = PANEL_HEIGHT_IN if size is None else panel_height_in(size, has_bar=True)
+    svg = drawing_of_svg(svg_panel(drawing.draw, has_bar=has_bar, height_in=height_in))
+    return Figure(drawing.title, svg, drawing.words, f"{drawing.words}.")
 
 
 def panel_height_in(image_size: tuple[int, int], *, has_bar: bool = False) -> float:

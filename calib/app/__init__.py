@@ -1,0 +1,1 @@
+"""A capability a file: what it gives, the function, how it is told; `calib.cli` lists them."""

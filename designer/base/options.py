@@ -1,0 +1,230 @@
+"""What a parameter says of itself, once: `length_mm: Annotated[float, option("whose error is told", 1, 1e6)] = 100.0`.
+
+The command line's option, its help, how its text is read and what is refused all come from this, and Python is refused
+the same. A name's ending is its unit: `length_mm` is `--length 100mm` in a shell, and a number in Python.
+"""
+
+import inspect
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial, wraps
+from numbers import Integral, Real
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Literal, ParamSpec, TypeVar, Union, cast, get_args, get_origin
+
+from designer.base.errors import InputError
+from designer.base.units import MM_PER_UNIT, RAD_PER_UNIT, parse_percent, parse_quantity
+from designer.base.words import shown, suggestion
+
+P = ParamSpec("P")
+R = TypeVar("R")
+Text = Callable[[str], object]
+FARTHEST_MM = 1e7
+
+
+@dataclass(frozen=True)
+class Option:
+    """What is said of a parameter beyond its name, type and default."""
+
+    help: str
+    least: float = -math.inf
+    most: float = math.inf
+    metavar: str = ""
+    short: str = ""  # a letter's flag: "-v"
+    parse: Text | None = (
+        None  # of the text of a shell, where the name's ending does not tell; ValueError: no such thing
+    )
+    names: Callable[[], tuple[str, ...]] | None = None  # the words that it takes
+    complete: Callable[..., object] | None = None  # words that a shell offers, of many more that it takes
+    group: str = "Options"
+    off: str = ""  # of a switch that is on: the flag that turns it off, as in "--keep-all"
+    is_argument: bool = False
+    is_many: bool = False
+
+
+option = Option
+"""`Annotated[float | None, option("of a coordinate in the image", 0, 100)] = None`."""
+argument = partial(Option, is_argument=True)
+"""`Annotated["Rig | Place", argument("the rig's file")]`."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """How a number with a unit is read."""
+
+    name: str
+    parse: Callable[[str], float]
+    scale: float = 1.0  # of Python's number over that which limits and help show
+
+
+def _with_unit(text: str, units: Mapping[str, float], expected: str) -> float:
+    return parse_quantity(text, units, expected, math.inf)
+
+
+UNITS: Mapping[str, Unit] = {
+    "mm": Unit("mm", partial(_with_unit, units=MM_PER_UNIT, expected="a length such as 20mm, 2.5m or 0.8in")),
+    "px": Unit("px", partial(_with_unit, units={"": 1.0, "px": 1.0}, expected="pixels such as 0.7px")),
+    "deg": Unit("deg", partial(_with_unit, units={"": 1.0, "deg": 1.0, "°": 1.0}, expected="an angle such as 60deg")),
+    "rad": Unit(
+        "deg", partial(_with_unit, units=RAD_PER_UNIT, expected="an angle such as 60deg or 2mrad"), math.pi / 180
+    ),
+    "s": Unit("s", partial(_with_unit, units={"": 1.0, "s": 1.0, "ms": 1e-3}, expected="a time such as 2s or 5ms")),
+    "share": Unit("%", parse_percent, 0.01),
+    "percent": Unit("%", parse_percent),
+}
+"""By the ending of a parameter's name. A share of one is written in percent."""
+PLAIN = Unit("", partial(_with_unit, units={"": 1.0}, expected="a number"))
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One of a function's, as it is given in a shell and in Python."""
+
+    name: str
+    option: Option
+    kind: object  # the type, None aside; a text where it is not loaded
+    default: object  # `inspect.Parameter.empty`: it has to be given
+
+    @property
+    def unit(self) -> Unit:
+        """Of its number."""
+        return UNITS.get(self.name.rpartition("_")[2], PLAIN)
+
+    @property
+    def flag(self) -> str:
+        """Its name in a shell, without the unit."""
+        stem, _, ending = self.name.rpartition("_")
+        return f"--{(stem if ending in UNITS and stem else self.name).replace('_', '-')}"
+
+    @property
+    def label(self) -> str:
+        """How messages call it."""
+        return self.flag[2:].upper() if self.option.is_argument else self.flag
+
+    def text_of(self, value: object) -> str:
+        """A value as it is typed."""
+        if isinstance(value, tuple) and self._is_number:
+            return "..".join(self.text_of(one) for one in value)
+        return f"{value / self.unit.scale:g}{self.unit.name}" if isinstance(value, float) else str(value)
+
+    @property
+    def _is_number(self) -> bool:
+        return self.kind in (int, float) or (get_origin(self.kind) is tuple and get_args(self.kind)[0] is float)
+
+    def read(self, text: str) -> object:
+        """What a text means that was given for it.
+
+        Raises:
+            InputError: nothing, or what is beyond a limit.
+        """
+        try:
+            value = self._meant(text)
+        except ValueError as error:
+            raise InputError(f"{self.label} {shown(text)}: {error}") from None
+        self.check(value, shown(text))
+        return value
+
+    def _meant(self, text: str) -> object:
+        if self.option.parse is not None:
+            return self.option.parse(text)
+        if self.kind is int:
+            return whole_number(text)
+        if self.kind is float:
+            return self.unit.parse(text)
+        if get_origin(self.kind) is tuple and get_args(self.kind)[0] is float:
+            return read_range(text, self.unit.parse, self.unit.name)
+        return text
+
+    def check(self, value: object, told: str = "") -> None:
+        """Refuse a value that is beyond the limits, or none of the words, whoever gives it.
+
+        Args:
+            value: that was given.
+            told: as it was written; "": as Python shows it.
+        """
+        if value is None or isinstance(value, str) != (
+            self.option.names is not None or get_origin(self.kind) is Literal
+        ):
+            return
+        if isinstance(value, str):
+            known = tuple(get_args(self.kind)) if self.option.names is None else self.option.names()
+            if value not in known:
+                hint = suggestion(value, list(known)) or f"; use {', '.join(known)}"
+                raise InputError(f"{self.label} {shown(value)} is unknown{hint}")
+        elif self._is_number:
+            for one in value if isinstance(value, tuple | list) else (value,):
+                self._check_number(one, told or shown(value))
+
+    def _check_number(self, value: object, told: str) -> None:
+        kind, what = (Integral, "a whole number") if self.kind is int else (Real, "a number")
+        if isinstance(value, bool) or not isinstance(value, kind):
+            raise InputError(f"{self.label} {told}: must be {what}{self._limits(' from')}")
+        if not self.option.least <= float(cast("float", value)) <= self.option.most:
+            raise InputError(f"{self.label} {told}: must be{self._limits(' from')}")
+
+    def _limits(self, word: str) -> str:
+        least, most = (self.text_of(float(one)) for one in (self.option.least, self.option.most))
+        if math.isinf(self.option.most):
+            return "" if math.isinf(self.option.least) else f" {least} or more"
+        return f" {most} or less" if math.isinf(self.option.least) else f"{word} {least} to {most}"
+
+
+def whole_number(text: str) -> int:
+    """A whole number; ValueError: it is none."""
+    if not re.fullmatch(r"\s*[-+]?\d{1,18}\s*", text):
+        raise ValueError("must be a whole number")
+    return int(text)
+
+
+def read_range(text: str, parse: Callable[[str], float], unit: str) -> tuple[float, float]:
+    """`400mm`, or `250mm..800mm` in order; the last unit is that of a first number that has none.
+
+    Raises:
+        ValueError: no such range.
+    """
+    parts = text.split("..")
+    if len(parts) > 2:
+        raise ValueError(f"give one, or two such as 250{unit}..800{unit}")
+    ending = re.search(r"[^\s\d.+-]+\s*\Z", parts[-1])
+    is_bare = len(parts) == 2 and re.fullmatch(r"[-+\s\d.eE]+", parts[0])
+    first = f"{parts[0]}{ending[0]}" if ending and is_bare else parts[0]
+    low, high = parse(first), parse(parts[-1])
+    if low > high:
+        raise ValueError("the smaller comes first")
+    return low, high
+
+
+def parameters_of(function: Callable[..., object]) -> dict[str, Parameter]:
+    """Those of a function that say what they are, by their names."""
+    found = {}
+    for name, one in inspect.signature(function).parameters.items():
+        if get_origin(one.annotation) is Annotated:
+            kind, *marks = get_args(one.annotation)
+            said = next((mark for mark in marks if isinstance(mark, Option)), None)
+            if said is not None:
+                found[name] = Parameter(name, said, _without_none(kind), one.default)
+    return found
+
+
+def _without_none(kind: object) -> object:
+    """The first type of several; a path for what is not loaded."""
+    if get_origin(kind) in (Union, UnionType):
+        return next(one for one in get_args(kind) if one is not NoneType)
+    return kind if isinstance(kind, type) or get_origin(kind) is not None else Path
+
+
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorate a function so that Python, too, is refused what is beyond the limits that its parameters state."""
+    parameters, signature = parameters_of(function), inspect.signature(function)
+
+    @wraps(function)
+    def within_limits(*values: P.args, **options: P.kwargs) -> R:
+        for name, value in signature.bind(*values, **options).arguments.items():
+            if name in parameters:
+                parameters[name].check(value)
+        return function(*values, **options)
+
+    return within_limits

@@ -1,0 +1,143 @@
+"""What a capability gives: a result that tells itself once, for the screen, the page, files and programs alike.
+
+    @dataclass(frozen=True, eq=False)
+    class Budget(Result, kind="budget", title="Budget", files={"grid.csv": "each point with its covariance"}): ...
+
+Every number that is told is a field. `page()` says how, in blocks; `tables()` gives what is too much for a page.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+from html import escape
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, cast
+
+from designer.base.codec import encode_written
+from designer.base.errors import InputError, NotWrittenError
+from designer.base.file_kind import laid_out
+from designer.base.files import check_folder, write_files
+from designer.base.own_files import require_ours
+from designer.base.small_file import place_of
+from designer.base.words import NAME, printable
+
+if TYPE_CHECKING:
+    from designer.base.answer import Value
+    from designer.base.small_file import JsonValue
+    from designer.page.blocks import Page
+
+
+class Result(ABC):
+    """What came of a capability; a notebook shows its page.
+
+    A field marked NOT_IN_FILE is Python's and the page's alone; what is large goes into `tables()`.
+    """
+
+    kind: ClassVar[str]
+    """In files' formats and of the folder that a command writes unless it is told another."""
+    title: ClassVar[str]
+    """Of its pages."""
+    doing: ClassVar[str]
+    """What a command says meanwhile."""
+    files: ClassVar[Mapping[str, str]]
+    """The tables, and what they are for."""
+    remarks: tuple[str, ...]
+
+    def __init_subclass__(
+        cls, *, kind: str, title: str, doing: str = "", files: Mapping[str, str] | None = None
+    ) -> None:
+        super().__init_subclass__()
+        cls.kind, cls.title, cls.doing, cls.files = kind, title, doing, files or {}
+
+    @abstractmethod
+    def page(self) -> "Page":
+        """All that is told, in blocks; what is known of the folder alone is added where it is written."""
+
+    def tables(self) -> Mapping[str, bytes]:
+        """Files beside `KIND.json`, by their names in `files`."""
+        return {}
+
+    @property
+    def is_negative(self) -> bool:
+        """Whether the answer is no: exit code 1."""
+        return False
+
+    def document(self) -> dict[str, "JsonValue"]:
+        """Its fields, for programs: what `KIND.json` and `--json` hold."""
+        return encode_written(self)
+
+    def answer(self) -> "dict[str, Value]":
+        """As `document`, for `--json`."""
+        return cast("dict[str, Value]", self.document())
+
+    @classmethod
+    def check(cls, folder: Path) -> None:
+        """Refuse a folder that takes no such result, before any work is done.
+
+        Raises:
+            InputError: the message names it.
+        """
+        check_folder(folder)
+        require_ours(folder / f"{cls.kind}.json", kind=f"{NAME}.{cls.kind}")
+        for name in cls.files:
+            require_ours(folder / name)
+
+    def save(self, folder: str | PathLike[str], *, command: str = "", has_page: bool = True) -> tuple[Path, ...]:
+        """Write `KIND.json`, its tables and its page into a folder; return the files.
+
+        Args:
+            folder: is made if it is not there.
+            command: line that made the result, for the page.
+            has_page: whether to write `index.html`, and `page.json`, of which `calib report` makes it again.
+
+        Raises:
+            InputError: the folder takes no files, or holds somebody else's.
+        """
+        place = place_of(folder, "a folder, such as '.'")
+        files = {place / f"{self.kind}.json": self._text(), **{place / k: v for k, v in self.tables().items()}}
+        write_files(files)
+        return (*files, *self.write_page(place, command)[0]) if has_page else tuple(files)
+
+    def write_page(self, folder: Path, command: str = "") -> tuple[tuple[Path, ...], str]:
+        """Write the page of a folder that holds the result; its files, or why there is none, in a line.
+
+        Raises:
+            NotWrittenError: the disk is full.
+        """
+        from designer.page.page_file import why_no_page, write_page
+
+        if remark := why_no_page(folder, self.kind):
+            return (), remark
+        try:
+            return write_page(folder, self.kind, self.page_in(folder, command)), ""
+        except NotWrittenError:
+            raise
+        except InputError as error:
+            return (), f"no page: {printable(str(error))}"
+
+    def page_in(self, folder: Path, command: str = "") -> "Page":
+        """The page with what a folder adds: its name, its files, and the command that made it."""
+        from designer.base.answer import program
+        from designer.page.blocks import Command, Section
+        from designer.page.folders import file_list, title_of
+
+        purposes = (*self.files.items(), (f"{self.kind}.json", "the numbers, for programs"))
+        files = Section("Files", (file_list(folder, purposes), Command("calib report .", "makes this page again")))
+        page = self.page()
+        steps = (Section("Next", page.next_steps),) if page.next_steps else ()
+        return replace(
+            page, title=page.title or title_of(folder), kind=self.title, sections=(*page.sections, *steps, files),
+            made_by=command, program=program(), is_negative=self.is_negative,
+        )  # fmt: skip
+
+    def _text(self) -> bytes:
+        head: dict[str, JsonValue] = {"format": f"{NAME}.{self.kind}", "version": 1}
+        return (laid_out({**head, **self.document()}) + "\n").encode()
+
+    def _repr_html_(self) -> str:
+        from designer.page.shell import page_html
+
+        page = self.page()
+        text = page_html(replace(page, title=page.title or self.title, kind=self.title)).decode()
+        return f'<iframe srcdoc="{escape(text)}" width="100%" height="800" style="border:0"></iframe>'
