@@ -42,8 +42,10 @@ from designer.base.marks import (
     Key,
     Mark,
     NullIs,
+    Reads,
     Shape,
     Tagged,
+    Told,
 )
 from designer.base.small_file import JsonValue
 from designer.base.words import printable, shown, suggestion
@@ -245,9 +247,11 @@ def _refuse(place: str, value: JsonValue, rule: str) -> BadValueError:
 def _decode(hint: object, value: JsonValue, place: str, sizes: dict[str, int]) -> object:
     """A value of a type; `sizes`: of the named axes of the object it belongs to."""
     base, marks = _split(hint)
-    null = _find(marks, NullIs)
+    null, reads = _find(marks, NullIs), _find(marks, Reads)
     origin, inner = get_origin(base), get_args(base)
     decoded: object
+    if reads is not None:
+        return _read(reads, value, place)
     if value is None and null is not None and base is float:
         return null.value
     if origin in (Union, types.UnionType):
@@ -265,6 +269,11 @@ def _decode(hint: object, value: JsonValue, place: str, sizes: dict[str, int]) -
         decoded = _decode_mapping(inner, value, place)
     else:
         decoded = _decode_array(base, marks, value, place, sizes)
+    return _within(marks, decoded, value, place)
+
+
+def _within(marks: tuple[object, ...], decoded: object, value: JsonValue, place: str) -> object:
+    """A value as its marks will have it; BadValueError: it breaks the rule of one."""
     if ONE_LINE in marks:
         decoded = printable(cast(str, decoded))
     if HEX in marks:
@@ -273,6 +282,26 @@ def _decode(hint: object, value: JsonValue, place: str, sizes: dict[str, int]) -
         if isinstance(mark, Mark) and (fault := mark.fault(decoded)):
             raise _refuse(place, value, fault)
     return decoded
+
+
+def _read(reads: Reads, value: JsonValue, place: str) -> object:
+    """What a person wrote."""
+    try:
+        return reads.read(value)
+    except InputError:
+        raise
+    except ValueError as error:
+        rule = str(error)
+        raise BadValueError(f"{place} {shown(value)}: {rule[:1].lower()}{rule[1:]}") from None
+
+
+def decode_written(hint: object, value: object, place: str) -> object:
+    """A value of any type, as people write it in TOML or on a command line.
+
+    Raises:
+        BadValueError: it breaks a rule; the message names the place.
+    """
+    return _decode(hint, cast("JsonValue", value), place, {})
 
 
 def _decode_union(inner: tuple[object, ...], value: JsonValue, place: str, sizes: dict[str, int]) -> object:
@@ -371,7 +400,8 @@ def _decode_object(kind: type, value: JsonValue, place: str) -> object:
     known = _keys(kind)
     for key in value:
         if key not in known:
-            raise BadValueError(f"unknown key {shown(_at(place, key))}{suggestion(key, list(known))}")
+            remedy = suggestion(key, list(known)) or f"; use {', '.join(known)}"
+            raise BadValueError(f"unknown key {shown(_at(place, key))}{remedy}")
     sizes: dict[str, int] = {}
     arguments: dict[str, object] = {}
     for name, key, hint in _fields(kind):
@@ -382,7 +412,8 @@ def _decode_object(kind: type, value: JsonValue, place: str) -> object:
         elif key in value:
             arguments[name] = _decode(hint, value[key], _at(place, key), sizes)
         elif name in _needed(kind):
-            raise BadValueError(f"{_at(place, key)} is missing")
+            told = _find(_split(hint)[1], Told)
+            raise BadValueError(f"{_at(place, key)} is missing{'' if told is None else f'; give the {told.words}'}")
     try:
         return kind(**arguments)
     except InputError:

@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Final, cast
 
@@ -56,6 +56,8 @@ class Length(Mark):
     def fault(self, value: object) -> str:
         """As `Mark`."""
         count = len(cast("Sequence[object]", value))
+        if isinstance(value, str) and count < self.least == 1:
+            return "must not be empty"
         return "" if self.least <= count <= self.most else f"has {count} items; it must be {self.least} to {self.most}"
 
 
@@ -85,6 +87,20 @@ class Shape:
 
     def __init__(self, *sizes: int | str | None) -> None:
         object.__setattr__(self, "sizes", sizes)
+
+
+@dataclass(frozen=True)
+class Reads:
+    """How a value is read that people write, as `20mm`; ValueError: it is none."""
+
+    read: Callable[[object], object]
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a field is, for who left it out: "nozzle diameter, such as 0.4mm"."""
+
+    words: str
 
 
 @dataclass(frozen=True)

@@ -5,16 +5,15 @@ The command line's options are read by the same rules: a key of a file and an op
 
 import json
 import re
-from collections.abc import Mapping
-from dataclasses import replace
-from functools import cache
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Optional, TypeVar, cast
+from typing import Annotated, TypeVar, cast
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
-
-from designer.base.codec import decode, encode
+from designer.base.codec import BadValueError, decode, decode_written, encode
 from designer.base.errors import InputError
+from designer.base.marks import Above, AtMost, Reads, Told
+from designer.base.marks import Length as ItemCount
 from designer.base.small_file import MAX_TOML_BYTES, JsonValue, read_small_text, read_spec_file
 from designer.base.units import (
     format_mm,
@@ -29,11 +28,11 @@ from designer.base.words import shown, suggestion
 from designer.spec.build import ANY_MOUNT, MOUNTS, NO_MOUNT, Format, InkSide, build_name
 from designer.spec.format import FORMATS
 from designer.spec.kind import KINDS, kind_named, kinds
-from designer.spec.machine import Machine
+from designer.spec.machine import UNKNOWN_MACHINE, Machine
 from designer.spec.options import Asked, AskedPrinting, Value, is_required, options_of
 from designer.spec.spec import Job, Lattice
 
-LEAST_LENGTH_MM = 0.0005
+LEAST_LENGTH_MM, MOST_PERCENT = 0.0005, 20
 
 RawValue = object
 """A value as TOML or the command line gives it, before the models have checked it."""
@@ -152,76 +151,101 @@ def _machine(value: RawValue) -> Machine:
     return machine
 
 
-Length = Annotated[float, BeforeValidator(parse_length_mm)]
-PositiveLength = Annotated[Length, AfterValidator(_positive)]
-NonNegativeLength = Annotated[Length, AfterValidator(_not_negative)]
-Skew = Annotated[tuple[float, float, float], BeforeValidator(parse_skew_rad)]
-Percent = Annotated[float, BeforeValidator(parse_percent), Field(ge=-20, le=20)]
-Count = Annotated[int, BeforeValidator(_count)]
-Size = Annotated[tuple[float, float], BeforeValidator(_size)]
-Bed = Annotated[tuple[float, float, float], BeforeValidator(_bed)]
-Name = Annotated[str, AfterValidator(_name)]
-Colour = Annotated[str, AfterValidator(_colour)]
-OfMachine = Annotated[Machine, BeforeValidator(_machine)]
-Ratio = Annotated[float, BeforeValidator(_ratio)]
-Formats = Annotated[list[Format], BeforeValidator(_format_list)]
-TYPE_OF_VALUE: Mapping[Value, object] = {
-    "file": Annotated[str, AfterValidator(_unicode)],
-    "name": Name,
+def _text(check: Callable[[str], str]) -> Reads:
+    """A text that a check gives back."""
+
+    def read(value: RawValue) -> str:
+        if not isinstance(value, str):
+            raise ValueError("must be text")
+        return check(value)
+
+    return Reads(read)
+
+
+def _all(parse: Callable[[str], tuple[float, ...]]) -> Reads:
+    return Reads(lambda value: parse(cast("str", value)))
+
+
+def _length(*checks: Callable[[float], float]) -> Reads:
+    """A length that keeps some rules."""
+
+    def read(value: RawValue) -> float:
+        length = parse_length_mm(cast("str | float", value))
+        for check in checks:
+            length = check(length)
+        return length
+
+    return Reads(read)
+
+
+def _percent(value: RawValue) -> float:
+    percent = parse_percent(cast("str | float", value))
+    if not -MOST_PERCENT <= percent <= MOST_PERCENT:
+        raise ValueError(f"must be from -{MOST_PERCENT}% to {MOST_PERCENT}%")
+    return percent
+
+
+def _switch(value: RawValue) -> bool:
+    if not isinstance(value, bool):
+        raise ValueError("must be true or false")
+    return value
+
+
+Length = Annotated[float, _length()]
+PositiveLength = Annotated[float, _length(_positive)]
+Skew = Annotated[tuple[float, float, float], Reads(lambda value: parse_skew_rad(cast("str | float", value)))]
+Percent = Annotated[float, Reads(_percent)]
+Bed = Annotated[tuple[float, float, float], _all(_bed)]
+OfMachine = Annotated[Machine, Reads(_machine)]
+READ: Mapping[Value, object] = {
+    "file": Annotated[str, _text(_unicode)],
+    "name": Annotated[str, _text(_name)],
     "length": Length,
     "length above 0": PositiveLength,
-    "length from 0": NonNegativeLength,
-    "chord error": Annotated[PositiveLength, AfterValidator(_chord_error)],
-    "size": Size,
+    "length from 0": Annotated[float, _length(_not_negative)],
+    "chord error": Annotated[float, _length(_positive, _chord_error)],
+    "size": Annotated[tuple[float, float], _all(_size)],
     "bed": Bed,
-    "count": Count,
-    "ratio": Ratio,
+    "count": Annotated[int, Reads(_count)],
+    "ratio": Annotated[float, Reads(_ratio)],
     "percent": Percent,
     "skew": Skew,
-    "colour": Colour,
-    "build": Annotated[str, AfterValidator(build_name)],
+    "colour": Annotated[str, _text(_colour)],
+    "build": Annotated[str, _text(build_name)],
     "lattice": Lattice,
-    "formats": Formats,
-    "page": Annotated[str, AfterValidator(_page)],
-    "switch": bool,
+    "formats": Annotated[list[Format], Reads(_format_list)],
+    "page": Annotated[str, _text(_page)],
+    "switch": Annotated[bool, Reads(_switch)],
     "machine": OfMachine,
-    "price": Annotated[float, BeforeValidator(_price)],
+    "price": Annotated[float, Reads(_price)],
     "ink side": InkSide,
-    "mount": Annotated[str, AfterValidator(_mount)],
+    "mount": Annotated[str, _text(_mount)],
 }
 """What an option's text must look like, by what it takes."""
 
 
-class _SpecFile(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class _KindFile(_SpecFile):
-    """What a kind of target can be asked for; its fields follow from `Asked`."""
-
-
-class NozzleFile(_SpecFile):
+@dataclass(frozen=True)
+class NozzleFile:
     """The line a nozzle lays down."""
 
-    diameter: PositiveLength = Field(description="nozzle diameter, such as 0.4mm")
-    line_width: PositiveLength = Field(description="line width, such as 0.45mm")
-    layer_height: PositiveLength = Field(description="layer height, such as 0.2mm")
-    flow_mm3_s: Annotated[float | None, Field(gt=0, le=200, strict=True)] = Field(
-        None, description="the most that it melts, such as 12"
-    )
+    diameter: Annotated[PositiveLength, Told("nozzle diameter, such as 0.4mm")]
+    line_width: Annotated[PositiveLength, Told("line width, such as 0.45mm")]
+    layer_height: Annotated[PositiveLength, Told("layer height, such as 0.2mm")]
+    flow_mm3_s: Annotated[float, Above(0), AtMost(200)] | None = None  # the most that it melts
 
 
-class PrinterFile(_SpecFile):
+@dataclass(frozen=True)
+class PrinterFile:
     """A printer: its bed, the nozzle it comes with, and its nozzles."""
 
-    title: str = Field(description="printer's name")
-    bed: Bed = Field(description="printable volume, such as 256x256x256mm")
-    nozzle: PositiveLength = Field(description="nozzle it comes with, such as 0.4mm")
-    nozzles: Annotated[list[NozzleFile], Field(min_length=1, description="list of nozzles")]
-    machine: OfMachine = Field(Machine(), description="speeds, filament change and fits")
-    ink_offset: Length | None = Field(None, description="ink offset that undoes its bleed")
-    shrink_compensation: Percent | None = Field(None, description="how much larger to print")
-    skew_compensation: Skew | None = Field(None, description="angles that undo its skew")
+    title: Annotated[str, Told("printer's name")]
+    bed: Annotated[Bed, Told("printable volume, such as 256x256x256mm")]
+    nozzle: Annotated[PositiveLength, Told("nozzle it comes with, such as 0.4mm")]
+    nozzles: Annotated[tuple[NozzleFile, ...], Told("list of nozzles"), ItemCount(1, 100)]
+    machine: OfMachine = UNKNOWN_MACHINE
+    ink_offset: Length | None = None  # that undoes its bleed
+    shrink_compensation: Percent | None = None  # how much larger to print
+    skew_compensation: Skew | None = None  # angles that undo its skew
 
     def machine_with(self, nozzle_mm: float) -> Machine:
         """What it is with one of its nozzles."""
@@ -229,30 +253,35 @@ class PrinterFile(_SpecFile):
         return self.machine if flow is None else replace(self.machine, flow_mm3_s=flow)
 
 
-_Model = TypeVar("_Model", bound=_SpecFile)
 _Asked = TypeVar("_Asked", bound=AskedPrinting)
 
 
-@cache
-def _model_of(asked: type[AskedPrinting]) -> type[_SpecFile]:
-    """The model that checks a kind's options."""
-    base = _KindFile if issubclass(asked, Asked) else _SpecFile
-    fields: dict[str, tuple[object, object]] = {}
-    for name, option in options_of(asked).items():
-        needed = is_required(asked, name)
-        value = TYPE_OF_VALUE[option.value]
-        fields[name] = (
-            value if needed else Optional[value],  # noqa: UP045 - `|` is not for a value at run time
-            Field(... if needed else None, description=option.help),
-        )
-    # Fields by name are more than pydantic's types can follow.
-    return create_model(asked.__name__, __base__=base, **fields)  # type: ignore[call-overload, no-any-return]
-
-
 def _asked(asked: type[_Asked], values: Mapping[str, RawValue], origin: str) -> _Asked:
-    """Options that were checked."""
-    model = _validate(_model_of(asked), values, origin)  # type: ignore[arg-type]  # a class is hashable
-    return asked(**{name: getattr(model, name) for name in options_of(asked)})
+    """Options that were checked.
+
+    Raises:
+        InputError: the first thing that is wrong, in a line: an unknown key is likely the missing one, misspelt.
+    """
+    known = options_of(asked)
+    try:
+        for key in values:
+            if key not in known:
+                raise BadValueError(_unknown(asked, key))
+        for name, option in known.items():
+            if name not in values and is_required(asked, name):
+                raise BadValueError(f"{name} is missing; give the {option.help}")
+        given = {key: value for key, value in values.items() if value is not None}
+        read = {name: decode_written(READ[known[name].value], value, name) for name, value in given.items()}
+        return asked(**read)  # type: ignore[arg-type]  # fields by name are more than types can follow
+    except BadValueError as error:
+        raise InputError(" ".join(f"{_prefix(origin)}{error}".split())) from None
+
+
+def _unknown(asked: type[AskedPrinting], key: str) -> str:
+    others = [repr(kind.name) for kind in kinds() if key in options_of(kind.asked)]
+    if others and issubclass(asked, Asked):
+        return f"{key} is for kind {' or '.join(others)}; leave it out, or change the kind"
+    return f"unknown key {key!r}{suggestion(key, list(options_of(asked)))}"
 
 
 def parse_spec(values: Mapping[str, RawValue], origin: str) -> Asked:
@@ -300,7 +329,10 @@ def read_printer_file(path: Path) -> PrinterFile:
     Raises:
         InputError: the file cannot be read or breaks a rule.
     """
-    return _validate(PrinterFile, read_spec_file(path), str(path))
+    try:
+        return decode(PrinterFile, cast("JsonValue", read_spec_file(path)))
+    except BadValueError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def with_corrections(
@@ -323,33 +355,6 @@ def with_corrections(
     # Keys of the printer itself stand before its tables.
     first = next((at for at, line in enumerate(kept) if line.strip() and not line.lstrip().startswith("#")), len(kept))
     return "\n".join((*kept[:first], *rows, *kept[first:])) + "\n"
-
-
-def _validate(model: type[_Model], values: Mapping[str, RawValue], origin: str) -> _Model:
-    """Build the model, and turn the first thing wrong with the values into one line."""
-    try:
-        return model.model_validate(dict(values))
-    except ValidationError as error:
-        # An unknown key comes first: it is likely the missing one, misspelt.
-        first = min(error.errors(), key=lambda wrong: wrong["type"] != "extra_forbidden")
-        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        what = _explain(model, first["loc"], first["type"], str(first["msg"]), first["input"])
-        raise InputError(" ".join(f"{_prefix(origin)}{what}{more}".split())) from None
-
-
-def _explain(model: type[_SpecFile], location: tuple[int | str, ...], kind: str, message: str, value: object) -> str:
-    """One line on one wrong value."""
-    key = ".".join(str(part) for part in location)
-    if kind == "extra_forbidden":
-        others = [repr(kind.name) for kind in kinds() if key in options_of(kind.asked)]
-        if others and issubclass(model, _KindFile):
-            return f"{key} is for kind {' or '.join(others)}; leave it out, or change the kind"
-        return f"unknown key {key!r}{suggestion(key, list(model.model_fields))}"
-    if kind == "missing":
-        field = (NozzleFile if model is PrinterFile and len(location) > 1 else model).model_fields[str(location[-1])]
-        return f"{key} is missing; give the {field.description}"
-    rule = message.removeprefix("Value error, ")
-    return f"{key} {shown(value)}: {rule[:1].lower()}{rule[1:]}"
 
 
 def _prefix(origin: str) -> str:

@@ -1,16 +1,16 @@
 """Error models that people write, in TOML: amounts with units, each with the source of its number."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
-
+from designer.base.codec import BadValueError, decode
 from designer.base.errors import InputError
+from designer.base.marks import Length, Reads, Told
 from designer.base.small_file import read_spec_file
 from designer.base.units import parse_length_mm
-from designer.base.words import several, shown, suggestion
+from designer.base.words import several, shown
 from designer.kinds.presets import preset_or_file
 from designer.tolerance.amount_text import parse_amount, parse_expansion
 from designer.tolerance.effort import Effort, parse_effort
@@ -18,7 +18,10 @@ from designer.tolerance.model import SHAPES, ErrorModel, PieceWords, Shape
 from designer.tolerance.source import Amount
 from designer.tolerance.sources import SOURCES, source_named
 
-Text = Annotated[str, Field(min_length=1)]
+if TYPE_CHECKING:
+    from designer.base.small_file import JsonValue
+
+Text = Annotated[str, Length(1, 4000)]
 
 
 def _as_text(value: object) -> str:
@@ -28,42 +31,39 @@ def _as_text(value: object) -> str:
     return value if isinstance(value, str) else repr(value)
 
 
-Quantity = Annotated[str, BeforeValidator(_as_text)]
+Quantity = Annotated[str, Reads(_as_text)]
 
 
-class Sourced(BaseModel):
+@dataclass(frozen=True)
+class Sourced:
     """A number and where it comes from."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    amount: Quantity = Field(description="size with its unit, such as 'normal 0.1deg'")
-    source: Text = Field(description="publication the number comes from, or 'assumption: ' and the reason")
+    amount: Annotated[Quantity, Told("size with its unit, such as 'normal 0.1deg'")]
+    source: Annotated[Text, Told("publication the number comes from, or 'assumption: ' and the reason")]
 
 
-class PieceTable(BaseModel):
+@dataclass(frozen=True)
+class PieceTable:
     """`designer.tolerance.model.PieceWords` as people write it."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    name: Text = Field(description="word for it, such as 'tile'")
-    lifted: Text = Field(description="remedy where one is high, low or tilted")
-    aside: Text = Field(description="remedy where one is turned or shifted in its plane")
+    name: Annotated[Text, Told("word for it, such as 'tile'")]
+    lifted: Annotated[Text, Told("remedy where one is high, low or tilted")]
+    aside: Annotated[Text, Told("remedy where one is turned or shifted in its plane")]
 
 
-class ErrorFile(BaseModel):
+@dataclass(frozen=True)
+class ErrorFile:
     """An error model: how a way of making misses the drawing."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    title: Text = Field(description="way of making, in a few words")
-    material: Text = Field(description="material")
-    expansion: Sourced | None = Field(None, description="linear expansion of the material, such as 68e-6/K")
-    layer_height: Sourced | None = Field(None, description="height of a printed layer")
-    piece: PieceTable | None = Field(None, description="what a face is, where faces are put on one by one")
-    suits: list[Shape] = Field(list(SHAPES), description=f"list of what is made so, of {', '.join(SHAPES)}")
-    price: Sourced | None = Field(None, description="what it costs, such as 12EUR + 3EUR/dm2")
-    hours: Sourced | None = Field(None, description="how long it takes, such as 1h + 0.1h/face")
-    errors: dict[str, Sourced] = Field(description="tables, one for each error source")
+    title: Annotated[Text, Told("way of making, in a few words")]
+    material: Annotated[Text, Told("material")]
+    errors: Annotated[dict[str, Sourced], Told("tables, one for each error source")]
+    expansion: Sourced | None = None  # linear, of the material, such as 68e-6/K
+    layer_height: Sourced | None = None
+    piece: PieceTable | None = None  # what a face is, where faces are put on one by one
+    suits: tuple[Shape, ...] = SHAPES  # what is made so
+    price: Sourced | None = None  # such as 12EUR + 3EUR/dm2
+    hours: Sourced | None = None  # such as 1h + 0.1h/face
 
 
 def error_model(name_or_path: str, overrides: Sequence[str] = ()) -> ErrorModel:
@@ -86,9 +86,12 @@ def error_model(name_or_path: str, overrides: Sequence[str] = ()) -> ErrorModel:
 def _read(path: Path) -> ErrorModel:
     """The model in a file."""
     try:
-        file = ErrorFile.model_validate(read_spec_file(path))
-    except ValidationError as error:
-        raise InputError(" ".join(f"{path}: {_explain(error)}".split())) from None
+        values = read_spec_file(path)
+        if misplaced := [key for key in values if key in SOURCES]:
+            raise BadValueError(f"unknown key {shown(misplaced[0])}; write it as a table [errors.{misplaced[0]}]")
+        file = decode(ErrorFile, cast("JsonValue", values))
+    except BadValueError as error:
+        raise InputError(" ".join(f"{path}: {error}".split())) from None
     entries = {
         "expansion": file.expansion, "layer_height": file.layer_height, "price": file.price, "hours": file.hours,
         **file.errors,
@@ -103,10 +106,10 @@ def _read(path: Path) -> ErrorModel:
             expansion_per_kelvin=_positive("expansion", file.expansion, parse_expansion),
             layer_height_mm=_positive("layer_height", file.layer_height, parse_length_mm),
             material=file.material,
-            suits=tuple(file.suits),
+            suits=file.suits,
             price=_effort("price", file.price, "EUR"),
             hours=_effort("hours", file.hours, "h"),
-            piece=None if file.piece is None else PieceWords(**file.piece.model_dump()),
+            piece=None if file.piece is None else PieceWords(**asdict(file.piece)),
             notes=tuple((name, entry.source) for name, entry in entries.items() if entry is not None),
         )
     except InputError as error:
@@ -153,24 +156,3 @@ def _checked(model: ErrorModel, path: Path) -> ErrorModel:
                 f"{path}: {name} needs the {needed}; add a table [{needed}] to the file, or to a copy of it"
             )
     return model
-
-
-def _explain(error: ValidationError) -> str:
-    """One line on the first thing that is wrong; a misspelt key comes before what is missing for it."""
-    first = min(error.errors(), key=lambda wrong: wrong["type"] != "extra_forbidden")
-    place = [str(part) for part in first["loc"]]
-    key = ".".join(place)
-    table = ErrorFile if len(place) == 1 else PieceTable if place[0] == "piece" else Sourced
-    fields = table.model_fields
-    if first["type"] == "extra_forbidden":
-        if len(place) == 1 and key in SOURCES:
-            return f"unknown key {shown(key)}; write it as a table [errors.{key}]"
-        hint = suggestion(place[-1], list(fields)) or f"; use {', '.join(fields)}"
-        return f"unknown key {shown(key)}{hint}"
-    if first["type"] == "missing":
-        return f"{key} is missing; give the {fields[place[-1]].description}"
-    if first["type"] in ("model_type", "dict_type"):
-        holds = "name, lifted and aside" if key == "piece" else "amount and source"
-        return f"{key} {shown(first['input'])}: must be a table [{key}] with {holds}"
-    rule = str(first["msg"]).removeprefix("Value error, ")
-    return f"{key} {shown(first['input'])}: {rule[:1].lower()}{rule[1:]}"
