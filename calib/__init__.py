@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from calib.api.detecting import Detector, detect
     from calib.api.evaluating import EvaluationResult, evaluate
     from calib.api.hand_eye import hand_eye, turntable
-    from calib.api.loading import load_camera, load_observations, load_rig
     from calib.api.measuring import MeasureResult, RescaledTarget, measure, rescale
     from calib.api.planning import PlanResult, plan
     from calib.api.posing import pose
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from calib.api.triangulating import TriangulationResult, triangulate
     from calib.api.undistorting import Undistorter, undistort
     from calib.app.budget import Budget, budget
+    from calib.app.inputs import load_camera, load_observations, load_rig
     from calib.cameras.camera import Camera
     from calib.cameras.rig import Rig
     from calib.cameras.undistortion import Undistorted
@@ -162,7 +162,7 @@ _HOMES = {
         "hand_eye",
         "turntable",
     ),
-    "calib.api.loading": (
+    "calib.app.inputs": (
         "load_camera",
         "load_observations",
         "load_rig",

@@ -7,7 +7,9 @@ from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from calib.api.loading import (
+from calib.api.page_shown import ShownAsPage
+from calib.api.solving import SolvePlan, plan_from_words
+from calib.app.inputs import (
     MAX_SEED,
     Observed,
     Place,
@@ -19,8 +21,6 @@ from calib.api.loading import (
     target_of,
     truth_from,
 )
-from calib.api.page_shown import ShownAsPage
-from calib.api.solving import SolvePlan, plan_from_words
 from calib.cameras import DEFAULT, solved_models
 from calib.core.types import Observations
 from calib.observe.corners_vnl import PointGrid

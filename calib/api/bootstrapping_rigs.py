@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from calib.api.loading import MAX_SEED, Place
 from calib.api.page_shown import ShownAsPage
 from calib.api.table_folder import check_table_folder, write_table
+from calib.app.inputs import MAX_SEED, Place
 from calib.records.rig_file import read_rig
 from calib.renderer.quantities import whole
 from calib.rigs.result import RigCalibration

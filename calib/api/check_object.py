@@ -7,8 +7,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from calib.api.loading import Place, target_of
 from calib.api.rig_observing import photos_of_rig, rig_input, search_rig
+from calib.app.inputs import Place, target_of
 from calib.cameras.rig import Rig
 from calib.core.types import RigObservations
 from calib.space.sightings import PointSightings

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
-from calib.api.loading import Place, opened_camera, opened_rig, rig_named
+from calib.app.inputs import Place, opened_camera, opened_rig, rig_named
 from calib.cameras import fitted_models, parameter_names
 from calib.cameras.camera import Camera
 from calib.cameras.refit import FOCAL_AND_CENTRE, Refit

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.api.loading import Place
+from calib.app.inputs import Place
 from calib.cameras.camera import Camera
 from calib.cameras.refit import Refit
 from calib.cameras.rig import Rig, keep_cameras

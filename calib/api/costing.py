@@ -6,7 +6,8 @@ from os import PathLike
 from pathlib import Path
 
 from calib.api.bootstrapping import Sampling
-from calib.api.loading import (
+from calib.api.page_shown import ShownAsPage
+from calib.app.inputs import (
     MAX_SEED,
     Observed,
     Place,
@@ -14,7 +15,6 @@ from calib.api.loading import (
     observations_of,
     processes_of,
 )
-from calib.api.page_shown import ShownAsPage
 from calib.cameras import DEFAULT, fitted_models
 from calib.core.types import Observations
 from calib.observe.corners_vnl import PointGrid

@@ -9,14 +9,14 @@ from typing import TypeAlias
 import numpy as np
 
 from calib.api.detecting import Detector
-from calib.api.loading import (
+from calib.api.page_shown import ShownAsPage
+from calib.api.searching import refuse_nothing
+from calib.app.inputs import (
     Place,
     folder_of,
     photos_of,
     target_of,
 )
-from calib.api.page_shown import ShownAsPage
-from calib.api.searching import refuse_nothing
 from calib.as_built.deviations import Compensation
 from calib.as_built.lengths import CaliperLength, asked_lengths, usual_sigmas
 from calib.core.types import Detections

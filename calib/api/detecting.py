@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import Place, camera_of, target_of
+from calib.app.inputs import Place, camera_of, target_of
 from calib.core.types import Detections
 from calib.detector import pipeline
 from calib.observe.images import Grey, grey_of, read_image

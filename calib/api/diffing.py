@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import Place, opened_camera
+from calib.app.inputs import Place, opened_camera
 from calib.cameras.camera import Camera
 from calib.cameras.refit import CameraDifference, camera_difference
 from calib.interop.reading import OpenedCamera

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from os import fspath
 
-from calib.api.loading import Place, opened_rig, rig_named
+from calib.app.inputs import Place, opened_rig, rig_named
 from calib.cameras.rig import Rig
 from calib.interop.rigs.reading import OpenedRig
 from calib.rigs.compared import RigDifference, compare_rigs

@@ -5,8 +5,8 @@ from numbers import Integral
 from os import PathLike
 from pathlib import Path
 
-from calib.api.loading import Observed, Place, folder_of, load_observations, observations_of, truth_from
 from calib.api.run_result import RunResult
+from calib.app.inputs import Observed, Place, folder_of, load_observations, observations_of, truth_from
 from calib.core.types import Observations
 from calib.metrics.evaluation import LEAST_FOLDS, Evaluation, evaluate_held_out, evaluate_on
 from calib.metrics.evaluation import evaluate as evaluate_all

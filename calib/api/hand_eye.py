@@ -7,7 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import (
+from calib.api.rig_choosing import CameraWishes, choices_of, require_wishes, wishes_of
+from calib.api.rig_observing import RigSearch, search_one
+from calib.api.rig_result import RigResult, RigWriter
+from calib.api.rigging import RigSeen, judged_rig
+from calib.api.solving import ALL, cost_of, plan_from_words
+from calib.app.inputs import (
     Place,
     camera_of,
     folder_of,
@@ -15,11 +20,6 @@ from calib.api.loading import (
     photos_of,
     target_of,
 )
-from calib.api.rig_choosing import CameraWishes, choices_of, require_wishes, wishes_of
-from calib.api.rig_observing import RigSearch, search_one
-from calib.api.rig_result import RigResult, RigWriter
-from calib.api.rigging import RigSeen, judged_rig
-from calib.api.solving import ALL, cost_of, plan_from_words
 from calib.cameras import COMMON
 from calib.cameras.camera import Camera
 from calib.core.se3 import invert

@@ -9,17 +9,17 @@ from os import PathLike
 from pathlib import Path
 from typing import TypeAlias
 
-from calib.api.loading import (
+from calib.api.measuring_rigs import rig_to_measure_from, told_of
+from calib.api.page_shown import ShownAsPage
+from calib.api.searching import PhotoSearch
+from calib.api.solving import ALL, SolvePlan, plan_from_words
+from calib.app.inputs import (
     Place,
     load_observations,
     observations_of,
     photos_of,
     target_of,
 )
-from calib.api.measuring_rigs import rig_to_measure_from, told_of
-from calib.api.page_shown import ShownAsPage
-from calib.api.searching import PhotoSearch
-from calib.api.solving import ALL, SolvePlan, plan_from_words
 from calib.as_built.back import tells_thickness, with_thickness
 from calib.as_built.cross_validation import cross_validate
 from calib.as_built.deviations import Compensation, Estimate

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import Place
+from calib.app.inputs import Place
 from calib.observe.observations import known_points
 from calib.records.rig_folder import read_rig_run
 from calib.rigs.result import RigCalibration

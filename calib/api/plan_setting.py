@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import DISTANCES_MM, Place
+from calib.app.inputs import DISTANCES_MM, Place
 from calib.cameras import COMMON, WIDE, fitted_models
 from calib.cameras.camera import Camera
 from calib.cameras.refit import refit

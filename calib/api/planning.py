@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import (
+from calib.api.page_shown import ShownAsPage
+from calib.api.plan_setting import Carried, carried_by, front_of, hand_of, planned_camera
+from calib.app.inputs import (
     Place,
     camera_of,
     folder_of,
     target_of,
 )
-from calib.api.page_shown import ShownAsPage
-from calib.api.plan_setting import Carried, carried_by, front_of, hand_of, planned_camera
 from calib.cameras.camera import Camera
 from calib.core.parallel import one_thread
 from calib.guide.settings import GuideSettings, settings_of

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from calib.api.loading import Place
+from calib.app.inputs import Place
 from calib.observe.point_target import read_planes, read_points, target_from_points
 from designer.base.errors import InputError
 from designer.base.files import write_files

@@ -3,13 +3,13 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, overload
 
-from calib.api.loading import (
+from calib.api.searching import PhotoSearch
+from calib.app.inputs import (
     Place,
     camera_of,
     photos_of,
     target_of,
 )
-from calib.api.searching import PhotoSearch
 from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
 from calib.observe.target_poses import PhotoWithoutPose, PoseResult, target_poses

@@ -11,7 +11,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import (
+from calib.app.inputs import (
     DISTANCES_MM,
     MAX_SEED,
     Place,

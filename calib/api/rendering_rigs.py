@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import (
+from calib.api.rendering import RenderedPhotos, check_light
+from calib.app.inputs import (
     DISTANCES_MM,
     MAX_SEED,
     Place,
@@ -19,7 +20,6 @@ from calib.api.loading import (
     processes_of,
     target_of,
 )
-from calib.api.rendering import RenderedPhotos, check_light
 from calib.cameras.rig import RIG, Rig
 from calib.core.types import LEAST_RADIUS_PX
 from calib.renderer.faces import ring_truth

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.api.loading import Place, target_of
+from calib.app.inputs import Place, target_of
 from calib.core.types import Observations, RigObservations
 from designer.base.errors import InputError
 from designer.base.small_file import place_of

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import Place, rig_of, target_of
 from calib.api.rig_observing import RigSearch, photos_of_rig, rig_input, search_with_lenses
+from calib.app.inputs import Place, rig_of, target_of
 from calib.cameras.rig import Rig
 from calib.core.types import Detections
 from calib.observe.photos import images_in

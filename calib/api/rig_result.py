@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.api.loading import folder_of
 from calib.api.page_shown import ShownAsPage
 from calib.api.rig_observing import RigSearch
 from calib.api.rig_pictures import draw_rig_pictures, remove_rig_pictures
+from calib.app.inputs import folder_of
 from calib.cameras.rig import RIG, Rig
 from calib.core.types import RigObservations
 from calib.observe.rig_sightings import KIND as SIGHTINGS

@@ -4,11 +4,11 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from os import fspath
 
-from calib.api.loading import Place, folder_of, target_of
 from calib.api.rig_choosing import CameraWishes, choices_of, require_wishes, wishes_of
 from calib.api.rig_observing import RigInput, RigSearch, photos_of_rig, rig_input, search_rig, with_remarks
 from calib.api.rig_result import RigResult, RigWriter
 from calib.api.solving import ALL, plan_from_words
+from calib.app.inputs import Place, folder_of, target_of
 from calib.cameras.camera import Camera
 from calib.core.types import RigObservations
 from calib.observe.rig_sightings import read_rig_sightings

@@ -8,9 +8,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib.api.loading import folder_of
 from calib.api.page_shown import ShownAsPage
 from calib.api.solving import Solution, SolveTask
+from calib.app.inputs import folder_of
 from calib.cameras import MODELS
 from calib.core.types import Observations
 from calib.draw import CALIBRATION_PICTURE

@@ -6,16 +6,6 @@ from os import fspath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib.api.loading import (
-    Observed,
-    Place,
-    folder_of,
-    observations_of,
-    photos_of,
-    rendered_id_of,
-    target_of,
-    truth_from,
-)
 from calib.api.run_result import DETECTIONS_FILE, RunResult, RunWriter, best_of
 from calib.api.solving import (
     ALL,
@@ -24,6 +14,16 @@ from calib.api.solving import (
     SolveTask,
     plan_from_words,
     solve_models,
+)
+from calib.app.inputs import (
+    Observed,
+    Place,
+    folder_of,
+    observations_of,
+    photos_of,
+    rendered_id_of,
+    target_of,
+    truth_from,
 )
 from calib.cameras import learned_models
 from calib.solver.accuracy import UndeterminedError

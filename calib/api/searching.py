@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.api.detecting import Detector
-from calib.api.loading import processes_of
+from calib.app.inputs import processes_of
 from calib.cameras import COMMON, WIDE
 from calib.core.types import Detections, Observations
 from calib.detector import pipeline

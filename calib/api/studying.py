@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib.api.bootstrapping import BootstrapResult, Sampling
-from calib.api.loading import MAX_SEED, Place, processes_of
 from calib.api.page_shown import ShownAsPage
+from calib.app.inputs import MAX_SEED, Place, processes_of
 from calib.renderer.quantities import whole
 from calib.show.studies.study_folder import STUDY_FILE
 from calib.studies import paper_study

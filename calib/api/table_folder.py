@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TypeVar
 
-from calib.api.loading import Place, folder_of
+from calib.app.inputs import Place, folder_of
 from designer.base.file_kind import FileKind
 from designer.base.files import check_folder, write_files
 from designer.base.own_files import require_ours

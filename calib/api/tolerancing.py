@@ -8,7 +8,8 @@ from os import fspath
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from calib.api.loading import (
+from calib.api.page_shown import ShownAsPage
+from calib.app.inputs import (
     DISTANCES_MM,
     MAX_SEED,
     Place,
@@ -18,7 +19,6 @@ from calib.api.loading import (
     processes_of,
     target_of,
 )
-from calib.api.page_shown import ShownAsPage
 from calib.cameras import DEFAULT
 from calib.cameras.camera import Camera
 from calib.renderer.poses import MAX_VIEWS

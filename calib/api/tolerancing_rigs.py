@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.api.loading import MAX_SEED, Place, target_of
 from calib.api.page_shown import ShownAsPage
 from calib.api.rendering_rigs import held_before, simulated_rig
 from calib.api.table_folder import check_table_folder, write_table
+from calib.app.inputs import MAX_SEED, Place, target_of
 from calib.cameras.rig import Rig
 from calib.renderer.held_target import held_poses
 from calib.renderer.poses import MAX_VIEWS

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.api.check_object import as_points, seen_of_object
-from calib.api.loading import Place, folder_of, rig_of
 from calib.api.page_shown import ShownAsPage
+from calib.app.inputs import Place, folder_of, rig_of
 from calib.cameras.rig import Rig
 from calib.core.types import RigObservations
 from calib.observe.point_table import read_point_table

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.api.detecting import Pixels, require_image
-from calib.api.loading import (
+from calib.api.searching import refuse_nothing
+from calib.app.inputs import (
     Place,
     camera_of,
     folder_of,
     photos_of,
 )
-from calib.api.searching import refuse_nothing
 from calib.cameras import ABILITIES, LINEAR, pictures, undistortion
 from calib.cameras.camera import CAMERA, Camera, camera_to_json
 from calib.cameras.camera import load_camera as load_own_camera

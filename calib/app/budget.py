@@ -16,7 +16,7 @@ from designer.page.capability import capability
 from designer.page.result import Result
 
 if TYPE_CHECKING:
-    from calib.api.loading import Place
+    from calib.app.inputs import Place
     from calib.cameras.rig import Rig
     from calib.space.budget import Expected, KnownExactly
     from calib.space.budget_views import DepthCurve, ErrorSlice
@@ -154,7 +154,7 @@ def budget(
     """
     import numpy as np
 
-    from calib.api.loading import rig_of
+    from calib.app.inputs import rig_of
     from calib.space import budget as space
     from calib.space.budget_views import depth_curve, slices
     from calib.space.error_size import errors_of, rms_errors

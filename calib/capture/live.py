@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from importlib.util import find_spec
 
-from calib.api.loading import Place, folder_of, target_of
 from calib.api.run_result import RunResult, RunWriter
 from calib.api.running import run
 from calib.api.solving import models_of
+from calib.app.inputs import Place, folder_of, target_of
 from calib.capture.conversation import Conversation, Show, Tell
 from calib.capture.photo_folder import PhotoFolder
 from calib.capture.server import bound_socket

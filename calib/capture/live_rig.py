@@ -4,9 +4,9 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from calib.api.loading import Place, folder_of, target_of
 from calib.api.rig_result import RigResult, RigWriter
 from calib.api.rigging import rig
+from calib.app.inputs import Place, folder_of, target_of
 from calib.capture.conversation import Conversation, Show, Tell
 from calib.capture.live import require_server, unheard
 from calib.capture.photo_folder import PhotoFolder

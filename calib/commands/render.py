@@ -83,8 +83,8 @@ def render(
     --aim-offset that brings rings into the corners of the image; the page of a design has the line for its target.
     With --rig several cameras take them, each into a folder of its own.
     """
-    from calib.api.loading import processes_of
     from calib.api.rendering import render as photos_of
+    from calib.app.inputs import processes_of
     from calib.commands.camera_argument import read_camera
     from calib.renderer.options import LIMITS, Bits, RenderOptions, Sampling
     from calib.renderer.poses import Region

@@ -33,8 +33,8 @@ def render_frames(
     overwrite: bool,
 ) -> Summary:
     """Render what `calib render` was asked for, by the cameras of a rig; `unused` are options of one camera."""
-    from calib.api.loading import processes_of
     from calib.api.rendering_rigs import render_rig
+    from calib.app.inputs import processes_of
     from calib.renderer.quantities import length_range
     from designer.base.units import parse_quantity
 

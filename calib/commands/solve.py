@@ -50,10 +50,10 @@ def solve(
 
     The exit code is 1 if the verdict is: do not use.
     """
-    from calib.api.loading import rendered_id_of
     from calib.api.run_result import RunWriter
     from calib.api.running import solve as solve_all
     from calib.api.solving import models_of
+    from calib.app.inputs import rendered_id_of
     from calib.solver.accuracy import UndeterminedError
 
     writer = RunWriter(out, models_of(model))
@@ -98,7 +98,7 @@ def read_input(
     points: str | None = None,
 ) -> "Observations":
     """What a camera is solved from, of a file of any kind, with the options that some kinds need."""
-    from calib.api.loading import load_observations
+    from calib.app.inputs import load_observations
 
     kind, diameter_mm = points_of(points)
     return load_observations(

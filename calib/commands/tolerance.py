@@ -92,8 +92,8 @@ def tolerance(
 
     The exit code is 1 if a limit of --require is missed.
     """
-    from calib.api.loading import DISTANCES_MM
     from calib.api.tolerancing import tolerance as find_tolerance
+    from calib.app.inputs import DISTANCES_MM
     from calib.renderer.quantities import length, length_range
 
     if rig is not None:

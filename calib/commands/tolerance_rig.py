@@ -16,8 +16,8 @@ def tolerance_of_rig(
     seed: int, out: Path,
 ) -> Summary:  # fmt: skip
     """Find the costs, write them with their page, and say them."""
-    from calib.api.loading import DISTANCES_MM
     from calib.api.tolerancing_rigs import check_rig_tolerance_folder, rig_tolerance
+    from calib.app.inputs import DISTANCES_MM
     from calib.renderer.quantities import length_range
     from calib.show.studies.rig_tolerance_page import costs_table, facts_of, findings_of, headline_of
     from calib.studies.tolerance.rig_record import RIG_TOLERANCE

@@ -46,8 +46,8 @@ def ways(
 
     Predicted from error templates; what each of their errors costs is on the page.
     """
-    from calib.api.loading import DISTANCES_MM
     from calib.api.tolerancing import ways as find_ways
+    from calib.app.inputs import DISTANCES_MM
     from calib.renderer.quantities import length, length_range
     from calib.show.studies.ways_tables import ways_headline, ways_table
     from designer.page.terminal import say_findings, say_headline, say_table, say_written

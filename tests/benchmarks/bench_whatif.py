@@ -25,7 +25,7 @@ from playwright.sync_api import Page as Tab  # noqa: E402
 
 import calib  # noqa: E402
 import designer  # noqa: E402
-from calib.api.loading import camera_of  # noqa: E402
+from calib.app.inputs import camera_of  # noqa: E402
 from calib.cameras import DEFAULT  # noqa: E402
 from calib.show.studies.tolerance_page import study_sections  # noqa: E402
 from calib.studies.statistics import HALF_WIDTH  # noqa: E402

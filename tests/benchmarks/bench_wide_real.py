@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.api.loading import load_observations
+from calib.app.inputs import load_observations
 from calib.cameras import fitted_models
 from calib.core.types import Observations, keep_views
 from calib.metrics.errors import Errors, summarise

@@ -10,7 +10,7 @@ import pytest
 
 from calib.api.converting import convert as converted
 from calib.api.converting_rigs import RigConversion
-from calib.api.loading import load_camera, load_rig
+from calib.app.inputs import load_camera, load_rig
 from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
 from calib.commands.convert import convert

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.api.loading import load_rig
 from calib.api.rendering_rigs import render_rig
+from calib.app.inputs import load_rig
 from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
 from calib.cli import app
