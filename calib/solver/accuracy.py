@@ -21,7 +21,7 @@ from calib.solver.linear_pose import FLAT
 from calib.solver.options import Tie
 from calib.solver.outliers import MEDIAN_LENGTH
 from calib.solver.schur import reduced_normal
-from designer.base.errors import InputError
+from designer.base.errors import NoAnswerError
 
 Array = NDArray[np.float64]
 
@@ -159,7 +159,7 @@ def _derivatives(camera: Camera, pixel: Array) -> tuple[Array, Array]:
     return np.where(lost, np.nan, by_params), np.where(lost, np.nan, by_rotation)
 
 
-class UndeterminedError(InputError):
+class UndeterminedError(NoAnswerError):
     """Too few observations for any camera."""
 
 

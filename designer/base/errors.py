@@ -13,6 +13,19 @@ class InputError(ValueError):
     """
 
 
+class NoAnswerError(InputError):
+    """What is sought is not in what was given, though that is as it should be: a command's exit code is 1.
+
+    Args:
+        message: why, in one line.
+        result: what there is instead, to be told as the result of a capability is; None: the line says it all.
+    """
+
+    def __init__(self, message: str, result: object = None) -> None:
+        super().__init__(message)
+        self.result = result
+
+
 class NotWrittenError(InputError):
     """A file cannot be written where it is to lie: no room, or no right to. No command goes on without it."""
 

@@ -72,6 +72,9 @@ UNITS: Mapping[str, Unit] = {
         "deg", partial(_with_unit, units=RAD_PER_UNIT, expected="an angle such as 60deg or 2mrad"), math.pi / 180
     ),
     "s": Unit("s", partial(_with_unit, units={"": 1.0, "s": 1.0, "ms": 1e-3}, expected="a time such as 2s or 5ms")),
+    "sigma": Unit(
+        "sigma", partial(_with_unit, units={"": 1.0, "sigma": 1.0}, expected="standard deviations such as 4")
+    ),
     "share": Unit("%", parse_percent, 0.01),
     "percent": Unit("%", parse_percent),
 }

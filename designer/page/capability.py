@@ -4,96 +4,183 @@
     def budget(rig: Annotated["Rig | Place", argument("the rig's file")], *, ...) -> Budget: ...
 
 is `calib.budget(...)` in Python, and `calib budget` in a shell, where it reads texts, shows how far it is, and tells
-the result that the function gives.
+the result that the function gives. A function with a parameter `out` writes by itself, as it goes: a command hands it
+an `Output`, so that what is finished can be told if a person stops it, or if its answer is no.
 """
 
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, ParamSpec, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TypeAlias, TypeVar, cast, overload
 
-from designer.base.answer import Summary
+from designer.base.answer import NegativeError, StoppedError, Summary
+from designer.base.errors import NoAnswerError
 from designer.base.options import Option, Parameter, checked, parameters_of
+from designer.page.output import Output
 from designer.page.result import Result
+
+if TYPE_CHECKING:
+    from designer.base.answer import Value
 
 P = ParamSpec("P")
 R = TypeVar("R", bound=Result)
+Folder: TypeAlias = Callable[[Mapping[str, object]], Path]
+"""Where a command writes unless it is told, from what else it is given."""
 NEGATIVE = 1
 OUTPUT = "Output"
-PROGRESS = "progress"
-"""The parameter that is told how far the work is; a shell shows it."""
+PROGRESS, OUT = "progress", "out"
+"""The parameters that are told how far the work is, which a shell shows, and where to write."""
+LONGEST_LINE = 400
+"""Of a command that is said again; of thousands of file names nobody reads more."""
 
 
-def capability(function: Callable[P, R]) -> Callable[P, R]:
-    """Decorate a function as a command, and so that Python is refused what is beyond its options' limits."""
-    offered = checked(function)
-    setattr(offered, "as_command", lambda: command_of(function))  # noqa: B010  # what `Later` looks for
-    return offered
+@overload
+def capability(function: Callable[P, R]) -> Callable[P, R]: ...
 
 
-def command_of(function: Callable[..., Result]) -> Callable[..., Summary]:
+@overload
+def capability(*, folder: Folder) -> Callable[[Callable[P, R]], Callable[P, R]]: ...
+
+
+def capability(
+    function: Callable[P, R] | None = None, *, folder: Folder | None = None
+) -> Callable[P, R] | Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorate a function as a command, and so that Python is refused what is beyond its options' limits.
+
+    Args:
+        function: the capability.
+        folder: where its command writes unless it is told; None: `exports/KIND`.
+    """
+
+    def decorated(function: Callable[P, R]) -> Callable[P, R]:
+        offered = checked(function)
+        setattr(offered, "as_command", lambda: command_of(function, folder))  # noqa: B010  # what `Later` looks for
+        return offered
+
+    return decorated if function is None else decorated(function)
+
+
+def command_of(function: Callable[..., Result], folder: Folder | None = None) -> Callable[..., Summary]:
     """The function that a shell's command calls, with the texts that were given."""
     parameters, made = parameters_of(function), _result_of(function)
-    own_out = "out" in parameters
+    takes = inspect.signature(function).parameters
 
     def run(**given: object) -> Summary:
         from designer.base.command import command_line
-        from designer.page.progress import progress_bars, waiting
 
-        place, verbose, has_page = (given.pop(name, None) for name in ("out", "verbose", "page"))
+        place, verbose, has_page = (given.pop(name, None) for name in (OUT, "verbose", "page"))
         values = {name: _read(parameters[name], value) for name, value in given.items() if value is not None}
-        if own_out:
-            values["out"] = place
+        where = cast(Path, place or (folder(values) if folder else _folder_of(made)))
+        output = Output(where, where)
+        if OUT in takes:
+            values[OUT] = output
         else:
-            made.check(cast(Path, place))
-        if PROGRESS in inspect.signature(function).parameters:
-            with progress_bars() as progress:
-                result = function(**values, progress=progress)
-        else:
-            with waiting(made.doing):
-                result = function(**values)
-        return told(result, cast(Path, place), command_line(), verbose=bool(verbose), has_page=bool(has_page))
+            made.check(where)
+        tell = partial(told, command=command_line(), verbose=bool(verbose), has_page=has_page is not False)
+        try:
+            with _heard(made, has_progress=PROGRESS in takes) as heard:
+                result = function(**values, **heard)
+            if OUT not in takes:
+                output.files += result.save(where, has_page=False)
+                output.finished.append(where)
+            return tell(result, output)
+        except KeyboardInterrupt:
+            raise _stopped(output) from None
+        except NoAnswerError as error:
+            if isinstance(error.result, Result):
+                return tell(error.result, output)
+            raise _negative(made, output, str(error)) from None
 
     run.__name__, run.__doc__ = function.__name__, prose(function)
+    has_own_out = OUT in takes
+    shown = [one for name, one in parameters.items() if name != OUT]
     run.__signature__ = inspect.Signature([  # type: ignore[attr-defined]  # what inspect reads
-        *(_typed(one) for one in parameters.values()), *_of_output(made, has_out=not own_out),
+        *map(_typed, shown), *([_typed(parameters[OUT])] if OUT in parameters else []),
+        *_of_output(made, has_out=not has_own_out, has_page=not has_own_out or OUT in parameters),
     ])  # fmt: skip
     return run
 
 
-def told(result: Result, folder: Path, command: str, *, verbose: bool, has_page: bool) -> Summary:
-    """Save a result, say it on the screen, and sum it up for programs.
+@contextmanager
+def _heard(made: type[Result], *, has_progress: bool) -> Iterator[dict[str, object]]:
+    """A sign of life while a function works, or what it tells its progress to."""
+    from designer.page.progress import progress_bars, waiting
+
+    if not has_progress:
+        with waiting(made.doing):
+            yield {}
+        return
+    with progress_bars() as progress:
+        yield {PROGRESS: progress}
+
+
+def told(result: Result, output: Output, command: str, *, verbose: bool, has_page: bool) -> Summary:
+    """Say a result that is written on the screen, write its page, and sum it up for programs.
 
     Args:
         result: of a command.
-        folder: to write into.
+        output: where it is written.
         command: line that made it.
         verbose: say its tables too.
         has_page: whether to write the page.
     """
-    from designer.base.answer import Value
     from designer.page.page_file import PAGE_FILE
     from designer.page.progress import waiting
     from designer.page.terminal import say_line, say_page, say_written, shown
 
-    page, remark = result.page(), ""
-    files = result.save(folder, has_page=False)
-    if has_page:
-        with waiting("drawing the page"):
-            drawn, remark = result.write_page(folder, command)
-        files = (*files, *drawn)
+    page, remark = None, ""
+    if output.page is not None:
+        at = output.page / PAGE_FILE
+        if has_page:
+            with waiting("drawing the page"):
+                page, files, remark = result.draw_page(output.page, command)
+            output.files += files
+        elif at.exists():
+            remark = f"{at}: is of earlier results; calib report {output.page} draws it again"
+    page = page or result.words()
     say_page(page, verbose=verbose)
-    say_written(folder, files)
+    places = (output.folder, *(() if output.page is None or output.folder in output.page.parents else (output.page,)))
+    for folder in dict.fromkeys(places):
+        say_written(folder, output.files)
     if remark:
         print(remark)
-    steps = tuple(step.line for step in page.next_steps)
-    look = (f"open {shown(folder / PAGE_FILE)} in a browser",) if folder / PAGE_FILE in files else ()
-    for number, step in enumerate((*look, *steps)):
+    again = command if result.remedy and command else ""
+    steps = tuple(f"{step.line}{step.purpose and f'   # {step.purpose}'}" for step in page.next_steps)
+    look = (f"open {shown(at)} in a browser",) if output.page is not None and at in output.files else ()
+    do = (f"{result.remedy}; then run the same command again",) if result.remedy else ()
+    repeated = (again,) if 0 < len(again) <= LONGEST_LINE else ()
+    for number, step in enumerate((*look, *do, *repeated, *steps)):
         say_line("" if number else "next", step)
     remarks = (*result.remarks, *((remark,) if remark else ()))
-    answer = cast("Mapping[str, Value]", result.answer())
-    return Summary(answer, files, steps, remarks, NEGATIVE if result.is_negative else 0)
+    answer = output.answer or cast("Mapping[str, Value]", result.answer())
+    return Summary(
+        answer, tuple(output.files), (*((again,) if again else ()), *steps), remarks,
+        NEGATIVE if result.is_negative else 0,
+    )  # fmt: skip
+
+
+def _stopped(output: Output) -> StoppedError:
+    """After Ctrl-C, with a word on what is finished and stays."""
+    from designer.base.command import NOTHING_WRITTEN
+    from designer.page.terminal import shown
+
+    places = ", ".join(map(shown, dict.fromkeys(output.finished)))
+    said = f"stopped; finished and kept: {places}" if places else NOTHING_WRITTEN
+    return StoppedError(said, Summary(output.answer, tuple(output.files)))
+
+
+def _negative(made: type[Result], output: Output, why: str) -> NegativeError:
+    """Where what was sought is not to be had."""
+    said = f"no {made.sought}: {why}" if made.sought else why
+    return NegativeError(said, Summary(output.answer, tuple(output.files), remarks=(why,)))
+
+
+def _folder_of(made: type[Result]) -> Path:
+    """Where results go unless a command is told, or says otherwise."""
+    return Path("exports") / made.kind.replace("_", "-")
 
 
 def prose(function: Callable[..., object]) -> str:
@@ -154,7 +241,7 @@ def _metavar(parameter: Parameter) -> str | None:
     return parameter.unit.name.upper() if parameter.unit.name.isalpha() else None
 
 
-def _of_output(made: type[Result], *, has_out: bool) -> list[inspect.Parameter]:
+def _of_output(made: type[Result], *, has_out: bool, has_page: bool) -> list[inspect.Parameter]:
     """What each command takes besides: where to write, whether with a page, and how much to say."""
     import typer
 
@@ -162,10 +249,10 @@ def _of_output(made: type[Result], *, has_out: bool) -> list[inspect.Parameter]:
     out = Option(f"folder for {files}", short="-o", group=OUTPUT)
     page = Option("write the folder's index.html, or save the seconds that takes", group=OUTPUT)
     verbose = typer.Option("--verbose", "-v", help="say all tables", rich_help_panel=OUTPUT)
-    place = Parameter("out", out, Path, Path("exports") / made.kind.replace("_", "-"))
-    typed = [_typed(place).replace(default=place.default)] if has_out else []
+    place = Parameter(OUT, out, Path, _folder_of(made))
     return [
-        *typed, _typed(Parameter("page", page, bool, True)),
+        *([_typed(place).replace(default=place.default)] if has_out else []),
+        *([_typed(Parameter("page", page, bool, True))] if has_page else []),
         inspect.Parameter(
             "verbose", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Annotated[bool, verbose]
         ),

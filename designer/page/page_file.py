@@ -40,12 +40,12 @@ def write_page(folder: Path, kind: str, page: Page) -> tuple[Path, Path]:
     return places
 
 
-def why_no_page(folder: Path, kind: str) -> str:
-    """Why a folder's page has to stay as it is, in one line; "" if a page of this kind may be written.
+def why_no_page(folder: Path, *kinds: str) -> str:
+    """Why a folder's page has to stay as it is, in one line; "" if a page of these kinds may be.
 
-    Folders of pictures are often folders of something else too. A page is replaced by one of its own kind only: what
-    `calib run` wrote about a folder is worth more than what another command would say of a part of it, and an
-    `index.html` without a `page.json` is somebody's own.
+    Folders of pictures are often folders of something else too. A page is replaced by one of its own kind only, or by
+    one that it gives way to: what `calib run` wrote about a folder is worth more than what another command would say of
+    a part of it, and an `index.html` without a `page.json` is somebody's own.
     """
     page, blocks = folder / PAGE_FILE, folder / BLOCKS_FILE
     if not blocks.exists():
@@ -54,6 +54,6 @@ def why_no_page(folder: Path, kind: str) -> str:
         there = PAGE.read(blocks).kind
     except InputError as error:
         return printable(str(error))
-    if there == kind:
+    if there in kinds:
         return ""
     return f"{printable(str(page))}: stays as it is, the page of what is in this folder otherwise ({printable(there)})"

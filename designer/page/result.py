@@ -40,19 +40,29 @@ class Result(ABC):
     """Of its pages."""
     doing: ClassVar[str]
     """What a command says meanwhile."""
+    sought: ClassVar[str]
+    """What there is none of, in a line such as "no camera is determined: ...", if there is no result."""
     files: ClassVar[Mapping[str, str]]
     """The tables, and what they are for."""
+    replaces: ClassVar[tuple[str, ...]]
+    """Kinds of pages that give way to its own."""
     remarks: tuple[str, ...]
 
     def __init_subclass__(
-        cls, *, kind: str, title: str, doing: str = "", files: Mapping[str, str] | None = None
-    ) -> None:
+        cls, *, kind: str, title: str, doing: str = "", sought: str = "", files: Mapping[str, str] | None = None,
+        replaces: tuple[str, ...] = (),
+    ) -> None:  # fmt: skip
         super().__init_subclass__()
-        cls.kind, cls.title, cls.doing, cls.files = kind, title, doing, files or {}
+        cls.kind, cls.title, cls.doing, cls.sought, cls.files = kind, title, doing, sought, files or {}
+        cls.replaces = replaces
 
     @abstractmethod
     def page(self) -> "Page":
         """All that is told, in blocks; what is known of the folder alone is added where it is written."""
+
+    def words(self) -> "Page":
+        """What a screen says of it; overridden where a page without its figures comes sooner."""
+        return self.page()
 
     def tables(self) -> Mapping[str, bytes]:
         """Files beside `KIND.json`, by their names in `files`."""
@@ -62,6 +72,11 @@ class Result(ABC):
     def is_negative(self) -> bool:
         """Whether the answer is no: exit code 1."""
         return False
+
+    @property
+    def remedy(self) -> str:
+        """What to do before the same command is given again, as in "take more photos"; "" if nothing is wrong."""
+        return ""
 
     def document(self) -> dict[str, "JsonValue"]:
         """Its fields, for programs: what `KIND.json` and `--json` hold."""
@@ -97,24 +112,25 @@ class Result(ABC):
         place = place_of(folder, "a folder, such as '.'")
         files = {place / f"{self.kind}.json": self._text(), **{place / k: v for k, v in self.tables().items()}}
         write_files(files)
-        return (*files, *self.write_page(place, command)[0]) if has_page else tuple(files)
+        return (*files, *self.draw_page(place, command)[1]) if has_page else tuple(files)
 
-    def write_page(self, folder: Path, command: str = "") -> tuple[tuple[Path, ...], str]:
-        """Write the page of a folder that holds the result; its files, or why there is none, in a line.
+    def draw_page(self, folder: Path, command: str = "") -> "tuple[Page | None, tuple[Path, ...], str]":
+        """Write the page of a folder that holds the result; the page and its files, or why there is none, in a line.
 
         Raises:
             NotWrittenError: the disk is full.
         """
         from designer.page.page_file import why_no_page, write_page
 
-        if remark := why_no_page(folder, self.kind):
-            return (), remark
+        if remark := why_no_page(folder, self.kind, *self.replaces):
+            return None, (), remark
         try:
-            return write_page(folder, self.kind, self.page_in(folder, command)), ""
+            page = self.page_in(folder, command)
+            return page, write_page(folder, self.kind, page), ""
         except NotWrittenError:
             raise
         except InputError as error:
-            return (), f"no page: {printable(str(error))}"
+            return None, (), f"no page: {printable(str(error))}"
 
     def page_in(self, folder: Path, command: str = "") -> "Page":
         """The page with what a folder adds: its name, its files, and the command that made it."""

@@ -3,6 +3,7 @@
 import shlex
 import sys
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,10 @@ LABEL = 9
 """Columns of what stands before a line."""
 MOST_FILES = 6
 """That are named of a folder; the others are counted."""
+MOST_STEPS = 3
+"""Of what would help, the most useful first."""
+MOST_ROWS = 60
+"""Of a table on a screen: of a longer one, those that stand out."""
 
 
 def shown(path: Path) -> str:
@@ -80,8 +85,10 @@ def say_line(name: str, line: str) -> None:
 
 
 def say_written(folder: Path, files: Sequence[Path]) -> None:
-    """What was written below a folder: some names, and how many there are."""
+    """What was written below a folder: some names, and how many there are; nothing if that is none."""
     inside = [path for path in files if folder in path.parents]
+    if not inside:
+        return
     direct = [path.name for path in inside if path.parent == folder]
     below: dict[str, int] = {}
     for path in inside:
@@ -114,23 +121,36 @@ def say_table(table: "Table") -> None:
     print()
 
 
+def few_rows(table: "Table") -> "Table":
+    """A table that fits a screen: of very many rows those that need a look."""
+    if len(table.rows) <= MOST_ROWS:
+        return table
+    rows = [row for row in table.rows if row[0].level is not None][:MOST_ROWS]
+    return replace(table, rows=tuple(rows), note=f"{len(table.rows) - len(rows)} more are like most")
+
+
 def say_page(page: "Page", *, verbose: bool) -> None:
-    """What a person is told before a page is opened: the answer, the facts, and what to know of them.
+    """What a person is told before a page is opened: the answer, the facts, what to know of them, and what would help.
 
     Args:
         page: all of it.
-        verbose: with the tables.
+        verbose: with the tables, and with what was checked and found good.
     """
-    from designer.page.blocks import Facts, Findings, Table
+    from designer.page.blocks import Facts, Findings, Fold, Steps, Table
 
     if page.headline is not None:
         say_headline(page.headline)
-    lead = [block for block in page.lead if isinstance(block, Facts)]
     inside = [block for section in page.sections for block in section.blocks]
-    for block in (*lead, *(one for one in inside if isinstance(one, Findings) or verbose)):
-        if isinstance(block, Facts):
+    blocks = [
+        leaf for block in (*page.lead, *inside) for leaf in (block.blocks if isinstance(block, Fold) else (block,))
+    ]
+    for block in blocks:
+        if isinstance(block, Facts) and block in page.lead:
             say_facts(block)
-        elif isinstance(block, Findings):
-            say_findings(block.rows)
-        elif isinstance(block, Table):
-            say_table(block)
+    for block in blocks:
+        if isinstance(block, Findings):
+            say_findings(one for one in block.rows if verbose or (one.level != "good" and one.text))
+        elif isinstance(block, Steps):
+            say_lines("better", block.items[:MOST_STEPS])
+        elif isinstance(block, Table) and verbose:
+            say_table(few_rows(block))

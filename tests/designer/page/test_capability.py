@@ -1,0 +1,130 @@
+"""Commands that write as they go: whatever ends them, what is finished stays and is told."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import pytest
+
+from designer.base.answer import NegativeError, StoppedError, Summary
+from designer.base.errors import InputError, NoAnswerError
+from designer.base.options import option
+from designer.page.blocks import Cell, Column, Finding, Findings, Headline, Page, Section, Steps, Table
+from designer.page.capability import capability, command_of
+from designer.page.output import Output, output_of
+from designer.page.result import Result
+
+
+@dataclass(frozen=True, eq=False)
+class Copies(Result, kind="copies", title="Copies", sought="copy is there"):
+    """What the capability below gives."""
+
+    count: int
+    remarks: tuple[str, ...] = ()
+
+    def page(self) -> Page:
+        """A good and a bad finding, a table, and a step."""
+        rows = (Finding("good", "Paper", "white"), Finding("bad", "Ink", "pale"), Finding("bad", "Said", ""))
+        table = Table("All", (Column("no"),), ((Cell("1"),),))
+        blocks = (Findings(rows), Steps(("fill in ink",)), table)
+        return Page("", "", Headline("bad", "pale", "Copies are pale."), (Section("Checks", blocks),))
+
+    @property
+    def is_negative(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    def remedy(self) -> str:
+        """What to do."""
+        return "fill in ink"
+
+
+def _folder(given: Mapping[str, object]) -> Path:
+    return Path(f"{given.get('word', 'ink')}-copies")
+
+
+def copy(
+    *,
+    count: Annotated[int, option("of copies", 0, 9)] = 2,
+    word: Annotated[str, option("in each")] = "ink",
+    fault: Annotated[str, option("that ends it")] = "",
+    out: Annotated["Output | Path | None", option("folder", short="-o")] = None,
+) -> Copies:
+    """Copy a word."""
+    to = None if out is None else output_of(out)
+    for number in range(count):
+        if to is not None:
+            to.write({to.place / f"{number}.txt": word.encode()})
+            to.finished.append(to.place / f"{number}.txt")
+            to.answer = {"count": number + 1}
+    if fault == "stop":
+        raise KeyboardInterrupt
+    if fault:
+        raise NoAnswerError(fault, Copies(0) if fault == "told" else None)
+    return Copies(count)
+
+
+COMMAND = command_of(copy, _folder)
+
+
+def carried_out(folder: Path, monkeypatch: pytest.MonkeyPatch, **given: object) -> Summary:
+    """The command, in a folder."""
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr("designer.base.command.command_line", lambda: "copy it")
+    return COMMAND(**{"page": True, "verbose": False, **given})
+
+
+def test_what_is_written_is_told_once_the_work_is_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where it is told, or by default; what is good is left to the page, and what is negative has a remedy."""
+    summary = carried_out(tmp_path, monkeypatch, word="dog")
+    assert [str(path) for path in summary.wrote] == [
+        f"dog-copies/{name}" for name in ("0.txt", "1.txt", "page.json", "index.html")
+    ]
+    assert summary.exit_code == 1
+    assert summary.next_steps == ("copy it",)
+    said = capsys.readouterr().out
+    assert said.startswith("pale: Copies are pale.\nbad      Ink: pale\nbetter   fill in ink\n")
+    assert "white" not in said
+    assert "fill in ink; then run the same command again\n         copy it\n" in said
+    carried_out(tmp_path, monkeypatch, verbose=True)
+    said = capsys.readouterr().out
+    assert "white" in said
+    assert "All" in said
+
+
+def test_without_a_page_an_earlier_one_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It shows other results than those beside it."""
+    assert carried_out(tmp_path, monkeypatch, page=False).remarks == ()
+    carried_out(tmp_path, monkeypatch)
+    (remark,) = carried_out(tmp_path, monkeypatch, page=False).remarks
+    assert remark.startswith("ink-copies/index.html: is of earlier results")
+    assert remark in capsys.readouterr().out
+
+
+def test_what_is_finished_is_kept_and_said_when_a_person_stops(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the files and as much of the answer as is known; or nothing was written."""
+    with pytest.raises(StoppedError, match=r"stopped; finished and kept: ink-copies/0.txt$") as stopped:
+        carried_out(tmp_path, monkeypatch, count="1", fault="stop")
+    assert stopped.value.summary.answer == {"count": 1}
+    assert stopped.value.summary.wrote == (Path("ink-copies/0.txt"),)
+    with pytest.raises(StoppedError, match="stopped; nothing was written"):
+        carried_out(tmp_path, monkeypatch, count="0", fault="stop")
+
+
+def test_an_answer_that_is_no_is_told_with_what_there_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a line, or as a result with its page; in Python it is an error of input."""
+    with pytest.raises(NegativeError, match="no copy is there: no paper") as negative:
+        carried_out(tmp_path, monkeypatch, count="1", fault="no paper")
+    assert negative.value.summary.answer == {"count": 1}
+    assert negative.value.summary.remarks == ("no paper",)
+    summary = carried_out(tmp_path, monkeypatch, fault="told")
+    assert summary.exit_code == 1
+    assert Path("ink-copies/index.html") in summary.wrote
+    with pytest.raises(InputError, match="no paper"):
+        capability(copy)(fault="no paper")
