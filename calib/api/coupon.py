@@ -25,8 +25,8 @@ from calib.coupons.place import KnownLength, PlacedPictures, Sighting, place
 from calib.coupons.reading import Reading, read_edges
 from calib.coupons.result import CouponMadeWith, PrinterFaults, found_in, next_of
 from calib.detector.pipeline import MIRRORED
-from calib.observe.image_headers import exif_focal_px
-from calib.observe.images import Grey, read_image, stated_dpi
+from calib.images.headers import exif_focal_px
+from calib.images.photo import Grey, read_image, stated_dpi
 from calib.observe.photos import PhotoFile, named_photos
 from calib.records.coupon import COUPON, COUPON_FILE, CouponRecord, ReadPicture
 from calib.renderer.quantities import number

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calib.app.inputs import Place, camera_of, target_of
 from calib.core.types import Detections
 from calib.detector import pipeline
-from calib.observe.images import Grey, grey_of, read_image
+from calib.images.photo import Grey, grey_of, read_image
 from calib.observe.photos import PhotoFile, require_size
 from calib.show.photos.why_nothing import explained
 from designer.base.errors import InputError

@@ -28,12 +28,12 @@ from calib.observe.photos import Search
 from calib.observe.rig_photo_table import tells_cameras
 from calib.observe.rig_photos import RigPhoto, RigPhotos
 from calib.observe.rig_sightings import read_rig_sightings
-from calib.observe.robot_poses import RobotPoses, poses_of, read_robot_poses
 from calib.rigs.bent import bent_alone
 from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.robot_readings import why_size, why_wrong
 from calib.rigs.start import solve_alone
 from calib.rigs.turntable import turned_by
+from calib.robot.poses import RobotPoses, poses_of, read_robot_poses
 from calib.solver.costs import IMAGE
 from calib.solver.plane_bend import PlaneBend
 from calib.verdict.criteria import STANDARD, read_rig_criteria

@@ -255,7 +255,7 @@ def _sightings_of(name: str, photos: "RigPhotos", search: "Search") -> "RigSight
 def _why_blind(search: "Search") -> str:
     """Why no photo of a camera shows the target: they are mirrored, or what is said of the first; "" if nothing is."""
     from calib.api.detecting import Detector
-    from calib.observe.images import read_image
+    from calib.images.photo import read_image
 
     readable = [result for result in search.results if result.seen is not None]
     for result in readable[:TRIED_MIRRORED]:
@@ -294,7 +294,7 @@ def _require_given_sizes(photos: "RigPhotos", given: "Mapping[str, Camera]") -> 
 
 def _size_of(path: Path) -> tuple[int, int] | None:
     """Of a photo; None if it cannot be read, which is said when it is searched."""
-    from calib.observe.image_headers import DamagedError, read_header
+    from calib.images.headers import DamagedError, read_header
 
     try:
         header = read_header(path.read_bytes()) if path.is_file() else None

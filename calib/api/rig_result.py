@@ -14,8 +14,6 @@ from calib.cameras.rig import RIG, Rig
 from calib.core.types import RigObservations
 from calib.observe.rig_sightings import KIND as SIGHTINGS
 from calib.observe.rig_sightings import rig_sightings_to_csv
-from calib.observe.robot_poses import KIND as ROBOT_POSES
-from calib.observe.robot_poses import robot_poses_to_csv
 from calib.records.calibration_file import Provenance
 from calib.records.hand_eye_file import HAND_EYE, HAND_EYE_FILE, HandEye, hand_eye_of
 from calib.records.rig_file import RIG_CALIBRATION, RIG_CALIBRATION_FILE, RIG_FILE, write_rig
@@ -23,6 +21,8 @@ from calib.records.rig_folder import RigRun
 from calib.rigs.halves import enlarged
 from calib.rigs.options import CameraChoice
 from calib.rigs.result import RigCalibration
+from calib.robot.poses import KIND as ROBOT_POSES
+from calib.robot.poses import robot_poses_to_csv
 from calib.show.folder import PAGE_FILE, why_no_page, write_folder_page
 from calib.show.parts.kept_target import keep_target
 from calib.solver.options import SolveOptions

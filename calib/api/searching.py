@@ -14,9 +14,9 @@ from calib.cameras import COMMON, WIDE
 from calib.core.types import Detections, Observations
 from calib.detector import pipeline
 from calib.detector.pipeline import NamedRings
+from calib.images.headers import exif_focal_px
+from calib.images.photo import read_image
 from calib.observe.dataset import write_detections
-from calib.observe.image_headers import exif_focal_px
-from calib.observe.images import read_image
 from calib.observe.photos import (
     FoundPhotos,
     Look,

@@ -22,7 +22,7 @@ from calib.cameras.camera import CAMERA, Camera, camera_to_json
 from calib.cameras.camera import load_camera as load_own_camera
 from calib.cameras.picture_of import looking, picture_of
 from calib.cameras.undistortion import Undistorted
-from calib.observe.images import Grey, read_colour
+from calib.images.photo import Grey, read_colour
 from calib.observe.photos import PhotoFile, named_photos, require_size, why_failed
 from calib.renderer.quantities import choice, real
 from calib.show.photos.photos_file import PHOTOS_FILE, read_photos

@@ -9,7 +9,7 @@ from calib.core.types import Detections
 from calib.detector.frame_quality import frame_quality
 from calib.guide.frame_notes import notes_of
 from calib.guide.told import FrameNote, Look
-from calib.observe.images import Grey
+from calib.images.photo import Grey
 from calib.solver.calibration import Calibration
 from designer.target import TargetGeometry
 

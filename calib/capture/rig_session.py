@@ -22,7 +22,7 @@ from calib.guide.rig_guide import RigGuide
 from calib.guide.rig_standing import moment_of
 from calib.guide.shutter import Shutter
 from calib.guide.told import Look, TakenPhoto
-from calib.observe.images import Grey, read_image
+from calib.images.photo import Grey, read_image
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 

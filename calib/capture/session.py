@@ -16,7 +16,7 @@ from calib.core.types import Detections
 from calib.guide.guide import Guide
 from calib.guide.shutter import Shutter
 from calib.guide.told import TakenPhoto
-from calib.observe.images import Grey, read_image
+from calib.images.photo import Grey, read_image
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 

@@ -144,7 +144,7 @@ def reference_of(reference: str | None, target: Path | None) -> "Reference | Non
     if reference is None:
         raise InputError(f"--reference-target {target}: name the photo of this board too, with --reference PHOTO")
     from calib.detector.pipeline import detect
-    from calib.observe.images import read_image
+    from calib.images.photo import read_image
     from calib.observe.observations import observations_from_detections
     from designer.target import load_target
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from calib.cameras import MODELS, rays
 from calib.cameras.camera import Camera
-from calib.observe.image_headers import DamagedError
-from calib.observe.images import MAX_PIXELS, grey_of, read_preview
+from calib.images.headers import DamagedError
+from calib.images.photo import MAX_PIXELS, grey_of, read_preview
 
 Array = NDArray[np.float64]
 

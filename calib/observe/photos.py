@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
-from calib.observe.images import SUFFIXES_OF, Photo, read_image
+from calib.images.photo import SUFFIXES_OF, Photo, read_image
 from calib.observe.records import ImageRecord, image_record
 from designer.base.errors import InputError
 from designer.base.files import distinct_stems

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from calib.core.se3 import invert
 from calib.core.types import freeze
-from calib.observe.robot_rotations import to_quaternion
 from calib.rigs.result import RigCalibration
 from calib.rigs.turntable import turned_by
+from calib.robot.rotations import to_quaternion
 from calib.verdict.next_robot_poses import MOST_POSES, NextPose
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind

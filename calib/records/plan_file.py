@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from calib.cameras.camera import Camera
 from calib.core.se3 import rigid_fault
 from calib.core.types import freeze
-from calib.observe.robot_poses import poses_to_csv
-from calib.observe.robot_rotations import to_quaternion
+from calib.robot.poses import poses_to_csv
+from calib.robot.rotations import to_quaternion
 from calib.verdict.next_views import NextView
 from calib.verdict.plan_tried import TriedPlan
 from designer.base.file_kind import FileKind

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from calib.capture.messages import SourceKind
 from calib.capture.sources.source import Frame, Put, Say
-from calib.observe.images import grey_of
+from calib.images.photo import grey_of
 from designer.base.errors import InputError
 from designer.base.words import printable, shown
 

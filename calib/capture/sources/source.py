@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Protocol
 
 from calib.capture.messages import SourceKind
-from calib.observe.images import Grey
+from calib.images.photo import Grey
 
 
 @dataclass(frozen=True, eq=False)

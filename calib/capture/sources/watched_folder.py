@@ -8,7 +8,7 @@ from pathlib import Path
 
 from calib.capture.messages import SourceKind
 from calib.capture.sources.source import Frame, Put, Say
-from calib.observe.images import read_image
+from calib.images.photo import read_image
 from calib.observe.photos import OVERLAY_MARK, images_in
 from designer.base.errors import InputError
 from designer.base.words import printable

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.observe.image_headers import DamagedError
-from calib.observe.images import read_preview
+from calib.images.headers import DamagedError
+from calib.images.photo import read_preview
 from designer.base.words import cut, printable
 from designer.page.blocks import Finding, Findings, Gallery, Leaf, Level, Picture, Raster, is_linkable
 from designer.page.folders import size_bytes, title_of

@@ -13,7 +13,7 @@ from calib.core.types import Detections
 from calib.detector.canvas import Canvas, Colour, canvas_between
 from calib.detector.overlay import pale, write_overlay
 from calib.detector.overlay_frame import INK, cut_text, text_strip
-from calib.observe.images import read_image
+from calib.images.photo import read_image
 from calib.observe.photos import OVERLAY_MARK, why_failed
 from calib.observe.target_poses import PoseResult, TargetPose
 from designer.base.files import distinct_stems

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib.observe.robot_rotations import to_quaternion
 from calib.rigs.result import CarrierFit, RigCalibration
+from calib.robot.rotations import to_quaternion
 from calib.verdict.next_robot_poses import NextPose, gain_words, photo_names
 from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable

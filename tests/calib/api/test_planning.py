@@ -11,9 +11,9 @@ from calib.api.planning import PlanResult
 from calib.cameras import project
 from calib.core.se3 import angles_between, exp_rotation, invert, make_pose, transform
 from calib.observe.observations import known_points
-from calib.observe.robot_poses import read_robot_poses
 from calib.records.hand_eye_file import HAND_EYE, HandEye
 from calib.records.plan_file import PLAN
+from calib.robot.poses import read_robot_poses
 from calib.show.parts.origin import origin_of
 from calib.show.plan.page import plan_page
 from calib.show.plan.words import headline_of

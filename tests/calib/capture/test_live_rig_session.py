@@ -16,7 +16,7 @@ from calib.capture.sources.browser import BrowserCamera
 from calib.capture.sources.source import Frame
 from calib.core.se3 import look_at, make_pose
 from calib.guide.rig_guide import RigGuide
-from calib.observe.images import read_image
+from calib.images.photo import read_image
 from designer.base.errors import InputError
 from tests.support.live_frames import image_at, target
 

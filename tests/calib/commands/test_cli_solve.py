@@ -15,8 +15,8 @@ from calib.cameras import project
 from calib.cameras.camera import Camera, load_camera
 from calib.core.se3 import look_at, transform
 from calib.core.types import Detections, Observations
+from calib.images.photo import Photo
 from calib.observe.dataset import write_detections
-from calib.observe.images import Photo
 from calib.records.calibration_file import read_calibration
 from calib.solver.calibration import Calibration
 from calib.virtual.calibrate import calibrate
@@ -223,7 +223,7 @@ def test_a_reference_board_goes_with_a_solid(monkeypatch: pytest.MonkeyPatch) ->
     write_inputs(seen, solid)
     Path("flat.target.json").write_text(target_to_json(BOARD))
     photo = detections_of(SEEN, BOARD)[2]
-    monkeypatch.setattr("calib.observe.images.read_image", lambda _path: Photo(np.zeros((1, 1), dtype=np.uint8), ()))
+    monkeypatch.setattr("calib.images.photo.read_image", lambda _path: Photo(np.zeros((1, 1), dtype=np.uint8), ()))
     monkeypatch.setattr("calib.detector.pipeline.detect", lambda _pixels, _board, *, name: replace(photo, image=name))
     answer = calib(
         "solve", "detections.csv", "--target", "board.target.json", "--model", "virtual", "-o", "v",

@@ -11,7 +11,7 @@ from calib.cameras.camera import Camera, camera_to_json, load_camera
 from calib.cameras.undistortion import pinhole_of
 from calib.cameras.undistortion import undistort as undistort_pixels
 from calib.commands.undistort import undistort
-from calib.observe.images import read_colour
+from calib.images.photo import read_colour
 from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError
 from tests.support.command_line import PAGE

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose
-from calib.observe.robot_poses import RobotPoses, read_robot_poses
 from calib.rigs.robot_readings import why_size, why_wrong
+from calib.robot.poses import RobotPoses, read_robot_poses
 
 Array = NDArray[np.float64]
 Written = tuple[str, Array, Array]  # columns of the rotation, positions in mm, rotations

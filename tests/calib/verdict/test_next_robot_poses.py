@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose
 from calib.core.types import keep_frames
-from calib.observe.robot_poses import read_robot_poses, robot_poses_to_csv
 from calib.rigs.carried_information import expected_information, frame_information
 from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
 from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.relative import center_sigma_mm
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
+from calib.robot.poses import read_robot_poses, robot_poses_to_csv
 from calib.solver.free_shape import free_directions
 from calib.verdict.next_robot_poses import next_robot_poses
 from tests.support import rig_views, solver_scenes

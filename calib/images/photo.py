@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.observe.image_headers import DamagedError, Format, Header, needed_png, read_header
+from calib.images.headers import DamagedError, Format, Header, needed_png, read_header
 from designer.base.errors import InputError
 
 MAX_PIXELS = 250_000_000
@@ -122,7 +122,7 @@ def _read(path: Path, *, in_colour: bool) -> _Decoded:
         header = _header_within_limits(data)
         if header.format != "JPEG":
             return _Decoded(_decode(data, header, in_colour=in_colour), header, "")
-        from calib.observe.jpeg_damage import brightness_step, check_jpeg_scans
+        from calib.images.jpeg_damage import brightness_step, check_jpeg_scans
 
         # Decoders go on after damage, with pixels in wrong places.
         unit_rows = check_jpeg_scans(data)

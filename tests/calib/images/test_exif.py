@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
-from calib.observe.image_headers import exif_focal_px
+from calib.images.headers import exif_focal_px
 
 MAKE, EXIF_IFD, FOCAL_LENGTH_IN_35_MM = 0x10F, 0x8769, 0xA405
 

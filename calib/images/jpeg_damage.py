@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.jit import jit
-from calib.observe.image_headers import FRAMES, SOS, DamagedError, jpeg_segments
+from calib.images.headers import FRAMES, SOS, DamagedError, jpeg_segments
 
 Bytes: TypeAlias = NDArray[np.uint8]
 Whole: TypeAlias = NDArray[np.int64]

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.observe.images import read_image
-from calib.observe.jpeg_damage import SEAM_GREYS, check_jpeg_scans
+from calib.images.jpeg_damage import SEAM_GREYS, check_jpeg_scans
+from calib.images.photo import read_image
 from designer.base.errors import InputError
 
 Picture = NDArray[np.uint8]

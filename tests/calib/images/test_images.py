@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
-from calib.observe.image_headers import MAX_PAGES, MAX_SCANS, read_header
-from calib.observe.images import MAX_PIXELS, Photo, read_image, read_preview
+from calib.images.headers import MAX_PAGES, MAX_SCANS, read_header
+from calib.images.photo import MAX_PIXELS, Photo, read_image, read_preview
 from designer.base.errors import InputError
 
 WIDTH, HEIGHT = 23, 17

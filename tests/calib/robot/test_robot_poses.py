@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.core.se3 import invert
-from calib.observe.robot_poses import poses_of, read_robot_poses
+from calib.robot.poses import poses_of, read_robot_poses
 from designer.base.errors import InputError
 
 TURN = Rotation.from_euler("ZYX", [30.0, -50.0, 110.0], degrees=True)

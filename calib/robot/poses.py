@@ -18,7 +18,7 @@ from calib.core.se3 import MAX_DISTANCE_MM, invert, make_pose
 from calib.core.types import freeze
 from calib.interop.parsing import number, parse_yaml, shown_plain
 from calib.observe.csv_table import ANY_NAME, csv_cell, read_table, read_text
-from calib.observe.robot_rotations import RotationColumns, RowError, of_quaternion, rotation_columns, to_quaternion
+from calib.robot.rotations import RotationColumns, RowError, of_quaternion, rotation_columns, to_quaternion
 from designer.base.errors import InputError
 from designer.base.small_file import parse_json
 from designer.base.words import shown, suggestion
