@@ -40,7 +40,7 @@ _OTHER_FORMATS: tuple[tuple[int, bytes, str], ...] = (
     (8, b"WEBP", "a WebP"), (0, b"GIF8", "a GIF"), (4, b"jP  ", "a JPEG 2000"), (0, b"\xff\x4f\xff\x51", "a JPEG 2000"),
     (0, b"v/1\x01", "an OpenEXR"), (0, b"FUJIFILM", "a raw"), (8, b"CR\x02\x00", "a raw"), (0, b"IIRO", "a raw"),
     (0, b"IIU\x00", "a raw"), (0, b"%PDF", "a PDF"), (0, b"8BPS", "a Photoshop"), (0, b"Pf", "a float PFM"),
-    (0, b"PF", "a float PFM"), (0, b"\xff\x0a", "a JPEG XL"),
+    (0, b"PF", "a float PFM"), (0, b"\xff\x0a", "a JPEG XL"), (0, b"II+\0", "a BigTIFF"), (0, b"MM\0+", "a BigTIFF"),
 )  # fmt: skip
 
 
@@ -76,7 +76,12 @@ def read_header(data: bytes) -> Header:
     Raises:
         DamagedError: not one of the formats, or cut off, or its header breaks the format's rules.
     """
-    reader = _reader_of(data)
+    for at, magic, name in _OTHER_FORMATS:
+        if data.startswith(magic, at):
+            raise DamagedError(f"is {name} file; convert it to PNG or TIFF without changing its size")
+    reader = next((reader for magic, reader in _READERS.items() if data.startswith(magic)), None)
+    if reader is None:
+        raise DamagedError("is not an image in a known format; give PNG, JPEG, TIFF, BMP or PGM")
     try:
         header = reader(data)
     except (struct.error, LookupError, ValueError, OverflowError) as error:
@@ -86,17 +91,6 @@ def read_header(data: bytes) -> Header:
     if header.width < 1 or header.height < 1:
         raise DamagedError(f"its header gives a size of {header.width} x {header.height} px; copy it again")
     return header
-
-
-def _reader_of(data: bytes) -> Callable[[bytes], Header]:
-    """The reader of the format that the first bytes name."""
-    for at, magic, name in _OTHER_FORMATS:
-        if data.startswith(magic, at):
-            raise DamagedError(f"is {name} file; convert it to PNG or TIFF without changing its size")
-    for magic, reader in _READERS.items():
-        if data.startswith(magic):
-            return reader
-    raise DamagedError("is not an image in a known format; give PNG, JPEG, TIFF, BMP or PGM")
 
 
 def needed_png(data: bytes) -> bytes:
@@ -160,7 +154,7 @@ def jpeg_segments(data: bytes) -> Iterator[tuple[int, bytes, int]]:
 
 
 def _jpeg_header(data: bytes) -> Header:
-    """What the segments up to the first scan say."""
+    """What the segments up to the first scan say; refused is what decoders take without a word."""
     exif, is_adobe = Exif(), False
     frame: tuple[int, int, int, int] | None = None  # marker, height, width, components
     for marker, body, after in jpeg_segments(data):
@@ -168,30 +162,23 @@ def _jpeg_header(data: bytes) -> Header:
             exif = _exif(body[6:])
         is_adobe |= marker == APP14 and body.startswith(b"Adobe")
         if marker in FRAMES:
-            depth, height, width, components = struct.unpack_from(">BHHB", body)
+            depth, *size = struct.unpack_from(">BHHB", body)
             if depth != 8:
                 raise DamagedError(f"is a JPEG of {depth} bits; convert it to a 16-bit PNG or TIFF")
-            frame = marker, height, width, components
-        if marker == SOS and frame is not None:
-            _check_jpeg(data, after, frame, scan_components=body[0], is_adobe=is_adobe)
-            return Header("JPEG", frame[2], frame[1], exif)
-        if marker == SOS:
+            frame = marker, *size
+        if marker != SOS:
+            continue
+        if frame is None:
             raise DamagedError("has no size before its pixels; copy it again")
+        kind, height, width, components = frame
+        if data.rfind(b"\xff\xd9", after) < 0:
+            raise DamagedError("is cut off: its end is missing; copy it again")
+        if (kind not in {0xC0, 0xC1} or body[0] < components) and data.count(b"\xff\xda", after) > MAX_SCANS:
+            raise DamagedError(f"has more than {MAX_SCANS} scans, which no camera writes; convert it to PNG")
+        if components == 4 and not is_adobe:
+            raise DamagedError("is a four-colour JPEG that does not say whether 0 is ink or paper; convert it to RGB")
+        return Header("JPEG", width, height, exif)
     raise DamagedError("is cut off before its first pixel; copy it again")
-
-
-def _check_jpeg(
-    data: bytes, pixels_at: int, frame: tuple[int, int, int, int], *, scan_components: int, is_adobe: bool
-) -> None:
-    """Refuse what decoders take without a word: a missing end, endless scans, colours of unknown sign."""
-    marker, _, _, components = frame
-    if data.rfind(b"\xff\xd9", pixels_at) < 0:
-        raise DamagedError("is cut off: its end is missing; copy it again")
-    many_scans = marker not in {0xC0, 0xC1} or scan_components < components
-    if many_scans and data.count(b"\xff\xda", pixels_at) > MAX_SCANS:
-        raise DamagedError(f"has more than {MAX_SCANS} scans, which no camera writes; convert it to PNG")
-    if components == 4 and not is_adobe:
-        raise DamagedError("is a four-colour JPEG that does not say whether 0 is ink or paper; convert it to RGB")
 
 
 def _bmp_header(data: bytes) -> Header:
@@ -259,10 +246,6 @@ def _directory(data: bytes, at: int) -> tuple[dict[int, tuple[int, int]], str, i
     return tags, order, struct.unpack_from(order + "I", data, at + 2 + 12 * count)[0]
 
 
-def _big_tiff(_: bytes) -> Header:
-    raise DamagedError("is a BigTIFF; save it as an ordinary TIFF or as PNG")
-
-
 def _exif(block: bytes) -> Exif:
     """What a camera noted in a TIFF, or in an EXIF block, which is one; nothing where that cannot be read."""
     try:
@@ -293,8 +276,6 @@ _READERS: Mapping[bytes, Callable[[bytes], Header]] = {
     b"\xff\xd8\xff": _jpeg_header,
     b"II*\0": _tiff_header,
     b"MM\0*": _tiff_header,
-    b"II+\0": _big_tiff,
-    b"MM\0+": _big_tiff,
     b"BM": _bmp_header,
     **{b"P%d" % digit: _pnm_header for digit in range(1, 8)},
 }

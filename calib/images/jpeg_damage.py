@@ -1,16 +1,17 @@
 """Whether a JPEG is as it was written: its compressed pixels, and what their decoder made of them.
 
 A JPEG has no check sums. After a flipped bit a decoder reads other codes than were written, falls into step again some
-blocks later, and goes on: all that follows lies a block or more from where it was, and the picture looks sound. So the
-codes are read here once more, without making pixels of them, and held to what every encoder keeps (ITU-T T.81, annexes
-F and G): each code is in its table, no block has more than 64 coefficients, brightness stays in its range, and the
-blocks end where the data ends. A bit that changes only a block's brightness keeps all that; since each block tells only
-how it differs from the last, all that follow are brighter or darker by as much, which shows along a row of blocks.
+blocks later, and goes on: all that follows lies a block or more from where it was, and the picture looks sound. What
+decoders notice of it they tell nobody (Pillow), or standard error without a name (OpenCV). So the codes are read here
+once more, without making pixels of them, and held to what every encoder keeps (ITU-T T.81, annexes F and G): each code
+is in its table, no block has more than 64 coefficients, and the blocks end where the data ends. A bit that changes only
+a block's brightness keeps all that; since each block tells only how it differs from the last, all that follow are
+brighter or darker by as much, which shows along a row of blocks.
 """
 
 import struct
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from math import ceil
 from typing import TypeAlias
 
@@ -21,14 +22,14 @@ from calib.core.jit import jit
 from calib.images.headers import FRAMES, SOS, DamagedError, jpeg_segments
 
 Bytes: TypeAlias = NDArray[np.uint8]
+Bits: TypeAlias = NDArray[np.uint64]
+Codes: TypeAlias = NDArray[np.uint16]
 Whole: TypeAlias = NDArray[np.int64]
 
-SOF_BASELINE, SOF_EXTENDED, SOF_PROGRESSIVE, DHT, DQT, DRI = 0xC0, 0xC1, 0xC2, 0xC4, 0xDB, 0xDD
+SOF_PROGRESSIVE, HUFFMAN_FRAMES, DHT, DRI = 0xC2, (0xC0, 0xC1, 0xC2), 0xC4, 0xDD
 PEEK = 16
 """Bits of the longest code."""
 DC_TABLES = 4
-LARGEST_DC = 1300
-"""Of 8 times a block's mean, counted from grey: 1024, and a fourth for encoders that let edges ring."""
 COPY = "copy it again, or take the photo again"
 
 SEAM_SHARE = 0.5
@@ -43,51 +44,21 @@ _TAIL = bytes(4)
 
 
 @dataclass(frozen=True)
-class _Component:
-    """A colour of the frame."""
-
-    across: int  # blocks in a unit of an interleaved scan
-    down: int
-    quantiser: int  # number of its table
-
-
-@dataclass(frozen=True)
 class _Frame:
     """What a frame's header says."""
 
     width: int
     height: int
     is_progressive: bool
-    components: Mapping[int, _Component]
+    sides: Mapping[int, tuple[int, int]]  # columns and rows of blocks of each component in an interleaved unit
 
-    @property
-    def most_across(self) -> int:
-        """Columns of blocks in a unit of an interleaved scan."""
-        return max(one.across for one in self.components.values())
-
-    @property
-    def most_down(self) -> int:
-        """Rows of blocks in it."""
-        return max(one.down for one in self.components.values())
-
-    def blocks(self, component: _Component) -> int:
-        """Blocks that hold pixels, which are the units of a scan of one component."""
-        columns = ceil(ceil(self.width * component.across / self.most_across) / 8)
-        return columns * ceil(ceil(self.height * component.down / self.most_down) / 8)
-
-    def units(self) -> int:
-        """Units of a scan of several components."""
-        return ceil(self.width / (8 * self.most_across)) * ceil(self.height / (8 * self.most_down))
-
-
-@dataclass
-class _Tables:
-    """What the segments so far have set."""
-
-    codes: NDArray[np.uint16] = field(default_factory=lambda: np.zeros((2 * DC_TABLES, 1 << PEEK), np.uint16))
-    quantiser_dc: dict[int, int] = field(default_factory=dict)
-    restart_every: int = 0  # units; 0: never
-    nonzero: dict[int, NDArray[np.uint64]] = field(default_factory=dict)  # of each component: bit k of each block
+    def units(self, numbers: Sequence[int]) -> int:
+        """Units of a scan of some components: the blocks that hold pixels of a single one."""
+        across, down = max(side for side, _ in self.sides.values()), max(side for _, side in self.sides.values())
+        if len(numbers) > 1:
+            return ceil(self.width / (8 * across)) * ceil(self.height / (8 * down))
+        own_across, own_down = self.sides[numbers[0]]
+        return ceil(ceil(self.width * own_across / across) / 8) * ceil(ceil(self.height * own_down / down) / 8)
 
 
 def brightness_step(pixels: NDArray[np.uint8] | NDArray[np.uint16], unit_rows: int) -> str:
@@ -120,7 +91,7 @@ def brightness_step(pixels: NDArray[np.uint8] | NDArray[np.uint16], unit_rows: i
 
 
 def check_jpeg_scans(data: bytes) -> int:
-    """Read all codes of a JPEG, and stop where they cannot be what an encoder wrote.
+    """Read the codes of a JPEG, and stop where they cannot be what an encoder wrote.
 
     Returns:
         The height of a row of blocks, in pixels.
@@ -129,33 +100,33 @@ def check_jpeg_scans(data: bytes) -> int:
         DamagedError: there is such a place, or the kind of compression is one that is not read here.
     """
     stream = np.frombuffer(data + _TAIL, np.uint8)
-    tables, frame, seen, unit_rows = _Tables(), None, set[int](), 8
+    codes = np.zeros((2 * DC_TABLES, 1 << PEEK), np.uint16)  # the tables of means, then of the other coefficients
+    frame, seen, unit_rows, restart_every = None, set[int](), 8, 0
+    nonzero: dict[int, Bits] = {}  # of each component: which coefficients of its blocks were read so far
     try:
         for marker, body, after in jpeg_segments(data):
             if marker == DHT:
-                _set_codes(tables, body)
-            elif marker == DQT:
-                _set_quantisers(tables, body)
+                _set_codes(codes, body)
             elif marker == DRI:
-                (tables.restart_every,) = struct.unpack(">H", body)
+                (restart_every,) = struct.unpack(">H", body)
             elif marker in FRAMES:
                 frame = _frame(marker, body)
             elif marker == SOS:
                 if frame is None:
                     raise DamagedError(f"is damaged: pixels before a size; {COPY}")
-                seen |= _check_scan(stream, after, frame, tables, body)
+                seen |= _check_scan(stream, after, frame, codes, restart_every, nonzero, body)
                 if body[0] > 1:
-                    unit_rows = 8 * frame.most_down
+                    unit_rows = 8 * max(down for _, down in frame.sides.values())
     except (struct.error, LookupError, ValueError) as error:
         if isinstance(error, DamagedError):
             raise
         raise DamagedError(f"is damaged: a table of its compression makes no sense; {COPY}") from None
-    if frame is None or seen != set(frame.components):
+    if frame is None or seen != set(frame.sides):
         raise DamagedError(f"is damaged: a part of its pixels is missing; {COPY}")
     return unit_rows
 
 
-def _set_codes(tables: _Tables, body: bytes) -> None:
+def _set_codes(codes: Codes, body: bytes) -> None:
     """For every 16 bits the code that they begin with: its length in the high byte, its symbol in the low (annex C)."""
     at = 0
     while at < len(body):
@@ -167,60 +138,48 @@ def _set_codes(tables: _Tables, body: bytes) -> None:
         spans = 1 << (PEEK - lengths)
         if spans.sum() > 1 << PEEK:
             raise LookupError
-        row = tables.codes[DC_TABLES * (kind >> 4) + (kind & 0x0F)]
+        row = codes[DC_TABLES * (kind >> 4) + (kind & 0x0F)]
         row[:] = 0
         row[: spans.sum()] = np.repeat(lengths << 8 | np.frombuffer(symbols, np.uint8), spans)
         at += 17 + sum(counts)
 
 
-def _set_quantisers(tables: _Tables, body: bytes) -> None:
-    at = 0
-    while at < len(body):
-        is_wide, number = body[at] >> 4, body[at] & 0x0F
-        tables.quantiser_dc[number] = struct.unpack_from(">H" if is_wide else ">B", body, at + 1)[0]
-        at += 1 + (128 if is_wide else 64)
-
-
 def _frame(marker: int, body: bytes) -> _Frame:
-    if marker not in (SOF_BASELINE, SOF_EXTENDED, SOF_PROGRESSIVE):
+    if marker not in HUFFMAN_FRAMES:
         raise DamagedError("is a JPEG without Huffman codes or without loss, which no camera writes; convert it to PNG")
-    _, height, width, count = struct.unpack_from(">BHHB", body)
-    components = {}
-    for number, sides, quantiser in struct.iter_unpack("3B", body[6 : 6 + 3 * count]):
-        if not (1 <= sides >> 4 <= 4 and 1 <= sides & 0x0F <= 4):
-            raise LookupError
-        components[number] = _Component(sides >> 4, sides & 0x0F, quantiser)
-    return _Frame(width, height, marker == SOF_PROGRESSIVE, components)
+    height, width, count = struct.unpack_from(">xHHB", body)
+    sides = {number: (both >> 4, both & 0x0F) for number, both, _ in struct.iter_unpack("3B", body[6 : 6 + 3 * count])}
+    if not all(1 <= side <= 4 for both in sides.values() for side in both):
+        raise LookupError
+    return _Frame(width, height, marker == SOF_PROGRESSIVE, sides)
 
 
-def _check_scan(stream: Bytes, at: int, frame: _Frame, tables: _Tables, body: bytes) -> set[int]:
-    """Read a scan's codes; the numbers of its components."""
+def _check_scan(
+    stream: Bytes, at: int, frame: _Frame, codes: Codes, restart_every: int, nonzero: dict[int, Bits], body: bytes
+) -> set[int]:
+    """Read a scan's codes; the numbers of the components whose means it holds."""
     count = body[0]
-    chosen = [(body[1 + 2 * k], body[2 + 2 * k]) for k in range(count)]
+    numbers, chosen = body[1 : 1 + 2 * count : 2], body[2 : 2 + 2 * count : 2]
     first, last, approximation = body[1 + 2 * count : 4 + 2 * count]
     if not first <= last <= 63 or (first and count > 1):
         raise LookupError
-    plan = []  # a row a block of a unit: its component within the scan, its two tables, its quantiser
-    for k, (number, chosen_tables) in enumerate(chosen):
-        component = frame.components[number]
-        blocks = component.across * component.down if count > 1 else 1
-        dc, ac = chosen_tables >> 4, DC_TABLES + (chosen_tables & 0x0F)
-        plan += [(k, dc, ac, tables.quantiser_dc.get(component.quantiser, 1))] * blocks
-    only = chosen[0][0]
-    units = frame.blocks(frame.components[only]) if count == 1 else frame.units()
-    if count == 1 and frame.is_progressive:
-        nonzero = tables.nonzero.setdefault(only, np.zeros(units, np.uint64))
-    else:
-        nonzero = np.zeros(0, np.uint64)
-    clean, ends = _runs_of_codes(stream, at, ceil(units / tables.restart_every) if tables.restart_every else 1)
+    units = frame.units(numbers)
+    known = np.zeros(1, np.uint64)  # nothing, in all blocks
+    if first > 0 and frame.is_progressive:
+        known = nonzero.setdefault(numbers[0], np.zeros(units, np.uint64))
+    tables: list[tuple[int, int]] = []  # of each block of a unit
+    for number, both in zip(numbers, chosen, strict=True):
+        across, down = frame.sides[number]
+        tables += [(both >> 4, DC_TABLES + (both & 0x0F))] * (across * down if count > 1 else 1)
+    clean, ends = _runs_of_codes(stream, at, ceil(units / restart_every) if restart_every else 1)
     read = _read_codes(
-        clean, ends, units, tables.restart_every or units, np.array(plan, np.int64), tables.codes, nonzero,
-        np.array([first, last, approximation >> 4, approximation & 0x0F, frame.is_progressive], np.int64),
+        clean, ends, units, restart_every or units, codes, np.array(tables, np.int64), first, last,
+        approximation > 15, known,
     )  # fmt: skip
     if read < units:
         part = f"{1000 * read // units / 10:g} %"  # rounded down: nothing is damaged from 100 % on
         raise DamagedError(f"is damaged: its compressed pixels make no sense from {part} of them on; {COPY}")
-    return {number for number, _ in chosen} if first == 0 else set()
+    return set(numbers) if first == 0 else set()
 
 
 def _runs_of_codes(stream: Bytes, at: int, count: int) -> tuple[Bytes, Whole]:
@@ -257,34 +216,47 @@ def _peek(clean: Bytes, at: int) -> int:
 
 @jit
 def _read_codes(
-    clean: Bytes, ends: Whole, units: int, restart_every: int, plan: Whole, codes: NDArray[np.uint16],
-    nonzero: NDArray[np.uint64], scan: Whole,
+    clean: Bytes, ends: Whole, units: int, restart_every: int, codes: Codes, tables: Whole, first: int, last: int,
+    is_refined: bool, nonzero: Bits,
 ) -> int:  # fmt: skip
     """Read the codes of a scan; the number of units before the first that makes no sense, `units` if all do.
 
-    `scan`: first and last coefficient, their bits before and below this scan, and whether it is progressive (annex G).
+    Args:
+        clean: of `_runs_of_codes`.
+        ends: likewise.
+        units: of the scan.
+        restart_every: so many units.
+        codes: of all tables.
+        tables: (B, 2) rows of these for the mean and the other coefficients of each block of a unit.
+        first: coefficient.
+        last: coefficient.
+        is_refined: the scan has one more bit of what is known (annex G).
+        nonzero: of a progressive scan beyond means: bit k of each block, changed here; else one 0.
     """
-    first, last, before, below = scan[0], scan[1], scan[2], scan[3]
-    mean = np.zeros(4, np.int64)
     at, unit = 0, 0
     for end in ends:
-        end_bit, bands_left = 8 * int(end), 0
-        mean[:] = 0
+        end_bit, empty = 8 * int(end), 0
         until = min(unit + restart_every, units)
         while unit < until:
-            for row in range(plan.shape[0]):
-                if first == 0:
-                    at = _read_dc(clean, at, end_bit, plan[row], codes, mean, before, below)
-                    if at < 0:
+            for row in range(tables.shape[0]):
+                if at >= end_bit and empty == 0:
+                    return unit
+                if first == 0 and is_refined:
+                    at += 1
+                elif first == 0:
+                    code = codes[tables[row, 0], _peek(clean, at)]
+                    if code == 0 or (code & 0xFF) > 11:
                         return unit
+                    at += int(code >> 8) + int(code & 0xFF)
                 if last > 0:
-                    at, bands_left = _read_bands(
-                        clean, at, end_bit, codes[plan[row, 2]], scan, bands_left, nonzero, unit
+                    block = unit % len(nonzero)
+                    at, empty = _read_ac(
+                        clean, at, end_bit, codes[tables[row, 1]], first, last, is_refined, empty, nonzero, block
                     )
-                if at < 0:
+                if not 0 <= at <= end_bit:
                     return unit
             unit += 1
-        if bands_left > 0 or not _is_end(clean, at, end):
+        if empty > 0 or not _is_end(clean, at, end):
             return unit - 1
         at = end_bit
     return unit
@@ -301,118 +273,44 @@ def _is_end(clean: Bytes, at: int, end: int) -> bool:
 
 
 @jit
-def _read_dc(
-    clean: Bytes, at: int, end: int, row: Whole, codes: NDArray[np.uint16], mean: Whole, before: int, below: int
-) -> int:
-    """Read the mean of a block; where its code ends, -1 if it makes no sense."""
-    if at >= end:
-        return -1
-    if before > 0:
-        return at + 1
-    code = codes[row[1], _peek(clean, at)]
-    size = int(code & 0xFF)
-    if code == 0 or size > 11:
-        return -1
-    at += int(code >> 8)
-    if at + size > end:
-        return -1
-    if size > 0:
-        value = _peek(clean, at) >> (PEEK - size)
-        if value < 1 << (size - 1):
-            value -= (1 << size) - 1
-        mean[row[0]] += value
-        at += size
-    if abs(mean[row[0]] << below) * row[3] > LARGEST_DC + row[3]:
-        return -1
-    return at
-
-
-@jit
-def _read_bands(
-    clean: Bytes, at: int, end: int, codes: NDArray[np.uint16], scan: Whole, bands_left: int,
-    nonzero: NDArray[np.uint64], block: int,
-) -> tuple[int, int]:  # fmt: skip
-    """Read what a scan has of a block beside its mean; where it ends (-1: no sense), and how many empty ones follow."""
-    if scan[2] > 0:
-        return _refine_ac(clean, at, end, codes, scan[0], scan[1], bands_left, nonzero, block)
-    if bands_left > 0:
-        return at, bands_left - 1
-    return _read_ac(clean, at, end, codes, scan[0], scan[1], scan[4], nonzero, block)
-
-
-@jit
 def _read_ac(
-    clean: Bytes, at: int, end: int, codes: NDArray[np.uint16], first: int, last: int, is_progressive: int,
-    nonzero: NDArray[np.uint64], block: int,
+    clean: Bytes, at: int, end: int, codes: Codes, first: int, last: int, is_refined: bool, empty: int,
+    nonzero: Bits, block: int,
 ) -> tuple[int, int]:  # fmt: skip
-    """Read the other coefficients of a block; where they end (-1: no sense), and how many blocks after it are empty."""
+    """Read a block but for its mean; where it ends (-1: no sense), and how many after it are empty."""
     k = max(first, 1)
-    while k <= last:
+    while empty == 0 and k <= last:
         if at >= end:
             return -1, 0
         code = codes[_peek(clean, at)]
         zeros, size = int(code >> 4 & 15), int(code & 15)
-        if code == 0 or size > 10:
+        if code == 0 or size > (1 if is_refined else 10):
             return -1, 0
         at += int(code >> 8)
         if size == 0 and zeros < 15:
-            if zeros == 0:
-                return at, 0
-            if not is_progressive or at + zeros > end:
+            if zeros > 0 and (first == 0 or at + zeros > end):
                 return -1, 0
-            return at + zeros, (1 << zeros) + (_peek(clean, at) >> (PEEK - zeros)) - 1
-        k += zeros
-        if k > last:
-            return -1, 0
-        if size > 0 and is_progressive:
-            nonzero[block] |= np.uint64(1) << np.uint64(k)
-        at += size
-        k += 1
-    if at > end:
-        return -1, 0
-    return at, 0
-
-
-@jit
-def _refine_ac(
-    clean: Bytes, at: int, end: int, codes: NDArray[np.uint16], first: int, last: int, bands_left: int,
-    nonzero: NDArray[np.uint64], block: int,
-) -> tuple[int, int]:  # fmt: skip
-    """Read one bit more of a block's coefficients (annex G.1.2.3); as `_read_ac`, this block among the empty ones."""
-    k = first
-    while bands_left == 0 and k <= last:
-        if at >= end:
-            return -1, 0
-        code = codes[_peek(clean, at)]
-        zeros, size = int(code >> 4 & 15), int(code & 15)
-        if code == 0 or size > 1:
-            return -1, 0
-        at += int(code >> 8)
-        if size == 0 and zeros < 15:
-            bands_left = 1 << zeros
-            if zeros > 0:
-                bands_left += _peek(clean, at) >> (PEEK - zeros)
-                at += zeros
+            empty = (1 << zeros) + (_peek(clean, at) >> (PEEK - zeros))
+            at += zeros
             break
         k, bits = _skip_zeros(nonzero[block], k, last, zeros)
         at += size + bits
         if k > last:
             return -1, 0
-        if size > 0:
+        if size > 0 and first > 0:
             nonzero[block] |= np.uint64(1) << np.uint64(k)
         k += 1
-    if bands_left > 0:
-        _, bits = _skip_zeros(nonzero[block], k, last, 64)
-        at += bits
-        bands_left -= 1
-    if at > end:
-        return -1, 0
-    return at, bands_left
+    if empty > 0:
+        at += _skip_zeros(nonzero[block], k, last, 64)[1]
+        empty -= 1
+    return at, empty
 
 
 @jit
 def _skip_zeros(nonzero: np.uint64, k: int, last: int, zeros: int) -> tuple[int, int]:
     """The coefficient after so many that were zero so far, and how many that were not lie before it: a bit each."""
+    if nonzero == 0:
+        return k + zeros, 0
     bits = 0
     while k <= last:
         if nonzero >> np.uint64(k) & np.uint64(1):

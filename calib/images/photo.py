@@ -53,8 +53,9 @@ def read_image(path: Path) -> Photo:
     Raises:
         InputError: no image, cut off or damaged, too large, of another depth, or not to be read; it names the file.
     """
-    decoded = _read(path, in_colour=False)
-    return Photo(grey_of(decoded.pixels), tuple(_remarks(path, decoded, drops_alpha=_has_alpha(decoded.pixels))))
+    photo = _read(path, in_colour=False)
+    remarks = (*photo.remarks, "transparency ignored") if _has_alpha(photo.pixels) else photo.remarks
+    return Photo(grey_of(photo.pixels), remarks)
 
 
 def read_colour(path: Path) -> Photo:
@@ -66,8 +67,7 @@ def read_colour(path: Path) -> Photo:
     Raises:
         InputError: as `read_image` does.
     """
-    decoded = _read(path, in_colour=True)
-    return Photo(decoded.pixels, tuple(_remarks(path, decoded, drops_alpha=False)))
+    return _read(path, in_colour=True)
 
 
 def read_preview(path: Path, columns: int, most_pixels: int) -> Photo:
@@ -90,15 +90,6 @@ def read_preview(path: Path, columns: int, most_pixels: int) -> Photo:
     return Photo(_decode(data, header, in_colour=True, shrink=shrink if header.format == "JPEG" else 1), ())
 
 
-@dataclass(frozen=True, eq=False)
-class _Decoded:
-    """What a file holds."""
-
-    pixels: Grey  # (H, W), or blue, green, red and possibly alpha (H, W, C)
-    header: Header
-    doubt: str = ""  # why they may not be what was written
-
-
 def stated_dpi(path: Path) -> float | None:
     """The resolution that a scan's file states, in dots per inch; None: none, or another along its rows.
 
@@ -115,32 +106,41 @@ def stated_dpi(path: Path) -> float | None:
     return across if across > 1 and abs(across - down) < 1e-3 * across else None
 
 
-def _read(path: Path, *, in_colour: bool) -> _Decoded:
-    """Read and decode a file within the limits."""
+def _read(path: Path, *, in_colour: bool) -> Photo:
+    """Read and decode a file within the limits; its pixels as it has them."""
     try:
         data = _read_file(path)
         header = _header_within_limits(data)
-        if header.format != "JPEG":
-            return _Decoded(_decode(data, header, in_colour=in_colour), header, "")
-        from calib.images.jpeg_damage import brightness_step, check_jpeg_scans
+        unit_rows = 0
+        if header.format == "JPEG":
+            from calib.images.jpeg_damage import brightness_step, check_jpeg_scans
 
-        # Decoders go on after damage, with pixels in wrong places.
-        unit_rows = check_jpeg_scans(data)
+            unit_rows = check_jpeg_scans(data)  # decoders go on after damage, with pixels in wrong places
         pixels = _decode(data, header, in_colour=in_colour)
     except DamagedError as error:
         raise InputError(f"{path}: {error}") from None
-    return _Decoded(pixels, header, brightness_step(grey_of(pixels), unit_rows) if unit_rows else "")
+    remarks = []
+    if unit_rows and (doubt := brightness_step(grey_of(pixels), unit_rows)):
+        remarks.append(doubt)
+    if path.suffix.lower() not in SUFFIXES_OF[header.format]:
+        remarks.append(f"the file is {header.format}, whatever its name says")
+    if (orientation := header.exif.orientation) != 1:
+        turn = _TURNS[orientation]
+        remarks.append(f"read as the sensor saw it: viewers show it {turn} (orientation {orientation})")
+    if header.page_count > 1:
+        remarks.append(f"page 1 of {header.page_count} read")
+    return Photo(pixels, tuple(remarks))
 
 
 def _header_within_limits(data: bytes, most_pixels: int = MAX_PIXELS) -> Header:
     """The header of a file that is not too large to decode."""
     header = read_header(data)
-    if header.width * header.height > most_pixels:
-        size = f"{header.width} x {header.height} px"
-        raise DamagedError(f"has {size}; at most {most_pixels // 1_000_000} million are read: scale it down")
-    if header.width * header.height * header.pixel_bytes > MAX_DECODED_BYTES:
-        size = f"{header.width} x {header.height} px of {header.pixel_bytes} bytes"
-        raise DamagedError(f"has {size}; at most {MAX_DECODED_BYTES // 10**9} GB are read: convert it to grey")
+    count, size = header.width * header.height, f"has {header.width} x {header.height} px"
+    if count > most_pixels:
+        raise DamagedError(f"{size}; at most {most_pixels // 1_000_000} million are read: scale it down")
+    if count * header.pixel_bytes > MAX_DECODED_BYTES:
+        most = f"at most {MAX_DECODED_BYTES // 10**9} GB"
+        raise DamagedError(f"{size} of {header.pixel_bytes} bytes; {most} are read: convert it to grey")
     return header
 
 
@@ -219,18 +219,3 @@ def grey_of(image: Grey) -> Grey:
         return image[:, :, 0]
     code = cv2.COLOR_BGRA2GRAY if _has_alpha(image) else cv2.COLOR_BGR2GRAY
     return cast("Grey", cv2.cvtColor(image, code))
-
-
-def _remarks(path: Path, decoded: _Decoded, *, drops_alpha: bool) -> list[str]:
-    """What a person should know of the file."""
-    header, remarks = decoded.header, [decoded.doubt] if decoded.doubt else []
-    if path.suffix.lower() not in SUFFIXES_OF[header.format]:
-        remarks.append(f"the file is {header.format}, whatever its name says")
-    if header.exif.orientation != 1:
-        turn = _TURNS[header.exif.orientation]
-        remarks.append(f"read as the sensor saw it: viewers show it {turn} (orientation {header.exif.orientation})")
-    if header.page_count > 1:
-        remarks.append(f"page 1 of {header.page_count} read")
-    if drops_alpha:
-        remarks.append("transparency ignored")
-    return remarks
