@@ -7,9 +7,9 @@ Points are told apart by X, Y, Z. With a target file its points are meant: those
 that are nearest to X, Y, Z. The image size stands in a comment, `# image_size 2448 x 2048`, or is given.
 """
 
-import io
 import re
 import stat
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,7 +33,6 @@ Array = NDArray[np.float64]
 Size = tuple[int, int]
 
 SEEN, ID = ("image", "u", "v"), "id"
-REQUIRED = (*SEEN, "X", "Y", "Z")
 DIAMETER = "diameter_mm"
 OPTIONAL = ("face", DIAMETER, "sigma", "weight", *COVARIANCE)
 POINTS, CIRCLE = ("corner", "ring", "circle"), "circle"
@@ -45,7 +44,7 @@ OUTSIDE = 0.1
 """Share of a side that a point may lie outside the image; beyond, the size is not that of the photos."""
 SAME_POINT = 0.25
 """A point that is farther off, of the distance between the target's points, may be another one."""
-MAX_SIGMA_PX = MAX_WEIGHT = 1e4
+MAX_WEIGHT = 1e4
 MAX_GRID = 1000
 """Columns or rows of a corners.vnl."""
 
@@ -123,20 +122,27 @@ def read_correspondences(
     Raises:
         InputError: it cannot be read, a line breaks a rule, or nothing is left to solve from.
     """
-    stream = io.StringIO(read_text(path, "a table of correspondences", MAX_FILE_BYTES), newline="")
-    stated, first_line = _read_comments(path, stream)
-    if stated is not None and image_size is not None and stated != image_size:
+    text = read_text(path, "a table of correspondences", MAX_FILE_BYTES)
+    of_target, stated = target is not None, set[Size]()
+
+    def comment(number: int, line: str) -> None:
+        if match := _SIZE.fullmatch(line):
+            given = int(match[1]), int(match[2])
+            stated.add(given)
+            if not all(1 <= side <= MAX_SIDE_PX for side in given) or len(stated) > 1:
+                rule = f"there is one, each side has 1 to {MAX_SIDE_PX} px"
+                raise InputError(f"{path}: line {number}: image_size {given[0]} x {given[1]}: {rule}")
+
+    table = read_table(
+        path, text, lambda names: points_fault(names, SEEN, DIAMETER, of_target=of_target), comment=comment,
+        holds="correspondences; a line is such as a.png,812.3,455.1,20,40,0",
+    )  # fmt: skip
+    size = next(iter(stated), image_size)
+    if size is not None and image_size not in (None, size):
         raise InputError(
-            f"{path}: the file says {stated[0]} x {stated[1]} px, --image-size {image_size[0]} x {image_size[1]}; "
+            f"{path}: the file says {size[0]} x {size[1]} px, --image-size {image_size[0]} x {image_size[1]}; "
             "leave one out"
         )
-    size = stated or image_size
-    of_target = target is not None
-    table = read_table(
-        path, stream, first_line, lambda names: _column_fault(names, of_target=of_target), skip_spaces=True
-    )
-    if not table.lines:
-        raise InputError(f"{path}: holds no correspondences; a line is such as a.png,812.3,455.1,20,40,0")
     if size is None:
         raise InputError(
             f"{path}: the image size is not known; add a line '# image_size 2448 x 2048' at the top, or give "
@@ -144,11 +150,8 @@ def read_correspondences(
         )
     every = rows_of_table(table, size, target, points, diameter_mm)
     require_inside(every, str(path))
-    used = (*REQUIRED, *OPTIONAL, *([ID] if of_target else []))
-    unused = [name for name in table.cells if name not in used]
-    if unused:
-        more = f"columns that are not used: {', '.join(map(shown, unused[:10]))}"
-        every = replace(every, remarks=(*every.remarks, more))
+    used = (*SEEN, *"XYZ", *OPTIONAL, *([ID] if of_target else []))
+    every = replace(every, remarks=(*every.remarks, *table.unused(used)))
     return prepare(every, has_fronts=False, origin=str(path))
 
 
@@ -182,41 +185,19 @@ def _start_of(path: Path) -> str:
     return ""
 
 
-def _read_comments(path: Path, stream: io.StringIO) -> tuple[Size | None, int]:
-    """The image size in the comments, if any, and the number of the line of column names, where the stream is left."""
-    size: Size | None = None
-    number, at = 1, stream.tell()
-    while (line := stream.readline()) and (not line.strip() or line.lstrip().startswith("#")):
-        match = _SIZE.fullmatch(line.strip())
-        if match is not None:
-            given = int(match[1]), int(match[2])
-            if not all(1 <= side <= MAX_SIDE_PX for side in given) or size not in (None, given):
-                raise InputError(
-                    f"{path}: line {number}: image_size {given[0]} x {given[1]}: there is one, each side has 1 to "
-                    f"{MAX_SIDE_PX} px"
-                )
-            size = given
-        number, at = number + 1, stream.tell()
-    stream.seek(at)
-    return size, number
+def points_fault(columns: tuple[str, ...], seen: Sequence[str], more: str, *, of_target: bool) -> str:
+    """What is wrong with the names of the columns, of what was seen and of the points; "" if nothing.
 
-
-def _column_fault(columns: tuple[str, ...], *, of_target: bool) -> str:
-    """What is wrong with the names of the columns."""
-    more = f"sigma, weight or {','.join(COVARIANCE)}"
-    wanted = f"the columns must be {','.join(REQUIRED)}, and may be face, {DIAMETER}, {more}"
-    if of_target and ID in columns:
-        wanted = (
-            f"the columns must be {','.join(SEEN)},{ID}, and may be {DIAMETER}, sigma, weight or {','.join(COVARIANCE)}"
-        )
-    if len(columns) == 1 and re.search(r"[;\t]", columns[0]):
-        return "values must be separated by commas"
-    required = SEEN if of_target and ID in columns else REQUIRED
-    return column_fault(columns, required, wanted) or accuracy_fault(columns)
-
-
-def accuracy_fault(columns: tuple[str, ...]) -> str:
-    """What is wrong with the columns that tell the accuracy; "" if nothing."""
+    Args:
+        columns: that there are.
+        seen: that there must be, of what was seen.
+        more: that there may be, beside those of points and accuracies.
+        of_target: points may be named by ids.
+    """
+    required = (*seen, ID) if of_target and ID in columns else (*seen, *"XYZ")
+    may = f"{more}, face, sigma, weight or {','.join(COVARIANCE)}"
+    if fault := column_fault(columns, required, f"the columns must be {','.join(required)}, and may be {may}"):
+        return fault
     some = [name for name in COVARIANCE if name in columns]
     if len(some) % len(COVARIANCE) or bool(some) + ("sigma" in columns) + ("weight" in columns) > 1:
         return "the accuracy is sigma, weight, or suu,suv,svv: one of them, and not a part"
@@ -231,27 +212,27 @@ def rows_of_table(
     diameter_mm: float | None = None,
 ) -> Observations:
     """The table's rows in order, with remarks on its points."""
-    u, v = table.reals("u"), table.reals("v")
-    table.require(np.maximum(np.abs(u), np.abs(v)) <= MAX_SIDE_PX, f"u or v is beyond {MAX_SIDE_PX} px")
+    center = table.columns("uv")
+    table.require(np.abs(center).max(axis=1, initial=0) <= MAX_SIDE_PX, f"u or v is beyond {MAX_SIDE_PX} px")
+    table.require_filled("image")
     covariance = _covariance(table)
     names = list(dict.fromkeys(table.cells["image"]))
     view_of = {name: number for number, name in enumerate(names)}
     view = np.array([view_of[name] for name in table.cells["image"]], dtype=np.int64)
-    table.require(np.array(list(map(bool, names)))[view], "image must not be empty")
     point, points, remarks = (
         _own_points(table) if target is None else (_points_of(table, target), known_points(target), ())
     )
     points = replace(points, circle_mm=_circles(table, point, points, target, kind, diameter_mm))
     order = table.sorted_once(view, point, "the same point of the same image a second time; keep one")
     return Observations(
-        size, tuple(names), view[order], point[order], np.stack([u, v], axis=1)[order],
+        size, tuple(names), view[order], point[order], center[order],
         None if covariance is None else covariance[order], points, remarks,
     )  # fmt: skip
 
 
 def _positions(table: CsvTable) -> Array:
     """X, Y, Z of the rows.  # (M, 3)"""
-    position: Array = np.stack([table.reals(name) for name in "XYZ"], axis=1) + 0.0  # no negative zeros
+    position = table.columns("XYZ")
     table.require(np.abs(position).max(axis=1, initial=0) <= MAX_LENGTH_MM, f"X, Y or Z is beyond {MAX_LENGTH_MM:g} mm")
     return position
 
@@ -337,12 +318,7 @@ def _circles(
 def _covariance(table: CsvTable) -> Array | None:
     """The covariances of the rows, if the table has any.  # (M, 2, 2)"""
     if "sigma" in table.cells:
-        sigma = table.reals("sigma")
-        least = 1 / MAX_SIGMA_PX**2
-        table.require(
-            (sigma >= least) & (sigma <= MAX_SIGMA_PX), f"sigma must be from {least:g} to {MAX_SIGMA_PX:g} px"
-        )
-        return np.asarray(sigma[:, None, None] ** 2 * np.eye(2))
+        return table.variances("sigma")
     if "weight" in table.cells:
         weight = table.reals("weight")
         table.require(
@@ -350,19 +326,21 @@ def _covariance(table: CsvTable) -> Array | None:
             f"weight must be from {1 / MAX_WEIGHT:g} to {MAX_WEIGHT:g}; leave out lines that are not to count",
         )
         return np.asarray(weight[:, None, None] ** -2.0 * np.eye(2))
-    if COVARIANCE[0] not in table.cells:
-        return None
-    return table.covariances()
+    return table.covariances() if COVARIANCE[0] in table.cells else None
+
+
+def is_far_outside(center_px: Array, size: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which pixels lie far outside an image: its size is then another one.  # (M, 2), (2,) or (M, 2) -> (M,)"""
+    outside = np.maximum(-0.5 - center_px, center_px - size + 0.5) > OUTSIDE * size
+    return np.asarray(outside.any(axis=1))
 
 
 def require_inside(every: Observations, origin: str) -> None:
-    """Refuse points far outside the image: its size is then another one."""
-    if not len(every.view):
-        return
+    """Refuse points far outside the image."""
     size = np.array(every.image_size)
-    outside = np.maximum(-0.5 - every.center_px, every.center_px - size + 0.5) > OUTSIDE * size
+    outside = is_far_outside(every.center_px, size)
     if outside.any():
-        row = int(np.argmax(outside.any(axis=1)))
+        row = int(np.argmax(outside))
         u, v = every.center_px[row]
         beyond = (np.maximum(-0.5 - every.center_px, every.center_px - size[::-1] + 0.5) > 0).any(axis=1)
         on_side = f"{size[1]} x {size[0]} px"

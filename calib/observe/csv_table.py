@@ -3,7 +3,7 @@
 import csv
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from designer.base.small_file import read_small_text
 from designer.base.words import shown, suggestion
 
 MAX_FILE_BYTES = 512 * 2**20
+MAX_SIGMA_PX = 1e4
 COVARIANCE = ("suu", "suv", "svv")
 ANY_NAME = "surrogatepass"
 """Python's way with file names that are no text: they are read back as they were."""
@@ -48,6 +49,22 @@ class CsvTable:
         self.require(np.abs(numbers) < np.inf, f"{name} must be a finite number")
         return numbers
 
+    def columns(self, names: Iterable[str]) -> NDArray[np.float64]:
+        """Columns of finite numbers side by side.  # (M, N)"""
+        return np.stack([self.reals(name) for name in names], axis=1) + 0.0  # no negative zeros
+
+    def require_filled(self, *names: str) -> None:
+        """Refuse an empty cell in these columns."""
+        for name in names:
+            self.require(np.array(list(map(bool, self.cells[name])), dtype=bool), f"{name} must not be empty")
+
+    def variances(self, sigma: str) -> NDArray[np.float64]:
+        """A column of standard deviations in px as matrices.  # (M, 2, 2)"""
+        sigma_px, least = self.reals(sigma), 1 / MAX_SIGMA_PX**2
+        ok = (sigma_px >= least) & (sigma_px <= MAX_SIGMA_PX)
+        self.require(ok, f"{sigma} must be from {least:g} to {MAX_SIGMA_PX:g} px")
+        return np.asarray(sigma_px[:, None, None] ** 2 * np.eye(2))
+
     def covariances(self) -> NDArray[np.float64]:
         """The columns suu, suv, svv as matrices.  # (M, 2, 2)"""
         suu, suv, svv = (self.reals(name) for name in COVARIANCE)
@@ -62,6 +79,11 @@ class CsvTable:
         again[order[1:]] = (np.diff(first[order]) == 0) & (np.diff(then[order]) == 0)
         self.require(~again, rule)
         return order
+
+    def unused(self, used: Iterable[str]) -> tuple[str, ...]:
+        """A remark on columns beside those that are used, if there are any."""
+        more = [name for name in self.cells if name not in set(used)]
+        return (f"columns that are not used: {', '.join(map(shown, more[:10]))}",) if more else ()
 
     def _require_pattern(self, name: str, pattern: re.Pattern[str], what: str) -> None:
         ok = np.array([pattern.fullmatch(cell) is not None for cell in self.cells[name]], dtype=bool)
@@ -78,6 +100,8 @@ def is_covariance(cov: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 def column_fault(columns: tuple[str, ...], required: Sequence[str], wanted: str) -> str:
     """What is wrong with the names of columns: one is missing, or stands there twice; "" if nothing."""
+    if len(columns) == 1 and re.search(r"[;\t]", columns[0]):
+        return "values must be separated by commas"
     missing = [name for name in required if name not in columns]
     if missing:
         return f"column {missing[0]!r} is missing{suggestion(missing[0], list(columns))}; {wanted}"
@@ -110,10 +134,18 @@ def is_real(cell: str) -> bool:
     return _REAL.fullmatch(cell) is not None
 
 
-def skip_comments(stream: io.StringIO) -> int:
-    """Leave the stream at the line of column names, and return its number, from 1."""
+def column_names(path: Path, kind: str) -> set[str]:
+    """The names of a table's columns, without a look at anything else in it."""
+    stream = io.StringIO(read_text(path, kind), newline="")
+    _skip_comments(stream, lambda _number, _line: None)
+    return {name.strip() for name in stream.readline().split(",")}
+
+
+def _skip_comments(stream: io.StringIO, comment: Callable[[int, str], None]) -> int:
+    """Leave the stream at the line of column names, and return its number, from 1; the lines above go to `comment`."""
     number, at = 1, stream.tell()
     while (line := stream.readline()) and (not line.strip() or line.lstrip().startswith("#")):
+        comment(number, line.strip())
         number, at = number + 1, stream.tell()
     stream.seek(at)
     return number
@@ -121,39 +153,43 @@ def skip_comments(stream: io.StringIO) -> int:
 
 def read_table(
     path: Path,
-    stream: io.StringIO,
-    first_line: int,
-    column_fault: Callable[[tuple[str, ...]], str],
+    text: str,
+    fault: Callable[[tuple[str, ...]], str],
     *,
-    skip_spaces: bool = False,
+    comment: Callable[[int, str], None] = lambda _number, _line: None,
+    holds: str = "",
 ) -> CsvTable:
-    """The rows of comma-separated values from the line of column names on.
+    """The rows of comma-separated values below comments and a line of column names; spaces after commas do not count.
 
     Args:
         path: what messages name.
-        stream: a text whose line ends are as in the file, at the line of column names.
-        first_line: the number of that line.
-        column_fault: what is wrong with the names of the columns, "" if nothing.
-        skip_spaces: spaces after a comma do not count.
+        text: of the file, with its own line ends.
+        fault: what is wrong with the names of the columns, "" if nothing (`column_fault`).
+        comment: is called with the number and the text of each line above the column names.
+        holds: what there must be one row of, such as "points"; "": none is fine, too.
 
     Raises:
         InputError: not CSV, columns that are not accepted, or a row of another length; the message names the line.
     """
-    reader = csv.reader(stream, strict=True, skipinitialspace=skip_spaces)
+    stream = io.StringIO(text, newline="")
+    first_line = _skip_comments(stream, comment)
+    reader = csv.reader(stream, strict=True, skipinitialspace=True)
     rows: list[list[str]] = []
     lines: list[int] = []
     try:
         columns = tuple(next(reader, ()))
-        if fault := column_fault(columns):
-            raise InputError(f"{path}: line {first_line}: {fault}")
+        if said := fault(columns):
+            raise InputError(f"{path}: line {first_line}: {said}")
         for row in reader:
+            if row and len(row) != len(columns):
+                line = first_line - 1 + reader.line_num
+                raise InputError(f"{path}: line {line}: {len(row)} values; a line has {len(columns)}")
             if row:
                 rows.append(row)
                 lines.append(first_line - 1 + reader.line_num)
     except csv.Error as error:
         raise InputError(f"{path}: line {first_line - 1 + reader.line_num}: {error}; not valid CSV") from None
-    for row, line in zip(rows, lines, strict=True):
-        if len(row) != len(columns):
-            raise InputError(f"{path}: line {line}: {len(row)} values; a line has {len(columns)}")
+    if holds and not rows:
+        raise InputError(f"{path}: holds no {holds}")
     values = zip(*rows, strict=True) if rows else ((),) * len(columns)
     return CsvTable(path, lines, dict(zip(columns, values, strict=True)))

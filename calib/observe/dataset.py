@@ -10,7 +10,7 @@ import math
 import re
 import tempfile
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -38,16 +38,6 @@ MAX_SIDE_PX = 1_000_000
 _COVARIANCE_FORMAT = ".5e"
 _IMAGE_LINE = re.compile(r'# image (\d{1,7}) x (\d{1,7}) px (".*")')
 _ID_LINE = re.compile(r"# (layout_id|geometry_id|detector) (\S.*)")
-
-
-@dataclass(frozen=True)
-class _Header:
-    """What the comment lines say."""
-
-    layout_id: str
-    geometry_id: str
-    sizes: dict[str, tuple[int, int]]  # of each image
-    line_count: int
 
 
 def check_output(path: Path) -> None:
@@ -156,47 +146,59 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
         InputError: not a detections file, of another version or layout, or a line that breaks a rule; it names the
             file and the line, and the target's file where the two do not fit.
     """
-    stream = io.StringIO(read_text(path, "a detections file"), newline="")
-    header = _read_header(path, stream)
-    if header.layout_id != target.layout_id:
+    text, ids, sizes = read_text(path, "a detections file"), dict[str, str](), dict[str, tuple[int, int]]()
+    require_version(path, text.partition("\n")[0].strip(), FIRST_LINE, "not a detections file")
+
+    def comment(number: int, line: str) -> None:
+        if match := _ID_LINE.fullmatch(line):
+            ids[match[1]] = match[2].lower()  # hexadecimal; of any case
+        elif line.startswith("# image "):
+            name, size = _image_line(path, number, line)
+            if name in sizes:
+                raise InputError(f"{path}: line {number}: the image {name!r} a second time; names must differ")
+            sizes[name] = size
+
+    table = read_table(path, text, _column_fault, comment=comment)
+    for name in ("layout_id", "geometry_id"):
+        if name not in ids:
+            raise InputError(f"{path}: no line '# {name} ...' above the column names; detect again")
+    layout_id, geometry_id = ids["layout_id"], ids["geometry_id"]
+    if layout_id != target.layout_id:
         raise InputError(
-            f"{path}: made with a target of layout {header.layout_id}, but {target_path} has {target.layout_id}; "
+            f"{path}: made with a target of layout {layout_id}, but {target_path} has {target.layout_id}; "
             "give the target that the photos show"
         )
-    table = read_table(path, stream, header.line_count + 1, _column_fault)
     ring = _checked_rings(table, target)
-    view_of = {name: k for k, name in enumerate(header.sizes)}
+    view_of = {name: k for k, name in enumerate(sizes)}
     view = np.array([view_of.get(name, -1) for name in table.cells["image"]], dtype=np.int64)
     table.require(view >= 0, "its image has no '# image' line above the column names")
-    center: NDArray[np.float64] = np.stack([table.reals(name) for name in "uv"], axis=1)
+    center = table.columns("uv")
     table.require(np.hypot(*center.T) <= MAX_SIDE_PX, f"u or v is beyond {MAX_SIDE_PX} px")
     cov = table.covariances()
-    for name in "XYZ":  # those of the target count
-        table.reals(name)
+    table.columns("XYZ")  # numbers, but those of the target count
     ellipse, edges = _checked_edges(table, center)
     order = table.sorted_once(view, ring, "the same ring of the same image a second time; keep one")
-    start = np.searchsorted(view[order], np.arange(len(header.sizes) + 1))
-    record = _records_beside(path, header)
+    start = np.searchsorted(view[order], np.arange(len(sizes) + 1))
+    record = _records_beside(path, layout_id, geometry_id)
     return tuple(
         Detections(
-            name, size, header.layout_id, header.geometry_id, ring[rows], target.center_mm[ring[rows]],
+            name, size, layout_id, geometry_id, ring[rows], target.center_mm[ring[rows]],
             center[rows], cov[rows], ellipse[rows],
             record[name].faces if name in record else (), record[name].remarks if name in record else (),
             ratio=edges[rows, 0], blur_px=edges[rows, 1],
         )
-        for (name, size), rows in zip(header.sizes.items(), (order[a:b] for a, b in pairwise(start)), strict=True)
+        for (name, size), rows in zip(sizes.items(), (order[a:b] for a, b in pairwise(start)), strict=True)
     )  # fmt: skip
 
 
-def _records_beside(path: Path, header: _Header) -> dict[str, ImageRecord]:
+def _records_beside(path: Path, layout_id: str, geometry_id: str) -> dict[str, ImageRecord]:
     """What the records beside a table tell of each photo; nothing if there are none, or they are of another one."""
     try:
         records = read_records(records_path(path))
     except InputError:
         return {}
-    if (records.layout_id, records.geometry_id) != (header.layout_id, header.geometry_id):
-        return {}
-    return {image.image: image for image in records.images}
+    is_same = (records.layout_id, records.geometry_id) == (layout_id, geometry_id)
+    return {image.image: image for image in records.images} if is_same else {}
 
 
 def _checked_rings(table: CsvTable, target: TargetGeometry) -> NDArray[np.int64]:
@@ -207,28 +209,6 @@ def _checked_rings(table: CsvTable, target: TargetGeometry) -> NDArray[np.int64]
     for name, expected in (("face", target.ring_face), ("i", target.ring_index[:, 0]), ("j", target.ring_index[:, 1])):
         table.require(table.whole_numbers(name) == expected[ring], f"{name} is not that of the ring in the target")
     return ring
-
-
-def _read_header(path: Path, stream: io.StringIO) -> _Header:
-    """The comment lines; leaves the stream at the line of column names."""
-    require_version(path, stream.readline().strip(), FIRST_LINE, "not a detections file")
-    ids: dict[str, str] = {}
-    sizes: dict[str, tuple[int, int]] = {}
-    number, at = 1, stream.tell()
-    while (line := stream.readline().strip()).startswith("#"):
-        number, at = number + 1, stream.tell()
-        if match := _ID_LINE.fullmatch(line):
-            ids[match[1]] = match[2].lower()  # hexadecimal; of any case
-        elif line.startswith("# image "):
-            name, size = _image_line(path, number, line)
-            if name in sizes:
-                raise InputError(f"{path}: line {number}: the image {name!r} a second time; names must differ")
-            sizes[name] = size
-    stream.seek(at)
-    for name in ("layout_id", "geometry_id"):
-        if name not in ids:
-            raise InputError(f"{path}: no line '# {name} ...' above the column names; detect again")
-    return _Header(ids["layout_id"], ids["geometry_id"], sizes, number)
 
 
 def _image_line(path: Path, number: int, line: str) -> tuple[str, tuple[int, int]]:

@@ -5,7 +5,6 @@ tables of observations name it. The planes are fitted, or stand in a table of th
 normal n on the side that is seen, and n X = d.
 """
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -152,7 +151,7 @@ def read_points(path: Path) -> PointTable:
     from scipy.spatial import cKDTree
 
     table = _table(path, _POINT_COLUMNS, "a table of points", MAX_POINTS)
-    position = np.stack([table.reals(name) for name in _POINT_COLUMNS], axis=1) + 0.0  # no negative zeros
+    position = table.columns(_POINT_COLUMNS)
     table.require(np.abs(position).max(axis=1) <= MAX_LENGTH_MM, f"X, Y or Z is beyond {MAX_LENGTH_MM:g} mm")
     distance, near = cKDTree(position).query(position, k=2) if len(position) > 1 else (np.ones((1, 2)), [[0, 0]])
     nearest = int(np.argmin(distance[:, 1]))
@@ -169,7 +168,7 @@ def read_points(path: Path) -> PointTable:
         ids = np.arange(len(position))
     plane = tuple(name.strip() for name in table.cells.get("plane", ("",) * len(position)))
     if "plane" in table.cells:
-        table.require(np.array(list(map(bool, plane))), "plane must not be empty")
+        table.require_filled("plane")
     found = PointTable(position, plane, ids)
     if len(found.names) > MAX_PLANES:
         raise InputError(f"{path}: {len(found.names)} planes; at most {MAX_PLANES} can be used; leave some out")
@@ -191,7 +190,7 @@ def read_planes(path: Path) -> dict[str, Plane]:
     table = _table(path, _PLANE_COLUMNS, "a table of planes", MAX_PLANES)
     names = [name.strip() for name in table.cells["plane"]]
     table.require(np.array([names.index(name) == row for row, name in enumerate(names)]), "the plane a second time")
-    normal, offset = np.stack([table.reals(name) for name in ("nx", "ny", "nz")], axis=1), table.reals("d")
+    normal, offset = table.columns(("nx", "ny", "nz")), table.reals("d")
     with np.errstate(over="ignore"):
         length = np.linalg.norm(normal, axis=1)
     table.require((length > 1e-6) & (length < 1e6), "nx, ny, nz must be a direction, its length best 1")
@@ -202,12 +201,10 @@ def read_planes(path: Path) -> dict[str, Plane]:
 
 def _table(path: Path, columns: Sequence[str], kind: str, most: int) -> CsvTable:
     """The rows of a file."""
-
-    def fault(names: tuple[str, ...]) -> str:
-        return column_fault(names, columns, f"{kind} has the columns {','.join(columns)}")
-
-    stream = io.StringIO(read_text(path, kind, MAX_FILE_BYTES), newline="")
-    table = read_table(path, stream, 1, fault, skip_spaces=True)
+    wanted = f"{kind} has the columns {','.join(columns)}"
+    table = read_table(
+        path, read_text(path, kind, MAX_FILE_BYTES), lambda names: column_fault(names, columns, wanted)
+    )  # fmt: skip
     if not 1 <= len(table.lines) <= most:
         raise InputError(f"{path}: {len(table.lines)} rows; {kind} has 1 to {most}")
     return table

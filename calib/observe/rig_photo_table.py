@@ -1,35 +1,29 @@
 """Tables of photos: `camera,frame,file[,time_s]`, and time stamps `camera,file,time_s`."""
 
-import io
 import os
 from collections.abc import Sequence
 from pathlib import Path, PureWindowsPath
 
 import numpy as np
 
-from calib.observe.csv_table import CsvTable, column_fault, read_table, read_text, skip_comments
+from calib.observe.csv_table import CsvTable, column_fault, column_names, read_table, read_text
 from calib.observe.rig_photos import RigPhoto
-from calib.observe.rig_sightings import MAX_TIME_S, SEEN, TIME
+from calib.observe.rig_sightings import SEEN, TIME, time_stamps
 from designer.base.errors import InputError
 
 MAX_FILE_BYTES = 64 * 2**20
 FRAME, FILE = "frame", "file"
+KIND = "a table of files or of sightings"
 
 
 def is_sightings(path: Path) -> bool:
     """Whether a table holds pixels, not files."""
-    return FILE not in _columns(path) or tells_cameras(path)
+    return FILE not in column_names(path, KIND) or tells_cameras(path)
 
 
 def tells_cameras(path: Path) -> bool:
     """Whether a table holds pixels, of cameras that it names."""
-    return _columns(path) >= set(SEEN)
-
-
-def _columns(path: Path) -> set[str]:
-    stream = io.StringIO(read_text(path, "a table of files or of sightings"), newline="")
-    skip_comments(stream)
-    return {name.strip() for name in stream.readline().split(",")}
+    return column_names(path, KIND) >= set(SEEN)
 
 
 def read_photo_table(path: Path) -> tuple[RigPhoto, ...]:
@@ -41,13 +35,11 @@ def read_photo_table(path: Path) -> tuple[RigPhoto, ...]:
     table = _read(path, ("camera", FILE), f"the columns must be camera,{FILE}, {FRAME} or {TIME}, or both")
     if FRAME not in table.cells and TIME not in table.cells:
         raise InputError(f"{path}: has neither a column {FRAME} nor {TIME}; one tells which photos were taken at once")
-    for name in ("camera", FRAME, FILE):
-        if name in table.cells:
-            fit = np.array([bool(cell) and "\0" not in cell for cell in table.cells[name]])
-            table.require(fit, f"{name} must not be empty")
+    table.require_filled(*(name for name in ("camera", FRAME, FILE) if name in table.cells))
+    table.require(np.array(["\0" not in name for name in table.cells[FILE]]), f"{FILE} must be the name of one")
     count = len(table.lines)
     frames = table.cells.get(FRAME, ("",) * count)
-    times: Sequence[float | None] = _stamps(table) if TIME in table.cells else [None] * count
+    times: Sequence[float | None] = time_stamps(table) if TIME in table.cells else [None] * count
     files = [path.parent / _of_any_system(path.parent, name) for name in table.cells[FILE]]
     return tuple(
         RigPhoto(camera, file, frame, time_s)
@@ -64,7 +56,7 @@ def read_stamps(path: Path, photos: Sequence[RigPhoto]) -> dict[Path, float]:
     table = _read(path, ("camera", FILE, TIME), f"the columns must be camera,{FILE},{TIME}")
     by_name = {(photo.camera, photo.path.name): photo.path for photo in photos}
     found: dict[Path, float] = {}
-    for camera, file, time_s in zip(table.cells["camera"], table.cells[FILE], _stamps(table), strict=True):
+    for camera, file, time_s in zip(table.cells["camera"], table.cells[FILE], time_stamps(table), strict=True):
         place = by_name.get((camera, file), path.parent / _of_any_system(path.parent, file))
         found[Path(os.path.realpath(place))] = time_s
     return found
@@ -77,15 +69,5 @@ def _of_any_system(folder: Path, name: str) -> str:
 
 
 def _read(path: Path, required: Sequence[str], wanted: str) -> CsvTable:
-    stream = io.StringIO(read_text(path, "a table of photos", MAX_FILE_BYTES), newline="")
-    first_line = skip_comments(stream)
-    table = read_table(path, stream, first_line, lambda names: column_fault(names, required, wanted), skip_spaces=True)
-    if not table.lines:
-        raise InputError(f"{path}: holds no photos")
-    return table
-
-
-def _stamps(table: CsvTable) -> list[float]:
-    stamp = table.reals(TIME)
-    table.require(np.abs(stamp) <= MAX_TIME_S, f"{TIME} must be seconds, at most {MAX_TIME_S:g}")
-    return [float(one) for one in stamp]
+    text = read_text(path, "a table of photos", MAX_FILE_BYTES)
+    return read_table(path, text, lambda names: column_fault(names, required, wanted), holds="photos")

@@ -5,7 +5,6 @@ camera (`calib.observe.correspondences`). Lines `# camera NAME WIDTH x HEIGHT` a
 With a target file its points are meant: those with the ids of a column id, or those that are nearest to X, Y, Z.
 """
 
-import io
 import re
 from collections.abc import Iterable
 from dataclasses import replace
@@ -14,14 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from calib.core.types import Observations, RigObservations, keep_views
-from calib.observe.correspondences import (
-    ID,
-    OPTIONAL,
-    accuracy_fault,
-    require_inside,
-    rows_of_table,
-)
-from calib.observe.csv_table import ANY_NAME, COVARIANCE, CsvTable, column_fault, csv_cell, read_table, read_text
+from calib.observe.correspondences import ID, OPTIONAL, points_fault, require_inside, rows_of_table
+from calib.observe.csv_table import ANY_NAME, COVARIANCE, CsvTable, csv_cell, read_table, read_text
 from calib.observe.dataset import MAX_SIDE_PX
 from calib.observe.observations import prepare
 from calib.observe.photos import in_order
@@ -52,16 +45,23 @@ def read_rig_sightings(path: Path, target: TargetGeometry | None = None, *, fewe
     Raises:
         InputError: it cannot be read, a line breaks a rule, or nothing is left of a camera; the message names it.
     """
-    stream = io.StringIO(read_text(path, "a table of sightings", MAX_FILE_BYTES), newline="")
-    sizes, first_line = _read_sizes(path, stream)
+    text, sizes = read_text(path, "a table of sightings", MAX_FILE_BYTES), dict[str, Size]()
     of_target = target is not None
+
+    def comment(number: int, line: str) -> None:
+        if match := _CAMERA.fullmatch(line):
+            name, size = match[1], (int(match[2]), int(match[3]))
+            if name in sizes:
+                raise InputError(f"{path}: line {number}: camera {shown(name)} a second time; give each its own name")
+            if not all(1 <= side <= MAX_SIDE_PX for side in size):
+                raise InputError(f"{path}: line {number}: {size[0]} x {size[1]} px; a side has 1 to {MAX_SIDE_PX} px")
+            sizes[name] = size
+
     table = read_table(
-        path, stream, first_line, lambda names: _column_fault(names, of_target=of_target), skip_spaces=True
-    )
-    if not table.lines:
-        raise InputError(f"{path}: holds no sightings; a line is such as left,0001,812.3,455.1,20,40,0")
-    for name in SEEN[:2]:
-        table.require(np.array(list(map(bool, table.cells[name]))), f"{name} must not be empty")
+        path, text, lambda names: points_fault(names, SEEN, TIME, of_target=of_target), comment=comment,
+        holds="sightings; a line is such as left,0001,812.3,455.1,20,40,0",
+    )  # fmt: skip
+    table.require_filled("camera", "frame")
     table.require(
         np.array([name in sizes for name in table.cells["camera"]]),
         "the image size of its camera is not known; add a line '# camera NAME 1280 x 720' at the top",
@@ -76,57 +76,25 @@ def read_rig_sightings(path: Path, target: TargetGeometry | None = None, *, fewe
         for name, size in sizes.items()
         if name in table.cells["camera"]
     ]
-    return rig_observations(
-        cameras, frames, (*every.remarks, *_unused(table, sizes, of_target=of_target)), fewest=fewest
-    )
-
-
-def _unused(table: CsvTable, sizes: Iterable[str], *, of_target: bool) -> Iterable[str]:
-    """What of the file says nothing."""
     used = (*SEEN, *"XYZ", TIME, *OPTIONAL, *([ID] if of_target else []))
-    if columns := [name for name in table.cells if name not in used]:
-        yield f"columns that are not used: {', '.join(map(shown, columns[:10]))}"
-    if blind := [name for name in sizes if name not in table.cells["camera"]]:
-        yield f"cameras without sightings: {', '.join(map(shown, blind[:10]))}"
+    blind = [name for name in sizes if name not in table.cells["camera"]]
+    said = (f"cameras without sightings: {', '.join(map(shown, blind[:10]))}",) if blind else ()
+    return rig_observations(cameras, frames, (*every.remarks, *table.unused(used), *said), fewest=fewest)
 
 
-def _read_sizes(path: Path, stream: io.StringIO) -> tuple[dict[str, Size], int]:
-    """The image sizes in the comments, and the number of the line of column names, where the stream is left."""
-    sizes: dict[str, Size] = {}
-    number, at = 1, stream.tell()
-    while (line := stream.readline()) and (not line.strip() or line.lstrip().startswith("#")):
-        match = _CAMERA.fullmatch(line.strip())
-        if match is not None:
-            name, size = match[1], (int(match[2]), int(match[3]))
-            if name in sizes:
-                raise InputError(f"{path}: line {number}: camera {shown(name)} a second time; give each its own name")
-            if not all(1 <= side <= MAX_SIDE_PX for side in size):
-                raise InputError(f"{path}: line {number}: {size[0]} x {size[1]} px; a side has 1 to {MAX_SIDE_PX} px")
-            sizes[name] = size
-        number, at = number + 1, stream.tell()
-    stream.seek(at)
-    return sizes, number
-
-
-def _column_fault(columns: tuple[str, ...], *, of_target: bool) -> str:
-    """What is wrong with the names of the columns."""
-    if len(columns) == 1 and re.search(r"[;\t]", columns[0]):
-        return "values must be separated by commas"
-    required = (*SEEN, ID) if of_target and ID in columns else (*SEEN, *"XYZ")
-    wanted = (
-        f"the columns must be {','.join(required)}, and may be {TIME}, face, sigma, weight or {','.join(COVARIANCE)}"
-    )
-    return column_fault(columns, required, wanted) or accuracy_fault(columns)
+def time_stamps(table: CsvTable) -> list[float]:
+    """The column of time stamps."""
+    stamp = table.reals(TIME)
+    table.require(np.abs(stamp) <= MAX_TIME_S, f"{TIME} must be seconds, at most {MAX_TIME_S:g}")
+    return [float(one) for one in stamp]
 
 
 def _times(table: CsvTable, views: list[str]) -> dict[str, float] | None:
     """The time stamp of each view; None without any."""
     if TIME not in table.cells:
         return None
-    stamp = table.reals(TIME)
-    table.require(np.abs(stamp) <= MAX_TIME_S, f"{TIME} must be seconds, at most {MAX_TIME_S:g}")
     first: dict[str, float] = {}
-    is_same = [first.setdefault(view, time_s) == time_s for view, time_s in zip(views, stamp.tolist(), strict=True)]
+    is_same = [first.setdefault(view, time_s) == time_s for view, time_s in zip(views, time_stamps(table), strict=True)]
     table.require(np.array(is_same), f"another {TIME} than on an earlier line of the same photo")
     return first
 

@@ -5,7 +5,6 @@ A row, or an entry, is a photo: `image`, a position whose unit its columns name 
 `m00 ... m23`. In YAML and JSON `position`, `orientation` and `matrix` may stand as they do in ROS.
 """
 
-import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -146,10 +145,7 @@ def _entries(path: Path) -> list[tuple[str, Entry]]:
         if len(_VALUE.findall(text)) > MOST_YAML_VALUES:
             raise InputError(f"{path}: more than {MOST_YAML_VALUES} values in YAML, which is slow; write CSV or JSON")
         return list(_tree_entries(parse_yaml(text, str(path)), str(path)))
-    lines = text.splitlines(keepends=True)
-    skipped = next((row for row, line in enumerate(lines) if line.strip() and not line.startswith("#")), len(lines))
-    stream = io.StringIO("".join(lines[skipped:]), newline="")
-    table = read_table(path, stream, skipped + 1, lambda _: "", skip_spaces=True)
+    table = read_table(path, text, lambda _: "")
     names = list(table.cells)
     cells = zip(*table.cells.values(), strict=True)
     return [
