@@ -31,8 +31,7 @@ def seen_of_object(
     Raises:
         InputError: too much or too little is given, or photos or a table that cannot be used.
     """
-    from calib.observe.point_table import has_known_points
-    from calib.observe.rig_sightings import read_rig_sightings
+    from calib.observe.rig_sightings import has_known_points, read_rig_sightings
 
     given = rig_input(photos, None, None, None, None)
     if (sightings is None) != bool(given.photos):

@@ -25,8 +25,7 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import invert
 from calib.core.types import Observations, RigObservations, keep_views
 from calib.observe.photos import Search
-from calib.observe.rig_photo_table import tells_cameras
-from calib.observe.rig_photos import RigPhoto, RigPhotos
+from calib.observe.rig_photos import RigPhoto, RigPhotos, tells_cameras
 from calib.observe.rig_sightings import read_rig_sightings
 from calib.rigs.bent import bent_alone
 from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions

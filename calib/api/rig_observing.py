@@ -53,7 +53,7 @@ class RigInput:
     @property
     def has_sightings(self) -> bool:
         """Whether the table is all there is to solve from."""
-        from calib.observe.rig_photo_table import is_sightings
+        from calib.observe.rig_photos import is_sightings
 
         return self.table is not None and is_sightings(self.table)
 
@@ -130,8 +130,15 @@ def photos_of_rig(given: RigInput) -> "RigPhotos":
     Raises:
         InputError: they cannot be; the message names them.
     """
-    from calib.observe.rig_photo_table import read_photo_table, read_stamps
-    from calib.observe.rig_photos import framed, joined_by_name, photos_by_pattern, photos_in_folders, with_stamps
+    from calib.observe.rig_photos import (
+        framed,
+        joined_by_name,
+        photos_by_pattern,
+        photos_in_folders,
+        read_photo_table,
+        read_stamps,
+        with_stamps,
+    )
     from calib.observe.rig_times import joined_by_time, stamped_by_name
 
     if given.table is not None:

@@ -11,8 +11,8 @@ from calib.api.solving import ALL, plan_from_words
 from calib.app.inputs import Place, folder_of, target_of
 from calib.cameras.camera import Camera
 from calib.core.types import RigObservations
+from calib.observe.rig_observations import swapped_cameras
 from calib.observe.rig_sightings import read_rig_sightings
-from calib.observe.rig_swapped import swapped_cameras
 from calib.rigs.bent import with_bend_error
 from calib.rigs.halves import half_solver, rig_halves
 from calib.rigs.options import RigOptions

@@ -13,7 +13,7 @@ from calib.api.page_shown import ShownAsPage
 from calib.app.inputs import Place, folder_of, rig_of
 from calib.cameras.rig import Rig
 from calib.core.types import RigObservations
-from calib.observe.point_table import read_point_table
+from calib.observe.rig_sightings import read_point_table
 from calib.records.triangulation_file import (
     POINTS_FILE,
     RESIDUALS_FILE,

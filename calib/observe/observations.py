@@ -1,7 +1,7 @@
 """What a camera is solved from: the observations that can be used, and one line on each kind that was left out."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -19,7 +19,6 @@ from calib.core.types import (
     with_sound_covariances,
 )
 from calib.observe.mirrored import mirrored_views
-from calib.observe.misplaced import misplaced_pieces
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 
@@ -32,6 +31,8 @@ SAME_PX = 1e-3
 """Two views whose centres differ by less than this are one photo twice."""
 ALIKE = (0.05, 0.06)
 """Copies of one photo, saved again: root mean square difference in px, and mean square over what noise would give."""
+LEAST_PHOTOS = 2
+"""That must show a piece in another's place; one may be misread."""
 _CELL_PX = 0.5
 _NEIGHBOURS = 8
 """Views that see a point at the same place and are compared with each other; from a tripod there may be many."""
@@ -80,22 +81,37 @@ def _said_of_many(seen: Sequence[Detections]) -> tuple[str, ...]:
     """What is to be known of a good part of the photos that show the target, as that it may be another one."""
     shown = [one for one in seen if len(one.ring)]
     count = Counter(remark for one in shown for remark in dict.fromkeys(one.remarks))
-    many = (
-        f"{times} of {len(shown)} photos: {remark}"
-        for remark, times in count.items()
-        if times >= max(2, MANY * len(shown))
-    )
-    return (*misplaced_pieces(shown), *many, *_motion_blur(shown))
+    most = max(2, MANY * len(shown))
+    said = [f"{times} of {len(shown)} photos: {remark}" for remark, times in count.items() if times >= most]
+    if moved := [one for one in shown if one.motion_px > 0]:
+        worst = max(moved, key=lambda one: one.motion_px).image
+        which = f"{worst} is" if len(moved) == 1 else f"{len(moved)} of {len(shown)} photos, most {worst}, are"
+        said.append(f"{which} blurred by a motion: hold still, or expose for a shorter time")
+    return (*misplaced_pieces(shown), *said)
 
 
-def _motion_blur(shown: Sequence[Detections]) -> tuple[str, ...]:
-    """How many photos a motion blurred, by how much, and which was worst."""
-    moved = [one for one in shown if one.motion_px > 0]
-    if not moved:
+def misplaced_pieces(seen: Iterable[Detections]) -> tuple[str, ...]:
+    """A line on the faces that show another's code, or their own turned, in most photos in which it was read.
+
+    Their rings have the names of their places, as their neighbours tell them, so that a calibration holds.
+    """
+    read: dict[int, Counter[int | None]] = {}
+    for record in (record for one in seen for record in one.faces):
+        if record.face is not None and (record.code_read or record.carries is not None):
+            read.setdefault(record.face, Counter())[record.carries] += 1
+    said = []
+    for face, codes in sorted(read.items()):
+        ((code, times),) = codes.most_common(1)
+        total = codes.total()
+        if code is not None and times >= LEAST_PHOTOS and 2 * times > total:
+            what = "lies turned on its place" if code == face else f"carries the code of face {code}"
+            said.append(f"face {face} {what} in {times} of {total} photos")
+    if not said:
         return ()
-    worst = max(moved, key=lambda one: one.motion_px)
-    which = f"{worst.image} is" if len(moved) == 1 else f"{len(moved)} of {len(shown)} photos, most {worst.image}, are"
-    return (f"{which} blurred by a motion: hold still, or expose for a shorter time",)
+    return (
+        f"{'; '.join(said)}: put each piece on the face of its number, or leave it: its rings were named by the faces "
+        "around it, and only dots of its code are lost",
+    )
 
 
 def observations_for_poses(seen: Sequence[Detections], target: TargetGeometry) -> Observations | None:

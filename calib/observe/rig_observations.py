@@ -5,10 +5,11 @@ from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.core.types import KnownPoints, Observations, RigObservations, keep_frames
+from calib.cameras.camera import Camera
+from calib.core.types import Observations, RigObservations, keep_frames, keep_views, sightings_per_view
 from calib.observe.mirrored import CLEAR_SHARE, facing
+from calib.solver.start import solve_poses
 from designer.base.errors import InputError
 from designer.base.words import shown
 
@@ -16,6 +17,10 @@ MOST_NAME = 100
 SAME_PICTURE_PX = 1e-3
 """Two cameras whose centres differ by less in all that both see are one camera twice."""
 _NAMED = 4
+MOST_VIEWS = 8
+"""Of a camera whose lens is tried on another's photos: those that show most."""
+MUCH_LESS = 0.8
+"""Both lenses of two cameras leave less than this share of what they leave in the photos they were given for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +53,18 @@ def rig_observations(
     for one in cameras:
         frame = np.array([number[one.frame[view]] for view in one.seen.view_names], dtype=np.int64)
         order = np.argsort(frame, kind="stable")
-        parts.append(replace(_in_order_of(one.seen, order), remarks=()))
+        names = tuple(one.seen.view_names[view] for view in order.tolist())
+        view = np.argsort(order)[one.seen.view]
+        rows = np.argsort(view, kind="stable")
+        cov_px2 = None if one.seen.cov_px2 is None else one.seen.cov_px2[rows]
+        parts.append(
+            replace(
+                one.seen, view_names=names, view=view[rows], point=one.seen.point[rows],
+                center_px=one.seen.center_px[rows], cov_px2=cov_px2, remarks=(),
+            )
+        )  # fmt: skip
         frames.append(frame[order])
-        times.append(np.array([one.time_s.get(one.seen.view_names[view], np.nan) for view in order.tolist()]))
+        times.append(np.array([one.time_s.get(name, np.nan) for name in names]))
     said = (*remarks, *(f"{one.name}: {remark}" for one in cameras for remark in one.seen.remarks))
     is_timed = all(np.isfinite(stamps).all() for stamps in times)
     every = RigObservations(
@@ -63,21 +77,6 @@ def rig_observations(
     for rows in every.frame:
         is_seen[rows] = True
     return keep_frames(every, is_seen)
-
-
-def _in_order_of(seen: Observations, order: NDArray[np.int64]) -> Observations:
-    """The same with the views in another order."""
-    place = np.argsort(order)
-    view = place[seen.view]
-    rows = np.argsort(view, kind="stable")
-    return replace(
-        seen,
-        view_names=tuple(seen.view_names[row] for row in order.tolist()),
-        view=view[rows],
-        point=seen.point[rows],
-        center_px=seen.center_px[rows],
-        cov_px2=None if seen.cov_px2 is None else seen.cov_px2[rows],
-    )
 
 
 def require_names(names: Sequence[str], fewest: int = 2) -> None:
@@ -107,30 +106,28 @@ def _require_different_pictures(every: RigObservations) -> None:
         InputError: two cameras show the same pictures.
     """
     for a, b in combinations(range(every.camera_count), 2):
+        one, other = every.sightings[a], every.sightings[b]
+        if one.image_size != other.image_size:
+            continue
         common, in_a, in_b = np.intersect1d(every.frame[a], every.frame[b], return_indices=True)
-        if len(common) and all(
-            _is_same_picture(every.sightings[a], view_a, every.sightings[b], view_b)
-            for view_a, view_b in zip(in_a.tolist(), in_b.tolist(), strict=True)
-        ):
+        if not len(common):
+            continue
+        for view_a, view_b in zip(in_a.tolist(), in_b.tolist(), strict=True):
+            rows_a, rows_b = one.view == view_a, other.view == view_b
+            if not np.array_equal(one.point[rows_a], other.point[rows_b]):
+                break
+            if np.abs(one.center_px[rows_a] - other.center_px[rows_b]).max(initial=0) >= SAME_PICTURE_PX:
+                break
+        else:
             raise InputError(
                 f"cameras {shown(every.camera_names[a])} and {shown(every.camera_names[b])} show the same pictures; "
                 "give each camera its own photos"
             )
 
 
-def _is_same_picture(a: Observations, view_a: int, b: Observations, view_b: int) -> bool:
-    in_a, in_b = a.view == view_a, b.view == view_b
-    return (
-        a.image_size == b.image_size
-        and np.array_equal(a.point[in_a], b.point[in_b])
-        and bool(np.abs(a.center_px[in_a] - b.center_px[in_b]).max(initial=0) < SAME_PICTURE_PX)
-    )
-
-
 def _mirrored_cameras(every: RigObservations) -> tuple[str, ...]:
     """A word on cameras that see a flat target from the other side than most: their photos may be flipped."""
-    points: KnownPoints = every.points
-    if len(points.plane) != 1 or (points.face != 0).any():
+    if len(every.points.plane) != 1 or (every.points.face != 0).any():
         return ()
     share = [np.nanmedian(side) if np.isfinite(side := facing(seen)).any() else 0.0 for seen in every.sightings]
     side = np.where(np.abs(share) > CLEAR_SHARE, np.sign(share), 0)
@@ -147,3 +144,34 @@ def some(names: Sequence[str]) -> str:
     """The first names, and how many more there are."""
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     return ", ".join(map(shown, names[:_NAMED])) + more
+
+
+def swapped_cameras(observations: RigObservations, given: Mapping[str, Camera]) -> tuple[str, ...]:
+    """A line on each two cameras whose lenses fit each other's photos better than their own."""
+    rows = {name: row for row, name in enumerate(observations.camera_names) if name in given}
+    few: dict[str, Observations] = {}
+    for name, row in rows.items():
+        seen = observations.sightings[row]
+        most = np.argsort(-sightings_per_view(seen), kind="stable")[:MOST_VIEWS]
+        few[name] = keep_views(seen, np.isin(np.arange(seen.view_count), most))
+    said = []
+    for a, b in combinations(rows, 2):
+        if few[a].image_size != few[b].image_size:
+            continue
+        own_px = _left_px(given[a], few[a]), _left_px(given[b], few[b])
+        crossed_px = _left_px(given[b], few[a]), _left_px(given[a], few[b])
+        if all(crossed < MUCH_LESS * own for own, crossed in zip(own_px, crossed_px, strict=True)):
+            said.append(
+                f"the photos of {shown(a)} and {shown(b)} fit each other's lens: {crossed_px[0]:.3g} and "
+                f"{crossed_px[1]:.3g} px are left over, against {own_px[0]:.3g} and {own_px[1]:.3g} px; their "
+                "folders, or their camera files, may be swapped"
+            )
+    return tuple(said)
+
+
+def _left_px(camera: Camera, seen: Observations) -> float:
+    """The median view's residual by a lens, its pose free; infinite if no pose is found."""
+    residual_px = solve_poses(camera, seen, weighted=False).residual_px
+    squares = np.bincount(seen.view, (residual_px**2).sum(axis=1), minlength=seen.view_count)
+    rms_px = np.sqrt(squares / np.maximum(sightings_per_view(seen), 1))
+    return float(np.median(np.where(np.isfinite(rms_px), rms_px, np.inf)))

@@ -1,4 +1,7 @@
-"""Photos of several cameras, joined to frames by their files' names or by a pattern of them."""
+"""Photos of several cameras, joined to frames by their files' names, by a pattern of them, or by a table.
+
+A table of photos is `camera,frame,file[,time_s]`, one of time stamps `camera,file,time_s`.
+"""
 
 import os
 import re
@@ -6,14 +9,21 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
+import numpy as np
+
+from calib.observe.csv_table import CsvTable, column_fault, column_names, read_table, read_text
 from calib.observe.photos import find_photos, images_in, in_order, not_read_in
 from calib.observe.rig_observations import require_names, some
+from calib.observe.rig_sightings import SEEN, TIME, time_stamps
 from designer.base.errors import InputError
 from designer.base.words import shown
 
 CAMERA, FRAME = "{camera}", "{frame}"
+FILE = "file"
+_TABLE = "a table of files or of sightings"
+MAX_TABLE_BYTES = 64 * 2**20
 EXAMPLE = "'{camera}_{frame}.png'"
 
 
@@ -108,7 +118,12 @@ def photos_by_pattern(folders: Sequence[str], pattern: str) -> RigPhotos:
     Raises:
         InputError: a pattern without both words, or one that no file has.
     """
-    expression = _expression(pattern)
+    for word in (CAMERA, FRAME):
+        if pattern.count(word) != 1:
+            raise InputError(f"--pattern {shown(pattern)}: must hold {word} once, as in {EXAMPLE}")
+    named = re.escape(pattern).replace(r"\*", "[^/]*")
+    for word in (CAMERA, FRAME):
+        named = named.replace(re.escape(word), f"(?P<{word[1:-1]}>[^/]+?)")
     photos: list[RigPhoto] = []
     unlike: list[str] = []
     for folder in folders:
@@ -117,7 +132,7 @@ def photos_by_pattern(folders: Sequence[str], pattern: str) -> RigPhotos:
             raise InputError(f"{place}: no such folder; --pattern {shown(pattern)} is of the files in a folder")
         depth = pattern.count("/")
         for path in sorted(_files_at(place, depth), key=in_order):
-            match = expression.fullmatch(path.relative_to(place).as_posix())
+            match = re.fullmatch(named, path.relative_to(place).as_posix())
             if match is None:
                 unlike.append(path.name)
             else:
@@ -138,16 +153,6 @@ def _files_at(folder: Path, depth: int) -> Iterator[Path]:
         yield from _files_at(one, depth - 1)
 
 
-def _expression(pattern: str) -> re.Pattern[str]:
-    for word in (CAMERA, FRAME):
-        if pattern.count(word) != 1:
-            raise InputError(f"--pattern {shown(pattern)}: must hold {word} once, as in {EXAMPLE}")
-    named = re.escape(pattern).replace(r"\*", "[^/]*")
-    for word in (CAMERA, FRAME):
-        named = named.replace(re.escape(word), f"(?P<{word[1:-1]}>[^/]+?)")
-    return re.compile(named)
-
-
 def framed(photos: Sequence[RigPhoto], remarks: Sequence[str] = ()) -> RigPhotos:
     """Photos whose frames are known, the frames in the order of their names, or of their time stamps.
 
@@ -165,7 +170,13 @@ def framed(photos: Sequence[RigPhoto], remarks: Sequence[str] = ()) -> RigPhotos
             f"camera {shown(camera)} has {times} photos of frame {shown(frame)}: "
             f"{some([one.path.name for one in photos if (one.camera, one.frame) == (camera, frame)])}; keep one"
         )
-    _require_own_files(photos)
+    first: dict[str, RigPhoto] = {}
+    for photo in photos:
+        other = first.setdefault(os.path.realpath(photo.path), photo)
+        if other is not photo:
+            raise InputError(
+                f"{photo.path}: is given twice, for cameras {shown(other.camera)} and {shown(photo.camera)}"
+            )
     of_frame: dict[str, float] = {}
     for photo in photos:
         if photo.time_s is not None:
@@ -174,29 +185,10 @@ def framed(photos: Sequence[RigPhoto], remarks: Sequence[str] = ()) -> RigPhotos
     if len(of_frame) == len(names):
         names.sort(key=lambda name: of_frame[name])
     found = replace(found, frame_names=tuple(names))
-    _require_shared(found)
-    return found
-
-
-def _require_own_files(photos: Sequence[RigPhoto]) -> None:
-    """Refuse a file that is given for two photos."""
-    first: dict[str, RigPhoto] = {}
-    for photo in photos:
-        other = first.setdefault(os.path.realpath(photo.path), photo)
-        if other is not photo:
-            raise InputError(
-                f"{photo.path}: is given twice, for cameras {shown(other.camera)} and {shown(photo.camera)}"
-            )
-
-
-def _require_shared(found: RigPhotos) -> None:
-    """Refuse photos of which no frame is of two cameras."""
-    cameras: dict[str, set[str]] = {}
-    for photo in found.photos:
-        cameras.setdefault(photo.frame, set()).add(photo.camera)
-    if not any(len(names) > 1 for names in cameras.values()):
+    if len({(photo.frame, photo.camera) for photo in photos}) == len(names):
         seen = "; ".join(f"{name} has {some([photo.frame for photo in found.of(name)])}" for name in found.camera_names)
         raise InputError(f"no frame is of two cameras: {seen}; name the files of one moment alike, or give --table")
+    return found
 
 
 def joined_by_name(photos: Sequence[RigPhoto]) -> RigPhotos:
@@ -219,10 +211,6 @@ def joined_by_name(photos: Sequence[RigPhoto]) -> RigPhotos:
     return framed([replace(photo, frame=frame) for photo, frame in zip(photos, best, strict=True)], remarks)
 
 
-def _stem(photo: RigPhoto) -> str:
-    return photo.path.stem
-
-
 def _without_camera(photo: RigPhoto) -> str:
     """The name without the camera's in it, and what joined the two."""
     left = re.sub(re.escape(photo.camera), "", photo.path.stem, count=1, flags=re.IGNORECASE)
@@ -233,15 +221,11 @@ def _numbers(photo: RigPhoto) -> str:
     return "-".join(str(int(digits)) for digits in re.findall(r"[0-9]{1,30}", _without_camera(photo)))
 
 
-def _last_number(photo: RigPhoto) -> str:
-    return _numbers(photo).rpartition("-")[2]
-
-
 _KEYS: tuple[tuple[Callable[[RigPhoto], str], str], ...] = (
-    (_stem, ""),
+    (lambda photo: photo.path.stem, ""),
     (_without_camera, ""),
     (_numbers, "the numbers in their names"),
-    (_last_number, "the last number in their names"),
+    (lambda photo: _numbers(photo).rpartition("-")[2], "the last number in their names"),
 )
 
 
@@ -255,3 +239,60 @@ def with_stamps(photos: Sequence[RigPhoto], stamps: Mapping[Path, float]) -> tup
     if without:
         raise InputError(f"no time stamp for {some(without)}; add {'them' if len(without) > 1 else 'it'}")
     return tuple(replace(photo, time_s=stamps[Path(os.path.realpath(photo.path))]) for photo in photos)
+
+
+def is_sightings(path: Path) -> bool:
+    """Whether a table holds pixels, not files."""
+    return FILE not in column_names(path, _TABLE) or tells_cameras(path)
+
+
+def tells_cameras(path: Path) -> bool:
+    """Whether a table holds pixels, of cameras that it names."""
+    return column_names(path, _TABLE) >= set(SEEN)
+
+
+def read_photo_table(path: Path) -> tuple[RigPhoto, ...]:
+    """Photos by a table, files as they are from its folder; without a column frame they are joined by their times.
+
+    Raises:
+        InputError: it cannot be read, or a line breaks a rule; the message names it.
+    """
+    table = _read(path, ("camera", FILE), f"the columns must be camera,{FILE}, frame or {TIME}, or both")
+    if "frame" not in table.cells and TIME not in table.cells:
+        raise InputError(f"{path}: has neither a column frame nor {TIME}; one tells which photos were taken at once")
+    table.require_filled(*(name for name in ("camera", "frame", FILE) if name in table.cells))
+    table.require(np.array(["\0" not in name for name in table.cells[FILE]]), f"{FILE} must be the name of one")
+    count = len(table.lines)
+    frames = table.cells.get("frame", ("",) * count)
+    times: Sequence[float | None] = time_stamps(table) if TIME in table.cells else [None] * count
+    files = [path.parent / _of_any_system(path.parent, name) for name in table.cells[FILE]]
+    return tuple(
+        RigPhoto(camera, file, frame, time_s)
+        for camera, file, frame, time_s in zip(table.cells["camera"], files, frames, times, strict=True)
+    )
+
+
+def read_stamps(path: Path, photos: Sequence[RigPhoto]) -> dict[Path, float]:
+    """The time stamps of photos, by their real paths; a table names them as they are called, or from its folder.
+
+    Raises:
+        InputError: it cannot be read, or a line breaks a rule; the message names it.
+    """
+    table = _read(path, ("camera", FILE, TIME), f"the columns must be camera,{FILE},{TIME}")
+    by_name = {(photo.camera, photo.path.name): photo.path for photo in photos}
+    found: dict[Path, float] = {}
+    for camera, file, time_s in zip(table.cells["camera"], table.cells[FILE], time_stamps(table), strict=True):
+        place = by_name.get((camera, file), path.parent / _of_any_system(path.parent, file))
+        found[Path(os.path.realpath(place))] = time_s
+    return found
+
+
+def _of_any_system(folder: Path, name: str) -> str:
+    """A file's name, of which backslashes are those of Windows unless a file is called so."""
+    is_windows = "\\" in name and "/" not in name and "\0" not in name and not (folder / name).exists()
+    return PureWindowsPath(name).as_posix() if is_windows else name
+
+
+def _read(path: Path, required: Sequence[str], wanted: str) -> CsvTable:
+    text = read_text(path, "a table of photos", MAX_TABLE_BYTES)
+    return read_table(path, text, lambda names: column_fault(names, required, wanted), holds="photos")

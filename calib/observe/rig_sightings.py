@@ -3,6 +3,7 @@
 The columns stand in any order, and there may be time_s, face, and sigma, suu,suv,svv or a weight, as in a table of one
 camera (`calib.observe.correspondences`). Lines `# camera NAME WIDTH x HEIGHT` above them tell the image sizes.
 With a target file its points are meant: those with the ids of a column id, or those that are nearest to X, Y, Z.
+Of points that nobody knows, only by name, a table is `camera,frame,point,u,v`, and may have sigma_px.
 """
 
 import re
@@ -12,15 +13,26 @@ from pathlib import Path
 
 import numpy as np
 
+from calib.cameras.rig import Rig
 from calib.core.types import Observations, RigObservations, keep_views
-from calib.observe.correspondences import ID, OPTIONAL, points_fault, require_inside, rows_of_table
-from calib.observe.csv_table import ANY_NAME, COVARIANCE, CsvTable, csv_cell, read_table, read_text
+from calib.observe.correspondences import ID, OPTIONAL, is_far_outside, points_fault, require_inside, rows_of_table
+from calib.observe.csv_table import (
+    ANY_NAME,
+    COVARIANCE,
+    CsvTable,
+    column_fault,
+    column_names,
+    csv_cell,
+    read_table,
+    read_text,
+)
 from calib.observe.dataset import MAX_SIDE_PX
 from calib.observe.observations import prepare
 from calib.observe.photos import in_order
 from calib.observe.rig_observations import RigSightings, rig_observations
+from calib.space.sightings import PointSightings, of_rows
 from designer.base.errors import InputError
-from designer.base.words import shown
+from designer.base.words import shown, suggestion
 from designer.target import TargetGeometry
 
 Size = tuple[int, int]
@@ -28,6 +40,8 @@ Size = tuple[int, int]
 KIND = "ringsolid.sightings"
 FIRST_LINE = "# ringsolid sightings, version 1"
 SEEN, TIME = ("camera", "frame", "u", "v"), "time_s"
+POINT_SEEN, SIGMA = ("camera", "frame", "point", "u", "v"), "sigma_px"
+LONGEST_NAME = 200
 MAX_TIME_S = 1e12
 MAX_FILE_BYTES = 256 * 2**20
 """A million and a half sightings; as text in memory they take about ten times as much."""
@@ -149,3 +163,36 @@ def _rows(observations: RigObservations, camera: int, name: str, *, has_covarian
     for row, view in enumerate(seen.view.tolist()):
         cells = [*map(repr, before[row]), str(face[row]), *(map(repr, after[row]) if after else ())]
         yield f"{starts[view]},{','.join(cells)}{ends[view]}"
+
+
+def read_point_table(path: Path, rig: Rig) -> PointSightings:
+    """The sightings in a table: `read_point_table(Path("sightings.csv"), rig)`.
+
+    Raises:
+        InputError: it cannot be read, or a line breaks a rule; the message names the line.
+    """
+    text = read_text(path, "a table of sightings", MAX_FILE_BYTES)
+    wanted = f"the columns must be {','.join(POINT_SEEN)}, and may be {SIGMA}"
+    holds = "sightings; a line is such as left,shot1,corner7,812.3,455.1"
+    table = read_table(path, text, lambda names: column_fault(names, POINT_SEEN, wanted), holds=holds)
+    row = {name: number for number, name in enumerate(rig.names)}
+    camera = np.array([row.get(name, -1) for name in table.cells["camera"]], dtype=np.int64)
+    if (camera < 0).any():
+        name = table.cells["camera"][int(np.argmax(camera < 0))]
+        hint = suggestion(name, list(rig.names)) or "; there are " + ", ".join(map(shown, rig.names))
+        table.require(camera >= 0, f"camera {shown(name)} is not in the rig{hint}")
+    center = table.columns("uv")
+    size = np.array([one.image_size for one in rig.cameras])[camera]
+    table.require(~is_far_outside(center, size), "u, v lie far outside the camera's image; is it another camera's?")
+    frames, points = table.cells["frame"], table.cells["point"]
+    table.require(np.array([0 < len(name) <= LONGEST_NAME for name in points]), "point needs a name")
+    table.require(np.array([len(name) <= LONGEST_NAME for name in frames]), "frame has too long a name")
+    seen = of_rows(camera, frames, points, center, table.variances(SIGMA) if SIGMA in table.cells else None)
+    table.sorted_once(seen.camera, seen.place, "the same point of the same frame and camera a second time; keep one")
+    return seen
+
+
+def has_known_points(path: Path) -> bool:
+    """Whether a table is of a target's points, by their coordinates or ids, and not of unknown points by name."""
+    columns = column_names(path, "a table of sightings")
+    return "point" not in columns and (columns >= {"X", "Y", "Z"} or "id" in columns)

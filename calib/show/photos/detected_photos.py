@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from calib.core.types import NOT_MEASURABLE, UNMEASURABLE_WORDS
-from calib.observe.misplaced import misplaced_pieces
+from calib.observe.observations import misplaced_pieces
 from calib.observe.photos import PhotoResult, Search
 from calib.observe.records import ImageRecord, common_remarks, median_sigma_px
 from calib.show.parts.gallery import shortened

@@ -7,8 +7,7 @@ import numpy as np
 
 from calib.core.types import Detections, FaceRecord
 from calib.observe.dataset import read_detections, write_detections
-from calib.observe.misplaced import misplaced_pieces
-from calib.observe.observations import observations_from_detections
+from calib.observe.observations import misplaced_pieces, observations_from_detections
 from tests.calib.observe.test_dataset import ICO, seen
 
 

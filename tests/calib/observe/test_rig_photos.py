@@ -5,13 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.observe.rig_photo_table import is_sightings, read_photo_table, read_stamps
 from calib.observe.rig_photos import (
     RigPhoto,
     RigPhotos,
+    is_sightings,
     joined_by_name,
     photos_by_pattern,
     photos_in_folders,
+    read_photo_table,
+    read_stamps,
     with_stamps,
 )
 from calib.observe.rig_times import joined_by_time, stamped_by_name

@@ -239,7 +239,7 @@ TABLE = "camera,frame,point,u,v\na,f,p,600,400\nb,f,p,500,400\n"
         (TABLE.replace("point", "name"), "column 'point' is missing"),
         (TABLE.replace("u,v", "u,v,sigma_px").replace("400", "400,0"), "line 2: sigma_px must be from"),
         ("camera,frame,point,u,v\n", "holds no sightings"),
-        ("a;b\n", "column 'camera' is missing"),
+        ("a;b\n", "values must be separated by commas"),
         ("", "column 'camera' is missing"),
     ],
 )
