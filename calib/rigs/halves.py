@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
-from calib.core.se3 import steps_between
+from calib.core.se3 import skew, steps_between
 from calib.core.types import RigObservations, keep_frames, keep_sightings, keep_views, sightings_per_view
 from calib.rigs.options import CameraChoice, RigOptions
 from calib.rigs.relative import relative
@@ -24,11 +24,14 @@ from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import carrier_prior
 from designer.base.errors import InputError
-from designer.base.marks import AtLeast, AtMost, Length, Line, Word
+from designer.base.marks import LEFT_OUT, AtLeast, AtMost, Length, Line, Word
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 SplitKind = Literal["by turns", "in order"]
+KINDS: tuple[SplitKind, ...] = ("by turns", "in order")
+PLACE = 3
+"""Coordinates of a place."""
 HalfSolver = Callable[[Flags], RigCalibration]
 """Solves the rig of some frames (V,) as all of them were solved; InputError: they do not do."""
 
@@ -63,6 +66,7 @@ class RigSplit:
     unknowns: Annotated[int, AtLeast(1)]  # that it is the root mean square of
     noise: _Size  # what the halves leave over, in what all frames together leave over
     pairs: Annotated[tuple[PairApart, ...], Length(0, 100_000)]
+    target_ratio: Annotated[_Size | None, LEFT_OUT] = None  # as `ratio`, of where the target's middle is on its carrier
 
 
 @dataclass(frozen=True)
@@ -73,27 +77,35 @@ class RigHalves:
 
     def ratio_of(self, kind: SplitKind) -> float:
         """Root mean square over the ways of a kind; nan if there is none."""
-        found = [one.ratio**2 for one in self.splits if one.kind == kind]
-        return math.sqrt(sum(found) / len(found)) if found else math.nan
+        return _root_mean_square([one.ratio for one in self.splits if one.kind == kind])
 
     @property
     def ratio(self) -> float:
         """The larger of both kinds."""
-        return max(one for kind in ("by turns", "in order") if math.isfinite(one := self.ratio_of(kind)))
+        return max(one for kind in KINDS if math.isfinite(one := self.ratio_of(kind)))
 
     @property
     def by_chance(self) -> float:
-        """What honest standard deviations stay within, but for 1 of 20 rigs: two kinds, each but for 1 of 40.
-
-        The cube root of chi square over its degrees of freedom is about normal (Wilson and Hilferty 1931).
-        """
-        part = 2 / (9 * min(one.unknowns for one in self.splits))
-        return math.pow(1 - part + RARE * math.sqrt(part), 1.5)
+        """What honest standard deviations stay within, but for 1 of 20 rigs: two kinds, each but for 1 of 40."""
+        return _by_chance(min(one.unknowns for one in self.splits))
 
     @property
     def factor(self) -> float:
         """What stated standard deviations are to be multiplied with, as in `calib.verdict.halves`."""
         return self.ratio if self.ratio > self.by_chance else 1.0
+
+    @property
+    def target_factor(self) -> float:
+        """Likewise those of where a carried target is placed; if nothing carried it, those of all else.
+
+        Halves may differ in lens and direction of a camera, and place the target alike.
+        """
+        kinds = ([one.target_ratio for one in self.splits if one.kind == kind] for kind in KINDS)
+        ratios = [_root_mean_square([one for one in kind if one is not None]) for kind in kinds]
+        known = [one for one in ratios if math.isfinite(one)]
+        if not known:
+            return self.factor
+        return max(known) if max(known) > _by_chance(PLACE) else 1.0
 
     def noise_of(self, kind: SplitKind) -> float:
         """What the halves of a kind leave over, in what all frames together do; nan if there are none."""
@@ -108,6 +120,19 @@ class RigHalves:
         """
         steadier = self.noise_of("in order") < STEADIER * self.noise_of("by turns")
         return steadier and self.ratio > self.by_chance
+
+
+def _root_mean_square(values: Sequence[float]) -> float:
+    return math.sqrt(sum(one**2 for one in values) / len(values)) if values else math.nan
+
+
+def _by_chance(unknowns: int) -> float:
+    """What the root mean square of so many standard normal numbers stays within, but for 1 of 40.
+
+    The cube root of chi square over its degrees of freedom is about normal (Wilson and Hilferty 1931).
+    """
+    part = 2 / (9 * unknowns)
+    return math.pow(1 - part + RARE * math.sqrt(part), 1.5)
 
 
 @dataclass(frozen=True)
@@ -140,9 +165,11 @@ def rig_halves(found: RigCalibration, solve_half: HalfSolver) -> RigHalves | NoR
     return RigHalves(tuple(splits))
 
 
-def enlarged(found: RigCalibration, halves: RigHalves | NoRigHalves) -> RigCalibration:
-    """The rig with the noise's part of its covariances as halves of the frames show it."""
-    square = halves.factor**2 if isinstance(halves, RigHalves) else 1.0
+def enlarged(found: RigCalibration, halves: RigHalves | NoRigHalves, *, as_target: bool = False) -> RigCalibration:
+    """The rig with the noise's part of its covariances as halves of the frames show it, or as they place the target."""
+    if isinstance(halves, NoRigHalves):
+        return found
+    square = (halves.target_factor if as_target else halves.factor) ** 2
     if square == 1:
         return found
     sigma = found.delay_sigma_s
@@ -230,7 +257,26 @@ def _compared(kind: SplitKind, whole: RigCalibration, first: RigCalibration, sec
         pairs.append(PairApart((rig.names[a], rig.names[b]), two.baseline_mm - one.baseline_mm, sigma))
     square = float(step @ sure.inverse @ step)
     noise = math.sqrt((_squares(first) + _squares(second)) / _squares(whole))
-    return RigSplit(kind, math.sqrt(max(square, 0.0) / int(sure.rank)), int(sure.rank), noise, tuple(pairs))
+    return RigSplit(
+        kind, math.sqrt(max(square, 0.0) / int(sure.rank)), int(sure.rank), noise, tuple(pairs),
+        _target_apart(first, second),
+    )  # fmt: skip
+
+
+def _target_apart(first: RigCalibration, second: RigCalibration) -> float | None:
+    """How far apart halves place the middle of a carried target on its carrier, in the standard deviations of both."""
+    places, total = [], np.zeros((PLACE, PLACE))
+    for half in (first, second):
+        if half.carrier is None:
+            return None
+        pose = half.carrier.carrier_from_target
+        lever = half.carrier.size * pose[:3, :3] @ half.observations.points.middle_mm
+        moves = np.concatenate([-skew(lever), np.eye(PLACE)], axis=1)
+        places.append(pose[:3, 3] + lever)
+        total += moves @ half.carrier.covariance @ moves.T
+    sure = symmetric_inverse(total)
+    apart = places[1] - places[0]
+    return math.sqrt(max(float(apart @ sure.inverse @ apart), 0.0) / int(sure.rank)) if sure.rank > 0 else None
 
 
 def _squares(found: RigCalibration) -> float:

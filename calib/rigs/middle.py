@@ -1,6 +1,7 @@
 """How well a rig places a point in the middle of what its cameras saw: by noise, and by the rig itself.
 
-Of one camera on a robot, or before a turntable, it is a point that the camera knows the place of: by its pose there.
+Of one camera on a robot, or before a turntable, it is the target as a photo shows it: by the camera's pose there, and
+by its lens. Both are off together, as by a principal point that a turned camera makes up for.
 
 One place stands for the volume; `calib budget` maps all of it.
 """
@@ -11,8 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.rig import POSE
+from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import skew, transform
 from calib.rigs.result import RigCalibration
+from calib.rigs.target_error import posed_frames, tells_size
+from calib.solver.free_shape import PosedSightings, free_directions
 from calib.space.budget import expected_errors
 from calib.space.volume import seen_by_cameras
 
@@ -53,23 +58,37 @@ def middle_error(found: RigCalibration) -> MiddleError | None:
 
 @dataclass(frozen=True)
 class CarriedError:
-    """Of a point that one camera knows the place of, in the frame of what carries it."""
+    """Of what one camera sees, in the frame of what carries it."""
 
     away_mm: float  # from the camera
-    sigma_mm: float  # root mean square length of its error, by the camera's pose there; nan: not determined
+    sigma_mm: float  # root mean square length of its error, by the camera's lens and pose there; nan: not determined
 
 
 def carried_error(found: RigCalibration) -> CarriedError | None:
-    """Of a point where the target's middle usually was; None without a carrier, or of several cameras."""
-    rig = found.rig
-    if found.carrier is None or len(rig.names) != 1:
+    """Of the target's middle, over all photos; None without a carrier, or of several cameras.
+
+    A photo's pose of the target follows the lens, by least squares; its own noise is left out.
+    """
+    if found.carrier is None or len(found.cameras) != 1:
         return None
-    pose, frames = rig.cam_from_rig[0], found.observations.frame[0]
-    seen = np.median(transform(pose @ found.rig_from_target[frames], found.observations.points.middle_mm), axis=0)
-    away_mm = float(np.linalg.norm(seen))
-    if rig.covariance is None:
+    frames, middle_mm = found.observations.frame[0], found.carrier.size * found.observations.points.middle_mm
+    seen = transform(found.cam_from_rig[0] @ found.rig_from_target[frames], middle_mm)
+    away_mm = float(np.linalg.norm(np.median(seen, axis=0)))
+    if not np.isfinite(found.stated_covariance).all():
         return CarriedError(away_mm, math.nan)
-    # Of the point at q in the camera: its place moves by -s - (t - q) x w, as the centre's by -s - t x w.
-    moved = np.concatenate([-skew(pose[:3, 3] - seen), -np.eye(3)], axis=1)
-    rows = rig.pose_rows(0)
-    return CarriedError(away_mm, float(np.sqrt(np.trace(moved @ rig.covariance[rows, rows] @ moved.T))))
+    basis = free_directions(found.stated_covariance)
+    wide = np.concatenate([basis, np.zeros((len(basis), POSE + tells_size(found)))], axis=1)
+    lever_mm = found.rig_from_target[:, :3, :3] @ middle_mm
+    square = sum(
+        float((_placed(photo, lever_mm[frame])[:, : basis.shape[1]] ** 2).sum())
+        for frame, photo in zip(frames.tolist(), posed_frames(found, wide, frames), strict=True)
+    )
+    return CarriedError(away_mm, math.sqrt(square / len(frames)))
+
+
+def _placed(photo: PosedSightings, lever_mm: Array) -> Array:
+    """How a point moves in the rig's frame with each unknown of the camera, the target's pose following.  # (3, Q)"""
+    by_pose, by_camera = photo.by_pose.reshape(-1, POSE), photo.by_camera.reshape(2 * len(photo.point), -1)
+    follows = -symmetric_inverse(by_pose.T @ by_pose).inverse @ (by_pose.T @ by_camera)
+    moved: Array = follows[3:] - skew(lever_mm) @ follows[:3]
+    return moved

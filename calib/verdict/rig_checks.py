@@ -95,7 +95,15 @@ def _halves(evidence: "RigEvidence", criteria: Criteria) -> Found:
         )
     elif found.factor > 1:
         sentence += f": take the noise's part of standard deviations {figure(found.factor, 2)} times as large"
-    return Found(at_most(found.ratio, limits), found.ratio, sentence)
+    grade = at_most(found.ratio, limits)
+    if grade == "bad" and _is_in_mm(evidence) and at_most(found.target_factor, limits) != "bad":
+        return Found("usable", found.ratio, sentence, usable=found.ratio)
+    return Found(grade, found.ratio, sentence)
+
+
+def _is_in_mm(evidence: "RigEvidence") -> bool:
+    """Whether `space` says what everything does at the target."""
+    return evidence.carried is not None and math.isfinite(evidence.carried.sigma_mm)
 
 
 def _residuals(evidence: "RigEvidence", criteria: Criteria) -> Found:
@@ -111,8 +119,7 @@ def _residuals(evidence: "RigEvidence", criteria: Criteria) -> Found:
         times = figure(worst.times_stated, 2)
         sentence += f", {times} times the noise that is stated: most of it is not noise, but target, lens or motion"
     grade = at_most(worst.rms_px, limits)
-    in_mm = evidence.carried is not None and math.isfinite(evidence.carried.sigma_mm)
-    if grade == "bad" and in_mm and worst.rms_px <= OF_ROBOTS * limits.usable:
+    if grade == "bad" and _is_in_mm(evidence) and worst.rms_px <= OF_ROBOTS * limits.usable:
         return Found("usable", worst.rms_px, sentence, usable=worst.rms_px)
     return Found(grade, worst.rms_px, sentence)
 
@@ -174,7 +181,7 @@ def _carrier(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
 
 
 def _carried(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
-    """What the pose of one camera on its carrier does to a point where the target was, as a share of its distance."""
+    """What the lens and the pose of one camera on its carrier do to what it sees there, as a share of its distance."""
     found = evidence.carried
     if found is None:
         return None
@@ -182,8 +189,8 @@ def _carried(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
         return Found("unknown", None, NOT_KNOWN)
     share = 100 * found.sigma_mm / found.away_mm
     sentence = (
-        f"a point where the target was, {figure(found.away_mm, 3)} mm from the camera and known there, is known to "
-        f"{figure(found.sigma_mm, 2)} mm (1 sigma) in the frame of what the camera is held by"
+        f"the target, seen from {figure(found.away_mm, 3)} mm away through this lens, is placed to "
+        f"{figure(found.sigma_mm, 2)} mm (1 sigma) in the frame of what holds the camera"
     )
     return Found(at_most(share, criteria["space"]), share, sentence)
 

@@ -61,7 +61,7 @@ def rig_evidence(found: RigCalibration, halves: RigHalves | NoRigHalves) -> RigE
         halves=halves,
         middle=middle_error(told) if found.status != "degenerate" else None,
         carrier=found.carrier,
-        carried=carried_error(told) if found.status != "degenerate" else None,
+        carried=carried_error(enlarged(found, halves, as_target=True)) if found.status != "degenerate" else None,
         delay_px=_delay_px(told),
     )
 

@@ -98,7 +98,7 @@ def _why_good(evidence: RigEvidence) -> str:
     if evidence.middle is not None:
         parts.append(f"a point in the middle to {figure(evidence.middle.sigma_mm, 2)} mm")
     if evidence.carried is not None:
-        parts.append(f"a point where the target was is known to {figure(evidence.carried.sigma_mm, 2)} mm")
+        parts.append(f"the target is placed to {figure(evidence.carried.sigma_mm, 2)} mm")
     parts.append("halves of the frames agree")
     return f"{', '.join(parts[:-1])}{',' if len(parts) > 2 else ''} and {parts[-1]}" if parts[1:] else parts[0]
 

@@ -10,22 +10,25 @@ with where the others say the grid is: root mean square over points and photos, 
 the circles' centres meet the solved plane from the points; that leaves out how badly one photo tells its distance.
 Published for poses first, hand-eye after: 7.6 mm.
 *simulated*: 18 photos of a board, robots of two qualities, camera in hand and target in hand. Told are how often the
-95 % ellipsoid of all six numbers of cam_from_rig holds the truth, the robot's noise as estimated, and errors.
+95 % ellipsoid of all six numbers of cam_from_rig holds the truth, how far a seen target is placed wrong against what is
+stated of that, the robot's noise as estimated, and errors.
 """
 
 import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, invert, log_rotation, look_at, make_pose, skew, transform
 from calib.core.types import KnownPoints, Observations, RigObservations, keep_frames
 from calib.rigs.bent import bent_alone
+from calib.rigs.middle import carried_error
 from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
@@ -212,8 +215,27 @@ def print_robot(photos: Photos, model: str) -> None:
     print("    robot's errors, mm, photo by photo:", " ".join(f"{one:.2f}" for one in left))
 
 
-def simulated(rng: np.random.Generator, noise: tuple[float, float], kind: str) -> tuple[Photos, Array]:
-    """What a camera sees while a robot moves it, or the target; and cam_from_rig as it truly is."""
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """How a simulated robot and its camera truly are."""
+
+    camera: Camera
+    cam_from_rig: Array
+    cam_from_target: Mapping[str, Array]  # of each photo
+
+    def misplaced_mm(self, found: RigCalibration) -> float:
+        """How far the camera places the target's middle wrong in the rig's frame, seen without noise; RMS of photos."""
+        seen = found.observations.sightings[0]
+        true = np.array([self.cam_from_target[name] for name in seen.view_names])
+        there = transform(true[seen.view], seen.points.position_mm[seen.point])
+        clean = replace(seen, center_px=project(self.camera, there))
+        placed = invert(found.cam_from_rig[0]) @ solve_poses(found.cameras[0], clean).cam_from_target
+        truly, middle = invert(self.cam_from_rig) @ true, seen.points.middle_mm
+        return rms(np.linalg.norm(transform(placed, middle) - transform(truly, middle), axis=1))
+
+
+def simulated(rng: np.random.Generator, noise: tuple[float, float], kind: str) -> tuple[Photos, Truth]:
+    """What a camera sees while a robot moves it, or the target; and how all truly is."""
     turn, shift = rng.uniform(-0.5, 0.5, (PHOTOS, 3)), rng.uniform(-60, 60, (PHOTOS, 3))
     first = look_at(np.array([0.0, -500.0, 0.0]), np.zeros(3)) @ make_pose(
         exp_rotation(np.array([1.5, 0, 0])), np.zeros(3)
@@ -229,7 +251,9 @@ def simulated(rng: np.random.Generator, noise: tuple[float, float], kind: str) -
     wobble = make_pose(exp_rotation(rng.normal(0, noise[0], (PHOTOS, 3))), rng.normal(0, noise[1], (PHOTOS, 3)))
     told = wobble @ true if kind == IN_HAND[0] else true @ wobble  # of the flange, in its own axes
     rows = scene.observations.frame[0]
-    return Photos(keep_frames(scene.observations, np.isin(np.arange(PHOTOS), rows)), told[rows]), x
+    photos = Photos(keep_frames(scene.observations, np.isin(np.arange(PHOTOS), rows)), told[rows])
+    names = photos.seen.sightings[0].view_names
+    return photos, Truth(scene.cameras[0], x, dict(zip(names, cam_from_target[rows], strict=True)))
 
 
 def step_between(found: Array, true: Array) -> Array:
@@ -243,23 +267,29 @@ def print_simulated(draws: int) -> None:
     for kind in IN_HAND:
         for words, noise in ROBOTS.items():
             begin = time.perf_counter()
-            square, ratio = [], []
+            square, ratio, placed = [], [], []
             off: dict[str, list[Array]] = {name: [] for name in ("one adjustment", *PEERS)}
             for draw in range(draws):
                 photos, true = simulated(np.random.default_rng([7, draw]), noise, kind)
                 found = ours(photos, "opencv", kind=kind)
-                rows, step = found.rig.pose_rows(0), step_between(found.cam_from_rig[0], true)
+                rows, step = found.rig.pose_rows(0), step_between(found.cam_from_rig[0], true.cam_from_rig)
                 square.append(float(step @ np.linalg.solve(found.covariance[rows, rows], step)))
+                error = carried_error(found)
+                assert error is not None
+                placed.append((true.misplaced_mm(found), error.sigma_mm))
                 assert found.carrier is not None
                 ratio.append((found.carrier.sigma_rad / noise[0], found.carrier.sigma_mm / noise[1]))
                 off["one adjustment"].append(step)
                 for name, peer in theirs(photos, "opencv").items():
-                    off[name].append(step_between(peer.cam_from_rig, true))
+                    off[name].append(step_between(peer.cam_from_rig, true.cam_from_rig))
             inside = 100 * np.mean(np.array(square) < CHI2_6_95)
             typical = np.median(np.array(ratio), axis=0)
             print(f"  {kind}, {words}: truth within {inside:.0f} %, mean square {np.mean(square) / 6:.2f} of 1; "
                   f"noise estimated over true {typical[0]:.2f} (rad), {typical[1]:.2f} (mm); "
                   f"{(time.perf_counter() - begin) / draws:.1f} s a robot")  # fmt: skip
+            off_mm, stated_mm = np.array(placed).T
+            print(f"    a seen target is placed to {rms(off_mm):.3f} mm, stated {np.median(stated_mm):.3f}; "
+                  f"mean square {np.mean((off_mm / stated_mm) ** 2):.2f} of 1")  # fmt: skip
             for name, steps in off.items():
                 each = np.array(steps)
                 print(f"    {name:16}{rms(np.linalg.norm(each[:, 3:], axis=1)):8.3f} mm"

@@ -83,6 +83,19 @@ def test_residuals_of_a_camera_on_a_robot_are_judged_in_mm(rms_px: float, grade:
     assert rig_verdict(known, STANDARD).grade == grade
 
 
+def test_halves_of_a_camera_on_a_robot_are_judged_at_the_target() -> None:
+    """A lens and a direction that make up for each other differ between halves; only the place of the target counts."""
+    for ratio, grade in ((1.0, "usable"), (9.0, "bad")):
+        halves = RigHalves((RigSplit("by turns", 8.0, 6, 1.0, (), ratio),))
+        known = evidence(pairs=(), ties=(), middle=None, carried=CarriedError(500.0, 0.4), carrier=carried(0.05))
+        verdict = rig_verdict(replace(known, halves=halves), STANDARD)
+        assert (verdict.grade, verdict.leads_with) == (grade, "halves")
+        assert halves.factor == 8.0
+        assert halves.target_factor == ratio
+    one = RigHalves((RigSplit("by turns", 8.0, 6, 1.0, (), 1.7),))
+    assert one.target_factor == 1.0  # by chance
+
+
 def test_a_lens_that_was_kept_makes_no_rig_good() -> None:
     """What a given lens is off by shows in no residual: a focal length .5 % off moves a camera by 60 sigmas."""
     verdict = rig_verdict(evidence(coverages=(covered(), None)), STANDARD)
