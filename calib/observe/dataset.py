@@ -185,7 +185,7 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
             name, size, layout_id, geometry_id, ring[rows], target.center_mm[ring[rows]],
             center[rows], cov[rows], ellipse[rows],
             record[name].faces if name in record else (), record[name].remarks if name in record else (),
-            ratio=edges[rows, 0], blur_px=edges[rows, 1],
+            ratio=edges[rows, 0], blur_px=edges[rows, 1], motion_px=record[name].motion_px if name in record else 0.0,
         )
         for (name, size), rows in zip(sizes.items(), (order[a:b] for a, b in pairwise(start)), strict=True)
     )  # fmt: skip

@@ -5,12 +5,13 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from calib.core.types import Detections, FaceRecord
 from designer.base.file_kind import FileKind
-from designer.base.marks import Hash
+from designer.base.marks import AtLeast, Hash
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,7 @@ class ImageRecord:
     faces: tuple[FaceRecord, ...]
     remarks: tuple[str, ...]
     failure: str = ""  # why it could not be read or searched
+    motion_px: Annotated[float, AtLeast(0)] = 0.0  # see `Detections`
 
     @property
     def named(self) -> tuple[FaceRecord, ...]:
@@ -61,7 +63,9 @@ RECORDS = FileKind(Records, "records", "a records file", "detect again", largest
 def image_record(seen: Detections) -> ImageRecord:
     """The record of a photo that was searched."""
     rejected = 0 if seen.rejected_px is None else len(seen.rejected_px)
-    return ImageRecord(seen.image, seen.image_size, len(seen.ring), rejected, seen.faces, seen.remarks)
+    return ImageRecord(
+        seen.image, seen.image_size, len(seen.ring), rejected, seen.faces, seen.remarks, motion_px=seen.motion_px
+    )
 
 
 def median_sigma_px(seen: Detections) -> float:

@@ -267,6 +267,15 @@ def test_another_layout_is_not_written(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_advice_on_motion_is_that_of_the_photos(tmp_path: Path) -> None:
+    """What is said of photos that a motion blurred is the same of what was found and of the file that keeps it."""
+    rng = np.random.default_rng(0)
+    found = [replace(seen(f"{k}.png", 60, rng), motion_px=3.0 * (k == 2)) for k in range(4)]
+    write_detections(tmp_path / "d.csv", found, ICO)
+    back = read_detections(tmp_path / "d.csv", ICO, target_path=TARGET_PATH)
+    assert [one.motion_px for one in back] == [0.0, 0.0, 3.0, 0.0]
+
+
 def test_records_come_back(tmp_path: Path) -> None:
     """Faces, remarks, counts and failures of each photo are read back as written."""
     lost = ImageRecord("b.png", None, 0, 0, (), (), "is empty")
