@@ -53,9 +53,9 @@ def plan(
     from calib.commands.folder_page import say_next, with_page
     from calib.records.plan_file import PLAN
     from calib.renderer import quantities
-    from calib.show.plan.words import facts_of, findings_of, headline_of, sentences_of
+    from calib.show.plan.words import facts_of, findings_of, headline_of, sentences_of, steps_of
     from designer.page.blocks import Facts
-    from designer.page.terminal import quoted, say_facts, say_findings, say_headline, say_lines, say_written
+    from designer.page.terminal import say_facts, say_findings, say_headline, say_lines, say_written
 
     folder = exports_folder(target) / "plan" if out is None else out
     check_plan_folder(folder)
@@ -80,7 +80,7 @@ def plan(
     summary = Summary(
         {**told, "is_reached": record.is_reached, "worst_px": worst_px, "covered": record.covered}, files,
         remarks=record.remarks,
-        next_steps=(f"calib run {quoted(target)} photos -o camera   # when they are taken, in the folder photos",),
+        next_steps=steps_of(record, target),
         exit_code=0 if record.is_reached else NOT_REACHED,
     )  # fmt: skip
     return say_next(with_page(summary, folder, found.kind), folder)

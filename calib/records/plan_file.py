@@ -1,5 +1,6 @@
 """plan.json and plan.csv: photos to take of a camera, for its page, people, robots and other programs."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
@@ -81,6 +82,13 @@ class PlanRecord:
     def is_reached(self) -> bool:
         """Whether the image is covered and, each time it was tried, known as well as wanted."""
         return self.worst_px <= self.goal_px and self.covered >= self.goal_covered - ROUNDING
+
+    @property
+    def is_limited_by_target(self) -> bool:
+        """Whether only the target's making is in the way: the noise of the photos would reach what is wanted."""
+        worst = max(self.tried, key=lambda one: one.stated_px)
+        is_covered = self.covered >= self.goal_covered - ROUNDING
+        return is_covered and worst.by_noise_px <= self.goal_px < worst.stated_px < math.inf
 
 
 PLAN = FileKind(PlanRecord, "plan", "a plan.json", "make the plan again: calib plan", largest_bytes=16 * 2**20)

@@ -1,6 +1,7 @@
 """What is told of a plan of photos, on its page and on the screen."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable
 from designer.page.blocks import Cell, Column, Finding, Findings, Headline, Table
 from designer.page.folders import number
+from designer.page.terminal import quoted
 
 
 def headline_of(record: PlanRecord) -> Headline:
@@ -32,14 +34,32 @@ def _missing(record: PlanRecord) -> str:
     worst = max(record.tried, key=lambda one: one.stated_px)
     if record.table_deg is not None and worst.by_noise_px > record.goal_px:
         return ". From where it stands the camera sees too little: move it between two turns of the table"
-    if record.covered < record.goal_covered:
-        return f", and {100 * record.goal_covered:.0f} % of the image, of which {100 * record.covered:.0f} % is covered"
-    if worst.by_noise_px <= record.goal_px:
+    if record.is_limited_by_target:
         return (
             f". The target's making is {digits(worst.by_target_px, 2)} px of it: one that is made better, or measured "
             "with calib measure, helps more than photos"
         )
+    if record.covered < record.goal_covered:
+        return f", and {100 * record.goal_covered:.0f} % of the image, of which {100 * record.covered:.0f} % is covered"
     return ". More photos (--most), or other distances (--distance), may do"
+
+
+def steps_of(record: PlanRecord, target: Path) -> tuple[str, ...]:
+    """Commands to go on with, with the photos in the folder photos.
+
+    Args:
+        record: of the plan.
+        target: the target's file.
+    """
+    named = quoted(target)
+    if not record.is_limited_by_target:
+        return (f"calib run {named} photos -o camera   # when they are taken, in the folder photos",)
+    measured = quoted(Path("measured") / target.name)
+    return (
+        f"calib detect {named} photos -o seen/detections.csv   # when they are taken, in the folder photos",
+        f"calib measure {named} seen/detections.csv --photos photos -o {measured}   # the target limits: measure it",
+        f"calib run {measured} photos -o camera",
+    )
 
 
 def facts_of(record: PlanRecord) -> tuple[tuple[str, str], ...]:

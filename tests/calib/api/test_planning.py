@@ -16,7 +16,7 @@ from calib.records.plan_file import PLAN
 from calib.robot.poses import read_robot_poses
 from calib.show.parts.origin import origin_of
 from calib.show.plan.page import plan_page
-from calib.show.plan.words import headline_of
+from calib.show.plan.words import headline_of, steps_of
 from calib.verdict.before_photos import calibration_before
 from calib.verdict.plan_tried import TriedPlan, held_by_hand
 from calib.verdict.views import shape_of
@@ -84,6 +84,10 @@ def test_what_is_in_the_way_is_said(planned: PlanResult) -> None:
     assert "--most" in headline_of(short).sentence
     badly = replace(short, tried=(TriedPlan(0.1, 0.01, 0.0995),) * 2)
     assert "made better" in headline_of(badly).sentence
+    for record, commands in ((short, ["run"]), (planned.record, ["run"]), (badly, ["detect", "measure", "run"])):
+        steps = steps_of(record, Path("board.target.json"))
+        assert [step.split()[1] for step in steps] == commands
+    assert steps[-1].startswith("calib run measured/board.target.json ")
 
 
 def test_the_files_and_the_page_are_the_plan(planned: PlanResult, tmp_path: Path) -> None:
