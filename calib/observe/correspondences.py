@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from calib.core.types import KnownPoints, Observations
 from calib.observe.csv_table import COVARIANCE, CsvTable, column_fault, read_table, read_text
 from calib.observe.dataset import FIRST_LINE, MAX_SIDE_PX, read_detections
-from calib.observe.observations import known_points, observations_from_detections, prepare
+from calib.observe.observations import known_points, knows_fronts, observations_from_detections, prepare
 from calib.observe.point_target import MAX_FACE
 from designer.base.errors import InputError
 from designer.base.words import shown
@@ -79,10 +79,7 @@ def read_observations(
     from calib.observe.corners_vnl import is_corners, observations_from_corners
 
     start = _start_of(path)
-    if points not in (None, *POINTS):
-        raise InputError(f"--points {shown(str(points))}: give corner, ring, or circle:13mm, circles of that diameter")
-    if diameter_mm is not None and (points != CIRCLE or not 0 < diameter_mm <= MAX_LENGTH_MM):
-        raise InputError(f"diameter {diameter_mm:g} mm: is of circles, and more than 0; give --points circle:13mm")
+    require_kind(points, diameter_mm)
     if is_detections(path):
         if points is not None:
             raise InputError(f"{path}: detections are the images of rings' centres; leave --points out")
@@ -107,6 +104,18 @@ def read_observations(
         raise InputError(f"{path}: no corners.vnl, so its points have coordinates; leave --grid out")
     of_points = load_target(target) if isinstance(target, Path) else target
     return read_correspondences(path, image_size=image_size, target=of_points, points=points, diameter_mm=diameter_mm)
+
+
+def require_kind(points: str | None, diameter_mm: float | None) -> None:
+    """Refuse what no point is.
+
+    Raises:
+        InputError: no such kind, or a diameter of what is none.
+    """
+    if points not in (None, *POINTS):
+        raise InputError(f"--points {shown(str(points))}: give corner, ring, or circle:13mm, circles of that diameter")
+    if diameter_mm is not None and (points != CIRCLE or not 0 < diameter_mm <= MAX_LENGTH_MM):
+        raise InputError(f"diameter {diameter_mm:g} mm: is of circles, and more than 0; give --points circle:13mm")
 
 
 def read_correspondences(
@@ -152,7 +161,7 @@ def read_correspondences(
     require_inside(every, str(path))
     used = (*SEEN, *"XYZ", *OPTIONAL, *([ID] if of_target else []))
     every = replace(every, remarks=(*every.remarks, *table.unused(used)))
-    return prepare(every, has_fronts=False, origin=str(path))
+    return prepare(every, has_fronts=knows_fronts(target), origin=str(path))
 
 
 def parse_pair(option: str, text: str, most: int) -> tuple[int, int]:

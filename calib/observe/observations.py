@@ -49,6 +49,14 @@ def known_points(target: TargetGeometry) -> KnownPoints:
     return KnownPoints(target.center_mm, target.ring_face, plane, target.geometry_id)
 
 
+def knows_fronts(target: TargetGeometry | None) -> bool:
+    """Whether the planes of a target's faces look to the side that is seen: of one of ours they do.
+
+    Of points that others made the planes are fitted, and may look either way.
+    """
+    return target is not None and target.spec is not None
+
+
 def observations_from_detections(
     seen: Sequence[Detections], target: TargetGeometry, *, origin: str = "detections"
 ) -> Observations:

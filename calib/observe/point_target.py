@@ -284,6 +284,8 @@ def points_with_planes(position_mm: Array, face: NDArray[np.int64] | None) -> tu
     said = [f"X, Y, Z are taken as mm: the points span {' x '.join(f'{side:.6g}' for side in extent)} mm"]
     whole = _least_squares_plane(position_mm, THINNEST)
     if whole is not None and whole.off_mm(position_mm) <= FLAT * float(np.linalg.norm(extent)):
+        # Either side of a plane may be seen: the mirror image gives as good a camera, its centre at height - 1 - cy.
+        said[0] += "; v is taken as counted downwards, which points in one plane do not tell"
         return KnownPoints(position_mm, np.zeros(len(position_mm), dtype=np.int64), whole.row[None]), tuple(said)
     if face is None:
         return KnownPoints(position_mm, np.full(len(position_mm), -1), np.zeros((0, 4))), tuple(said)

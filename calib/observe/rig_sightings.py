@@ -12,10 +12,20 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.cameras.rig import Rig
 from calib.core.types import Observations, RigObservations, keep_views
-from calib.observe.correspondences import ID, OPTIONAL, is_far_outside, points_fault, require_inside, rows_of_table
+from calib.observe.correspondences import (
+    DIAMETER,
+    ID,
+    OPTIONAL,
+    is_far_outside,
+    points_fault,
+    require_inside,
+    require_kind,
+    rows_of_table,
+)
 from calib.observe.csv_table import (
     ANY_NAME,
     COVARIANCE,
@@ -27,7 +37,7 @@ from calib.observe.csv_table import (
     read_text,
 )
 from calib.observe.dataset import MAX_SIDE_PX
-from calib.observe.observations import prepare
+from calib.observe.observations import knows_fronts, prepare
 from calib.observe.photos import in_order
 from calib.observe.rig_observations import RigSightings, rig_observations
 from calib.space.sightings import PointSightings, of_rows
@@ -48,17 +58,27 @@ MAX_FILE_BYTES = 256 * 2**20
 _CAMERA = re.compile(r"#\s*camera\s+(\S.*?)\s+(\d{1,7})\s*[x×]\s*(\d{1,7})\s*(?:px)?\s*", re.IGNORECASE)
 
 
-def read_rig_sightings(path: Path, target: TargetGeometry | None = None, *, fewest: int = 2) -> RigObservations:
+def read_rig_sightings(
+    path: Path,
+    target: TargetGeometry | None = None,
+    *,
+    points: str | None = None,
+    diameter_mm: float | None = None,
+    fewest: int = 2,
+) -> RigObservations:
     """Read a table of sightings.
 
     Args:
         path: of the table.
         target: whose points were seen; None: the table holds its own.
+        points: what the points are, as for `calib.observe.correspondences.read_observations`.
+        diameter_mm: of circles, likewise.
         fewest: so many cameras there must be.
 
     Raises:
         InputError: it cannot be read, a line breaks a rule, or nothing is left of a camera; the message names it.
     """
+    require_kind(points, diameter_mm)
     text, sizes = read_text(path, "a table of sightings", MAX_FILE_BYTES), dict[str, Size]()
     of_target = target is not None
 
@@ -81,12 +101,14 @@ def read_rig_sightings(path: Path, target: TargetGeometry | None = None, *, fewe
         "the image size of its camera is not known; add a line '# camera NAME 1280 x 720' at the top",
     )
     views = [f"{camera}\n{frame}" for camera, frame in zip(table.cells["camera"], table.cells["frame"], strict=True)]
-    every = rows_of_table(replace(table, cells={**table.cells, "image": tuple(views)}), (1, 1), target)
+    every = rows_of_table(
+        replace(table, cells={**table.cells, "image": tuple(views)}), (1, 1), target, points, diameter_mm
+    )
     times = _times(table, views)
     names = sorted(dict.fromkeys(table.cells["frame"]), key=lambda name: in_order(Path(name)))
     frames = names if times is None else _by_time(names, times)
     cameras = [
-        _camera(name, size, every, times, origin=f"{path}: camera {name}", has_fronts=of_target)
+        _camera(name, size, every, times, origin=f"{path}: camera {name}", has_fronts=knows_fronts(target))
         for name, size in sizes.items()
         if name in table.cells["camera"]
     ]
@@ -140,28 +162,45 @@ def rig_sightings_to_csv(observations: RigObservations) -> bytes:
     """The text of a table, which reads back as what was written."""
     has_covariance = all(seen.cov_px2 is not None for seen in observations.sightings)
     has_time = observations.time_s is not None
-    columns = (*SEEN, *"XYZ", "face", *(COVARIANCE if has_covariance else ()), *([TIME] if has_time else []))
+    has_circles = not any(np.isnan(_circles_mm(seen)).any() for seen in observations.sightings)  # all is said
+    columns = (
+        *SEEN, *"XYZ", "face", *([DIAMETER] if has_circles else []), *(COVARIANCE if has_covariance else ()),
+        *([TIME] if has_time else []),
+    )  # fmt: skip
     lines = [FIRST_LINE, "# u v in px, (0, 0) is the centre of the top-left pixel; X Y Z in mm"]
     for name, seen in zip(observations.camera_names, observations.sightings, strict=True):
         lines.append(f"# camera {name} {seen.image_size[0]} x {seen.image_size[1]}")
     lines.append(",".join(columns))
     for camera, name in enumerate(observations.camera_names):
-        lines += _rows(observations, camera, csv_cell(name), has_covariance=has_covariance)
+        lines += _rows(observations, camera, csv_cell(name), has_circles=has_circles, has_covariance=has_covariance)
     return ("\n".join(lines) + "\n").encode("utf-8", ANY_NAME)
 
 
-def _rows(observations: RigObservations, camera: int, name: str, *, has_covariance: bool) -> Iterable[str]:
+def _circles_mm(seen: Observations) -> NDArray[np.float64]:
+    """The diameter of the circle whose image's centre each sighting is: 0 of a point, nan where nobody says it.  # (M,)
+
+    What a detector of ours found is the image of a ring's centre itself.
+    """
+    circle_mm = seen.points.circle_mm
+    return np.zeros(len(seen.point)) if circle_mm is None else circle_mm[seen.point]
+
+
+def _rows(
+    observations: RigObservations, camera: int, name: str, *, has_circles: bool, has_covariance: bool
+) -> Iterable[str]:
     """The lines of one camera."""
     seen, frames = observations.sightings[camera], observations.frame[camera].tolist()
     starts = [f"{name},{csv_cell(observations.frame_names[frame])}" for frame in frames]
     times = observations.time_s
     ends = [""] * len(frames) if times is None else [f",{time_s!r}" for time_s in times[camera].tolist()]
     numbers = [seen.center_px, seen.points.position_mm[seen.point]]
-    face = seen.points.face[seen.point].tolist()
+    face = list(map(str, seen.points.face[seen.point].tolist()))
+    if has_circles:
+        face = [f"{one},{size:.17g}" for one, size in zip(face, _circles_mm(seen).tolist(), strict=True)]
     after = seen.cov_px2.reshape(-1, 4)[:, [0, 1, 3]].tolist() if has_covariance and seen.cov_px2 is not None else []
     before = np.concatenate(numbers, axis=1).tolist()
     for row, view in enumerate(seen.view.tolist()):
-        cells = [*map(repr, before[row]), str(face[row]), *(map(repr, after[row]) if after else ())]
+        cells = [*map(repr, before[row]), face[row], *(map(repr, after[row]) if after else ())]
         yield f"{starts[view]},{','.join(cells)}{ends[view]}"
 
 

@@ -97,39 +97,75 @@ def _turned(calibration: Calibration) -> str:
     if by_centre < BY_CENTRE:
         return ""
     model = calibration.camera.model if calibration.camera.model in fitted_models() else COMMON
-    is_turned = _second_group(center_px)
-    try:
-        for _ in range(ROUNDS):
-            found, last = solve(turned(used, is_turned), model), is_turned
-            kept = SolveOptions(fixed=tuple(zip(parameter_names(model), found.camera.params.tolist(), strict=True)))
-            as_is, back = (
-                _rms_px(solve(one, model, kept), views) for one in (used, turned(used, ~np.zeros_like(last)))
-            )
-            is_turned = back < as_is
-            if (last == is_turned).all():
-                break
-    except InputError:
+    second, found = _second_group(center_px), []
+    for back in _turns(seen)[1:]:
+        try:
+            found.append(_turned_back(used, model, back * second))
+        except InputError:
+            continue
+    settled = [one for one in found if one is not None]
+    if not settled:
         return ""
-    before, after = _rms_px(calibration, views), _rms_px(found, views)
+    turns, after = min(settled, key=lambda one: float((one[1] ** 2).mean()))
+    before = _rms_px(calibration, views)
     is_even = bool(np.isfinite(after).all()) and after.max() <= EVEN * float(np.median(after))
-    if not ((last == is_turned).all() and is_even and (after**2).mean() <= EXPLAINS * (before**2).mean()):
+    if not (turns.any() and is_even and (after**2).mean() <= EXPLAINS * (before**2).mean()):
         return ""
-    if 2 * is_turned.sum() > views:  # most lie as they should
-        is_turned = ~is_turned
-    names = [name for name, is_one in zip(seen.view_names, is_turned.tolist(), strict=True) if is_one]
-    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     before_px, after_px = (figure(float(np.sqrt((one**2).mean())), 2) for one in (before, after))
+    how = "upside down" if (turns % 2 == 0).all() else "on their side"
     return (
-        f"{len(names)} of {views} photos look turned upside down against the others: with these turned back, all fit "
-        f"to {after_px} px instead of {before_px} px (RMS); turn them back, or the others likewise: "
-        f"{', '.join(names[:NAMED])}{more}"
+        f"{np.count_nonzero(turns)} of {views} photos look turned {how} against the others: with these turned back, "
+        f"all fit to {after_px} px instead of {before_px} px (RMS); turn them back, or the others likewise: "
+        f"{_turned_names(seen, turns)}"
     )
 
 
-def turned(seen: Observations, is_turned: NDArray[np.bool_]) -> Observations:
-    """The observations with the pictures of some views (V,) turned upside down."""
-    back = np.array(seen.image_size) - 1 - seen.center_px
-    return replace(seen, center_px=np.where(is_turned[seen.view][:, None], back, seen.center_px))
+def _turns(seen: Observations) -> tuple[int, ...]:
+    """Quarter turns after which a picture has its size again."""
+    width, height = seen.image_size
+    return (0, 1, 2, 3) if width == height else (0, 2)
+
+
+def _turned_back(used: Observations, model: str, turns: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array] | None:
+    """By how many quarter turns each view is to be turned to fit best, most not at all, and what is then left over.
+
+    None: it does not settle.
+
+    Raises:
+        InputError: pictures turned so do not determine a camera.
+    """
+    views = used.view_count
+    for _ in range(ROUNDS):
+        found, last = solve(turned(used, turns), model), turns
+        kept = SolveOptions(fixed=tuple(zip(parameter_names(model), found.camera.params.tolist(), strict=True)))
+        choices = np.array(_turns(used))
+        left = [_rms_px(solve(turned(used, np.full(views, one)), model, kept), views) for one in choices.tolist()]
+        turns = choices[np.argmin(left, axis=0)]
+        if (last == turns).all():
+            usual = int(np.bincount(turns, minlength=4).argmax())
+            return (turns - usual) % 4, _rms_px(found, views)
+    return None
+
+
+def _turned_names(seen: Observations, turns: NDArray[np.int64]) -> str:
+    """The views that are to be turned; with how, if not upside down alone."""
+    parts = []
+    for quarter in (1, 2, 3):
+        names = [name for name, one in zip(seen.view_names, turns.tolist(), strict=True) if one == quarter]
+        if names:
+            more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+            how = "" if (turns % 2 == 0).all() else f" (by {90 * quarter} deg clockwise)"
+            parts.append(f"{', '.join(names[:NAMED])}{more}{how}")
+    return "; ".join(parts)
+
+
+def turned(seen: Observations, turns: NDArray[np.int64]) -> Observations:
+    """The observations with the picture of each view turned clockwise by so many quarters (V,)."""
+    middle, quarter = 0.5 * (np.array(seen.image_size) - 1), np.array([[0, -1], [1, 0]])
+    turn = np.stack([np.linalg.matrix_power(quarter, k) for k in range(4)])[turns % 4][seen.view].astype(np.float64)
+    center_px = middle + (turn @ (seen.center_px - middle)[:, :, None])[:, :, 0]
+    covariance = None if seen.cov_px2 is None else turn @ seen.cov_px2 @ turn.transpose(0, 2, 1)
+    return replace(seen, center_px=center_px, cov_px2=covariance)
 
 
 def _rms_px(found: Calibration, views: int) -> Array:

@@ -94,6 +94,21 @@ def test_what_is_written_is_read_in_any_order(columns: str, points: KnownPoints,
     assert len(read.points.position_mm) == len(np.unique(seen.point))
 
 
+def test_the_front_of_a_board_of_ours_tells_a_mirror(tmp_path: Path) -> None:
+    """Rows counted from below are refused of a designed board; of others nobody knows the side that is seen."""
+    seen = sightings(known_points(BOARD))
+    below = replace(seen, center_px=np.array([0.0, SIZE[1] - 1]) + seen.center_px * np.array([1.0, -1.0]))
+    by_others = target_from_points(PointTable(BOARD.center_mm, ("",) * BOARD.ring_count, np.arange(BOARD.ring_count)))
+    for number, one in enumerate((seen, below)):
+        write_csv(tmp_path / f"{number}.csv", as_rows(one), USUAL)
+        alone = read_observations(tmp_path / f"{number}.csv", image_size=SIZE)
+        assert "v is taken as counted downwards" in alone.remarks[-1]
+        assert read_observations(tmp_path / f"{number}.csv", by_others, image_size=SIZE).view_names == seen.view_names
+    assert read_observations(tmp_path / "0.csv", BOARD, image_size=SIZE).view_names == seen.view_names
+    with pytest.raises(InputError, match="v is counted from below"):
+        read_observations(tmp_path / "1.csv", BOARD, image_size=SIZE)
+
+
 def test_three_kinds_of_file_are_told_apart_and_agree(tmp_path: Path) -> None:
     """detections.csv, a CSV with points and corners.vnl of the same photos give the same sightings."""
     target = known_points(BOARD)

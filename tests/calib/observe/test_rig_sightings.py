@@ -59,6 +59,25 @@ def test_what_is_written_reads_back(tmp_path: Path, target: object) -> None:
         assert read.points.geometry_id == ICO.geometry_id
 
 
+def test_what_the_points_are_is_read_and_written(tmp_path: Path) -> None:
+    """Circles stay circles, points of which nobody spoke are asked about again, and what photos showed are points."""
+    wrote = stereo_pair(frames=4).observations
+    for circle_mm, kept_mm in ((None, 0.0), (np.nan, np.nan), (13.0, 13.0), (0.0, 0.0)):
+        own = None if circle_mm is None else np.full(len(wrote.points.face), circle_mm)
+        points = replace(wrote.points, circle_mm=own)
+        told = replace(wrote, sightings=tuple(replace(one, points=points) for one in wrote.sightings))
+        path = write(tmp_path / "a.csv", rig_sightings_to_csv(told).decode())
+        read = read_rig_sightings(path).points.circle_mm
+        assert read is not None
+        np.testing.assert_array_equal(np.unique(read), [kept_mm])
+        if np.isnan(kept_mm):
+            said = read_rig_sightings(path, points="circle", diameter_mm=7.0).points.circle_mm
+            np.testing.assert_array_equal(np.unique(said), [7.0])
+        else:
+            with pytest.raises(InputError, match="leave --points out"):
+                read_rig_sightings(path, points="corner")
+
+
 def test_the_order_of_lines_does_not_count(tmp_path: Path) -> None:
     """Lines in any order are the same sightings."""
     text = rig_sightings_to_csv(stereo_pair(frames=4).observations).decode().splitlines()

@@ -43,10 +43,22 @@ def test_photos_upside_down_are_named(count: int) -> None:
     """All that were turned, and no other; of as many as were not, either half is meant."""
     seen = _seen()
     is_turned = np.isin(np.arange(PHOTOS), np.random.default_rng(count).permutation(PHOTOS)[:count])
-    said = _read(turned(seen, is_turned))
+    said = _read(turned(seen, 2 * is_turned))
     named = np.array([name in said for name in seen.view_names])
     assert "upside down" in said
     assert (named == is_turned).all() or (count == PHOTOS / 2 and (named == ~is_turned).all())
+
+
+@pytest.mark.parametrize("turns", [(0, 0, 0, 0, 0, 0, 0, 1, 1, 1), (0, 3, 0, 0, 3, 0, 0, 0, 0, 0)])
+def test_square_photos_on_their_side_are_named(turns: tuple[int, ...]) -> None:
+    """All that were turned by a quarter, with how they are turned back, and no other; of no square image one is."""
+    seen = _seen((1024, 1024), (14.0, -11.0))
+    back = -np.array(turns) % 4
+    said = _read(turned(seen, np.array(turns)))
+    assert "on their side" in said
+    named = np.array([name in said for name in seen.view_names])
+    assert (named == (back > 0)).all()
+    assert f"(by {90 * back.max()} deg clockwise)" in said
 
 
 def test_photos_that_do_not_fit_either_way_are_not_called_turned() -> None:
