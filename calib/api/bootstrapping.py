@@ -210,6 +210,8 @@ def bootstrap(
     if len(set(views)) < len(views):
         raise InputError(f"--sizes {', '.join(map(str, views))}: a size stands there twice; give each once")
     seed = whole("--seed", seed, 0, MAX_SEED)
+    if dask is not None and jobs is not None:
+        raise InputError("--jobs: is of processes on this machine; --dask has the cluster do it, leave one out")
     processes = processes_of(jobs)
     if out is not None:
         check_folder(folder_of(out))

@@ -8,7 +8,7 @@ from typing import NoReturn
 import numpy as np
 
 from calib.api.rig_observing import photos_of_rig, rig_input, search_rig
-from calib.app.inputs import Place, target_of
+from calib.app.inputs import Place, require_photos_for_jobs, target_of
 from calib.cameras.rig import Rig
 from calib.core.types import RigObservations
 from calib.space.sightings import PointSightings
@@ -42,6 +42,7 @@ def seen_of_object(
         taken = photos_of_rig(given)
         lenses = {name: rig.cameras[rig.row(name)] for name in taken.camera_names}
         return search_rig(target_of(target, "rings"), taken, lenses, _all_are_given, jobs, progress)[1]
+    require_photos_for_jobs(jobs)
     if isinstance(sightings, RigObservations):
         return sightings
     if isinstance(sightings, str | PathLike) and has_known_points(Path(sightings)):

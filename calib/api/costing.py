@@ -60,7 +60,7 @@ def study_cost(
     observed: Observed | None = None,
     target: TargetGeometry | Place | None = None,
     *,
-    model: str = DEFAULT,
+    model: str | None = None,
     sets: int = 30,
     starts: int = 60,
     quick: bool = False,
@@ -80,7 +80,7 @@ def study_cost(
         folder: where every set of photos is kept, so that a stopped study goes on.
         observed: photos of one's own too, of which each is held out in turn; None: simulated ones alone.
         target: that these show; None: points from elsewhere.
-        model: that they are solved with.
+        model: that they are solved with; None: the usual one.
         sets: of simulated photos of each scene and condition.
         starts: bad ones of each scene.
         quick: 8 sets and 20 starts.
@@ -101,11 +101,15 @@ def study_cost(
     real = None
     digests: tuple[tuple[str, str], ...] = ()
     if observed is not None:
-        real = _real_photos(observed, target, model, image_size, grid)
+        real = _real_photos(observed, target, model or DEFAULT, image_size, grid)
         digests = _digests(observed, target, real.observations)
-    elif target is not None:
-        raise InputError(f"--target {shown(str(target))} says nothing without photos; give --detections too")
-    plan = cases.CostPlan(sets, starts, seed, "" if real is None else real.name, "" if real is None else model)
+    elif of_photos := [
+        option
+        for option, one in (("--target", target), ("--model", model), ("--image-size", image_size), ("--grid", grid))
+        if one is not None
+    ]:
+        raise InputError(f"{of_photos[0]}: says nothing without photos of your own; give --detections too")
+    plan = cases.CostPlan(sets, starts, seed, *(("", "") if real is None else (real.name, real.model)))
     plan = cases.quick(plan) if quick else plan
     identity = cases.identity(plan, digests)
     sampling = Sampling(Path(folder) / STUDY_FILE, processes, None, resume, progress)

@@ -98,16 +98,26 @@ class CouponResult(ShownAsPage):
         Raises:
             InputError: no such printer, or a name or place that takes no such file.
         """
-        place = Path(path)
-        if place.suffix.lower() != ".toml":
-            raise InputError(f"--save {place}: printer files end in .toml; call it {place.name or 'my-printer'}.toml")
+        place, before = require_printer_file(path, printer)
         told = self.record.next_print
         text = with_corrections(
-            preset_or_file("printers", printer or DEFAULT_PRINTER), ink_offset_mm=told.ink_offset_mm,
+            before, ink_offset_mm=told.ink_offset_mm,
             shrink_percent=told.shrink_percent, skew_rad=told.skew_rad,
         )  # fmt: skip
         write_files({place: text.encode()})
         return place
+
+
+def require_printer_file(path: Place, printer: str | None) -> tuple[Path, Path]:
+    """Where a printer's file is to be written, and the one whose lines it takes over.
+
+    Raises:
+        InputError: no such printer, or a name that no printer's file has.
+    """
+    place = Path(path)
+    if place.suffix.lower() != ".toml":
+        raise InputError(f"--save {place}: printer files end in .toml; call it {place.name or 'my-printer'}.toml")
+    return place, preset_or_file("printers", printer or DEFAULT_PRINTER)
 
 
 def coupon(

@@ -18,6 +18,7 @@ from calib.app.inputs import (
     folder_of,
     load_observations,
     photos_of,
+    require_photos_for_jobs,
     target_of,
 )
 from calib.cameras import COMMON
@@ -62,6 +63,8 @@ def hand_eye(
     *,
     robot: RobotPoses | Place,
     table: Observations | Place | None = None,
+    points: str | None = None,
+    diameter_mm: float | None = None,
     target_in_hand: bool = False,
     inverted: bool = False,
     unit: str | None = None,
@@ -94,6 +97,8 @@ def hand_eye(
         photos: files, folders or patterns.
         robot: base_from_flange of each photo, or the file that holds it.
         table: instead of photos: observations, or their file (`detections.csv`, or image,u,v,X,Y,Z).
+        points: what the table's points are: `corner`, `ring` or `circle`; None: as it says itself.
+        diameter_mm: of circles.
         target_in_hand: the robot holds the target, the camera stands beside it.
         inverted: the robot's file holds flange_from_base.
         unit: of its columns that do not name it: `mm`, `m,deg`.
@@ -124,7 +129,7 @@ def hand_eye(
         place_of(robot, "a file of robot poses"), unit=unit, euler=euler, is_inverted=inverted
     )  # fmt: skip
     wish = _Wish(camera, refine, model, tuple(fix), cost_of(minimise), made, criteria, tuple(settings))
-    limits, seen = _limits(wish), _seen(target, photos, table, wish, jobs, progress)
+    limits, seen = _limits(wish), _seen(target, photos, table, (points, diameter_mm), wish, jobs, progress)
     way = _made(seen, wish)
     seen, rows = _with_poses(seen, poses)
     base_from_flange = poses.base_from_flange[rows]
@@ -162,6 +167,8 @@ def turntable(
     *,
     step_deg: float | None = None,
     table: Observations | Place | None = None,
+    points: str | None = None,
+    diameter_mm: float | None = None,
     camera: Camera | Place | None = None,
     refine: bool = False,
     model: str = ALL,
@@ -181,6 +188,8 @@ def turntable(
         photos: in the order in which they were taken.
         step_deg: the table's turn from photo to photo; None: all angles are unknowns.
         table: instead of photos: observations, or their file.
+        points: what the table's points are: `corner`, `ring` or `circle`; None: as it says itself.
+        diameter_mm: of circles.
         camera: the lens from an earlier run, which is kept.
         refine: solve it on.
         model: of the camera; `all` chooses.
@@ -201,7 +210,7 @@ def turntable(
         raise InputError(f"step {step_deg:g} deg: must be more than 0 and at most 180")
     writer = None if out is None else RigWriter(folder_of(out))
     wish = _Wish(camera, refine, model, tuple(fix), cost_of(minimise), made, criteria, tuple(settings))
-    limits, seen = _limits(wish), _seen(target, photos, table, wish, jobs, progress)
+    limits, seen = _limits(wish), _seen(target, photos, table, (points, diameter_mm), wish, jobs, progress)
     number = np.array([seen.order[name] for name in seen.observations.frame_names], dtype=np.float64)
     angle = np.deg2rad(0.0 if step_deg is None else step_deg) * number
     carrier = Carrier(TABLE, turned_by(angle), is_turntable=True, has_free_angles=step_deg is None)
@@ -240,19 +249,22 @@ class _Seen:
 
 def _seen(
     target: TargetGeometry | Place | None, photos: Place | Iterable[Place], table: Observations | Place | None,
-    wish: _Wish, jobs: int | None, progress: Progress,
+    kind: tuple[str | None, float | None], wish: _Wish, jobs: int | None, progress: Progress,
 ) -> _Seen:  # fmt: skip
     """What the camera saw, from photos or a table."""
     if wish.refine and wish.camera is None:
         raise InputError("--refine: there is no lens to solve on from; give --camera, or leave it out")
     require_wishes(_wishes(wish), (CAMERA,))
+    if kind != (None, None) and (table is None or isinstance(table, Observations)):
+        raise InputError("--points: says what the points of a table are; leave it out")
     found = photos_of(photos)
     if table is not None:
+        require_photos_for_jobs(jobs)
         if found.paths or found.failures:
             first = found.failures[0] if found.failures else shown(found.paths[0].name)
             raise InputError(f"--table: says what was seen in the photos; leave these out: {first}")
         geometry = None if target is None else target_of(target)
-        one = table if isinstance(table, Observations) else _table_of(table, geometry)
+        one = table if isinstance(table, Observations) else _table_of(table, geometry, *kind)
         return _Seen(geometry, _rig_of(one), {name: row for row, name in enumerate(one.view_names)})
     if target is None:
         raise InputError("no target; give the target file of what the photos show, or a table of observations")
@@ -267,12 +279,14 @@ def _seen(
     return _Seen(geometry, _rig_of(one), order, _rig_search(search))
 
 
-def _table_of(table: Place, geometry: TargetGeometry | None) -> Observations:
+def _table_of(
+    table: Place, geometry: TargetGeometry | None, points: str | None, diameter_mm: float | None
+) -> Observations:
     """What one camera saw, of a table of one camera, or of the sightings that this wrote."""
     path = place_of(table, "a table of observations")
     if not (path.is_file() and tells_cameras(path)):
-        return load_observations(path, geometry)
-    seen = read_rig_sightings(path, geometry, fewest=1)
+        return load_observations(path, geometry, points=points, diameter_mm=diameter_mm)
+    seen = read_rig_sightings(path, geometry, points=points, diameter_mm=diameter_mm, fewest=1)
     if len(seen.sightings) > 1:
         raise InputError(f"{path}: holds the sightings of {len(seen.sightings)} cameras; give those of one")
     return seen.sightings[0]

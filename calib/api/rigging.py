@@ -8,12 +8,13 @@ from calib.api.rig_choosing import CameraWishes, choices_of, require_wishes, wis
 from calib.api.rig_observing import RigInput, RigSearch, photos_of_rig, rig_input, search_rig, with_remarks
 from calib.api.rig_result import RigResult, RigWriter
 from calib.api.solving import ALL, plan_from_words
-from calib.app.inputs import Place, folder_of, target_of
+from calib.app.inputs import Place, folder_of, require_photos_for_jobs, target_of
 from calib.cameras.camera import Camera
 from calib.core.types import RigObservations
 from calib.observe.rig_observations import swapped_cameras
 from calib.observe.rig_sightings import read_rig_sightings
 from calib.rigs.bent import with_bend_error
+from calib.rigs.circle_doubt import with_circle_doubt
 from calib.rigs.halves import half_solver, rig_halves
 from calib.rigs.options import RigOptions
 from calib.rigs.solve import solve_rig
@@ -40,6 +41,8 @@ def rig(
     pattern: str | None = None,
     times: Place | None = None,
     tolerance_s: float | None = None,
+    points: str | None = None,
+    diameter_mm: float | None = None,
     model: str | Mapping[str, str] = ALL,
     cameras: Mapping[str, Camera | Place] | None = None,
     refine: bool | Collection[str] = False,
@@ -69,6 +72,8 @@ def rig(
         pattern: of file names in one folder: `{camera}_{frame}.png`.
         times: a table of time stamps (camera,file,time_s) that tell which photos were taken at once.
         tolerance_s: photos within it are a frame; None: 0.02, where time stamps have to tell.
+        points: what the points of a table of sightings are: `corner`, `ring` or `circle`; None: as it says itself.
+        diameter_mm: of circles.
         model: of all cameras, or of each by its name; `all` chooses for each.
         cameras: lenses from earlier runs, by the cameras' names: cameras, or their files.
         refine: solve all of these on, or some by name; else they are kept.
@@ -97,7 +102,7 @@ def rig(
     wishes = wishes_of(model, cameras, refine, fix, plan.options)
     writer = out if out is None or isinstance(out, RigWriter) else RigWriter(folder_of(out))
     target, search, observations = _observed(
-        observed, rig_input(photos, table, pattern, times, tolerance_s), wishes, jobs, progress
+        observed, rig_input(photos, table, pattern, times, tolerance_s), (points, diameter_mm), wishes, jobs, progress
     )
     way = how_made(target, made, rendered_id="" if search is None else search.rendered_id)
     options = _options(plan.options, observations, reference, delays=delays)
@@ -135,7 +140,7 @@ def judged_rig(
     observations = with_remarks(seen.observations, said)
     progress("solving", 0, 0)
     solved = solve_rig(observations, choices, options)
-    found = with_bend_error(with_target_error(solved, seen.made), seen.bend)
+    found = with_circle_doubt(with_bend_error(with_target_error(solved, seen.made), seen.bend))
     progress("judging", 0, 0)
     judged = judge_rig(found, rig_halves(found, half_solver(found, choices, options)), limits)
     return RigResult(
@@ -151,12 +156,16 @@ def _criteria_name(criteria: Place) -> str:
 def _observed(
     observed: RigObservations | TargetGeometry | Place | None,
     given: RigInput,
+    kind: tuple[str | None, float | None],
     wishes: CameraWishes,
     jobs: int | None,
     progress: Progress,
 ) -> tuple[TargetGeometry | None, RigSearch | None, RigObservations]:
     """What was seen, of which target, and in which photos."""
+    if kind != (None, None) and not given.has_sightings:
+        raise InputError("--points: says what the points of a table of sightings are; leave it out")
     if isinstance(observed, RigObservations):
+        require_photos_for_jobs(jobs)
         if given.is_anything or given.needless:
             raise InputError("observations: are all there is to solve from; leave photos and tables out")
         require_wishes(wishes, observed.camera_names)
@@ -164,13 +173,14 @@ def _observed(
     if not given.is_anything:
         raise InputError("no photos; give a folder a camera, or --table files.csv, or --table sightings.csv")
     if given.has_sightings and given.table is not None:
+        require_photos_for_jobs(jobs)
         if given.needless:
             raise InputError(
                 f"{given.needless}: is of photos; {given.table} holds sightings, which say their frames and, in a "
                 "column time_s, their times; leave it out"
             )
         target = None if observed is None else target_of(observed)
-        seen = read_rig_sightings(given.table, target)
+        seen = read_rig_sightings(given.table, target, points=kind[0], diameter_mm=kind[1])
         require_wishes(wishes, seen.camera_names)
         return target, None, seen
     if observed is None:

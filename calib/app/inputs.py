@@ -275,6 +275,16 @@ def processes_of(jobs: int | None) -> int:
     return whole("--jobs", jobs, 1, MOST_JOBS)
 
 
+def require_photos_for_jobs(jobs: int | None) -> None:
+    """Refuse a number of photos to be searched at a time where there are none.
+
+    Raises:
+        InputError: it is given.
+    """
+    if jobs is not None:
+        raise InputError("--jobs: says how many photos are searched at a time; a table needs none, leave it out")
+
+
 def photos_of(photos: Place | Iterable[Place]) -> "FoundPhotos":
     """The photos that one argument or several stand for."""
     from calib.observe.photos import find_photos

@@ -109,6 +109,16 @@ def require_server() -> None:
             )
 
 
+def require_size_used(cameras: Sequence[str | int], size: tuple[int, int] | None) -> None:
+    """Refuse a size that nobody can be asked for.
+
+    Raises:
+        InputError: photos come from a folder, the browser, a video or a network.
+    """
+    if size is not None and not any(str(one).isdecimal() for one in cameras):
+        raise InputError("--size: is what a camera of this machine is asked for; give its number with --camera, too")
+
+
 def _sources(cameras: Sequence[str | int], watch: Place | None, size: tuple[int, int] | None) -> tuple[Source, ...]:
     """Where frames come from, as a person names it.
 
@@ -119,6 +129,7 @@ def _sources(cameras: Sequence[str | int], watch: Place | None, size: tuple[int,
         raise InputError("--watch and --camera: photos come from a folder, or from a camera; give one of them")
     if len(cameras) > 1:
         raise InputError(f"--camera: {len(cameras)} cameras; calib.live_rig takes photos with several")
+    require_size_used(cameras, size)
     if watch is not None:
         return (WatchedFolder(place_of(watch, "a folder")),)
     return tuple(OpenCVCamera(str(one), size) for one in cameras) or (BrowserCamera(),)

@@ -8,7 +8,7 @@ from calib.api.rig_result import RigResult, RigWriter
 from calib.api.rigging import rig
 from calib.app.inputs import Place, folder_of, target_of
 from calib.capture.conversation import Conversation, Show, Tell
-from calib.capture.live import require_server, unheard
+from calib.capture.live import require_server, require_size_used, unheard
 from calib.capture.photo_folder import PhotoFolder
 from calib.capture.rig_session import RigSession
 from calib.capture.server import bound_socket
@@ -134,6 +134,7 @@ def sources_of(cameras: Sequence[str | int], watch: Sequence[Place], size: tuple
     """
     if watch and cameras:
         raise InputError("--watch and --camera: photos come from folders, or from cameras; give one of them")
+    require_size_used(cameras, size)
     folders = [place_of(one, "a folder") for one in watch]
     if folders:
         return dict(zip(camera_names_of(folders), map(WatchedFolder, folders), strict=True))

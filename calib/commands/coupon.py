@@ -8,6 +8,7 @@ import typer
 from calib.commands.options import PhotosArgument
 from designer.base.answer import Summary
 from designer.base.command import command_line
+from designer.base.errors import InputError
 from designer.kinds.presets import printer_templates
 from designer.page.progress import progress_bars
 
@@ -51,7 +52,7 @@ def coupon(
 
     Take the photo squarely from above, sharp, the coupon filling the picture; one is enough, more are surer.
     """
-    from calib.api.coupon import FILE
+    from calib.api.coupon import FILE, require_printer_file
     from calib.api.coupon import coupon as look_at
     from calib.records.coupon import COUPON
     from calib.renderer.quantities import parsed
@@ -61,6 +62,10 @@ def coupon(
     from designer.page.blocks import Command
     from designer.page.terminal import quoted, say_facts, say_findings, say_headline, say_lines, say_table, say_written
 
+    if save is not None:
+        require_printer_file(save, printer)
+    elif printer is not None:
+        raise InputError("--printer: is whose other lines --save takes over; give --save FILE.toml, or leave it out")
     with progress_bars() as progress:
         told = look_at(
             photos, target=target, lengths=length or (), dpi=dpi if dpi in (None, FILE) else _dpi(dpi),
@@ -90,8 +95,6 @@ def coupon(
 
 def _dpi(text: str) -> float:
     """A number of dots per inch."""
-    from designer.base.errors import InputError
-
     try:
         return float(text.lower().removesuffix("dpi"))
     except ValueError:

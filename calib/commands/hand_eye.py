@@ -30,6 +30,7 @@ def hand_eye(
     *,
     robot: Annotated[Path, typer.Option(help="base_from_flange of each photo: .csv, .yaml or .json")],
     table: TableOption = None,
+    points: options.PointsOption = None,
     target_in_hand: Annotated[
         bool, typer.Option("--target-in-hand", help="the robot holds the target; the camera stands beside it")
     ] = False,
@@ -66,11 +67,14 @@ def hand_eye(
     """
     from calib.api.hand_eye import hand_eye as solve
     from calib.api.rig_result import RigWriter
+    from calib.commands.solve import points_of
 
     writer = RigWriter(out)
+    kind, diameter_mm = points_of(points)
     with answers("camera"), progress_bars() as progress:
         found = solve(
-            target, photos or (), robot=robot, table=table, target_in_hand=target_in_hand, inverted=inverted,
+            target, photos or (), robot=robot, table=table, points=kind, diameter_mm=diameter_mm,
+            target_in_hand=target_in_hand, inverted=inverted,
             unit=unit, euler=euler, camera=camera, refine=refine, model=model, fix=fix or (),
             minimise=minimise, target_size=target_size, free_bend=free_bend, robot_noise=_noise_of(robot_noise),
             made=made, criteria=str(criteria), jobs=jobs, progress=progress,

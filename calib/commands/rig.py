@@ -47,6 +47,7 @@ def rig(
     tolerance: Annotated[
         str | None, typer.Option(help="of time stamps of one frame (default where they have to tell: 20ms)")
     ] = None,
+    points: options.PointsOption = None,
     model: Annotated[
         list[str] | None,
         typer.Option(
@@ -82,11 +83,14 @@ def rig(
     from calib.api.rig_result import RigWriter
     from calib.api.rigging import rig as solve_rig
     from calib.commands.rig_screen import lenses_of, models_of, refined_of, tolerance_of
+    from calib.commands.solve import points_of
 
     writer = RigWriter(out if out is not None else Path("rig") if target is None else exports_folder(target) / "rig")
+    kind, diameter_mm = points_of(points)
     with answers("rig"), progress_bars() as progress:
         found = solve_rig(
             target, photos or (), table=table, pattern=pattern, times=times, tolerance_s=tolerance_of(tolerance),
+            points=kind, diameter_mm=diameter_mm,
             model=models_of(model), cameras=lenses_of(camera), refine=refined_of(refine), fix=fix or (),
             reference=reference, loss=loss, reject_sigma=reject, weighted=weighted, minimise=minimise,
             delays=delays, made=made, criteria=criteria, jobs=jobs, progress=progress,

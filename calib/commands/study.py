@@ -180,8 +180,12 @@ def cost(
     ] = None,
     target: Annotated[Path | None, typer.Option(help="the target file of detections.csv")] = None,
     model: Annotated[
-        str, typer.Option(help=f"of your photos: {', '.join(fitted_models())}", autocompletion=one_of(fitted_models()))
-    ] = DEFAULT,
+        str | None,
+        typer.Option(
+            help=f"of your photos: {', '.join(fitted_models())} (default: {DEFAULT})",
+            autocompletion=one_of(fitted_models()),
+        ),
+    ] = None,
     out: OutOption,
     quick: Annotated[bool, typer.Option("--quick", help="8 sets and 20 starts: which way it goes")] = False,
     sets: Annotated[int, typer.Option(help="of simulated photos of each scene and condition")] = 30,

@@ -29,6 +29,7 @@ def turntable(
         str | None, typer.Option(help="the table's turn from photo to photo: 10deg (default: all angles are unknown)")
     ] = None,
     table: TableOption = None,
+    points: options.PointsOption = None,
     camera: CameraOption = None,
     refine: RefineOption = False,
     model: options.ModelOption = "all",
@@ -47,15 +48,18 @@ def turntable(
     """
     from calib.api.hand_eye import turntable as solve
     from calib.api.rig_result import RigWriter
+    from calib.commands.solve import points_of
     from calib.renderer.quantities import parsed
     from designer.base.units import parse_angle_rad
 
     writer = RigWriter(out)
+    kind, diameter_mm = points_of(points)
     angle_rad = None if step is None else parsed("--step", step, parse_angle_rad)
     with answers("camera"), progress_bars() as progress:
         found = solve(
             target, photos or (), step_deg=None if angle_rad is None else math.degrees(angle_rad),
-            table=table, camera=camera, refine=refine, model=model, fix=fix or (), minimise=minimise, made=made,
+            table=table, points=kind, diameter_mm=diameter_mm,
+            camera=camera, refine=refine, model=model, fix=fix or (), minimise=minimise, made=made,
             criteria=str(criteria), jobs=jobs, progress=progress, settings=kept_settings(target, table, None),
         )  # fmt: skip
     return told_rig(found, writer, page=page, verbose=verbose)

@@ -25,7 +25,7 @@ from calib.records.calibration_file import CALIBRATION_FILE, Provenance, calibra
 from calib.rigs.camera_alone import camera_alone
 from calib.rigs.halves import enlarged
 from calib.rigs.result import CarrierFit, RigCalibration
-from calib.solver.calibration import Calibration, Status
+from calib.solver.calibration import Calibration, CircleDoubt, Status
 from calib.verdict.rig_judge import RIG_VERDICT, RIG_VERDICT_FILE, JudgedRig
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
@@ -99,6 +99,7 @@ class RigRecord:
     frames: Annotated[tuple[SolvedFrame, ...], Length(1, MOST_FRAMES)]
     covariance: _Covariance
     target_covariance: Annotated[_Covariance | None, LEFT_OUT] = None
+    circle_doubt: Annotated[CircleDoubt | None, LEFT_OUT] = None
     slack: Annotated[_Sigma | None, LEFT_OUT] = None  # see `RigCalibration`
     carrier: Annotated[CarrierFit | None, LEFT_OUT] = None
 
@@ -201,6 +202,7 @@ def _record(found: RigCalibration, provenance: Provenance, folders: Sequence[str
         ),
         covariance=found.covariance,
         target_covariance=found.target_covariance,
+        circle_doubt=found.circle_doubt,
         slack=found.slack,
         carrier=found.carrier,
     )
@@ -280,5 +282,6 @@ def _rig_of(record: RigRecord, alone: Sequence[Calibration], points: KnownPoints
         delay_sigma_s=np.array(sigmas) if len(sigmas) == len(cameras) else None,
         carrier=record.carrier,
         target_covariance=record.target_covariance,
+        circle_doubt=record.circle_doubt,
         slack=record.slack,
     )

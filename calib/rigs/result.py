@@ -10,7 +10,7 @@ from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
 from calib.core.types import RigObservations, freeze, frozen_array
 from calib.rigs.options import FREE_SIZE
-from calib.solver.calibration import Status
+from calib.solver.calibration import CircleDoubt, Status
 from designer.base.marks import LEFT_OUT, OR_NULL, Gap, Shape
 
 Array = NDArray[np.float64]
@@ -68,6 +68,7 @@ class RigCalibration:
     """By how much less surely a photo tells its pose than errors of its own would let it (variances); None: at once."""
     alone_scale: Array | None = None  # (C,) as `scale`, of each camera by itself: more in the rig is told by no lens
     target_covariance: Array | None = None  # (N, N) of what the target's own shape may have done; None: not known
+    circle_doubt: CircleDoubt | None = None  # of all N unknowns; None: what the points are is known
 
     def __post_init__(self) -> None:
         freeze(
@@ -79,8 +80,11 @@ class RigCalibration:
 
     @property
     def stated_covariance(self) -> Array:
-        """The joint covariance as it is to be told: by noise and by the target's shape.  # (N, N)"""
-        return self.covariance if self.target_covariance is None else self.covariance + self.target_covariance
+        """The joint covariance as it is to be told: by noise, the target's shape and what its points are.  # (N, N)"""
+        doubt = None if self.circle_doubt is None else self.circle_doubt.param_covariance
+        parts = [one for one in (self.target_covariance, doubt) if one is not None]
+        stated: Array = sum(parts, start=np.asarray(self.covariance))
+        return stated
 
     @property
     def noise_px(self) -> Array:

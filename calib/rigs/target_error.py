@@ -88,16 +88,30 @@ def _equations(
     found: RigCalibration, basis: Array, used: NDArray[np.int64], modes_mm: Array, own_mm: Array
 ) -> ShapeEquations:
     """The equations of all that was solved for, and of displacements of the target's points."""
-    # What else was solved for stands behind the rig's own directions, without a part in these.
-    besides = _besides(found)
-    wide = np.concatenate([basis, np.zeros((len(basis), besides))], axis=1)
     every = max(-(-sum(map(len, found.residual_px)) // MOST_SIGHTINGS), 1)
     frames = np.arange(0, found.observations.frame_count, every)
-    posed = posed_frames(found, wide, frames)
-    if found.carrier is not None:
-        posed = _carried(found, posed, frames, wide.shape[1])
+    wide, posed = posed_unknowns(found, frames, basis)
     equations = equations_of(posed, used, wide, modes_mm, own_mm)
     return _for_all(equations, found.observations.frame_count / len(frames))
+
+
+def posed_unknowns(
+    found: RigCalibration, frames: NDArray[np.int64], basis: Array | None = None
+) -> tuple[Array, Iterable[PosedSightings]]:
+    """What is seen and said of each frame, by all unknowns: the rig's own directions, and behind these all others.
+
+    Args:
+        found: the rig.
+        frames: rows of frames.
+        basis: the rig's directions (N, Q); None: those that were estimated.
+
+    Returns:
+        these directions with zeros for the others (N, Q + ...), and the equations of the frames by all.
+    """
+    basis = free_directions(found.covariance) if basis is None else basis
+    wide = np.concatenate([basis, np.zeros((len(basis), _besides(found)))], axis=1)
+    posed = posed_frames(found, wide, frames)
+    return wide, posed if found.carrier is None else _carried(found, posed, frames, wide.shape[1])
 
 
 def _for_all(equations: ShapeEquations, times: float) -> ShapeEquations:

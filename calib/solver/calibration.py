@@ -24,6 +24,10 @@ _Size = Annotated[float, AtLeast(-1e6), AtMost(1e6)]
 """Of an error, in mm, rad, kelvins or shares."""
 
 
+SURE_CIRCLES = 4.0
+"""Sigmas from which on points are said to fit as centres of circles: other faults of the photos look so, too."""
+
+
 @dataclass(frozen=True)
 class MadeWith:
     """What moves rings, in the sources' units: a template or a file of errors may be another one later."""
@@ -128,6 +132,13 @@ class CircleDoubt:
 
     def __post_init__(self) -> None:
         freeze(self, "param_covariance")
+
+    @property
+    def told_mm(self) -> tuple[float, float] | None:
+        """The diameter of circles that the points are surely centres of, and its standard deviation; None: not told."""
+        if self.sigmas <= SURE_CIRCLES or not 0 < self.diameter_mm <= self.spacing_mm:
+            return None
+        return self.diameter_mm, 0.5 * self.diameter_mm / self.sigmas
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,22 +105,38 @@ def with_circle_doubt(calibration: Calibration) -> Calibration:
     (`calib.solver.extra_parameters`). The mean square of what is then known of it, times what the parameters are off
     for a unit, is added: little where the photos show points, the error itself where they show circles.
     """
-    seen = calibration.observations
-    unsaid = None if seen.points.circle_mm is None else np.isnan(seen.points.circle_mm[seen.point])
-    spacing_mm = 0.0 if unsaid is None or not unsaid.any() else _spacing_mm(seen, seen.point[unsaid])
-    if unsaid is None or not spacing_mm > 0:
+    unit_mm = unsaid_mm(calibration.observations)
+    if unit_mm is None:
         return calibration
-    unit_mm, base = USUAL * spacing_mm, without_surface(calibration)
-    found = extra_parameters(base, circle_shift_px(calibration, np.where(unsaid, unit_mm, 0.0))[:, :, None])
+    found = extra_parameters(without_surface(calibration), circle_shift_px(calibration, unit_mm)[:, :, None])
     if found is None:
         return calibration
+    return replace(calibration, circle_doubt=doubt_of(found, float(unit_mm.max()), len(calibration.camera.params)))
+
+
+def unsaid_mm(seen: Observations) -> Array | None:
+    """A usual diameter of each observation of which nobody said what it is, 0 of others; None: no such.  # (M,)"""
+    if seen.points.circle_mm is None:
+        return None
+    unsaid = np.isnan(seen.points.circle_mm[seen.point])
+    spacing_mm = _spacing_mm(seen, seen.point[unsaid]) if unsaid.any() else 0.0
+    return np.where(unsaid, USUAL * spacing_mm, 0.0) if spacing_mm > 0 else None
+
+
+def doubt_of(found: ExtraParameters, unit_mm: float, size: int) -> CircleDoubt:
+    """What the first of `size` parameters may be off, by the square of a diameter in units of one.
+
+    Args:
+        found: of that square.
+        unit_mm: the diameter.
+        size: rows of the covariance; the parameters that `found` tells of are the first.
+    """
     estimate, variance = _estimated(found)
     square = 1.0 if math.isinf(variance) else (estimate / (1 + variance)) ** 2 + variance / (1 + variance)
-    size = len(calibration.camera.params)
     covariance = np.zeros((size, size))
     covariance[: len(found.taken), : len(found.taken)] = square * found.taken @ found.taken.T
-    doubt = CircleDoubt(unit_mm * math.sqrt(max(estimate, 0.0)), estimate / math.sqrt(variance), spacing_mm, covariance)
-    return replace(calibration, circle_doubt=doubt)
+    diameter_mm = unit_mm * math.sqrt(max(estimate, 0.0))
+    return CircleDoubt(diameter_mm, estimate / math.sqrt(variance), unit_mm / USUAL, covariance)
 
 
 def _estimated(found: ExtraParameters) -> tuple[float, float]:

@@ -12,7 +12,7 @@ that centres of a photo share make the scores of photos vary by more than indepe
 deviation, as a covariance that is clustered by photo does (Liang and Zeger 1986, Biometrika 73).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
 from calib.solver.calibration import Calibration
-from calib.solver.free_shape import POSE, free_directions, whitened_views
+from calib.solver.free_shape import POSE, PosedSightings, free_directions, whitened_views
 
 Array = NDArray[np.float64]
 
@@ -104,19 +104,31 @@ def extra_parameters(calibration: Calibration, moved_px: Array) -> ExtraParamete
             of all M observations.
     """
     basis = free_directions(calibration.param_covariance)
-    inner, count = basis.shape[1], moved_px.shape[2]
-    blocks, square, equations = [np.zeros((0, inner + count + 1, inner + count + 1))], np.zeros(count), -inner
-    for view in whitened_views(calibration, basis):
-        if 2 * len(view.row) <= POSE:
+    views = whitened_views(calibration, basis)
+    return extra_of(((view, view.weight @ moved_px[view.row]) for view in views), basis, moved_px.shape[2])
+
+
+def extra_of(posed: Iterable[tuple[PosedSightings, Array]], basis: Array, count: int) -> ExtraParameters | None:
+    """The same of what each pose moves, with where a unit of each of `count` parameters moves it, whitened, (M, 2, K).
+
+    Args:
+        posed: pose by pose, by directions of all other unknowns.
+        basis: these directions (P, Q).
+        count: of parameters, K.
+    """
+    inner, blocks, square, equations = basis.shape[1], [], np.zeros(count), -basis.shape[1]
+    for view, moved in posed:
+        if 2 * len(view.point) <= POSE:
             continue
-        moved = view.weight @ moved_px[view.row]
-        flat = np.concatenate([view.by_camera, moved, -view.residual], axis=2).reshape(2 * len(view.row), -1)
+        flat = np.concatenate([view.by_camera, moved, -view.residual], axis=2).reshape(2 * len(view.point), -1)
         across = view.poses_taken().reshape(-1, POSE)
         left = flat - across @ (across.T @ flat)
-        blocks.append((left.T @ left)[None])
+        blocks.append(left.T @ left)
         square += (moved**2).sum(axis=(0, 1))
-        equations += 2 * len(view.row) - POSE
-    block = np.concatenate(blocks)  # (V, Q + K + 1, Q + K + 1)
+        equations += 2 * len(view.point) - POSE
+    if not blocks:
+        return None
+    block = np.stack(blocks)  # (V, Q + K + 1, Q + K + 1)
     whole = block.sum(axis=0)
     if not (equations > 0 and inner and whole[-1, -1] > 0):
         return None

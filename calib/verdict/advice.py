@@ -18,7 +18,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.outliers import deviations
 from calib.solver.plane_bend import is_flat
 from calib.verdict.check_kind import px
-from calib.verdict.checks import BY_CHANCE, SURE, checks_of, circles_told_mm, faults_of, made_words, missing_of
+from calib.verdict.checks import BY_CHANCE, SURE, checks_of, diameter_words, faults_of, made_words, missing_of
 from calib.verdict.evidence import FAR_OFF, CameraEvidence
 from calib.verdict.halves import HalvesApart
 from calib.verdict.next_view_words import distance_words, short
@@ -166,12 +166,11 @@ def _points(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> str
     found = evidence.uncertainty
     if not found.by_circles or found.circle_px <= LARGE_SHARE * criteria["uncertainty"].good:
         return ""
-    told_mm = circles_told_mm(found)
-    size = "DIAMETERmm" if told_mm is None else f"{figure(told_mm, 2)}mm"
-    fits = "" if told_mm is None else ", as it seems (give the true diameter)"
+    told = None if found.circle_doubt is None else found.circle_doubt.told_mm
+    fits = "" if told is None else f", as it seems ({diameter_words(*told)} fits; give the true diameter)"
     return (
-        f"say what the points are: `{replace(inputs, points=f'circle:{size}').solve}` if they are centres of circles "
-        f"from a blob or circle-grid detector{fits}, with --points corner if they are corners"
+        f"say what the points are: `{replace(inputs, points='circle:DIAMETERmm').solve}` if they are centres of "
+        f"circles from a blob or circle-grid detector{fits}, with --points corner if they are corners"
     )
 
 

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
-from calib.solver.calibration import TargetError
+from calib.solver.calibration import CircleDoubt, TargetError
 from calib.verdict.capture_check import LIMITS, judge_capture
 from calib.verdict.check_kind import LEAST_PX, CheckKind, Found, at_least, at_most, px
-from calib.verdict.evidence import FAR_OFF, CameraEvidence, ModelApart, Uncertainty
+from calib.verdict.evidence import FAR_OFF, CameraEvidence, ModelApart
 from calib.verdict.halves import HalvesApart, NoHalves
 from calib.verdict.target_shape import ShapeEffect
 from calib.verdict.verdict import Check, Criteria, Grade, Limits, measured_text
@@ -26,10 +26,6 @@ IRRELEVANT = 0.25
 """Of what good models may differ by: halves that differ by less do no harm, whatever they should."""
 LARGE_SHARE = 0.5
 """Of the residuals: a systematic part that is worth a word although it is small."""
-
-
-SURE_CIRCLES = 4.0
-"""Sigmas from which on points are said to fit as centres of circles: other faults of the photos look so, too."""
 
 
 def _solution(evidence: CameraEvidence, _: Criteria) -> Found | None:
@@ -86,12 +82,22 @@ def _uncertainty(evidence: CameraEvidence, criteria: Criteria) -> Found:
     return Found(at_most(value, limits), value, sentence)
 
 
-def circles_told_mm(found: Uncertainty) -> float | None:
-    """The diameter of the circles that the points are surely centres of, as the photos tell it; None: they do not."""
-    doubt = found.circle_doubt
-    if doubt is None or doubt.sigmas <= SURE_CIRCLES or not 0 < doubt.diameter_mm <= doubt.spacing_mm:
-        return None
-    return doubt.diameter_mm
+def circle_words(doubt: CircleDoubt, what: str, off: str) -> str:
+    """What photos tell of points that nobody said are corners or centres of circles, and what is off by that."""
+    if doubt.told_mm is None:
+        return (
+            "not known: nobody said whether the points are corners or centres of circles, and the photos do not tell "
+            f"it; {what} may be {off} by that, which its uncertainty contains (--points says what they are)"
+        )
+    return (
+        f"the points fit as the centres of circles of about {diameter_words(*doubt.told_mm)} diameter "
+        f"({figure(doubt.sigmas, 2)} sigma), and taken for points they leave {what} {off}; --points says what they are"
+    )
+
+
+def diameter_words(diameter_mm: float, sigma_mm: float) -> str:
+    """A diameter that photos tell: `13 ± 1.2 mm`."""
+    return f"{figure(diameter_mm, 2)} ± {figure(sigma_mm, 2)} mm"
 
 
 def _points(evidence: CameraEvidence, criteria: Criteria) -> Found | None:
@@ -99,20 +105,9 @@ def _points(evidence: CameraEvidence, criteria: Criteria) -> Found | None:
     found, limits = evidence.uncertainty, criteria["uncertainty"]
     if not found.by_circles or found.circle_px < LEAST_PX or found.circle_doubt is None:
         return None
-    told_mm = circles_told_mm(found)
-    off = f"off by up to {px(found.circle_px)}"
-    if told_mm is not None:
-        sentence = (
-            f"the points fit as the centres of circles of about {figure(told_mm, 2)} mm diameter "
-            f"({figure(found.circle_doubt.sigmas, 2)} sigma), and taken for points they leave the camera {off}; "
-            "--points says what they are"
-        )
-        return Found(at_most(found.circle_px, limits), None, sentence)
-    sentence = (
-        "not known: nobody said whether the points are corners or centres of circles, and the photos do not tell it; "
-        f"the camera may be {off} by that, which its uncertainty contains (--points says what they are)"
-    )
-    return Found("unknown", None, sentence)
+    sentence = circle_words(found.circle_doubt, "the camera", f"off by up to {px(found.circle_px)}")
+    is_told = found.circle_doubt.told_mm is not None
+    return Found(at_most(found.circle_px, limits) if is_told else "unknown", None, sentence)
 
 
 def _coverage(evidence: CameraEvidence, criteria: Criteria) -> Found:

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from calib.verdict.check_kind import CheckKind, Found, at_least, at_most, px
+from calib.verdict.checks import circle_words
 from calib.verdict.verdict import Check, Criteria, Grade, measured_text
 from designer.base.number_text import figure
 from designer.base.words import printable
@@ -215,11 +216,22 @@ def _space(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     return Found(at_most(share, criteria["space"]), share, sentence)
 
 
+def _points(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+    """Points that nobody said are corners or centres of circles, where that matters."""
+    found = evidence.by_circles
+    if found is None or found.sigma_mm <= found.noise_mm:
+        return None
+    sentence = circle_words(found.doubt, "a place in space", f"off by {figure(found.sigma_mm, 2)} mm")
+    share = 100 * found.sigma_mm / found.away_mm
+    return Found("unknown" if found.doubt.told_mm is None else at_most(share, criteria["space"]), None, sentence)
+
+
 RIG_CHECKS: "Mapping[str, CheckKind[RigEvidence]]" = {
     kind.name: kind
     for kind in (
         CheckKind("solution", "Solution", "", _solution),
         CheckKind("frames", "Frames that join the cameras", "frames", _frames, is_at_least=True, is_needed=True),
+        CheckKind("points", "What the points are", "", _points),
         CheckKind("lenses", "Lenses that were kept", "", _lenses),
         CheckKind("coverage", "Sensor coverage", "%", _coverage, most=100.0, is_at_least=True),
         CheckKind("halves", "Cross-validation by halves", "sigma", _halves, is_needed=True),
@@ -235,6 +247,7 @@ RIG_CHECKS: "Mapping[str, CheckKind[RigEvidence]]" = {
 FIRST = (
     "carrier",
     "solution",
+    "points",
     "residuals",
     "outliers",
     "halves",

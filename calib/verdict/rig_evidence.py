@@ -1,7 +1,7 @@
 """What is known of a solved rig when it is judged."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +13,20 @@ from calib.rigs.figures import CameraFigures, CameraTie, PairFigures, camera_fig
 from calib.rigs.halves import NoRigHalves, RigHalves, enlarged
 from calib.rigs.middle import CarriedError, MiddleError, carried_error, middle_error
 from calib.rigs.result import CarrierFit, RigCalibration
-from calib.solver.calibration import Status
+from calib.solver.calibration import CircleDoubt, Status
 from calib.verdict.coverage import Coverage, coverage_of
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ByCircles:
+    """What a place in space may be off as nobody said what the points are."""
+
+    doubt: CircleDoubt
+    sigma_mm: float
+    noise_mm: float  # by the noise alone
+    away_mm: float  # from the camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +46,7 @@ class RigEvidence:
     carrier: CarrierFit | None  # what carried the cameras or the target; None: nothing that says how
     carried: CarriedError | None  # None: no such, or more cameras than one
     delay_px: tuple[float, ...]  # (C,) what the delays' standard deviations move a sighting by; (): no delays
+    by_circles: ByCircles | None = None  # None: what the points are is known
 
     @property
     def factor(self) -> float:
@@ -63,7 +74,27 @@ def rig_evidence(found: RigCalibration, halves: RigHalves | NoRigHalves) -> RigE
         carrier=found.carrier,
         carried=carried_error(enlarged(found, halves, as_target=True)) if found.status != "degenerate" else None,
         delay_px=_delay_px(told),
+        by_circles=_by_circles(found),
     )
+
+
+def _by_circles(found: RigCalibration) -> ByCircles | None:
+    """The error of the carried target, or of a point in the middle, by that doubt and by noise."""
+    doubt = found.circle_doubt
+    if doubt is None or found.status == "degenerate":
+        return None
+    sigmas = []
+    for covariance in (doubt.param_covariance, found.covariance):
+        one = replace(found, covariance=covariance, target_covariance=None, circle_doubt=None)
+        carried, middle = carried_error(one), middle_error(one)
+        if carried is not None:
+            away_mm, sigma_mm = carried.away_mm, carried.sigma_mm
+        elif middle is not None:
+            away_mm, sigma_mm = middle.away_mm, middle.rig_mm
+        else:
+            return None
+        sigmas.append(sigma_mm)
+    return ByCircles(doubt, sigmas[0], sigmas[1], away_mm)
 
 
 def _delay_px(found: RigCalibration) -> tuple[float, ...]:

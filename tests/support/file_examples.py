@@ -255,7 +255,7 @@ def _rig_calibration() -> RigRecord:
 
 
 def _rig_verdict() -> JudgedRig:
-    halves = RigHalves((RigSplit("in order", 1 / 3, 6, 1 / 7, (PairApart(("a b", "c"), -0.1, 0.2),)),))
+    halves = RigHalves((RigSplit("in order", 1 / 3, 6, 1 / 7, (PairApart(("a b", "c"), -0.1, 0.2),), 2 / 3),))
     frame = NextFrame(POSE, ("a b", "c"), "hold it there", ("a b", "c"), 0.3, 1 / 7)
     pose = NextPose(POSE, "move it there", math.nan, 1e-3, 1 / 3, 1 / 7)
     return JudgedRig(_verdict().verdict, _verdict().criteria, halves, next_frames=(frame,), next_poses=(pose,),

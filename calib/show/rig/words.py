@@ -131,8 +131,8 @@ def halves_words(halves: RigHalves | NoRigHalves) -> str:
     if halves.factor > 1:
         chance += f", so the noise's part of all sigmas here is {digits(halves.factor, 2)} times as large"
     if halves.target_factor < halves.factor:
-        at_target = f"{digits(halves.target_factor, 2)} times" if halves.target_factor > 1 else "as it is"
-        chance += f"; where they place the target it is {at_target}"
+        at_target = f"{digits(halves.target_factor, 2)} times" if halves.target_factor > 1 else "as stated"
+        chance += f"; where they place the target they are {at_target}"
     return f"{', '.join(parts)}; {chance}"
 
 

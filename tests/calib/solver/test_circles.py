@@ -12,13 +12,19 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import transform
 from calib.core.types import KnownPoints, Observations, RigObservations
 from calib.metrics.evaluation import evaluate_on
+from calib.rigs.circle_doubt import with_circle_doubt as with_rig_circle_doubt
+from calib.rigs.halves import NoRigHalves
 from calib.rigs.options import CameraChoice
+from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.solver.accuracy import projected_change
 from calib.solver.calibration import Calibration
 from calib.solver.capture_error import with_capture_error
 from calib.solver.circles import circle_shift_px, with_circle_doubt
 from calib.solver.solve import solve
+from calib.verdict.criteria import read_rig_criteria
+from calib.verdict.rig_checks import rig_checks
+from calib.verdict.rig_evidence import rig_evidence
 from designer.base.errors import InputError
 from tests.support.solver_scenes import board, icosahedron, noisy, observe, poses_around
 
@@ -31,6 +37,7 @@ CAMERAS = {
     "fisheye": Camera("fisheye", np.array([600.0, 600, 805, 596, 0.03, -0.01, 0.002, 0.0]), SIZE),
 }
 DISTANCE_MM = {"fisheye": 130.0}
+STANDARD = read_rig_criteria("standard")
 NOISE_PX, PITCH_MM = 0.04, 20.0
 RIM = 720
 
@@ -150,6 +157,21 @@ def test_photos_tell_what_their_points_are(noise_px: float, is_told: bool) -> No
             assert doubt.sigmas < 4
 
 
+def test_a_diameter_is_told_with_what_it_is_unsure_by() -> None:
+    """Photos that tell circles of 13 mm as ones of 15 say so within three of the standard deviations they tell."""
+    told = []
+    for seed in range(6):
+        blob, _, _ = _scene("opencv", 13.0, distance_mm=200.0, seed=seed, photos=10)
+        seen = noisy(blob, 0.1, np.random.default_rng(seed))
+        doubt = with_circle_doubt(solve(_said(seen, np.nan), "opencv")).circle_doubt
+        assert doubt is not None
+        if doubt.told_mm is not None:
+            told.append((doubt.told_mm[0] - 13.0) / doubt.told_mm[1])
+    assert told
+    assert np.abs(told).max() < 3
+    assert replace(doubt, sigmas=3.9).told_mm is None
+
+
 def test_circles_need_their_planes() -> None:
     """Points on no known plane cannot be circles, and a message says what to give."""
     _, plain, _ = _scene("opencv", 0.0, photos=4)
@@ -159,24 +181,43 @@ def test_circles_need_their_planes() -> None:
     assert with_circle_doubt(solve(_said(loose, np.nan), "opencv")).circle_doubt is None
 
 
-def test_cameras_of_a_rig_take_circles_to_points_together() -> None:
-    """Two cameras that see circles stand as those that see points do."""
+def _pair(diameter_mm: float, said_mm: float, *, noise_px: float = 0.0, away_mm: float = 330.0) -> RigCalibration:
+    """A pair of cameras, the second 40 mm to the right, solved from circles, and what is said of these."""
     rng = np.random.default_rng(3)
     apart = np.eye(4)
     apart[0, 3] = -40.0
-    poses = poses_around(10, rng, distance_mm=330.0, half_angle_deg=45)
-    rigs = []
-    for diameter_mm in (13.0, 0.0):
-        seen = []
-        for pose in (poses, apart @ poses):
-            plain = observe(CAMERAS["opencv"], board(10, 7, PITCH_MM), pose, rng, incidence_deg=75)
-            at_truth = replace(solve(plain, "opencv"), camera=CAMERAS["opencv"], cam_from_target=pose)
-            shift = circle_shift_px(at_truth, np.full(len(plain.view), diameter_mm))
-            seen.append(_said(replace(plain, center_px=plain.center_px + shift), diameter_mm))
-        names, frames = seen[0].view_names, np.arange(10)
-        rig = RigObservations(("left", "right"), names, tuple(seen), (frames, frames))
-        rigs.append(solve_rig(rig, [CameraChoice("opencv")] * 2))
-    circles, points = rigs
+    poses, seen = poses_around(10, rng, distance_mm=away_mm, half_angle_deg=45), []
+    for pose in (poses, apart @ poses):
+        plain = observe(CAMERAS["opencv"], board(10, 7, PITCH_MM), pose, rng, incidence_deg=75)
+        at_truth = replace(solve(plain, "opencv"), camera=CAMERAS["opencv"], cam_from_target=pose)
+        shift = circle_shift_px(at_truth, np.full(len(plain.view), diameter_mm))
+        seen.append(_said(noisy(replace(plain, center_px=plain.center_px + shift), noise_px, rng), said_mm))
+    frames = np.arange(10)
+    rig = RigObservations(("left", "right"), seen[0].view_names, tuple(seen), (frames, frames))
+    return solve_rig(rig, [CameraChoice("opencv")] * 2)
+
+
+@pytest.mark.parametrize("diameter_mm", [0.0, 13.0])
+def test_a_rig_of_points_of_which_nobody_spoke_states_what_they_may_do(diameter_mm: float) -> None:
+    """The second camera is off by no more than is stated; circles near by are told, points are not taken for some."""
+    found = with_rig_circle_doubt(_pair(diameter_mm, np.nan, noise_px=0.03, away_mm=200.0))
+    assert found.circle_doubt is not None
+    assert (found.circle_doubt.told_mm is not None) == bool(diameter_mm)
+    place = slice(found.rig.pose_rows(1).start + 3, found.rig.pose_rows(1).stop)
+    off = found.cam_from_rig[1, :3, 3] - [-40.0, 0.0, 0.0]
+    for row, error in zip(range(place.start, place.stop), off, strict=True):
+        assert abs(error) < 3 * np.sqrt(found.stated_covariance[row, row])
+    said = _pair(diameter_mm, 0.0, noise_px=0.03)
+    assert with_rig_circle_doubt(said) is said
+    check = next((one for one in rig_checks(rig_evidence(found, NoRigHalves("not asked")), STANDARD)
+                  if one.name == "points"), None)  # fmt: skip
+    assert (check is not None) == bool(diameter_mm)
+    assert check is None or ("--points says what they are" in check.sentence and "±" in check.sentence)
+
+
+def test_cameras_of_a_rig_take_circles_to_points_together() -> None:
+    """Two cameras that see circles stand as those that see points do."""
+    circles, points = _pair(13.0, 13.0), _pair(0.0, 0.0)
     assert "13 mm" in circles.remarks[-1]
     np.testing.assert_allclose(circles.cam_from_rig, points.cam_from_rig, atol=2e-4)
     np.testing.assert_allclose(circles.cameras[1].params, points.cameras[1].params, rtol=2e-5, atol=1e-3)
