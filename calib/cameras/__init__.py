@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from calib.cameras.camera import Camera
-    from calib.cameras.parameters import Linearised, Parameter
+    from calib.cameras.parameters import LensParameter, Linearised
 
     Array = NDArray[np.float64]
 
@@ -114,7 +114,7 @@ class CameraModel(Protocol):
         ...
 
     @property
-    def parameters(self) -> "tuple[Parameter, ...]":
+    def parameters(self) -> "tuple[LensParameter, ...]":
         """What `Camera.params` holds, in its order; the first four are fx, fy, cx, cy in px."""
         ...
 
@@ -186,7 +186,7 @@ def parameter_names(model: str) -> tuple[str, ...]:
     return tuple(parameter.name for parameter in MODELS[model].parameters)
 
 
-def told_parameters(model: str) -> "tuple[Parameter, ...]":
+def told_parameters(model: str) -> "tuple[LensParameter, ...]":
     """The parameters of a model that have a meaning of their own: all but the control points of a surface."""
     return tuple(parameter for parameter in MODELS[model].parameters if not parameter.is_control)
 

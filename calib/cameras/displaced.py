@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, CompiledModel, Parameter
+from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, CompiledModel, LensParameter
 from calib.cameras.polynomial import first_change, value_at
 from calib.core.jit import jit, jit_sums
 
@@ -58,7 +58,7 @@ def displaced_model(
     return CompiledModel(
         name=name,
         remedy=remedy,
-        parameters=(*FOCAL_AND_CENTRE, *(Parameter(one, "1") for one in names)),
+        parameters=(*FOCAL_AND_CENTRE, *(LensParameter(one, "1") for one in names)),
         opencv_lens=names if has_opencv_lens else None,
         lens=limited,
         fill_rays=_rays,

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras.parameters import FOCAL_AND_CENTRE, Parameter
+from calib.cameras.parameters import FOCAL_AND_CENTRE, LensParameter
 from calib.cameras.polynomial import first_change
 from calib.cameras.radial import RadialModel, polynomial
 from calib.core.jit import jit
@@ -82,7 +82,7 @@ def _limits(lens: Array) -> tuple[float, float]:
 MODEL = RadialModel(
     name="division",
     remedy="its polynomial bends back there; fisheye or eucm may reach farther",
-    parameters=(*FOCAL_AND_CENTRE, *(Parameter(f"k{k}", "1") for k in range(1, 4))),
+    parameters=(*FOCAL_AND_CENTRE, *(LensParameter(f"k{k}", "1") for k in range(1, 4))),
     limits=_limits,
     fill_scale=_fill_scale,
     fill_depth=_fill_depth,

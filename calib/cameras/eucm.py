@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras.parameters import FOCAL_AND_CENTRE, Parameter
+from calib.cameras.parameters import FOCAL_AND_CENTRE, LensParameter
 from calib.cameras.radial import RadialModel
 from calib.core.jit import jit_sums
 
@@ -49,8 +49,8 @@ MODEL = RadialModel(
     remedy="its two numbers end there; fisheye may reach farther",
     parameters=(
         *FOCAL_AND_CENTRE,
-        Parameter("alpha", "1", lower=-1.0, upper=1.0),
-        Parameter("beta", "1", lower=0.0, neutral=1.0),
+        LensParameter("alpha", "1", lower=-1.0, upper=1.0),
+        LensParameter("beta", "1", lower=0.0, neutral=1.0),
     ),
     limits=_limits,
     fill_scale=_fill_scale,

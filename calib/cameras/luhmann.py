@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.brown import BLOCK, distort, fold_radius, undistort_block
 from calib.cameras.camera import Camera
-from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, CompiledModel, Parameter, keep_rows
+from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, CompiledModel, LensParameter, keep_rows
 from calib.core.jit import jit, jit_sums
 
 Array = NDArray[np.float64]
@@ -108,7 +108,7 @@ def _fill(
 MODEL = CompiledModel(
     name="luhmann",
     remedy="fisheye, ds and eucm reach any angle; virtual needs no lens formula",
-    parameters=(*FOCAL_AND_CENTRE, *(Parameter(name, "1") for name in ("k1", "k2", "k3", "p1", "p2"))),
+    parameters=(*FOCAL_AND_CENTRE, *(LensParameter(name, "1") for name in ("k1", "k2", "k3", "p1", "p2"))),
     lens=_lens,
     fill_rays=_rays,
     fill_pixels=_project,

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras.parameters import FOCAL_AND_CENTRE, Parameter
+from calib.cameras.parameters import FOCAL_AND_CENTRE, LensParameter
 from calib.cameras.radial import RadialModel
 from calib.core.jit import jit_sums
 
@@ -44,7 +44,7 @@ def _limits(lens: Array) -> tuple[float]:
 MODEL = RadialModel(
     name="omni",
     remedy="its one number ends there; fisheye or eucm may reach farther",
-    parameters=(*FOCAL_AND_CENTRE, Parameter("xi", "1", lower=-1.0)),
+    parameters=(*FOCAL_AND_CENTRE, LensParameter("xi", "1", lower=-1.0)),
     limits=_limits,
     fill_scale=_fill_scale,
     fill_depth=_fill_depth,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.brown import BLOCK, distort, fold_radius, undistort_block
 from calib.cameras.camera import Camera
-from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, CompiledModel, Parameter, keep_rows
+from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, CompiledModel, LensParameter, keep_rows
 from calib.core.jit import jit, jit_sums
 
 Array = NDArray[np.float64]
@@ -93,7 +93,7 @@ def _fill(
 MODEL = CompiledModel(
     name="opencv",
     remedy="fisheye, ds and eucm reach any angle off the axis",
-    parameters=(*FOCAL_AND_CENTRE, *(Parameter(name, "1") for name in ("k1", "k2", "p1", "p2", "k3"))),
+    parameters=(*FOCAL_AND_CENTRE, *(LensParameter(name, "1") for name in ("k1", "k2", "p1", "p2", "k3"))),
     opencv_lens=("k1", "k2", "p1", "p2", "k3"),
     lens=_fold,
     fill_rays=_rays,

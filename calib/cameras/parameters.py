@@ -17,7 +17,7 @@ can tell that its rows do not overlap, and then takes several points at once."""
 
 
 @dataclass(frozen=True)
-class Parameter:
+class LensParameter:
     """One number of a camera model."""
 
     name: str
@@ -29,10 +29,10 @@ class Parameter:
 
 
 FOCAL_AND_CENTRE = (
-    Parameter("fx_px", "px", lower=0.0),
-    Parameter("fy_px", "px", lower=0.0),
-    Parameter("cx_px", "px"),
-    Parameter("cy_px", "px"),
+    LensParameter("fx_px", "px", lower=0.0),
+    LensParameter("fy_px", "px", lower=0.0),
+    LensParameter("cx_px", "px"),
+    LensParameter("cy_px", "px"),
 )
 """What every model begins with."""
 
@@ -78,7 +78,7 @@ class CompiledModel:
 
     name: str
     remedy: str
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[LensParameter, ...]
     fill_rays: Callable[..., None]
     fill_pixels: Callable[..., None]
     fill_linear: Callable[..., None]

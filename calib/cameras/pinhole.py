@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, Linearised, Parameter, keep_rows, to_unit
+from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, LensParameter, Linearised, keep_rows, to_unit
 from calib.core.jit import jit, jit_sums
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ class Pinhole:
     name: str = "pinhole"
     remedy: str = "models with a lens may reach them"
     opencv_lens: tuple[str, ...] | None = ()
-    parameters: tuple[Parameter, ...] = FOCAL_AND_CENTRE
+    parameters: tuple[LensParameter, ...] = FOCAL_AND_CENTRE
 
     def rays(self, camera: Camera, pixel: Array) -> Array:
         """Unit directions (..., 3)."""

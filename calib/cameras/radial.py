@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.cameras.parameters import Linearised, Parameter, to_unit
+from calib.cameras.parameters import LensParameter, Linearised, to_unit
 from calib.core.jit import jit, jit_sums
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ class RadialModel:
 
     name: str
     remedy: str
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[LensParameter, ...]
     fill_scale: Callable[..., None]  # (K,), limits, points (3, N) -> s, its derivatives by X^2 + Y^2, Z, parameters
     fill_depth: Callable[..., None]  # (K,), limits, a^2 + b^2 (N,) -> m (N,)
     limits: Callable[[Array], tuple[float, ...]]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import MODELS, CameraModel, linearise
 from calib.cameras.camera import Camera
-from calib.cameras.parameters import Linearised, Parameter
+from calib.cameras.parameters import LensParameter, Linearised
 from calib.core.jit import jit
 
 Array = NDArray[np.float64]
@@ -145,14 +145,14 @@ class SurfaceModel:
     base: CameraModel
     control_rows: int
     control_columns: int
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[LensParameter, ...]
     opencv_lens: tuple[str, ...] | None = None
 
     @classmethod
     def over(cls, base: CameraModel, name: str, *, rows: int, columns: int) -> "SurfaceModel":
         """The model with so many control points over a base."""
         control = (
-            Parameter(f"d{axis}_row{row}_column{column}_px", "px", is_control=True)
+            LensParameter(f"d{axis}_row{row}_column{column}_px", "px", is_control=True)
             for axis in "uv"
             for row in range(rows)
             for column in range(columns)

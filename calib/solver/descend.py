@@ -37,7 +37,7 @@ ROUNDS = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class ShownMinimum:
     """A minimum of the points that the model shows there."""
 
     minimum: Minimum
@@ -59,7 +59,7 @@ def minimise_shown(
     *,
     max_iterations: int,
     damping: float = FIRST_DAMPING,
-) -> Shown:
+) -> ShownMinimum:
     """Descend to a minimum of the points that the model shows there; arguments as those of `minimise`."""
     is_beyond = np.zeros_like(problem.is_used)
     times = np.zeros(len(is_beyond), dtype=np.int64)  # that each was left out
@@ -77,7 +77,7 @@ def minimise_shown(
         times += is_beyond & change
         if lost_views(problem, problem.is_used & ~is_beyond).any():
             break
-    return Shown(replace(found, iterations=iterations), is_beyond)
+    return ShownMinimum(replace(found, iterations=iterations), is_beyond)
 
 
 def _in_the_way(problem: Problem, found: Minimum, in_a_row: int) -> Flags:
@@ -150,7 +150,7 @@ def descend(
     )  # fmt: skip
 
 
-def _best_of(problem: Problem, starts: Sequence[tuple[Camera, Array]], tie: Tie, options: SolveOptions) -> Shown:
+def _best_of(problem: Problem, starts: Sequence[tuple[Camera, Array]], tie: Tie, options: SolveOptions) -> ShownMinimum:
     """The minimum from the first start that leads to one with all points; else the one that leaves least error."""
     found = []
     for start in starts:
@@ -183,8 +183,8 @@ def _first_loss(problem: Problem, camera: Camera, poses: Array, options: SolveOp
 
 
 def _forgiving(
-    problem: Problem, start: Shown, tie: Tie, options: SolveOptions, cov_px2: Array | None
-) -> tuple[Shown, NDArray[np.bool_]]:
+    problem: Problem, start: ShownMinimum, tie: Tie, options: SolveOptions, cov_px2: Array | None
+) -> tuple[ShownMinimum, NDArray[np.bool_]]:
     """Weigh down or leave out what lies far off, until nothing changes; and which observations then count."""
     found, is_beyond = start.minimum, start.is_beyond
     is_used, steps, taken = problem.is_used, options.max_iterations, found.iterations
@@ -198,7 +198,7 @@ def _forgiving(
         residual = found.blocks.residual_px
         keeps = problem.is_used & (deviations(residual, cov_px2) <= limit)
         if lost_views(problem, keeps).any():
-            return Shown(found, is_beyond), keeps
+            return ShownMinimum(found, is_beyond), keeps
         loss = RobustLoss(options.loss, robust_sigma(whitened(problem.whitener, residual)))
         kept = replace(problem, is_used=keeps)
         shown = minimise_shown(kept, found.camera, found.cam_from_target, tie.row, loss, max_iterations=steps)
@@ -209,4 +209,4 @@ def _forgiving(
             break
     # Losses that forgive have no barrier: what they do not show lies as far off as can be.
     is_beyond = is_beyond | (problem.is_used & ~np.isfinite(found.blocks.residual_px).all(axis=0))
-    return Shown(replace(found, iterations=taken), is_beyond), is_used & ~is_beyond
+    return ShownMinimum(replace(found, iterations=taken), is_beyond), is_used & ~is_beyond

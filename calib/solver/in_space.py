@@ -12,7 +12,7 @@ from calib.core.types import KnownPoints
 from calib.solver.accuracy import Accuracy, accuracy_of, projected_change, share_px
 from calib.solver.blocks import RobustLoss, view_blocks, view_misfit
 from calib.solver.costs import COSTS, DISTANCES, IMAGE
-from calib.solver.descend import ROUNDS, Descended, Shown, lost_views, minimise_shown
+from calib.solver.descend import ROUNDS, Descended, ShownMinimum, lost_views, minimise_shown
 from calib.solver.distance import InSpace
 from calib.solver.options import SolveOptions, Tie
 from calib.solver.outliers import deviations, robust_sigma, whitened
@@ -66,7 +66,7 @@ def in_space(problem: Problem, minimise: str, points: KnownPoints, seen: NDArray
     return replace(problem, space=space, whitener=plain)
 
 
-def minimise_in_space(problem: Problem, camera: Camera, poses: Array, tie: Tie, options: SolveOptions) -> Shown:
+def minimise_in_space(problem: Problem, camera: Camera, poses: Array, tie: Tie, options: SolveOptions) -> ShownMinimum:
     """Descend in a problem of distances in space; the loss bends where most distances are small against it."""
     taken = 0
     for _ in range(1 if options.loss == "squares" else ROUNDS):

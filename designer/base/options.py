@@ -26,7 +26,7 @@ FARTHEST_MM = 1e7
 
 
 @dataclass(frozen=True)
-class Option:
+class CommandOption:
     """What is said of a parameter beyond its name, type and default."""
 
     help: str
@@ -45,9 +45,9 @@ class Option:
     is_many: bool = False
 
 
-option = Option
+option = CommandOption
 """`Annotated[float | None, option("of a coordinate in the image", 0, 100)] = None`."""
-argument = partial(Option, is_argument=True)
+argument = partial(CommandOption, is_argument=True)
 """`Annotated["Rig | Place", argument("the rig's file")]`."""
 
 
@@ -87,7 +87,7 @@ class Parameter:
     """One of a function's, as it is given in a shell and in Python."""
 
     name: str
-    option: Option
+    option: CommandOption
     kind: object  # the type, None aside; a text where it is not loaded
     default: object  # `inspect.Parameter.empty`: it has to be given
 
@@ -206,7 +206,7 @@ def parameters_of(function: Callable[..., object]) -> dict[str, Parameter]:
     for name, one in inspect.signature(function).parameters.items():
         if get_origin(one.annotation) is Annotated:
             kind, *marks = get_args(one.annotation)
-            said = next((mark for mark in marks if isinstance(mark, Option)), None)
+            said = next((mark for mark in marks if isinstance(mark, CommandOption)), None)
             if said is not None:
                 found[name] = Parameter(name, said, _without_none(kind), one.default)
     return found

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TypeAlias, TypeVar,
 
 from designer.base.answer import NegativeError, StoppedError, Summary
 from designer.base.errors import NoAnswerError
-from designer.base.options import Option, Parameter, checked, parameters_of
+from designer.base.options import CommandOption, Parameter, checked, parameters_of
 from designer.page.output import Output
 from designer.page.result import Result
 
@@ -246,8 +246,8 @@ def _of_output(made: type[Result], *, has_out: bool, has_page: bool) -> list[ins
     import typer
 
     files = ", ".join(["the page", f"{made.kind}.json", *made.files])
-    out = Option(f"folder for {files}", short="-o", group=OUTPUT)
-    page = Option("write the folder's index.html, or save the seconds that takes", group=OUTPUT)
+    out = CommandOption(f"folder for {files}", short="-o", group=OUTPUT)
+    page = CommandOption("write the folder's index.html, or save the seconds that takes", group=OUTPUT)
     verbose = typer.Option("--verbose", "-v", help="say all tables", rich_help_panel=OUTPUT)
     place = Parameter(OUT, out, Path, _folder_of(made))
     return [

@@ -48,7 +48,7 @@ NO_LIMIT = Allowed(math.inf, math.inf, math.inf)
 
 
 @dataclass(frozen=True)
-class Budget:
+class Allowance:
     """What a limit on one quantity allows."""
 
     required: Requirement
@@ -61,7 +61,7 @@ class Budget:
         return tuple(name for name, one in self.allowed.items() if one.by == "unchecked square law")
 
 
-def largest_allowed(table: ToleranceTable, required: Requirement) -> Budget:
+def largest_allowed(table: ToleranceTable, required: Requirement) -> Allowance:
     """The largest errors from a table, by m^2 = m0^2 + f^2 cost^2 for the multiple f of the amounts.
 
     The intervals are of the table's draws; those of a prediction tell nothing of where errors are no longer small, for
@@ -78,10 +78,10 @@ def largest_allowed(table: ToleranceTable, required: Requirement) -> Budget:
         return Allowed(_ratio(rooms[0], value), _ratio(rooms[2], high), _ratio(rooms[1], low))
 
     alone = {name: allowed(table.cost[place, row]) for place, name in enumerate(table.sources)}
-    return Budget(required, rooms[0] > 0, {**alone, TOGETHER: allowed(table.together[row])})
+    return Allowance(required, rooms[0] > 0, {**alone, TOGETHER: allowed(table.together[row])})
 
 
-def checked(budget: Budget, table: ToleranceTable, linear: ToleranceTable, reaches: Sequence[Reach]) -> Budget:
+def checked(budget: Allowance, table: ToleranceTable, linear: ToleranceTable, reaches: Sequence[Reach]) -> Allowance:
     """The budget with what is unchecked: the square law may fail from the assumed amounts to the largest allowed ones.
 
     A source that costs nothing to first order does not matter, whatever rounding in the draws says.
@@ -105,7 +105,7 @@ def checked(budget: Budget, table: ToleranceTable, linear: ToleranceTable, reach
     return replace(budget, allowed=found)
 
 
-def searched(budget: Budget, first: FirstOrder, errors: ErrorModel, seed: int, count: int, tell: Tell) -> Budget:
+def searched(budget: Allowance, first: FirstOrder, errors: ErrorModel, seed: int, count: int, tell: Tell) -> Allowance:
     """The budget with what is unchecked searched with draws, one by one; it stays where none is found."""
     found = dict(budget.allowed)
     for place, name in enumerate(budget.unchecked):
@@ -118,7 +118,7 @@ def searched(budget: Budget, first: FirstOrder, errors: ErrorModel, seed: int, c
     return replace(budget, allowed=found)
 
 
-def budget_row(budget: Budget, table: ToleranceTable) -> BudgetRow:
+def budget_row(budget: Allowance, table: ToleranceTable) -> BudgetRow:
     """The budget as the study's file has it, in the units of the sources."""
     quantity, limit = budget.required.quantity, budget.required.limit
     alone = (

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.studies.progress import DrawCount, Tell, after
-from calib.studies.tolerance.budget import Budget, budget_row, checked, largest_allowed, searched
+from calib.studies.tolerance.budget import Allowance, budget_row, checked, largest_allowed, searched
 from calib.studies.tolerance.crossover import crossovers, default_vary
 from calib.studies.tolerance.draw import BARE, TOGETHER
 from calib.studies.tolerance.first_order import FirstOrder, first_order
@@ -196,7 +196,9 @@ def _reaches(scene: PhotographedTarget, plan: TolerancePlan, first: FirstOrder, 
     return found
 
 
-def _searched(budgets: list[Budget], scene: PhotographedTarget, plan: TolerancePlan, first: FirstOrder) -> list[Budget]:
+def _searched(
+    budgets: list[Allowance], scene: PhotographedTarget, plan: TolerancePlan, first: FirstOrder
+) -> list[Allowance]:
     """The budgets, searched with draws where errors are no longer small."""
     total, done, found = sum(len(one.unchecked) for one in budgets), 0, []
     if not total:
