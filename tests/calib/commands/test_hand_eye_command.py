@@ -40,7 +40,7 @@ def scatter_mm(found: RigCalibration) -> float:
     points = replace(seen.points, position_mm=found.carrier.size * seen.points.position_mm)
     there = transform((pose @ found.rig_from_target[seen.view]), points.position_mm[seen.point])
     clean, square = replace(seen, points=points, center_px=project(camera, there)), []
-    for step in np.random.default_rng(4).multivariate_normal(np.zeros(len(rig.covariance)), rig.covariance, 60):
+    for step in np.random.default_rng(4).multivariate_normal(np.zeros(len(rig.covariance)), rig.covariance, 30):
         lens, moves = replace(camera, params=camera.params + step[rig.params_rows(0)]), step[rig.pose_rows(0)]
         moved = make_pose(exp_rotation(moves[:3]) @ pose[:3, :3], pose[:3, 3] + moves[3:])
         placed = transform(invert(moved) @ solve_poses(lens, clean).cam_from_target, middle)
