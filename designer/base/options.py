@@ -33,6 +33,7 @@ class CommandOption:
     least: float = -math.inf
     most: float = math.inf
     metavar: str = ""
+    flag: str = ""  # of a shell, where it is not the name: "--reject"
     short: str = ""  # a letter's flag: "-v"
     parse: Text | None = (
         None  # of the text of a shell, where the name's ending does not tell; ValueError: no such thing
@@ -99,6 +100,8 @@ class Parameter:
     @property
     def flag(self) -> str:
         """Its name in a shell, without the unit."""
+        if self.option.flag:
+            return self.option.flag
         stem, _, ending = self.name.rpartition("_")
         return f"--{(stem if ending in UNITS and stem else self.name).replace('_', '-')}"
 

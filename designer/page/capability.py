@@ -74,7 +74,7 @@ def command_of(function: Callable[..., Result], folder: Folder | None = None) ->
         place, verbose, has_page = (given.pop(name, None) for name in (OUT, "verbose", "page"))
         values = {name: _read(parameters[name], value) for name, value in given.items() if value is not None}
         where = cast(Path, place or (folder(values) if folder else _folder_of(made)))
-        output = Output(where, where)
+        output = Output(where, None if made.is_table(where) else where)
         if OUT in takes:
             values[OUT] = output
         else:
@@ -246,7 +246,8 @@ def _of_output(made: type[Result], *, has_out: bool, has_page: bool) -> list[ins
     import typer
 
     files = ", ".join(["the page", f"{made.kind}.json", *made.files])
-    out = CommandOption(f"folder for {files}", short="-o", group=OUTPUT)
+    table = f"; or a {Path(made.alone).suffix}, for {made.alone} alone" if made.alone else ""
+    out = CommandOption(f"folder for {files}{table}", short="-o", group=OUTPUT)
     page = CommandOption("write the folder's index.html, or save the seconds that takes", group=OUTPUT)
     verbose = typer.Option("--verbose", "-v", help="say all tables", rich_help_panel=OUTPUT)
     place = Parameter(OUT, out, Path, _folder_of(made))

@@ -44,17 +44,19 @@ class Result(ABC):
     """What there is none of, in a line such as "no camera is determined: ...", if there is no result."""
     files: ClassVar[Mapping[str, str]]
     """The tables, and what they are for."""
+    alone: ClassVar[str]
+    """The table that is written by itself where a path ends as its name does; "": none is."""
     replaces: ClassVar[tuple[str, ...]]
     """Kinds of pages that give way to its own."""
     remarks: tuple[str, ...]
 
     def __init_subclass__(
         cls, *, kind: str, title: str, doing: str = "", sought: str = "", files: Mapping[str, str] | None = None,
-        replaces: tuple[str, ...] = (),
+        alone: str = "", replaces: tuple[str, ...] = (),
     ) -> None:  # fmt: skip
         super().__init_subclass__()
         cls.kind, cls.title, cls.doing, cls.sought, cls.files = kind, title, doing, sought, files or {}
-        cls.replaces = replaces
+        cls.alone, cls.replaces = alone, replaces
 
     @abstractmethod
     def page(self) -> "Page":
@@ -88,11 +90,15 @@ class Result(ABC):
 
     @classmethod
     def check(cls, folder: Path) -> None:
-        """Refuse a folder that takes no such result, before any work is done.
+        """Refuse a folder, or the place of a table, that takes no such result, before any work is done.
 
         Raises:
             InputError: the message names it.
         """
+        if cls.is_table(folder):
+            check_folder(folder.parent)
+            require_ours(folder)
+            return
         check_folder(folder)
         require_ours(folder / f"{cls.kind}.json", kind=f"{NAME}.{cls.kind}")
         for name in cls.files:
@@ -102,7 +108,7 @@ class Result(ABC):
         """Write `KIND.json`, its tables and its page into a folder; return the files.
 
         Args:
-            folder: is made if it is not there.
+            folder: is made if it is not there; or a name that ends as that of the table that can stand alone.
             command: line that made the result, for the page.
             has_page: whether to write `index.html`, and `page.json`, of which `calib report` makes it again.
 
@@ -110,6 +116,9 @@ class Result(ABC):
             InputError: the folder takes no files, or holds somebody else's.
         """
         place = place_of(folder, "a folder, such as '.'")
+        if self.is_table(place):
+            write_files({place: self.tables()[self.alone]})
+            return (place,)
         files = {place / f"{self.kind}.json": self._text(), **{place / k: v for k, v in self.tables().items()}}
         write_files(files)
         return (*files, *self.draw_page(place, command)[1]) if has_page else tuple(files)
@@ -146,6 +155,11 @@ class Result(ABC):
             page, title=page.title or title_of(folder), kind=self.title, sections=(*page.sections, *steps, files),
             made_by=command, program=program(), is_negative=self.is_negative,
         )  # fmt: skip
+
+    @classmethod
+    def is_table(cls, place: Path) -> bool:
+        """Whether a path is that of the table alone."""
+        return bool(cls.alone) and place.suffix.lower() == Path(cls.alone).suffix
 
     def _text(self) -> bytes:
         head: dict[str, JsonValue] = {"format": f"{NAME}.{self.kind}", "version": 1}
