@@ -31,10 +31,10 @@ if TYPE_CHECKING:
     from calib.api.running import NothingFoundError, run, solve
     from calib.api.tolerancing import ToleranceResult, tolerance, ways
     from calib.api.tolerancing_rigs import RigToleranceResult, rig_tolerance
-    from calib.api.triangulating import TriangulationResult, triangulate
     from calib.api.undistorting import Undistorter, undistort
     from calib.app.budget import Budget, budget
     from calib.app.inputs import load_camera, load_observations, load_rig
+    from calib.app.triangulate import Triangulation, triangulate
     from calib.cameras.camera import Camera
     from calib.cameras.rig import Rig
     from calib.cameras.undistortion import Undistorted
@@ -87,7 +87,7 @@ __all__ = [
     "RigToleranceResult",
     "RunResult",
     "ToleranceResult",
-    "TriangulationResult",
+    "Triangulation",
     "Undistorted",
     "UndistortedFiles",
     "Undistorter",
@@ -204,8 +204,8 @@ _HOMES = {
         "RigToleranceResult",
         "rig_tolerance",
     ),
-    "calib.api.triangulating": (
-        "TriangulationResult",
+    "calib.app.triangulate": (
+        "Triangulation",
         "triangulate",
     ),
     "calib.api.undistorting": (

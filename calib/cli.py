@@ -19,6 +19,7 @@ TASKS: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 """The commands by what they are for; each is the function of its name in the module of its name."""
 LINES = {
+    "triangulate": "Find where points are that several cameras see, and how surely.",
     "budget": "Tell how large errors in space are to be expected, in mm.",
 }
 """What the list of commands says of each, as its docstring begins."""

@@ -54,11 +54,13 @@ def error_axes(points_mm: Array, covariance_mm2: Array, size_mm: float) -> tuple
     return Layer("points", (Segments(ends, (POINT,)),)), enlarged
 
 
-def rig_and_errors(rig: Rig, points_mm: Array, covariance_mm2: Array, title: str, alt: str, caption: str) -> View3d:
+def rig_and_errors(
+    rig: Rig, points_mm: Array, covariance_mm2: Array, title: str, alt: str, caption: str, named: str = "expected error"
+) -> View3d:
     """The cameras, and points (N, 3) as the axes of their errors, of covariances (N, 3, 3)."""
     size_mm = scene_size_mm(rig, points_mm)
     points, enlarged = error_axes(points_mm, covariance_mm2, size_mm)
-    legend = (CAMERA, "camera"), (POINT, "expected error")
+    legend = (CAMERA, "camera"), (POINT, named)
     scene = looked_at(rig, (rig_layer(rig, size_mm), points), legend)
     return View3d(title, scene, alt, f"{caption}, {enlarged:g} times enlarged. Point at a camera for its name.")
 

@@ -39,7 +39,6 @@ KINDS: Mapping[str, str] = {
     "detections": "photos.photos_page.photos_page",
     "poses": "photos.photos_page.photos_page",
     "rig_poses": "photos.photos_page.photos_page",
-    "triangulation": "space.triangulated.triangulation_page",
     "plan": "plan.page.plan_page",
 }
 """What builds the page of each kind of folder: a function below `calib.show`, loaded when it is needed."""
@@ -176,7 +175,6 @@ def _kind_in(folder: Path) -> str:
     from calib.records.plan_file import PLAN_FILE
     from calib.records.rig_file import is_rig_folder
     from calib.records.run_folder import is_run_folder
-    from calib.records.triangulation_file import TRIANGULATION_FILE
     from calib.show.photos.photos_file import PHOTOS_FILE, read_photos
 
     if is_rig_folder(folder):
@@ -191,7 +189,7 @@ def _kind_in(folder: Path) -> str:
     if any(folder.glob("*.as_built.json")):
         return "measure"
     of_one_kind = (
-        (COUPON_FILE, "coupon"), (TRIANGULATION_FILE, "triangulation"), (PLAN_FILE, "plan"),
+        (COUPON_FILE, "coupon"), (PLAN_FILE, "plan"),
     )  # fmt: skip
     for name, kind in of_one_kind:
         if (folder / name).is_file():

@@ -5,22 +5,23 @@ distance, so each distance has a standard deviation of its own: by the noise of 
 independent errors.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.cameras.rig import Rig
 from calib.core.parallel import one_thread
 from calib.space.linear import calibration_factor
 from calib.space.propagate import Rays, propagate, whitening
-from calib.space.sightings import keep_places, with_noise
-from calib.space.triangulate import Triangulation
+from calib.space.sightings import PointSightings, keep_places, with_noise
+from calib.space.triangulate import TriangulatedPoints, triangulate_points
+from designer.base.arrays import Array, Rows
 from designer.base.marks import Count, Gap, Length
+from designer.base.number_text import figure
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
-
+NOTICEABLE = 1.05
+"""Times as much scatter as stated, that is taken into account."""
 MOST_PAIRS = 40_000
 BINS = 6
 WITHIN_95 = 1.959964
@@ -71,8 +72,20 @@ class _Pairs:
     every: int
 
 
+def triangulate_target(rig: Rig, seen: PointSightings, noise_px: Array | None, *, rejects: bool) -> TriangulatedPoints:
+    """The points of a target: with the noise that was given, or as their centres state it, or as much more as shows."""
+    if noise_px is not None:
+        return triangulate_points(rig, replace(seen, cov_px2=None), noise_px, rejects=rejects)
+    found = triangulate_points(rig, seen, rejects=rejects)
+    if seen.cov_px2 is None or not found.scale > NOTICEABLE:
+        return found
+    remark = f"centres scatter {figure(found.scale, 3)} times as much as they state; the sigmas are of what they do"
+    more = replace(seen, cov_px2=seen.cov_px2 * found.scale**2, remarks=(*seen.remarks, remark))
+    return triangulate_points(rig, more, rejects=rejects)
+
+
 @one_thread
-def check_lengths(found: Triangulation, known_mm: Array, object_name: str) -> LengthCheck | None:
+def check_lengths(found: TriangulatedPoints, known_mm: Array, object_name: str) -> LengthCheck | None:
     """Compare distances with known ones; None where no frame has two points.
 
     Args:
@@ -104,7 +117,7 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _pairs(found: Triangulation, known_mm: Array, places: Rows) -> _Pairs | None:
+def _pairs(found: TriangulatedPoints, known_mm: Array, places: Rows) -> _Pairs | None:
     """Pairs within each frame, as rows of `places`; evenly some of very many."""
     frame, points = found.sightings.frame[places], found.sightings.point[places]
     groups = [np.flatnonzero(frame == one) for one in np.unique(frame)]
@@ -121,7 +134,7 @@ def _pairs(found: Triangulation, known_mm: Array, places: Rows) -> _Pairs | None
     return _Pairs(first, second, across / length[:, None], length, known, every)
 
 
-def _spread(found: Triangulation, places: Rows) -> tuple[Array, Array | None]:
+def _spread(found: TriangulatedPoints, places: Rows) -> tuple[Array, Array | None]:
     """Noise (N, 3, 3) of some points, and how each of the rig's independent errors moves them (N, 3, R)."""
     keep = np.zeros(found.sightings.count, dtype=bool)
     keep[places] = True

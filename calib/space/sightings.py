@@ -3,12 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.core.types import freeze
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
+from calib.cameras.rig import Rig
+from calib.core.types import RigObservations, freeze
+from designer.base.arrays import Array, Flags, Rows
+from designer.base.errors import InputError
+from designer.base.words import shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +61,33 @@ def of_rows(
     return PointSightings(frame_names, point_names, frame, point, camera, place, center_px, cov_px2)
 
 
+def as_points(rig: Rig, observations: RigObservations) -> PointSightings:
+    """What cameras saw of a target as sightings of unknown points, all of the target's points by their rows.
+
+    Raises:
+        InputError: a camera that is not in the rig, or photos of another size than its own.
+    """
+    camera, frame, point, center, cov = [], [], [], [], []
+    for name, seen, frames in zip(observations.camera_names, observations.sightings, observations.frame, strict=True):
+        row = rig.row(name)
+        if seen.image_size != rig.cameras[row].image_size:
+            raise InputError(
+                f"camera {shown(name)}: photos of {seen.image_size[0]} x {seen.image_size[1]} px, but the rig's camera "
+                f"has {rig.cameras[row].image_size[0]} x {rig.cameras[row].image_size[1]} px"
+            )
+        camera.append(np.full(len(seen.view), row))
+        frame.append(frames[seen.view])
+        point.append(seen.point)
+        center.append(seen.center_px)
+        cov.append(np.full((len(seen.view), 2, 2), np.nan) if seen.cov_px2 is None else seen.cov_px2)
+    count = len(observations.points.position_mm)
+    kept, place = np.unique(np.concatenate(frame) * count + np.concatenate(point), return_inverse=True)
+    return PointSightings(
+        observations.frame_names, tuple(map(str, range(count))), kept // count, kept % count, np.concatenate(camera),
+        place, np.concatenate(center), np.concatenate(cov), observations.remarks,
+    )  # fmt: skip
+
+
 def with_noise(sightings: PointSightings, noise_px: Array) -> Array:
     """Covariances (M, 2, 2) of all sightings: as stated, or by each camera's noise (C,)."""
     usual: Array = noise_px[sightings.camera, None, None] ** 2 * np.eye(2)
@@ -70,7 +97,7 @@ def with_noise(sightings: PointSightings, noise_px: Array) -> Array:
     return np.where(states_it[:, None, None], sightings.cov_px2, usual)
 
 
-def keep_places(sightings: PointSightings, keep: NDArray[np.bool_]) -> PointSightings:
+def keep_places(sightings: PointSightings, keep: Flags) -> PointSightings:
     """The sightings of some of the points (N,), which are numbered anew."""
     rows = keep[sightings.place]
     return replace(

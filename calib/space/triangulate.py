@@ -48,7 +48,7 @@ AT_ONCE = 4_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Triangulation:
+class TriangulatedPoints:
     """N points in the rig's frame and how surely they lie there: `found.position_mm`, `found.covariance_mm2`."""
 
     rig: Rig
@@ -104,7 +104,7 @@ class _Solved:
 @one_thread
 def triangulate_points(
     rig: Rig, sightings: PointSightings, noise_px: Array | None = None, *, rejects: bool = True
-) -> Triangulation:
+) -> TriangulatedPoints:
     """The points that the cameras of a rig see.
 
     Args:
@@ -376,7 +376,7 @@ def _replaced(solved: _Solved, fresh: _Solved, places: Rows) -> _Solved:
 def _told(
     rig: Rig, sightings: PointSightings, noise: Array, solved: _Solved, reason: Rows, is_gross: Mask, use: Mask,
     scale: float,
-) -> Triangulation:  # fmt: skip
+) -> TriangulatedPoints:  # fmt: skip
     """All that is told of the points; those that are not determined have no position."""
     sigma = np.sqrt(np.trace(solved.noise_mm2, axis1=1, axis2=2))
     away = np.linalg.norm(solved.position_mm[:, None] - rig.center_mm, axis=2).min(axis=1)
@@ -396,7 +396,7 @@ def _told(
     kept = placed[sightings.place]
     rays = np.bincount(sightings.place[use], minlength=sightings.count)
     calibration = solved.calibration_mm2
-    return Triangulation(
+    return TriangulatedPoints(
         rig, sightings, position, np.where(placed[:, None, None], solved.noise_mm2, np.nan),
         None if calibration is None else np.where(placed[:, None, None], calibration, np.nan), reason,
         np.where(kept[:, None], residual, np.nan), np.where(kept, off, np.nan), is_gross, use & kept, rays,

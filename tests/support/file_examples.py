@@ -25,12 +25,6 @@ from calib.records.coupon import CouponRecord, ReadPicture
 from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummary
 from calib.records.rig_file import HeldCamera, RigRecord, SolvedFrame
 from calib.records.rig_poses_file import CameraResidual, FrameWithoutPose, RigPosesDocument, RigTargetPose
-from calib.records.triangulation_file import (
-    CameraArrows,
-    GrossSighting,
-    SeenByCamera,
-    TriangulationRecord,
-)
 from calib.renderer.options import RenderOptions
 from calib.renderer.truth import FileOptions, RigTruth, TrueFrame, TrueView, Truth
 from calib.rigs.halves import PairApart, RigHalves, RigSplit
@@ -40,8 +34,6 @@ from calib.show.photos.photos_file import ToldPhoto, ToldPhotos, ToldSection
 from calib.solver.calibration import ImageField, MadeWith, TargetError
 from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import PlaneBend
-from calib.space.error_size import PointErrors
-from calib.space.known_lengths import LengthBin, LengthCheck
 from calib.studies.compare.cases import Plan
 from calib.studies.compare.results import CaseRow, ComparisonTable, Explanation
 from calib.studies.cost.cases import CostPlan
@@ -310,21 +302,6 @@ def _coupon() -> CouponRecord:
     )  # fmt: skip
 
 
-def _triangulation() -> TriangulationRecord:
-    gap = math.nan
-    pair = Rig(("left", "right"), (PINHOLE, PINHOLE), np.stack([np.eye(4), POSE]), None, np.full(2, 0.1))
-    seen = SeenByCamera("left", 7, 2, 1, 0.1, 1 / 3, gap)
-    errors = PointErrors(0.1, 0.2, 1 / 3)
-    bins = (LengthBin(1.0, 2.0, 3, -0.1, 0.2, gap, 0.95),)
-    arrows = CameraArrows(np.ones((1, 2)) / 3, np.ones((1, 2)) / 7, np.zeros((0, 2)))
-    lengths = LengthCheck("a board", 7, 1, 21, 1, 0.1, 0.2, 1 / 3, gap, 0.9, 1e-4, 1e-5, bins)
-    return TriangulationRecord(
-        "ringsolid 1", {"rig file": "rig.json"}, pair, 1, 7, 6, {"seen by one camera only": 1}, (seen, seen), errors,
-        errors, PointErrors(gap, gap, gap), 0.2, gap, (GrossSighting("left", "f", "p 1", 12.0),), np.ones((1, 3)) / 3,
-        np.eye(3)[None] / 7, (arrows, arrows), lengths, ("a remark",),
-    )  # fmt: skip
-
-
 def _rig_bootstrap() -> RigBootstrapStudy:
     gap = math.nan
     pair = PairSpread(("left", "right"), 7, 120.0, 0.1, 1 / 3, gap, 0.2, 1e-3, gap, gap, 0.1)
@@ -390,7 +367,6 @@ EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.rig_tolerance": _rig_tolerance,
     "ringsolid.rig_bootstrap": _rig_bootstrap,
     "ringsolid.rig_poses": _rig_poses,
-    "ringsolid.triangulation": _triangulation,
     "ringsolid.verdict": _verdict,
     "ringsolid.next_views": _next_views,
     "ringsolid.session": _session,

@@ -66,7 +66,7 @@ def test_centres_that_scatter_more_than_they_state_are_taken_as_they_are(pair: t
     told = calib.triangulate(found.rig, replace(seen, sightings=sure))
     assert told.lengths is not None
     assert told.lengths.ratio == pytest.approx(1, abs=0.15)
-    assert "times as much as they state" in told.record.remarks[-1]
+    assert "times as much as they state" in told.remarks[-1]
 
 
 def test_a_table_of_known_points_is_a_check_object(pair: tuple[RigScene, RigCalibration], tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_the_rigs_own_target_is_said_to_check_no_size(pair: tuple[RigScene, RigC
     scene, found = pair
     one = keep_frames(scene.observations, np.arange(16) == 1)
     rigs = found.rig, replace(found.rig, geometry_id="another"), replace(found.rig, geometry_id="")
-    told = [calib.triangulate(rig, one).record.remarks for rig in rigs]
+    told = [calib.triangulate(rig, one).remarks for rig in rigs]
     assert ["this very target" in " ".join(remarks) for remarks in told] == [True, False, False]
 
 

@@ -18,7 +18,7 @@ from calib.space.triangulate import (
     ONE_CAMERA,
     PARALLEL,
     TWO_CONTRADICT,
-    Triangulation,
+    TriangulatedPoints,
     triangulate_points,
 )
 from designer.base.errors import InputError
@@ -101,7 +101,7 @@ def test_noise_alone_where_the_rig_is_exact() -> None:
     assert not exact.calibration_mm2.any()
     unknown = calib.triangulate(replace(rig, covariance=None), seen)
     assert unknown.points.calibration_mm2 is None
-    assert "tells no covariance" in unknown.record.remarks[0]
+    assert "tells no covariance" in unknown.remarks[0]
     assert calibration_factor(replace(rig, covariance=np.full_like(rig.covariance, np.nan))) is None
 
 
@@ -214,7 +214,7 @@ def test_it_is_not_worse_than_opencv() -> None:
     rig = without_errors(row_of_cameras(2))
     points = points_before(rig, 400, rng, near_mm=300)
     seen = sighted(rig, points, rng)
-    found: Triangulation = triangulate_points(rig, seen)
+    found: TriangulatedPoints = triangulate_points(rig, seen)
     slopes = [
         cv2.undistortPoints(seen.center_px[seen.camera == row][:, None], one.matrix, one.distortion)[:, 0]
         for row, one in enumerate(rig.cameras)

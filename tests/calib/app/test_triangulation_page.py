@@ -1,4 +1,4 @@
-"""The pages of triangulated points and of budgets: built from their folders alone, and from nothing that is damaged."""
+"""Triangulated points as they are told."""
 
 import json
 from dataclasses import replace
@@ -8,33 +8,23 @@ import numpy as np
 import pytest
 
 import calib
+from calib.api.reporting import report
 from calib.core.se3 import look_at
-from calib.records.triangulation_file import TriangulationRecord
 from calib.renderer.options import RenderOptions
-from calib.show.folder import build_page, origin_in
-from calib.show.space.triangulated import checks_of, headline_of
 from designer.base.errors import InputError
-from designer.page.blocks import Facts, Figure, Section, Table, View3d
-from designer.page.shell import page_html
+from designer.page.blocks import Findings, Headline, Table, View3d
 from tests.support.command_scene import BOARD, CAMERA
 from tests.support.space_scenes import points_before, row_of_cameras, sighted
 
 
-@pytest.fixture(scope="module")
-def budget_of_pair() -> calib.Budget:
-    """The budget of a pair, made once."""
-    return calib.budget(row_of_cameras(2), distance_mm=(700, 1500))
-
-
-def folder_of_points(folder: Path) -> Path:
-    """Points of a pair."""
+def points_of_a_pair() -> calib.Triangulation:
+    """Thirty of them."""
     rig = row_of_cameras(2)
     seen = sighted(rig, points_before(rig, 30, np.random.default_rng(1)), np.random.default_rng(2))
-    calib.triangulate(rig, seen).save(folder)
-    return folder
+    return calib.triangulate(rig, seen)
 
 
-def seen_in_part(both: int, only_first: int, only_second: int) -> TriangulationRecord:
+def seen_in_part(both: int, only_first: int, only_second: int) -> calib.Triangulation:
     """Points of a pair, most of them seen by one camera."""
     rig = row_of_cameras(2)
     count = both + only_first + only_second
@@ -43,24 +33,37 @@ def seen_in_part(both: int, only_first: int, only_second: int) -> TriangulationR
         seen.camera == 0, seen.place < both + only_first, (seen.place < both) | (seen.place >= both + only_first)
     )
     part = replace(seen, camera=seen.camera[keep], place=seen.place[keep], center_px=seen.center_px[keep])
-    return calib.triangulate(rig, part).record
+    return calib.triangulate(rig, part)
 
 
-def tables_of(sections: tuple[Section, ...]) -> list[Table]:
-    """All tables of a page."""
-    return [block for section in sections for block in section.blocks if isinstance(block, Table)]
+def headline_of(found: calib.Triangulation) -> Headline:
+    """The answer, on its page."""
+    headline = found.page().headline
+    assert headline is not None
+    return headline
 
 
-def test_a_folder_of_points_tells_what_its_record_holds(tmp_path: Path) -> None:
-    """The kind is known without a report.json; headline, tables and scene are of the same numbers."""
-    page = build_page(folder_of_points(tmp_path), origin_in(tmp_path))
-    record = json.loads((tmp_path / "triangulation.json").read_text())
-    assert page.headline is not None
-    assert f"{record['placed']} of {record['points']} points" in page.headline.sentence
-    errors = tables_of(page.sections)[0]
+def test_a_page_of_points_tells_what_the_file_holds(tmp_path: Path) -> None:
+    """Headline, tables and scene are of the same numbers, and what `calib report` draws again is the same page."""
+    found = points_of_a_pair()
+    found.save(tmp_path)
+    record, page = json.loads((tmp_path / "triangulation.json").read_text()), found.page()
+    assert f"{record['placed']} of {record['points']} points" in headline_of(found).sentence
+    errors = next(block for section in page.sections for block in section.blocks if isinstance(block, Table))
     assert errors.rows[0][1].value == record["total"]["median_mm"]
     assert any(isinstance(block, View3d) for block in page.lead)
-    assert "<script" in page_html(page).decode()
+    first = (tmp_path / "index.html").read_bytes()
+    (tmp_path / "index.html").unlink()
+    report(tmp_path)
+    assert (tmp_path / "index.html").read_bytes() == first
+
+
+def test_points_alone_are_the_folders_table(tmp_path: Path) -> None:
+    """A name that ends in .csv takes the points and nothing else."""
+    found = points_of_a_pair()
+    assert found.save(tmp_path / "mine.csv") == (tmp_path / "mine.csv",)
+    found.save(tmp_path / "folder", has_page=False)
+    assert (tmp_path / "mine.csv").read_bytes() == (tmp_path / "folder/points.csv").read_bytes()
 
 
 def test_points_of_one_camera_are_counted_and_not_judged() -> None:
@@ -71,7 +74,8 @@ def test_points_of_one_camera_are_counted_and_not_judged() -> None:
     assert headline.level == "good"
     assert "25 of 25 points that two cameras or more saw" in headline.sentence
     assert "47 more were seen by one camera only" in headline.sentence
-    alone = next(row for row in checks_of(record).rows if row.title == "Seen by one camera only")
+    checks = next(block for block in record.page().sections[0].blocks if isinstance(block, Findings))
+    alone = next(row for row in checks.rows if row.title == "Seen by one camera only")
     assert (alone.level, alone.measured) == ("note", "47 of 72")
     assert alone.text.startswith("40 by a, 7 by b")
 
@@ -81,24 +85,10 @@ def test_points_of_two_cameras_without_a_position_are_judged_as_before() -> None
     rig = row_of_cameras(2)
     seen = sighted(rig, points_before(rig, 30, np.random.default_rng(1)), np.random.default_rng(2))
     mixed = replace(seen, place=np.where(seen.camera == 1, np.roll(seen.place, 1), seen.place))
-    assert headline_of(calib.triangulate(rig, mixed).record).level == "bad"
+    assert headline_of(calib.triangulate(rig, mixed)).level == "bad"
     assert headline_of(seen_in_part(0, 3, 2)).sentence == (
         "None of 5 points has a position; 5 were seen by one camera only."
     )
-
-
-def test_a_budgets_page_shows_depth_planes_and_what_would_help(budget_of_pair: calib.Budget) -> None:
-    """Three figures of a pair; each change with what it assumes; the headline's number is the table's."""
-    page = budget_of_pair.page()
-    figures = [block for section in page.sections for block in section.blocks if isinstance(block, Figure)]
-    assert [one.title.split(",")[0] for one in figures] == [
-        "Depth error over distance", "Error of a point", "Error of a point"
-    ]  # fmt: skip
-    first, *_, last = tables_of(page.sections)
-    assert page.headline is not None
-    assert page.headline.word == f"{first.rows[0][1].text} mm"
-    assumed = next(block for section in page.sections for block in section.blocks if isinstance(block, Facts))
-    assert [name for name, _ in assumed.rows] == [row[0].text for row in last.rows[1:]]
 
 
 def test_rings_in_photos_of_a_check_object_become_points(tmp_path: Path) -> None:
@@ -113,7 +103,7 @@ def test_rings_in_photos_of_a_check_object_become_points(tmp_path: Path) -> None
         calib.render(BOARD, CAMERA, poses=pose[None], options=options).save(tmp_path / "photos" / name)
     found = calib.triangulate(pair, target=BOARD, photos=tmp_path / "photos")
     assert found.lengths is not None
-    assert found.record.placed == found.lengths.points == len(BOARD.ring_face)
+    assert found.placed == found.lengths.points == len(BOARD.ring_face)
     assert found.lengths.rms_mm < 0.1
     assert found.lengths.ratio < 3
     (tmp_path / "photos" / "b").rename(tmp_path / "photos" / "c")
