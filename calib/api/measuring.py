@@ -23,6 +23,7 @@ from calib.app.inputs import (
 from calib.as_built.back import tells_thickness, with_thickness
 from calib.as_built.cross_validation import cross_validate
 from calib.as_built.deviations import Compensation, Estimate
+from calib.as_built.earlier_lens import is_another_lens, seen_through, with_shared_error
 from calib.as_built.lengths import (
     CaliperLength,
     asked_length,
@@ -33,7 +34,6 @@ from calib.as_built.lengths import (
     usual_sigmas,
 )
 from calib.as_built.options import AsBuiltOptions
-from calib.as_built.remarks import EARLIER_LENS, is_another_lens
 from calib.as_built.result import AsBuilt
 from calib.as_built.seats import Seat
 from calib.as_built.solve import measure as measure_print
@@ -50,7 +50,6 @@ from calib.renderer.quantities import number
 from calib.rigs.result import RigCalibration
 from calib.show.measured.files import TARGET_SUFFIX, check_places, measured_files, places_of
 from calib.show.measured.words import why_not
-from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.verdict.judge import VERDICT, VERDICT_FILE
 from designer.base.answer import program
@@ -224,7 +223,7 @@ def measure(
     if cameras is None:
         found = measure_print(sets, nominal, chosen, options, asked)
         if again is None:
-            why = (*why, *_earlier_lens(sets, _detections(items, nominal), nominal, found, options.solve))
+            found = _with_earlier_lens(found, sets, _detections(items, nominal), options, asked)
         elif found.status == "degenerate":
             why = (*why, "photos were not searched again: they do not determine the camera")
         else:
@@ -423,18 +422,21 @@ def _searched(photos: FoundPhotos, nominal: TargetGeometry, found: AsBuilt, prog
     return observations_of([replace(one, geometry_id=nominal.geometry_id) for one in search.detections], nominal)
 
 
-def _earlier_lens(
+def _with_earlier_lens(
+    found: AsBuilt,
     sets: Sequence[Observations],
     seen: Iterable[Detections],
-    nominal: TargetGeometry,
-    found: AsBuilt,
-    plan: SolveOptions,
-) -> tuple[str, ...]:
-    """That centres were found through another lens than the measured one, if they were."""
+    options: AsBuiltOptions,
+    lengths: Sequence[CaliperLength],
+) -> AsBuilt:
+    """What is measured, with what it did to centres to find them through another lens than the measured one."""
+    nominal, model = found.nominal, found.cameras[0].model
     if found.status == "degenerate" or not any(one.geometry_id == nominal.geometry_id for one in seen):
-        return ()
-    before = [solve(one, camera.model, plan).camera for one, camera in zip(sets, found.cameras, strict=True)]
-    return (EARLIER_LENS,) if is_another_lens(found, before) else ()
+        return found
+    before = [solve(one, model, options.solve).camera for one in sets]
+    if not is_another_lens(found, before):
+        return found
+    return with_shared_error(found, measure_print(seen_through(found, before), nominal, model, options, lengths))
 
 
 def _paths(items: Iterable[_Item]) -> list[Path]:

@@ -1,24 +1,12 @@
 """What photos do not tell of a print, in words."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_built.datum import FEW_VIEWS, SeenParts, few_views
-from calib.as_built.result import AsBuilt
-from calib.cameras.camera import Camera
-from calib.core.linear_algebra import symmetric_inverse
 from calib.core.types import Observations
 from calib.solver.outliers import deviations
 from designer.target import TargetGeometry
-
-ANOTHER = 3.0
-"""Standard deviations, root mean square over a camera's parameters."""
-EARLIER_LENS = (
-    "centres were found with the target as designed, which gives another lens than was measured: the cameras told here "
-    "may be off by several of their standard deviations; with --photos the photos are searched again"
-)
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -73,12 +61,3 @@ def faces_words(which: Flags) -> str:
     """The numbers of faces, in words."""
     numbers = np.flatnonzero(which).tolist()
     return f"face{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
-
-
-def is_another_lens(found: AsBuilt, before: Sequence[Camera]) -> bool:
-    """Whether a measured camera is not the one that the target as designed gave, by far more than its own noise."""
-    for camera, covariance, other in zip(found.cameras, found.param_covariance, before, strict=True):
-        off, known = other.params - camera.params, symmetric_inverse(covariance).inverse
-        if off @ known @ off > ANOTHER**2 * np.count_nonzero(np.diagonal(covariance) > 0):
-            return True
-    return False

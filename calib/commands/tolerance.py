@@ -144,7 +144,9 @@ def _write(found: "ToleranceResult", folder: Path, target: Path, formats: tuple[
     names = (STUDY_FILE,) if other is None else (STUDY_FILE, AGAINST_FILE)
     written = (*files, *(folder / name for name in names if study.draws))
     say_written(folder, written)
-    step = f"calib measure {quoted(target)} camera/detections.csv -o measured/{quoted(Path(target.name))}"
+    step = (
+        f"calib measure {quoted(target)} camera/detections.csv --photos FOLDER -o measured/{quoted(Path(target.name))}"
+    )
     step += "   # takes the errors of your own print back, once calib run -o camera has seen photos of it"
     answer = answer_of(type(study), study)
     return Summary(answer, written, (step,), (*warnings, *remarks), 0 if found.is_kept else LIMIT_MISSED)

@@ -73,9 +73,10 @@ class Inputs:
         target, detections = self.target or "NAME.target.json", shlex.quote(self.detections)
         made = "" if self.target else f"`calib target --from POINTS.csv -o {target}` with a table of its points, then "
         measured = shlex.quote(f"measured/{Path(target).name}")
+        photos = " --photos FOLDER" if self.detections.endswith("detections.csv") else ""  # else of no photos we know
         return (
-            f"{made}`calib measure {shlex.quote(target)} {detections} -o {measured}`, then `calib solve {detections} "
-            f"--target {measured} -o again`"
+            f"{made}`calib measure {shlex.quote(target)} {detections}{photos} -o {measured}`, "
+            f"then `calib solve {detections} --target {measured} -o again`"
         )
 
 

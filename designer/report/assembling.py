@@ -187,7 +187,7 @@ def _measuring(design: Design) -> tuple[Leaf, ...]:
         )),
         Command(f"calib run {target} photos -o camera", "the camera, and where the rings were seen"),
         Command(
-            f'calib measure {target} camera/detections.csv --length "{reading}" -o measured/{target}',
+            f'calib measure {target} camera/detections.csv --photos photos --length "{reading}" -o measured/{target}',
             "how each tile sits, and the target as built",
         ),
     )  # fmt: skip

@@ -70,7 +70,8 @@ AGAIN = Command("calib report .", "in this folder: makes this page again")
 LIMITS = "Limits that were asked for, and how large errors may be to keep them."
 SWEEP_CAPTION = "Dots: draws; line: prediction; grey: where that is off by more than 10 %."
 MEASURE = Command(
-    "calib measure NAME.target.json detections.csv -o measured/NAME.target.json", "measures a print from photos of it"
+    "calib measure NAME.target.json detections.csv --photos FOLDER -o measured/NAME.target.json",
+    "measures a print from photos of it",
 )
 
 Pictures = Callable[[FigureText], tuple[Block, ...]]

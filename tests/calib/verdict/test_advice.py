@@ -224,7 +224,7 @@ def test_a_bent_board_is_to_be_measured_before_anything_else() -> None:
     poses = shown_at(ALL_OVER, (330.0, 400.0, 500.0), (35.0, 10.0, 45.0, 25.0))
     seen = observe(CAMERAS["opencv"], bent, poses, np.random.default_rng(3), noise_px=NOISE_PX)
     said = advice(solve(replace(seen, points=BOARD), "opencv"))
-    assert "`calib measure NAME.target.json detections.csv -o measured/NAME.target.json`" in said[0]
+    assert "`calib measure NAME.target.json detections.csv --photos FOLDER -o measured/NAME.target.json`" in said[0]
     found = replace(evidence(good()), halves=halves_apart_by(4.2, 0.1, 0.02, 0.2))
     said = advice_of(good(), found, criteria())
     assert "4.2 times" in said[0]
