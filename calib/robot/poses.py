@@ -86,21 +86,28 @@ def read_robot_poses(
     Raises:
         InputError: the file cannot be read, or an entry breaks a rule; the message names it.
     """
-    entries = _entries(path)
-    if not entries:
-        raise InputError(f"{path}: holds no robot poses; a row is such as a.png,0.4,0.1,0.7,0,1,0,0")
-    if len(entries) > MOST_POSES:
-        raise InputError(f"{path}: {len(entries)} poses; at most {MOST_POSES} are read")
-    places, rows = zip(*entries, strict=True)
-    columns = _columns(path, places, rows)
-    given = _units(unit)
-    images = _images(path, places, columns)
-    used: set[str] = set()
-    ways = rotation_columns(euler)
-    way, angle, value, rotation = _rotations(path, places, columns, ways, given, used)
-    length, shift = _shifts(path, places, columns, given, used)
-    _check_options(path, unit, euler, way, angle, length)
-    _check_last_row(path, places, columns, used)
+    table = _table(path, unit)
+    columns, name = table.columns, next((name for name in IMAGE if name in table.columns), None)
+    if name is None:
+        raise InputError(
+            f"{path}: column 'image' is missing{suggestion('image', list(columns))}; it names the photo of each pose"
+        )
+    images = tuple(str(cell).strip() for cell in columns[name].cells)
+    first: dict[str, str] = {}
+    for row, image in enumerate(images):
+        if image in first:
+            raise table.fault(row, f"{shown(image)} was named before, in {first[image]}; a photo has a pose")
+        first[image] = table.places[row]
+    way, angle, value, rotation = _rotations(table, rotation_columns(euler))
+    length, shift = _shifts(table)
+    if euler is not None and not way.are_angles:
+        raise InputError(f"{path}: --euler {shown(euler)}: its rotations are {way.what}; leave it out")
+    for kind, word in table.given.items():
+        if kind == "angle" and not way.are_angles:
+            raise InputError(f"{path}: --unit {word}: its rotations are {way.what}, which have no unit; leave it out")
+        said = angle if kind == "angle" else length
+        if word != said.name:
+            raise InputError(f"{path}: --unit {word}: its columns say {said.name}; rename them, or leave --unit out")
     pose = make_pose(rotation, shift)
     return RobotPoses(
         images, invert(pose) if is_inverted else pose, str(path), way.what, is_inverted, length.name, length.is_named,
@@ -121,19 +128,6 @@ def poses_to_csv(head: Sequence[str], images: Sequence[str], pose: Array) -> byt
     for image, row in zip(images, numbers.tolist(), strict=True):
         lines.append(",".join([csv_cell(image), *(f"{value:.9g}" for value in row)]))
     return ("\n".join(lines) + "\n").encode("utf-8", ANY_NAME)
-
-
-def _units(text: str | None) -> dict[str, str]:
-    """Of the lengths and angles of columns that name no unit."""
-    found: dict[str, str] = {}
-    for word in [] if text is None else [one.strip().lower() for one in text.split(",")]:
-        table, name = (LENGTHS, "length") if word in LENGTHS else (ANGLES, "angle")
-        if word not in table or name in found:
-            raise InputError(
-                f"--unit {shown(text)}: give {' or '.join(LENGTHS)}, {' or '.join(ANGLES)}, or one of each: mm,deg"
-            )
-        found[name] = word
-    return found
 
 
 def _entries(path: Path) -> list[tuple[str, Entry]]:
@@ -208,120 +202,11 @@ def _without_unit(name: str) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class _Column:
-    """Cells of one name, and the factor to mm or rad that the name says; None: it says none."""
+    """Cells of one name, and the unit that the name says; "": it says none."""
 
     name: str
     unit: str
     cells: tuple[object, ...]
-
-
-def _columns(path: Path, places: Sequence[str], rows: Sequence[Entry]) -> dict[str, _Column]:
-    """The columns by their names without unit; all rows have the same."""
-    names = list(rows[0])
-    for place, row in zip(places, rows, strict=True):
-        if set(row) != set(names):
-            other = next(iter(set(row) ^ set(names)))
-            raise InputError(f"{path}: {place}: {shown(other)} is not in every pose; give each pose the same values")
-    columns: dict[str, _Column] = {}
-    for name in names:
-        base, unit = _without_unit(name)
-        base = base.removeprefix("t") if base in ("tx", "ty", "tz") else base
-        if base in columns:
-            raise InputError(f"{path}: {shown(name)} says what {shown(columns[base].name)} says; leave one out")
-        columns[base] = _Column(name, unit.removeprefix("_"), tuple(row[name] for row in rows))
-    return columns
-
-
-def _images(path: Path, places: Sequence[str], columns: Mapping[str, _Column]) -> tuple[str, ...]:
-    """Which photo each pose is of."""
-    name = next((name for name in IMAGE if name in columns), None)
-    if name is None:
-        raise InputError(
-            f"{path}: column 'image' is missing{suggestion('image', list(columns))}; it names the photo of each pose"
-        )
-    images = tuple(str(cell).strip() for cell in columns[name].cells)
-    first: dict[str, str] = {}
-    for place, image in zip(places, images, strict=True):
-        if image in first:
-            raise InputError(f"{path}: {place}: {shown(image)} was named before, in {first[image]}; a photo has a pose")
-        first[image] = place
-    return images
-
-
-def _reals(path: Path, places: Sequence[str], column: _Column) -> Array:
-    """A column of finite numbers."""
-    values = [
-        number(cell.strip() if isinstance(cell, str) else cell, column.name, f"{path}: {place}")
-        for place, cell in zip(places, column.cells, strict=True)
-    ]
-    return np.array(values)
-
-
-def _rotations(
-    path: Path,
-    places: Sequence[str],
-    columns: Mapping[str, _Column],
-    ways: Sequence[RotationColumns],
-    given: Mapping[str, str],
-    used: set[str],
-) -> tuple[RotationColumns, "_Unit", Array, Array]:
-    """The one rotation that the columns say: in which way, in which unit, their numbers, and what these mean."""
-    said = [way for way in ways if all(name in columns for name in way.names)]
-    if not said:
-        raise InputError(
-            f"{path}: no rotation: give qx,qy,qz,qw, or rx_rad,ry_rad,rz_rad (a rotation vector; Euler angles with "
-            "--euler), or a matrix m00 to m23"
-        )
-    if len(said) > 1:
-        names = " and ".join(",".join(way.names) for way in said[:2])
-        raise InputError(f"{path}: two rotations, {names}; leave one out")
-    (way,) = said
-    used.update(way.names)
-    unit = _Unit("rad", is_named=True)
-    if way.are_angles:
-        unit = _unit_of(path, [columns[name] for name in way.names], tuple(ANGLES), given.get("angle"))
-    value = ANGLES[unit.name] * np.column_stack([_reals(path, places, columns[name]) for name in way.names])
-    if way.are_angles and (off := np.flatnonzero(np.abs(value).max(axis=1) > MOST_TURNS_RAD)).size:
-        raise InputError(
-            f"{path}: {places[off[0]]}: an angle of {np.abs(value[off[0]]).max():.4g} rad is more than two turns; are "
-            "these degrees? name the columns _deg, or give --unit deg"
-        )
-    try:
-        return way, unit, value, way.rotations(value)
-    except RowError as error:
-        raise InputError(f"{path}: {places[error.row]}: {error.rule}") from None
-
-
-def _shifts(
-    path: Path, places: Sequence[str], columns: Mapping[str, _Column], given: Mapping[str, str], used: set[str]
-) -> tuple["_Unit", Array]:
-    """The unit of the positions, and these in mm."""
-    for names in (("x", "y", "z"), ("m03", "m13", "m23")):
-        if all(name in columns for name in names):
-            used.update(names)
-            unit = _unit_of(path, [columns[name] for name in names], tuple(LENGTHS), given.get("length"))
-            shift: Array = LENGTHS[unit.name] * np.column_stack([_reals(path, places, columns[name]) for name in names])
-            far = np.flatnonzero(np.abs(shift).max(axis=1) > MAX_DISTANCE_MM)
-            if far.size:
-                raise InputError(
-                    f"{path}: {places[far[0]]}: lies more than {MAX_DISTANCE_MM:g} mm away; check the unit"
-                )
-            return unit, shift
-    raise InputError(f"{path}: no position: give x_mm,y_mm,z_mm, or x_m,y_m,z_m")
-
-
-def _check_options(
-    path: Path, unit: str | None, euler: str | None, way: RotationColumns, angle: "_Unit", length: "_Unit"
-) -> None:
-    """Refuse what says how columns are to be read that there are not."""
-    if euler is not None and not way.are_angles:
-        raise InputError(f"{path}: --euler {shown(euler)}: its rotations are {way.what}; leave it out")
-    for word in _units(unit).values():
-        if word in ANGLES and not way.are_angles:
-            raise InputError(f"{path}: --unit {word}: its rotations are {way.what}, which have no unit; leave it out")
-        said = length if word in LENGTHS else angle
-        if word != said.name:
-            raise InputError(f"{path}: --unit {word}: its columns say {said.name}; rename them, or leave --unit out")
 
 
 @dataclass(frozen=True)
@@ -330,33 +215,119 @@ class _Unit:
     is_named: bool  # by the columns; else by an option
 
 
-def _unit_of(path: Path, columns: Sequence[_Column], units: Sequence[str], given: str | None) -> _Unit:
-    """The unit of numbers: as their columns say, which must be alike, or else as is given."""
-    said = {column.unit for column in columns}
-    told = ", ".join(column.name for column in columns)
-    if len(said) > 1 or not said <= {"", *units}:
-        raise InputError(f"{path}: {told}: name one unit for all, {' or '.join(units)}")
-    (unit,) = said
-    if unit:
-        return _Unit(unit, is_named=True)
-    if given is None:
-        both = " or ".join(f"{columns[0].name}_{name}" for name in units)
+@dataclass(frozen=True)
+class _Table:
+    """The columns of a file by their names without unit."""
+
+    path: Path
+    places: Sequence[str]  # of the rows, as messages name them
+    columns: Mapping[str, _Column]
+    given: Mapping[str, str]  # units of lengths and angles whose columns name none
+
+    def has(self, names: Sequence[str]) -> bool:
+        """Whether all these columns are there."""
+        return all(name in self.columns for name in names)
+
+    def fault(self, row: int, rule: str) -> InputError:
+        """A row that breaks a rule."""
+        return InputError(f"{self.path}: {self.places[row]}: {rule}")
+
+    def reals(self, names: Sequence[str]) -> Array:
+        """Columns of finite numbers.  # (V, N)"""
+        columns = []
+        for column in (self.columns[name] for name in names):
+            cells = [cell.strip() if isinstance(cell, str) else cell for cell in column.cells]
+            placed = zip(self.places, cells, strict=True)
+            columns.append([number(cell, column.name, f"{self.path}: {place}") for place, cell in placed])
+        return np.array(columns).T
+
+    def unit(self, names: Sequence[str], kind: str, units: Sequence[str]) -> _Unit:
+        """The unit of numbers: as their columns say, which must be alike, or else as is given."""
+        columns = [self.columns[name] for name in names]
+        said = {column.unit for column in columns}
+        told = ", ".join(column.name for column in columns)
+        if len(said) > 1 or not said <= {"", *units}:
+            raise InputError(f"{self.path}: {told}: name one unit for all, {' or '.join(units)}")
+        (unit,) = said
+        if not unit and kind not in self.given:
+            both = " or ".join(f"{columns[0].name}_{name}" for name in units)
+            raise InputError(
+                f"{self.path}: {told} do not say their unit; name the columns {both} and so on, or give --unit "
+                + " or ".join(units)
+            )
+        return _Unit(unit or self.given[kind], is_named=bool(unit))
+
+
+def _table(path: Path, unit: str | None) -> _Table:
+    """What a file holds; all rows have the same columns."""
+    entries = _entries(path)
+    if not 1 <= len(entries) <= MOST_POSES:
+        what = f"{len(entries)} poses; at most {MOST_POSES} are read" if entries else "holds no robot poses; a row is"
+        raise InputError(f"{path}: {what}{'' if entries else ' such as a.png,0.4,0.1,0.7,0,1,0,0'}")
+    places, rows = zip(*entries, strict=True)
+    names = list(rows[0])
+    for place, row in entries:
+        if set(row) != set(names):
+            other = next(iter(set(row) ^ set(names)))
+            raise InputError(f"{path}: {place}: {shown(other)} is not in every pose; give each pose the same values")
+    columns: dict[str, _Column] = {}
+    for name in names:
+        base, own = _without_unit(name)
+        base = base.removeprefix("t") if base in ("tx", "ty", "tz") else base
+        if base in columns:
+            raise InputError(f"{path}: {shown(name)} says what {shown(columns[base].name)} says; leave one out")
+        columns[base] = _Column(name, own.removeprefix("_"), tuple(row[name] for row in rows))
+    given: dict[str, str] = {}
+    for word in [] if unit is None else [one.strip().lower() for one in unit.split(",")]:
+        known, kind = (LENGTHS, "length") if word in LENGTHS else (ANGLES, "angle")
+        if word not in known or kind in given:
+            raise InputError(
+                f"--unit {shown(unit)}: give {' or '.join(LENGTHS)}, {' or '.join(ANGLES)}, or one of each: mm,deg"
+            )
+        given[kind] = word
+    return _Table(path, places, columns, given)
+
+
+def _rotations(table: _Table, ways: Sequence[RotationColumns]) -> tuple[RotationColumns, _Unit, Array, Array]:
+    """The one rotation that the columns say: in which way, in which unit, their numbers, and what these mean."""
+    said = [way for way in ways if table.has(way.names)]
+    if not said:
         raise InputError(
-            f"{path}: {told} do not say their unit; name the columns {both} and so on, or give --unit "
-            + " or ".join(units)
+            f"{table.path}: no rotation: give qx,qy,qz,qw, or rx_rad,ry_rad,rz_rad (a rotation vector; Euler angles "
+            "with --euler), or a matrix m00 to m23"
         )
-    return _Unit(given, is_named=False)
+    if len(said) > 1:
+        names = " and ".join(",".join(way.names) for way in said[:2])
+        raise InputError(f"{table.path}: two rotations, {names}; leave one out")
+    (way,) = said
+    unit = table.unit(way.names, "angle", tuple(ANGLES)) if way.are_angles else _Unit("rad", is_named=True)
+    value = ANGLES[unit.name] * table.reals(way.names)
+    if way.are_angles and (off := np.flatnonzero(np.abs(value).max(axis=1) > MOST_TURNS_RAD)).size:
+        raise table.fault(
+            int(off[0]),
+            f"an angle of {np.abs(value[off[0]]).max():.4g} rad is more than two turns; are these degrees? name the "
+            "columns _deg, or give --unit deg",
+        )
+    try:
+        return way, unit, value, way.rotations(value)
+    except RowError as error:
+        raise table.fault(error.row, error.rule) from None
 
 
-def _check_last_row(path: Path, places: Sequence[str], columns: Mapping[str, _Column], used: set[str]) -> None:
-    """The last row of a 4 x 4, if it is there."""
+def _shifts(table: _Table) -> tuple[_Unit, Array]:
+    """The unit of the positions, and these in mm."""
+    names = next((names for names in (("x", "y", "z"), ("m03", "m13", "m23")) if table.has(names)), None)
+    if names is None:
+        raise InputError(f"{table.path}: no position: give x_mm,y_mm,z_mm, or x_m,y_m,z_m")
+    unit = table.unit(names, "length", tuple(LENGTHS))
+    shift = LENGTHS[unit.name] * table.reals(names)
+    if (far := np.flatnonzero(np.abs(shift).max(axis=1) > MAX_DISTANCE_MM)).size:
+        raise table.fault(int(far[0]), f"lies more than {MAX_DISTANCE_MM:g} mm away; check the unit")
     for name, wanted in (("m30", 0.0), ("m31", 0.0), ("m32", 0.0), ("m33", 1.0)):
-        if name in columns and "m03" in used:
-            value = _reals(path, places, columns[name])
-            off = np.flatnonzero(np.abs(value - wanted) > 1e-9)
-            if off.size:
-                cell = shown_plain(columns[name].cells[off[0]])
-                raise InputError(f"{path}: {places[off[0]]}: {name} {cell}: the last row must be 0 0 0 1")
+        if name in table.columns and (off := np.flatnonzero(np.abs(table.reals([name])[:, 0] - wanted) > 1e-9)).size:
+            cell = shown_plain(table.columns[name].cells[off[0]])
+            raise table.fault(int(off[0]), f"{name} {cell}: the last row must be 0 0 0 1")
+    return unit, shift
 
 
 def _file_name(name: str) -> str:
