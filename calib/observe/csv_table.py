@@ -114,6 +114,12 @@ def csv_cell(text: str) -> str:
     return '"' + text.replace('"', '""') + '"' if re.search(r'[\s,"#]', text) or not text else text
 
 
+def csv_bytes(head: Iterable[str], columns: Iterable[str], rows: Iterable[Iterable[str]]) -> bytes:
+    """A table: some lines, the names of its columns, and its rows of cells as they are to stand there."""
+    lines = [*head, ",".join(columns), *(",".join(row) for row in rows)]
+    return ("\n".join(lines) + "\n").encode("utf-8", ANY_NAME)
+
+
 def require_version(path: Path, first_line: str, wanted: str, otherwise: str) -> None:
     """Refuse a file whose first line is of another version than the one wanted, or of something else."""
     kind, _, version = wanted.rpartition(" ")

@@ -158,7 +158,8 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
                 raise InputError(f"{path}: line {number}: the image {name!r} a second time; names must differ")
             sizes[name] = size
 
-    table = read_table(path, text, _column_fault, comment=comment)
+    known, wanted = (COLUMNS, (*COLUMNS, *EDGE_COLUMNS)), f"the columns must be {','.join(COLUMNS)}"
+    table = read_table(path, text, lambda names: "" if names in known else wanted, comment=comment)
     for name in ("layout_id", "geometry_id"):
         if name not in ids:
             raise InputError(f"{path}: no line '# {name} ...' above the column names; detect again")
@@ -168,7 +169,10 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
             f"{path}: made with a target of layout {layout_id}, but {target_path} has {target.layout_id}; "
             "give the target that the photos show"
         )
-    ring = _checked_rings(table, target)
+    ring, last = table.whole_numbers("ring"), target.ring_count - 1
+    table.require((ring >= 0) & (ring <= last), f"ring is out of range; the target has the rings 0..{last}")
+    for name, expected in (("face", target.ring_face), ("i", target.ring_index[:, 0]), ("j", target.ring_index[:, 1])):
+        table.require(table.whole_numbers(name) == expected[ring], f"{name} is not that of the ring in the target")
     view_of = {name: k for k, name in enumerate(sizes)}
     view = np.array([view_of.get(name, -1) for name in table.cells["image"]], dtype=np.int64)
     table.require(view >= 0, "its image has no '# image' line above the column names")
@@ -201,16 +205,6 @@ def _records_beside(path: Path, layout_id: str, geometry_id: str) -> dict[str, I
     return {image.image: image for image in records.images} if is_same else {}
 
 
-def _checked_rings(table: CsvTable, target: TargetGeometry) -> NDArray[np.int64]:
-    """The rows of the target's arrays, which face, i and j must agree with."""
-    ring = table.whole_numbers("ring")
-    last = target.ring_count - 1
-    table.require((ring >= 0) & (ring <= last), f"ring is out of range; the target has the rings 0..{last}")
-    for name, expected in (("face", target.ring_face), ("i", target.ring_index[:, 0]), ("j", target.ring_index[:, 1])):
-        table.require(table.whole_numbers(name) == expected[ring], f"{name} is not that of the ring in the target")
-    return ring
-
-
 def _image_line(path: Path, number: int, line: str) -> tuple[str, tuple[int, int]]:
     match = _IMAGE_LINE.fullmatch(line)
     try:
@@ -223,8 +217,3 @@ def _image_line(path: Path, number: int, line: str) -> tuple[str, tuple[int, int
     if not all(1 <= side <= MAX_SIDE_PX for side in size):
         raise InputError(f"{path}: line {number}: size {size[0]} x {size[1]} px; a side has 1 to {MAX_SIDE_PX} px")
     return name, size
-
-
-def _column_fault(columns: tuple[str, ...]) -> str:
-    known = (COLUMNS, (*COLUMNS, *EDGE_COLUMNS))
-    return "" if columns in known else f"the columns must be {','.join(COLUMNS)}"

@@ -7,7 +7,6 @@ Of points that nobody knows, only by name, a table is `camera,frame,point,u,v`, 
 """
 
 import re
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,11 +26,11 @@ from calib.observe.correspondences import (
     rows_of_table,
 )
 from calib.observe.csv_table import (
-    ANY_NAME,
     COVARIANCE,
     CsvTable,
     column_fault,
     column_names,
+    csv_bytes,
     csv_cell,
     read_table,
     read_text,
@@ -106,7 +105,11 @@ def read_rig_sightings(
     )
     times = _times(table, views)
     names = sorted(dict.fromkeys(table.cells["frame"]), key=lambda name: in_order(Path(name)))
-    frames = names if times is None else _by_time(names, times)
+    earliest: dict[str, float] = {}
+    for view, time_s in (times or {}).items():
+        frame = view.partition("\n")[2]
+        earliest[frame] = min(time_s, earliest.get(frame, np.inf))
+    names.sort(key=lambda name: earliest.get(name, 0.0))  # in the order in which they were taken, if that is known
     cameras = [
         _camera(name, size, every, times, origin=f"{path}: camera {name}", has_fronts=knows_fronts(target))
         for name, size in sizes.items()
@@ -115,7 +118,7 @@ def read_rig_sightings(
     used = (*SEEN, *"XYZ", TIME, *OPTIONAL, *([ID] if of_target else []))
     blind = [name for name in sizes if name not in table.cells["camera"]]
     said = (f"cameras without sightings: {', '.join(map(shown, blind[:10]))}",) if blind else ()
-    return rig_observations(cameras, frames, (*every.remarks, *table.unused(used), *said), fewest=fewest)
+    return rig_observations(cameras, names, (*every.remarks, *table.unused(used), *said), fewest=fewest)
 
 
 def time_stamps(table: CsvTable) -> list[float]:
@@ -133,15 +136,6 @@ def _times(table: CsvTable, views: list[str]) -> dict[str, float] | None:
     is_same = [first.setdefault(view, time_s) == time_s for view, time_s in zip(views, time_stamps(table), strict=True)]
     table.require(np.array(is_same), f"another {TIME} than on an earlier line of the same photo")
     return first
-
-
-def _by_time(frames: list[str], times: dict[str, float]) -> list[str]:
-    """The frames in the order in which they were taken."""
-    earliest: dict[str, float] = {}
-    for view, time_s in times.items():
-        frame = view.partition("\n")[2]
-        earliest[frame] = min(time_s, earliest.get(frame, np.inf))
-    return sorted(frames, key=lambda name: earliest[name])
 
 
 def _camera(
@@ -167,13 +161,22 @@ def rig_sightings_to_csv(observations: RigObservations) -> bytes:
         *SEEN, *"XYZ", "face", *([DIAMETER] if has_circles else []), *(COVARIANCE if has_covariance else ()),
         *([TIME] if has_time else []),
     )  # fmt: skip
-    lines = [FIRST_LINE, "# u v in px, (0, 0) is the centre of the top-left pixel; X Y Z in mm"]
-    for name, seen in zip(observations.camera_names, observations.sightings, strict=True):
-        lines.append(f"# camera {name} {seen.image_size[0]} x {seen.image_size[1]}")
-    lines.append(",".join(columns))
-    for camera, name in enumerate(observations.camera_names):
-        lines += _rows(observations, camera, csv_cell(name), has_circles=has_circles, has_covariance=has_covariance)
-    return ("\n".join(lines) + "\n").encode("utf-8", ANY_NAME)
+    head = [FIRST_LINE, "# u v in px, (0, 0) is the centre of the top-left pixel; X Y Z in mm"]
+    rows: list[list[str]] = []
+    for camera, (name, seen) in enumerate(zip(observations.camera_names, observations.sightings, strict=True)):
+        head.append(f"# camera {name} {seen.image_size[0]} x {seen.image_size[1]}")
+        starts = [[csv_cell(name), csv_cell(observations.frame_names[row])] for row in observations.frame[camera]]
+        ends = [[repr(x)] for x in observations.time_s[camera].tolist()] if observations.time_s else [[]] * len(starts)
+        before = np.hstack([seen.center_px, seen.points.position_mm[seen.point]]).tolist()
+        face = [[str(one)] for one in seen.points.face[seen.point].tolist()]
+        if has_circles:
+            face = [[*one, f"{size:.17g}"] for one, size in zip(face, _circles_mm(seen).tolist(), strict=True)]
+        after: list[list[float]] = [[]] * len(before)
+        if has_covariance and seen.cov_px2 is not None:
+            after = seen.cov_px2.reshape(-1, 4)[:, [0, 1, 3]].tolist()
+        for row, view in enumerate(seen.view.tolist()):
+            rows.append([*starts[view], *map(repr, before[row]), *face[row], *map(repr, after[row]), *ends[view]])
+    return csv_bytes(head, columns, rows)
 
 
 def _circles_mm(seen: Observations) -> NDArray[np.float64]:
@@ -183,25 +186,6 @@ def _circles_mm(seen: Observations) -> NDArray[np.float64]:
     """
     circle_mm = seen.points.circle_mm
     return np.zeros(len(seen.point)) if circle_mm is None else circle_mm[seen.point]
-
-
-def _rows(
-    observations: RigObservations, camera: int, name: str, *, has_circles: bool, has_covariance: bool
-) -> Iterable[str]:
-    """The lines of one camera."""
-    seen, frames = observations.sightings[camera], observations.frame[camera].tolist()
-    starts = [f"{name},{csv_cell(observations.frame_names[frame])}" for frame in frames]
-    times = observations.time_s
-    ends = [""] * len(frames) if times is None else [f",{time_s!r}" for time_s in times[camera].tolist()]
-    numbers = [seen.center_px, seen.points.position_mm[seen.point]]
-    face = list(map(str, seen.points.face[seen.point].tolist()))
-    if has_circles:
-        face = [f"{one},{size:.17g}" for one, size in zip(face, _circles_mm(seen).tolist(), strict=True)]
-    after = seen.cov_px2.reshape(-1, 4)[:, [0, 1, 3]].tolist() if has_covariance and seen.cov_px2 is not None else []
-    before = np.concatenate(numbers, axis=1).tolist()
-    for row, view in enumerate(seen.view.tolist()):
-        cells = [*map(repr, before[row]), face[row], *(map(repr, after[row]) if after else ())]
-        yield f"{starts[view]},{','.join(cells)}{ends[view]}"
 
 
 def read_point_table(path: Path, rig: Rig) -> PointSightings:

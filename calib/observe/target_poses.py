@@ -1,7 +1,5 @@
 """Where a known camera stood before a target, how surely, and the files that say so."""
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
@@ -14,6 +12,7 @@ from numpy.typing import NDArray
 from calib.cameras.camera import Camera
 from calib.core.se3 import log_rotation, skew
 from calib.core.types import Detections
+from calib.observe.csv_table import csv_bytes, csv_cell
 from calib.observe.observations import observations_for_poses
 from calib.observe.photos import Search
 from calib.solver.start import solve_poses
@@ -144,9 +143,13 @@ def target_poses(photos: Sequence[Detections], target: TargetGeometry, camera: C
         camera: is taken as it is.
         weighted: by the covariances of the centres.
     """
+
+    def why_not(one: Detections) -> str:
+        return TOO_FEW if len(one.ring) else "; ".join(one.remarks) or "the target was not found"
+
     seen = observations_for_poses(photos, target)
     if seen is None:
-        return FoundPoses((), tuple(PhotoWithoutPose(one.image, _why_not(one)) for one in photos))
+        return FoundPoses((), tuple(PhotoWithoutPose(one.image, why_not(one)) for one in photos))
     solved = solve_poses(camera, seen, weighted=weighted)
     is_solved = [
         bool(np.isfinite(pose).all() and np.isfinite(covariance).all())
@@ -159,16 +162,11 @@ def target_poses(photos: Sequence[Detections], target: TargetGeometry, camera: C
     )
     fits = dict(zip(seen.view_names, is_solved, strict=True))
     failed = (
-        PhotoWithoutPose(one.image, NOT_SOLVED if one.image in fits else _why_not(one))
+        PhotoWithoutPose(one.image, NOT_SOLVED if one.image in fits else why_not(one))
         for one in photos
         if not fits.get(one.image, False)
     )
     return FoundPoses(poses, tuple(failed))
-
-
-def _why_not(seen: Detections) -> str:
-    """Why a photo has no rings for a pose."""
-    return TOO_FEW if len(seen.ring) else "; ".join(seen.remarks) or "the target was not found"
 
 
 def target_pose(image: str, cam_from_target: Array, covariance: Array, residual_px: Array) -> TargetPose:
@@ -198,10 +196,7 @@ def target_pose(image: str, cam_from_target: Array, covariance: Array, residual_
 
 def poses_to_csv(poses: Sequence[TargetPose]) -> bytes:
     """The poses as a table, one line a photo."""
-    stream = io.StringIO(newline="")
-    stream.writelines(f"{line}\n" for line in CSV_EXPLAINED)
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(CSV_COLUMNS)
+    rows = []
     for pose in poses:
         numbers = [
             pose.rms_px,
@@ -214,5 +209,5 @@ def poses_to_csv(poses: Sequence[TargetPose]) -> bytes:
             *pose.cam_from_target[:3, 3].tolist(),
             *pose.covariance[np.triu_indices(6)].tolist(),
         ]
-        writer.writerow([pose.image, pose.rings, *map(repr, numbers)])
-    return stream.getvalue().encode("utf-8", "surrogatepass")
+        rows.append([csv_cell(pose.image), str(pose.rings), *map(repr, numbers)])
+    return csv_bytes(CSV_EXPLAINED, CSV_COLUMNS, rows)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from calib.core.se3 import MAX_DISTANCE_MM, invert, make_pose
 from calib.core.types import freeze
 from calib.interop.parsing import number, parse_yaml, shown_plain
-from calib.observe.csv_table import ANY_NAME, csv_cell, read_table, read_text
+from calib.observe.csv_table import csv_bytes, csv_cell, read_table, read_text
 from calib.robot.rotations import RotationColumns, RowError, of_quaternion, rotation_columns, to_quaternion
 from designer.base.errors import InputError
 from designer.base.small_file import parse_json
@@ -123,11 +123,9 @@ def robot_poses_to_csv(images: Sequence[str], base_from_flange: Array) -> bytes:
 
 def poses_to_csv(head: Sequence[str], images: Sequence[str], pose: Array) -> bytes:
     """The text of a table of poses (V, 4, 4) below some lines, in mm and as quaternions."""
-    lines = [*head, "image,x_mm,y_mm,z_mm,qx,qy,qz,qw"]
     numbers = np.concatenate([pose[:, :3, 3], to_quaternion(pose[:, :3, :3])], axis=1)
-    for image, row in zip(images, numbers.tolist(), strict=True):
-        lines.append(",".join([csv_cell(image), *(f"{value:.9g}" for value in row)]))
-    return ("\n".join(lines) + "\n").encode("utf-8", ANY_NAME)
+    rows = ([csv_cell(image), *(f"{x:.9g}" for x in row)] for image, row in zip(images, numbers.tolist(), strict=True))
+    return csv_bytes(head, ["image", "x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"], rows)
 
 
 def _entries(path: Path) -> list[tuple[str, Entry]]:
@@ -140,11 +138,8 @@ def _entries(path: Path) -> list[tuple[str, Entry]]:
             raise InputError(f"{path}: more than {MOST_YAML_VALUES} values in YAML, which is slow; write CSV or JSON")
         return list(_tree_entries(parse_yaml(text, str(path)), str(path)))
     table = read_table(path, text, lambda _: "")
-    names = list(table.cells)
-    cells = zip(*table.cells.values(), strict=True)
-    return [
-        (f"line {line}", dict(zip(names, row, strict=True))) for line, row in zip(table.lines, cells, strict=True)
-    ]  # fmt: skip
+    rows = (dict(zip(table.cells, row, strict=True)) for row in zip(*table.cells.values(), strict=True))
+    return [(f"line {line}", row) for line, row in zip(table.lines, rows, strict=True)]
 
 
 def _tree_entries(tree: object, origin: str) -> Iterator[tuple[str, Entry]]:
@@ -261,9 +256,10 @@ class _Table:
 def _table(path: Path, unit: str | None) -> _Table:
     """What a file holds; all rows have the same columns."""
     entries = _entries(path)
-    if not 1 <= len(entries) <= MOST_POSES:
-        what = f"{len(entries)} poses; at most {MOST_POSES} are read" if entries else "holds no robot poses; a row is"
-        raise InputError(f"{path}: {what}{'' if entries else ' such as a.png,0.4,0.1,0.7,0,1,0,0'}")
+    if not entries:
+        raise InputError(f"{path}: holds no robot poses; a row is such as a.png,0.4,0.1,0.7,0,1,0,0")
+    if len(entries) > MOST_POSES:
+        raise InputError(f"{path}: {len(entries)} poses; at most {MOST_POSES} are read")
     places, rows = zip(*entries, strict=True)
     names = list(rows[0])
     for place, row in entries:

@@ -4,7 +4,6 @@ Euler angles are turns about named axes: `xyz-extrinsic` about the fixed x, then
 then the turned y, then the twice turned x. The two name the same rotations, in opposite order.
 """
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -39,7 +38,6 @@ _ORDERS = tuple(
 )
 _MIXED = ("xzy", "yxz", "yzx", "zxy")
 """Orders of turns about x, y, z that no order of the axes with these three angles in a row has."""
-_EULER = re.compile(r"([xyz])([xyz])([xyz])-(extrinsic|intrinsic)")
 
 
 @dataclass(frozen=True)
@@ -113,8 +111,7 @@ def euler_convention(text: str) -> str:
     """
     words = text.strip().lower()
     convention = NAMED_EULER.get(words, words)
-    match = _EULER.fullmatch(convention)
-    if match is None or match[1] == match[2] or match[2] == match[3]:
+    if convention not in _ORDERS:
         raise InputError(
             f"--euler {shown(text)}: give the axes and whether they turn along, such as xyz-extrinsic or zyx-intrinsic,"
             f" or {', '.join(NAMED_EULER)}"
@@ -141,16 +138,15 @@ def angle_readings(names: Sequence[str], value: Array) -> list[RotationReading]:
     is_by_axis = tuple(names) == VECTOR
     read = []
     for convention in _ORDERS:
-        takes = not is_by_axis or convention[:3] == "xyz"
         remedy = f"give --euler {convention}"
-        if not takes:
+        if is_by_axis and convention[:3] != "xyz":
             remedy = f"name the columns e1, e2, e3 and {remedy}"
-        read.append(RotationReading(f"Euler angles {_known_as(convention)}", remedy, of_euler(value, convention)))
+        users = ", ".join(name for name, meant in NAMED_EULER.items() if meant == convention)
+        what = f"Euler angles {convention}" + (f" ({users})" if users else "")
+        read.append(RotationReading(what, remedy, of_euler(value, convention)))
     for axes in _MIXED:  # the columns are about x, y, z, and the turns in another order
         convention = f"{axes}-extrinsic"
-        remedy = (
-            f"give --euler {convention}" if is_by_axis else f"name the columns rx, ry, rz and give --euler {convention}"
-        )
+        remedy = f"{'' if is_by_axis else 'name the columns rx, ry, rz and '}give --euler {convention}"
         order = value[:, ["xyz".index(axis) for axis in axes]]
         read.append(RotationReading(f"Euler angles {convention}", remedy, of_euler(order, convention)))
     remedy = "leave --euler out" if is_by_axis else "name the columns rx, ry, rz"
@@ -165,12 +161,6 @@ def quaternion_readings(rotation: Array) -> list[RotationReading]:
                         of_quaternion(np.roll(value, by, axis=1)))
         for what, names, by in (("w first", "qw, qx, qy, qz", -1), ("w last", "qx, qy, qz, qw", 1))
     ]  # fmt: skip
-
-
-def _known_as(convention: str) -> str:
-    """A convention with the robots that use it."""
-    users = [name for name, meant in NAMED_EULER.items() if meant == convention]
-    return f"{convention} ({', '.join(users)})" if users else convention
 
 
 def rotation_columns(euler: str | None) -> tuple[RotationColumns, ...]:
