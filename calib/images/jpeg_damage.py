@@ -161,7 +161,8 @@ def _check_scan(
     count = body[0]
     numbers, chosen = body[1 : 1 + 2 * count : 2], body[2 : 2 + 2 * count : 2]
     first, last, approximation = body[1 + 2 * count : 4 + 2 * count]
-    if not first <= last <= 63 or (first and count > 1):
+    is_table = all(both >> 4 < DC_TABLES and both & 0x0F < DC_TABLES for both in chosen)
+    if not is_table or not first <= last <= 63 or (first and count > 1):
         raise LookupError
     units = frame.units(numbers)
     known = np.zeros(1, np.uint64)  # nothing, in all blocks

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from calib.images.headers import DamagedError
 from calib.images.jpeg_damage import SEAM_GREYS, check_jpeg_scans
 from calib.images.photo import read_image
 from designer.base.errors import InputError
@@ -106,3 +107,11 @@ def test_a_step_in_brightness_is_named(tmp_path: Path) -> None:
     path.write_bytes(jpeg(np.clip(picture, 0, 255).astype(np.uint8).reshape(GREY.shape), (QUALITY, 95)))
     (remark,) = read_image(path).remarks
     assert re.match(r"may be damaged: all is 1[1-3] of 255 brighter from row 120, column 1[56]\d on; ", remark)
+
+
+def test_a_scan_that_names_a_table_there_cannot_be_is_refused() -> None:
+    """A damaged choice of tables is said, and no memory is read where none is."""
+    data = bytearray(jpeg(GREY, (QUALITY, 90)))
+    data[data.index(b"\xff\xda") + 6] = 0xF0
+    with pytest.raises(DamagedError, match="a table of its compression makes no sense"):
+        check_jpeg_scans(bytes(data))
