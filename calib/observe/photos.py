@@ -131,7 +131,7 @@ def find_photos(arguments: Sequence[str]) -> FoundPhotos:
         if not argument:
             raise InputError("'' is no photo; give files, folders or patterns, or '.' for the current folder")
         path = Path(argument)
-        if _is(path, Path.is_dir):
+        if os.path.isdir(path):
             inside = images_in(path)
             left_out = not_read_in(path)
             if left_out:
@@ -139,7 +139,7 @@ def find_photos(arguments: Sequence[str]) -> FoundPhotos:
             elif not inside:
                 failures.append(f"{path}: no images in this folder; they are known by suffixes such as .png or .jpg")
             paths += inside
-        elif glob.has_magic(argument) and not _is(path, Path.exists):
+        elif glob.has_magic(argument) and not os.path.exists(path):
             matches = [Path(match) for match in glob.glob(argument, recursive=True) if Path(match).is_file()]
             if not matches:
                 failures.append(f"{argument}: no file matches this pattern; check the path")
@@ -148,14 +148,6 @@ def find_photos(arguments: Sequence[str]) -> FoundPhotos:
             paths.append(path)
     photos = [path for path in paths if not path.stem.endswith(OVERLAY_MARK)]
     return FoundPhotos(tuple(photos), tuple(failures), len(paths) - len(photos))
-
-
-def _is(path: Path, test: Callable[[Path], bool]) -> bool:
-    """A test of a path; a name that no file can have passes none."""
-    try:
-        return test(path)
-    except (OSError, ValueError):
-        return False
 
 
 def images_in(folder: Path) -> list[Path]:

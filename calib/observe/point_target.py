@@ -38,6 +38,8 @@ THINNEST = 1e-6
 """As `THIN`, of points whose plane only tells the sides they are seen from."""
 MAX_FACE = 9999
 _NAMED = 4
+WHICH = "which plane it is said to lie in"
+SEVERAL = "whether all lie in one plane; else name each point's in a column plane"
 _POINT_COLUMNS, _PLANE_COLUMNS = ("X", "Y", "Z"), ("plane", "nx", "ny", "nz", "d")
 
 
@@ -111,8 +113,20 @@ def target_from_points(
     frames, outlines, steps = [], [], []
     for name, index in number.items():
         position = points.position_mm[face == index]
-        plane = _fitted(position, name, middle, inside=inside) if planes is None else _given(planes, name)
-        _require_on(plane, position, points.ids[face == index], name)
+        called = f"plane {shown(name)}" if name else "the points' plane"
+        if len(position) < 3:
+            raise InputError(f"{called}: {len(position)} points; a plane has 3 or more that lie on no line")
+        if planes is not None and name not in planes:
+            some = ", ".join(map(shown, list(planes)[:10]))
+            raise InputError(f"{called}: not in the table of planes, which has {some}; add it there")
+        plane = _fitted(position, called, middle, inside=inside) if planes is None else planes[name]
+        off_mm = np.abs(position @ plane.normal - plane.offset_mm)
+        most_mm, worst = OFF_PLANE * float(np.linalg.norm(np.ptp(position, axis=0))), int(np.argmax(off_mm))
+        if off_mm[worst] > most_mm:
+            raise InputError(
+                f"{called}: point {points.ids[face == index][worst]} is {off_mm[worst]:.3g} mm off it, {most_mm:.3g} "
+                f"mm are allowed (1 % of its extent); check the point, and {SEVERAL if not name else WHICH}"
+            )
         frame, outline, step = _face(plane, position, diameter_mm)
         frames.append(frame)
         outlines.append(outline)
@@ -210,45 +224,16 @@ def _table(path: Path, columns: Sequence[str], kind: str, most: int) -> CsvTable
     return table
 
 
-SEVERAL = "whether all lie in one plane; else name each point's in a column plane"
-
-
-def _words(name: str) -> str:
-    return f"plane {shown(name)}" if name else "the points' plane"
-
-
-def _fitted(position: Array, name: str, middle: Array, *, inside: bool) -> Plane:
+def _fitted(position: Array, called: str, middle: Array, *, inside: bool) -> Plane:
     """The plane of least squares, its normal away from the middle of all points, or towards it."""
-    if len(position) < 3:
-        raise InputError(f"{_words(name)}: {len(position)} points; a plane is told by 3 or more that lie on no line")
     plane = _least_squares_plane(position, THIN)
     if plane is None:
-        raise InputError(f"{_words(name)}: its {len(position)} points lie on a line; add some beside it")
+        raise InputError(f"{called}: its {len(position)} points lie on a line; add some beside it")
     outwards = plane.offset_mm - float(plane.normal @ middle)
     extent = float(np.linalg.svd(position - position.mean(axis=0), compute_uv=False)[0])
     if abs(outwards) <= THIN * extent or (outwards > 0) != inside:
         return plane  # also if all points lie in one plane
     return Plane(-plane.normal, -plane.offset_mm)
-
-
-def _given(planes: dict[str, Plane], name: str) -> Plane:
-    if name not in planes:
-        some = ", ".join(map(shown, list(planes)[:10]))
-        raise InputError(f"{_words(name)}: not in the table of planes, which has {some}; add it there")
-    return planes[name]
-
-
-def _require_on(plane: Plane, position: Array, ids: Numbers, name: str) -> None:
-    """Refuse points that are off their plane."""
-    off = np.abs(position @ plane.normal - plane.offset_mm)
-    most = OFF_PLANE * float(np.linalg.norm(np.ptp(position, axis=0)))
-    worst = int(np.argmax(off))
-    if len(position) < 3 or off[worst] > most:
-        rule = f"{len(position)} points; give 3 or more" if len(position) < 3 else (
-            f"point {ids[worst]} is {off[worst]:.3g} mm off it, {most:.3g} mm are allowed (1 % of its extent); check "
-            f"the point, and {'which plane it is said to lie in' if name else SEVERAL}"
-        )  # fmt: skip
-        raise InputError(f"{_words(name)}: {rule}")
 
 
 def _face(plane: Plane, position: Array, diameter_mm: float) -> tuple[Array, Array, float]:

@@ -108,11 +108,9 @@ class PoseResult:
         """
         place = place_of(path, "a file to write, such as poses.csv")
         check_output(place)
-        write_files({place: poses_to_csv(self.poses) if place.suffix.lower() == ".csv" else self._json()})
+        document = PosesDocument(self.target.geometry_id, self.camera, self.poses, self.without_pose)
+        write_files({place: poses_to_csv(self.poses) if place.suffix.lower() == ".csv" else POSES.text(document)})
         return place
-
-    def _json(self) -> bytes:
-        return POSES.text(PosesDocument(self.target.geometry_id, self.camera, self.poses, self.without_pose))
 
 
 @dataclass(frozen=True, eq=False)

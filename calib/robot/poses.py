@@ -59,7 +59,6 @@ class RobotPoses:
     images: tuple[str, ...]  # (V,) each another
     base_from_flange: Array  # (V, 4, 4)
     origin: str  # what messages name
-    read_as: str = ""  # what the columns were taken for
     is_inverted: bool = False  # the file held flange_from_base
     length_unit: str = "mm"  # what its positions were taken for
     is_unit_named: bool = False  # by its columns
@@ -110,7 +109,7 @@ def read_robot_poses(
             raise InputError(f"{path}: --unit {word}: its columns say {said.name}; rename them, or leave --unit out")
     pose = make_pose(rotation, shift)
     return RobotPoses(
-        images, invert(pose) if is_inverted else pose, str(path), way.what, is_inverted, length.name, length.is_named,
+        images, invert(pose) if is_inverted else pose, str(path), is_inverted, length.name, length.is_named,
         value if way.are_angles else None, way.names if way.are_angles else (), angle.name,
         has_quaternions=way.rotations is of_quaternion,
     )  # fmt: skip
