@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from calib.core.csv_table import is_real
 from calib.core.types import KnownPoints, Observations
-from calib.observe.csv_table import is_real
 from designer.base.errors import InputError
 
 LEAST_COLUMNS = ("filename", "x", "y")

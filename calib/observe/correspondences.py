@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.csv_table import COVARIANCE, CsvTable, column_fault, read_table, read_text
 from calib.core.types import KnownPoints, Observations
-from calib.observe.csv_table import COVARIANCE, CsvTable, column_fault, read_table, read_text
 from calib.observe.dataset import FIRST_LINE, MAX_SIDE_PX, read_detections
 from calib.observe.observations import known_points, knows_fronts, observations_from_detections, prepare
 from calib.observe.point_target import MAX_FACE

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.csv_table import ANY_NAME, CsvTable, csv_cell, is_covariance, read_table, read_text, require_version
 from calib.core.types import Detections
-from calib.observe.csv_table import ANY_NAME, CsvTable, csv_cell, is_covariance, read_table, read_text, require_version
 from calib.observe.records import RECORDS, ImageRecord, Records, image_record, read_records, records_path
 from designer.base.answer import program
 from designer.base.errors import InputError

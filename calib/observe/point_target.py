@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.csv_table import CsvTable, column_fault, read_table, read_text
 from calib.core.types import KnownPoints
-from calib.observe.csv_table import CsvTable, column_fault, read_table, read_text
 from designer.base.errors import InputError
 from designer.base.words import shown
 from designer.target import MAX_INDEX, TargetGeometry

@@ -13,7 +13,7 @@ from pathlib import Path, PureWindowsPath
 
 import numpy as np
 
-from calib.observe.csv_table import CsvTable, column_fault, column_names, read_table, read_text
+from calib.core.csv_table import CsvTable, column_fault, column_names, read_table, read_text
 from calib.observe.photos import find_photos, images_in, in_order, not_read_in
 from calib.observe.rig_observations import require_names, some
 from calib.observe.rig_sightings import SEEN, TIME, time_stamps

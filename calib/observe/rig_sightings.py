@@ -14,6 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.rig import Rig
+from calib.core.csv_table import (
+    COVARIANCE,
+    CsvTable,
+    column_fault,
+    column_names,
+    csv_bytes,
+    csv_cell,
+    read_table,
+    read_text,
+)
 from calib.core.types import Observations, RigObservations, keep_views
 from calib.observe.correspondences import (
     DIAMETER,
@@ -24,16 +34,6 @@ from calib.observe.correspondences import (
     require_inside,
     require_kind,
     rows_of_table,
-)
-from calib.observe.csv_table import (
-    COVARIANCE,
-    CsvTable,
-    column_fault,
-    column_names,
-    csv_bytes,
-    csv_cell,
-    read_table,
-    read_text,
 )
 from calib.observe.dataset import MAX_SIDE_PX
 from calib.observe.observations import knows_fronts, prepare

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
+from calib.core.csv_table import csv_bytes, csv_cell
 from calib.core.se3 import log_rotation, skew
 from calib.core.types import Detections
-from calib.observe.csv_table import csv_bytes, csv_cell
 from calib.observe.observations import observations_for_poses
 from calib.observe.photos import Search
 from calib.solver.start import solve_poses

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import told_parameters
+from calib.core.csv_table import ANY_NAME, csv_cell
 from calib.metrics.errors import Errors, ErrorSummary, summarise, summarise_groups
 from calib.metrics.evaluation import Evaluation
-from calib.observe.csv_table import ANY_NAME, csv_cell
 from designer.base.file_kind import FileKind
 from designer.base.marks import INLINE, LEFT_OUT, Count, Gap
 

@@ -14,8 +14,8 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.csv_table import ANY_NAME, COVARIANCE, MAX_FILE_BYTES, csv_cell, is_covariance, require_version
 from calib.core.types import KnownPoints
-from calib.observe.csv_table import ANY_NAME, COVARIANCE, MAX_FILE_BYTES, csv_cell, is_covariance, require_version
 from calib.observe.dataset import MAX_SIDE_PX
 from calib.solver.calibration import Calibration
 from designer.base.errors import InputError

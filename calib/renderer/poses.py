@@ -1,7 +1,5 @@
 """Where the camera stands: Fibonacci grids around the target, or poses from a file."""
 
-import csv
-import io
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +10,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.cameras.camera import Camera
+from calib.core.csv_table import read_table
 from calib.core.se3 import exp_rotation, look_at, make_pose, rigid_fault, rotation_between
 from designer.base.errors import InputError
 from designer.base.small_file import JsonValue, parse_json, read_small_text
@@ -112,14 +111,14 @@ def load_poses(path: Path) -> Array:
     text = read_small_text(path, MAX_FILE_BYTES, "a file of poses")
     try:
         if path.suffix.lower() == ".csv":
-            poses = _poses_from_csv(text)
+            poses = _poses_from_csv(path, text)
         else:
             poses = _poses_from_json(parse_json(text, path, "a file of poses"))
         if not 0 < len(poses) <= MAX_VIEWS:
             raise ValueError(f"{len(poses)} poses; give 1 to {MAX_VIEWS}")
         if fault := rigid_fault(poses):
             raise ValueError(f"pose {fault[0]} (from 0) {fault[1]}; give a rotation, a translation in mm, and 0 0 0 1")
-    except (ValueError, csv.Error) as error:
+    except ValueError as error:
         raise error if isinstance(error, InputError) else InputError(f"{path}: {error}") from None
     return poses
 
@@ -139,22 +138,10 @@ def _poses_from_json(document: JsonValue) -> Array:
     return poses
 
 
-def _poses_from_csv(text: str) -> Array:
-    lines = [row for row in csv.reader(io.StringIO(text)) if row and not row[0].lstrip().startswith("#")]
-    if not lines or tuple(name.strip() for name in lines[0]) != COLUMNS:
-        raise ValueError(f"the first line must be {','.join(COLUMNS)}")
-    for number, row in enumerate(lines[1:]):
-        if len(row) != len(COLUMNS) or not all(_is_number(value) for value in row):
-            raise ValueError(f"pose {number} (from 0) is not {len(COLUMNS)} finite numbers; give {','.join(COLUMNS)}")
-    values = np.array(lines[1:], dtype=np.float64).reshape(-1, len(COLUMNS))
-    for number, turn in enumerate(np.abs(values[:, :3]).max(axis=1)):
-        if turn > MAX_TURN_RAD:
-            raise ValueError(f"pose {number} (from 0) turns by {turn:g} rad; give at most {MAX_TURN_RAD:g} rad")
+def _poses_from_csv(path: Path, text: str) -> Array:
+    wanted = f"the columns must be {','.join(COLUMNS)}"
+    table = read_table(path, text, lambda names: "" if names == COLUMNS else wanted)
+    values = table.columns(COLUMNS)
+    turn = np.abs(values[:, :3]).max(axis=1, initial=0)
+    table.require(turn <= MAX_TURN_RAD, f"turns by more than {MAX_TURN_RAD:g} rad; rx, ry, rz are in rad")
     return make_pose(exp_rotation(values[:, :3]), values[:, 3:])
-
-
-def _is_number(text: str) -> bool:
-    try:
-        return math.isfinite(float(text))
-    except ValueError:
-        return False

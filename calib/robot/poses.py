@@ -13,10 +13,10 @@ from pathlib import Path, PureWindowsPath
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.csv_table import csv_bytes, csv_cell, read_table, read_text
 from calib.core.se3 import MAX_DISTANCE_MM, invert, make_pose
 from calib.core.types import freeze
 from calib.interop.parsing import number, parse_yaml, shown_plain
-from calib.observe.csv_table import csv_bytes, csv_cell, read_table, read_text
 from calib.robot.rotations import RotationColumns, RowError, of_quaternion, rotation_columns, to_quaternion
 from designer.base.errors import InputError
 from designer.base.small_file import parse_json

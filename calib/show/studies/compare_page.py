@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from calib.cameras import COMMON
-from calib.observe.csv_table import ANY_NAME
+from calib.core.csv_table import ANY_NAME
 from calib.show.markdown import markdown
 from calib.show.parts.origin import Origin
 from calib.show.studies.compare_figures import FIGURES, comparison_figures

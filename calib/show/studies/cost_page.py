@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from calib.observe.csv_table import ANY_NAME
+from calib.core.csv_table import ANY_NAME
 from calib.show.markdown import markdown
 from calib.show.parts.origin import Origin
 from calib.show.studies.cost_figures import FIGURE, cost_figures

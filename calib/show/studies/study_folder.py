@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, cast
 
+from calib.core.csv_table import ANY_NAME
 from calib.draw.style import picture
-from calib.observe.csv_table import ANY_NAME
 from calib.studies.identity import StudyIdentity
 from calib.studies.store import read_study
 from designer.base.codec import encode

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import cast
 
-from calib.observe.csv_table import ANY_NAME
+from calib.core.csv_table import ANY_NAME
 from calib.show.markdown import markdown
 from calib.show.parts.origin import Origin
 from calib.show.studies.study_figures import slug, study_figures

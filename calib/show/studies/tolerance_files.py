@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib.observe.csv_table import ANY_NAME
+from calib.core.csv_table import ANY_NAME
 from calib.show.markdown import markdown
 from calib.show.studies import study_folder
 from calib.show.studies.study_folder import CSV_FILE, FIGURES_FOLDER, JSON_FILE, MARKDOWN_FILE, rows_to_csv
