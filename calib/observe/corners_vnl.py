@@ -5,8 +5,10 @@ row from the top left one. One that was found in an image reduced `level` times 
 (mrcal's `compute_chessboard_corners`); a column `weight` holds `2^-level` instead. Names hold no spaces.
 """
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -17,6 +19,9 @@ from designer.base.errors import InputError
 LEAST_COLUMNS = ("filename", "x", "y")
 MAX_LEVEL = 20
 MAX_PLACE_PX = 1e6
+Corner: TypeAlias = tuple[float, float, float]
+"""u, v in px, and the standard deviation as a multiple of the surest ones'."""
+NOT_FOUND = (math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True)
@@ -39,15 +44,6 @@ class PointGrid:
         return KnownPoints(self.pitch_mm * step.astype(np.float64), 0 * place, np.array([[0.0, 0.0, 1.0, 0.0]]))
 
 
-@dataclass(frozen=True)
-class _Corner:
-    """One line."""
-
-    line: int
-    place: tuple[float, float] | None  # u, v in px; None: not found
-    sigma: float = 1.0  # relative
-
-
 def is_corners(path: Path, start: str) -> bool:
     """Whether a file is of this kind, by its name or its first lines."""
     return path.suffix.lower() == ".vnl" or _legend(start.splitlines()) is not None
@@ -67,7 +63,7 @@ def observations_from_corners(
     Raises:
         InputError: grid or size are not given, or a line breaks a rule; the message names it.
     """
-    corners = _read(path, text)
+    corners, last_line = _read(path, text)
     if grid is None:
         most = max(map(len, corners.values()), default=0)
         raise InputError(
@@ -77,26 +73,19 @@ def observations_from_corners(
     if image_size is None:
         raise InputError(f"{path}: holds no image size; give --image-size, such as --image-size 2448x2048")
     for name, found in corners.items():
-        if len(found) != grid.count and not (len(found) == 1 and found[0].place is None):
+        if len(found) != grid.count and not (len(found) == 1 and math.isnan(found[0][0])):
             raise InputError(
-                f"{path}: line {found[-1].line}: {name[:100]} has {len(found)} corners, but a grid of {grid.columns} x "
-                f"{grid.rows} has {grid.count}; check --grid"
+                f"{path}: line {last_line[name]}: {name[:100]} has {len(found)} corners, but a grid of "
+                f"{grid.columns} x {grid.rows} has {grid.count}; check --grid"
             )
-    seen = [
-        (view, point, corner.place, corner.sigma)
-        for view, found in enumerate(corners.values())
-        for point, corner in enumerate(found)
-        if corner.place is not None
-    ]
-    sigma = np.array([one[3] for one in seen])
+    every = np.array([corner for found in corners.values() for corner in found])
+    view = np.repeat(np.arange(len(corners)), [len(found) for found in corners.values()])
+    point = np.concatenate([np.arange(len(found)) for found in corners.values()])
+    is_found = np.isfinite(every[:, 0])
+    sigma = every[is_found, 2]
+    cov_px2 = None if (sigma == 1).all() else sigma[:, None, None] ** 2 * np.eye(2)
     return Observations(
-        image_size=image_size,
-        view_names=tuple(corners),
-        view=np.array([one[0] for one in seen], dtype=np.int64),
-        point=np.array([one[1] for one in seen], dtype=np.int64),
-        center_px=np.array([one[2] for one in seen], dtype=np.float64).reshape(-1, 2),
-        cov_px2=None if (sigma == 1).all() else sigma[:, None, None] ** 2 * np.eye(2),
-        points=grid.points(),
+        image_size, tuple(corners), view[is_found], point[is_found], every[is_found, :2], cov_px2, grid.points()
     )
 
 
@@ -111,14 +100,14 @@ def _legend(lines: list[str]) -> tuple[str, ...] | None:
     return None
 
 
-def _read(path: Path, text: str) -> dict[str, list[_Corner]]:
-    """The corners of each image."""
+def _read(path: Path, text: str) -> tuple[dict[str, list[Corner]], dict[str, int]]:
+    """The corners of each image, and its last line."""
     lines = text.split("\n")
     columns = _legend(lines) or (*LEAST_COLUMNS, "level")
     sure = next((name for name in ("level", "weight") if name in columns), None)
     needed = tuple(columns.index(name) for name in (*LEAST_COLUMNS, *([sure] if sure else [])))
-    corners: dict[str, list[_Corner]] = {}
-    last = ""
+    corners: dict[str, list[Corner]] = {}
+    last_line: dict[str, int] = {}
     for number, line in enumerate(lines, 1):
         cells = line.split()
         if not cells or line.lstrip().startswith("#"):
@@ -127,34 +116,34 @@ def _read(path: Path, text: str) -> dict[str, list[_Corner]]:
         if len(cells) != len(columns) and not (len(cells) == len(LEAST_COLUMNS) and sure == columns[-1]):
             raise InputError(f"{path}: line {number}: {len(cells)} values; a line has {len(columns)}")
         name, u, v, *rest = (cells[place] for place in needed if place < len(cells))
-        if name != last and name in corners:
+        if name in corners and name != next(reversed(corners)):
             raise InputError(f"{path}: line {number}: the image {name[:100]!r} a second time; keep one")
-        last = name
+        last_line[name] = number
         corners.setdefault(name, []).append(_corner(path, number, u, v, sure, rest[0] if rest else ""))
     if not corners:
         raise InputError(f"{path}: holds no corners; run mrgingham again")
-    return corners
+    return corners, last_line
 
 
-def _corner(path: Path, line: int, u: str, v: str, sure: str | None, level: str) -> _Corner:
+def _corner(path: Path, line: int, u: str, v: str, sure: str | None, level: str) -> Corner:
     """What a line says; as mrcal has it, negative numbers stand for a corner that was not found, too."""
     if "-" in (u, v, level):
-        return _Corner(line, None)
+        return NOT_FOUND
     for name, cell in (("x", u), ("y", v), (sure or "level", level or "0")):
         if not is_real(cell) or not abs(float(cell)) <= MAX_PLACE_PX:
             raise InputError(f"{path}: line {line}: {name} must be a number up to {MAX_PLACE_PX:g}, or -")
     place = float(u), float(v)
     if min(place) < 0:
-        return _Corner(line, None)
+        return NOT_FOUND
     if not level:
-        return _Corner(line, place)
+        return (*place, 1.0)
     value = float(level)
     if value < 0 or (sure == "weight" and value == 0):
-        return _Corner(line, None)
+        return NOT_FOUND
     if sure == "weight":
         if value < 2.0**-MAX_LEVEL:
             raise InputError(f"{path}: line {line}: weight {level} is too small; write - for a corner that is not seen")
-        return _Corner(line, place, 1 / value)
+        return (*place, 1 / value)
     if value > MAX_LEVEL:
         raise InputError(f"{path}: line {line}: level {level} is too high; at most {MAX_LEVEL} is read")
-    return _Corner(line, place, 2.0 ** int(value))
+    return (*place, 2.0 ** int(value))
