@@ -44,7 +44,7 @@ _OTHER_FORMATS: tuple[tuple[int, bytes, str], ...] = (
 )  # fmt: skip
 
 
-class DamagedError(ValueError):
+class DamagedError(Exception):
     """The file is no image that can be read, or not all of it is there. The message ends in the remedy."""
 
 
@@ -84,9 +84,7 @@ def read_header(data: bytes) -> Header:
         raise DamagedError("is not an image in a known format; give PNG, JPEG, TIFF, BMP or PGM")
     try:
         header = reader(data)
-    except (struct.error, LookupError, ValueError, OverflowError) as error:
-        if isinstance(error, DamagedError):
-            raise
+    except (struct.error, LookupError, ValueError, OverflowError):
         raise DamagedError("its header is damaged or cut off; copy it again") from None
     if header.width < 1 or header.height < 1:
         raise DamagedError(f"its header gives a size of {header.width} x {header.height} px; copy it again")
@@ -265,7 +263,7 @@ def exif_focal_px(path: Path) -> float | None:
     """
     try:
         header = read_header(path.read_bytes())
-    except (OSError, ValueError):
+    except (OSError, ValueError, DamagedError):
         return None  # a photo may hold anything; the solver needs no guess
     focal_mm = header.exif.focal_in_35_mm
     return focal_mm / DIAGONAL_OF_35_MM * math.hypot(header.width, header.height) if 1 <= focal_mm <= 5000 else None

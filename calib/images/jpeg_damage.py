@@ -117,9 +117,7 @@ def check_jpeg_scans(data: bytes) -> int:
                 seen |= _check_scan(stream, after, frame, codes, restart_every, nonzero, body)
                 if body[0] > 1:
                     unit_rows = 8 * max(down for _, down in frame.sides.values())
-    except (struct.error, LookupError, ValueError) as error:
-        if isinstance(error, DamagedError):
-            raise
+    except (struct.error, LookupError, ValueError):
         raise DamagedError(f"is damaged: a table of its compression makes no sense; {COPY}") from None
     if frame is None or seen != set(frame.sides):
         raise DamagedError(f"is damaged: a part of its pixels is missing; {COPY}")

@@ -164,8 +164,6 @@ def _read_file(path: Path) -> bytes:
     except OSError as error:
         raise DamagedError(f"cannot be read: {error.strerror}; check the path") from None
     except ValueError as error:
-        if isinstance(error, DamagedError):
-            raise
         raise DamagedError(f"is no file name: {error}") from None
 
 
