@@ -20,6 +20,7 @@ from calib.core.types import (
 )
 from calib.observe.mirrored import mirrored_views
 from designer.base.errors import InputError
+from designer.base.words import first_few
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
@@ -36,8 +37,6 @@ LEAST_PHOTOS = 2
 _CELL_PX = 0.5
 _NEIGHBOURS = 8
 """Views that see a point at the same place and are compared with each other; from a tripod there may be many."""
-_NAMED = 4
-"""Views that a remark names; the others are counted."""
 MANY = 0.25
 """What the detector says of so large a share of the photos stands with what is solved from them."""
 
@@ -199,9 +198,8 @@ def _say(
     views = np.flatnonzero(which).tolist()
     if not views:
         return
-    shown = [names[view] if of is None else f"{names[view]} (as {names[of[view]]})" for view in views[:_NAMED]]
-    more = f" and {len(views) - _NAMED} more" if len(views) > _NAMED else ""
-    said.append(f"left out views {reason}: {', '.join(shown)}{more}")
+    shown = [names[view] if of is None else f"{names[view]} (as {names[of[view]]})" for view in views]
+    said.append(f"left out views {reason}: {first_few(shown)}")
 
 
 def _common_size(every: Sequence[tuple[int, int]], kept: Flags, origin: str, said: Sequence[str]) -> tuple[int, int]:

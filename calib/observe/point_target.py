@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from calib.core.csv_table import CsvTable, column_fault, read_table, read_text
 from calib.core.types import KnownPoints
 from designer.base.errors import InputError
-from designer.base.words import shown
+from designer.base.words import first_few, shown
 from designer.target import MAX_INDEX, TargetGeometry
 
 Array = NDArray[np.float64]
@@ -37,7 +37,6 @@ FLAT, UNEVEN = 1e-6, 1e-3
 THINNEST = 1e-6
 """As `THIN`, of points whose plane only tells the sides they are seen from."""
 MAX_FACE = 9999
-_NAMED = 4
 WHICH = "which plane it is said to lie in"
 SEVERAL = "whether all lie in one plane; else name each point's in a column plane"
 _POINT_COLUMNS, _PLANE_COLUMNS = ("X", "Y", "Z"), ("plane", "nx", "ny", "nz", "d")
@@ -289,6 +288,5 @@ def points_with_planes(position_mm: Array, face: NDArray[np.int64] | None) -> tu
         ):
             uneven.append(f"{number} by {off_mm:.3g} mm")
     if uneven:
-        more = f" and {len(uneven) - _NAMED} more" if len(uneven) > _NAMED else ""
-        said.append(f"faces whose points are off their mean plane: {', '.join(uneven[:_NAMED])}{more}")
+        said.append(f"faces whose points are off their mean plane: {first_few(uneven)}")
     return KnownPoints(position_mm, known, planes), tuple(said)

@@ -11,12 +11,11 @@ from calib.core.types import Observations, RigObservations, keep_frames, keep_vi
 from calib.observe.mirrored import CLEAR_SHARE, facing
 from calib.solver.start import solve_poses
 from designer.base.errors import InputError
-from designer.base.words import shown
+from designer.base.words import first_few, shown
 
 MOST_NAME = 100
 SAME_PICTURE_PX = 1e-3
 """Two cameras whose centres differ by less in all that both see are one camera twice."""
-_NAMED = 4
 MOST_VIEWS = 8
 """Of a camera whose lens is tried on another's photos: those that show most."""
 MUCH_LESS = 0.8
@@ -142,8 +141,7 @@ def _mirrored_cameras(every: RigObservations) -> tuple[str, ...]:
 
 def some(names: Sequence[str]) -> str:
     """The first names, and how many more there are."""
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(map(shown, names[:_NAMED])) + more
+    return first_few([shown(name) for name in names])
 
 
 def swapped_cameras(observations: RigObservations, given: Mapping[str, Camera]) -> tuple[str, ...]:

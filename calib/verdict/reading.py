@@ -17,6 +17,7 @@ from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from designer.base.errors import InputError
 from designer.base.number_text import figure
+from designer.base.words import first_few
 
 Array = NDArray[np.float64]
 
@@ -153,9 +154,8 @@ def _turned_names(seen: Observations, turns: NDArray[np.int64]) -> str:
     for quarter in (1, 2, 3):
         names = [name for name, one in zip(seen.view_names, turns.tolist(), strict=True) if one == quarter]
         if names:
-            more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
             how = "" if (turns % 2 == 0).all() else f" (by {90 * quarter} deg clockwise)"
-            parts.append(f"{', '.join(names[:NAMED])}{more}{how}")
+            parts.append(f"{first_few(names, NAMED)}{how}")
     return "; ".join(parts)
 
 

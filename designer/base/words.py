@@ -1,6 +1,6 @@
 """The program's name, and small matters of writing."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TypeVar
 
 from designer.base.errors import InputError
@@ -39,6 +39,11 @@ def shown(value: object) -> str:
 def cut(text: str, most: int = 60) -> str:
     """A text, or as much of a longer one as fits."""
     return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def first_few(texts: Sequence[str], most: int = 4) -> str:
+    """The first texts, and how many more there are: `a, b, c, d and 12 more`."""
+    return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
 def several(option: str, value: Iterable[Item] | str) -> tuple[Item | str, ...]:
