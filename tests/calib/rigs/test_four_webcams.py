@@ -29,7 +29,7 @@ def test_corners_of_other_frames_are_placed_in_any_order() -> None:
         rng = np.random.default_rng(seed)
         mixed = shuffled(seen, rng)
         rounded = [
-            replace(one, center_px=one.center_px + rng.normal(0, 1e-9, (len(one), 2))) for one in mixed.sightings
+            replace(one, center_px=one.center_px + rng.normal(0, 1e-9, one.center_px.shape)) for one in mixed.sightings
         ]
         again = solve_rig(
             replace(mixed, sightings=tuple(rounded)), choices, RigOptions(reference=mixed.camera_names.index("cam0"))
