@@ -315,7 +315,9 @@ def _with_poses(seen: _Seen, poses: RobotPoses) -> tuple[_Seen, list[int]]:
             f"{poses.origin}: {int(keep.sum())} of {len(keep)} photos have a pose; {FEWEST_POSES} or more are needed: "
             "name the poses as the photos' files are"
         )
-    said = [f"{len(lost)} photos have no robot pose and are left out, the first is {lost[0]}"] if lost else []
+    said = [matched.remark] if matched.remark else []
+    if lost:
+        said.append(f"{len(lost)} photos have no robot pose and are left out, the first is {lost[0]}")
     if matched.unused:
         said.append(f"{len(matched.unused)} robot poses are of no photo in use, the first is {matched.unused[0]}")
     kept = _rig_of(keep_views(one, keep))

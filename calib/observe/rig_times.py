@@ -1,6 +1,5 @@
 """Photos of several cameras joined to frames by their time stamps, each photo once."""
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
@@ -8,14 +7,11 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.time_stamps import stamps_s
 from calib.observe.rig_photos import RigPhoto, RigPhotos, framed
 from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
-
-SECONDS_DIGITS = 10
-"""Of the seconds since 1970, from 2001 to 2286."""
-_STAMP = re.compile(r"[0-9]{16,19}")
 
 
 def stamped_by_name(photos: Sequence[RigPhoto]) -> tuple[RigPhoto, ...]:
@@ -24,15 +20,11 @@ def stamped_by_name(photos: Sequence[RigPhoto]) -> tuple[RigPhoto, ...]:
     Names of 16 to 19 digits are seconds since 1970 of ten digits and a fraction. Those that all cameras have alike need
     no clock.
     """
-    stems = [photo.path.stem for photo in photos]
+    stamps = stamps_s([photo.path.name for photo in photos])
     of_camera = [{one.path.stem for one in photos if one.camera == name} for name in {one.camera for one in photos}]
-    if len(set(map(len, stems))) != 1 or not all(map(_STAMP.fullmatch, stems)) or set.intersection(*of_camera):
+    if stamps is None or set.intersection(*of_camera):
         return tuple(photos)
-    first = min(map(int, stems))
-    unit = 10 ** (len(stems[0]) - SECONDS_DIGITS)
-    return tuple(
-        replace(photo, time_s=(int(stem) - first) / unit) for photo, stem in zip(photos, stems, strict=True)
-    )  # fmt: skip
+    return tuple(replace(photo, time_s=time_s) for photo, time_s in zip(photos, stamps[0].tolist(), strict=True))
 
 
 def joined_by_time(photos: Sequence[RigPhoto], tolerance_s: float) -> RigPhotos:

@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from calib.core.csv_table import csv_bytes, csv_cell, read_table, read_text
 from calib.core.se3 import MAX_DISTANCE_MM, invert, make_pose
+from calib.core.time_stamps import stamps_s
 from calib.core.types import freeze
 from calib.interop.parsing import number, parse_yaml, shown_plain
 from calib.robot.rotations import RotationColumns, RowError, of_quaternion, rotation_columns, to_quaternion
 from designer.base.errors import InputError
+from designer.base.number_text import figure
 from designer.base.small_file import parse_json
 from designer.base.words import shown, suggestion
 
@@ -336,10 +338,11 @@ class PosesOfPhotos:
 
     row: tuple[int | None, ...]  # (V,) of the poses; None: the photo has none
     unused: tuple[str, ...]  # names in the file that no photo has
+    remark: str = ""  # if it was not by names
 
 
 def poses_of(poses: RobotPoses, photos: Sequence[str]) -> PosesOfPhotos:
-    """The pose of each photo: by its name, else by its file's name, else by that without its ending.
+    """The pose of each photo: by its name, else by its file's name, else by that without its ending, else by time.
 
     Raises:
         InputError: not one photo has a pose.
@@ -353,10 +356,41 @@ def poses_of(poses: RobotPoses, photos: Sequence[str]) -> PosesOfPhotos:
             for photo, several in zip(photos, found, strict=True):
                 if len(several) > 1:
                     raise InputError(f"{poses.origin}: {shown(photo)} has {len(several)} poses; give it one")
-            row_of = tuple(one[0] if one else None for one in found)
-            unused = tuple(image for row, image in enumerate(poses.images) if row not in set(row_of))
-            return PosesOfPhotos(row_of, unused)
+            by_name = _paired(poses, [one[0] if one else None for one in found])
+            by_time = None if all(found) else _by_time(poses, photos)
+            return by_time if by_time and len(by_time.unused) < len(by_name.unused) else by_name
+    if by_time := _by_time(poses, photos):
+        return by_time
     raise InputError(
         f"{poses.origin}: names no photo: its first pose is of {shown(poses.images[0])}, the first photo is "
         f"{shown(photos[0])}; name the photos as their files are"
     )
+
+
+def _paired(poses: RobotPoses, row: Sequence[int | None], remark: str = "") -> PosesOfPhotos:
+    """With the poses that no photo has."""
+    return PosesOfPhotos(
+        tuple(row), tuple(image for number, image in enumerate(poses.images) if number not in set(row)), remark
+    )
+
+
+def _by_time(poses: RobotPoses, photos: Sequence[str]) -> PosesOfPhotos | None:
+    """The pose nearest to each photo in time, within half of the least time between two, where names are times."""
+    stamps = stamps_s([_file_name(name) for name in poses.images], [_file_name(name) for name in photos])
+    if stamps is None:
+        return None
+    of_pose, of_photo = stamps
+    apart_s = min((float(np.diff(np.sort(one)).min()) for one in stamps if len(one) > 1), default=0.0)
+    order = np.argsort(of_pose)
+    after = np.searchsorted(of_pose[order], of_photo)
+    around = order[np.clip([after - 1, after], 0, len(order) - 1)]  # the poses before and after each photo
+    off_s = np.abs(of_pose[around] - of_photo)
+    nearest, least_s = np.where(off_s[0] <= off_s[1], *around), off_s.min(axis=0)
+    is_near = least_s < 0.5 * apart_s
+    if not is_near.any():
+        return None
+    return _paired(
+        poses, [row if ok else None for row, ok in zip(nearest.tolist(), is_near.tolist(), strict=True)],
+        f"photos and robot poses are paired by their times, up to {figure(1e3 * least_s[is_near].max(), 2)} ms apart; "
+        f"two photos, or two poses, are {figure(1e3 * apart_s, 2)} ms apart or more",
+    )  # fmt: skip

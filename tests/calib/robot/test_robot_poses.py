@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.core.se3 import invert
-from calib.robot.poses import poses_of, read_robot_poses
+from calib.robot.poses import RobotPoses, poses_of, read_robot_poses
 from designer.base.errors import InputError
 
 TURN = Rotation.from_euler("ZYX", [30.0, -50.0, 110.0], degrees=True)
@@ -138,6 +138,18 @@ def test_photos_have_the_poses_of_their_names(tmp_path: Path) -> None:
     assert found.unused == ("c",)
     with pytest.raises(InputError, match="names no photo"):
         poses_of(read_robot_poses(path), ["x.png"])
+
+
+def test_names_that_are_times_are_paired_with_the_nearest() -> None:
+    """Within half of the least time between two, of nanoseconds, microseconds or a fraction; else with none."""
+    names = ("1700000000.250000", "1700000001.250000", "1700000003.250000")
+    poses = RobotPoses(names, np.tile(np.eye(4), (3, 1, 1)), "poses.csv")
+    found = poses_of(poses, ["1700000003249000000.png", "1700000002000000000.png", "1700000000253000000.png"])
+    assert found.row == (2, None, 0)
+    assert found.unused == names[1:2]
+    assert found.remark.startswith("photos and robot poses are paired by their times, up to 3.0 ms apart")
+    for photos in (["1700000000250000.png", "a.png"], ["1700000009000000.png", "1700000009000001.png"]):
+        assert not poses_of(poses, [*photos, names[0]]).remark
 
 
 @pytest.mark.parametrize(
