@@ -1,7 +1,7 @@
 """From the photos of several cameras to a judged rig: what `calib rig` does."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import fspath
 
 from calib.api.rig_choosing import CameraWishes, choices_of, require_wishes, wishes_of
@@ -15,8 +15,9 @@ from calib.observe.rig_observations import swapped_cameras
 from calib.observe.rig_sightings import read_rig_sightings
 from calib.rigs.bent import with_bend_error
 from calib.rigs.circle_doubt import with_circle_doubt
-from calib.rigs.halves import half_solver, rig_halves
+from calib.rigs.halves import RigHalves, half_solver, rig_halves
 from calib.rigs.options import RigOptions
+from calib.rigs.shared_errors import with_shared_errors
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error
 from calib.solver.costs import IMAGE
@@ -140,9 +141,13 @@ def judged_rig(
     observations = with_remarks(seen.observations, said)
     progress("solving", 0, 0)
     solved = solve_rig(observations, choices, options)
-    found = with_circle_doubt(with_bend_error(with_target_error(solved, seen.made), seen.bend))
+    stated = with_circle_doubt(with_bend_error(with_target_error(solved, seen.made), seen.bend))
+    found = with_shared_errors(stated)
     progress("judging", 0, 0)
-    judged = judge_rig(found, rig_halves(found, half_solver(found, choices, options)), limits)
+    halves = rig_halves(found, half_solver(found, choices, options))
+    if isinstance(halves, RigHalves) and halves.has_moved:  # which may look like anything that photos share
+        found = replace(found, remarks=stated.remarks)
+    judged = judge_rig(found, halves, limits)
     return RigResult(
         seen.target, seen.search, observations, choices, found, judged, seen.made, settings, wishes.options
     )

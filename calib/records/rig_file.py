@@ -100,6 +100,8 @@ class RigRecord:
     covariance: _Covariance
     target_covariance: Annotated[_Covariance | None, LEFT_OUT] = None
     circle_doubt: Annotated[CircleDoubt | None, LEFT_OUT] = None
+    capture_covariance: Annotated[_Covariance | None, LEFT_OUT] = None
+    photo_covariance: Annotated[_Covariance | None, LEFT_OUT] = None
     slack: Annotated[_Sigma | None, LEFT_OUT] = None  # see `RigCalibration`
     carrier: Annotated[CarrierFit | None, LEFT_OUT] = None
 
@@ -203,6 +205,8 @@ def _record(found: RigCalibration, provenance: Provenance, folders: Sequence[str
         covariance=found.covariance,
         target_covariance=found.target_covariance,
         circle_doubt=found.circle_doubt,
+        capture_covariance=found.capture_covariance,
+        photo_covariance=found.photo_covariance,
         slack=found.slack,
         carrier=found.carrier,
     )
@@ -283,5 +287,7 @@ def _rig_of(record: RigRecord, alone: Sequence[Calibration], points: KnownPoints
         carrier=record.carrier,
         target_covariance=record.target_covariance,
         circle_doubt=record.circle_doubt,
+        capture_covariance=record.capture_covariance,
+        photo_covariance=record.photo_covariance,
         slack=record.slack,
     )

@@ -67,6 +67,7 @@ class RigSplit:
     noise: _Size  # what the halves leave over, in what all frames together leave over
     pairs: Annotated[tuple[PairApart, ...], Length(0, 100_000)]
     target_ratio: Annotated[_Size | None, LEFT_OUT] = None  # as `ratio`, of where the target's middle is on its carrier
+    by_noise: Annotated[_Size | None, LEFT_OUT] = None  # the ratio by noise alone; None: nothing else was stated
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,8 @@ class RigHalves:
         Something that moved once spoils alike halves, too; what they leave over is then as much as that of all frames.
         """
         steadier = self.noise_of("in order") < STEADIER * self.noise_of("by turns")
-        return steadier and self.ratio > self.by_chance
+        worst = max([self.ratio, *(one.by_noise for one in self.splits if one.by_noise is not None)])
+        return steadier and worst > self.by_chance
 
 
 def _root_mean_square(values: Sequence[float]) -> float:
@@ -245,21 +247,23 @@ def _compared(kind: SplitKind, whole: RigCalibration, first: RigCalibration, sec
     """The difference of all cameras' poses in the standard deviations of both, and what they leave over."""
     rig, other = (replace(half.rig, covariance=half.covariance) for half in (first, second))
     rows = np.concatenate([np.arange(one.start, one.stop) for one in map(rig.pose_rows, range(len(rig.names)))])
-    covariance = (first.covariance + second.covariance)[np.ix_(rows, rows)]
+    noise = (first.covariance + second.covariance)[np.ix_(rows, rows)]
     step = steps_between(first.cam_from_rig, second.cam_from_rig).reshape(-1)
-    sure = symmetric_inverse(covariance)
-    if not sure.rank > 0 or not np.isfinite(covariance).all():
+    sure = symmetric_inverse(noise)
+    if not sure.rank > 0 or not np.isfinite(noise).all():
         return None
+    ratio, by_noise = math.sqrt(max(float(step @ sure.inverse @ step), 0.0) / int(sure.rank)), None
+    if whole.photo_covariance is not None:  # of half as many frames twice as much, and of the difference of two halves
+        stated = symmetric_inverse(noise + 4 * whole.photo_covariance[np.ix_(rows, rows)]).inverse
+        by_noise, ratio = ratio, math.sqrt(max(float(step @ stated @ step), 0.0) / int(sure.rank))
     pairs = []
     for a, b in combinations(range(len(rig.names)), 2):
         one, two = relative(rig, a, b), relative(other, a, b)
         sigma = math.hypot(one.baseline_sigma_mm, two.baseline_sigma_mm)
         pairs.append(PairApart((rig.names[a], rig.names[b]), two.baseline_mm - one.baseline_mm, sigma))
-    square = float(step @ sure.inverse @ step)
-    noise = math.sqrt((_squares(first) + _squares(second)) / _squares(whole))
+    left = math.sqrt((_squares(first) + _squares(second)) / _squares(whole))
     return RigSplit(
-        kind, math.sqrt(max(square, 0.0) / int(sure.rank)), int(sure.rank), noise, tuple(pairs),
-        _target_apart(first, second),
+        kind, ratio, int(sure.rank), left, tuple(pairs), _target_apart(first, second), by_noise
     )  # fmt: skip
 
 

@@ -69,21 +69,23 @@ class RigCalibration:
     alone_scale: Array | None = None  # (C,) as `scale`, of each camera by itself: more in the rig is told by no lens
     target_covariance: Array | None = None  # (N, N) of what the target's own shape may have done; None: not known
     circle_doubt: CircleDoubt | None = None  # of all N unknowns; None: what the points are is known
+    capture_covariance: Array | None = None  # (N, N) of what is alike in all photos; None: nothing beyond chance
+    photo_covariance: Array | None = None  # (N, N) of what the photos of a frame share; None: likewise
 
     def __post_init__(self) -> None:
         freeze(
             self, "cam_from_rig", "rig_from_target", "scale", "covariance", "frame_covariance", "delay_s",
-            "delay_sigma_s", "alone_scale", "target_covariance",
+            "delay_sigma_s", "alone_scale", "target_covariance", "capture_covariance", "photo_covariance",
         )  # fmt: skip
         object.__setattr__(self, "residual_px", tuple(frozen_array(one) for one in self.residual_px))
         object.__setattr__(self, "is_outlier", tuple(frozen_array(one, np.bool_) for one in self.is_outlier))
 
     @property
     def stated_covariance(self) -> Array:
-        """The joint covariance as it is to be told: by noise, the target's shape and what its points are.  # (N, N)"""
+        """The joint covariance as it is to be told: by noise, target, doubts and what photos share."""
         doubt = None if self.circle_doubt is None else self.circle_doubt.param_covariance
-        parts = [one for one in (self.target_covariance, doubt) if one is not None]
-        stated: Array = sum(parts, start=np.asarray(self.covariance))
+        parts = (self.target_covariance, doubt, self.capture_covariance, self.photo_covariance)
+        stated: Array = sum((one for one in parts if one is not None), start=np.asarray(self.covariance))
         return stated
 
     @property

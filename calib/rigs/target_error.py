@@ -88,8 +88,7 @@ def _equations(
     found: RigCalibration, basis: Array, used: NDArray[np.int64], modes_mm: Array, own_mm: Array
 ) -> ShapeEquations:
     """The equations of all that was solved for, and of displacements of the target's points."""
-    every = max(-(-sum(map(len, found.residual_px)) // MOST_SIGHTINGS), 1)
-    frames = np.arange(0, found.observations.frame_count, every)
+    frames = some_frames(found)
     wide, posed = posed_unknowns(found, frames, basis)
     equations = equations_of(posed, used, wide, modes_mm, own_mm)
     return _for_all(equations, found.observations.frame_count / len(frames))
@@ -112,6 +111,12 @@ def posed_unknowns(
     wide = np.concatenate([basis, np.zeros((len(basis), _besides(found)))], axis=1)
     posed = posed_frames(found, wide, frames)
     return wide, posed if found.carrier is None else _carried(found, posed, frames, wide.shape[1])
+
+
+def some_frames(found: RigCalibration) -> NDArray[np.int64]:
+    """All frames, or evenly spread ones of very many sightings."""
+    every = max(-(-sum(map(len, found.residual_px)) // MOST_SIGHTINGS), 1)
+    return np.arange(0, found.observations.frame_count, every)
 
 
 def _for_all(equations: ShapeEquations, times: float) -> ShapeEquations:
@@ -211,9 +216,15 @@ class _Sightings:
         )
 
 
-def posed_frames(found: RigCalibration, basis: Array, frames: NDArray[np.int64]) -> Iterator[PosedSightings]:
-    """The sightings of frames by all cameras; what moves them together is the target's pose in the rig's frame."""
-    cameras = [_sightings(found, camera, basis, frames) for camera in range(len(found.cameras))]
+def posed_frames(
+    found: RigCalibration, basis: Array, frames: NDArray[np.int64], moved_px: Sequence[Array] | None = None
+) -> Iterator[PosedSightings]:
+    """The sightings of frames by all cameras; what moves them together is the target's pose in the rig's frame.
+
+    Behind the directions stands what else moves each camera's centres, (C,) of (M_c, 2, K): C K columns, if any.
+    """
+    more = moved_px or [np.zeros((len(one), 2, 0)) for one in found.residual_px]
+    cameras = [_sightings(found, camera, basis, frames, more[camera]) for camera in range(len(found.cameras))]
     for frame in frames.tolist():
         parts = [one.of(frame) for one in cameras]
         yield PosedSightings(
@@ -225,7 +236,9 @@ def posed_frames(found: RigCalibration, basis: Array, frames: NDArray[np.int64])
         )
 
 
-def _sightings(found: RigCalibration, camera: int, basis: Array, frames: NDArray[np.int64]) -> _Sightings:
+def _sightings(
+    found: RigCalibration, camera: int, basis: Array, frames: NDArray[np.int64], moved_px: Array
+) -> _Sightings:
     """Those of one camera, each camera's by its own noise."""
     seen, rig = found.observations.sightings[camera], found.rig
     is_wanted = np.isin(found.observations.frame[camera], frames)[seen.view]
@@ -247,10 +260,13 @@ def _sightings(found: RigCalibration, camera: int, basis: Array, frames: NDArray
     by_target = by_rig @ rig_from_target[:, :3, :3]
     if tells_size(found):
         by_camera[:, :, -POSE - 1] = (by_target @ position[:, :, None])[:, :, 0]
+    wide = np.zeros((*by_camera.shape[:2], len(found.cameras), moved_px.shape[2]))
+    wide[:, :, camera] = weight @ moved_px[row]
     return _Sightings(
         frame,
         PosedSightings(
-            seen.point[row], by_camera, weight @ found.residual_px[camera][row][:, :, None],
+            seen.point[row], np.concatenate([by_camera, wide.reshape(*wide.shape[:2], -1)], axis=2),
+            weight @ found.residual_px[camera][row][:, :, None],
             _by_motion(turned, by_rig), by_target,
         ),
     )  # fmt: skip

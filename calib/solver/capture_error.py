@@ -28,6 +28,7 @@ from calib.cameras.refit import image_grid
 from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import covariance_with_prior, sums_by, symmetric_inverse
 from calib.core.parallel import one_thread
+from calib.core.types import KnownPoints
 from calib.solver.accuracy import projected_change, share_px
 from calib.solver.calibration import Calibration, Capture, CaptureEffect, CaptureError
 from calib.solver.extra_parameters import ExtraParameters, extra_parameters
@@ -51,7 +52,7 @@ ASSUMED: Capture = "still"
 
 
 @dataclass(frozen=True)
-class _Kind:
+class Kind:
     """Something that is alike in all photos."""
 
     name: str
@@ -66,25 +67,25 @@ _FOCUS = "focus by hand and leave focus, zoom and stabilisation alone; let the c
 _EDGES = "light the target evenly, and expose less"
 _DISCS = "give the images of the discs' centres, not the middles of their outlines, or use rings"
 _MOTION: Mapping[Capture, float] = {"still": 0.0, "handheld": 0.1, "moving": 3.0}
-_KINDS = (
+KINDS = (
     *(
-        _Kind(f"a target that moves along {whose} {axis} while the shutter rolls", _ROWS, _MOTION, _REST)
+        Kind(f"a target that moves along {whose} {axis} while the shutter rolls", _ROWS, _MOTION, _REST)
         for whose in ("the camera's", "its own")
         for axis in "xyz"
     ),
-    _Kind(
+    Kind(
         "a focal length that changes with the distance", "‰ from the middle distance to the farthest",
         dict.fromkeys(get_args(Capture), 0.1), _FOCUS,
     ),
-    _Kind(
+    Kind(
         "a focal length that changes with time", "‰ from the middle photo to the last",
         dict.fromkeys(get_args(Capture), 0.05), _FOCUS,
     ),
-    _Kind(
+    Kind(
         "centres that are off along the tilt", "px where seen from the side", dict.fromkeys(get_args(Capture), 0.05),
         _EDGES,
     ),
-    _Kind(
+    Kind(
         "centres that are off as the middles of discs' outlines are", "px at 45 degrees and the middle distance",
         dict.fromkeys(get_args(Capture), 0.0), _DISCS,
     ),
@@ -123,7 +124,7 @@ def with_capture_error(calibration: Calibration, capture: Capture | None = None)
     if found is None:
         return with_photo_error(with_image_field(replace(calibration, capture_error=None)))
     way = capture or ASSUMED
-    weighed = weigh(found, np.array([kind.expected[way] for kind in _KINDS]))
+    weighed = weigh(found, np.array([kind.expected[way] for kind in KINDS]))
     sure = list(weighed.sure)
     # A cause that leaves a field in the image over is none, and parameters that are held do what moves things does.
     is_free = free_directions(calibration.param_covariance).shape[1] == len(camera.params)
@@ -132,14 +133,12 @@ def with_capture_error(calibration: Calibration, capture: Capture | None = None)
     steps = projected_change(camera, image_grid(camera.image_size).reshape(-1, 2))
     steps = steps[np.isfinite(steps).all(axis=(1, 2))] @ (found.taken[:, sure] * weighed.mean[sure])
     sigma = np.sqrt(np.diagonal(weighed.covariance))
-    unsaid = calibration.observations.points.circle_mm
-    # Of points that nobody said are no circles, `calib.solver.circles` tells what discs do.
-    counts = np.array([kind.remedy != _DISCS or unsaid is None or not np.isnan(unsaid).any() for kind in _KINDS])
+    counts = kinds_that_count(calibration.observations.points)
     effects = tuple(
         CaptureEffect(
-            _KINDS[row].name, float(weighed.mean[row]), float(sigma[row]), _KINDS[row].unit,
+            KINDS[row].name, float(weighed.mean[row]), float(sigma[row]), KINDS[row].unit,
             share_px(np.linalg.norm(steps[:, :, number], axis=1)), field is None and is_free,
-            _KINDS[row].remedy,
+            KINDS[row].remedy,
         )
         for number, row in enumerate(sure)
         if counts[row]
@@ -147,6 +146,12 @@ def with_capture_error(calibration: Calibration, capture: Capture | None = None)
     square = np.outer(counts, counts) * (weighed.covariance + np.outer(weighed.mean, weighed.mean))
     error = CaptureError(way, "" if capture else "assumed", effects, found.taken @ square @ found.taken.T)
     return with_photo_error(replace(calibration, capture_error=error, image_field=field))
+
+
+def kinds_that_count(points: KnownPoints) -> NDArray[np.bool_]:
+    """All but what discs do, of points that nobody said are no circles: `calib.solver.circles` tells that.  # (K,)"""
+    is_unsaid = points.circle_mm is not None and bool(np.isnan(points.circle_mm).any())
+    return np.array([kind.remedy != _DISCS or not is_unsaid for kind in KINDS])
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,98 @@
+"""What the photos of a rig share beyond noise, and how much less sure the rig is by it.
+
+    found = with_shared_errors(found)
+    found.stated_covariance, found.remarks
+
+As `calib.solver.capture_error` and `calib.solver.photo_error` have it for one camera. What is alike in all photos of a
+camera is a parameter more of that camera, beside the cameras' own, their places and the frames' poses. Those beyond
+chance are named if they explain all that frames share, and what leaving them out did is added. Then the scores of
+frames are compared, since the photos of a frame share the target's pose.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.surface import surface_model
+from calib.core.linear_algebra import pseudo_inverse
+from calib.core.parallel import one_thread
+from calib.rigs.camera_alone import camera_alone
+from calib.rigs.result import RigCalibration
+from calib.rigs.target_error import posed_frames, some_frames
+from calib.rigs.worth import DISAGREES
+from calib.solver.capture_error import KINDS, kinds_that_count, moved_px, weigh
+from calib.solver.extra_parameters import extra_of
+from calib.solver.free_shape import PosedSightings, free_directions
+from calib.solver.photo_error import shared_by_photos
+from designer.base.number_text import figure
+from designer.base.words import printable
+
+Array = NDArray[np.float64]
+
+
+@one_thread
+def with_shared_errors(found: RigCalibration) -> RigCalibration:
+    """The rig with what its photos share, named and in its stated covariance; the solution stays.
+
+    As it was where each photo may have a pose of its own, which tells the same, and of a rig with time offsets, on a
+    carrier, or with a lens of many parameters.
+    """
+    basis = free_directions(found.covariance)
+    has_more = found.slack is not None or found.carrier is not None or found.delay_s is not None
+    has_many = any(one.learned is not None or surface_model(one.model) is not None for one in found.cameras)
+    if found.status != "converged" or has_more or has_many or not basis.size:
+        return found
+    counts, frames = kinds_that_count(found.observations.points), some_frames(found)
+    moved = [counts * moved_px(camera_alone(found, number)) for number in range(len(found.cameras))]
+    posed, part = partial(posed_frames, found, basis, frames, moved), len(frames) / found.observations.frame_count
+    captured, amplitude, taken = _captured(found, posed(), basis)
+    to_q, inner = pseudo_inverse(basis), basis.shape[1]
+    off = np.concatenate([-to_q @ taken @ amplitude, amplitude])
+    rest = (
+        replace(view, by_camera=view.by_camera[:, :, :inner], residual=view.residual + view.by_camera @ off[:, None])
+        for view in posed()
+    )
+    shared = shared_by_photos(rest, to_q @ captured.stated_covariance @ to_q.T / part)
+    if shared is None:
+        return captured
+    times, more = shared
+    said = (
+        "centres of a frame's photos err together, so that standard deviations are "
+        f"{figure(times, 2)} times (RMS) those by independent errors, which is in them"
+    )
+    covariance = part * (basis @ more) @ (basis @ more).T
+    # Causes that leave something over are none, or not all: as a camera that was pushed is like lenses that change.
+    return replace(captured, photo_covariance=covariance, remarks=(*found.remarks, said))
+
+
+def _captured(
+    found: RigCalibration, posed: Iterable[PosedSightings], basis: Array
+) -> tuple[RigCalibration, Array, Array]:
+    """With what is alike in all photos of a camera, if that is beyond chance; how much, and what the rig took of it.
+
+    Amplitudes (C K,), and what a unit of each did to the rig (N, C K).
+    """
+    names, kinds = found.observations.camera_names, len(KINDS)
+    nothing = found, np.zeros(len(names) * kinds), np.zeros((len(basis), len(names) * kinds))
+    if found.alone_scale is not None and (found.scale > DISAGREES * found.alone_scale).any():
+        return nothing  # what does not fit together looks like anything
+    inner = basis.shape[1]
+    views = ((replace(view, by_camera=view.by_camera[:, :, :inner]), view.by_camera[:, :, inner:]) for view in posed)
+    told = extra_of(views, basis, len(names) * kinds)
+    weighed = None if told is None else weigh(told, np.zeros(len(names) * kinds))
+    if told is None or weighed is None or not weighed.sure:
+        return nothing
+    sigma, said = np.sqrt(np.diagonal(weighed.covariance)), []
+    for row in weighed.sure:
+        name, kind = names[row // kinds], KINDS[row % kinds]
+        said.append(
+            f"the photos of {printable(name)} show what looks like {kind.name}: {figure(weighed.mean[row], 2)} ± "
+            f"{figure(sigma[row], 1)} {kind.unit}, if nothing was moved; what it did is in the standard deviations; "
+            f"{kind.remedy}"
+        )
+    square = weighed.covariance + np.outer(weighed.mean, weighed.mean)
+    covariance = told.taken @ square @ told.taken.T
+    return replace(found, capture_covariance=covariance, remarks=(*found.remarks, *said)), weighed.mean, told.taken
