@@ -32,6 +32,8 @@ from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry
 
 MAX_SETS, MAX_STARTS = 10_000, 100_000
+USUAL, QUICK = (30, 60), (8, 20)
+"""Sets and starts; such as are enough to see which way it goes."""
 OWN = "own photos"
 
 
@@ -61,8 +63,8 @@ def study_cost(
     target: TargetGeometry | Place | None = None,
     *,
     model: str | None = None,
-    sets: int = 30,
-    starts: int = 60,
+    sets: int | None = None,
+    starts: int | None = None,
     quick: bool = False,
     image_size: tuple[int, int] | None = None,
     grid: PointGrid | None = None,
@@ -81,9 +83,9 @@ def study_cost(
         observed: photos of one's own too, of which each is held out in turn; None: simulated ones alone.
         target: that these show; None: points from elsewhere.
         model: that they are solved with; None: the usual one.
-        sets: of simulated photos of each scene and condition.
-        starts: bad ones of each scene.
-        quick: 8 sets and 20 starts.
+        sets: of simulated photos of each scene and condition; None: 30, or quick 8.
+        starts: bad ones of each scene; None: 60, or quick 20.
+        quick: 8 sets and 20 starts, where nothing else is said.
         image_size: of a file that does not say it.
         grid: of a `corners.vnl`.
         seed: of all that is random.
@@ -96,7 +98,11 @@ def study_cost(
         StudyStoppedError: interrupted; what is finished is kept.
     """
     processes, seed = processes_of(jobs), whole("--seed", seed, 0, MAX_SEED)
-    sets, starts = whole("--sets", sets, 3, MAX_SETS), whole("--starts", starts, 1, MAX_STARTS)
+    usual = QUICK if quick else USUAL
+    sets, starts = (
+        whole("--sets", usual[0] if sets is None else sets, 3, MAX_SETS),
+        whole("--starts", usual[1] if starts is None else starts, 1, MAX_STARTS),
+    )
     check_folder(Path(folder))
     real = None
     digests: tuple[tuple[str, str], ...] = ()
@@ -110,7 +116,6 @@ def study_cost(
     ]:
         raise InputError(f"{of_photos[0]}: says nothing without photos of your own; give --detections too")
     plan = cases.CostPlan(sets, starts, seed, *(("", "") if real is None else (real.name, real.model)))
-    plan = cases.quick(plan) if quick else plan
     identity = cases.identity(plan, digests)
     sampling = Sampling(Path(folder) / STUDY_FILE, processes, None, resume, progress)
     sampling.check(identity)

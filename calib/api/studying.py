@@ -10,6 +10,7 @@ from calib.renderer.quantities import whole
 from calib.show.studies.study_folder import STUDY_FILE
 from calib.studies import paper_study
 from calib.studies.compare import cases
+from calib.studies.compare.objects import SETS
 from calib.studies.compare.results import Results, results_of
 from calib.studies.progress import DrawCount
 from calib.studies.store import read_study
@@ -115,8 +116,8 @@ def compare_objects(
     folder: Place,
     *,
     camera: str = cases.CAMERA,
-    prints: int = 12,
-    sets: int = 12,
+    prints: int | None = None,
+    sets: int | None = None,
     virtual_sets: int = 1,
     quick: bool = False,
     seed: int = 1,
@@ -129,10 +130,10 @@ def compare_objects(
     Args:
         folder: where every set of photos is kept, so that a stopped comparison goes on.
         camera: template or file; it takes the photos.
-        prints: of each object, each with errors of its own.
-        sets: of photos of each print.
+        prints: of each object, each with errors of its own; None: 12, or quick 2.
+        sets: of photos of each print; None: as many.
         virtual_sets: of them solved with the virtual camera, which is slow.
-        quick: 2 prints and 2 sets.
+        quick: 2 prints and 2 sets, where nothing else is said.
         seed: of all that is random.
         jobs: processes; None: one per core.
         resume: go on with the comparison in the folder.
@@ -142,12 +143,13 @@ def compare_objects(
         InputError: numbers, a camera or a folder that cannot be used.
         StudyStoppedError: interrupted; what is finished is kept.
     """
+    usual = cases.QUICK if quick else SETS
+    prints, sets = (usual if one is None else one for one in (prints, sets))
     if virtual_sets > sets:
         raise InputError(f"--virtual-sets {virtual_sets}: there are {sets} sets of a print; give at most as many")
     processes, seed = processes_of(jobs), whole("--seed", seed, 0, MAX_SEED)
     check_folder(Path(folder))
-    plan = cases.Plan(camera, prints, sets, virtual_sets, seed=seed)
-    plan = cases.quick(plan) if quick else plan
+    plan = cases.Plan(camera, prints, sets, virtual_sets, 1 if quick else cases.ALONE_PRINTS, seed)
     cases.usable_camera(camera)
     identity = cases.identity(plan)
     sampling = Sampling(Path(folder) / STUDY_FILE, processes, None, resume, progress)

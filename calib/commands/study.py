@@ -132,9 +132,10 @@ def compare(
     out: OutOption,
     quick: Annotated[bool, typer.Option("--quick", help="2 prints and 2 sets: which way it goes, in a minute")] = False,
     prints: Annotated[
-        int, typer.Option(min=1, max=MAX_PRINTS, help="of each object, each with errors of its own")
-    ] = 12,
-    sets: Annotated[int, typer.Option(min=1, max=MAX_SETS, help="of photos of each print")] = 12,
+        int | None,
+        typer.Option(min=1, max=MAX_PRINTS, help="of each object, each with errors of its own (default: 12)"),
+    ] = None,
+    sets: Annotated[int | None, typer.Option(min=1, max=MAX_SETS, help="of photos of each print (default: 12)")] = None,
     virtual_sets: Annotated[
         int, typer.Option(min=1, max=MAX_SETS, help="of them solved with the virtual camera, which is slow")
     ] = 1,
@@ -188,8 +189,10 @@ def cost(
     ] = None,
     out: OutOption,
     quick: Annotated[bool, typer.Option("--quick", help="8 sets and 20 starts: which way it goes")] = False,
-    sets: Annotated[int, typer.Option(help="of simulated photos of each scene and condition")] = 30,
-    starts: Annotated[int, typer.Option(help="bad ones of each scene")] = 60,
+    sets: Annotated[
+        int | None, typer.Option(help="of simulated photos of each scene and condition (default: 30)")
+    ] = None,
+    starts: Annotated[int | None, typer.Option(help="bad ones of each scene (default: 60)")] = None,
     image_size: options.ImageSizeOption = None,
     grid: options.GridOption = None,
     pitch: options.PitchOption = None,

@@ -113,6 +113,8 @@ def test_an_option_that_names_nothing_is_refused(
         (("triangulate", "pair.rig.json", "sightings.csv", "-o", "out", "--jobs", "2"), "--jobs"),
         ((*BOOTSTRAP, "--dask", "tcp://127.0.0.1:1"), "--jobs"),
         (("study", "cost", *QUICK, "--model", "opencv"), "--model"),
+        (("study", "cost", *QUICK, "--sets", "2"), "--sets"),
+        (("study", "compare", *QUICK, "--virtual-sets", "3"), "--virtual-sets"),
         (("study", "cost", *QUICK, "--image-size", "640x480"), "--image-size"),
         ((*COUPON, "--printer", "prusa-xl"), "--printer"),
         ((*COUPON, "--save", "printer.json"), "--save"),

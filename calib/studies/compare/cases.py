@@ -1,7 +1,7 @@
 """All that a comparison samples: the paper's figure, the lens that no Brown model fits, and single errors scaled."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -28,6 +28,8 @@ SLOW = (VIRTUAL, ALL_PHOTOS)
 FIGURE, LENS_DRAWN, LENS_MADE, PLAIN_DRAWN, ALONE = "figure", "spline, as drawn", "spline", "plain, as drawn", "alone"
 DRAWN_SETS = 4
 """Of objects as drawn, which hardly differ."""
+QUICK, ALONE_PRINTS = 2, 6
+"""Prints and sets that are enough to see which way it goes; prints for each source alone."""
 ALIKE = "face_offset, all alike"
 WITHOUT_EFFECT = ("scale", "ink_bleed", "thermal")
 """Sources that a calibration with the drawing cannot show: poses take up the scale, and contours keep their centres."""
@@ -41,7 +43,7 @@ class Plan:
     prints: Count
     sets: Count = SETS  # of photos of each print
     slow_sets: Annotated[Count, Key("virtual_sets")] = 1  # of them, solved with the models that are slow
-    alone: Count = 6  # prints for each source alone
+    alone: Count = ALONE_PRINTS  # prints for each source alone
     seed: Count = 1
 
 
@@ -168,8 +170,3 @@ def _candidates(model: ErrorModel) -> list[tuple[str, ErrorModel, str]]:
         alike = model.with_amount("face_offset", Amount("fixed", model.amount("face_offset").sigma))
         found.append((ALIKE, alike, "face_offset"))
     return [*found, (TOGETHER, model, TOGETHER), (NOISE, model, NOISE)]
-
-
-def quick(plan: Plan) -> Plan:
-    """Enough to see which way it goes."""
-    return replace(plan, prints=min(plan.prints, 2), sets=min(plan.sets, 2), slow_sets=1, alone=1)

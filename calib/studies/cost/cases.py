@@ -65,11 +65,6 @@ class RealPhotos:
     model: str
 
 
-def quick(plan: CostPlan) -> CostPlan:
-    """Enough to see which way it goes."""
-    return replace(plan, sets=min(plan.sets, 8), starts=min(plan.starts, 20))
-
-
 def identity(plan: CostPlan, digests: tuple[tuple[str, str], ...] = ()) -> StudyIdentity:
     """All that a sample depends on beside its case and number; sets and starts may be added later.
 

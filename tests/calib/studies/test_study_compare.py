@@ -18,7 +18,7 @@ from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate
 from calib.show.studies.compare_page import comparison_files
 from calib.studies.compare import cases
-from calib.studies.compare.cases import FIGURE, Comparison, Plan, comparison, identity, quick
+from calib.studies.compare.cases import FIGURE, Comparison, Plan, comparison, identity
 from calib.studies.compare.objects import OBJECTS, make_target, object_named
 from calib.studies.compare.photographed import (
     NO_EFFECT,
@@ -209,7 +209,7 @@ def only_boards(monkeypatch: pytest.MonkeyPatch) -> None:
 def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Comparison]:
     """A small comparison, its file and its output."""
     folder = tmp_path_factory.mktemp("compare")
-    plan = quick(Plan("phase-one-ixg", 2, 2))
+    plan = Plan("phase-one-ixg", 2, 2, alone=1)
     with pytest.MonkeyPatch.context() as patched:
         only_boards(patched)
         whole = comparison(plan)
