@@ -146,7 +146,7 @@ class Calibration:
     """A solved camera, its V poses and how sure they are: `run.best.calibration.cam_from_target`."""
 
     camera: Camera
-    observations: Observations  # of the views that were solved
+    observations: Observations  # of the views that were solved; covariances as their residuals have them
     cam_from_target: NDArray[np.float64]  # (V, 4, 4)
     residual_px: NDArray[np.float64]  # (M, 2) predicted - measured, of outliers too
     is_outlier: NDArray[np.bool_]  # (M,) left out of the solution

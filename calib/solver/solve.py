@@ -13,12 +13,14 @@ from calib.core.types import Observations, keep_views
 from calib.solver.accuracy import Accuracy, UndeterminedError, accuracy_of, long_lens_remedy, why_degenerate
 from calib.solver.calibration import Calibration, Status
 from calib.solver.circles import with_circles
-from calib.solver.descend import Descended, descend, is_robust, without_lens
+from calib.solver.costs import IMAGE
+from calib.solver.descend import Descended, descend, descend_again, is_robust, without_lens
 from calib.solver.in_space import descend_in_space, require_planes
 from calib.solver.options import SolveOptions, Tie, tie_parameters
-from calib.solver.outliers import shifted_photo
+from calib.solver.outliers import shifted_photo, whitened
 from calib.solver.problem import Problem, pack, target_covariance, target_poses
 from calib.solver.start import FirstPoses, coarse_camera, first_poses, turned_over
+from calib.solver.variance_power import variance_power
 from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
@@ -99,7 +101,29 @@ def _solved(
             f"model {model} shows none of the {len(observations.view)} observations together with the others; check "
             "that points and pixels belong together, or give another --model"
         )
+    if noise_px2 is None:
+        observations, problem, down = _weighed(observations, problem, down, tie, options)
     return _calibration(observations, problem, down, tie, options, remarks, time.perf_counter() - begin)
+
+
+def _weighed(
+    observations: Observations, problem: Problem, down: "_Down", tie: Tie, options: SolveOptions
+) -> tuple[Observations, Problem, "_Down"]:
+    """The same with observations weighed by what their residuals say of stated sigmas, and the minimum there."""
+    cov, found = observations.cov_px2, down.descended
+    is_plain = options.loss == "squares" and options.minimise == IMAGE and down.surface_accuracy is None
+    if cov is None or not options.weighted or not is_plain or not found.minimum.converged:
+        return observations, problem, down
+    square = (whitened(problem.whitener, found.minimum.blocks.residual_px) ** 2).sum(axis=0)
+    size = -0.5 * np.log(problem.whitener[0] * problem.whitener[2])
+    unknowns = int(tie.row.max(initial=-1)) + 1 + 6 * problem.view_count
+    factor = variance_power(square, size, found.is_used, unknowns)
+    if factor is None:
+        return observations, problem, down
+    problem = replace(problem, whitener=problem.whitener / factor)
+    observations = replace(observations, cov_px2=factor[:, None, None] ** 2 * cov)
+    again = descend_again(problem, found, tie, options)
+    return observations, problem, replace(down, descended=again, lens=again)
 
 
 @dataclass(frozen=True, eq=False)

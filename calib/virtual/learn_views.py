@@ -71,7 +71,7 @@ def solve_on_sensor(observations: Observations, learned: LearnedMap, options: So
     begin = time.perf_counter()
     kept, remarks = _known_part(observations, learned)
     moved = move_to_sensor(kept, learned, weighted=options.weighted)
-    noise = None
+    noise = moved.observations.cov_px2
     if kept.cov_px2 is not None:  # what is far off is told by what the detector states, not by the weights
         noise = moved.jacobian @ kept.cov_px2 @ moved.jacobian.transpose(0, 2, 1)
     solved = solve(moved.observations, LINEAR, replace(options, weighted=True), noise_px2=noise)

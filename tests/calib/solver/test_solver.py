@@ -171,7 +171,8 @@ def test_the_minimum_is_that_of_scipy(case: str) -> None:
     free = np.array([-1 if name in fixed else leaders.index(follows.get(name, name)) for name in names])
     for name, value in fixed.items():
         start[names.index(name)] = value
-    theirs, squares = scipy_minimum(seen, start, poses, free, weighted=options.weighted)
+    # By the covariances as the residuals have them.
+    theirs, squares = scipy_minimum(ours.observations, start, poses, free, weighted=options.weighted)
     sigma = np.maximum(sigma_of(ours.param_covariance), 1e-300)
     assert ours.status == "converged"
     assert (np.abs(ours.camera.params - theirs) <= 3e-5 * sigma).all()
