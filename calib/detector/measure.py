@@ -27,6 +27,7 @@ from calib.detector.plan import TargetPlan
 from calib.detector.ring_fit import RingFits, fit_rings
 from calib.detector.ring_model import BLUR, DARKNESS, E00, E11, PARAMETERS, RATIO, WHITE
 from calib.detector.ring_scores import variance_ratios
+from calib.detector.tone import some_of, without_tone
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
@@ -193,7 +194,7 @@ def _fit_with_lines(
     lens, known = lines(seen)
     bend, on_face = local_form(lens, seen.center_px)[1], plan.target.ring_face[places.ring]
 
-    def fitted(start: Floats, growth: Floats | None) -> RingFits:
+    def fitted(start: Floats, growth: Floats | None, tone_asked: NDArray[np.bool_] | None = None) -> RingFits:
         fits = fit_rings(
             image,
             start,
@@ -202,11 +203,26 @@ def _fit_with_lines(
             line_information=known.information,
             bend=bend,
             growth=growth,
+            tone_asked=tone_asked,
         )
         # One circle alone does not tell where its centre is projected to.
         return replace(fits, ok=fits.ok & (known.known | ~is_dot))
 
-    fits = fitted(start, None)
+    # Without grey edges no tone curve is told.
+    fits = fitted(start, None, None if softened else some_of(~is_dot))
+    is_sound = judge(fits, None, places, plan) == ""
+
+    def fitted_in(image: NDArray[np.generic], start: Floats, rows: Integers) -> RingFits:
+        line, information, asked = known.line[rows], known.information[rows], np.ones(len(rows), dtype=np.bool_)
+        return fit_rings(
+            image, start, limit=plan.limit, line=line, line_information=information, bend=bend[rows], tone_asked=asked
+        )
+
+    in_light = without_tone(image, fits, is_sound, fitted_in)
+    if in_light is not None:
+        image, begin = in_light
+        start = np.where(fits.ok[:, None], begin, start)
+        fits = fitted(start, None)
     sounder = with_sound_lines(known, lines(_seen(fits, start, places, plan))[1])
     if sounder is not None:
         known = sounder

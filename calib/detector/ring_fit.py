@@ -186,6 +186,8 @@ def _fit_range(
     noise: Floats,
     score: Floats,
     alone: Floats,
+    tone: Floats,
+    has_tone: NDArray[np.bool_],
     used: NDArray[np.int64],
 ) -> None:
     """Fit rings first..last-1; `used` stays 0 where a fit failed."""
@@ -214,8 +216,9 @@ def _fit_range(
         if not cholesky_invert(work[0], work[1], work[3]):
             continue
         alone[n] = score_ring(
-            pixels, count, params[n], q[n], origin[:2], noise2, information[n], work[3], center_cov[n], score[n], rows
-        )
+            pixels, count, params[n], q[n], origin[:2], noise2, information[n], work[3], center_cov[n], score[n],
+            tone[n], has_tone[n], rows,
+        )  # fmt: skip
         noise[n] = math.sqrt(noise2)
         used[n] = count
 
@@ -229,6 +232,7 @@ def fit_rings(
     line_information: Floats | None = None,
     bend: Floats | None = None,
     growth: Floats | None = None,
+    tone_asked: NDArray[np.bool_] | None = None,
 ) -> RingFits:
     """Fit the ring model to the pixels of an image.
 
@@ -240,6 +244,7 @@ def fit_rings(
         line_information: inverse covariance of that prior; zero leaves m free.  # (N, 2, 2), default zero
         bend: the lens's local quadratic form: xi_u in v_u^2, v_u v_v, v_v^2, then xi_v.  # (N, 6), default zero
         growth: the gradient of the blur's logarithm over the image (per px).  # (N, 2), default zero
+        tone_asked: rings that are asked for a tone curve, which takes half as long again.  # (N,), default none
 
     Returns:
         The fits, in the order of `start`. Dots need a prior: m is not to be had from one ellipse.
@@ -249,6 +254,7 @@ def fit_rings(
     information = np.zeros((count, 2, 2)) if line_information is None else np.ascontiguousarray(line_information)
     bend = np.zeros((count, 6)) if bend is None else bend
     growth = np.zeros((count, 2)) if growth is None else growth
+    has_tone = np.zeros(count, dtype=np.bool_) if tone_asked is None else tone_asked
     lens = np.ascontiguousarray(np.hstack([bend, growth]))
     start = np.ascontiguousarray(start, dtype=np.float64)
     params, noise = np.array(start), np.zeros(count)
@@ -258,7 +264,7 @@ def fit_rings(
     def run(first: int, last: int) -> None:
         _fit_range(
             image, start, lens, line, information, limit, first, last,
-            params, center_cov, noise, scores.score, scores.alone, used,
+            params, center_cov, noise, scores.score, scores.alone, scores.tone, has_tone, used,
         )  # fmt: skip
 
     in_chunks(run, count)

@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.jit import jit, jit_inside, jit_sums
-from calib.detector.ring_equations import CHUNK, DISTANCE, RESIDUAL, ROOM, fill_rows
+from calib.core.small_solve import cholesky_solve
+from calib.detector.ring_equations import CHUNK, DISTANCE, RESIDUAL, ROOM, add_products, fill_rows
 from calib.detector.ring_model import (
     CENTER_U,
     CENTER_V,
@@ -32,8 +33,10 @@ from calib.detector.ring_model import (
     E10,
     E11,
     M0,
+    M1,
     PARAMETERS,
     RATIO,
+    WHITE,
     Numbers,
     bend_of,
     parameters_of,
@@ -58,6 +61,8 @@ PLACE = ROOM
 """Where the numbers of stretches stand in a chunk's room, both edges', and after them two rows of influences."""
 INFLUENCE = PLACE + CHUNK
 SCORES_ROOM = INFLUENCE + 2 * CHUNK
+LEAST_LEVEL = 1e-3
+"""Of white: what a tone curve does to darker pixels is not looked at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +71,12 @@ class Scores:
 
     score: Floats  # (N, 2, STRETCHES, 2) outer and inner edge; in units of what even noise makes of the centre
     alone: Floats  # (N,) S0 in these units squared
+    tone: Floats  # (N, 2) information on the exponent of a tone curve, and its score; 0: not asked for
 
     @staticmethod
     def empty(count: int) -> "Scores":
         """To be filled."""
-        return Scores(np.zeros((count, 2, STRETCHES, 2)), np.zeros(count))
+        return Scores(np.zeros((count, 2, STRETCHES, 2)), np.zeros(count), np.zeros((count, 2)))
 
 
 @jit
@@ -142,6 +148,37 @@ def _add_scores(filled: int, rows: Floats, score: Floats, leverage: Floats) -> N
 
 
 @jit_sums
+def _add_tone(white: float, pixels: Floats, first: int, filled: int, rows: Floats, total: Floats) -> None:
+    """Add products of a chunk's equations, and of what a tone curve would change, `y ln(y / white)`, as one more row.
+
+    # (PARAMETERS + 2, 4 K)
+    """
+    for k in range(filled):
+        level = (pixels[2, first + k] - rows[RESIDUAL + k]) / white
+        level = LEAST_LEVEL if level < LEAST_LEVEL else level
+        rows[DISTANCE + k] = white * level * np.log(level)
+    add_products(rows, PARAMETERS + 1, filled, total)
+
+
+@jit
+def _tone(total: Floats, information: Floats, noise2: float, tone: Floats) -> None:
+    """Information and score of a tone curve, less what the ring's own parameters take up.  # (2,)"""
+    normal, taken = total[:PARAMETERS, :PARAMETERS].copy(), np.empty(PARAMETERS)
+    for i in range(2):
+        for j in range(2):
+            normal[M0 + i, M0 + j] += information[i, j] * noise2
+    by_tone = total[PARAMETERS + 1, :PARAMETERS].copy()
+    if not cholesky_solve(normal, by_tone, taken):
+        return
+    square, product = total[PARAMETERS + 1, PARAMETERS + 1], total[PARAMETERS + 1, PARAMETERS]
+    for i in range(PARAMETERS):
+        square -= taken[i] * by_tone[i]
+        # The line's pull on m is in balance with its prior.
+        product -= 0.0 if i in (M0, M1) else taken[i] * total[PARAMETERS, i]
+    tone[0], tone[1] = square / noise2, -product / noise2
+
+
+@jit_sums
 def _taken_up(leverage: Floats, inverse: Floats, p: Floats) -> float:
     """What the fit takes up of the scores of even noise: the sum over |a - b| <= reach of l_a' inv(J'J) l_b."""
     radius_px = 1.0 / math.sqrt(p[E00] * p[E11])
@@ -185,6 +222,8 @@ def score_ring(
     inverse: Floats,
     center: Floats,
     score: Floats,
+    tone: Floats,
+    has_tone: bool,
     rows: Floats,
 ) -> float:
     """Fill the covariance of one centre and the scores of its ring; returns S0, and 0 of a dot, which has no scores.
@@ -203,6 +242,8 @@ def score_ring(
         inverse: of the normal equations, prior included.  # (PARAMETERS, PARAMETERS)
         center: the covariance.  # (2, 2)
         score: the scores.  # (2, STRETCHES, 2)
+        tone: information and score of a tone curve.  # (2,)
+        has_tone: whether these are asked for.
         rows: room.  # (SCORES_ROOM,)
     """
     leverage = np.zeros((2 * STRETCHES, 2, PARAMETERS))
@@ -210,6 +251,7 @@ def score_ring(
     by_place = score.reshape((2 * STRETCHES, 2))
     parameters, bend = parameters_of(p), bend_of(q)
     is_ring = p[RATIO] > 0.0
+    total = np.zeros((PARAMETERS + 2, PARAMETERS + 5))
     even = uu = uv = vv = 0.0
     for first in range(0, count, CHUNK):
         filled = min(CHUNK, count - first)
@@ -218,6 +260,8 @@ def score_ring(
         even, uu, uv, vv = even + sums[0], uu + sums[1], uv + sums[2], vv + sums[3]
         if is_ring:
             _add_scores(filled, rows, by_place, leverage)
+        if is_ring and has_tone:
+            _add_tone(p[WHITE], pixels, first, filled, rows, total)
     scale = count / (count - PARAMETERS)
     center[0, 0], center[0, 1], center[1, 1] = scale * uu, scale * uv, scale * vv
     for a in range(2):
@@ -230,6 +274,8 @@ def score_ring(
     if not is_ring:
         return 0.0
     score /= math.sqrt(even * noise2)
+    if has_tone:
+        _tone(total, information, noise2, tone)
     return 1.0 - _taken_up(leverage, inverse, p) / even
 
 
