@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from calib.api.evaluating import EvaluationResult, evaluate
     from calib.api.hand_eye import hand_eye, turntable
     from calib.api.measuring import MeasureResult, RescaledTarget, measure, rescale
-    from calib.api.planning import PlanResult, plan
     from calib.api.posing import pose
     from calib.api.rendering import RenderedPhotos, render
     from calib.api.rendering_rigs import RenderedRig, render_rig
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
     from calib.api.undistorting import Undistorter, undistort
     from calib.app.budget import Budget, budget
     from calib.app.inputs import load_camera, load_observations, load_rig
+    from calib.app.plan import Plan, plan
     from calib.app.triangulate import Triangulation, triangulate
     from calib.cameras.camera import Camera
     from calib.cameras.rig import Rig
@@ -70,7 +70,7 @@ __all__ = [
     "MeasureResult",
     "NothingFoundError",
     "Observations",
-    "PlanResult",
+    "Plan",
     "PointSightings",
     "PoseResult",
     "RenderOptions",
@@ -173,10 +173,6 @@ _HOMES = {
         "measure",
         "rescale",
     ),
-    "calib.api.planning": (
-        "PlanResult",
-        "plan",
-    ),
     "calib.api.posing": ("pose",),
     "calib.api.rendering": (
         "RenderedPhotos",
@@ -203,6 +199,10 @@ _HOMES = {
     "calib.api.tolerancing_rigs": (
         "RigToleranceResult",
         "rig_tolerance",
+    ),
+    "calib.app.plan": (
+        "Plan",
+        "plan",
     ),
     "calib.app.triangulate": (
         "Triangulation",

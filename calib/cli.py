@@ -19,6 +19,7 @@ TASKS: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 """The commands by what they are for; each is the function of its name in the module of its name."""
 LINES = {
+    "plan": "Plan the fewest photos that make a camera known as well as wanted.",
     "triangulate": "Find where points are that several cameras see, and how surely.",
     "budget": "Tell how large errors in space are to be expected, in mm.",
 }

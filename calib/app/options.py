@@ -1,8 +1,39 @@
 """Options that several capabilities take, each declared once."""
 
-from typing import Annotated
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from designer.base.options import option
+from designer.base.options import argument, option
+from designer.kinds.presets import criteria_templates, error_templates
+
+if TYPE_CHECKING:
+    from calib.app.inputs import Place
+    from calib.verdict.verdict import Criteria
+    from designer.target import TargetGeometry
 
 MOST_JOBS = 1024
+Target = Annotated["TargetGeometry | Place", argument("the target file (NAME.target.json) of what the photos show")]
 PhotoJobs = Annotated[int | None, option("photos at a time, all in memory (default: one per core)", 1, MOST_JOBS)]
+Limits = Annotated[
+    "Criteria | Place",
+    option(
+        "limits of the verdict: a template (standard, metrology, robotics), or a TOML file of one's own",
+        metavar="NAME|FILE",
+        complete=criteria_templates,
+    ),
+]
+Made = Annotated[
+    str | None,
+    option(
+        "how the target was made: an error template (fdm-board, sheet-print, ...), a TOML file of errors, or exact "
+        "(default: assumed from how it was built; exact if the photos were rendered)",
+        metavar="NAME|FILE",
+        complete=error_templates,
+    ),
+]
+
+
+def exports_folder(target: str | PathLike[str]) -> Path:
+    """Where a target's results go if nobody says otherwise."""
+    return Path("exports") / Path(target).name.removesuffix(".json").removesuffix(".target")

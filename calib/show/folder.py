@@ -39,7 +39,6 @@ KINDS: Mapping[str, str] = {
     "detections": "photos.photos_page.photos_page",
     "poses": "photos.photos_page.photos_page",
     "rig_poses": "photos.photos_page.photos_page",
-    "plan": "plan.page.plan_page",
 }
 """What builds the page of each kind of folder: a function below `calib.show`, loaded when it is needed."""
 REPLACED = (("detections", "calibration"),)
@@ -172,7 +171,6 @@ def origin_in(folder: Path) -> Origin:
 def _kind_in(folder: Path) -> str:
     """The kind of a folder's results, by the files in it; "" if there are none."""
     from calib.records.coupon import COUPON_FILE
-    from calib.records.plan_file import PLAN_FILE
     from calib.records.rig_file import is_rig_folder
     from calib.records.run_folder import is_run_folder
     from calib.show.photos.photos_file import PHOTOS_FILE, read_photos
@@ -188,10 +186,6 @@ def _kind_in(folder: Path) -> str:
         return "paper" if kind == "bootstrap" and (folder / OF_PAPER).is_dir() else kind
     if any(folder.glob("*.as_built.json")):
         return "measure"
-    of_one_kind = (
-        (COUPON_FILE, "coupon"), (PLAN_FILE, "plan"),
-    )  # fmt: skip
-    for name, kind in of_one_kind:
-        if (folder / name).is_file():
-            return kind
+    if (folder / COUPON_FILE).is_file():
+        return "coupon"
     return read_photos(folder).kind if (folder / PHOTOS_FILE).is_file() else ""

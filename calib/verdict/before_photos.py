@@ -4,20 +4,23 @@ It is told as a calibration from no photos, so that what chooses photos after ph
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.cameras import project
+from calib.cameras import COMMON, WIDE, fitted_models, project
 from calib.cameras.camera import Camera
+from calib.cameras.refit import refit
+from calib.cameras.surface import surface_model
 from calib.core.se3 import make_pose, transform
 from calib.core.types import KnownPoints, Observations
 from calib.solver.calibration import Calibration
 from calib.verdict.information import LENS_UNSURE
 from calib.verdict.lit_part import lit_part
 from calib.verdict.views import READABLE_PITCH_PX, Habits, TargetShape
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
+from designer.base.number_text import figure
+from designer.target import TargetGeometry
 
 FOCAL_UNSURE = 0.3
 CENTRE_UNSURE = 0.05
@@ -29,6 +32,27 @@ FINE_PITCH_PX = 24.0
 FILLS = (0.3, 0.9)
 """Of the image's width or height, in the direction that the target fills more of: farthest and nearest."""
 SIZING_STEPS = 12
+
+
+def planned_camera(camera: Camera, goal_px: float) -> tuple[Camera, str]:
+    """The camera in a model that few photos determine, and what is to be said of the lens."""
+    if camera.model in fitted_models():
+        return camera, "the lens is taken to be one that its model follows, and photos to be sharp; calib run tells"
+    surface = surface_model(camera.model)
+    plain = {COMMON, WIDE} if surface is None else {COMMON, WIDE, surface.base.name}
+    found = min((refit(camera, model) for model in sorted(plain)), key=lambda one: one.max_px)
+    near, model = figure(found.max_px, 2), found.camera.model
+    said = f"planned for a camera of the model {model}, from which this one, {camera.model}, differs by up to {near} px"
+    if found.max_px > goal_px:
+        said += ", more than is wanted: what is promised is of that model, not of this camera"
+    return found.camera, said
+
+
+def front_of(target: TargetGeometry, points: KnownPoints) -> KnownPoints:
+    """The points of what is photographed: of a board with two sides those of the front; the others lie on no face."""
+    if not target.is_plate or target.is_planar:
+        return points
+    return replace(points, face=np.where(points.face == 0, 0, -1))
 
 
 def calibration_before(camera: Camera, points: KnownPoints, noise_px: float) -> Calibration:

@@ -74,7 +74,7 @@ class NextView:
     cam_from_target: Annotated[Array, Shape(4, 4)]
     sentence: Annotated[str, Length(1, 500), ONE_LINE]
     sigma_px_before: Annotated[_Sigma, NullIs(math.inf)]  # what 95 % of the image stays within
-    sigma_px_after: _Sigma  # with this photo and those proposed before it
+    sigma_px_after: Annotated[_Sigma, NullIs(math.inf)]  # with this photo and those proposed before it
     covered_before: _Share = 0.0  # of the image
     covered_after: _Share = 0.0  # with this photo and those proposed before it
     outline_px: Annotated[tuple[_Line, ...], Length(0, 1000)] = ()  # of the faces that look at the camera, closed

@@ -144,6 +144,7 @@ class Gallery(Tagged):
 
     pictures: tuple[Picture, ...]
     note: str = ""
+    said_as: str = ""  # what a screen calls its captions; "": it says none
 
 
 @dataclass(frozen=True, eq=False)

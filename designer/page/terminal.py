@@ -136,7 +136,7 @@ def say_page(page: "Page", *, verbose: bool) -> None:
         page: all of it.
         verbose: with the tables, and with what was checked and found good.
     """
-    from designer.page.blocks import Facts, Findings, Fold, Steps, Table
+    from designer.page.blocks import Facts, Findings, Fold, Gallery, Steps, Table
 
     if page.headline is not None:
         say_headline(page.headline)
@@ -152,5 +152,7 @@ def say_page(page: "Page", *, verbose: bool) -> None:
             say_findings(one for one in block.rows if verbose or (one.level != "good" and one.text))
         elif isinstance(block, Steps):
             say_lines("better", block.items[:MOST_STEPS])
+        elif isinstance(block, Gallery) and block.said_as:
+            say_lines(block.said_as, [f"{number:2d}. {one.caption}" for number, one in enumerate(block.pictures, 1)])
         elif isinstance(block, Table) and verbose:
             say_table(few_rows(block))

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 
 import calib
-from calib.api.planning import PlanResult
 from calib.cameras import COMMON
 from calib.cameras.plain import plain_camera
 from designer.base.errors import InputError
@@ -41,17 +40,17 @@ class Compared:
     random_count: float  # until the goal is stated; infinite: never
 
 
-def planned_for(scene: PhotoScene, within_px: float, rng: np.random.Generator) -> PlanResult:
+def planned_for(scene: PhotoScene, within_px: float, rng: np.random.Generator) -> calib.Plan:
     """The plan for a camera of which little is known."""
     focal_px = float(scene.camera.params[0] * (1 + FOCAL_OFF * rng.uniform(-1, 1)))
     about = plain_camera(COMMON, scene.camera.image_size, focal_px)
     return calib.plan(scene.target, about, within_px=within_px, made=scene.made, noise_px=scene.noise_px)
 
 
-def taken(scene: PhotoScene, found: PlanResult, rng: np.random.Generator) -> Step:
+def taken(scene: PhotoScene, found: calib.Plan, rng: np.random.Generator) -> Step:
     """What is known after the photos of a plan."""
     guide = first_guide(scene)
-    for number, (view, away_mm) in enumerate(zip(found.record.photos, found.record.distance_mm.tolist(), strict=True)):
+    for number, (view, away_mm) in enumerate(zip(found.photos, found.distance_mm.tolist(), strict=True)):
         near = min(1.0, CLOSE * away_mm / TREMOR_MM)
         pose = held_by_person(view.cam_from_target, scene.target, rng, steady=near)
         seen = photograph(scene, pose, rng, f"{number:04d}.png")
@@ -80,9 +79,9 @@ def compared(scene: PhotoScene, seed: int, within_px: float) -> Compared:
     """One scene."""
     rng = np.random.default_rng([22, seed])
     found = planned_for(scene, within_px, rng)
-    step, count = taken(scene, found, rng), len(found.record.photos)
+    step, count = taken(scene, found, rng), len(found.photos)
     random, random_count = waved_about(scene, count, within_px, rng)
-    return Compared(count, found.record.worst_px, found.record.is_reached, step, random, random_count)
+    return Compared(count, found.worst_px, found.is_reached, step, random, random_count)
 
 
 def print_summary(rows: list[Compared], within_px: float) -> None:

@@ -347,20 +347,7 @@ def _hand_eye() -> object:
     )
 
 
-def _plan() -> object:
-    from calib.records.plan_file import PlanRecord
-    from calib.verdict.plan_tried import TriedPlan
-
-    view = NextView(POSE, "hold it there", math.inf, 1 / 3, 0.0, 0.5, (np.array([[0.0, 1.0], [1 / 3, 2.0]]),))
-    return PlanRecord(
-        "ringsolid 1", {"target": "ico.target.json"}, "0123456789abcdef", "an icosahedron", PINHOLE, "made so", "hand",
-        0.05, 0.1, 0.7, (view,), np.ones(1) / 3, np.full(1, math.nan), POSE[None], None,
-        (TriedPlan(0.1, 1 / 3, 1 / 7), TriedPlan(math.inf, math.inf, 0.0)), ("a remark",),
-    )  # fmt: skip
-
-
 EXAMPLES: Mapping[str, Callable[[], object]] = {
-    "ringsolid.plan": _plan,
     "ringsolid.coupon": _coupon,
     "ringsolid.camera": _camera,
     "ringsolid.page": _page,
