@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from calib.api.running import NothingFoundError, run, solve
     from calib.api.tolerancing import ToleranceResult, tolerance, ways
     from calib.api.tolerancing_rigs import RigToleranceResult, rig_tolerance
-    from calib.api.undistorting import Undistorter, undistort
     from calib.app.budget import Budget, budget
     from calib.app.inputs import load_camera, load_observations, load_rig
-    from calib.app.plan import Plan, plan
+    from calib.app.plan import PhotoPlan, plan
     from calib.app.triangulate import Triangulation, triangulate
+    from calib.app.undistort import UndistortedPhotos, Undistorter, undistort, undistort_photos
     from calib.cameras.camera import Camera
     from calib.cameras.rig import Rig
     from calib.cameras.undistortion import Undistorted
@@ -48,7 +48,6 @@ if TYPE_CHECKING:
     from calib.records.hand_eye_file import HandEye
     from calib.records.rig_poses_file import RigPoseResult
     from calib.renderer.options import RenderOptions
-    from calib.show.photos.undistorted_photos import UndistortedFiles
     from calib.solver.calibration import Calibration
     from calib.space.sightings import PointSightings
     from designer.base.errors import InputError
@@ -70,7 +69,7 @@ __all__ = [
     "MeasureResult",
     "NothingFoundError",
     "Observations",
-    "Plan",
+    "PhotoPlan",
     "PointSightings",
     "PoseResult",
     "RenderOptions",
@@ -89,7 +88,7 @@ __all__ = [
     "ToleranceResult",
     "Triangulation",
     "Undistorted",
-    "UndistortedFiles",
+    "UndistortedPhotos",
     "Undistorter",
     "bootstrap",
     "budget",
@@ -120,6 +119,7 @@ __all__ = [
     "triangulate",
     "turntable",
     "undistort",
+    "undistort_photos",
     "warm_up",
     "ways",
 ]
@@ -201,16 +201,18 @@ _HOMES = {
         "rig_tolerance",
     ),
     "calib.app.plan": (
-        "Plan",
+        "PhotoPlan",
         "plan",
     ),
     "calib.app.triangulate": (
         "Triangulation",
         "triangulate",
     ),
-    "calib.api.undistorting": (
+    "calib.app.undistort": (
+        "UndistortedPhotos",
         "Undistorter",
         "undistort",
+        "undistort_photos",
     ),
     "calib.cameras.camera": ("Camera",),
     "calib.cameras.rig": ("Rig",),
@@ -229,7 +231,6 @@ _HOMES = {
     "calib.records.hand_eye_file": ("HandEye",),
     "calib.records.rig_poses_file": ("RigPoseResult",),
     "calib.renderer.options": ("RenderOptions",),
-    "calib.show.photos.undistorted_photos": ("UndistortedFiles",),
     "calib.solver.calibration": ("Calibration",),
     "calib.space.sightings": ("PointSightings",),
     "designer.base.errors": ("InputError",),

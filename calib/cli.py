@@ -19,16 +19,14 @@ TASKS: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 """The commands by what they are for; each is the function of its name in the module of its name."""
 LINES = {
+    "undistort": "Resample photos to what a pinhole camera would have taken.",
     "plan": "Plan the fewest photos that make a camera known as well as wanted.",
     "triangulate": "Find where points are that several cameras see, and how surely.",
     "budget": "Tell how large errors in space are to be expected, in mm.",
 }
 """What the list of commands says of each, as its docstring begins."""
-
-
-def _place(name: str) -> str:
-    word = name.replace("-", "_")
-    return f"calib.{'app' if name in LINES else 'commands'}.{word}:{word}"
+FUNCTIONS = {"undistort": "undistort_photos"}
+"""Those that are not called as their command; `calib.undistort` is of one photo."""
 
 
 def app() -> "typer.Typer":
@@ -37,12 +35,13 @@ def app() -> "typer.Typer":
 
     commands = {
         name: Later(
-            "calib.{1}.{0}:{0}".format(name.replace("-", "_"), "app" if name in LINES else "commands"),
+            f"calib.{'app' if name in LINES else 'commands'}.{word}:{FUNCTIONS.get(name, word)}",
             task,
             LINES.get(name, ""),
         )
         for task, names in TASKS
         for name in names
+        for word in (name.replace("-", "_"),)
     }
     return new_app(
         "calib",

@@ -1,19 +1,28 @@
 """Options that several capabilities take, each declared once."""
 
+from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from designer.base.options import argument, option
-from designer.kinds.presets import criteria_templates, error_templates
+from designer.kinds.presets import camera_templates, criteria_templates, error_templates
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
+    from calib.cameras.camera import Camera
     from calib.verdict.verdict import Criteria
     from designer.target import TargetGeometry
 
 MOST_JOBS = 1024
+CameraFile = Annotated[
+    "Camera | Place",
+    argument("camera file of ours or of another tool, or a camera template", complete=camera_templates),
+]
 Target = Annotated["TargetGeometry | Place", argument("the target file (NAME.target.json) of what the photos show")]
+Photos = Annotated[
+    "Place | Iterable[Place]", argument("images, folders of images, or patterns such as 'run/*.png'", is_many=True)
+]
 PhotoJobs = Annotated[int | None, option("photos at a time, all in memory (default: one per core)", 1, MOST_JOBS)]
 Limits = Annotated[
     "Criteria | Place",

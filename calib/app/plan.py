@@ -42,7 +42,7 @@ _HELD_COLUMNS: tuple[str, ...] = (*(f"target_{axis}_mm" for axis in "xyz"), *(f"
 
 
 @dataclass(frozen=True, eq=False)
-class Plan(
+class PhotoPlan(
     Result, kind="plan", title="Plan of photos",
     files={POSES_FILE: "the poses, or the turntable's angles, for a robot or a program"},
 ):  # fmt: skip
@@ -185,7 +185,7 @@ def plan(
         option("what calib hand-eye or calib turntable wrote: poses are the robot's, or the table's angles"),
     ] = None,
     progress: Progress = unheard,
-) -> Plan:
+) -> PhotoPlan:
     """Plan the fewest photos that make a camera known as well as wanted: `plan("ico.target.json", "camera.json")`.
 
     Without a camera at hand. The exit code is 1 if they do not reach it.
@@ -263,7 +263,7 @@ def plan(
         ("whether the robot reaches a pose without touching anything is not known: look before it moves",
          hand is not None and at is None),
     )  # fmt: skip
-    return Plan(
+    return PhotoPlan(
         geometry=geometry, camera=planned, program=program(),
         settings={what: named_in_files(Path(one)) for what, one in files.items() if isinstance(one, str | PathLike)},
         geometry_id=geometry.geometry_id, target=target_words(geometry),

@@ -21,13 +21,13 @@ from designer.page.folders import Shown, notes, table_of
 from designer.page.terminal import quoted
 
 if TYPE_CHECKING:
-    from calib.app.plan import Plan
+    from calib.app.plan import PhotoPlan
 
 OPEN = "not determined"
 BY_HAND = "hand, within 5° and 20 mm or 10 % of the distance of what is said (1 sigma)"
 
 
-def plan_page(found: "Plan") -> Page:
+def plan_page(found: "PhotoPlan") -> Page:
     """Photos to take, each as it will look, and what they are worth."""
     from calib.draw.plan_curve import plan_curve
     from calib.draw.style import figure_of
@@ -55,7 +55,7 @@ def plan_page(found: "Plan") -> Page:
     return Page("", "", _headline(found), sections, lead=(_facts(found),), next_steps=_steps(found))
 
 
-def _headline(found: "Plan") -> Headline:
+def _headline(found: "PhotoPlan") -> Headline:
     """How many photos, and what they reach."""
     count = len(found.photos)
     photos = f"{count} photo{'s' * (count > 1)}"
@@ -69,7 +69,7 @@ def _headline(found: "Plan") -> Headline:
     return Headline("bad", "not reached", f"{said}: {wanted}{_missing(found)}.")
 
 
-def _missing(found: "Plan") -> str:
+def _missing(found: "PhotoPlan") -> str:
     """What is in the way of the goal, and what helps."""
     if found.table_deg is not None and found.worst.by_noise_px > found.goal_px:
         return ". From where it stands the camera sees too little: move it between two turns of the table"
@@ -83,7 +83,7 @@ def _missing(found: "Plan") -> str:
     return ". More photos (--most), or other distances (--distance), may do"
 
 
-def _steps(found: "Plan") -> tuple[Command, ...]:
+def _steps(found: "PhotoPlan") -> tuple[Command, ...]:
     """Commands to go on with, with the photos in the folder photos."""
     target = Path(found.settings.get("target", "NAME.target.json"))
     taken = "when they are taken, in the folder photos"
@@ -99,7 +99,7 @@ def _steps(found: "Plan") -> tuple[Command, ...]:
     )
 
 
-def _facts(found: "Plan") -> Facts:
+def _facts(found: "PhotoPlan") -> Facts:
     """Of what, and under which conditions."""
     camera = found.camera
     width, height = camera.image_size
@@ -115,7 +115,7 @@ def _facts(found: "Plan") -> Facts:
     ))  # fmt: skip
 
 
-def _tries(found: "Plan") -> Table:
+def _tries(found: "PhotoPlan") -> Table:
     """What each try of the plan came to."""
     kind = Shown[int]
     return table_of(
@@ -127,7 +127,7 @@ def _tries(found: "Plan") -> Table:
     )  # fmt: skip
 
 
-def _photos(found: "Plan") -> Table:
+def _photos(found: "PhotoPlan") -> Table:
     """The photos with their numbers."""
     kind, tilt_deg, table_deg = Shown[int], found.tilt_deg.tolist(), found.table_deg
     within, covered = "by the noise alone, if all is held as planned", "of the image, with those before"
@@ -142,7 +142,7 @@ def _photos(found: "Plan") -> Table:
     )  # fmt: skip
 
 
-def _scene(found: "Plan") -> View3d:
+def _scene(found: "PhotoPlan") -> View3d:
     """Camera and target in 3D."""
     import numpy as np
 

@@ -17,9 +17,10 @@ from calib.cameras.linear_part import linear_part
 from calib.cameras.parameters import slopes
 from calib.core.jit import jit
 from calib.core.parallel import in_chunks
+from designer.base.arrays import Array
 from designer.base.errors import InputError
+from designer.base.number_text import figure as digits
 
-Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 TAPS = 6
@@ -27,6 +28,8 @@ STRIP_PIXELS = 1_000_000
 """Of the result whose places are in memory at a time."""
 ZOOM_RANGE = (0.02, 50.0)
 _INNER_POINTS = 48
+STEPS = 61
+"""Of the grid on the photo, along each side, by which it is judged."""
 
 
 @jit
@@ -174,6 +177,39 @@ def _border(size: tuple[int, int]) -> Array:
     u, v = (np.arange(side, dtype=np.float64) for side in size)
     sides = [(u, np.zeros_like(u)), (u, np.full_like(u, v[-1])), (np.zeros_like(v), v), (np.full_like(v, u[-1]), v)]
     return np.concatenate([np.column_stack(side) for side in sides])
+
+
+@dataclass(frozen=True)
+class UndistortionChange:
+    """What happens to the pixels of a photo."""
+
+    share_kept: float  # of what the camera knows the light of, inside the new frame; the rest is cut off
+    share_known: float  # of the photo
+    shift_px: float  # the farthest that a pixel moves, of those kept; nan: none is, or it is another kind of picture
+
+    @property
+    def shift_words(self) -> str:
+        """How far pixels move."""
+        return f"{digits(self.shift_px, 3)} px" if np.isfinite(self.shift_px) else "an unknown distance"
+
+
+def change_of(taken: Camera, new_camera: Camera, cam_from_new: Array | None = None) -> UndistortionChange:
+    """What happens to a grid of the photo's pixels."""
+    last = np.array(taken.image_size) - 1.0
+    grid = np.stack(np.meshgrid(*(np.linspace(0, end, STEPS) for end in last)), axis=-1).reshape(-1, 2)
+    place = moved(taken, new_camera, cam_from_new, grid)
+    known = np.isfinite(rays(taken, grid)[:, 2])
+    inside = ((place >= -0.5) & (place <= np.array(new_camera.image_size) - 0.5)).all(axis=1)
+    shift = np.linalg.norm(place - grid, axis=1)[inside]
+    is_like = cam_from_new is None and new_camera.image_size == taken.image_size
+    kept = float((inside & known).sum() / max(known.sum(), 1))
+    return UndistortionChange(kept, float(known.mean()), float(shift.max()) if len(shift) and is_like else np.nan)
+
+
+def moved(taken: Camera, new_camera: Camera, cam_from_new: Array | None, pixel: Array) -> Array:
+    """Where pixels (N, 2) of a photo are in the new one."""
+    ray = rays(taken, pixel)
+    return project(new_camera, ray if cam_from_new is None else ray @ cam_from_new)
 
 
 def source_places(

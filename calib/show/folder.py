@@ -35,7 +35,6 @@ KINDS: Mapping[str, str] = {
     "measure": "measured.page.measure_page",
     "coupon": "coupon.page.coupon_page",
     "photos": "photos.photos_page.photos_page",
-    "undistorted": "photos.photos_page.photos_page",
     "detections": "photos.photos_page.photos_page",
     "poses": "photos.photos_page.photos_page",
     "rig_poses": "photos.photos_page.photos_page",

@@ -40,14 +40,14 @@ class Compared:
     random_count: float  # until the goal is stated; infinite: never
 
 
-def planned_for(scene: PhotoScene, within_px: float, rng: np.random.Generator) -> calib.Plan:
+def planned_for(scene: PhotoScene, within_px: float, rng: np.random.Generator) -> calib.PhotoPlan:
     """The plan for a camera of which little is known."""
     focal_px = float(scene.camera.params[0] * (1 + FOCAL_OFF * rng.uniform(-1, 1)))
     about = plain_camera(COMMON, scene.camera.image_size, focal_px)
     return calib.plan(scene.target, about, within_px=within_px, made=scene.made, noise_px=scene.noise_px)
 
 
-def taken(scene: PhotoScene, found: calib.Plan, rng: np.random.Generator) -> Step:
+def taken(scene: PhotoScene, found: calib.PhotoPlan, rng: np.random.Generator) -> Step:
     """What is known after the photos of a plan."""
     guide = first_guide(scene)
     for number, (view, away_mm) in enumerate(zip(found.photos, found.distance_mm.tolist(), strict=True)):

@@ -1,11 +1,11 @@
-"""Folders of pictures as commands leave them: rendered, undistorted, with overlays of rings or of poses."""
+"""Folders of pictures as commands leave them: rendered, with overlays of rings or of poses."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from calib.cameras.camera import Camera, camera_to_json
+from calib.cameras.camera import Camera
 from calib.core.types import TOO_FLAT, Detections, FaceRecord
 from calib.observe.photos import PhotoFile, PhotoResult, Search
 from calib.observe.target_poses import PhotoWithoutPose, PoseResult, TargetPose
@@ -18,7 +18,6 @@ from calib.show.photos.photos_file import write_photos
 from calib.show.photos.photos_page import photos_page
 from calib.show.photos.posed_photos import told_posed
 from calib.show.photos.rendered_photos import told_rendered
-from calib.show.photos.undistorted_photos import UndistortedFile, UndistortedFiles, told_undistorted
 from designer.page.blocks import Page
 from designer.target import TargetGeometry
 from tests.support.calibrations import board, icosahedron, poses_around
@@ -52,20 +51,6 @@ def rendered(
     write_photos(folder, told_rendered(job, Path("my.target.json"), folder))
     keep_target(folder, target, is_again=True)
     return job
-
-
-def undistorted(
-    folder: Path, names: Sequence[str] = ("a", "b"), failures: Sequence[str] = (), earlier: int = 0
-) -> None:
-    """What `calib undistort` leaves."""
-    pictures(folder, [f"{name}.undistorted.png" for name in (*names, *(f"earlier{row}" for row in range(earlier)))])
-    (folder / "camera.json").write_text(camera_to_json(PINHOLE))
-    photos = tuple(
-        UndistortedFile(PhotoFile(Path(f"{name}.png"), f"{name}.png"), folder / f"{name}.undistorted.png", 0.875)
-        for name in names
-    )
-    made = UndistortedFiles(folder, CAMERA, PINHOLE, photos, tuple(failures), 0)
-    write_photos(folder, told_undistorted(made, "camera.json"))
 
 
 def face(found: int, expected: int, number: int = 0, flat: int = 0) -> FaceRecord:
@@ -130,5 +115,5 @@ def page_of(kind: str, folder: Path) -> Page:
 
 
 MAKERS: dict[str, Callable[[Path], object]] = {
-    "photos": rendered, "undistorted": undistorted, "detections": overlaid, "poses": posed
+    "photos": rendered, "detections": overlaid, "poses": posed
 }  # fmt: skip

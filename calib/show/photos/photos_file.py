@@ -16,7 +16,7 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import rigid_fault
 from designer.base.file_kind import FileKind
 from designer.base.files import write_files
-from designer.base.marks import LEFT_OUT, Hash, Length, Shape
+from designer.base.marks import Hash, Length, Shape
 from designer.base.small_file import JsonValue
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph, Steps, Table
@@ -29,9 +29,9 @@ half, something is wrong with target file, light or focus, and what was found is
 SHARE_RULE = f"good from {100 * GOOD_SHARE:.0f} %, usable from {100 * USABLE_SHARE:.0f} %"
 _WORST_FIRST: tuple[Level, ...] = ("bad", "usable", "good")
 MOST_PHOTOS = 100_000
-Kind: TypeAlias = Literal["photos", "undistorted", "detections", "poses", "rig_poses"]
+Kind: TypeAlias = Literal["photos", "detections", "poses", "rig_poses"]
 KIND_WORDS: Mapping[Kind, str] = {
-    "photos": "Rendered photos", "undistorted": "Undistorted photos", "detections": "Detections",
+    "photos": "Rendered photos", "detections": "Detections",
     "poses": "Camera poses", "rig_poses": "Poses before a rig",
 }  # fmt: skip
 
@@ -86,8 +86,6 @@ class ToldPhotos:
     after: tuple[ToldSection, ...] = ()
     geometry_id: Hash = ""  # of the target; "": without one
     camera: Camera | None = None  # that took the photos
-    pinhole: Camera | None = None  # that undistorted photos are of, though it may be of any picture without a lens
-    cam_from_new: Annotated[Annotated[NDArray[np.float64], Shape(3, 3)] | None, LEFT_OUT] = None  # where that looks
 
     def __post_init__(self) -> None:
         poses = self.cam_from_target

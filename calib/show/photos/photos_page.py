@@ -8,7 +8,7 @@ from calib.show.parts.gallery import Shot, gallery, is_there, spread, title_of_p
 from calib.show.parts.kept_target import kept_target
 from calib.show.parts.origin import Origin
 from calib.show.photos.photos_file import KIND_WORDS, ToldPhotos, ToldSection, read_photos, told_table
-from designer.page.blocks import Block, Command, Facts, Figure, Findings, Page, Section
+from designer.page.blocks import Block, Command, Facts, Findings, Page, Section
 from designer.page.folders import files_section, warnings
 
 
@@ -31,7 +31,7 @@ def photos_page(folder: Path, origin: Origin) -> Page:
     )  # fmt: skip
     return Page(
         title=title_of_pictures(folder), kind=KIND_WORDS[told.kind], headline=told.headline, sections=sections,
-        lead=(*_bent(told), Facts(told.facts)), made_by=origin.command, program=origin.program,
+        lead=(Facts(told.facts),), made_by=origin.command, program=origin.program,
     )  # fmt: skip
 
 
@@ -60,12 +60,3 @@ def _places(folder: Path, told: ToldPhotos) -> tuple[tuple[Section, ...], str]:
     names = tuple(f"{photo.name}: {photo.caption}" for photo in told.posed)
     view = place_view(target, camera, told.cam_from_target, names)
     return (Section("Camera positions", (view,), lead=place_words(target, told.cam_from_target)),), wrong
-
-
-def _bent(told: ToldPhotos) -> tuple[Figure, ...]:
-    """What undistortion did to the photos of the camera, if it is that what the pictures are."""
-    if told.camera is None or told.pinhole is None:
-        return ()
-    from calib.show.photos.undistorted_photos import undistortion_figure  # slow to load, and of no use to detections
-
-    return (undistortion_figure(told.camera, told.pinhole, told.cam_from_new),)

@@ -46,19 +46,19 @@ def _hand(carried: str, frame: str, frame_from_cam: object = CAM, carrier_from_t
 
 
 @pytest.fixture(scope="module")
-def planned() -> calib.Plan:
+def planned() -> calib.PhotoPlan:
     """Of a small board that is as drawn, held by a person."""
     return calib.plan(BOARD, CAMERA, made="exact", distance_mm=NEAR_MM, within_px=GOAL_PX)
 
 
-def headline_of(found: calib.Plan) -> Headline:
+def headline_of(found: calib.PhotoPlan) -> Headline:
     """The answer, on its page."""
     headline = found.page().headline
     assert headline is not None
     return headline
 
 
-def test_the_promise_is_what_the_tries_came_to(planned: calib.Plan) -> None:
+def test_the_promise_is_what_the_tries_came_to(planned: calib.PhotoPlan) -> None:
     """Reached is what every try reached; the headline quotes the worst of them."""
     record = planned
     assert record.is_reached
@@ -69,7 +69,7 @@ def test_the_promise_is_what_the_tries_came_to(planned: calib.Plan) -> None:
     assert NEAR_MM[0] * 0.99 <= record.distance_mm.min() <= record.distance_mm.max() <= NEAR_MM[1] * 1.01
 
 
-def test_a_harder_goal_takes_more_photos(planned: calib.Plan) -> None:
+def test_a_harder_goal_takes_more_photos(planned: calib.PhotoPlan) -> None:
     """Photos are added for a goal."""
     goal_px = planned.worst_px / 1.3
     harder = calib.plan(BOARD, CAMERA, made="exact", distance_mm=NEAR_MM, within_px=goal_px)
@@ -77,7 +77,7 @@ def test_a_harder_goal_takes_more_photos(planned: calib.Plan) -> None:
     assert len(harder.photos) > len(planned.photos)
 
 
-def test_what_is_in_the_way_is_said(planned: calib.Plan) -> None:
+def test_what_is_in_the_way_is_said(planned: calib.PhotoPlan) -> None:
     """The target's making is in the promise, and named where it is most of it; else photos that were not enough."""
     made = calib.plan(BOARD, CAMERA, made="hand-stickers", distance_mm=NEAR_MM, within_px=0.02, most=6)
     assert not made.is_reached
@@ -94,7 +94,7 @@ def test_what_is_in_the_way_is_said(planned: calib.Plan) -> None:
     assert steps[-1].startswith("calib run measured/board.target.json ")
 
 
-def test_the_files_and_the_page_are_the_plan(planned: calib.Plan, tmp_path: Path) -> None:
+def test_the_files_and_the_page_are_the_plan(planned: calib.PhotoPlan, tmp_path: Path) -> None:
     """The page shows each photo as it is told; poses of a person are the camera's own, and no robot's."""
     planned.save(tmp_path)
     record = json.loads((tmp_path / "plan.json").read_text())
@@ -113,7 +113,7 @@ def test_the_files_and_the_page_are_the_plan(planned: calib.Plan, tmp_path: Path
         read_robot_poses(tmp_path / "plan.csv")
 
 
-def test_a_first_photo_need_not_determine_the_camera(planned: calib.Plan) -> None:
+def test_a_first_photo_need_not_determine_the_camera(planned: calib.PhotoPlan) -> None:
     """One photo of a board squarely leaves the focal length open: null in the file, and a word in the table."""
     first = replace(planned.photos[0], sigma_px_after=math.inf)
     odd = replace(planned, photos=(first, *planned.photos[1:]))
@@ -213,7 +213,7 @@ def test_an_image_circle_is_filled_and_not_the_image() -> None:
     assert record.distance_mm.min() > 1.5 * NEAR_MM[0]
 
 
-def test_planned_photos_show_the_target(planned: calib.Plan) -> None:
+def test_planned_photos_show_the_target(planned: calib.PhotoPlan) -> None:
     """Most of the board's rings are inside of each image."""
     width, height = CAMERA.image_size
     for one in planned.photos:

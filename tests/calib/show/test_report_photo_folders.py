@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
-from calib.cameras.camera import Camera
 from calib.observe.photos import find_photos
 from calib.renderer.faces import ring_truth
 from calib.renderer.job import run_job
@@ -26,7 +25,6 @@ from calib.show.parts.origin import ORIGIN, Origin
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhotos
 from calib.show.photos.place_scene import MOST_VIEWS, place_view
 from calib.show.photos.rendered_photos import option_words
-from calib.show.photos.undistorted_photos import change_of
 from designer.base.errors import InputError
 from designer.page.blocks import Block, Fold, Gallery, Page, Table, View3d
 from designer.page.scene import Cameras, Rings
@@ -39,7 +37,6 @@ from tests.support.picture_folders import (
     CAMERA,
     ICO,
     MAKERS,
-    PINHOLE,
     detected,
     face,
     overlaid,
@@ -49,7 +46,6 @@ from tests.support.picture_folders import (
     poses,
     rendered,
     result,
-    undistorted,
 )
 
 KINDS = tuple(MAKERS)
@@ -205,27 +201,6 @@ def test_a_page_does_not_disturb_other_commands(tmp_path: Path) -> None:
     again = run_job(job, tmp_path, processes=1, overwrite=False, on_view=lambda *_: None)
     assert (again.written, again.kept) == (0, 4)
     assert [path.name for path in find_photos([str(tmp_path)]).paths] == job.file_names
-
-
-@pytest.mark.parametrize(("zoom", "kept", "shift_px"), [(1.0, 1.0, 0.0), (0.5, 1.0, 199.875), (2.0, 0.25, 199.9)])
-def test_what_undistortion_cuts_off(zoom: float, kept: float, shift_px: float) -> None:
-    """Between pinholes: the share is the inverse square of the zoom, and a corner moves by the zoom less one."""
-    wider = Camera("pinhole", PINHOLE.params * np.array([zoom, zoom, 1, 1]), PINHOLE.image_size)
-    change = change_of(PINHOLE, wider)
-    assert change.share_kept == pytest.approx(kept, abs=0.02)
-    assert change.shift_px == pytest.approx(shift_px, abs=8)
-
-
-def test_undistorted_photos_say_what_is_black_and_what_is_missing(tmp_path: Path) -> None:
-    """Black pixels in percent, photos that failed with the reason, and photos of an earlier run."""
-    undistorted(tmp_path, failures=("c.png: is empty (0 bytes); copy it again",), earlier=1)
-    page = page_of("undistorted", tmp_path)
-    level, _, sentence = headline(page)
-    assert level == "usable"
-    assert "12.5 % of the pixels are black" in sentence
-    html = page_html(page).decode()
-    assert "c.png: is empty" in html
-    assert "1 more undistorted photos" in html
 
 
 @pytest.mark.parametrize(
