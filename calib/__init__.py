@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from calib.api.converting_rigs import RigConversion
     from calib.api.costing import CostResult, study_cost
     from calib.api.coupon import CouponResult, coupon
-    from calib.api.detecting import Detector, detect
     from calib.api.evaluating import EvaluationResult, evaluate
     from calib.api.hand_eye import hand_eye, turntable
     from calib.api.measuring import MeasureResult, RescaledTarget, measure, rescale
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from calib.api.tolerancing import ToleranceResult, tolerance, ways
     from calib.api.tolerancing_rigs import RigToleranceResult, rig_tolerance
     from calib.app.budget import Budget, budget
+    from calib.app.detect import DetectedPhotos, Detector, detect, detect_photos
     from calib.app.inputs import load_camera, load_observations, load_rig
     from calib.app.plan import PhotoPlan, plan
     from calib.app.triangulate import Triangulation, triangulate
@@ -60,6 +60,7 @@ __all__ = [
     "Conversion",
     "CostResult",
     "CouponResult",
+    "DetectedPhotos",
     "Detections",
     "Detector",
     "EvaluationResult",
@@ -95,6 +96,7 @@ __all__ = [
     "convert",
     "coupon",
     "detect",
+    "detect_photos",
     "evaluate",
     "hand_eye",
     "live",
@@ -150,10 +152,6 @@ _HOMES = {
         "CouponResult",
         "coupon",
     ),
-    "calib.api.detecting": (
-        "Detector",
-        "detect",
-    ),
     "calib.api.evaluating": (
         "EvaluationResult",
         "evaluate",
@@ -161,6 +159,12 @@ _HOMES = {
     "calib.api.hand_eye": (
         "hand_eye",
         "turntable",
+    ),
+    "calib.app.detect": (
+        "DetectedPhotos",
+        "Detector",
+        "detect",
+        "detect_photos",
     ),
     "calib.app.inputs": (
         "load_camera",

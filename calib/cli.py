@@ -21,12 +21,13 @@ TASKS: tuple[tuple[str, tuple[str, ...]], ...] = (
 LINES = {
     "undistort": "Resample photos to what a pinhole camera would have taken.",
     "plan": "Plan the fewest photos that make a camera known as well as wanted.",
+    "detect": "Find a target's rings in photos, name them, and measure their centres.",
     "triangulate": "Find where points are that several cameras see, and how surely.",
     "budget": "Tell how large errors in space are to be expected, in mm.",
 }
 """What the list of commands says of each, as its docstring begins."""
-FUNCTIONS = {"undistort": "undistort_photos"}
-"""Those that are not called as their command; `calib.undistort` is of one photo."""
+FUNCTIONS = {"detect": "detect_photos", "undistort": "undistort_photos"}
+"""Those that are not called as their command; `calib.detect` and `calib.undistort` are of one photo."""
 
 
 def app() -> "typer.Typer":

@@ -8,7 +8,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from calib.api.page_shown import ShownAsPage
-from calib.api.solving import SolvePlan, plan_from_words
 from calib.app.inputs import (
     MAX_SEED,
     Observed,
@@ -27,6 +26,7 @@ from calib.observe.corners_vnl import PointGrid
 from calib.renderer.quantities import whole
 from calib.renderer.truth import Truth
 from calib.show.studies.study_folder import STUDY_FILE
+from calib.solver.plan import SolvePlan, plan_from_words
 from calib.studies import bootstrap as pools
 from calib.studies.identity import StudyIdentity, digest_of, identity_of
 from calib.studies.paper_table import TARGETS

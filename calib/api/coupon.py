@@ -8,9 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from calib.api.detecting import Detector
 from calib.api.page_shown import ShownAsPage
-from calib.api.searching import refuse_nothing
 from calib.app.inputs import (
     Place,
     folder_of,
@@ -28,6 +26,7 @@ from calib.detector.pipeline import MIRRORED
 from calib.images.headers import exif_focal_px
 from calib.images.photo import Grey, read_image, stated_dpi
 from calib.observe.photos import PhotoFile, named_photos
+from calib.observe.search import look_for, refuse_nothing
 from calib.records.coupon import COUPON, COUPON_FILE, CouponRecord, ReadPicture
 from calib.renderer.quantities import number
 from designer.base.answer import program
@@ -223,7 +222,7 @@ def _look(photo: PhotoFile, target: TargetGeometry, dpi: Resolution) -> _Looked:
     try:
         pixels = read_image(photo.path).pixels
         resolution = _resolution(photo, dpi)
-        seen = Detector(target).look(photo, pixels)
+        seen = look_for(target)(photo, pixels)
     except InputError as error:
         return _Looked(photo, fault=str(error))
     looked = _Looked(photo, seen, pixels)

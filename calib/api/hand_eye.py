@@ -11,7 +11,6 @@ from calib.api.rig_choosing import CameraWishes, choices_of, require_wishes, wis
 from calib.api.rig_observing import RigSearch, search_one
 from calib.api.rig_result import RigResult, RigWriter
 from calib.api.rigging import RigSeen, judged_rig
-from calib.api.solving import ALL, cost_of, plan_from_words
 from calib.app.inputs import (
     Place,
     camera_of,
@@ -35,6 +34,7 @@ from calib.rigs.start import solve_alone
 from calib.rigs.turntable import turned_by
 from calib.robot.poses import RobotPoses, poses_of, read_robot_poses
 from calib.solver.costs import IMAGE
+from calib.solver.plan import ALL, cost_of, plan_from_words
 from calib.solver.plane_bend import PlaneBend
 from calib.verdict.criteria import STANDARD, read_rig_criteria
 from calib.verdict.verdict import Criteria

@@ -11,8 +11,6 @@ from typing import TypeAlias
 
 from calib.api.measuring_rigs import rig_to_measure_from, told_of
 from calib.api.page_shown import ShownAsPage
-from calib.api.searching import PhotoSearch
-from calib.api.solving import ALL, SolvePlan, plan_from_words
 from calib.app.inputs import (
     Place,
     load_observations,
@@ -45,11 +43,13 @@ from calib.metrics.evaluation import evaluate
 from calib.observe.correspondences import is_detections
 from calib.observe.dataset import read_detections
 from calib.observe.photos import FoundPhotos, named_photos
+from calib.observe.search import PhotoSearch
 from calib.records.as_built_file import AsBuiltRecord, record_of
 from calib.renderer.quantities import number
 from calib.rigs.result import RigCalibration
 from calib.show.measured.files import TARGET_SUFFIX, check_places, measured_files, places_of
 from calib.show.measured.words import why_not
+from calib.solver.plan import ALL, SolvePlan, plan_from_words
 from calib.solver.solve import solve
 from calib.verdict.judge import VERDICT, VERDICT_FILE
 from designer.base.answer import program

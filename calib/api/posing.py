@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, overload
 
-from calib.api.searching import PhotoSearch
 from calib.app.inputs import (
     Place,
     camera_of,
@@ -12,6 +11,7 @@ from calib.app.inputs import (
 )
 from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
+from calib.observe.search import PhotoSearch
 from calib.observe.target_poses import PhotoWithoutPose, PoseResult, target_poses
 from designer.base.errors import InputError
 from designer.page.progress import Progress, unheard

@@ -6,8 +6,6 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from calib.app.inputs import Place, target_of
 from calib.core.types import Observations, RigObservations
 from designer.base.errors import InputError
@@ -17,11 +15,11 @@ from designer.page.progress import Progress
 from designer.target import TargetGeometry
 
 if TYPE_CHECKING:
-    from calib.api.solving import SolvePlan
     from calib.cameras.camera import Camera
     from calib.observe.photos import FoundPhotos, Search
     from calib.observe.rig_observations import RigSightings
     from calib.observe.rig_photos import RigPhotos
+    from calib.solver.plan import SolvePlan
 
 USUAL_TOLERANCE_S = 0.02
 LONGEST_TOLERANCE_S = 3600.0
@@ -216,8 +214,8 @@ def search_one(
         InputError: photos of two sizes.
         BlindCameraError: no photo shows the target.
     """
-    from calib.api.searching import PhotoSearch, with_truth
     from calib.observe.observations import observations_from_detections
+    from calib.observe.search import PhotoSearch, with_truth
 
     files, _ = with_truth(photos, None)
     search = PhotoSearch(target, files, None, jobs, progress)
@@ -232,8 +230,8 @@ def _searched(
     target: TargetGeometry, photos: "RigPhotos", name: str, camera: "Camera | None", plan: "SolvePlan | None",
     jobs: int | None, progress: Progress,
 ) -> "Search":  # fmt: skip
-    from calib.api.searching import PhotoSearch, with_truth
     from calib.observe.photos import FoundPhotos
+    from calib.observe.search import PhotoSearch, with_truth
 
     def told(what: str, done: float, total: int) -> None:
         progress(f"{what} {name}", done, total)
@@ -261,13 +259,13 @@ def _sightings_of(name: str, photos: "RigPhotos", search: "Search") -> "RigSight
 
 def _why_blind(search: "Search") -> str:
     """Why no photo of a camera shows the target: they are mirrored, or what is said of the first; "" if nothing is."""
-    from calib.api.detecting import Detector
     from calib.images.photo import read_image
+    from calib.observe.search import look_for
 
     readable = [result for result in search.results if result.seen is not None]
     for result in readable[:TRIED_MIRRORED]:
-        pixels = np.ascontiguousarray(read_image(result.photo.path).pixels[:, ::-1])
-        if len(Detector(search.target).detect(pixels).ring):
+        pixels = read_image(result.photo.path).pixels[:, ::-1].copy()
+        if len(look_for(search.target)(result.photo, pixels).ring):
             return (
                 ", but they do when they are flipped: the camera, or who saved its photos, mirrors them; flip them back"
             )

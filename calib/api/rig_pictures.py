@@ -4,9 +4,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from calib.api.overlays import remove_ours, with_overlays
 from calib.api.rig_observing import RigSearch
-from calib.api.staging import keep_pictures, no_empty_folders, staging_folder
+from calib.observe.overlays import keep_pictures, no_empty_folders, remove_ours, staging_folder, with_overlays
 from calib.observe.photos import OVERLAY_MARK
 from calib.records.rig_file import CAMERAS, folder_names
 from calib.rigs.result import RigCalibration

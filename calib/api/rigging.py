@@ -7,7 +7,6 @@ from os import fspath
 from calib.api.rig_choosing import CameraWishes, choices_of, require_wishes, wishes_of
 from calib.api.rig_observing import RigInput, RigSearch, photos_of_rig, rig_input, search_rig, with_remarks
 from calib.api.rig_result import RigResult, RigWriter
-from calib.api.solving import ALL, plan_from_words
 from calib.app.inputs import Place, folder_of, require_photos_for_jobs, target_of
 from calib.cameras.camera import Camera
 from calib.core.types import RigObservations
@@ -22,6 +21,7 @@ from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error
 from calib.solver.costs import IMAGE
 from calib.solver.options import SolveOptions
+from calib.solver.plan import ALL, plan_from_words
 from calib.solver.plane_bend import PlaneBend
 from calib.verdict.criteria import STANDARD, read_rig_criteria
 from calib.verdict.rig_judge import judge_rig

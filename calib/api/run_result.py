@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calib.api.page_shown import ShownAsPage
-from calib.api.solving import Solution, SolveTask
+from calib.app.detect import DETECTIONS_FILE
 from calib.app.inputs import folder_of
 from calib.cameras import MODELS
 from calib.core.types import Observations
@@ -29,6 +29,7 @@ from calib.records.run_folder import RECORDS_FILE, Run, Solved, records_in
 from calib.show.parts.kept_target import keep_target
 from calib.verdict.judge import VERDICT, VERDICT_FILE, Judged
 from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextView, NextViews
+from calib.verdict.solutions import Solution, SolveTask
 from calib.verdict.verdict import Verdict
 from designer.base.answer import program
 from designer.base.errors import InputError, NotWrittenError
@@ -109,7 +110,7 @@ def best_of(solutions: Sequence[Solution]) -> Solution:
     return solutions[min(ranks, key=lambda row: ranks[row])]
 
 
-DETECTIONS_FILE, OVERLAYS = "detections.csv", "overlays"
+OVERLAYS = "overlays"
 
 
 class RunWriter:
@@ -154,7 +155,7 @@ class RunWriter:
         Raises:
             InputError: a file is somebody else's, or the best camera makes no sense.
         """
-        from calib.api.overlays import with_overlays
+        from calib.observe.overlays import with_overlays
 
         self.require_room()
         if run.search is not None:
@@ -201,7 +202,7 @@ class RunWriter:
     @contextmanager
     def drawing(self) -> Iterator[Path]:
         """A folder for overlays until all are drawn; nothing is left if that does not come to its end."""
-        from calib.api.staging import no_empty_folders, staging_folder
+        from calib.observe.overlays import no_empty_folders, staging_folder
 
         self._require_room_for_tables()
         place = self.folder / OVERLAYS
@@ -210,16 +211,15 @@ class RunWriter:
 
     def write_search(self, search: "Search", staging: Path) -> None:
         """Write what was found in the photos, and keep the overlays that were drawn instead of earlier ones."""
-        from calib.api.overlays import remove_ours
-        from calib.api.searching import write_search
-        from calib.api.staging import keep_pictures
+        from calib.observe.overlays import keep_pictures, remove_ours
         from calib.observe.photos import OVERLAY_MARK
-        from calib.show.photos.photos_file import PHOTOS_FILE
+        from calib.observe.search import write_search
+        from designer.page.page_file import BLOCKS_FILE
 
         table, place = self.folder / DETECTIONS_FILE, self.folder / OVERLAYS
         self._records = write_search(table, search)
         pictures = keep_pictures(staging, place)
-        if not (place / PHOTOS_FILE).exists():
+        if not (place / BLOCKS_FILE).exists():
             remove_ours(set(place.glob(f"*{OVERLAY_MARK}.*")) - set(pictures))
         self.files += [table, records_path(table), *pictures]
 
@@ -286,7 +286,7 @@ class RunWriter:
             if place in here or is_run_of_its_own or not (place / CALIBRATION_FILE).is_file():
                 continue
             if is_ours(place / CALIBRATION_FILE, CALIBRATION.format):
-                from calib.api.overlays import remove_ours
+                from calib.observe.overlays import remove_ours
 
                 names = (CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE)
                 remove_ours(

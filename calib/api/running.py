@@ -6,15 +6,8 @@ from os import fspath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib.api.run_result import DETECTIONS_FILE, RunResult, RunWriter, best_of
-from calib.api.solving import (
-    ALL,
-    Solution,
-    SolvePlan,
-    SolveTask,
-    plan_from_words,
-    solve_models,
-)
+from calib.api.run_result import RunResult, RunWriter, best_of
+from calib.app.detect import DETECTIONS_FILE
 from calib.app.inputs import (
     Observed,
     Place,
@@ -29,9 +22,11 @@ from calib.cameras import learned_models
 from calib.solver.accuracy import UndeterminedError
 from calib.solver.capture_error import capture_of
 from calib.solver.costs import IMAGE
+from calib.solver.plan import ALL, SolvePlan, plan_from_words
 from calib.verdict.criteria import STANDARD, read_criteria
 from calib.verdict.halves import half_split
 from calib.verdict.judge import inputs_of, judge_cameras
+from calib.verdict.solutions import Solution, SolveTask, solve_models
 from calib.verdict.verdict import Criteria
 from calib.virtual.calibrate import ALL_VIEWS
 from designer.base.errors import InputError
@@ -112,9 +107,9 @@ def run(
         InputError: files or options that break a rule, or photos that do not determine a camera.
         NothingFoundError: no photo shows the target.
     """
-    from calib.api.searching import PhotoSearch, with_truth
     from calib.observe.observations import observations_from_detections
     from calib.observe.photos import named_photos
+    from calib.observe.search import PhotoSearch, with_truth
     from designer.tolerance.made import how_made
 
     geometry, limits, taken = target_of(target, "rings"), _criteria(criteria), capture_of(capture)

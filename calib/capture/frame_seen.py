@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calib.api.detecting import Detector
+from calib.app.detect import Detector
 from calib.capture.messages import LookMessage
 from calib.capture.sources.source import Frame
 from calib.core.types import Detections

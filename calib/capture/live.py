@@ -5,7 +5,6 @@ from importlib.util import find_spec
 
 from calib.api.run_result import RunResult, RunWriter
 from calib.api.running import run
-from calib.api.solving import models_of
 from calib.app.inputs import Place, folder_of, target_of
 from calib.capture.conversation import Conversation, Show, Tell
 from calib.capture.photo_folder import PhotoFolder
@@ -17,6 +16,7 @@ from calib.capture.sources.opencv_camera import OpenCVCamera
 from calib.capture.sources.source import Source
 from calib.capture.sources.watched_folder import WatchedFolder, require_apart
 from calib.guide.guide import Guide
+from calib.solver.plan import models_of
 from calib.verdict.criteria import STANDARD
 from designer.base.errors import InputError
 from designer.base.small_file import place_of

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from calib.api.detecting import Detector
+from calib.app.detect import Detector
 from calib.capture.conversation import Conversation, Show, Tell
 from calib.capture.frame_seen import exactly_found, glanced, look_message, notes_on
 from calib.capture.messages import TakenMessage

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
+from calib.app.options import exports_folder
 from calib.commands import options
-from calib.commands.detect import exports_folder
 from calib.commands.running import negative, said_report, solutions_answer
 from designer.base.answer import Summary
 
@@ -42,12 +42,12 @@ def live(
     Nothing leaves this machine. Photos are written as they are taken; at the end the folder is as after calib run.
     """
     from calib.api.run_result import RunWriter
-    from calib.api.solving import models_of
     from calib.capture.live import live as take_photos
     from calib.commands.live_rigs import take_rig_photos
     from calib.commands.live_said import line_to_go_on, line_to_show, said, stopped_live
     from calib.commands.solve import image_size_of
     from calib.solver.accuracy import UndeterminedError
+    from calib.solver.plan import models_of
 
     cameras, folders, wide = camera or [], watch or [], image_size_of(size, "--size")
     folder = out if out is not None else exports_folder(target) / "live"

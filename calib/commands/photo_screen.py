@@ -5,22 +5,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from calib.commands.folder_page import with_page
-from calib.observe.photos import PhotoResult, Search
-from calib.observe.records import median_sigma_px
 from calib.show.photos.photos_file import ToldPhotos, told_table, write_photos
 from designer.base.answer import Summary, Value
 from designer.base.codec import encode
 from designer.base.words import printable
-from designer.page.blocks import Table
-from designer.page.terminal import say_findings, say_headline, say_table
+from designer.page.terminal import few_rows, say_findings, say_headline, say_table
 from designer.target import TargetGeometry
 
 if TYPE_CHECKING:
     from calib.observe.target_poses import PoseResult, TargetPose
     from calib.records.rig_poses_file import RigPoseResult
-
-MAX_ROWS = 60
-"""Photos in the table; of a larger set only those are shown that need a look."""
 
 
 def say_photos(told: ToldPhotos, *, has_table: bool = True) -> None:
@@ -28,17 +22,9 @@ def say_photos(told: ToldPhotos, *, has_table: bool = True) -> None:
     say_headline(told.headline)
     say_findings(told.notes)
     if told.columns and has_table:
-        say_table(few_rows(told_table(told)))
+        say_table(replace(few_rows(told_table(told)), title=""))
     if told.lead:
         print(printable(told.lead))
-
-
-def few_rows(table: Table) -> Table:
-    """A table that fits a screen: of very many photos those that need a look."""
-    if len(table.rows) <= MAX_ROWS:
-        return replace(table, title="", note="")
-    rows = [row for row in table.rows if row[0].level is not None][:MAX_ROWS]
-    return replace(table, title="", rows=tuple(rows), note=f"{len(table.rows) - len(rows)} more photos are like most")
 
 
 def with_photos_page(summary: Summary, folder: Path, told: ToldPhotos, target: TargetGeometry | None = None) -> Summary:
@@ -60,42 +46,6 @@ def with_photos_page(summary: Summary, folder: Path, told: ToldPhotos, target: T
         return (*kept, write_photos(folder, told))
 
     return with_page(summary, folder, told.kind, keep)
-
-
-def detections_answer(search: Search) -> dict[str, Value]:
-    """Sums, and the counts of each photo with the reasons of what is missing."""
-    found, expected = search.counts
-    return {
-        "target_id": search.target.geometry_id,
-        "layout_id": search.target.layout_id,
-        "photos": len(search.results),
-        "searched": len(search.detections),
-        "with_target": len(search.with_target),
-        "found": found,
-        "expected": expected,
-        "failures": list(search.failures),
-        "overlays_left_out": search.overlays_left_out,
-        "seconds": search.seconds,
-        "per_photo": [_photo(result) for result in search.results],
-    }
-
-
-def _photo(result: PhotoResult) -> dict[str, Value]:
-    seen, record = result.seen, result.record
-    head: dict[str, Value] = {"image": result.photo.name, "path": str(result.photo.path)}
-    if seen is None:
-        return {**head, "failure": result.failure}
-    return {
-        **head,
-        "failure": None,
-        "image_size_px": seen.image_size,
-        "found": record.features,
-        "expected": record.expected,
-        "faces": sorted(face.face for face in record.named if face.face is not None),
-        "missing": dict(record.missing),
-        "median_sigma_px": median_sigma_px(seen),
-        "remarks": [*seen.remarks, *filter(None, [result.overlay_failure])],
-    }
 
 
 def poses_answer(found: "PoseResult") -> dict[str, Value]:

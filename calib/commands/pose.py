@@ -87,7 +87,7 @@ def pose(
 
 def _drawn(found: "PoseResult", folder: Path) -> tuple[dict[str, str], tuple[Path, ...]]:
     """Draw the photos that have a pose; names of the pictures by those of the photos, and their places."""
-    from calib.api.staging import keep_pictures, no_empty_folders, staging_folder
+    from calib.observe.overlays import keep_pictures, no_empty_folders, staging_folder
     from calib.show.photos.pose_overlay import draw_poses
 
     with no_empty_folders(folder), staging_folder(folder) as staging:

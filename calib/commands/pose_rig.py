@@ -55,7 +55,7 @@ def pose_before_rig(
 
 def _drawn(found: "RigPoseResult", folder: Path) -> tuple[dict[tuple[str, str], str], tuple[Path, ...]]:
     """Draw the photos of frames that have a pose, a folder a camera; paths of the pictures by camera and photo."""
-    from calib.api.staging import keep_pictures, no_empty_folders, staging_folder
+    from calib.observe.overlays import keep_pictures, no_empty_folders, staging_folder
     from calib.records.rig_file import folder_names
     from calib.show.photos.pose_overlay import draw_poses
     from calib.show.photos.posed_rig import posed_alone

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.app.options import exports_folder
 from calib.commands import options
-from calib.commands.detect import exports_folder
 from calib.solver.costs import IMAGE
 from designer.base.answer import NegativeError, StoppedError, Summary
 from designer.base.command import NOTHING_WRITTEN, command_line

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calib.api.rig_result import RigResult
-from calib.api.solving import ALL
 from calib.commands.running import verdict_answer
 from calib.observe.rig_observations import require_names
 from calib.records.calibration_file import CAMERA_FILE
@@ -18,6 +17,7 @@ from calib.show.folder import PAGE_FILE
 from calib.show.rig.tables import cameras_table, halves_table, pairs_table, ties_table
 from calib.show.rig.words import next_steps, rig_facts, rig_headline
 from calib.show.run.sections import check_findings
+from calib.solver.plan import ALL
 from designer.base.errors import InputError
 from designer.base.units import parse_quantity
 from designer.base.words import shown

@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.app.options import exports_folder
 from calib.commands import options
-from calib.commands.detect import exports_folder
-from calib.commands.folder_page import say_next as say_next_of_overlays
 from calib.commands.running import negative, report_of, solutions_answer, stopped
 from calib.commands.solve import focal_of, made_settings, reference_of, reference_settings
 from calib.solver.costs import IMAGE
@@ -19,8 +18,6 @@ from designer.page.terminal import quoted
 if TYPE_CHECKING:
     from calib.api.run_result import RunResult, RunWriter
     from calib.api.running import NothingFoundError
-
-NOTHING_FOUND = 1
 
 
 def run(
@@ -56,10 +53,10 @@ def run(
     from calib.api.run_result import RunWriter
     from calib.api.running import NothingFoundError
     from calib.api.running import run as run_all
-    from calib.api.searching import truth_beside
-    from calib.api.solving import models_of
     from calib.observe.photos import find_photos
+    from calib.observe.search import truth_beside
     from calib.solver.accuracy import UndeterminedError
+    from calib.solver.plan import models_of
 
     writer = RunWriter(out if out is not None else exports_folder(target) / "calibration", models_of(model))
     try:
@@ -98,21 +95,15 @@ def _evaluation(found: "RunResult", writer: "RunWriter", truth: Path | None) -> 
 
 def _nothing_found(error: "NothingFoundError", target: Path, writer: "RunWriter", *, page: bool) -> Summary:
     """Write the page that shows why, of the run's folder, or of its overlays if an earlier camera has the folder."""
-    from calib.api.run_result import DETECTIONS_FILE, OVERLAYS
-    from calib.commands.photo_screen import detections_answer, say_photos, with_photos_page
+    from calib.api.run_result import OVERLAYS
+    from calib.app.detect import DETECTIONS_FILE, DetectedPhotos, detections_answer
     from calib.records.run_folder import is_run_folder
-    from calib.show.photos.detected_photos import told_detected
+    from designer.page.capability import told
+    from designer.page.output import Output
 
-    search, folder = error.search, writer.folder
-    overlays = folder / OVERLAYS
-    place = overlays if is_run_folder(folder) else folder
-    told = told_detected(search, target, folder / DETECTIONS_FILE, place, overlays)
-    say_photos(told)
-    again, more = command_line(), ": the page says more" if page else ""
-    summary = Summary(
-        {"detections": detections_answer(search), **solutions_answer((), None, writer.place_of), "verdict": None},
-        tuple(writer.files),
-        (f"{again}   # with the right target file, or other photos{more}",) if again else (),
-        search.remarks, NOTHING_FOUND,
-    )  # fmt: skip
-    return say_next_of_overlays(with_photos_page(summary, place, told) if page else summary, place)
+    folder, overlays = writer.folder, writer.folder / OVERLAYS
+    output = Output(folder, overlays if is_run_folder(folder) else folder, writer.files)
+    none = solutions_answer((), None, writer.place_of)
+    output.answer = {"detections": detections_answer(error.search), **none, "verdict": None}
+    found = DetectedPhotos(error.search, str(target), folder / DETECTIONS_FILE, overlays, error.search.remarks)
+    return told(found, output, command_line(), verbose=False, has_page=page)

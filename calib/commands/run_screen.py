@@ -15,6 +15,7 @@ from designer.base.command import command_line
 from designer.base.number_text import figure
 from designer.page.blocks import Finding, Headline
 from designer.page.terminal import (
+    few_rows,
     quoted,
     say_facts,
     say_findings,
@@ -85,7 +86,6 @@ def _some(lines: Sequence[str], most: int) -> tuple[str, ...]:
 
 def _say_tables(told: Run) -> None:
     """The tables of the page: checks, photos, faces, models side by side, parameters of each."""
-    from calib.commands.photo_screen import few_rows
     from calib.show.run.photos import photo_rows, views_table
 
     best = told.best
@@ -146,7 +146,6 @@ def say_next(steps: NextSteps) -> None:
 
 def say_evaluation(path: Path, evaluation: Evaluation, *, verbose: bool) -> None:
     """A camera's errors and what was left out of them; with `verbose` its parameters, and errors by photo and face."""
-    from calib.commands.photo_screen import few_rows
     from calib.show.run.photos import photo_rows, views_table
 
     calibration = evaluation.calibration

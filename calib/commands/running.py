@@ -11,8 +11,8 @@ from designer.page.terminal import shown
 
 if TYPE_CHECKING:
     from calib.api.run_result import RunResult, RunWriter
-    from calib.api.solving import Solution
     from calib.metrics.evaluation import Evaluation
+    from calib.verdict.solutions import Solution
     from calib.verdict.verdict import Verdict
     from designer.base.answer import Value
 
@@ -90,7 +90,7 @@ def negative(writer: "RunWriter", error: Exception) -> NoReturn:
 
 def run_answer(run: "RunResult", place_of: Callable[[str], Path]) -> "dict[str, Value]":
     """All models, the one to go on with, the verdict, and what was found in photos."""
-    from calib.commands.photo_screen import detections_answer
+    from calib.app.detect import detections_answer
 
     found = {} if run.search is None else {"detections": detections_answer(run.search)}
     solved = solutions_answer(run.solutions, run.best, place_of)

@@ -52,9 +52,9 @@ def solve(
     """
     from calib.api.run_result import RunWriter
     from calib.api.running import solve as solve_all
-    from calib.api.solving import models_of
     from calib.app.inputs import rendered_id_of
     from calib.solver.accuracy import UndeterminedError
+    from calib.solver.plan import models_of
 
     writer = RunWriter(out, models_of(model))
     observations = read_input(detections, target, image_size, grid, pitch, points)
@@ -127,7 +127,7 @@ def image_size_of(text: str | None, option: str = "--image-size") -> tuple[int, 
 
 def focal_of(text: str | None) -> float | None:
     """A first guess of the focal length."""
-    from calib.api.solving import parse_focal_px
+    from calib.solver.plan import parse_focal_px
 
     return None if text is None else parse_focal_px(text)
 

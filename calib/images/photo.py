@@ -3,6 +3,7 @@
 import stat
 from collections.abc import Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import cast
 
@@ -32,6 +33,7 @@ _TURNS = {
 }  # fmt: skip
 _SHRINKS = (1, 2, 4, 8)
 """How many times fewer columns and rows a JPEG can be decoded to."""
+_DEPTHS = (np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32))
 Grey = NDArray[np.uint8] | NDArray[np.uint16]
 
 
@@ -217,3 +219,32 @@ def grey_of(image: Grey) -> Grey:
         return image[:, :, 0]
     code = cv2.COLOR_BGRA2GRAY if _has_alpha(image) else cv2.COLOR_BGR2GRAY
     return cast("Grey", cv2.cvtColor(image, code))
+
+
+def grey_pixels(image: "NDArray[np.generic] | str | PathLike[str]") -> Grey:
+    """Grey levels (H, W) of an array or a file, as the detector takes them.
+
+    Raises:
+        InputError: it is no image.
+    """
+    if isinstance(image, str | PathLike):
+        return read_image(Path(image)).pixels
+    return grey_of(require_image(image))
+
+
+def require_image(image: NDArray[np.generic]) -> Grey:
+    """The array, if it is an image.
+
+    Raises:
+        InputError: it is none.
+    """
+    if not isinstance(image, np.ndarray):
+        raise InputError(f"{type(image).__name__}: is no image; give a numpy array (H, W) or (H, W, 3), or a file")
+    if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (1, 3, 4)) or not image.size:
+        raise InputError(f"an array of shape {image.shape} is no image; give (H, W), or (H, W, 3) in blue, green, red")
+    if image.dtype not in _DEPTHS:
+        raise InputError(f"an image of {image.dtype}: give uint8, uint16 or float32")
+    if image.dtype == np.float32 and not np.isfinite(image).all():
+        at = np.argwhere(~np.isfinite(image))[0].tolist()
+        raise InputError(f"an image with {image[tuple(at)]} at {at}: all its values must be finite; fill its gaps")
+    return cast("Grey", image)  # or of float32, a depth that OpenCV converts too

@@ -219,7 +219,7 @@ def reading_once(most_bytes: int = MOST_KEPT_BYTES) -> Read:
     return read
 
 
-def detect_photos(
+def searched_photos(
     photos: Sequence[PhotoFile],
     target: TargetGeometry,
     look: Look,

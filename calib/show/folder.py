@@ -17,6 +17,8 @@ from designer.base.files import write_files
 from designer.base.own_files import kind_of
 from designer.base.words import printable
 from designer.page.blocks import Page
+from designer.page.page_file import BLOCKS_FILE
+from designer.page.page_file import why_no_page as why_not
 
 Builder: TypeAlias = Callable[[Path, Origin], Page]
 
@@ -35,7 +37,6 @@ KINDS: Mapping[str, str] = {
     "measure": "measured.page.measure_page",
     "coupon": "coupon.page.coupon_page",
     "photos": "photos.photos_page.photos_page",
-    "detections": "photos.photos_page.photos_page",
     "poses": "photos.photos_page.photos_page",
     "rig_poses": "photos.photos_page.photos_page",
 }
@@ -122,12 +123,13 @@ def why_no_page(folder: Path, kind: str) -> str:
     """
     page, origin = folder / PAGE_FILE, folder / ORIGIN_FILE
     if not origin.exists():
-        return f"{printable(str(page))}: is there already and stays as it is" if page.exists() else ""
+        is_free = not page.exists() or not why_not(folder, *(there for there, other in REPLACED if other == kind))
+        return "" if is_free else f"{printable(str(page))}: is there already and stays as it is"
     try:
         there = read_origin(folder).kind
     except InputError as error:
         return printable(str(error))
-    if there == kind or (there, kind) in REPLACED:
+    if there == kind:
         return ""
     return f"{printable(str(page))}: stays as it is, the page of what is in this folder otherwise ({printable(there)})"
 
@@ -140,7 +142,6 @@ def origin_in(folder: Path) -> Origin:
             to do.
     """
     from calib.show.parts.gallery import OVERLAYS
-    from calib.show.photos.photos_file import PHOTOS_FILE
 
     if not folder.is_dir():
         what = "is a file, not a folder" if folder.exists() else "no such folder"
@@ -156,7 +157,7 @@ def origin_in(folder: Path) -> Origin:
         raise InputError(f"{folder}: is a design's folder: design make {name} -o {folder} writes its page")
     if (folder / "truth.json").is_file():
         raise InputError(f"{folder}: not all its photos are rendered: the same calib render again writes its page")
-    if (folder / OVERLAYS / PHOTOS_FILE).is_file():
+    if (folder / OVERLAYS / BLOCKS_FILE).is_file():
         raise InputError(
             f"{folder}: holds no camera, only what was found in photos: calib report {folder / OVERLAYS} writes "
             "its page"

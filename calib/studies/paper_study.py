@@ -17,7 +17,7 @@ from calib.core.types import Detections, Observations, keep_sightings, keep_view
 from calib.detector.pipeline import detect
 from calib.observe.dataset import read_detections, write_detections
 from calib.observe.observations import observations_from_detections
-from calib.observe.photos import PhotoFile, Pixels, detect_photos, named_photos
+from calib.observe.photos import PhotoFile, Pixels, named_photos, searched_photos
 from calib.renderer.job import RenderJob, run_job
 from calib.renderer.options import RenderOptions
 from calib.renderer.poses import PoseGrid, grid_poses
@@ -118,7 +118,7 @@ def search(
     def look(photo: PhotoFile, pixels: Pixels) -> Detections:
         return detect(pixels, target, name=photo.name, camera=camera)
 
-    found = detect_photos(photos, target, look, jobs=jobs)
+    found = searched_photos(photos, target, look, jobs=jobs)
     for done, result in enumerate(found, start=1):
         tell(done)
         if result.seen is not None and len(result.seen.ring):

@@ -8,3 +8,4 @@ from numpy.typing import NDArray
 Array: TypeAlias = NDArray[np.float64]
 Rows: TypeAlias = NDArray[np.int64]
 Flags: TypeAlias = NDArray[np.bool_]
+Image: TypeAlias = NDArray[np.uint8]

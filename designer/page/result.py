@@ -62,6 +62,10 @@ class Result(ABC):
     def page(self) -> "Page":
         """All that is told, in blocks; what is known of the folder alone is added where it is written."""
 
+    def page_beside(self, folder: Path) -> "Page":
+        """The page with what it shows of the folder's other files, such as pictures."""
+        return self.page()
+
     def words(self) -> "Page":
         """What a screen says of it; overridden where a page without its figures comes sooner."""
         return self.page()
@@ -87,6 +91,10 @@ class Result(ABC):
     def answer(self) -> "dict[str, Value]":
         """As `document`, for `--json`."""
         return cast("dict[str, Value]", self.document())
+
+    def purposes(self, folder: Path) -> tuple[tuple[str, str], ...]:
+        """Files that the page lists, by their paths from its folder, and what they are for."""
+        return (*self.files.items(), (f"{self.kind}.json", "the numbers, for programs"))
 
     @classmethod
     def check(cls, folder: Path) -> None:
@@ -147,9 +155,9 @@ class Result(ABC):
         from designer.page.blocks import Command, Section
         from designer.page.folders import file_list, title_of
 
-        purposes = (*self.files.items(), (f"{self.kind}.json", "the numbers, for programs"))
-        files = Section("Files", (file_list(folder, purposes), Command("calib report .", "makes this page again")))
-        page = self.page()
+        again = Command("calib report .", "in this folder: makes this page again")
+        files = Section("Files", (file_list(folder, self.purposes(folder)), again))
+        page = self.page_beside(folder)
         steps = (Section("Next", page.next_steps),) if page.next_steps else ()
         return replace(
             page, title=page.title or title_of(folder), kind=self.title, sections=(*page.sections, *steps, files),

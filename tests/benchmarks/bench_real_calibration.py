@@ -15,13 +15,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.detecting import Detector
+from calib.app.detect import Detector
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
 from calib.core.types import Observations, keep_views
 from calib.metrics.evaluation import evaluate
 from calib.observe.observations import observations_from_detections
-from calib.observe.photos import detect_photos, named_photos
+from calib.observe.photos import named_photos, searched_photos
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
 from tests.benchmarks.bench_real_photos import plain_grid
@@ -35,7 +35,7 @@ def observe(camera: Camera | None) -> Observations:
     target = plain_grid(10, 7)
     photos = named_photos(sorted(FOLDER.glob("*.png")))
     look = Detector(target, camera).look
-    results = detect_photos(photos, target, look, jobs=2)
+    results = searched_photos(photos, target, look, jobs=2)
     return observations_from_detections([one.seen for one in results if one.seen], target)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.api.detecting import Detector
 from calib.api.rendering import render
+from calib.app.detect import Detector
 from calib.as_built.deviations import Estimate
 from calib.core.types import Detections
 from calib.coupons.ink_of_rings import InkBleed, ink_of_cameras, ink_of_rings

@@ -226,8 +226,8 @@ def test_an_empty_word_is_no_folder(program: Callable[..., Answer], app: typer.T
 @pytest.mark.parametrize(
     ("words", "patched"),
     [
-        (("run", "board.target.json", "photos", "-o", "out"), "calib.api.searching.write_search"),
-        ((*SOLVE, "detections.csv"), "calib.api.solving.calibrate"),
+        (("run", "board.target.json", "photos", "-o", "out"), "calib.observe.search.write_search"),
+        ((*SOLVE, "detections.csv"), "calib.verdict.solutions.calibrate"),
         (("study", "paper", "--quick", "-o", "out"), "calib.studies.paper_study.missing_targets"),
         (("study", "compare", "--quick", "-o", "out"), "calib.studies.compare.cases.comparison"),
         (("study", "cost", "--quick", "-o", "out"), "calib.studies.cost.cases.groups_of"),
@@ -278,7 +278,7 @@ def test_a_program_takes_ctrl_c_before_it_loads_anything() -> None:
 
 def test_a_model_that_was_finished_before_ctrl_c_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """The document of a stopped run holds the answer so far, and the files."""
-    from calib.api import solving
+    from calib.verdict import solutions as solving
 
     original = solving.calibrate
 

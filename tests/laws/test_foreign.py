@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from calib.detector.pipeline import detect
+from calib.detector.why_nothing import explained
 from calib.renderer import RenderOptions
-from calib.show.photos.why_nothing import explained
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
 from designer.spec.kind import KINDS

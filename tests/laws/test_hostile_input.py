@@ -116,7 +116,7 @@ def test_what_would_not_be_read_again_is_not_written(monkeypatch: pytest.MonkeyP
     """A solution that makes no sense is refused before a file of it is there."""
     from dataclasses import replace
 
-    from calib.api import solving
+    from calib.verdict import solutions as solving
 
     original = solving.calibrate
 

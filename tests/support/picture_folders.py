@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from calib.app.detect import DetectedPhotos
 from calib.cameras.camera import Camera
 from calib.core.types import TOO_FLAT, Detections, FaceRecord
 from calib.observe.photos import PhotoFile, PhotoResult, Search
@@ -13,7 +14,6 @@ from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
 from calib.show.parts.kept_target import keep_target
 from calib.show.parts.origin import Origin
-from calib.show.photos.detected_photos import told_detected
 from calib.show.photos.photos_file import write_photos
 from calib.show.photos.photos_page import photos_page
 from calib.show.photos.posed_photos import told_posed
@@ -78,19 +78,21 @@ def detected(
     target: TargetGeometry = BOARD,
     failures: Sequence[str] = (),
     table: Path | None = None,
-) -> None:
-    """What `calib detect --overlay` leaves."""
+) -> Page:
+    """The page that `calib detect --overlay` leaves, which is written too."""
     folder.mkdir(parents=True, exist_ok=True)
-    table = table or folder.parent / "detections.csv"
     search = Search(target, tuple(results), tuple(failures), 0, 1.0)
-    write_photos(folder, told_detected(search, Path("my.target.json"), table, folder))
+    found = DetectedPhotos(search, "my.target.json", table or folder.parent / "detections.csv", folder)
+    page, _, remark = found.draw_page(folder, "calib detect -o somewhere")
+    assert page is not None, remark
+    return page
 
 
-def overlaid(folder: Path) -> None:
-    """Overlays of two photos in which all was found."""
+def overlaid(folder: Path) -> Page:
+    """Overlays of two photos in which all was found, and their page."""
     names = ["a.overlay.png", "b.overlay.png"]
     pictures(folder, names)
-    detected(folder, [result(f"{name[0]}.png", [face(40, 40, flat=3)], name) for name in names])
+    return detected(folder, [result(f"{name[0]}.png", [face(40, 40, flat=3)], name) for name in names])
 
 
 def posed(folder: Path, rms_px: Sequence[float] = (0.02, 0.03, 0.09), reasons: Sequence[str] = ("none",)) -> None:
@@ -115,5 +117,5 @@ def page_of(kind: str, folder: Path) -> Page:
 
 
 MAKERS: dict[str, Callable[[Path], object]] = {
-    "photos": rendered, "detections": overlaid, "poses": posed
+    "photos": rendered, "poses": posed
 }  # fmt: skip

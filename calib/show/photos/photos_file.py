@@ -29,10 +29,9 @@ half, something is wrong with target file, light or focus, and what was found is
 SHARE_RULE = f"good from {100 * GOOD_SHARE:.0f} %, usable from {100 * USABLE_SHARE:.0f} %"
 _WORST_FIRST: tuple[Level, ...] = ("bad", "usable", "good")
 MOST_PHOTOS = 100_000
-Kind: TypeAlias = Literal["photos", "detections", "poses", "rig_poses"]
+Kind: TypeAlias = Literal["photos", "poses", "rig_poses"]
 KIND_WORDS: Mapping[Kind, str] = {
-    "photos": "Rendered photos", "detections": "Detections",
-    "poses": "Camera poses", "rig_poses": "Poses before a rig",
+    "photos": "Rendered photos", "poses": "Camera poses", "rig_poses": "Poses before a rig",
 }  # fmt: skip
 
 

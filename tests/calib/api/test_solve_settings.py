@@ -2,7 +2,7 @@
 
 import pytest
 
-from calib.api.solving import SolvePlan, parse_focal_px, plan_from_words
+from calib.solver.plan import SolvePlan, parse_focal_px, plan_from_words
 from designer.base.errors import InputError
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from calib.api.solving import plan_from_words
 from calib.cameras import linearise, parameter_names, project, rays
 from calib.cameras.camera import Camera, camera_from_mapping, camera_or_preset
 from calib.cameras.parameters import slopes
 from calib.cameras.refit import refit
 from calib.cameras.spline import COLUMNS, MODEL, ROWS
 from calib.solver.options import SolveOptions, tie_parameters
+from calib.solver.plan import plan_from_words
 from designer.base.errors import InputError
 from tests.support.lenses import SIZE, bent
 

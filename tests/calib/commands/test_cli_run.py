@@ -297,12 +297,12 @@ def test_ctrl_c_keeps_what_is_finished(detector: Detector, monkeypatch: pytest.M
 
     before = files_in(folder)
     with monkeypatch.context() as patch:
-        patch.setattr("calib.api.searching.write_search", interrupted)
+        patch.setattr("calib.observe.search.write_search", interrupted)
         answer = calib("run", "board.target.json", "photos", "-o", "out/x")
         assert (answer.code, answer.err) == (130, "stopped; nothing was written\n")
         assert files_in(folder) == before
     with monkeypatch.context() as patch:
-        patch.setattr("calib.api.solving.calibrate", stopped)
+        patch.setattr("calib.verdict.solutions.calibrate", stopped)
         answer = calib("run", "board.target.json", "photos", "-o", "out")
         assert (answer.code, answer.err) == (130, "stopped; finished and kept: out/detections.csv, out/luhmann\n")
     with monkeypatch.context() as patch:

@@ -256,7 +256,7 @@ def test_a_model_that_fails_does_not_stop_the_others(monkeypatch: pytest.MonkeyP
 
     common = ALL_MODELS
     assert calib(*common).code == 0
-    monkeypatch.setattr("calib.api.solving.calibrate", fail)
+    monkeypatch.setattr("calib.verdict.solutions.calibrate", fail)
     answer = calib(*common)
     assert answer.code == 0
     assert "luhmann was not solved: no light" in answer.out
@@ -392,7 +392,7 @@ def test_ctrl_c_keeps_what_is_finished_and_says_so(monkeypatch: pytest.MonkeyPat
             raise KeyboardInterrupt
         return calibrate(seen, model, *rest)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("calib.api.solving.calibrate", stopped)
+    monkeypatch.setattr("calib.verdict.solutions.calibrate", stopped)
     answer = calib("solve", "detections.csv", "--target", "board.target.json", "-o", "out")
     assert answer.code == 130
     assert answer.err == "stopped; finished and kept: out/luhmann\n"

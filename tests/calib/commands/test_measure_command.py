@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from calib.api.measuring import measure as measure_from_python
 from calib.api.measuring import rescale
-from calib.api.searching import PhotoSearch
 from calib.as_built.cross_validation import cross_validate, laid_over
 from calib.as_built.deviations import (
     Compensation,
@@ -39,6 +38,7 @@ from calib.core.types import Observations, keep_sightings
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
 from calib.observe.photos import PhotoFile, PhotoResult, Search
+from calib.observe.search import PhotoSearch
 from calib.show.measured import picture
 from calib.show.measured.next_print import next_print
 from calib.solver.options import SolveOptions

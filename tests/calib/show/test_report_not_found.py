@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from calib.app.detect import DetectedPhotos
 from calib.core.types import Detections
+from calib.detector.why_nothing import explained, why_nothing
 from calib.observe.photos import Search
 from calib.observe.records import Records, image_record
 from calib.records.run_folder import read_run
 from calib.show.folder import origin_in, why_no_page
-from calib.show.parts.origin import ORIGIN, Origin, origin_of
-from calib.show.photos.detected_photos import told_detected
-from calib.show.photos.photos_file import read_photos, write_photos
-from calib.show.photos.why_nothing import explained, why_nothing
+from calib.show.parts.origin import Origin
 from calib.show.run.calibration_page import page_of as page_of_run
 from calib.show.run.photos import photo_rows
 from calib.show.studies.study_tables import fall_in_words
@@ -26,7 +25,7 @@ from calib.verdict.verdict import Verdict
 from designer.base.errors import InputError
 from designer.kinds.presets import criteria_templates
 from tests.support.calibrations import board
-from tests.support.picture_folders import BOARD, face, overlaid, page_of, pictures, result
+from tests.support.picture_folders import BOARD, face, overlaid, pictures, result
 from tests.support.run_folders import solved, write_run
 
 
@@ -79,8 +78,7 @@ def test_a_page_without_any_target_gives_the_reason(tmp_path: Path) -> None:
     pictures(folder / "overlays", ["a.overlay.png"])
     one = replace(result("a.png", overlay="a.overlay.png"), seen=seen)
     search = Search(BOARD, (one,), (), 0, 1.0)
-    write_photos(folder, told_detected(search, Path("t.json"), folder / "d.csv", folder, folder / "overlays"))
-    page = page_of("detections", folder)
+    page = DetectedPhotos(search, "t.json", folder / "d.csv", folder / "overlays").page_in(folder)
     assert page.headline is not None
     assert (page.headline.level, page.headline.sentence) == (
         "bad",
@@ -89,14 +87,14 @@ def test_a_page_without_any_target_gives_the_reason(tmp_path: Path) -> None:
     text = repr(page)
     assert "No ring of a face that shows is missing" not in text
     assert "0 of 0" not in text
-    assert read_photos(folder).photos[0].picture == "overlays/a.overlay.png"
+    assert "path='overlays/a.overlay.png'" in text
 
 
 def test_a_camera_takes_the_place_of_nothing_found(tmp_path: Path) -> None:
-    """The page of a run that found nothing gives way to a calibration's, and not the other way round."""
-    for there, kind, is_free in (("detections", "calibration", True), ("calibration", "detections", False)):
-        (tmp_path / "report.json").write_bytes(ORIGIN.text(origin_of(there, "", "x")))
-        assert (not why_no_page(tmp_path, kind)) == is_free
+    """The page of a run that found nothing gives way to a calibration's, and not to others."""
+    overlaid(tmp_path)
+    assert why_no_page(tmp_path, "calibration") == ""
+    assert why_no_page(tmp_path, "rig") != ""
 
 
 def test_report_leads_to_the_page_of_the_overlays(tmp_path: Path) -> None:

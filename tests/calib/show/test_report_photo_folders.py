@@ -209,8 +209,7 @@ def test_a_page_does_not_disturb_other_commands(tmp_path: Path) -> None:
 def test_levels_of_detections(found: int, level: str, tmp_path: Path) -> None:
     """95 % and 50 % of the rings that could have been measured; those that are seen too flat do not count."""
     faces = [face(found, 1000, flat=5000)] if found else []
-    detected(tmp_path / "o", [result("a.png", faces)])
-    page = page_of("detections", tmp_path / "o")
+    page = detected(tmp_path / "o", [result("a.png", faces)])
     assert headline(page)[0] == level
     if found:
         assert f"{found} of the 1000 rings" in headline(page)[2]
@@ -220,15 +219,12 @@ def test_levels_of_detections(found: int, level: str, tmp_path: Path) -> None:
 def test_photos_without_the_target_and_without_content_count(tmp_path: Path) -> None:
     """All rings of some photos make no good set if others show nothing, or cannot be read; the reason is shown."""
     good = [result(f"{row}.png", [face(9, 9)]) for row in range(9)]
-    detected(tmp_path / "o", [*good, result("none.png")])
-    assert headline(page_of("detections", tmp_path / "o"))[0] == "usable"
-    detected(tmp_path / "o", [*good, result("x.png", failure="x.png: is empty (0 bytes)")])
-    page = page_of("detections", tmp_path / "o")
+    assert headline(detected(tmp_path / "o", [*good, result("none.png")]))[0] == "usable"
+    page = detected(tmp_path / "o", [*good, result("x.png", failure="x.png: is empty (0 bytes)")])
     assert headline(page)[0] == "usable"
     assert "1 could not be read" in headline(page)[2]
     assert "x.png: is empty" in page_html(page).decode()
-    detected(tmp_path / "o", good)
-    assert headline(page_of("detections", tmp_path / "o"))[0] == "good"
+    assert headline(detected(tmp_path / "o", good))[0] == "good"
 
 
 def test_missing_rings_and_unseen_faces_are_named(tmp_path: Path) -> None:
@@ -237,8 +233,7 @@ def test_missing_rings_and_unseen_faces_are_named(tmp_path: Path) -> None:
     results = [
         result("a.png", [face(36, 36, 3)], "a.overlay.png"), result("b.png", [face(20, 36, 5)], "b.overlay.png")
     ]  # fmt: skip
-    detected(tmp_path, results, ICO)
-    page = page_of("detections", tmp_path)
+    page = detected(tmp_path, results, ICO)
     assert column(page, "missing") == ["", "16 odd shape"]
     assert column(page, "faces") == ["3", "5"]
     assert [picture.name for picture in the_gallery(page).pictures] == ["b.png", "a.png"]
@@ -248,13 +243,12 @@ def test_missing_rings_and_unseen_faces_are_named(tmp_path: Path) -> None:
 
 def test_detections_outside_are_told_and_inside_are_linked(tmp_path: Path) -> None:
     """A table above the folder cannot be linked, so its place is said; one inside is linked."""
-    overlaid(tmp_path / "o")
-    html = page_html(page_of("detections", tmp_path / "o")).decode()
+    html = page_html(overlaid(tmp_path / "o")).decode()
     assert "from this folder: ../detections.csv" in html
     assert 'href="../' not in html
-    detected(tmp_path / "o", [result("a.png", [face(9, 9)])], table=tmp_path / "o" / "d.csv")
     (tmp_path / "o" / "d.csv").write_text("x")
-    assert 'href="d.csv"' in page_html(page_of("detections", tmp_path / "o")).decode()
+    page = detected(tmp_path / "o", [result("a.png", [face(9, 9)])], table=tmp_path / "o" / "d.csv")
+    assert 'href="d.csv"' in page_html(page).decode()
 
 
 @pytest.mark.parametrize(
@@ -319,31 +313,30 @@ def test_no_number_in_a_file_breaks_a_page(kind: str, number: str, tmp_path: Pat
 
 def test_hostile_names_stay_text_and_reach_nothing(tmp_path: Path) -> None:
     """Names that are markup, lead upwards or hold control characters: no picture from outside, no link, no markup."""
-    place = tmp_path / "o"
     pictures(tmp_path, ["secret.png"], png(10, 10, 255))
     names = (*HOSTILE, "../secret.png", str(tmp_path / "secret.png"), "a\\..\\secret.png", "\ud800")
-    detected(place, [result(f"{row}.png", [face(3, 4)], f"{row}.png") for row in range(len(names))])
-    stored = json.loads((place / PHOTOS_FILE).read_text())
+    rendered(tmp_path / "o", views=len(names))
+    stored = json.loads((tmp_path / "o" / PHOTOS_FILE).read_text())
     for row, name in enumerate(names):
         stored["photos"][row]["picture"] = name
         stored["photos"][row]["name"] = stored["photos"][row]["caption"] = name
         stored["photos"][row]["cells"][-1]["text"] = name
     stored["facts"] = [[names[0], names[1]], [names[2], names[2]]]
     stored["files"] = [["../secret.png", names[0]]]
-    (place / PHOTOS_FILE).write_text(json.dumps(stored))
-    page = page_of("detections", place)
-    html = page_html(page).decode()
-    assert not any(isinstance(block, Gallery) for block in blocks(page))
-    assert "<img src=x" not in html
-    assert "secret.png" not in "".join(re.findall(r'(?:href|src|data-full)="[^"]*"', html))
+    (tmp_path / "o" / PHOTOS_FILE).write_text(json.dumps(stored))
+    told = detected(tmp_path / "d", [result(name, [face(3, 4)], name) for name in names])
+    for page in (page_of("photos", tmp_path / "o"), told):
+        html = page_html(page).decode()
+        assert not any(isinstance(block, Gallery) for block in blocks(page))
+        assert "<img src=x" not in html
+        assert "secret.png" not in "".join(re.findall(r'(?:href|src|data-full)="[^"]*"', html))
 
 
 def test_photos_with_odd_names_are_shown(tmp_path: Path) -> None:
     """Names as files may have them, bytes that are no text among them, are shown and lead to the file."""
     names = ["a b#?%.png", "<b>&.png", "\u202egnp.png", os.fsdecode(b"\xff\xfe.png")]
     pictures(tmp_path, names)
-    detected(tmp_path, [result(name, [face(3, 3)], name) for name in names])
-    page = page_of("detections", tmp_path)
+    page = detected(tmp_path, [result(name, [face(3, 3)], name) for name in names])
     assert [picture.path for picture in the_gallery(page).pictures] == names
     assert page_html(page)
 

@@ -1,5 +1,6 @@
 """Photos searched for a target: once, or twice with the lens known the second time."""
 
+import os
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -8,12 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.api.detecting import Detector
-from calib.app.inputs import processes_of
 from calib.cameras import COMMON, WIDE
 from calib.core.types import Detections, Observations
 from calib.detector import pipeline
 from calib.detector.pipeline import NamedRings
+from calib.detector.why_nothing import explained
 from calib.images.headers import exif_focal_px
 from calib.images.photo import read_image
 from calib.observe.dataset import write_detections
@@ -25,22 +25,23 @@ from calib.observe.photos import (
     Pixels,
     Read,
     Search,
-    detect_photos,
     named_photos,
     reading_once,
+    require_size,
+    searched_photos,
 )
 from calib.observe.records import Records
+from calib.renderer.quantities import whole
 from calib.renderer.truth import TRUTH_FILE
-from calib.show.photos.why_nothing import explained
 from designer.base.errors import InputError
 from designer.page.progress import Progress, unheard
 from designer.target import TargetGeometry
 
 if TYPE_CHECKING:
-    from calib.api.solving import SolvePlan
     from calib.cameras.camera import Camera
     from calib.renderer.truth import Truth
     from calib.solver.calibration import Calibration
+    from calib.solver.plan import SolvePlan
 
 LOOSE_PX, MUCH_LESS = 0.3, 0.5
 """Rings are measured to hundredths of a pixel: a lens that leaves more (root mean square) is not theirs, and another
@@ -48,6 +49,7 @@ is that leaves less than half of it."""
 MOST_OFF_PX = 5.0
 """Rings that lie farther off, or that a lens does not show, count as so far."""
 NOTHING_LEFT = "no photos left to search"
+MOST_JOBS = 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +59,7 @@ class PhotoSearch:
     target: TargetGeometry  # what they show
     photos: FoundPhotos
     overlay_folder: Path | None = None  # for pictures of what was found; None: none are drawn
-    jobs: int | None = None  # photos at a time; None: one per core
+    jobs: int | None = None  # photos at a time, all in memory; None: one per core
     progress: Progress = unheard
 
     def once(self, camera: "Camera | None" = None) -> Search:
@@ -67,7 +69,7 @@ class PhotoSearch:
             InputError: not one photo could be searched.
         """
         start = time.perf_counter()
-        return self._found(self._looked(Detector(self.target, camera).look, self.overlay_folder, read_image), start)
+        return self._found(self._looked(look_for(self.target, camera), self.overlay_folder, read_image), start)
 
     def twice(self, plan: "SolvePlan") -> "tuple[Search, SolvePlan]":
         """Search, solve a first camera, and search again with its lens: centres are surer where it is known.
@@ -93,8 +95,10 @@ class PhotoSearch:
     def _looked(self, look: Look, overlay_folder: Path | None, read: Read) -> tuple[PhotoResult, ...]:
         named = named_photos(self.photos.paths)
         results: list[PhotoResult] = []
-        processes = processes_of(self.jobs)
-        for result in detect_photos(named, self.target, look, overlay_folder=overlay_folder, jobs=processes, read=read):
+        processes = (os.cpu_count() or 1) if self.jobs is None else whole("--jobs", self.jobs, 1, MOST_JOBS)
+        for result in searched_photos(
+            named, self.target, look, overlay_folder=overlay_folder, jobs=processes, read=read
+        ):
             results.append(result)
             self.progress("searching", len(results), len(named))
         return tuple(results)
@@ -108,6 +112,17 @@ class PhotoSearch:
         if not search.detections:
             refuse_nothing(search.failures, NOTHING_LEFT)
         return search
+
+
+def look_for(target: TargetGeometry, camera: "Camera | None" = None) -> Look:
+    """How a photo is searched for a target, with the lens of a camera if it is known."""
+
+    def look(photo: PhotoFile, pixels: Pixels) -> Detections:
+        require_size(str(photo.path), pixels, camera)
+        found = pipeline.detect(pixels, target, name=photo.name, camera=camera)
+        return explained(found, pixels, target)
+
+    return look
 
 
 def write_search(table: Path, search: Search) -> Records:

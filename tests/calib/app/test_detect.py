@@ -1,5 +1,6 @@
 """The command `calib detect`: many photos in, one table out, and nothing lost on the way."""
 
+import inspect
 import os
 import re
 import threading
@@ -13,17 +14,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from calib.app.detect import detect_photos
 from calib.cameras.camera import Camera, camera_to_json
-from calib.commands.detect import detect as detect_command
 from calib.core.types import Detections
 from calib.detector.overlay import draw_overlay
 from calib.observe.dataset import read_detections
-from calib.observe.photos import PhotoFile, detect_photos, find_photos, named_photos, reading_once
+from calib.observe.photos import PhotoFile, find_photos, named_photos, reading_once, searched_photos
 from calib.observe.records import read_records
+from designer.base.answer import StoppedError
 from designer.base.errors import InputError
 from designer.base.words import printable
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
+from designer.page.capability import command_of
 from designer.target import TargetGeometry, target_to_json
 from tests.support.command_line import calib, refused
 from tests.support.designs import asked_for
@@ -32,6 +35,7 @@ from tests.support.sightings import pinhole, sighting, view_from
 
 BOARD = lay_out(size_job(asked_for("board", {"columns": 5, "rows": 4, "pitch": "20mm"})).job.target)
 CAMERA = pinhole(160, 120, 200)
+DETECT = command_of(inspect.unwrap(detect_photos))
 
 
 @cache
@@ -83,9 +87,9 @@ def run(
     """The exit code of the command with a detector of choice."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("calib.detector.pipeline.detect", detect)
-        return detect_command(
-            Path("board.target.json"), list(photos), out=None if out is None else Path(out),
-            overlay=None if overlay is None else Path(overlay), camera=camera, jobs=2,
+        return DETECT(
+            target=Path("board.target.json"), photos=list(photos), out=Path(out or "exports/board/detections.csv"),
+            overlay=None if overlay is None else Path(overlay), camera=camera, jobs="2", page=True, verbose=True,
         ).exit_code  # fmt: skip
 
 
@@ -101,7 +105,7 @@ def test_a_folder_becomes_a_table(folder: Path, capsys: pytest.CaptureFixture[st
     assert re.search(r"img11\.png +0 +0 .*no ring found", said)
     counts = f"{2 * len(sight().ring)} of the {2 * BOARD.ring_count} rings"
     assert said.startswith(f"found in part: The target was found in 2 of 3 photos, with {counts}")
-    assert "wrote exports/board/detections.csv" in said
+    assert "wrote    exports/board: detections.csv, detections.records.json" in said
     assert "next" in said
 
 
@@ -176,7 +180,6 @@ def test_a_photo_without_overlay_does_not_stop_the_others(
     said, errors = capsys.readouterr()
     assert errors == ""
     assert "no overlay for img2.png: ZeroDivisionError: flat" in said
-    assert "3 overlays" in said
     assert len(read_detections(Path("d.csv"), BOARD, target_path=Path("t"))) == 4
     assert len(list(Path("o").glob("*.overlay.jpg"))) == 3
 
@@ -265,7 +268,7 @@ def test_results_keep_the_order_and_memory_the_limit(folder: Path) -> None:
     photos = [PhotoFile(Path(f"{k}.png"), f"{k}.png") for k in range(9)]
     for one in photos:
         photo(one.path, 50)
-    results = list(detect_photos(photos, BOARD, slow, jobs=3))
+    results = list(searched_photos(photos, BOARD, slow, jobs=3))
     assert [result.photo for result in results] == photos
     assert 1 < most[0] <= 3
 
@@ -273,8 +276,8 @@ def test_results_keep_the_order_and_memory_the_limit(folder: Path) -> None:
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit])
 def test_a_stopped_run_leaves_nothing(stop: type[BaseException], folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A run that is interrupted before its end writes no table, no overlay, and no temporary file."""
-    monkeypatch.setattr("calib.api.searching.write_search", raising(stop))
-    with pytest.raises(stop):
+    monkeypatch.setattr("calib.observe.search.write_search", raising(stop))
+    with pytest.raises((stop, StoppedError)):
         run("photos", out="d.csv", overlay="o")
     assert list(Path("o").iterdir()) == []
     assert not Path("d.csv").exists()
@@ -315,10 +318,7 @@ def test_the_command_line_is_quick_to_help_and_strict_with_options(tmp_path: Pat
 
 def test_a_photo_is_searched_without_what_other_commands_use() -> None:
     """Search and page load neither statistics nor drawings, studies nor the solver, which take longer."""
-    code = (
-        "import calib.cli, calib.observe.photos, calib.detector.pipeline, calib.show.photos.why_nothing\n"
-        "import calib.show.photos.detected_photos, calib.show.photos.photos_page"
-    )
+    code = "import calib.cli, calib.observe.search\nimport calib.app.detect_page"
     heavy = {
         "scipy.signal",
         "scipy.stats",

@@ -1,0 +1,279 @@
+"""What `calib detect` tells of its photos: whether enough was found, why rings are missing, and what to do about it."""
+
+import math
+import os
+import shlex
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from calib.core.types import NOT_MEASURABLE, UNMEASURABLE_WORDS, FaceRecord
+from calib.observe.observations import misplaced_pieces
+from calib.observe.photos import PhotoResult, Search
+from calib.observe.records import ImageRecord, common_remarks, median_sigma_px
+from calib.show.parts.gallery import Shot, gallery, is_there, shortened, title_of_pictures
+from calib.show.photos.photos_file import SHARE_RULE, level_of_share, worst_level
+from designer.base.answer import program
+from designer.base.number_text import figure as digits
+from designer.base.words import capital, printable
+from designer.page.blocks import Cell, Command, Facts, Finding, Findings, Headline, Level, Page, Section, Steps, Table
+from designer.page.folders import Shown, some_of, table_of, whole
+
+WORDS: Mapping[Level, str] = {"good": "found", "usable": "found in part", "bad": "not found", "note": ""}
+SOLVED_FOLDER = "camera"
+"""Beside the detections: where the next step solves the camera."""
+LOOK = (
+    "Open the overlays of photos without the target: is it the target of this file, sharp, and at least a quarter of "
+    "the image wide?",
+    "Where rings are missing, the reason is in the table: come nearer where they are small, avoid reflections where "
+    "they are faint or covered.",
+    "Leave out photos in which the target was found by a few rings only.",
+)
+EXPECTED = f"of the faces that show, without those {UNMEASURABLE_WORDS}"
+OVERLAYS_SHOW = "the same command with --overlay DIR draws what was and was not found"
+
+
+@dataclass(frozen=True)
+class SearchFiles:
+    """Where photos were searched from, and what was written."""
+
+    target_file: str  # as it was given; "" for one that comes from no file
+    table: Path | None  # of the detections
+    overlays: Path | None  # folder of the pictures
+
+
+def detected_page(search: Search, at: SearchFiles, remarks: Sequence[str], folder: Path | None = None) -> Page:
+    """What is to be said of photos that were searched.
+
+    Args:
+        search: what was found in them.
+        at: the files.
+        remarks: on the camera that they were searched with.
+        folder: of the page, with the pictures; None: a page without them.
+    """
+    records = [result.record for result in search.results]
+    rows = _checks(search)
+    level = worst_level(rows)
+    common = common_remarks([seen.remarks for seen in search.detections])
+    shots = [] if folder is None else _shots(search, at, folder, common)
+    said = (
+        *(Finding("note", "All photos", shortened(remark)) for remark in (*common, *remarks)),
+        *(Finding("usable", "Pieces", capital(line)) for line in misplaced_pieces(search.detections)),
+        *(Finding("usable", "Not searched", line) for line in some_of(search.failures)),
+        *((Finding("note", "Left out", f"{search.overlays_left_out} overlays of an earlier run"),)
+          if search.overlays_left_out else ()),
+        *(Finding("usable", "", one.overlay_failure) for one in search.results if one.overlay_failure),
+        *((Finding("note", "No pictures", OVERLAYS_SHOW),) if at.overlays is None else ()),
+    )  # fmt: skip
+    photos = (
+        *((Findings(said),) if said else ()),
+        *(() if folder is None else gallery(folder, shots, "The photos with most rings missing first.")),
+        _photos_table(
+            search, common, {shot.name: shot.path for shot in shots if folder and is_there(folder, shot.path)}
+        ),
+    )
+    is_solid = not search.target.is_planar
+    sections = (
+        Section("Was enough found?", (Findings(rows),), lead="The headline is the worst of these."),
+        Section("Photos", photos, lead=_sigma_words(search)),
+        *((Section("Faces", (_faces_table(search, records),)),) if is_solid else ()),
+        _missing_section(records),
+        *((Section("Look at the photos", (Steps(LOOK),)),) if level != "good" else ()),
+    )
+    return Page(
+        "" if folder is None else title_of_pictures(folder), "", _headline(search, level), sections,
+        lead=(_facts(search, at, records, folder),), next_steps=_next(search, at),
+    )  # fmt: skip
+
+
+def way_to(path: Path | None, folder: Path | None) -> str:
+    """The way from a folder to a file, with "/" between folders; "" if there is none."""
+    try:
+        if path is not None and folder is not None:
+            return Path(os.path.relpath(os.path.realpath(path), os.path.realpath(folder))).as_posix()
+    except ValueError:  # on another drive
+        pass
+    return ""
+
+
+def _checks(search: Search) -> tuple[Finding, ...]:
+    """What was found against what could have been."""
+    searched, asked = len(search.detections), len(search.results)
+    rows = [_check("Photos that show the target", len(search.with_target), searched, "Of photos that could be read.")]
+    if search.with_target:
+        flat = "Rings that are seen too flat are not counted."
+        rows.insert(0, _check("Rings of the faces that show", *search.counts, flat))
+    if searched < asked:
+        rows.append(_check("Photos that could be read", searched, asked, "The others are listed with the reason."))
+    return tuple(rows)
+
+
+def _check(title: str, part: int, of: int, text: str) -> Finding:
+    share = part / of if of else 0.0
+    percent = f"{int(1000 * share + 1e-9) / 10:g} %"  # rounded down, so that 100 % are all
+    return Finding(level_of_share(share), title, text, f"{part} of {of} ({percent})", SHARE_RULE)
+
+
+def _headline(search: Search, level: Level) -> Headline:
+    """The worst of the checks, and the counts."""
+    total = len(search.results)
+    photos = "1 photo" if total == 1 else f"{total} photos"
+    if search.with_target:
+        found, expected = search.counts
+        sentence = (
+            f"The target was found in {len(search.with_target)} of {photos}, with {found} of the {expected} rings "
+            "that could have been measured."
+        )
+    else:
+        sentence = f"The target was found in none of {photos}. {_first_reason(search)}".rstrip()
+    if failed := total - len(search.detections):
+        sentence += f" {failed} could not be read."
+    return Headline(level, WORDS[level], sentence)
+
+
+def _first_reason(search: Search) -> str:
+    """What is said of a photo that does not show the target, as a sentence; "" if nothing is."""
+    without = [seen for seen in search.detections if seen.remarks]
+    if not without:
+        return ""
+    words = printable("; ".join(without[0].remarks))
+    is_same = all(seen.remarks == without[0].remarks for seen in without)
+    return f"{capital(words)}." if is_same else f"{printable(without[0].image)}: {words}."
+
+
+def _facts(search: Search, at: SearchFiles, records: Sequence[ImageRecord], folder: Path | None) -> Facts:
+    sizes = Counter(seen.image_size for seen in search.detections)
+    shown = ", ".join(f"{width} x {height} px" for (width, height), _ in sizes.most_common(3))
+    seen = {face.face for record in records for face in record.named}
+    table, way = "" if at.table is None else str(at.table), way_to(at.table, folder)
+    return Facts((
+        ("target", printable(f"{at.target_file or 'given'}, id {search.target.geometry_id}")),
+        ("photos", f"{len(search.results)}, {len(search.detections)} of them searched"),
+        ("image", f"{shown}{', ...' if len(sizes) > 3 else ''}" if shown else "none could be read"),
+        *(() if search.target.is_planar else (("faces seen", f"{len(seen)} of {search.target.face_count}"),)),
+        ("ring-like things without a name", str(sum(record.rejected for record in records))),
+        ("found by", program()),
+        *((("written to", printable(f"{table}; from this folder: {way}" if way else table)),) if table else ()),
+    ))  # fmt: skip
+
+
+def _sigma_words(search: Search) -> str:
+    sigmas_px = sorted(median_sigma_px(seen) for seen in search.with_target)
+    if not sigmas_px:
+        return ""
+    least, most = digits(sigmas_px[0], 2), digits(sigmas_px[-1], 2)
+    return (
+        f"The standard deviation of a centre is {least if least == most else f'{least} to {most}'} px, the median of a "
+        "photo: from how well a ring fits its pixels, which says nothing of a bent print."
+    )
+
+
+def _photos_table(search: Search, common: Sequence[str], pictures: Mapping[str, str]) -> Table:
+    """A row a photo, whose name leads to its picture."""
+    kind = Shown[PhotoResult]
+    faces = kind("faces", lambda one: Cell(" ".join(map(str, _faces(one))), float(len(_faces(one)))),
+                 "of the target, that were named")  # fmt: skip
+    return table_of(
+        search.results,
+        kind("photo", lambda one: Cell(printable(one.photo.name), path=pictures.get(one.photo.name, ""),
+                                       level=_level(one))),
+        kind("found", lambda one: one.record.features, "rings and dots that were named and measured"),
+        kind("expected", lambda one: one.record.expected, EXPECTED),
+        *(() if search.target.is_planar else (faces,)),
+        kind("sigma px", _sigma_px, "median of the centres' standard deviations, along their worse axis"),
+        kind("margin", _margin, "how many marks fit the name of a face better than the next best name; the least"),
+        kind("no name", lambda one: one.record.rejected, "ring-like things that got no name"),
+        kind("missing", _missing), kind("remark", lambda one: _remark(one, common)), title="All photos",
+    )  # fmt: skip
+
+
+def _faces(result: PhotoResult) -> list[int]:
+    return sorted({face.face for face in result.record.named if face.face is not None})
+
+
+def _sigma_px(result: PhotoResult) -> float:
+    return math.nan if result.seen is None else median_sigma_px(result.seen)
+
+
+def _margin(result: PhotoResult) -> Cell:
+    margins = [face.margin for face in result.record.named if face.code_read]
+    return whole(min(margins)) if margins else Cell("")
+
+
+def _missing(result: PhotoResult) -> str:
+    missing = result.record.missing.most_common()
+    return ", ".join(f"{count} {why}" for why, count in missing if count and why not in NOT_MEASURABLE)
+
+
+def _remark(result: PhotoResult, common: Sequence[str]) -> str:
+    own = [remark for remark in result.record.remarks if remark not in common]
+    return shortened("; ".join(filter(None, (result.record.failure, *own))))
+
+
+def _share(result: PhotoResult) -> float:
+    """Of the rings that could have been measured."""
+    return result.record.features / result.record.expected if result.record.expected else 0.0
+
+
+def _level(result: PhotoResult) -> Level | None:
+    """None: like most."""
+    level = level_of_share(_share(result)) if result.record.features else "bad"
+    return None if level == "good" else level
+
+
+def _shots(search: Search, at: SearchFiles, folder: Path, common: Sequence[str]) -> list[Shot]:
+    """The pictures, the worst first."""
+    inside = "" if at.overlays in (None, folder) else f"{at.overlays.relative_to(folder).as_posix()}/"
+    shots = []
+    for one in sorted(search.results, key=_share):
+        if one.overlay is not None:
+            rings = f"{one.record.features} of {one.record.expected} rings, sigma {digits(_sigma_px(one), 2)} px"
+            words = (rings if one.record.features else "not found", _missing(one), _remark(one, common))
+            caption = ", ".join(filter(None, words))
+            shots.append(Shot(f"{inside}{one.overlay.name}", one.photo.name, caption, _level(one)))
+    return shots
+
+
+def _faces_table(search: Search, records: Sequence[ImageRecord]) -> Table:
+    """How often each face was seen, and how well."""
+    seen = [face for record in records for face in record.named if face.rings_found]
+    rows = [(row, [face for face in seen if face.face == row]) for row in range(search.target.face_count)]
+    kind = Shown[tuple[int, list[FaceRecord]]]
+    return table_of(
+        rows, kind("face", lambda row: Cell(str(row[0]), float(row[0]), level=None if row[1] else "usable")),
+        kind("photos", lambda row: len(row[1]), "in which rings of it were measured"),
+        kind("found", lambda row: sum(face.rings_found for face in row[1])),
+        kind("expected", lambda row: sum(face.measurable for face in row[1]),
+             f"of these photos, without those {UNMEASURABLE_WORDS}"),
+        title="All faces",
+    )  # fmt: skip
+
+
+def _missing_section(records: Sequence[ImageRecord]) -> Section:
+    """Why rings are missing, over all photos."""
+    missing = sum((record.missing for record in records), Counter[str]())
+    title = "Why rings are missing"
+    if not any(record.features for record in records):
+        lead = "In no photo was a face named, so no ring can be told missing; what each shows instead stands above."
+        return Section(title, (), lead=lead)
+    if not missing:
+        return Section(title, (), lead="No ring of a face that shows is missing.")
+    lost = missing.total() - sum(missing[why] for why in NOT_MEASURABLE)
+    note = f"Rings {UNMEASURABLE_WORDS} are not expected: no detector measures them." if lost < missing.total() else ""
+    kind = Shown[tuple[str, int]]
+    table = table_of(
+        missing.most_common(), kind("reason", lambda row: row[0]), kind("rings", lambda row: row[1]), title="Reasons",
+        note=note,
+    )  # fmt: skip
+    lead = f"{lost} rings are missing that could have been measured" if lost else "Only rings that nobody could measure"
+    return Section(title, (table,), lead=f"{lead}.")
+
+
+def _next(search: Search, at: SearchFiles) -> tuple[Command, ...]:
+    """What to do with the detections."""
+    if at.table is None or not search.with_target or not at.target_file:
+        return ()
+    places = (at.table, at.target_file, at.table.parent / SOLVED_FOLDER)
+    table, target, out = (shlex.quote(printable(str(place))) for place in places)
+    return (Command(f"calib solve {table} --target {target} -o {out}"),)

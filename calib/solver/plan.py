@@ -1,0 +1,198 @@
+"""What a person asks to be solved, and how: models, what is kept of them, and what is minimised."""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from numbers import Real
+
+from calib.cameras import ANY_LENS, MODELS, models_of_all, models_of_all_wide, solved_models, told_parameters
+from calib.core.types import Observations
+from calib.solver.costs import COSTS, IMAGE
+from calib.solver.options import SolveOptions, tie_parameters
+from calib.solver.suited import lens_kind
+from designer.base.errors import InputError
+from designer.base.words import several, shown, suggestion
+
+ALL = "all"
+MAX_FOCAL_PX = 1e7
+_ASSIGNMENT = re.compile(r"\s*([A-Za-z0-9_]+)\s*(?:=\s*(\S+)\s*)?")
+_FOCAL = re.compile(r"\s*([0-9.eE+]{1,30})\s*(px)?\s*")
+
+
+@dataclass(frozen=True)
+class SolvePlan:
+    """The models to solve, each with its options."""
+
+    models: tuple[str, ...]
+    options: SolveOptions  # with the names of every model asked for
+    wide_models: tuple[str, ...] = ()  # that are solved instead where the lens is a wide one
+    is_compared: bool = False  # by photos held out
+
+    @property
+    def may_solve(self) -> tuple[str, ...]:
+        """All models that may be solved, whatever the lens."""
+        return _any_of(self.models, self.wide_models)
+
+    def suited(self, observations: Observations) -> tuple["SolvePlan", Observations]:
+        """The plan for the lens that was photographed, and the observations with a word on it if it is a wide one."""
+        if not self.wide_models:
+            return self, observations
+        kind = lens_kind(observations, self.options)
+        if not kind.is_wide:
+            return self, observations
+        models = tuple(model for model in self.wide_models if kind.may_show(model))
+        said = f"{kind.sentence}: solved as {', '.join(models)}, not as {', '.join(self.models)}"
+        plan = replace(self, models=models, wide_models=(), is_compared=True)
+        return plan, replace(observations, remarks=(*observations.remarks, said))
+
+    def options_of(self, model: str) -> SolveOptions:
+        """The options without the parameters that this model does not have."""
+        names = {parameter.name for parameter in told_parameters(model)}
+        return replace(
+            self.options,
+            fixed=tuple(pair for pair in self.options.fixed if pair[0] in names),
+            shared=tuple(group for group in self.options.shared if all(name in names for name in group)),
+        )
+
+
+def plan_from_words(
+    model: str,
+    *,
+    fix: Sequence[str],
+    share: Sequence[str],
+    focal_px: float | None,
+    loss: str,
+    reject: float | None,
+    weighted: bool,
+    minimise: str = IMAGE,
+    free_bend: bool = False,
+) -> SolvePlan:
+    """What to solve, and how.
+
+    Args:
+        model: a model's name, or `all`.
+        fix: parameters to keep: `k3`, or `k3=0`.
+        share: parameters that have one value: `fx_px,fy_px`.
+        focal_px: a first guess of the focal length.
+        loss: squares, huber or cauchy.
+        reject: leave out what is farther off than so many robust standard deviations.
+        weighted: by the covariances of the observations.
+        minimise: distances in the image, or others of `calib.solver.costs.COSTS`.
+        free_bend: of a flat target, as an unknown.
+
+    Raises:
+        InputError: a word that means nothing; the message says what may stand there.
+    """
+    fix, share = several("--fix", fix), several("--share", share)
+    models, wide = _told_models(str(model))
+    choices = ", ".join(solved_models())
+    for name in models:
+        if name in MODELS and name not in solved_models():
+            raise InputError(f"--model {name}: photos are simulated with it, not solved; give {choices} or {ALL}")
+        if name not in MODELS:
+            hint = suggestion(name, [*solved_models(), ALL]) or f"; there are {choices} and {ALL}"
+            raise InputError(f"--model {name!r}: no such model{hint}")
+    reject = None if reject is None else _number("--reject", reject)
+    if reject is not None and not 1 <= reject < float("inf"):
+        raise InputError(f"--reject {reject:g}: give 1 or more standard deviations, such as 4")
+    if loss not in ("squares", "huber", "cauchy"):
+        raise InputError(f"--loss {loss!r}: it must be squares, huber or cauchy")
+    known = {parameter.name for one in models for parameter in told_parameters(one)}
+    fixed = tuple(_fixed(text, known) for text in fix)
+    shared = tuple(_shared(text, known) for text in share)
+    options = SolveOptions(
+        weighted=weighted,
+        loss="huber" if loss == "huber" else "cauchy" if loss == "cauchy" else "squares",
+        reject_sigma=reject,
+        fixed=fixed,
+        shared=shared,
+        focal_px=None if focal_px is None else _focal_px(_number("--focal", focal_px)),
+        minimise=cost_of(minimise),
+        free_bend=bool(free_bend),
+    )
+    plan = SolvePlan(models, options, wide)
+    for name in (*models, *wide):
+        tie_parameters(name, plan.options_of(name))  # refuses what cannot be together, before any work is done
+    return plan
+
+
+def cost_of(minimise: str) -> str:
+    """What is minimised, as a person names it.
+
+    Raises:
+        InputError: nothing is called so.
+    """
+    if minimise not in COSTS:
+        hint = suggestion(str(minimise), list(COSTS)) or f"; there are {', '.join(COSTS)}"
+        raise InputError(f"--minimise {shown(str(minimise))}: nothing that is minimised{hint}")
+    return minimise
+
+
+def models_of(model: str) -> tuple[str, ...]:
+    """The models that may be solved for a name: itself, or of `all` those of ordinary lenses and of wide ones."""
+    return _any_of(*_told_models(model))
+
+
+def _told_models(model: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The models that a name means, of ordinary lenses (or whatever the lens) and of wide ones."""
+    return (models_of_all(), models_of_all_wide()) if model == ALL else ((model,), ())
+
+
+def _any_of(models: tuple[str, ...], wide_models: tuple[str, ...]) -> tuple[str, ...]:
+    """The models that may be solved, whatever the lens."""
+    return (*models, *wide_models, ANY_LENS) if wide_models else models
+
+
+def _fixed(text: str, known: set[str]) -> tuple[str, float | None]:
+    match = _ASSIGNMENT.fullmatch(text)
+    if match is None:
+        raise InputError(f"--fix {text!r}: name a parameter, such as k3, or give it a value, such as k3=0")
+    _require_known(match[1], known, "--fix")
+    if match[2] is None:
+        return match[1], None
+    try:
+        value = float(match[2])
+    except ValueError:
+        value = float("nan")
+    if not abs(value) < float("inf"):
+        raise InputError(f"--fix {text!r}: {match[2]!r} is no finite number; write it as in k3=0")
+    return match[1], value
+
+
+def _shared(text: str, known: set[str]) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in text.split(","))
+    for name in names:
+        _require_known(name, known, "--share")
+    return names
+
+
+def _require_known(name: str, known: set[str], option: str) -> None:
+    if name not in known:
+        hint = suggestion(name, sorted(known)) or f"; there are {', '.join(sorted(known))}"
+        raise InputError(f"{option} {name!r}: no such parameter{hint}")
+
+
+def parse_focal_px(text: str) -> float:
+    """A first guess of the focal length as a person writes it, `2500px`.
+
+    Raises:
+        InputError: it is none.
+    """
+    match = _FOCAL.fullmatch(text)
+    try:
+        return _focal_px(float(match[1]) if match else math.nan)
+    except (ValueError, InputError):
+        raise InputError(f"--focal {text!r}: give a length in pixels such as 2500px, more than 0") from None
+
+
+def _focal_px(value: float) -> float:
+    if not 0 < value <= MAX_FOCAL_PX:
+        raise InputError(f"focal length {value:g} px: give one of more than 0 pixels, such as 2500")
+    return value
+
+
+def _number(option: str, value: object) -> float:
+    if not isinstance(value, Real) or isinstance(value, bool):
+        raise InputError(f"{option} {shown(value)}: must be a number")
+    return float(value)
