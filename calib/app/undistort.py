@@ -154,8 +154,7 @@ class Undistorter:
         Raises:
             InputError: no such file, no image, one of another size than the camera's, or nothing would be seen in it.
         """
-        from calib.api.detecting import require_image
-        from calib.images.photo import read_colour
+        from calib.images.photo import read_colour, require_image
 
         if isinstance(image, str | PathLike):
             return self.straightened(fspath(image), read_colour(Path(image)).pixels, progress)
@@ -244,11 +243,11 @@ def undistort_photos(
     Raises:
         InputError: a folder of somebody else's or of another camera, or not one photo that can be undistorted.
     """
-    from calib.api.searching import refuse_nothing
     from calib.app.inputs import opened_camera, photos_of
     from calib.cameras.camera import camera_to_json
     from calib.cameras.undistortion import change_of
     from calib.observe.photos import named_photos
+    from calib.observe.search import refuse_nothing
     from designer.base.files import distinct_stems
     from designer.page.output import output_of
 
