@@ -52,7 +52,7 @@ ASSUMED: Capture = "still"
 
 
 @dataclass(frozen=True)
-class Kind:
+class ErrorKind:
     """Something that is alike in all photos."""
 
     name: str
@@ -69,23 +69,23 @@ _DISCS = "give the images of the discs' centres, not the middles of their outlin
 _MOTION: Mapping[Capture, float] = {"still": 0.0, "handheld": 0.1, "moving": 3.0}
 KINDS = (
     *(
-        Kind(f"a target that moves along {whose} {axis} while the shutter rolls", _ROWS, _MOTION, _REST)
+        ErrorKind(f"a target that moves along {whose} {axis} while the shutter rolls", _ROWS, _MOTION, _REST)
         for whose in ("the camera's", "its own")
         for axis in "xyz"
     ),
-    Kind(
+    ErrorKind(
         "a focal length that changes with the distance", "‰ from the middle distance to the farthest",
         dict.fromkeys(get_args(Capture), 0.1), _FOCUS,
     ),
-    Kind(
+    ErrorKind(
         "a focal length that changes with time", "‰ from the middle photo to the last",
         dict.fromkeys(get_args(Capture), 0.05), _FOCUS,
     ),
-    Kind(
+    ErrorKind(
         "centres that are off along the tilt", "px where seen from the side", dict.fromkeys(get_args(Capture), 0.05),
         _EDGES,
     ),
-    Kind(
+    ErrorKind(
         "centres that are off as the middles of discs' outlines are", "px at 45 degrees and the middle distance",
         dict.fromkeys(get_args(Capture), 0.0), _DISCS,
     ),
