@@ -12,6 +12,7 @@ from calib.core.types import keep_frames
 from calib.rigs.halves import NoRigHalves, RigHalves, half_solver, rig_halves, ways_to_halve, without_outliers
 from calib.rigs.options import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration
+from calib.rigs.shared_errors import with_shared_errors
 from calib.rigs.solve import solve_rig
 from tests.support.rig_views import RigScene, solved_slowly, stereo_pair
 
@@ -55,6 +56,18 @@ def test_a_camera_that_was_pushed_meanwhile_is_told_from_other_misfits() -> None
     _, mixed = solved(pushed(scene, 0.5, np.isin(np.arange(16) % 4, (0, 3))))
     assert isinstance(mixed, RigHalves)
     assert not mixed.has_moved
+
+
+def test_a_push_is_told_where_what_photos_share_is_stated() -> None:
+    """Its errors are stated as those that photos share, by which halves may differ; that it was one is still told."""
+    scene = pushed(stereo_pair(frames=24), 0.35, np.arange(24) >= 12)
+    choices = [CameraChoice("opencv")] * 2
+    found = with_shared_errors(solve_rig(scene.observations, choices))
+    halves = rig_halves(found, half_solver(found, choices, RigOptions()))
+    assert found.photo_covariance is not None
+    assert isinstance(halves, RigHalves)
+    assert halves.has_moved
+    assert all(one.by_noise is not None and one.by_noise > one.ratio for one in halves.splits)
 
 
 def test_alike_halves_do_not_depend_on_the_order_of_frames() -> None:
