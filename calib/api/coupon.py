@@ -20,7 +20,7 @@ from calib.as_built.lengths import CaliperLength, asked_lengths, usual_sigmas
 from calib.core.types import Detections
 from calib.coupons.edges import edges_of
 from calib.coupons.place import KnownLength, PlacedPictures, Sighting, place
-from calib.coupons.reading import Reading, read_edges
+from calib.coupons.reading import MUCH_CUT_OFF, Reading, read_edges
 from calib.coupons.result import CouponMadeWith, PrinterFaults, found_in, next_of
 from calib.detector.pipeline import MIRRORED
 from calib.images.headers import exif_focal_px
@@ -387,6 +387,11 @@ def _remarks(
     """What a person must know."""
     yield from failures
     yield from (f"left out: {one.fault}" for one in looked if one.fault)
+    yield from (
+        f"{one.photo.name}: black or white is cut off in {100 * one.reading.cut_off:.0f} % of the pixels beside edges: "
+        "sharpened, or too light; a photo without sharpening, a little darker, tells the ink better"
+        for one in looked if one.reading and one.reading.cut_off > MUCH_CUT_OFF
+    )  # fmt: skip
     yield from usual_sigmas(lengths)
     if is_scan:
         yield "a scan's size and shape are the scanner's too: 0.1 % of size and axes and 0.02 deg are assumed of it"

@@ -19,8 +19,7 @@ from calib.as_built.deviations import (
 )
 from calib.coupons.edges import Feature
 from calib.coupons.place import PlacedPictures
-from calib.coupons.reading import BLUR, EdgeFit, Reading
-from calib.coupons.tone import COUNT
+from calib.coupons.reading import OPEN, EdgeFit, Reading
 from designer.base.marks import INLINE, Key, Number, Word
 from designer.base.units import Skew
 from designer.target import TargetGeometry
@@ -33,6 +32,9 @@ COLOURS: Mapping[str, tuple[Feature, ...]] = {"black": ("ring", "black line"), "
 UNSEEN_BLURS = 0.1
 """By which all edges may lie elsewhere without a trace in their profile, in blurs: tone curves and processing beyond
 the model's. A blur by software, after the pixels have sampled, moved edges by up to 0.2. An assumption."""
+CUT_OFF_BLURS = 2.0
+"""Likewise times the share of pixels that are cut off, with which goes what tells sharpening from a tone curve: prints
+drawn in linear light and sharpened until a fifth was cut off were off by up to 0.7 blurs."""
 LEAST_OFFSET_MM = 0.005
 """Less is not worth dialling in."""
 STEP_MM = 0.005
@@ -114,7 +116,7 @@ class _Row:
     axis: int
     value_mm: float
     variance: float  # of the pixels' noise
-    by_shape: Array  # (10,)
+    by_shape: Array  # (11,)
 
 
 def _rows(reading: Reading) -> Iterator[_Row]:
@@ -158,9 +160,10 @@ def _mean(
         and (width_mm is None or abs(one.fit.edge.width_mm - width_mm) < 1e-6)
     ]  # fmt: skip
     root = np.linalg.cholesky(reading.shape_covariance)
-    unseen = UNSEEN_BLURS * reading.shape.blur_px * max(reading.misfit, 1.0) / reading.px_per_mm
+    blurs = UNSEEN_BLURS * max(reading.misfit, 1.0) + CUT_OFF_BLURS * reading.cut_off
+    unseen = blurs * reading.shape.blur_px / reading.px_per_mm
     if not own:
-        return _Mean(math.nan, math.inf, np.full(BLUR + COUNT + 1, math.inf), 0.0)
+        return _Mean(math.nan, math.inf, np.full(OPEN + 1, math.inf), 0.0)
     values = np.array([one.value_mm for one in own])
     noise = math.sqrt(sum(one.variance for one in own)) / len(own)
     spread = float(values.std(ddof=1)) / math.sqrt(len(own)) if len(own) > 1 else 0.0
@@ -198,7 +201,7 @@ def _together(means: Sequence[_Mean]) -> _Mean:
     share = weight[weight > 0] / weight.sum()
     return _Mean(
         float(share @ [one.value_mm for one in used]), float(share @ [one.spread_mm for one in used]),
-        share @ np.array([np.abs(one.by_tone_mm) * np.sign(used[0].by_tone_mm) for one in used]), float(weight.sum()),
+        share @ np.abs([one.by_tone_mm for one in used]) * np.where(used[0].by_tone_mm < 0, -1, 1), float(weight.sum()),
     )  # fmt: skip
 
 

@@ -17,6 +17,8 @@ from dataclasses import astuple, dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.jit import jit_inside
+
 Array = NDArray[np.float64]
 
 REACH, STEP = 9.0, 0.05
@@ -70,15 +72,15 @@ class Profile:
 
     def at(self, x: Array) -> Array:
         """The rise at distances into the white, in blurs."""
-        place = (np.clip(x, -REACH, REACH - 2 * STEP) + REACH) / STEP
-        low = place.astype(np.int64)
-        level: Array = self.level[low] + (place - low) * (self.level[low + 1] - self.level[low])
-        return level
+        return np.array([risen(self.level, one) for one in x])
 
-    def slope(self, x: Array) -> Array:
-        """Its derivative."""
-        slope: Array = (self.at(x + STEP) - self.at(x - STEP)) / (2 * STEP)
-        return slope
+
+@jit_inside
+def risen(level: Array, x: float) -> float:
+    """A profile's rise at a distance into the white, in blurs."""
+    place = (min(max(x, -REACH), REACH - 2 * STEP) + REACH) / STEP
+    low = int(place)
+    return float(level[low] + (place - low) * (level[low + 1] - level[low]))
 
 
 def _levels(tone: Tone, ink: float, white: float) -> Array:

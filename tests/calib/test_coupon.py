@@ -1,5 +1,6 @@
 """Photos of a coupon tell the print that they show, and those that tell nothing say why."""
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.special import ndtri
 
 import calib
@@ -14,7 +16,7 @@ import designer
 from calib.as_built.deviations import Estimate
 from calib.coupons.edges import edges_of
 from calib.coupons.place import Sighting, place
-from calib.coupons.reading import read_edges
+from calib.coupons.reading import MUCH_CUT_OFF, OPEN, EdgeFit, EdgeShape, Reading, either, read_edges
 from calib.coupons.result import CouponMadeWith, found_in, next_of
 from calib.coupons.tone import Tone
 from calib.detector.pipeline import detect
@@ -22,7 +24,7 @@ from calib.records.coupon import COUPON
 from designer.base.errors import InputError
 from designer.kinds.coupon import COUPON as SPEC
 from designer.kinds.coupon import WIDTHS_MM
-from tests.support.coupon_photos import Printed, Taken, coupon_photo, pose_of, scan_of
+from tests.support.coupon_photos import Printed, Taken, coupon_photo, developed, pose_of, reflected, scan_of
 
 PRINT = Printed((0.17, 0.02), (0.03, 0.03), (0.004, 0.001, 0.002))
 SQUARE = Taken(size=(1200, 900), focal_px=1050, distance_mm=77, tilt_rad=0.03, sharpening=0.4, jpeg=95, light=0.75)
@@ -225,21 +227,69 @@ LINEAR_PHOTOS = {
 }
 
 
+EVEN = Printed((0.08, 0.08))
+
+
+def read(photo: NDArray[np.uint8], taken: Taken) -> tuple[Reading, Estimate]:
+    """The edges of a photo, and the bleed that they tell."""
+    target = SPEC.lay_out()
+    seen = detect(photo, target, name="")
+    found = place(target, [Sighting(seen.image_size, seen.ring, seen.center_px, seen.cov_px2, taken.focal_px)])
+    reading = read_edges(photo.astype(float), found.placed[0], edges_of(target))
+    assert reading is not None
+    return reading, found_in(target, found, [reading], size_known=False).bleed_mm
+
+
 @pytest.mark.parametrize("name", LINEAR_PHOTOS)
 def test_a_linear_photo_is_told_as_linear(name: str) -> None:
     """Its bleed is within two stated sigmas, which are the goal's: no edge that strays holds up the tone curve."""
-    printed, target = Printed((0.08, 0.08)), SPEC.lay_out()
-    photo = coupon_photo(printed, LINEAR_PHOTOS[name], np.random.default_rng([7, 0]))
-    seen = detect(photo, target, name="")
-    found = place(
-        target, [Sighting(seen.image_size, seen.ring, seen.center_px, seen.cov_px2, LINEAR_PHOTOS[name].focal_px)]
-    )
-    reading = read_edges(photo.astype(float), found.placed[0], edges_of(target))
-    assert reading is not None
-    bleed = found_in(target, found, [reading], size_known=False).bleed_mm
+    taken = LINEAR_PHOTOS[name]
+    reading, bleed = read(coupon_photo(EVEN, taken, np.random.default_rng([7, 0])), taken)
     assert abs(bleed.value - 0.08) < 2 * bleed.sigma
     assert bleed.sigma < 0.02
     assert reading.shape.tone.log_gamma == pytest.approx(0, abs=0.4)
+
+
+@pytest.fixture(scope="module")
+def light() -> NDArray[np.float64]:
+    """What the lens sees of a print."""
+    return reflected(EVEN, LINEAR, SPEC.lay_out())
+
+
+PROCESSED = {
+    "compressed": (replace(LINEAR, jpeg=70), 0.0),
+    "sharpened": (replace(LINEAR, gamma=2.2, sharpening=1.5), 0.0),
+    "cut off": (replace(LINEAR, gamma=2.2, sharpening=3.0), 0.05),
+    "linear and cut off": (replace(LINEAR, sharpening=1.5), 0.1),
+}
+"""With the share of pixels that are cut off at least."""
+
+
+@pytest.mark.parametrize("name", PROCESSED)
+def test_processed_photos_state_what_they_tell(name: str, light: NDArray[np.float64]) -> None:
+    """Bleed is within two stated sigmas whatever a program did, and cut off levels are noticed."""
+    taken, cut_off = PROCESSED[name]
+    reading, bleed = read(developed(light, taken, np.random.default_rng(2)), taken)
+    assert abs(bleed.value - 0.08) < 2 * bleed.sigma
+    assert bleed.sigma < 0.05
+    assert (reading.cut_off > MUCH_CUT_OFF) == (cut_off > 0)
+    assert reading.cut_off >= cut_off
+
+
+def test_of_two_minima_as_good_neither_is_trusted() -> None:
+    """What is told lies between, nearer to the one with the smaller misfit, and is as unsure as they are apart."""
+    edge = edges_of(SPEC.lay_out())[0]
+
+    def minimum(moved_mm: float, misfit: float) -> Reading:
+        fit = EdgeFit(edge, np.full(4, moved_mm), 1e-12 * np.eye(4), np.zeros((4, OPEN)))
+        shape = EdgeShape(np.array([1, 1, 0, 0, 0, *Tone().numbers]))
+        return Reading((fit,), shape, np.eye(OPEN), 13.0, 1.5, misfit, (0.2, 0.8), 0, 0.0)
+
+    for misfit in (1.0, 1.03, 1.2):
+        (fit,) = either(minimum(0.08, 1.0), minimum(0.11, misfit)).fits
+        share = (fit.moved_mm[0] - 0.08) / 0.03
+        assert share == pytest.approx(1 / (1 + misfit**20))
+        assert fit.by_shape[0, -1] == pytest.approx(0.03 * math.sqrt(share * (1 - share)))
 
 
 def test_a_lens_that_nothing_straightened_is_solved() -> None:

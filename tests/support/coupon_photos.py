@@ -144,7 +144,7 @@ def _lines(place: Array, soft_mm: Array, printed: Printed) -> Array:
     return ink
 
 
-def _reflected(printed: Printed, taken: Taken, target: TargetGeometry) -> Array:
+def reflected(printed: Printed, taken: Taken, target: TargetGeometry) -> Array:
     """Linear light of each pixel, before the lens's blur.  # (H, W)"""
     width, height = taken.size
     light = np.zeros(height * width)
@@ -171,7 +171,7 @@ def _reflected(printed: Printed, taken: Taken, target: TargetGeometry) -> Array:
 
 def coupon_photo(printed: Printed, taken: Taken, rng: np.random.Generator) -> NDArray[np.uint8]:
     """A photo, or a scan if `taken` says so."""
-    return developed(_reflected(printed, taken, COUPON.lay_out()), taken, rng)
+    return developed(reflected(printed, taken, COUPON.lay_out()), taken, rng)
 
 
 def developed(light: Array, taken: Taken, rng: np.random.Generator) -> NDArray[np.uint8]:
