@@ -80,6 +80,13 @@ def curved(rng: np.random.Generator) -> list[Taken]:
     return [replace(taken, contrast=contrast, defocus_px=rng.choice([0.0, 2.0]), gamma=gamma)]
 
 
+def processed(rng: np.random.Generator) -> list[Taken]:
+    """A photo squarely from above, linear or not, compressed or sharpened until grey levels are cut off."""
+    (taken,) = one(rng)
+    sharpening, jpeg = rng.choice([0.0, 1.5, 3.0]), int(rng.choice([70, 85]))
+    return [replace(taken, gamma=rng.choice([1.0, 2.2]), sharpening=sharpening, jpeg=jpeg)]
+
+
 def barrel(rng: np.random.Generator) -> list[Taken]:
     """A photo squarely from above by a lens not straightened, its principal point off by 1 % of the diagonal."""
     (taken,) = one(rng)
@@ -96,7 +103,7 @@ def scan(rng: np.random.Generator) -> list[Taken]:
 
 DRAWS: Mapping[str, Draw] = {
     "one photo": one, "tilted": tilted, "tilted, 4 lengths": tilted, "four photos": four, "curved": curved,
-    "barrel": barrel, "scan": scan,
+    "processed": processed, "barrel": barrel, "scan": scan,
 }  # fmt: skip
 SEEDS: Mapping[str, int] = {"one photo": 100}
 FEWER_SEEDS = 30
