@@ -12,8 +12,6 @@ TYPE_CHECKING = False  # `typing` takes long to load, and Ctrl-C in the meantime
 if TYPE_CHECKING:
     from calib.api.bootstrapping import BootstrapResult, bootstrap
     from calib.api.bootstrapping_rigs import RigBootstrapResult, rig_bootstrap
-    from calib.api.converting import Conversion, convert
-    from calib.api.converting_rigs import RigConversion
     from calib.api.costing import CostResult, study_cost
     from calib.api.coupon import CouponResult, coupon
     from calib.api.evaluating import EvaluationResult, evaluate
@@ -30,6 +28,7 @@ if TYPE_CHECKING:
     from calib.api.tolerancing import ToleranceResult, tolerance, ways
     from calib.api.tolerancing_rigs import RigToleranceResult, rig_tolerance
     from calib.app.budget import Budget, budget
+    from calib.app.convert import Conversion, convert
     from calib.app.detect import DetectedPhotos, Detector, detect, detect_photos
     from calib.app.inputs import load_camera, load_observations, load_rig
     from calib.app.plan import PhotoPlan, plan
@@ -79,7 +78,6 @@ __all__ = [
     "RescaledTarget",
     "Rig",
     "RigBootstrapResult",
-    "RigConversion",
     "RigGuide",
     "RigObservations",
     "RigPoseResult",
@@ -131,6 +129,10 @@ _HOMES = {
         "Budget",
         "budget",
     ),
+    "calib.app.convert": (
+        "Conversion",
+        "convert",
+    ),
     "calib.api.bootstrapping": (
         "BootstrapResult",
         "bootstrap",
@@ -139,11 +141,6 @@ _HOMES = {
         "RigBootstrapResult",
         "rig_bootstrap",
     ),
-    "calib.api.converting": (
-        "Conversion",
-        "convert",
-    ),
-    "calib.api.converting_rigs": ("RigConversion",),
     "calib.api.costing": (
         "CostResult",
         "study_cost",

@@ -43,6 +43,7 @@ class CommandOption:
     group: str = "Options"
     off: str = ""  # of a switch that is on: the flag that turns it off, as in "--keep-all"
     is_argument: bool = False
+    is_needed: bool = False  # a shell has to give it, though Python need not
     is_many: bool = False
 
 

@@ -74,7 +74,7 @@ def command_of(function: Callable[..., Result], folder: Folder | None = None) ->
         place, verbose, has_page = (given.pop(name, None) for name in (OUT, "verbose", "page"))
         values = {name: _read(parameters[name], value) for name, value in given.items() if value is not None}
         where = cast(Path, place or (folder(values) if folder else _folder_of(made)))
-        output = Output(where, None if made.is_table(where) else where)
+        output = Output(where, where if made.has_page and not made.is_table(where) else None)
         if OUT in takes:
             values[OUT] = output
         else:
@@ -99,7 +99,9 @@ def command_of(function: Callable[..., Result], folder: Folder | None = None) ->
     shown = [one for name, one in parameters.items() if name != OUT]
     run.__signature__ = inspect.Signature([  # type: ignore[attr-defined]  # what inspect reads
         *map(_typed, shown), *([_typed(parameters[OUT])] if OUT in parameters else []),
-        *_of_output(made, has_out=not has_own_out, has_page=not has_own_out or OUT in parameters),
+        *_of_output(made, has_out=not has_own_out,
+            has_page=made.has_page and (not has_own_out or OUT in parameters),
+        ),
     ])  # fmt: skip
     return run
 
@@ -210,7 +212,7 @@ def _typed(parameter: Parameter) -> inspect.Parameter:
     kind: object = parameter.kind if parameter.kind in (bool, Path) else str
     if said.is_many:
         kind = list[str]
-    is_needed = parameter.default is empty
+    is_needed = parameter.default is empty or said.is_needed
     default = parameter.default if kind is bool else empty if is_needed else None
     shown: dict[str, Any] = {"help": said.help, "metavar": said.metavar or _metavar(parameter)}
     if said.names is not None or said.complete is not None:

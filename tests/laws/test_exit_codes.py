@@ -232,7 +232,7 @@ def test_an_empty_word_is_no_folder(program: Callable[..., Answer], app: typer.T
         (("study", "compare", "--quick", "-o", "out"), "calib.studies.compare.cases.comparison"),
         (("study", "cost", "--quick", "-o", "out"), "calib.studies.cost.cases.groups_of"),
         (BOOTSTRAP, "calib.studies.bootstrap.make_pool"),
-        (("convert", "camera.json", "--to", "ros", "-o", "c.yaml"), "calib.api.converting.fit_to_format"),
+        (("convert", "camera.json", "--to", "ros", "-o", "c.yaml"), "calib.interop.holding.fit_to_format"),
     ],
 )
 def test_a_stopped_command_ends_with_130(words: tuple[str, ...], patched: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,15 +6,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import calib
 from calib.cameras import project
 from calib.cameras.camera import Camera, camera_to_json, load_camera
-from calib.commands.convert import convert
 from calib.interop import FORMATS
 from calib.interop.reading import open_camera
+from designer.base.answer import Summary
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE, lens_camera, whole_image
 
 OTHERS = [name for name in FORMATS if name != "json"]
+
+
+def run(camera: str, *, to: str, out: Path, **options: object) -> Summary:
+    """The command, whose options are given as a shell gives them."""
+    answer: Summary = calib.convert.as_command()(camera=camera, to=to, out=out, **options)  # type: ignore[attr-defined]
+    return answer
 
 
 @pytest.fixture(autouse=True)
@@ -30,9 +37,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_there_and_back(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """A camera goes into every format and comes back, its kind found out, and every step says it was exact."""
     source = "tiny coefficients"
-    convert(f"{source}.json", to=name, out=Path("there"))
-    convert("there", to="json", out=Path("back.json"))
-    assert capsys.readouterr().out.count("exact  no fit was needed") == 2
+    run(f"{source}.json", to=name, out=Path("there"))
+    run("there", to="json", out=Path("back.json"))
+    assert capsys.readouterr().out.count("exact: no fit was needed") == 2
     pixel, ray = whole_image(CAMERAS[source])
     assert np.abs(project(load_camera(Path("back.json")), ray) - pixel).max() < 1e-9
 
@@ -40,10 +47,10 @@ def test_there_and_back(name: str, capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_residual_is_told_and_true(capsys: pytest.CaptureFixture[str]) -> None:
     """The stated RMS and max are the difference between the two files; a large one is refused, or warned of."""
     with pytest.raises(InputError, match=r"pinhole-radtan, which has no k3, is off .* --accept 13.73px; pinhole-equi"):
-        convert("barrel.json", to="kalibr", out=Path("camchain.yaml"))
+        run("barrel.json", to="kalibr", out=Path("camchain.yaml"))
     with pytest.raises(InputError, match=r"more than 13\.7 px"):
-        convert("barrel.json", to="kalibr", out=Path("camchain.yaml"), accept="13.7px")
-    convert("barrel.json", to="kalibr", out=Path("camchain.yaml"), accept="13.73px")
+        run("barrel.json", to="kalibr", out=Path("camchain.yaml"), accept_px="13.7px")
+    run("barrel.json", to="kalibr", out=Path("camchain.yaml"), accept_px="13.73px")
     said = capsys.readouterr().out
     numbers = re.search(r"fitted opencv over the whole image: RMS ([0-9.]+) px, max ([0-9.]+) px", said)
     assert numbers is not None
@@ -51,41 +58,41 @@ def test_the_residual_is_told_and_true(capsys: pytest.CaptureFixture[str]) -> No
     off = np.linalg.norm(project(open_camera("camchain.yaml").read.camera, ray) - pixel, axis=1)
     assert float(numbers[1]) == pytest.approx(np.sqrt(np.mean(off**2)), abs=1e-4)
     assert float(numbers[2]) == pytest.approx(off.max(), abs=1e-4)
-    assert "lost   k3, for which Kalibr camchain has no place" in said
-    assert "warning: the two cameras differ by more than 0.05 px" in said
-    assert "open   kalibr_calibrate_imu_camera --cams camchain.yaml" in said
+    assert "Lost: k3, for which Kalibr camchain has no place" in said
+    assert "Far: the two cameras differ by more than 0.05 px" in said
+    assert "open     kalibr_calibrate_imu_camera --cams camchain.yaml" in said
 
 
 def test_the_family_can_be_changed(capsys: pytest.CaptureFixture[str]) -> None:
     """`--to json --model` fits another model; other formats hold one family and say so."""
-    convert("backward.json", to="json", out=Path("forward.json"), model="opencv")
+    run("backward.json", to="json", out=Path("forward.json"), model="opencv")
     assert load_camera(Path("forward.json")).model == "opencv"
     assert "fitted opencv over the whole image" in capsys.readouterr().out
-    convert("barrel.json", to="mrcal", out=Path("linear.cameramodel"), model="pinhole")
-    assert "lost   the lens's distortion" in capsys.readouterr().out
+    run("barrel.json", to="mrcal", out=Path("linear.cameramodel"), model="pinhole")
+    assert "Lost: the lens's distortion" in capsys.readouterr().out
     with pytest.raises(
         InputError, match=r"COLMAP cameras\.txt holds models pinhole, opencv, opencv8, .*, not 'luhmann'"
     ):
-        convert("backward.json", to="colmap", out=Path("x"), model="luhmann")
+        run("backward.json", to="colmap", out=Path("x"), model="luhmann")
     with pytest.raises(InputError, match="model 'virtual' cannot be fitted"):
-        convert("backward.json", to="json", out=Path("x"), model="virtual")
+        run("backward.json", to="json", out=Path("x"), model="virtual")
     assert not Path("x").exists()
 
 
 def test_a_lens_parameter_can_be_left_out() -> None:
     """`--without k3` makes a camera that COLMAP's OPENCV model holds; an unknown name is refused."""
-    convert("barrel.json", to="colmap", out=Path("cameras.txt"), without=["k3"])
+    run("barrel.json", to="colmap", out=Path("cameras.txt"), without=["k3"])
     assert " OPENCV " in Path("cameras.txt").read_text()
     with pytest.raises(InputError, match=r"--without 'k9': no lens parameter; there are .*k1, k2, k3.*p1, p2"):
-        convert("barrel.json", to="colmap", out=Path("cameras.txt"), without=["k9"])
+        run("barrel.json", to="colmap", out=Path("cameras.txt"), without=["k9"])
 
 
 def test_what_a_foreign_lens_cost_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     """A lens that is no model of ours is fitted when it is read, with its residual."""
-    convert("barrel.json", to="metashape", out=Path("c.xml"))
+    run("barrel.json", to="metashape", out=Path("c.xml"))
     Path("c.xml").write_text(Path("c.xml").read_text().replace("<b2>0.0<", "<b2>1.5<"))
     capsys.readouterr()
-    convert("c.xml", to="json", out=Path("c.json"))
+    run("c.xml", to="json", out=Path("c.json"))
     said = capsys.readouterr().out
     assert "its frame lens with b2 was fitted by the model opencv" in said
     assert "fitted opencv over the whole image: RMS 0." in said
@@ -97,22 +104,22 @@ def test_the_lens_is_chosen_and_can_be_named(capsys: pytest.CaptureFixture[str])
     A lens that cannot show what the camera sees is refused with those that can.
     """
     Path("wide.json").write_text(camera_to_json(lens_camera("kalibr", "ds-none")))
-    convert("wide.json", to="kalibr", out=Path("k.yaml"))
+    run("wide.json", to="kalibr", out=Path("k.yaml"))
     said = capsys.readouterr().out
     assert "Kalibr camchain, ds-none = ds, 1000 x 800 px" in said
-    assert "exact  no fit was needed" in said
-    convert("wide.json", to="kalibr", out=Path("k.yaml"), lens="EUCM-none")
+    assert "exact: no fit was needed" in said
+    run("wide.json", to="kalibr", out=Path("k.yaml"), lens="EUCM-none")
     assert re.search("fitted eucm over the whole image: RMS 0.1", capsys.readouterr().out)
-    answer = convert("wide.json", to="colmap", out=Path("c.txt")).answer
+    answer = run("wide.json", to="colmap", out=Path("c.txt")).answer
     said = capsys.readouterr().out
-    assert "chosen OPENCV_FISHEYE, the closest of (RMS in px) OPENCV_FISHEYE 0.0058, EUCM 0.1" in said
+    assert "chosen   OPENCV_FISHEYE, the closest of (RMS in px) OPENCV_FISHEYE 0.0058, EUCM 0.1" in said
     assert answer["written"]["lens"] == "OPENCV_FISHEYE"  # type: ignore[index, call-overload]
     with pytest.raises(InputError, match=r"more than a half space, which model opencv .*; there are fisheye, "):
-        convert("wide.json", to="colmap", out=Path("c.txt"), lens="OPENCV")
+        run("wide.json", to="colmap", out=Path("c.txt"), lens="OPENCV")
     with pytest.raises(
         InputError, match=r"COLMAP cameras\.txt has no lens 'OPENCV_FISHEY'; did you mean 'OPENCV_FISHEYE'"
     ):
-        convert("wide.json", to="colmap", out=Path("c.txt"), lens="OPENCV_FISHEY")
+        run("wide.json", to="colmap", out=Path("c.txt"), lens="OPENCV_FISHEY")
 
 
 def test_places_that_must_not_be_written(folder: Path) -> None:
@@ -121,15 +128,15 @@ def test_places_that_must_not_be_written(folder: Path) -> None:
     Path("empty").touch()
     for out, rule in (
         (folder, r"is a folder; name the file with -o, such as .*camera\.yaml"),
-        (Path("barrel.json"), "is the file to read"),
+        (Path("barrel.json"), "is a file to read"),
         (Path("notes.txt"), "not of ringsolid's making"),
     ):
         with pytest.raises(InputError, match=rule):
-            convert("barrel.json", to="opencv", out=out)
+            run("barrel.json", to="opencv", out=out)
     assert Path("notes.txt").read_text() == "my notes"
     for _ in range(2):
-        convert("barrel.json", to="opencv", out=Path("empty"))
-    convert("barrel.json", to="opencv", out=Path("new/folder/camera.yaml"))
+        run("barrel.json", to="opencv", out=Path("empty"))
+    run("barrel.json", to="opencv", out=Path("new/folder/camera.yaml"))
     assert open_camera("new/folder/camera.yaml").read.camera.image_size == SIZE
 
 
@@ -137,13 +144,13 @@ def test_the_input_is_not_overwritten_however_it_was_named() -> None:
     """A folder stands for its camera.json, and FILE#NAME for a file: neither may be the output, too."""
     Path("solved").mkdir()
     Path("solved/camera.json").write_text(camera_to_json(CAMERAS["tiny coefficients"]))
-    convert("solved", to="kalibr", out=Path("chain.yaml"))
+    run("solved", to="kalibr", out=Path("chain.yaml"))
     for source, out in (("solved", "solved/camera.json"), ("chain.yaml#cam0", "chain.yaml")):
         before = Path(out).read_bytes()
-        with pytest.raises(InputError, match="is the file to read"):
-            convert(source, to="opencv", out=Path(out))
+        with pytest.raises(InputError, match="is a file to read"):
+            run(source, to="opencv", out=Path(out))
         assert Path(out).read_bytes() == before
-    convert("machine-vision", to="opencv", out=Path("template.yaml"))
+    run("machine-vision", to="opencv", out=Path("template.yaml"))
 
 
 def test_a_camera_that_cannot_be_fitted_is_named() -> None:
@@ -151,24 +158,24 @@ def test_a_camera_that_cannot_be_fitted_is_named() -> None:
     nothing = Camera("opencv", np.array([900.0, 900, -1e6, 380, -0.3, 0, 0, 0, -0.1]), SIZE)
     Path("nothing.json").write_text(camera_to_json(nothing))
     with pytest.raises(InputError, match=r"^nothing\.json: by these numbers 0\.0 % of the image see"):
-        convert("nothing.json", to="kalibr", out=Path("c.yaml"))
+        run("nothing.json", to="kalibr", out=Path("c.yaml"))
     assert not Path("c.yaml").exists()
 
 
 def test_the_kind_can_be_given() -> None:
     """`--from` reads what cannot be told; a wrong one is refused by the format that was named."""
-    convert("barrel.json", to="ros", out=Path("c.yaml"))
-    convert("c.yaml", to="json", out=Path("c.json"), source="opencv")
+    run("barrel.json", to="ros", out=Path("c.yaml"))
+    run("c.yaml", to="json", out=Path("c.json"), source="opencv")
     with pytest.raises(InputError, match=r"c\.yaml: .*not a mrcal camera model"):
-        convert("c.yaml", to="json", out=Path("d.json"), source="mrcal")
+        run("c.yaml", to="json", out=Path("d.json"), source="mrcal")
     with pytest.raises(InputError, match="unknown camera format 'kolmap'; did you mean 'colmap'"):
-        convert("c.yaml", to="kolmap", out=Path("d.json"))
+        run("c.yaml", to="kolmap", out=Path("d.json"))
 
 
 def test_a_folder_of_several_models_names_theirs(folder: Path) -> None:
     """A folder of `calib run` with all models holds a camera in a folder of each: the error names them."""
     for model in ("luhmann", "opencv"):
-        convert("barrel.json", to="json", out=folder / "run" / model / "camera.json")
+        run("barrel.json", to="json", out=folder / "run" / model / "camera.json")
     with pytest.raises(InputError, match="name the folder of one: run/luhmann, run/opencv"):
         open_camera("run")
     assert open_camera("run/opencv").path == Path("run/opencv/camera.json")

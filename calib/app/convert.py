@@ -1,0 +1,394 @@
+"""A camera or a rig as files of another tool: `calib convert`, `calib.convert("camera.json", "opencv")`."""
+
+import math
+import shlex
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, cast
+
+from calib.app.cameras_told import numbers_of, refit_numbers
+from calib.cameras import fitted_models
+from calib.interop import FORMATS
+from calib.interop.rigs import RIG_FORMATS
+from designer.base.codec import encode_written
+from designer.base.errors import InputError
+from designer.base.options import argument, option
+from designer.base.words import several, shown
+from designer.kinds.presets import camera_templates, one_of
+from designer.page.capability import OUTPUT, capability
+from designer.page.result import Result
+
+if TYPE_CHECKING:
+    from calib.app.inputs import Place
+    from calib.cameras.camera import Camera
+    from calib.cameras.refit import Refit
+    from calib.cameras.rig import Rig
+    from calib.interop.format import CameraFormat
+    from calib.interop.holding import Held
+    from calib.interop.reading import OpenedCamera
+    from calib.interop.rigs.format import RigFormat
+    from calib.interop.rigs.reading import OpenedRig
+    from designer.base.small_file import JsonValue
+    from designer.page.blocks import Page
+    from designer.page.output import Output
+
+ALL_FORMATS = tuple(dict.fromkeys([*FORMATS, *RIG_FORMATS]))
+
+
+@dataclass(frozen=True, eq=False)
+class Conversion(Result, kind="conversion", title="Conversion", doing="fitting lenses", has_page=False):
+    """A camera, or a rig, as another tool's files have it: `converted.texts`, `converted.save("camera.yaml")`."""
+
+    named: str  # what was converted, as it was given
+    place: Path | None  # of the file, or of the folder; None: it is not known yet
+    opened: "OpenedCamera | OpenedRig"  # as it was; of a rig, the cameras that are written
+    held: "tuple[Held, ...]"  # (C,) each camera as a file holds it, and by which of the format's lenses
+    format: "CameraFormat | RigFormat"
+    unit: str  # of lengths in a rig's files; "": one camera has none
+    remarks: tuple[str, ...]  # on the files that were read, such as how a lens of no name was taken
+
+    @property
+    def camera(self) -> "Camera":
+        """The camera as the file holds it; of a rig, the first."""
+        return self.held[0].camera
+
+    @property
+    def rig(self) -> "Rig":
+        """The rig as the files hold it: poses of cameras whose frames were turned turn with them.
+
+        Raises:
+            InputError: it is one camera.
+        """
+        from calib.interop.rigs.held import rig_as_held
+        from calib.interop.rigs.reading import OpenedRig
+
+        if not isinstance(self.opened, OpenedRig):
+            raise InputError("one camera is no rig: take camera")
+        return rig_as_held(self.opened.read.rig, self.held)
+
+    @property
+    def each(self) -> "tuple[tuple[str, Camera, Refit | None, Held], ...]":
+        """Name, camera as it was read, what that took, and camera as it is held; a camera alone has no name."""
+        from calib.interop.rigs.reading import OpenedRig
+
+        if not isinstance(self.opened, OpenedRig):
+            return (("", self.opened.read.camera, self.opened.read.refit, self.held[0]),)
+        found = self.opened.read
+        return tuple(zip(found.rig.names, found.rig.cameras, found.refits, self.held, strict=True))
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """What the files hold, by name; of a format of one file, one."""
+        from calib.interop.format import CameraFormat
+        from calib.interop.rigs.format import WrittenRig
+
+        if isinstance(self.format, CameraFormat):
+            return {self.format.file_name: self.format.write(self.camera, self.held[0].lens)}
+        lenses, words = tuple(one.lens for one in self.held), self.format.words(self.rig.names)
+        return dict(self.format.write(WrittenRig(self.rig, lenses, self.unit, words)))
+
+    @property
+    def text(self) -> str:
+        """What the file holds, or the first of several."""
+        return next(iter(self.texts.values()))
+
+    @property
+    def named_fits(self) -> "tuple[tuple[str, str, Refit], ...]":
+        """Camera, what was fitted, and its fit, of reading and of writing; none: it is exact."""
+        fits = [
+            (name, what, fit)
+            for name, camera, read, held in self.each
+            for what, fit in ((camera.model, read), (held.fitted, held.refit))
+        ]
+        return tuple((name, what, fit) for name, what, fit in fits if fit is not None)
+
+    @property
+    def max_px(self) -> float:
+        """The largest difference anywhere in an image that a fit left; 0: exact."""
+        return max((fit.max_px for _, _, fit in self.named_fits), default=0.0)
+
+    @property
+    def rms_px(self) -> float:
+        """The largest root mean square difference of a camera likewise."""
+        return max((fit.rms_px for _, _, fit in self.named_fits), default=0.0)
+
+    @property
+    def is_far(self) -> bool:
+        """Whether the difference is worth a warning."""
+        from calib.interop.choosing import LARGE_PX
+
+        return self.max_px > LARGE_PX
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """What the files do not say that the camera or the rig knew, a line each."""
+        from calib.interop.format import CameraFormat
+        from calib.interop.losses import lost_of
+        from calib.interop.rigs.held import lost_of_rig
+        from calib.interop.rigs.reading import OpenedRig
+
+        if isinstance(self.opened, OpenedRig):
+            return lost_of_rig(self.opened.read.rig, self.held, cast("RigFormat", self.format))
+        return lost_of(self.opened.read.camera, self.held[0], cast(CameraFormat, self.format))
+
+    def document(self) -> "dict[str, JsonValue]":
+        """What was read, what is written, and what it cost."""
+        is_rig, file = bool(self.unit), None if self.place is None else str(self.place)
+        read = [{**_name("name", name), **encode_written(numbers_of(camera))} for name, camera, _, _ in self.each]
+        written = [
+            {**_name("name", name), "lens": held.lens.name, **encode_written(numbers_of(held.camera))}
+            for name, _, _, held in self.each
+        ]
+        fits = [{**_name("camera", name), **encode_written(refit_numbers(fit))} for name, _, fit in self.named_fits]
+        tried = [{"lens": lens.name, **encode_written(refit_numbers(fit))} for lens, fit in self.held[0].tried]
+        return cast("dict[str, JsonValue]", {
+            "read": {
+                "file": self.named, "format": self.opened.format.name, **({"cameras": read} if is_rig else read[0])
+            },
+            "written": {
+                "file": file, "format": self.format.name,
+                **({"unit": self.unit, "cameras": written} if is_rig else written[0]),
+            },
+            "is_exact": not self.named_fits, "rms_px": self.rms_px, "max_px": self.max_px, "fits": fits,
+            **({} if is_rig else {"tried": tried}), "lost": list(self.lost),
+        })  # fmt: skip
+
+    def page(self) -> "Page":
+        """What was read and written, what it cost, and how the files are opened."""
+        from calib.app.convert_page import conversion_page
+
+        return conversion_page(self)
+
+    def save(self, place: str | PathLike[str], *, command: str = "", has_page: bool = False) -> tuple[Path, ...]:
+        """Write the file, or the folder's files, signed as of their kind, whatever their names; return them.
+
+        Args:
+            place: of the file, or of the folder.
+            command: has no say here.
+            has_page: likewise: these files are for other tools.
+
+        Raises:
+            InputError: a file where a folder has to be, or the other way round, a file that was read, or somebody
+                else's.
+        """
+        from designer.base.files import write_files
+        from designer.base.own_files import signed
+        from designer.base.small_file import place_of
+
+        path = place_of(place, "a file or a folder to write")
+        _check_out(path, self.format, self.opened)
+        is_folder, sort = _is_folder(self.format), f"{self.format.name}{'rig' * bool(self.unit)}"
+        files = {
+            path / name if is_folder else path: signed(
+                name if is_folder else self.format.file_name, text.encode(), sort
+            )
+            for name, text in self.texts.items()
+        }
+        for file in files:
+            _require_not_read(file, self.opened)
+        write_files(files)
+        return tuple(files)
+
+
+@capability
+def convert(
+    camera: Annotated[
+        "Camera | Rig | Place",
+        argument(
+            "file of a camera or a rig, of any of these kinds, a folder with one, or a camera template",
+            complete=camera_templates,
+        ),
+    ],
+    to: Annotated[
+        str,
+        option(
+            f"kind of file to write: {'|'.join(FORMATS)}; of a rig {'|'.join(RIG_FORMATS)}",
+            metavar="FORMAT",
+            complete=one_of(ALL_FORMATS),
+        ),
+    ],
+    *,
+    source: Annotated[
+        str | None,
+        option(
+            "kind of file to read (default: found out)", flag="--from", metavar="FORMAT", complete=one_of(ALL_FORMATS)
+        ),
+    ] = None,
+    model: Annotated[
+        str | None,
+        option(
+            f"camera model to write: {'|'.join(fitted_models())} (default: what the file can hold)",
+            complete=one_of(fitted_models()),
+        ),
+    ] = None,
+    lens: Annotated[
+        str | None,
+        option("lens of the file, by its own name for it, such as OPENCV (default: the closest)", metavar="LENS"),
+    ] = None,
+    without: Annotated[
+        Iterable[str], option("lens parameter to leave out, such as k3", metavar="NAME", is_many=True)
+    ] = (),
+    accept_px: Annotated[
+        float | None,
+        option(
+            "how far the file's lens may be off anywhere in the image (default: 0.1px, or what --model, --lens or "
+            "--without cost)",
+            0,
+            metavar="PIXELS",
+        ),
+    ] = None,
+    cameras: Annotated[
+        Iterable[str],
+        option("of a rig, a camera to write, in this order (default: all)", metavar="NAME", is_many=True),
+    ] = (),
+    unit: Annotated[
+        str | None, option("of lengths in a rig's files: mm or m (default: as their tool has it)", metavar="UNIT")
+    ] = None,
+    source_unit: Annotated[
+        str | None,
+        option("likewise of a rig's files to read (default: as they say)", flag="--from-unit", metavar="UNIT"),
+    ] = None,
+    out: Annotated[
+        "Output | Place | None",
+        option("file to write, or folder of several", short="-o", metavar="FILE", group=OUTPUT, is_needed=True),
+    ] = None,
+) -> Conversion:
+    """Write a camera or a rig as files of another tool, or read its files: `convert("camera.json", "opencv")`.
+
+    Of the file's lenses the camera's own is written, or the closest one of its family, with a focal plane or wide: it
+    is fitted over the whole image, the residual is told in pixels, and refused above 0.1 px unless it is accepted. Of a
+    file with several cameras one is named as in chain.yaml#cam1; without a name they are a rig, if the file says where
+    they stand.
+
+    >>> calib.convert("camera.json", "opencv").save("camera.yaml")
+    >>> calib.convert("rig.json", "kalibr", out="camchain.yaml").max_px
+
+    Args:
+        camera: a camera or a rig, a file of any kind, a folder with one, or a template.
+        to: the kind of file.
+        source: the kind of the file to read; None: found out.
+        model: the camera model to write; None: what the file can hold.
+        lens: one of the format's lenses, by the format's own name, such as `ds-none`; None: chosen as told above.
+        without: lens parameters to leave out, such as `k3`.
+        accept_px: how far the file's lens may be off, anywhere in the image; None: .1 px, or as far as it is where a
+            model, a lens, or a parameter to leave out was asked for.
+        cameras: of a rig, those to write, in this order; (): all.
+        unit: of lengths in a rig's files, "mm" or "m", where their tool takes any; None: the usual one.
+        source_unit: likewise of the files to read; None: as they say, or as usual.
+        out: where it goes, refused before any work is done if it cannot; None: nothing is written, `save` does.
+
+    Raises:
+        InputError: a file that cannot be read, a format, model, lens or parameter that is none, a camera that sees
+            more than the format's lenses can, or a fit that is off by more than is accepted.
+    """
+    from calib.app.inputs import opened_camera, opened_rig, rig_named
+    from calib.cameras.camera import Camera
+    from calib.cameras.rig import Rig
+    from calib.interop.choosing import ACCEPTED_PX
+    from calib.interop.holding import fit_to_format
+    from calib.interop.reading import find_format
+    from calib.interop.rigs.reading import find_rig_format, require_unit
+    from designer.page.output import output_of
+
+    zero, names = _lens_parameters(several("--without", without)), several("--cameras", cameras)
+    # What somebody asked for by name is theirs to judge.
+    accepted_px = (math.inf if model or lens or zero else ACCEPTED_PX) if accept_px is None else accept_px
+    output, is_object = None if out is None else output_of(out), isinstance(camera, Camera | Rig)
+    if isinstance(camera, Rig):
+        rig: OpenedRig | None = opened_rig(camera)
+    else:
+        rig = None if isinstance(camera, Camera) else rig_named(camera, source, source_unit)
+    target: CameraFormat | RigFormat
+    opened: OpenedCamera | OpenedRig
+    if rig is not None:
+        target, opened = find_rig_format(to), _of_cameras(rig, names)
+        require_unit(target, unit, "--unit")
+        each, cameras_of = tuple(zip(opened.read.rig.names, opened.read.rig.cameras, strict=True)), target.cameras
+    else:
+        for flag, value in (("--cameras", names), ("--unit", unit), ("--from-unit", source_unit)):
+            if value:
+                raise InputError(f"{flag}: is for rigs, and this is one camera; leave it out")
+        target, opened = find_format(to), opened_camera(cast("Camera | Place", camera), source)
+        each, cameras_of = (("", opened.read.camera),), target
+    if output is not None:
+        _check_out(output.place, target, opened)
+    called = ("the rig" if isinstance(camera, Rig) else "the camera") if is_object else fspath(cast("Place", camera))
+    if rig is not None:
+        _check_count(called, [name for name, _ in each], cast("RigFormat", target))
+    held = []
+    for name, one in each:
+        try:
+            held.append(fit_to_format(one, cameras_of, model, zero, lens, accepted_px))
+        except InputError as error:
+            raise InputError(f"{called}: {f'camera {shown(name)}: ' if name else ''}{error}") from None
+    place = None if output is None else output.place
+    used_unit = (unit or cast("RigFormat", target).unit) if rig is not None else ""
+    made = Conversion(called, place, opened, tuple(held), target, used_unit, opened.read.remarks)
+    if output is not None:
+        output.files += made.save(output.place)
+    return made
+
+
+def _name(key: str, name: str) -> dict[str, str]:
+    """Of a rig's camera."""
+    return {key: name} if name else {}
+
+
+def _is_folder(target: "CameraFormat | RigFormat") -> bool:
+    """Whether a format has several files."""
+    from calib.interop.rigs.format import RigFormat
+
+    return isinstance(target, RigFormat) and target.is_folder
+
+
+def _check_count(called: str, names: Sequence[str], target: "RigFormat") -> None:
+    """Refuse a rig of too few or too many cameras for the format."""
+    if not target.fewest <= len(names) <= target.most:
+        wanted = target.fewest if target.fewest == target.most else f"{target.fewest} to {target.most}"
+        hint = f"name them, as in {' '.join(f'--cameras {shlex.quote(one)}' for one in names[: target.most])}"
+        raise InputError(f"{called}: {target.title} holds {wanted} cameras, the rig has {len(names)}; {hint}")
+
+
+def _of_cameras(opened: "OpenedRig", names: Sequence[str]) -> "OpenedRig":
+    """Those cameras of the rig, in that order; all if none are named."""
+    from calib.cameras.rig import keep_cameras
+
+    if not names:
+        return opened
+    found = opened.read
+    rows = [found.rig.row(name) for name in names]
+    rig = keep_cameras(found.rig, rows)
+    return replace(opened, read=replace(found, rig=rig, refits=tuple(found.refits[row] for row in rows)))
+
+
+def _check_out(out: Path, target: "CameraFormat | RigFormat", source: "OpenedCamera | OpenedRig") -> None:
+    """Refuse a place that does not suit the format, or holds the input, or something of somebody else's."""
+    from designer.base.files import check_folder
+    from designer.base.own_files import require_ours
+
+    if _is_folder(target):
+        check_folder(out)
+        return
+    if out.is_dir():
+        raise InputError(f"{out}: is a folder; name the file with -o, such as {out / target.file_name}")
+    _require_not_read(out, source)
+    require_ours(out)
+
+
+def _require_not_read(place: Path, source: "OpenedCamera | OpenedRig") -> None:
+    if source.is_file(place):
+        raise InputError(f"{place}: is a file to read; choose another name with -o")
+
+
+def _lens_parameters(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of lens parameters, checked."""
+    from calib.cameras import parameter_names
+    from calib.cameras.refit import FOCAL_AND_CENTRE
+
+    known = sorted({name for model in fitted_models() for name in parameter_names(model)[FOCAL_AND_CENTRE:]})
+    for name in names:
+        if name not in known:
+            raise InputError(f"--without {shown(name)}: no lens parameter; there are {', '.join(known)}")
+    return names
