@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from calib.app.budget import Budget, budget
     from calib.app.convert import Conversion, convert
     from calib.app.detect import DetectedPhotos, Detector, detect, detect_photos
+    from calib.app.diff import Difference, diff
     from calib.app.inputs import load_camera, load_observations, load_rig
     from calib.app.plan import PhotoPlan, plan
     from calib.app.triangulate import Triangulation, triangulate
@@ -62,6 +63,7 @@ __all__ = [
     "DetectedPhotos",
     "Detections",
     "Detector",
+    "Difference",
     "EvaluationResult",
     "Guide",
     "HandEye",
@@ -95,6 +97,7 @@ __all__ = [
     "coupon",
     "detect",
     "detect_photos",
+    "diff",
     "evaluate",
     "hand_eye",
     "live",
@@ -132,6 +135,10 @@ _HOMES = {
     "calib.app.convert": (
         "Conversion",
         "convert",
+    ),
+    "calib.app.diff": (
+        "Difference",
+        "diff",
     ),
     "calib.api.bootstrapping": (
         "BootstrapResult",

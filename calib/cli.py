@@ -19,6 +19,7 @@ TASKS: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 """The commands by what they are for; each is the function of its name in the module of its name."""
 LINES = {
+    "diff": "Compare two cameras: how far apart they see the same light.",
     "convert": "Write a camera or a rig as files of another tool, or read its files.",
     "undistort": "Resample photos to what a pinhole camera would have taken.",
     "plan": "Plan the fewest photos that make a camera known as well as wanted.",

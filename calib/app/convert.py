@@ -38,7 +38,7 @@ ALL_FORMATS = tuple(dict.fromkeys([*FORMATS, *RIG_FORMATS]))
 
 
 @dataclass(frozen=True, eq=False)
-class Conversion(Result, kind="conversion", title="Conversion", doing="fitting lenses", has_page=False):
+class Conversion(Result, kind="conversion", title="Conversion", doing="fitting lenses", is_written=False):
     """A camera, or a rig, as another tool's files have it: `converted.texts`, `converted.save("camera.yaml")`."""
 
     named: str  # what was converted, as it was given

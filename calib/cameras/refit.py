@@ -309,6 +309,12 @@ class CameraDifference:
         return off
 
     @property
+    def largest(self) -> tuple[Array, Array]:
+        """The pixel (2,) where the difference is largest, and the difference (2,) there."""
+        at = np.unravel_index(np.nanargmax(self.length_px), self.length_px.shape)
+        return self.pixel[at], self.difference_px[at]
+
+    @property
     def turn_rad(self) -> float:
         """How far the frames are turned against each other."""
         return float(np.linalg.norm(log_rotation(self.b_from_a)))

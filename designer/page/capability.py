@@ -74,16 +74,16 @@ def command_of(function: Callable[..., Result], folder: Folder | None = None) ->
         place, verbose, has_page = (given.pop(name, None) for name in (OUT, "verbose", "page"))
         values = {name: _read(parameters[name], value) for name, value in given.items() if value is not None}
         where = cast(Path, place or (folder(values) if folder else _folder_of(made)))
-        output = Output(where, where if made.has_page and not made.is_table(where) else None)
-        if OUT in takes:
-            values[OUT] = output
-        else:
+        output = Output(where, where if made.is_written and not made.is_table(where) else None)
+        if OUT not in takes and made.is_written:
             made.check(where)
+        elif place or folder or made.is_written:
+            values[OUT] = output
         tell = partial(told, command=command_line(), verbose=bool(verbose), has_page=has_page is not False)
         try:
             with _heard(made, has_progress=PROGRESS in takes) as heard:
                 result = function(**values, **heard)
-            if OUT not in takes:
+            if OUT not in takes and made.is_written:
                 output.files += result.save(where, has_page=False)
                 output.finished.append(where)
             return tell(result, output)
@@ -99,9 +99,8 @@ def command_of(function: Callable[..., Result], folder: Folder | None = None) ->
     shown = [one for name, one in parameters.items() if name != OUT]
     run.__signature__ = inspect.Signature([  # type: ignore[attr-defined]  # what inspect reads
         *map(_typed, shown), *([_typed(parameters[OUT])] if OUT in parameters else []),
-        *_of_output(made, has_out=not has_own_out,
-            has_page=made.has_page and (not has_own_out or OUT in parameters),
-        ),
+        *(_of_output(made, has_out=not has_own_out, has_page=not has_own_out or OUT in parameters)
+          if made.is_written else ()),
     ])  # fmt: skip
     return run
 
@@ -143,9 +142,9 @@ def told(result: Result, output: Output, command: str, *, verbose: bool, has_pag
         elif at.exists():
             remark = f"{at}: is of earlier results; calib report {output.page} draws it again"
     page = page or result.words()
-    say_page(page, verbose=verbose)
+    say_page(page, verbose=verbose or not result.is_written)
     places = (output.folder, *(() if output.page is None or output.folder in output.page.parents else (output.page,)))
-    for folder in dict.fromkeys(places):
+    for folder in dict.fromkeys(places) if output.files else ():
         say_written(folder, output.files)
     if remark:
         print(remark)

@@ -46,19 +46,19 @@ class Result(ABC):
     """The tables, and what they are for."""
     alone: ClassVar[str]
     """The table that is written by itself where a path ends as its name does; "": none is."""
-    has_page: ClassVar[bool]
-    """Whether a page lies beside its files; else a screen alone tells it."""
+    is_written: ClassVar[bool]
+    """Whether a command writes it into a folder, with its page; else a screen tells all, and files are by `out`."""
     replaces: ClassVar[tuple[str, ...]]
     """Kinds of pages that give way to its own."""
     remarks: tuple[str, ...]
 
     def __init_subclass__(
         cls, *, kind: str, title: str, doing: str = "", sought: str = "", files: Mapping[str, str] | None = None,
-        alone: str = "", has_page: bool = True, replaces: tuple[str, ...] = (),
+        alone: str = "", is_written: bool = True, replaces: tuple[str, ...] = (),
     ) -> None:  # fmt: skip
         super().__init_subclass__()
         cls.kind, cls.title, cls.doing, cls.sought, cls.files = kind, title, doing, sought, files or {}
-        cls.alone, cls.has_page, cls.replaces = alone, has_page, replaces
+        cls.alone, cls.is_written, cls.replaces = alone, is_written, replaces
 
     @abstractmethod
     def page(self) -> "Page":
