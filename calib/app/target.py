@@ -1,0 +1,148 @@
+"""What a target file holds, or one of points that others made: `calib target`."""
+
+from dataclasses import dataclass
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from designer.base.errors import InputError
+from designer.base.marks import NOT_IN_FILE, Key
+from designer.base.options import argument, option
+from designer.base.words import printable
+from designer.page.capability import OUTPUT, capability
+from designer.page.result import Result
+
+if TYPE_CHECKING:
+    from calib.app.inputs import Place
+    from designer.page.blocks import Page
+    from designer.page.output import Output
+    from designer.target import TargetGeometry
+
+SUFFIX = ".target.json"
+
+
+@dataclass(frozen=True, eq=False)
+class TargetContents(Result, kind="target", title="Target", doing="reading the target", is_written=False):
+    """What a target holds: `target("board.target.json").rings`."""
+
+    geometry: Annotated["TargetGeometry", NOT_IN_FILE]
+    file: Annotated[str, NOT_IN_FILE]
+    is_made: Annotated[bool, NOT_IN_FILE]  # of a table of points
+    target_id: str
+    layout_id: str
+    kind_of_target: Annotated[str | None, Key("kind")]  # None: made elsewhere
+    source: str
+    faces: int
+    rings: int
+    dots: int
+    farthest_corner_mm: float
+    remarks = ()
+
+    def page(self) -> "Page":
+        """Marks, sizes and ids."""
+        from designer.page.blocks import Command, Facts, Headline, Page
+        from designer.page.terminal import quoted
+
+        geometry = self.geometry
+        if not geometry.has_marks:
+            marks = f"points without marks on {self.faces} plane{'s' if not geometry.is_planar else ''}"
+        elif not geometry.is_planar:
+            marks = f"{self.faces} faces {'with' if (geometry.face_code >= 0).all() else 'without'} codes"
+        else:
+            marks = "one face with an origin mark" if self.dots else "one face without marks, its orientation ambiguous"
+        facts = Facts((
+            ("marks", f"rings {self.rings}, {'dots' if geometry.has_marks else 'points'} {self.dots}"),
+            ("size", f"farthest corner {self.farthest_corner_mm:.3f} mm from the origin"),
+            ("ids", f"layout id {self.layout_id}, geometry id {self.target_id}"),
+        ))  # fmt: skip
+        told = f"{self.kind_of_target or 'made elsewhere'}, {self.source} geometry, {marks}"
+        path = Path(self.file)
+        line = f"calib measure {quoted(path)} observations.csv -o measured/{quoted(Path(path.name))}"
+        steps = (Command(line, "observations.csv: image,u,v,id or image,u,v,X,Y,Z"),) if self.is_made else ()
+        return Page("", "", Headline("note", printable(self.file), told), (), lead=(facts,), next_steps=steps)
+
+
+@capability
+def target(
+    file: Annotated["TargetGeometry | Place | None", argument("a target file (NAME.target.json)")] = None,
+    *,
+    points: Annotated[
+        "Place | None", option("make a target file of points X,Y,Z[,plane,id] that others made (CSV)", flag="--from")
+    ] = None,
+    planes: Annotated[
+        "Place | None", option("the points' planes, plane,nx,ny,nz,d (CSV); without: fitted")
+    ] = None,
+    diameter_mm: Annotated[
+        float | None,
+        option(
+            "of the dots at the points, of which tables hold the images' centres (default: no marks)", 0, 1000
+        ),
+    ] = None,
+    inside: Annotated[bool, option("fitted planes are seen from inside, as the walls of a room")] = False,
+    out: Annotated[
+        "Output | Place | None", option("the target file to make: NAME.target.json", short="-o", group=OUTPUT)
+    ] = None,
+) -> TargetContents:  # fmt: skip
+    """Read a target file and say what it holds, or make one of a table of points: `target("board.target.json")`.
+
+    Args:
+        file: a target, or its file.
+        points: instead of it a CSV with X, Y, Z and possibly plane and id, of which a target file is made.
+        planes: a CSV with plane, nx, ny, nz, d; None: fitted.
+        diameter_mm: of the dots at the points; None: no marks.
+        inside: fitted planes are seen from inside, as the walls of a room.
+        out: the file to make.
+
+    Raises:
+        InputError: a file or a table that breaks a rule, or a place that holds something else.
+    """
+    from calib.app.inputs import target_of
+    from designer.page.output import output_of
+    from designer.target import bounding_radius_mm
+
+    if points is None:
+        if file is None:
+            raise InputError("no target: give a target file, or a table of points with --from")
+        lost = {"-o": out, "--planes": planes, "--diameter": diameter_mm, "--inside": inside or None}
+        if given := [name for name, value in lost.items() if value is not None]:
+            raise InputError(f"{given[0]}: belongs to --from POINTS.csv, which is missing")
+        geometry, name = target_of(file), fspath(file) if isinstance(file, str | PathLike) else "the target"
+    else:
+        if file is not None or out is None:
+            raise InputError("--from: makes a file: give -o NAME.target.json, and no other target")
+        output = output_of(out)
+        geometry, name = _of_points(points, planes, diameter_mm or 0.0, output, is_inside=inside), str(output.place)
+    dots = int(geometry.is_dot.sum())
+    return TargetContents(
+        geometry=geometry, file=name, is_made=points is not None, target_id=geometry.geometry_id,
+        layout_id=geometry.layout_id, kind_of_target=None if geometry.spec is None else geometry.spec.kind,
+        source=geometry.source, faces=geometry.face_count, rings=geometry.ring_count - dots, dots=dots,
+        farthest_corner_mm=bounding_radius_mm(geometry),
+    )  # fmt: skip
+
+
+def _of_points(
+    points: "Place", planes: "Place | None", diameter_mm: float, output: "Output", *, is_inside: bool
+) -> "TargetGeometry":
+    """Make a target file of a table of points."""
+    from calib.observe.point_target import read_planes, read_points, target_from_points
+    from designer.base.own_files import require_ours
+    from designer.target import FORMAT, load_target, target_to_json
+
+    place = output.place
+    if not place.name.endswith(SUFFIX) or place.name == SUFFIX:
+        name = f"{place.stem.split('.')[0] or 'my'}{SUFFIX}"
+        raise InputError(f"-o {place}: target files end in {SUFFIX}; call it {name}")
+    if is_inside and planes is not None:
+        raise InputError(
+            f"--inside: of fitted planes, but {planes} gives them with their normals; leave one of both out"
+        )
+    require_ours(place, kind=FORMAT)
+    if place.exists() and place.stat().st_size:
+        there = load_target(place)
+        if there.spec or there.source != "nominal":
+            raise InputError(f"-o {place}: exists and holds a target that was not made of points; choose another name")
+    given = None if planes is None else read_planes(Path(planes))
+    geometry = target_from_points(read_points(Path(points)), given, diameter_mm=diameter_mm, inside=is_inside)
+    output.write({place: target_to_json(geometry).encode()})
+    return geometry
