@@ -169,7 +169,7 @@ def draw_map(axes: "Axes", pixel: Array, values: Array, unit: str, *, may_be_wid
     bar_beside(axes, shown, unit, ticks=levels if by_powers else 5)
     if most > FLAT * least:
         lines = axes.contour(u, v, values, levels=levels or [float(np.median(known))], colors=PALE, linewidths=1.3)
-        for text in axes.clabel(lines, fontsize=11, fmt=f"%g {unit}".rstrip()):
+        for text in axes.clabel(lines, fontsize=11, fmt=f"%.3g {unit}".rstrip()):
             text.set_bbox({"facecolor": DEEP, "edgecolor": "none", "pad": 1.5, "alpha": 0.75})
 
 
