@@ -88,7 +88,8 @@ def measure(
     if not sets or any(len(one.points.face) != target.ring_count for one in sets):
         raise ValueError("observations of the target's own rings are needed")
     points = known_points(target)
-    started = [solve(replace(one, points=points), model, options.solve) for one in sets]
+    # Beside a target that is not as designed, residuals say nothing of the sigmas: the stated ones stand.
+    started = [solve(replace(one, points=points), model, options.solve, noise_px2=one.cov_px2) for one in sets]
     ties = [tie_parameters(model, options.solve)] * len(started)
     return _measured(_Start(started, ties), target, options, lengths, begin)
 

@@ -149,15 +149,19 @@ def _add_scores(filled: int, rows: Floats, score: Floats, leverage: Floats) -> N
 
 @jit_sums
 def _add_tone(white: float, pixels: Floats, first: int, filled: int, rows: Floats, total: Floats) -> None:
-    """Add products of a chunk's equations, and of what a tone curve would change, `y ln(y / white)`, as one more row.
+    """Add products of a chunk's equations and of two rows more: of a tone curve, and of edges that move into the ink.
 
-    # (PARAMETERS + 2, 4 K)
+    A tone curve changes levels y by `y ln(y / white)`: all edges move by as many pixels, and their profile is skewed. A
+    ring that is seen straight on takes up the first, and what is left, the skewness, any lens and any program has,
+    too. So only the first is asked for, which slanted rings show.
+    # (PARAMETERS + 3, 4 K)
     """
     for k in range(filled):
         level = (pixels[2, first + k] - rows[RESIDUAL + k]) / white
         level = LEAST_LEVEL if level < LEAST_LEVEL else level
         rows[DISTANCE + k] = white * level * np.log(level)
-    add_products(rows, PARAMETERS + 1, filled, total)
+        rows[PLACE + k] = -np.sqrt(rows[k] * rows[k] + rows[CHUNK + k] * rows[CHUNK + k])
+    add_products(rows, PARAMETERS + 2, filled, total)
 
 
 @jit
@@ -167,15 +171,14 @@ def _tone(total: Floats, information: Floats, noise2: float, tone: Floats) -> No
     for i in range(2):
         for j in range(2):
             normal[M0 + i, M0 + j] += information[i, j] * noise2
-    by_tone = total[PARAMETERS + 1, :PARAMETERS].copy()
-    if not cholesky_solve(normal, by_tone, taken):
+    if not cholesky_solve(normal, total[PARAMETERS + 2, :PARAMETERS].copy(), taken):
         return
-    square, product = total[PARAMETERS + 1, PARAMETERS + 1], total[PARAMETERS + 1, PARAMETERS]
+    product, residual = total[PARAMETERS + 2, PARAMETERS + 1], total[PARAMETERS + 2, PARAMETERS]
     for i in range(PARAMETERS):
-        square -= taken[i] * by_tone[i]
+        product -= taken[i] * total[PARAMETERS + 1, i]
         # The line's pull on m is in balance with its prior.
-        product -= 0.0 if i in (M0, M1) else taken[i] * total[PARAMETERS, i]
-    tone[0], tone[1] = square / noise2, -product / noise2
+        residual -= 0.0 if i in (M0, M1) else taken[i] * total[PARAMETERS, i]
+    tone[0], tone[1] = product / noise2, -residual / noise2
 
 
 @jit_sums
@@ -251,7 +254,7 @@ def score_ring(
     by_place = score.reshape((2 * STRETCHES, 2))
     parameters, bend = parameters_of(p), bend_of(q)
     is_ring = p[RATIO] > 0.0
-    total = np.zeros((PARAMETERS + 2, PARAMETERS + 5))
+    total = np.zeros((PARAMETERS + 3, PARAMETERS + 5))
     even = uu = uv = vv = 0.0
     for first in range(0, count, CHUNK):
         filled = min(CHUNK, count - first)
@@ -260,7 +263,7 @@ def score_ring(
         even, uu, uv, vv = even + sums[0], uu + sums[1], uv + sums[2], vv + sums[3]
         if is_ring:
             _add_scores(filled, rows, by_place, leverage)
-        if is_ring and has_tone:
+        if is_ring and has_tone:  # over the rows of distances and places, which nobody needs any more
             _add_tone(p[WHITE], pixels, first, filled, rows, total)
     scale = count / (count - PARAMETERS)
     center[0, 0], center[0, 1], center[1, 1] = scale * uu, scale * uv, scale * vv

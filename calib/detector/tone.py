@@ -1,10 +1,10 @@
 """The tone curve of a photo: `light = level ** exponent`, one number from all rings, and the photo without it.
 
 Cameras write levels that are no light: gamma, sRGB, or a curve on top. A lens blurs light, and the ring model adds it
-up: through a curve edges are no blurred steps, rings look larger or smaller than they are, and residuals along all
-edges go together. Of a small change d of the exponent levels y change by `d y ln y`; what of that a ring's own
-parameters do not take up is told by its residuals (a score test; Cox and Hinkley 1974, section 9.3), by all rings of a
-photo to a hundredth. A curve that is no power is taken for the power most like it between ink and white.
+up: through a curve all edges move by as many pixels, and their profiles are skewed. Of a small change d of the exponent
+levels y change by `d y ln y`. As skewed profiles have other causes, too, that is held against the residuals by an
+instrument: edges that move alike, less what a ring's own parameters take up. A curve that is no power is taken for the
+power most like it between ink and white.
 """
 
 from collections.abc import Callable
@@ -14,22 +14,26 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.detector.candidates import semi_axes_px
 from calib.detector.ring_fit import RingFits
-from calib.detector.ring_model import DARKNESS, INK_LIGHT_U, INK_LIGHT_V, LIGHT_U, LIGHT_V, WHITE
+from calib.detector.ring_model import BLUR, DARKNESS, E00, E11, INK_LIGHT_U, INK_LIGHT_V, LIGHT_U, LIGHT_V, RATIO, WHITE
 
 Floats: TypeAlias = NDArray[np.float64]
 Image: TypeAlias = NDArray[np.generic]
 Fit: TypeAlias = Callable[[Image, Floats, NDArray[np.int64]], RingFits]
 
-LEAST = 0.35
-"""From 1: lenses whose blur is no Gaussian, out of focus most, look like exponents of up to 1.2 (rendered)."""
+LEAST, MOST = 0.8, 2.2
+"""From 1: of usual encodings it is 1.2, with a curve on top up to 1.7. What else leaves a trace alike comes to .75
+(whites cut off), or is far more."""
 SURE = 5.0
 """Standard deviations, by how rings of a photo differ."""
 FEWEST, ENOUGH = 12, 40
 """Rings, that tell it and that suffice for it."""
 ROUNDS, SAME = 4, 0.15
 """After a step this small the next would be by a hundredth."""
-LIMITS = 0.4, 4.0
+LIMITS = 1.0, 3.5
+WIDE = 4.0
+"""The hole's smaller semi-axis in blurs, of rings that tell it: in narrower ones opposite edges run into each other."""
 
 
 def some_of(able: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -40,10 +44,16 @@ def some_of(able: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return some
 
 
+def _told(fits: RingFits, is_sound: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Rings that were asked and that can tell.  # (N,)"""
+    hole_px = fits.params[:, RATIO] * semi_axes_px(fits.params[:, E00 : E11 + 1])[1]
+    return np.asarray(is_sound & (fits.scores.tone[:, 0] != 0) & (hole_px > WIDE * fits.params[:, BLUR]))
+
+
 def change_of_exponent(fits: RingFits, is_sound: NDArray[np.bool_]) -> tuple[float, float]:
     """By what factor the exponent is to be changed, less 1, and its standard deviation; 0 and infinite: not told."""
-    information, score = fits.scores.tone[is_sound & (fits.scores.tone[:, 0] > 0)].T
-    if len(score) < FEWEST:
+    information, score = fits.scores.tone[_told(fits, is_sound)].T
+    if len(score) < FEWEST or not information.sum() > 0:
         return 0.0, np.inf
     change = float(score.sum() / information.sum())
     return change, float(np.linalg.norm(score - change * information) / information.sum())
@@ -61,9 +71,9 @@ def without_tone(
         fit: of some rows (K,) in another image, from parameters (K, 15).
     """
     change, sigma = change_of_exponent(fits, is_sound)
-    if abs(change) < max(LEAST, SURE * sigma):
+    if not max(LEAST, SURE * sigma) < change < MOST:
         return None
-    rows = np.flatnonzero(is_sound & (fits.scores.tone[:, 0] > 0))
+    rows = np.flatnonzero(_told(fits, is_sound))
     full, exponent = float(np.median(fits.params[is_sound, WHITE])), 1.0
     for _ in range(ROUNDS):
         # To twice or half as much at most: the step is to first order.
@@ -72,7 +82,7 @@ def without_tone(
             break
         there = fit(_in_light(image, exponent, full), _starts(fits.params[rows], exponent, full), rows)
         change, sigma = change_of_exponent(there, there.ok)
-    if not (np.isfinite(sigma) and abs(exponent - 1) > LEAST):
+    if not (np.isfinite(sigma) and exponent > 1 + 0.5 * LEAST):
         return None
     return _in_light(image, exponent, full), _starts(fits.params, exponent, full)
 

@@ -43,8 +43,8 @@ def solve(
         observations: what was seen; every view has four points or more that are not on a line.
         model: a camera model that is its parameters alone.
         options: weights, losses, fixed and shared parameters.
-        noise_px2: of the observations (M, 2, 2), by which it is told what is far off; None: the covariances they have,
-            which may also stand for weights.
+        noise_px2: of the observations (M, 2, 2), by which it is told what is far off, and which stand whatever the
+            residuals say; None: the covariances they have, which may also stand for weights.
 
     Raises:
         InputError: fewer equations than unknowns, no view whose pose can be found, or options that do not fit.

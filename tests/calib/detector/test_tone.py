@@ -45,7 +45,7 @@ def undone(rings: Mosaic, image: Image) -> Image | None:
     return None if there is None else there[0]
 
 
-@pytest.mark.parametrize("exponent", [0.5, 1.8, 2.4])
+@pytest.mark.parametrize("exponent", [2.0, 2.4])
 @pytest.mark.parametrize("kind", [np.uint8, np.float32])
 def test_a_power_is_told_to_a_tenth(rings: Mosaic, exponent: float, kind: type[np.generic]) -> None:
     """Of bytes and floats: what comes out is light, in proportion."""
