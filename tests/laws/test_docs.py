@@ -96,7 +96,7 @@ def test_camera_format_of_a_file_and_a_line_reads_what_it_writes(
     monkeypatch.setitem(sys.modules, "calib.interop.six", example("FORMAT"))
     monkeypatch.setattr(FORMATS, "_names", [*FORMATS, "six"])
     camera = Camera("pinhole", np.array([1400.1, 1390.2, 640.3, 481.4]), (1280, 960))
-    place = calib.convert(camera, "six").save(tmp_path / "camera.six")
+    (place,) = calib.convert(camera, "six").save(tmp_path / "camera.six")
     back = calib.load_camera(place)
     assert back.image_size == camera.image_size
     np.testing.assert_array_equal(back.params, camera.params)
