@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from calib.api.evaluating import EvaluationResult, evaluate
     from calib.api.hand_eye import hand_eye, turntable
     from calib.api.measuring import MeasureResult, RescaledTarget, measure, rescale
-    from calib.api.posing import pose
     from calib.api.rendering import RenderedPhotos, render
     from calib.api.rendering_rigs import RenderedRig, render_rig
     from calib.api.rig_observing import load_rig_observations
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
     from calib.app.diff import Difference, diff
     from calib.app.inputs import load_camera, load_observations, load_rig
     from calib.app.plan import PhotoPlan, plan
+    from calib.app.pose import Poses, pose
     from calib.app.triangulate import Triangulation, triangulate
     from calib.app.undistort import UndistortedPhotos, Undistorter, undistort, undistort_photos
     from calib.cameras.camera import Camera
@@ -44,9 +44,7 @@ if TYPE_CHECKING:
     from calib.core.types import Detections, Observations, RigObservations
     from calib.guide.guide import Guide
     from calib.guide.rig_guide import RigGuide
-    from calib.observe.target_poses import PoseResult
     from calib.records.hand_eye_file import HandEye
-    from calib.records.rig_poses_file import RigPoseResult
     from calib.renderer.options import RenderOptions
     from calib.solver.calibration import Calibration
     from calib.space.sightings import PointSightings
@@ -73,7 +71,7 @@ __all__ = [
     "Observations",
     "PhotoPlan",
     "PointSightings",
-    "PoseResult",
+    "Poses",
     "RenderOptions",
     "RenderedPhotos",
     "RenderedRig",
@@ -82,7 +80,6 @@ __all__ = [
     "RigBootstrapResult",
     "RigGuide",
     "RigObservations",
-    "RigPoseResult",
     "RigResult",
     "RigToleranceResult",
     "RunResult",
@@ -181,7 +178,6 @@ _HOMES = {
         "measure",
         "rescale",
     ),
-    "calib.api.posing": ("pose",),
     "calib.api.rendering": (
         "RenderedPhotos",
         "render",
@@ -212,6 +208,10 @@ _HOMES = {
         "PhotoPlan",
         "plan",
     ),
+    "calib.app.pose": (
+        "Poses",
+        "pose",
+    ),
     "calib.app.triangulate": (
         "Triangulation",
         "triangulate",
@@ -235,9 +235,7 @@ _HOMES = {
     ),
     "calib.guide.guide": ("Guide",),
     "calib.guide.rig_guide": ("RigGuide",),
-    "calib.observe.target_poses": ("PoseResult",),
     "calib.records.hand_eye_file": ("HandEye",),
-    "calib.records.rig_poses_file": ("RigPoseResult",),
     "calib.renderer.options": ("RenderOptions",),
     "calib.solver.calibration": ("Calibration",),
     "calib.space.sightings": ("PointSightings",),

@@ -19,6 +19,7 @@ TASKS: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 """The commands by what they are for; each is the function of its name in the module of its name."""
 LINES = {
+    "pose": "Find where a known camera stood, and how surely.",
     "target": "Read a target file and say what it holds, or make one of a table of points.",
     "warm-up": "Compile all kernels now, on all cores, so that no later command has to.",
     "diff": "Compare two cameras: how far apart they see the same light.",

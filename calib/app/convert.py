@@ -290,12 +290,12 @@ def convert(
     from calib.interop.holding import fit_to_format
     from calib.interop.reading import find_format
     from calib.interop.rigs.reading import find_rig_format, require_unit
-    from designer.page.output import output_of
+    from designer.page.output import asked_output
 
     zero, names = _lens_parameters(several("--without", without)), several("--cameras", cameras)
     # What somebody asked for by name is theirs to judge.
     accepted_px = (math.inf if model or lens or zero else ACCEPTED_PX) if accept_px is None else accept_px
-    output, is_object = None if out is None else output_of(out), isinstance(camera, Camera | Rig)
+    output, is_object = asked_output(out), isinstance(camera, Camera | Rig)
     if isinstance(camera, Rig):
         rig: OpenedRig | None = opened_rig(camera)
     else:

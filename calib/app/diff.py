@@ -156,8 +156,9 @@ def diff(
     from calib.cameras.refit import camera_difference
     from calib.cameras.rig import Rig
     from calib.rigs.compared import compare_rigs
-    from designer.page.output import output_of
+    from designer.page.output import asked_output
 
+    output = asked_output(out)
     names = [fspath(one) if isinstance(one, str | PathLike) else f"a {type(one).__name__.lower()}" for one in (a, b)]
     found = [
         opened_rig(one) if isinstance(one, Rig) else None if isinstance(one, Camera) else rig_named(one)
@@ -170,14 +171,13 @@ def diff(
             f"{rig}: is a rig, {camera} none; name one of its cameras, as in {rig}#{rigs[0].read.rig.names[0]}"
         )
     if rigs:
-        if radius_px is not None or out is not None:
+        if radius_px is not None or output is not None:
             raise InputError("--radius and --picture are of two cameras; leave them out, or name cameras: RIG#NAME")
         apart = compare_rigs(rigs[0].read.rig, rigs[1].read.rig)
         alone = [(f"alone has {', '.join(only)}",) if only else () for only in apart.only]
         lines = [(*one.read.remarks, *only) for one, only in zip(rigs, alone, strict=True)]
         return Difference((names[0], names[1]), (rigs[0], rigs[1]), None, apart, None, _remarks(names, lines))
     first, second = (opened_camera(cast("Camera | Place", one)) for one in (a, b))
-    output = None if out is None else output_of(out)
     if output is not None:
         _check_picture(output.place, (first, second))
     difference = camera_difference(first.read.camera, second.read.camera, radius_px=radius_px)

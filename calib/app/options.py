@@ -24,6 +24,9 @@ Photos = Annotated[
     "Place | Iterable[Place]", argument("images, folders of images, or patterns such as 'run/*.png'", is_many=True)
 ]
 PhotoJobs = Annotated[int | None, option("photos at a time, all in memory (default: one per core)", 1, MOST_JOBS)]
+Weighted = Annotated[
+    bool, option("weigh observations by the covariances they state, or all alike", off="--unweighted")
+]  # fmt: skip
 Limits = Annotated[
     "Criteria | Place",
     option(

@@ -97,20 +97,20 @@ def target(
         InputError: a file or a table that breaks a rule, or a place that holds something else.
     """
     from calib.app.inputs import target_of
-    from designer.page.output import output_of
+    from designer.page.output import asked_output
     from designer.target import bounding_radius_mm
 
+    output = asked_output(out)
     if points is None:
         if file is None:
             raise InputError("no target: give a target file, or a table of points with --from")
-        lost = {"-o": out, "--planes": planes, "--diameter": diameter_mm, "--inside": inside or None}
+        lost = {"-o": output, "--planes": planes, "--diameter": diameter_mm, "--inside": inside or None}
         if given := [name for name, value in lost.items() if value is not None]:
             raise InputError(f"{given[0]}: belongs to --from POINTS.csv, which is missing")
         geometry, name = target_of(file), fspath(file) if isinstance(file, str | PathLike) else "the target"
     else:
-        if file is not None or out is None:
+        if file is not None or output is None:
             raise InputError("--from: makes a file: give -o NAME.target.json, and no other target")
-        output = output_of(out)
         geometry, name = _of_points(points, planes, diameter_mm or 0.0, output, is_inside=inside), str(output.place)
     dots = int(geometry.is_dot.sum())
     return TargetContents(

@@ -2,19 +2,17 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from calib.commands.folder_page import with_page
 from calib.show.photos.photos_file import ToldPhotos, told_table, write_photos
-from designer.base.answer import Summary, Value
-from designer.base.codec import encode
+from designer.base.answer import Summary
 from designer.base.words import printable
 from designer.page.terminal import few_rows, say_findings, say_headline, say_table
 from designer.target import TargetGeometry
 
 if TYPE_CHECKING:
-    from calib.observe.target_poses import PoseResult, TargetPose
-    from calib.records.rig_poses_file import RigPoseResult
+    pass
 
 
 def say_photos(told: ToldPhotos, *, has_table: bool = True) -> None:
@@ -46,38 +44,3 @@ def with_photos_page(summary: Summary, folder: Path, told: ToldPhotos, target: T
         return (*kept, write_photos(folder, told))
 
     return with_page(summary, folder, told.kind, keep)
-
-
-def poses_answer(found: "PoseResult") -> dict[str, Value]:
-    """The pose of each photo with its standard deviations, or why there is none."""
-    return {
-        "target_id": found.target.geometry_id,
-        "photos": len(found.search.results),
-        "with_pose": len(found.poses),
-        "failures": list(found.search.failures),
-        "poses": [_pose(one) for one in found.poses],
-        "without_pose": [{"image": one.image, "reason": one.reason} for one in found.without_pose],
-    }
-
-
-def rig_poses_answer(found: "RigPoseResult") -> dict[str, Value]:
-    """The pose of each frame as the file has it, or why there is none."""
-    from calib.records.rig_poses_file import RigTargetPose
-
-    return {
-        "target_id": found.target.geometry_id,
-        "frames": len(found.poses) + len(found.without_pose),
-        "with_pose": len(found.poses),
-        "has_rig_covariance": found.rig.covariance is not None,
-        "failures": list(found.failures),
-        "poses": [cast("dict[str, Value]", encode(RigTargetPose, one)) for one in found.poses],
-        "without_pose": [{"frame": one.frame, "reason": one.reason} for one in found.without_pose],
-    }
-
-
-def _pose(one: "TargetPose") -> dict[str, Value]:
-    """As `poses.json` has it, under the photo's name."""
-    from calib.observe.target_poses import TargetPose
-
-    keys = cast("dict[str, Value]", encode(TargetPose, one))
-    return {"image": one.image, **{key: value for key, value in keys.items() if key != "file"}}

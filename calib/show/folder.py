@@ -37,8 +37,6 @@ KINDS: Mapping[str, str] = {
     "measure": "measured.page.measure_page",
     "coupon": "coupon.page.coupon_page",
     "photos": "photos.photos_page.photos_page",
-    "poses": "photos.photos_page.photos_page",
-    "rig_poses": "photos.photos_page.photos_page",
 }
 """What builds the page of each kind of folder: a function below `calib.show`, loaded when it is needed."""
 REPLACED = (("detections", "calibration"),)

@@ -74,11 +74,13 @@ def command_of(function: Callable[..., Result], folder: Folder | None = None) ->
         place, verbose, has_page = (given.pop(name, None) for name in (OUT, "verbose", "page"))
         values = {name: _read(parameters[name], value) for name, value in given.items() if value is not None}
         where = cast(Path, place or (folder(values) if folder else _folder_of(made)))
-        output = Output(where, where if made.is_written and not made.is_table(where) else None)
-        if OUT not in takes and made.is_written:
-            made.check(where)
-        elif place or folder or made.is_written:
+        is_asked = bool(place or folder or made.is_written)
+        page = where if made.is_written and not made.is_table(where) else None
+        output = Output(where, page, is_asked=is_asked)
+        if OUT in takes:
             values[OUT] = output
+        elif made.is_written:
+            made.check(where)
         tell = partial(told, command=command_line(), verbose=bool(verbose), has_page=has_page is not False)
         try:
             with _heard(made, has_progress=PROGRESS in takes) as heard:
@@ -144,8 +146,9 @@ def told(result: Result, output: Output, command: str, *, verbose: bool, has_pag
     page = page or result.words()
     say_page(page, verbose=verbose or not result.is_written)
     places = (output.folder, *(() if output.page is None or output.folder in output.page.parents else (output.page,)))
-    for folder in dict.fromkeys(places) if output.files else ():
-        say_written(folder, output.files)
+    for folder in dict.fromkeys(places):
+        if any(folder in path.parents for path in output.files):
+            say_written(folder, output.files)
     if remark:
         print(remark)
     again = command if result.remedy and command else ""

@@ -27,6 +27,7 @@ class Output:
     page: Path | None = None  # folder of the page; None: there is none
     files: list[Path] = field(default_factory=list)  # all that is written
     finished: list[Path] = field(default_factory=list)  # files and folders that are of use though the rest is missing
+    is_asked: bool = True  # False: nobody said where, and the place itself is not written to
     answer: "Mapping[str, Value]" = field(default_factory=dict)  # as far as it is known, if the work does not end well
 
     @property
@@ -54,3 +55,9 @@ def output_of(out: Output | str | PathLike[str]) -> Output:
         return out
     place = place_of(out, "a folder, such as '.'")
     return Output(place, place)
+
+
+def asked_output(out: Output | str | PathLike[str] | None) -> Output | None:
+    """Where somebody asked for a file; None: nobody did."""
+    output = None if out is None else output_of(out)
+    return output if output is not None and output.is_asked else None

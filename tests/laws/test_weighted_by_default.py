@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import pytest
 
+from calib.app.pose import pose
 from calib.commands.measure import measure
-from calib.commands.pose import pose
 from calib.commands.run import run
 from calib.commands.solve import solve
 from calib.commands.study import bootstrap

@@ -24,11 +24,11 @@ from calib.records.calibration_file import CalibrationRecord, Provenance, Solved
 from calib.records.coupon import CouponRecord, ReadPicture
 from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummary
 from calib.records.rig_file import HeldCamera, RigRecord, SolvedFrame
-from calib.records.rig_poses_file import CameraResidual, FrameWithoutPose, RigPosesDocument, RigTargetPose
 from calib.renderer.options import RenderOptions
 from calib.renderer.truth import FileOptions, RigTruth, TrueFrame, TrueView, Truth
 from calib.rigs.halves import PairApart, RigHalves, RigSplit
 from calib.rigs.result import CarrierFit
+from calib.rigs.rig_poses_file import CameraResidual, FrameWithoutPose, RigPosesDocument, RigTargetPose
 from calib.show.parts.origin import Origin
 from calib.show.photos.photos_file import ToldPhoto, ToldPhotos, ToldSection
 from calib.solver.calibration import ImageField, MadeWith, TargetError

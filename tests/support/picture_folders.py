@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.app.detect import DetectedPhotos
+from calib.app.pose import Poses
 from calib.cameras.camera import Camera
 from calib.core.types import TOO_FLAT, Detections, FaceRecord
 from calib.observe.photos import PhotoFile, PhotoResult, Search
@@ -16,7 +17,6 @@ from calib.show.parts.kept_target import keep_target
 from calib.show.parts.origin import Origin
 from calib.show.photos.photos_file import write_photos
 from calib.show.photos.photos_page import photos_page
-from calib.show.photos.posed_photos import told_posed
 from calib.show.photos.rendered_photos import told_rendered
 from designer.page.blocks import Page
 from designer.target import TargetGeometry
@@ -95,8 +95,8 @@ def overlaid(folder: Path) -> Page:
     return detected(folder, [result(f"{name[0]}.png", [face(40, 40, flat=3)], name) for name in names])
 
 
-def posed(folder: Path, rms_px: Sequence[float] = (0.02, 0.03, 0.09), reasons: Sequence[str] = ("none",)) -> None:
-    """What `calib pose --overlay` leaves: photos with so much left over, and others without a pose."""
+def posed(folder: Path, rms_px: Sequence[float] = (0.02, 0.03, 0.09), reasons: Sequence[str] = ("none",)) -> Poses:
+    """What `calib pose --overlay` finds: photos with so much left over, and others without a pose."""
     names = [f"{row}.png" for row in range(len(rms_px) + len(reasons))]
     overlays = {name: f"{Path(name).stem}.pose.overlay.png" for name in names[: len(rms_px)]}
     pictures(folder, list(overlays.values()))
@@ -106,9 +106,9 @@ def posed(folder: Path, rms_px: Sequence[float] = (0.02, 0.03, 0.09), reasons: S
     )
     why = tuple(map(PhotoWithoutPose, names[len(rms_px) :], reasons))
     search = Search(ICO, tuple(result(name) for name in names), (), 0, 1.0)
-    made = PoseResult(ICO, CAMERA, search, found, why)
-    write_photos(folder, told_posed(made, Path("my.target.json"), "camera.json", Path("poses.json"), overlays))
-    keep_target(folder, ICO, is_again=True)
+    found_poses = PoseResult(ICO, CAMERA, search, found, why)
+    by_photo = {("", name): path for name, path in overlays.items()}
+    return Poses(found_poses, "my.target.json", "camera.json", Path("poses.json"), folder, by_photo)
 
 
 def page_of(kind: str, folder: Path) -> Page:
@@ -117,5 +117,5 @@ def page_of(kind: str, folder: Path) -> Page:
 
 
 MAKERS: dict[str, Callable[[Path], object]] = {
-    "photos": rendered, "poses": posed
+    "photos": rendered
 }  # fmt: skip

@@ -29,10 +29,8 @@ half, something is wrong with target file, light or focus, and what was found is
 SHARE_RULE = f"good from {100 * GOOD_SHARE:.0f} %, usable from {100 * USABLE_SHARE:.0f} %"
 _WORST_FIRST: tuple[Level, ...] = ("bad", "usable", "good")
 MOST_PHOTOS = 100_000
-Kind: TypeAlias = Literal["photos", "poses", "rig_poses"]
-KIND_WORDS: Mapping[Kind, str] = {
-    "photos": "Rendered photos", "poses": "Camera poses", "rig_poses": "Poses before a rig",
-}  # fmt: skip
+Kind: TypeAlias = Literal["photos"]
+KIND_WORDS: Mapping[Kind, str] = {"photos": "Rendered photos"}  # fmt: skip
 
 
 def level_of_share(share: float) -> Level:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from calib.show.parts.gallery import Shot, gallery, is_there, spread, title_of_pictures
@@ -10,6 +11,7 @@ from calib.show.parts.origin import Origin
 from calib.show.photos.photos_file import KIND_WORDS, ToldPhotos, ToldSection, read_photos, told_table
 from designer.page.blocks import Block, Command, Facts, Findings, Page, Section
 from designer.page.folders import files_section, warnings
+from designer.target import TargetGeometry
 
 
 def photos_page(folder: Path, origin: Origin) -> Page:
@@ -19,20 +21,34 @@ def photos_page(folder: Path, origin: Origin) -> Page:
         InputError: `photos.json` cannot be read; the message names it.
     """
     told = read_photos(folder)
-    places, wrong = _places(folder, told)
+    target, wrong = kept_target(folder, told.geometry_id) if told.camera is not None and told.posed else (None, "")
+    page = page_told(told, folder, target, wrong)
+    files = files_section(folder, told.files, Command("calib report .", "in this folder: makes this page again"))
+    return replace(
+        page, title=title_of_pictures(folder), kind=KIND_WORDS[told.kind], sections=(*page.sections, files),
+        made_by=origin.command, program=origin.program,
+    )  # fmt: skip
+
+
+def page_told(told: ToldPhotos, folder: Path | None, target: TargetGeometry | None, wrong: str = "") -> Page:
+    """What is told of photos, as a page.
+
+    Args:
+        told: of the photos.
+        folder: of their pictures; None: there are none.
+        target: that they show; None: it is not drawn.
+        wrong: why it is not, where it should be.
+    """
+    pictures = () if folder is None else gallery(folder, _shots(told), told.order)
     blocks: tuple[Block, ...] = (
-        *((Findings(told.notes),) if told.notes else ()), *warnings("File", (wrong,) if wrong else ()),
-        *gallery(folder, _shots(told), told.order),
-        *((told_table(told, lambda path: is_there(folder, path)),) if told.columns else ()),
+        *((Findings(told.notes),) if told.notes else ()), *warnings("File", (wrong,) if wrong else ()), *pictures,
+        *((told_table(told, lambda path: folder is not None and is_there(folder, path)),) if told.columns else ()),
     )  # fmt: skip
     sections = (
-        *map(_section, told.before), Section("Photos", blocks, lead=told.lead), *places, *map(_section, told.after),
-        files_section(folder, told.files, Command("calib report .", "in this folder: makes this page again")),
+        *map(_section, told.before), Section("Photos", blocks, lead=told.lead),
+        *(() if folder is None else _places(told, target)), *map(_section, told.after),
     )  # fmt: skip
-    return Page(
-        title=title_of_pictures(folder), kind=KIND_WORDS[told.kind], headline=told.headline, sections=sections,
-        lead=(Facts(told.facts),), made_by=origin.command, program=origin.program,
-    )  # fmt: skip
+    return Page("", "", told.headline, sections, lead=(Facts(told.facts),))
 
 
 def _section(part: ToldSection) -> Section:
@@ -49,14 +65,12 @@ def _shots(told: ToldPhotos) -> Sequence[Shot]:
     return shots if is_sorted else spread(shots)
 
 
-def _places(folder: Path, told: ToldPhotos) -> tuple[tuple[Section, ...], str]:
-    """Where the photos were taken, around the target if it lies there; and why it is not used if it is no use."""
+def _places(told: ToldPhotos, target: TargetGeometry | None) -> tuple[Section, ...]:
+    """Where the photos were taken, around the target if that is known."""
     if told.camera is None or not told.posed:
-        return (), ""
+        return ()
     from calib.show.photos.place_scene import place_view, place_words  # slow to load, and of no use to detections
 
-    target, wrong = kept_target(folder, told.geometry_id)
-    camera = told.camera
     names = tuple(f"{photo.name}: {photo.caption}" for photo in told.posed)
-    view = place_view(target, camera, told.cam_from_target, names)
-    return (Section("Camera positions", (view,), lead=place_words(target, told.cam_from_target)),), wrong
+    view = place_view(target, told.camera, told.cam_from_target, names)
+    return (Section("Camera positions", (view,), lead=place_words(target, told.cam_from_target)),)

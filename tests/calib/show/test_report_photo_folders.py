@@ -260,14 +260,12 @@ def test_detections_outside_are_told_and_inside_are_linked(tmp_path: Path) -> No
 )  # fmt: skip
 def test_levels_of_poses(rms_px: tuple[float, ...], reasons: tuple[str, ...], level: str, tmp_path: Path) -> None:
     """By the share of photos with a pose, and by what is left over in the median one."""
-    posed(tmp_path, rms_px, reasons)
-    assert headline(page_of("poses", tmp_path))[0] == level
+    assert headline(posed(tmp_path, rms_px, reasons).page())[0] == level
 
 
 def test_the_worst_pose_comes_first(tmp_path: Path) -> None:
     """It is marked if it stands out, and photos without a pose have their reason."""
-    posed(tmp_path, (0.02, 0.09, 0.03), ("too few rings",))
-    page = page_of("poses", tmp_path)
+    page = posed(tmp_path, (0.02, 0.09, 0.03), ("too few rings",)).page()
     worst = the_gallery(page).pictures[0]
     assert (worst.name, worst.level) == ("1.png", "usable")
     assert "3.png: too few rings" in page_html(page).decode()

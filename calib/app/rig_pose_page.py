@@ -1,21 +1,17 @@
 """What `calib pose --rig` tells: where the target is in the rig's frame, how surely, what each camera leaves over."""
 
 import math
-import os
 from collections.abc import Mapping
-from pathlib import Path
-from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.core.se3 import transform
+from calib.app.pose_page import WORDS
 from calib.observe.photos import PhotoResult
-from calib.observe.target_poses import PoseResult, target_pose
-from calib.records.rig_poses_file import CameraResidual, RigPoseResult, RigTargetPose
+from calib.rigs.rig_poses_file import CameraResidual, RigPoseResult, RigTargetPose
 from calib.show.parts.gallery import STANDS_OUT, shortened
 from calib.show.parts.kept_target import target_words
 from calib.show.photos.photos_file import (
-    PHOTOS_FILE,
     SHARE_RULE,
     ToldPhoto,
     ToldPhotos,
@@ -23,18 +19,19 @@ from calib.show.photos.photos_file import (
     level_of_share,
     worst_level,
 )
-from calib.show.photos.posed_photos import WORDS
 from designer.base.number_text import figure as digits
 from designer.base.number_text import with_digits
 from designer.base.words import printable
-from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph, Table
+from designer.page.blocks import Cell, Column, Finding, Findings, Headline, Level, Table
 from designer.page.folders import number, some_of, whole
+
+if TYPE_CHECKING:
+    from calib.app.pose import Poses
 
 GOOD_EXCESS, USABLE_EXCESS = 1.5, 3.0
 """Residuals in what noise and the rig's own errors let expect, in the median frame. What exceeds them is no error that
 a covariance holds: a camera that was moved, photos that were not taken at once, another target."""
 CLOCKS = "The rig's cameras are not synchronous: the target must stand still in each frame."
-FILES = ((PHOTOS_FILE, "what this page is built from: poses and standard deviations"),)
 COLUMNS = (
     Column("frame", is_number=False),
     Column("rings"),
@@ -55,35 +52,20 @@ POSE_COLUMNS = (
 )  # fmt: skip
 
 
-def told_before_rig(
-    found: RigPoseResult,
-    target: Path,
-    rig_file: Path,
-    out: Path | None = None,
-    overlays: Mapping[tuple[str, str], str] = MappingProxyType({}),
-) -> ToldPhotos:
-    """What is to be said of frames in which poses were searched.
-
-    Args:
-        found: the poses.
-        target: the target's file.
-        rig_file: the rig's.
-        out: the file of poses; None: there is none.
-        overlays: paths of pictures in the page's folder, by names of camera and photo.
-    """
+def told_before_rig(made: "Poses", found: RigPoseResult) -> ToldPhotos:
+    """What is to be said of frames in which poses were searched."""
     rows = _checks(found)
     frames = {(one.camera, one.image): (pose.frame, one) for pose in found.poses for one in pose.cameras}
     without = [*found.failures, *(f"{one.frame}: {shortened(one.reason)}" for one in found.without_pose)]
     return ToldPhotos(
-        "rig_poses", _headline(found, rows), _facts(found, target, rig_file, out), COLUMNS,
+        "photos", _headline(found, rows), _facts(made, found), COLUMNS,
         tuple(
-            _photo(name, result, frames.get((name, result.photo.name)), overlays, found.usual_px)
+            _photo(name, result, frames.get((name, result.photo.name)), made.overlays, found.usual_px)
             for name, one in zip(found.photos.camera_names, found.searches, strict=True)
             for result in one.results
         ),
-        "The photos with the largest residuals first.", FILES, lead=_camera_words(found),
+        "The photos with the largest residuals first.", (), lead=_camera_words(found),
         notes=(
-            *(Finding("note", "Photos", printable(line)) for line in found.photos.remarks),
             *((Finding("note", "Clocks", CLOCKS),) if found.rig.delay_s is not None else ()),
             *(Finding("usable", "No pose", line) for line in some_of(without)),
         ),
@@ -92,7 +74,6 @@ def told_before_rig(
             ToldSection("Can the poses be used?", (Findings(rows),), "The headline is the worst of these."),
             *((ToldSection("The target in the rig's frame", (poses_table(found),)),) if found.poses else ()),
         ),
-        after=(ToldSection("Next", (_next(out),)),),
         geometry_id=found.target.geometry_id,
     )  # fmt: skip
 
@@ -151,12 +132,12 @@ def _headline(found: RigPoseResult, rows: tuple[Finding, ...]) -> Headline:
     return Headline(level, WORDS[level], sentence)
 
 
-def _facts(found: RigPoseResult, target: Path, rig_file: Path, out: Path | None) -> tuple[tuple[str, str], ...]:
+def _facts(made: "Poses", found: RigPoseResult) -> tuple[tuple[str, str], ...]:
     return (
-        ("target", f"{target} ({target_words(found.target)})"),
-        ("rig", f"{rig_file} ({len(found.rig.names)} cameras)"),
+        ("target", f"{made.target_named} ({target_words(found.target)})"),
+        ("rig", f"{made.taken_by} ({len(found.rig.names)} cameras)"),
         ("photos", f"{len(found.photos.photos)}, by {len(found.photos.camera_names)} cameras"),
-        ("written to", "nowhere: add -o poses.json" if out is None else os.fspath(out)),
+        ("written to", "nowhere: add -o poses.json" if made.place is None else str(made.place)),
     )
 
 
@@ -187,31 +168,3 @@ def _photo(
     caption = f"{one.rings} rings, RMS {digits(one.rms_px, 2)} px"
     badness = one.rms_px if math.isfinite(one.rms_px) else None
     return ToldPhoto(name, cells, overlays.get((camera, result.photo.name), ""), caption, level, badness)
-
-
-def _next(out: Path | None) -> Command | Paragraph:
-    if out is None:
-        return Command("calib pose ... -o poses.json", "the same command with -o keeps the poses as a file")
-    return Paragraph(f"The poses are in {out}: rig_from_target and its covariance, frame by frame.")
-
-
-def posed_alone(found: RigPoseResult, number: int) -> PoseResult:
-    """What one camera saw, with the poses that all cameras together tell: for pictures of its photos.
-
-    Args:
-        found: the poses in the rig's frame.
-        number: of the camera, in the order of its photos' folders.
-    """
-    name, search = found.photos.camera_names[number], found.searches[number]
-    row = found.rig.row(name)
-    camera, cam_from_rig = found.rig.cameras[row], found.rig.cam_from_rig[row]
-    turn = np.kron(np.eye(2), cam_from_rig[:3, :3])
-    seen = {one.image: one for one in search.detections}
-    poses = []
-    for pose in found.poses:
-        for one in (one for one in pose.cameras if one.camera == name):
-            cam_from_target = cam_from_rig @ pose.rig_from_target
-            place = transform(cam_from_target, found.target.center_mm[seen[one.image].ring])
-            off = camera.project(place) - seen[one.image].center_px
-            poses.append(target_pose(one.image, cam_from_target, turn @ pose.covariance @ turn.T, off))
-    return PoseResult(found.target, camera, search, tuple(poses), ())

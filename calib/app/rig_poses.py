@@ -4,29 +4,28 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.api.rig_observing import RigSearch, photos_of_rig, rig_input, search_with_lenses
 from calib.app.inputs import Place, rig_of, target_of
 from calib.cameras.rig import Rig
+from calib.core.se3 import transform
 from calib.core.types import Detections
 from calib.observe.photos import images_in
 from calib.observe.rig_photos import RigPhotos
-from calib.observe.target_poses import TOO_FEW, target_poses
-from calib.records.rig_poses_file import CameraResidual, FrameWithoutPose, RigPoseResult, RigTargetPose
+from calib.observe.target_poses import TOO_FEW, PoseResult, target_pose, target_poses
+from calib.rigs.rig_poses_file import CameraResidual, FrameWithoutPose, RigPoseResult, RigTargetPose
 from calib.rigs.target_pose import CameraSight, RigPose, pose_in_rig
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import printable
 from designer.page.progress import Progress
 from designer.target import TargetGeometry
 
-Array = NDArray[np.float64]
-
 NOT_SEEN = "no camera shows the target"
 """Why a frame has no pose."""
 
 
-def pose_before_rig(
+def poses_before_rig(
     target: TargetGeometry | Place,
     rig: Rig | Place,
     photos: Place | Iterable[Place],
@@ -35,7 +34,7 @@ def pose_before_rig(
     jobs: int | None,
     progress: Progress,
 ) -> RigPoseResult:
-    """What `pose` does of a rig.
+    """What `calib.pose` does of a rig.
 
     Raises:
         InputError: files that cannot be read, or a camera that is not in the rig.
@@ -130,3 +129,25 @@ def _rms(residual_px: Array) -> float:
     """Root mean square length, of the sightings that count; nan of none."""
     known = residual_px[np.isfinite(residual_px).all(axis=1)]
     return float(np.sqrt((known**2).sum(axis=1).mean())) if len(known) else np.nan
+
+
+def posed_alone(found: RigPoseResult, number: int) -> PoseResult:
+    """What one camera saw, with the poses that all cameras together tell: for pictures of its photos.
+
+    Args:
+        found: the poses in the rig's frame.
+        number: of the camera, in the order of its photos' folders.
+    """
+    name, search = found.photos.camera_names[number], found.searches[number]
+    row = found.rig.row(name)
+    camera, cam_from_rig = found.rig.cameras[row], found.rig.cam_from_rig[row]
+    turn = np.kron(np.eye(2), cam_from_rig[:3, :3])
+    seen = {one.image: one for one in search.detections}
+    poses = []
+    for pose in found.poses:
+        for one in (one for one in pose.cameras if one.camera == name):
+            cam_from_target = cam_from_rig @ pose.rig_from_target
+            place = transform(cam_from_target, found.target.center_mm[seen[one.image].ring])
+            off = camera.project(place) - seen[one.image].center_px
+            poses.append(target_pose(one.image, cam_from_target, turn @ pose.covariance @ turn.T, off))
+    return PoseResult(found.target, camera, search, tuple(poses), ())

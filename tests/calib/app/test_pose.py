@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from calib.app.pose import Poses
+from calib.app.pose import pose as pose_command
+from calib.app.pose_page import told_posed
 from calib.cameras.camera import Camera, camera_to_json
-from calib.commands.pose import pose as pose_command
 from calib.core.se3 import exp_rotation, transform
 from calib.core.types import Detections
 from calib.observe.observations import known_points
@@ -30,12 +32,10 @@ from calib.observe.target_poses import (
     target_poses,
 )
 from calib.renderer.poses import load_poses
-from calib.show.photos.posed_photos import told_posed
 from designer.base.codec import encode
 from designer.base.errors import InputError
 from designer.target import TargetGeometry, target_to_json
 from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by
-from tests.support.command_line import PAGE
 
 Array = NDArray[np.float64]
 
@@ -208,10 +208,11 @@ def run(*photos: str, out: str | None = None, overlay: str | None = None, camera
     """The exit code of the command with the detector above."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("calib.detector.pipeline.detect", found)
-        return pose_command(
-            Path("board.target.json"), camera, list(photos), out=None if out is None else Path(out),
-            overlay=None if overlay is None else Path(overlay), weighted=False, jobs=2,
+        code: int = pose_command.as_command()(
+            target=Path("board.target.json"), camera=Path(camera), photos=photos, weighted=False, jobs="2",
+            out=None if out is None else Path(out), overlay=None if overlay is None else Path(overlay),
         ).exit_code  # fmt: skip
+        return code
 
 
 def column(said: str, image: str) -> Sequence[str]:
@@ -281,7 +282,7 @@ def test_overlays_show_the_axes_where_they_are(folder: Path) -> None:
     for _ in range(2):
         assert run("photos", overlay="photos") == 0
     names = {path.name for path in Path("photos").iterdir()}
-    beside = {"photos.json", "target.json", *PAGE}
+    beside = {"page.json", "index.html"}
     assert names - beside == {"a.png", "a.pose.overlay.jpg", "b.png", "b.pose.overlay.jpg", "c.png"}
     assert beside < names
     assert find_photos(["photos"]).overlays == 2
@@ -317,14 +318,14 @@ def test_what_the_deviations_leave_out_is_told(folder: Path, capsys: pytest.Capt
     search = Search(BOARD, (PhotoResult(PhotoFile(Path(seen.image), seen.image), seen),), (), 0, 1.0)
     for lost, said in ((0, ""), (3, "3 more rings lie where the camera knows no light")):
         found = PoseResult(BOARD, CAMERA, search, (replace(one, rings=one.rings - lost),), ())
-        assert told_posed(found, Path("t"), "c").photos[0].cells[-1].text == said
+        assert told_posed(Poses(found, "t", "c", None), found).photos[0].cells[-1].text == said
 
 
 def test_one_broken_picture_does_not_stop_the_others(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whatever breaks in drawing, the poses are written and the other pictures drawn."""
-    from calib.show.photos.pose_overlay import draw_pose
+    from calib.draw.pose_overlay import draw_pose
 
     def draw(
         pixels: NDArray[np.uint8], seen: Detections, target: TargetGeometry, camera: Camera, pose: TargetPose
@@ -333,7 +334,7 @@ def test_one_broken_picture_does_not_stop_the_others(
             raise ZeroDivisionError("flat")
         return draw_pose(pixels, seen, target, camera, pose)
 
-    monkeypatch.setattr("calib.show.photos.pose_overlay.draw_pose", draw)
+    monkeypatch.setattr("calib.draw.pose_overlay.draw_pose", draw)
     assert run("photos", overlay="o", out="poses.json") == 0
     said = capsys.readouterr().out
     assert "no overlay for a.png: ZeroDivisionError: flat" in said

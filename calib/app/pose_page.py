@@ -1,22 +1,17 @@
 """What `calib pose` tells of its photos: where the camera stood, how surely, and how large the residuals are."""
 
 import math
-import os
 from collections.abc import Mapping
-from pathlib import Path
-from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.cameras import LINEAR
-from calib.cameras.camera import Camera
 from calib.observe.photos import PhotoResult
 from calib.observe.records import common_remarks
 from calib.observe.target_poses import PoseResult, TargetPose
 from calib.show.parts.gallery import STANDS_OUT, shortened
-from calib.show.parts.kept_target import TARGET_FILE, target_words
+from calib.show.parts.kept_target import target_words
 from calib.show.photos.photos_file import (
-    PHOTOS_FILE,
     SHARE_RULE,
     ToldPhoto,
     ToldPhotos,
@@ -27,17 +22,16 @@ from calib.show.photos.photos_file import (
 from calib.show.photos.place_scene import distance_words
 from designer.base.number_text import figure as digits
 from designer.base.number_text import with_digits
-from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph
+from designer.page.blocks import Cell, Column, Finding, Findings, Headline, Level
 from designer.page.folders import number, some_of, whole
+
+if TYPE_CHECKING:
+    from calib.app.pose import Poses
 
 GOOD_RMS_PX, USABLE_RMS_PX = 0.5, 2.0
 """Of the residuals in the median photo. A ring's centre is good to a few hundredths of a pixel, so half a pixel is
 lens or target: the pose is still fine for most uses. Two pixels are another focus, camera or print."""
 WORDS: Mapping[Level, str] = {"good": "good", "usable": "usable", "bad": "do not use", "note": ""}
-FILES = (
-    (PHOTOS_FILE, "what this page is built from: poses and standard deviations"),
-    (TARGET_FILE, "the target as it was used"),
-)
 COLUMNS = (
     Column("rings"),
     Column("RMS px", note="of the distances between measured and predicted centres"),
@@ -50,43 +44,26 @@ COLUMNS = (
 )
 
 
-def told_posed(
-    found: PoseResult,
-    target: Path,
-    camera_name: str,
-    out: Path | None = None,
-    overlays: Mapping[str, str] = MappingProxyType({}),
-) -> ToldPhotos:
-    """What is to be said of photos for which poses were searched.
-
-    Args:
-        found: the poses.
-        target: the target's file.
-        camera_name: as it was given.
-        out: the file of poses; None: there is none.
-        overlays: names of pictures in the page's folder, by name of the photo.
-    """
+def told_posed(made: "Poses", found: PoseResult) -> ToldPhotos:
+    """What is to be said of photos for which poses were searched."""
     rows, poses = _checks(found), {pose.image: pose for pose in found.poses}
     reasons = {one.image: one.reason for one in found.without_pose}
     failed = [*found.search.missing, *(result.failure for result in found.search.results if result.failure)]
     searched = {seen.image for seen in found.search.detections}
     without = [*failed, *(f"{name}: {shortened(why)}" for name, why in reasons.items() if name in searched)]
     common = common_remarks([seen.remarks for seen in found.search.detections])
-    # A learned map would be most of the file, and only the pyramids are drawn: by its linear part.
-    camera = found.camera
-    drawn = camera if camera.learned is None else Camera(LINEAR, camera.params[:4], camera.image_size)
+    overlays = {image: path for (_, image), path in made.overlays.items()}
     return ToldPhotos(
-        "poses", _headline(found, rows), _facts(found, target, camera_name, out), COLUMNS,
+        "photos", _headline(found, rows), _facts(made, found), COLUMNS,
         tuple(_photo(result, poses, reasons, overlays, common, found.usual_px) for result in found.search.results),
-        "The photos with the largest residuals first.", FILES, lead=_residual_words(found),
+        "The photos with the largest residuals first.", (), lead=_residual_words(found),
         notes=(
             *(Finding("note", "All photos", shortened(remark)) for remark in common),
             *(Finding("usable", "No pose", line) for line in some_of(without)),
         ),
         table_note=f"Marked: residuals more than {STANDS_OUT:g} times the usual photo's. Without numbers: no pose.",
         before=(ToldSection("Can the poses be used?", (Findings(rows),), "The headline is the worst of these."),),
-        after=(ToldSection("Next", (_next(out),)),),
-        geometry_id=found.target.geometry_id, camera=drawn,
+        geometry_id=found.target.geometry_id, camera=found.camera,
     )  # fmt: skip
 
 
@@ -120,17 +97,17 @@ def _headline(found: PoseResult, rows: tuple[Finding, ...]) -> Headline:
     return Headline(level, WORDS[level], sentence)
 
 
-def _facts(found: PoseResult, target: Path, camera_name: str, out: Path | None) -> tuple[tuple[str, str], ...]:
+def _facts(made: "Poses", found: PoseResult) -> tuple[tuple[str, str], ...]:
     width, height = found.camera.image_size
     sigma_mm = [pose.distance_sigma_mm for pose in found.poses]
     facts = [
-        ("target", f"{target} ({target_words(found.target)})"),
-        ("camera", f"{camera_name} (model {found.camera.model}), {width} x {height} px"),
+        ("target", f"{made.target_named} ({target_words(found.target)})"),
+        ("camera", f"{made.taken_by} (model {found.camera.model}), {width} x {height} px"),
         ("photos", str(len(found.search.results))),
     ]  # fmt: skip
     if sigma_mm and np.isfinite(sigma_mm).all():
         facts.append(("sigma of the distance", f"{digits(float(np.median(sigma_mm)), 2)} mm in the usual photo"))
-    return (*facts, ("written to", "nowhere: add -o poses.json" if out is None else os.fspath(out)))
+    return (*facts, ("written to", "nowhere: add -o poses.json" if made.place is None else str(made.place)))
 
 
 def _residual_words(found: PoseResult) -> str:
@@ -174,9 +151,3 @@ def _photo(
     level: Level | None = "usable" if pose.rms_px > STANDS_OUT * usual_px else None
     badness = pose.rms_px if math.isfinite(pose.rms_px) else None
     return ToldPhoto(name, cells, overlay, caption, level, badness, pose.cam_from_target)
-
-
-def _next(out: Path | None) -> Command | Paragraph:
-    if out is None:
-        return Command("calib pose ... -o poses.json", "the same command with -o keeps the poses as a file")
-    return Paragraph(f"The poses are in {out}: cam_from_target and its covariance, photo by photo.")

@@ -16,7 +16,7 @@ import calib
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.observe.observations import known_points
-from calib.records.rig_poses_file import RIG_POSES
+from calib.rigs.rig_poses_file import RIG_POSES
 from designer.target import TargetGeometry, target_to_json
 from tests.support.calibrations import board
 from tests.support.command_line import calib as command
@@ -100,11 +100,9 @@ def test_the_table_and_the_pictures_tell_the_same(folder: Path) -> None:
     assert (rows[0]["rings_left"], rows[0]["rms_px_left"]) == ("0", "")
     assert float(rows[1]["rms_px_left"]) == found.poses[1].cameras[0].rms_px
     pictures = {f"{name}/{name}_{frame}.pose.overlay.jpg" for name in ("left", "right") for frame in range(FRAMES)}
-    assert files_in(folder / "seen") - {"index.html", "photos.json", "report.json"} == pictures - {
-        "left/left_0.pose.overlay.jpg"
-    }
+    assert files_in(folder / "seen") - {"index.html", "page.json"} == pictures - {"left/left_0.pose.overlay.jpg"}
     assert "placed to" in (folder / "seen" / "index.html").read_text()
-    assert json.loads((folder / "seen" / "report.json").read_text())["kind"] == "rig_poses"
+    assert json.loads((folder / "seen" / "page.json").read_text())["kind"] == "poses"
 
 
 @pytest.mark.parametrize(
