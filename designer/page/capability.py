@@ -10,6 +10,7 @@ an `Output`, so that what is finished can be told if a person stops it, or if it
 
 import inspect
 import re
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TypeAlias, TypeVar,
 
 from designer.base.answer import NegativeError, StoppedError, Summary
 from designer.base.errors import NoAnswerError
-from designer.base.options import CommandOption, Parameter, checked, parameters_of
+from designer.base.options import PLAIN, CommandOption, Parameter, checked, parameters_of
 from designer.page.output import Output
 from designer.page.result import Result
 
@@ -101,7 +102,7 @@ def command_of(function: Callable[..., Result], folder: Folder | None = None) ->
     shown = [one for name, one in parameters.items() if name != OUT]
     run.__signature__ = inspect.Signature([  # type: ignore[attr-defined]  # what inspect reads
         *map(_typed, shown), *([_typed(parameters[OUT])] if OUT in parameters else []),
-        *(_of_output(made, has_out=not has_own_out, has_page=not has_own_out or OUT in parameters)
+        *(_of_output(made, folder, has_out=not has_own_out, has_page=not has_own_out or OUT in parameters)
           if made.is_written else ()),
     ])  # fmt: skip
     return run
@@ -242,10 +243,12 @@ def _metavar(parameter: Parameter) -> str | None:
         return None
     if parameter.kind is int:
         return "N"
+    if parameter.kind is float and parameter.unit is PLAIN:
+        return "NUMBER"
     return parameter.unit.name.upper() if parameter.unit.name.isalpha() else None
 
 
-def _of_output(made: type[Result], *, has_out: bool, has_page: bool) -> list[inspect.Parameter]:
+def _of_output(made: type[Result], folder: Folder | None, *, has_out: bool, has_page: bool) -> list[inspect.Parameter]:
     """What each command takes besides: where to write, whether with a page, and how much to say."""
     import typer
 
@@ -254,9 +257,11 @@ def _of_output(made: type[Result], *, has_out: bool, has_page: bool) -> list[ins
     out = CommandOption(f"folder for {files}{table}", short="-o", group=OUTPUT)
     page = CommandOption("write the folder's index.html, or save the seconds that takes", group=OUTPUT)
     verbose = typer.Option("--verbose", "-v", help="say all tables", rich_help_panel=OUTPUT)
-    place = Parameter(OUT, out, Path, _folder_of(made))
+    # Of a command that writes where its target's results go, as in exports/NAME/plan.
+    usual = folder(defaultdict(lambda: Path("NAME"))) if folder else _folder_of(made)
+    place = Parameter(OUT, out, Path, usual)
     return [
-        *([_typed(place).replace(default=place.default)] if has_out else []),
+        *([_typed(place)] if has_out else []),
         *([_typed(Parameter("page", page, bool, True))] if has_page else []),
         inspect.Parameter(
             "verbose", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Annotated[bool, verbose]

@@ -1,9 +1,10 @@
 """Commands that write as they go: whatever ends them, what is finished stays and is told."""
 
+import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_args
 
 import pytest
 
@@ -12,7 +13,7 @@ from designer.base.errors import InputError, NoAnswerError
 from designer.base.options import option
 from designer.page.blocks import Cell, Column, Finding, Findings, Headline, Page, Section, Steps, Table
 from designer.page.capability import capability, command_of
-from designer.page.output import Output, output_of
+from designer.page.output import Output, asked_output, output_of
 from designer.page.result import Result
 
 
@@ -128,3 +129,63 @@ def test_an_answer_that_is_no_is_told_with_what_there_is(tmp_path: Path, monkeyp
     assert Path("ink-copies/index.html") in summary.wrote
     with pytest.raises(InputError, match="no paper"):
         capability(copy)(fault="no paper")
+
+
+@dataclass(frozen=True, eq=False)
+class Note(Result, kind="note", title="Note", files={"words.csv": "each word"}, alone="words.csv"):
+    """Words, which a table can hold alone."""
+
+    noted: tuple[str, ...]
+    remarks = ()
+
+    def page(self) -> Page:
+        """How many."""
+        return Page("", "", Headline("note", str(len(self.noted)), "words"), ())
+
+    def tables(self) -> dict[str, bytes]:
+        """A line a word."""
+        return {"words.csv": "\n".join(("# ringsolid words, version 1", "word", *self.noted)).encode()}
+
+
+@dataclass(frozen=True, eq=False)
+class Told(Note, kind="told", title="Told", is_written=False):
+    """The same, which a screen tells and no folder holds."""
+
+
+def _note(*, word: Annotated[str, option("that is noted")] = "ink") -> Note:
+    return Note((word,))
+
+
+def _told(
+    *,
+    out: Annotated["Output | Path | None", option("words alone", flag="--list", is_needed=False)] = None,
+) -> Told:
+    made, output = Told(("ink",)), asked_output(out)
+    if output is not None:
+        output.write({output.place: made.tables()["words.csv"]})
+    return made
+
+
+def test_a_command_writes_where_its_results_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Into the folder that its input names, unless it is told another; the table alone where a name ends as its own."""
+    monkeypatch.chdir(tmp_path)
+    noted = command_of(_note, _folder)
+    assert noted(word="paper").wrote[0] == Path("paper-copies/note.json")
+    (out,) = get_args(inspect.signature(noted).parameters["out"].annotation)[1:]
+    assert out.help.endswith("for words.csv alone [default: ink-copies]")
+    assert noted(out=Path("mine.csv")).wrote == (Path("mine.csv"),)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.csv", "paper-copies"]
+
+
+def test_what_a_screen_tells_is_written_where_it_is_asked_for_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A command without a folder of its own leaves no file, and has no option for one but its function's."""
+    monkeypatch.chdir(tmp_path)
+    command = command_of(_told)
+    assert command().wrote == ()
+    assert not list(tmp_path.iterdir())
+    assert "wrote" not in capsys.readouterr().out
+    assert set(inspect.signature(command).parameters) == {"out"}
+    assert command(out=Path("words.csv")).wrote == (Path("words.csv"),)
+    assert "wrote    .: words.csv" in capsys.readouterr().out
