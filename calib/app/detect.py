@@ -5,10 +5,11 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
+from calib.app.cameras_told import remarks_on
 from calib.app.options import PhotoJobs, Photos, Target, exports_folder
 from designer.base.errors import InputError
 from designer.base.options import option
-from designer.base.words import printable, shown
+from designer.base.words import shown
 from designer.kinds.presets import camera_templates
 from designer.page.capability import OUTPUT, capability
 from designer.page.progress import Progress, unheard
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
     from calib.core.types import Detections
-    from calib.interop.format import ReadCamera
     from calib.observe.photos import PhotoResult, Search
     from designer.base.answer import Value
     from designer.base.arrays import Image
@@ -187,7 +187,7 @@ def detect_photos(
         search = PhotoSearch(geometry, asked, staging, jobs, progress).once(None if read is None else read.camera)
         found = DetectedPhotos(
             search, "" if not isinstance(target, str | PathLike) else str(target), None if to is None else to.place,
-            folder, () if read is None else _camera_remarks(str(camera), read),
+            folder, () if read is None else remarks_on(str(camera), read),
         )  # fmt: skip
         if to is not None:
             to.files += found.save(to.place)
@@ -198,14 +198,6 @@ def detect_photos(
     if folder is not None and to is not out:  # a command draws it when all is said
         found.draw_page(folder)
     return found
-
-
-def _camera_remarks(name: str, read: "ReadCamera") -> tuple[str, ...]:
-    """What to know of the file that a camera comes from, a line each."""
-    fit = () if read.refit is None else (
-        f"its lens is fitted, RMS {read.refit.rms_px:.4f} px, max {read.refit.max_px:.4f} px",
-    )  # fmt: skip
-    return tuple(f"{printable(name)}: {printable(remark)}" for remark in (*fit, *read.remarks))
 
 
 class Detector:

@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from designer.base.words import printable
-
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera
 
@@ -23,13 +21,11 @@ def read_camera(name: str) -> NamedCamera:
     Raises:
         InputError: neither a template nor a valid file.
     """
+    from calib.app.cameras_told import remarks_on
     from calib.interop.reading import open_camera
 
     read = open_camera(name).read
-    remarks = list(read.remarks)
-    if read.refit is not None:
-        remarks.insert(0, f"its lens is fitted, RMS {read.refit.rms_px:.4f} px, max {read.refit.max_px:.4f} px")
-    lines = tuple(f"{printable(name)}: {printable(remark)}" for remark in remarks)
+    lines = remarks_on(name, read)
     for line in lines:
         print(line)
     return NamedCamera(read.camera, lines)
