@@ -485,7 +485,7 @@ def _sets(
             )
     # Centres of circles count as points where the camera that they give takes them to.
     return [
-        solve(one, COMMON).observations
+        solve(one, COMMON, noise_px2=one.cov_px2).observations
         if one.points.circle_mm is not None and (one.points.circle_mm > 0).any()
         else one
         for _, one in named
