@@ -25,7 +25,7 @@ Text = Callable[[str], object]
 FARTHEST_MM = 1e7
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CommandOption:
     """What is said of a parameter beyond its name, type and default."""
 
@@ -35,9 +35,7 @@ class CommandOption:
     metavar: str = ""
     flag: str = ""  # of a shell, where it is not the name: "--reject"
     short: str = ""  # a letter's flag: "-v"
-    parse: Text | None = (
-        None  # of the text of a shell, where the name's ending does not tell; ValueError: no such thing
-    )
+    parse: Text | None = None  # of a shell's text, where the name's ending does not tell; ValueError: no such thing
     names: Callable[[], tuple[str, ...]] | None = None  # the words that it takes
     complete: Callable[..., object] | None = None  # words that a shell offers, of many more that it takes
     group: str = "Options"
@@ -45,6 +43,11 @@ class CommandOption:
     is_argument: bool = False
     is_needed: bool = False  # a shell has to give it, though Python need not
     is_many: bool = False
+
+    def __repr__(self) -> str:
+        """As it is written: what `help(function)` and references show."""
+        limits = "".join(f", {one:g}" for one in (self.least, self.most) if math.isfinite(one))
+        return f"{'argument' if self.is_argument else 'option'}({self.help!r}{limits})"
 
 
 option = CommandOption

@@ -35,7 +35,7 @@ NAMING = {"Path", "str", "list[str]", "list[Path]"}
 
 ALONE = {"study bootstrap": {"--rig"}, "live": {"--camera"}}
 """Options that stand in the place of what the line has: it is refused for that."""
-NO_OPTIONS = {"diff", "study plot", "warm-up"}
+NO_OPTIONS = {"study plot", "warm-up"}
 
 
 def _commands() -> Iterator[tuple[str, click.Command]]:
