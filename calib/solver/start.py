@@ -181,7 +181,7 @@ def _with_fixed(camera: Camera, tie: NDArray[np.int64], fixed: Array) -> Camera:
 
 
 def _solve_few(few: Problem, camera: Camera, tie: NDArray[np.int64], *, is_robust: bool) -> list[_Tried]:
-    """PosesOfViews from linear equations, then all unknowns together; nothing if that leads nowhere."""
+    """Poses from linear equations, then all unknowns together; nothing if that leads nowhere."""
     poses = linear_poses(few, camera, is_robust=is_robust)
     ok: NDArray[np.bool_] = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     if not ok.any():
@@ -207,7 +207,7 @@ def _solve_few(few: Problem, camera: Camera, tie: NDArray[np.int64], *, is_robus
 
 
 def linear_poses(problem: Problem, camera: Camera, *, is_robust: bool, as_planes: bool = False) -> Array:
-    """PosesOfViews (V, 4, 4) by linear equations on the rays of the measured pixels; nan where there is none.
+    """Poses (V, 4, 4) by linear equations on the rays of the measured pixels; nan where there is none.
 
     Of a solid, a projection and weak perspective are tried: the one is exact, the other stands few points, and a plane
     with a point or two beside it.
@@ -266,7 +266,7 @@ def _median_squares(problem: Problem, camera: Camera, poses: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class FirstPoses:
-    """PosesOfViews that were found."""
+    """Poses that were found."""
 
     cam_from_target: Array  # (V, 4, 4), nan where none was found
     found: NDArray[np.bool_]  # (V,)
@@ -363,7 +363,7 @@ def _flipped(problem: Problem, cam_from_target: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class PosesOfViews:
+class Poses:
     """Where the target stands before the camera, view by view; nan where no pose was found."""
 
     cam_from_target: Array  # (V, 4, 4)
@@ -374,7 +374,7 @@ class PosesOfViews:
     )
 
 
-def solve_poses(camera: Camera, observations: Observations, *, weighted: bool = True) -> PosesOfViews:
+def solve_poses(camera: Camera, observations: Observations, *, weighted: bool = True) -> Poses:
     """The pose of each view, of four points or more, with the least squared distances in the image."""
     problem = pack(observations, weighted=weighted)
     first = first_poses(problem, camera, is_robust=False)
@@ -388,7 +388,7 @@ def solve_poses(camera: Camera, observations: Observations, *, weighted: bool = 
     lost = ~found
     poses = minimum.cam_from_target
     covariance = target_covariance(problem, poses, scale**2 * symmetric_inverse(normal).covariance)
-    return PosesOfViews(
+    return Poses(
         np.where(lost[:, None, None], np.nan, target_poses(problem, poses)),
         np.where(lost[:, None, None], np.nan, covariance),
         np.where(lost[observations.view][:, None], np.nan, minimum.blocks.residual_px.T),
