@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from calib.app.diff import Difference, diff
     from calib.app.inputs import load_camera, load_observations, load_rig
     from calib.app.plan import PhotoPlan, plan
-    from calib.app.pose import Poses, pose
+    from calib.app.pose import TargetPoses, pose
     from calib.app.triangulate import Triangulation, triangulate
     from calib.app.undistort import UndistortedPhotos, Undistorter, undistort, undistort_photos
     from calib.cameras.camera import Camera
@@ -71,7 +71,6 @@ __all__ = [
     "Observations",
     "PhotoPlan",
     "PointSightings",
-    "Poses",
     "RenderOptions",
     "RenderedPhotos",
     "RenderedRig",
@@ -83,6 +82,7 @@ __all__ = [
     "RigResult",
     "RigToleranceResult",
     "RunResult",
+    "TargetPoses",
     "ToleranceResult",
     "Triangulation",
     "Undistorted",
@@ -209,7 +209,7 @@ _HOMES = {
         "plan",
     ),
     "calib.app.pose": (
-        "Poses",
+        "TargetPoses",
         "pose",
     ),
     "calib.app.triangulate": (

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Poses(Result, kind="poses", title="Poses", is_written=False):
+class TargetPoses(Result, kind="poses", title="Poses", is_written=False):
     """Poses of a camera, or of a target before a rig: `found.poses[0].cam_from_target`, `found.save("poses.csv")`."""
 
     found: "PoseResult | RigPoseResult"
@@ -140,7 +140,7 @@ def pose(
     weighted: Weighted = True,
     jobs: PhotoJobs = None,
     progress: Progress = unheard,
-) -> Poses:  # fmt: skip
+) -> TargetPoses:  # fmt: skip
     """Find where a known camera stood, and how surely: `pose("ico.target.json", "camera.json", "photos")`.
 
     Photo by photo; or where the target is before a rig, frame by frame. The exit code is 1 if no photo gives a pose.
@@ -200,7 +200,7 @@ def pose(
         output.files.append(found.save(output.place))
         output.finished.append(output.place)
     place = output.place if output.is_asked else None
-    made = Poses(found, _name(target), _name(camera if rig is None else rig), place, folder, remarks=remarks)
+    made = TargetPoses(found, _name(target), _name(camera if rig is None else rig), place, folder, remarks=remarks)
     if folder is not None:
         made, pictures = _drawn(made, folder)
         output.files += pictures
@@ -214,7 +214,7 @@ def _name(given: object) -> str:
     return fspath(given) if isinstance(given, str | PathLike) else f"a {type(given).__name__}"
 
 
-def _drawn(made: Poses, folder: Path) -> tuple[Poses, tuple[Path, ...]]:
+def _drawn(made: TargetPoses, folder: Path) -> tuple[TargetPoses, tuple[Path, ...]]:
     """Draw the photos that have a pose, of a rig in a folder a camera; and where the pictures are."""
     from calib.app.rig_poses import posed_alone
     from calib.draw.pose_overlay import draw_poses

@@ -26,7 +26,7 @@ from designer.page.blocks import Cell, Column, Finding, Findings, Headline, Leve
 from designer.page.folders import number, some_of, whole
 
 if TYPE_CHECKING:
-    from calib.app.pose import Poses
+    from calib.app.pose import TargetPoses
 
 GOOD_RMS_PX, USABLE_RMS_PX = 0.5, 2.0
 """Of the residuals in the median photo. A ring's centre is good to a few hundredths of a pixel, so half a pixel is
@@ -44,7 +44,7 @@ COLUMNS = (
 )
 
 
-def told_posed(made: "Poses", found: PoseResult) -> ToldPhotos:
+def told_posed(made: "TargetPoses", found: PoseResult) -> ToldPhotos:
     """What is to be said of photos for which poses were searched."""
     rows, poses = _checks(found), {pose.image: pose for pose in found.poses}
     reasons = {one.image: one.reason for one in found.without_pose}
@@ -97,7 +97,7 @@ def _headline(found: PoseResult, rows: tuple[Finding, ...]) -> Headline:
     return Headline(level, WORDS[level], sentence)
 
 
-def _facts(made: "Poses", found: PoseResult) -> tuple[tuple[str, str], ...]:
+def _facts(made: "TargetPoses", found: PoseResult) -> tuple[tuple[str, str], ...]:
     width, height = found.camera.image_size
     sigma_mm = [pose.distance_sigma_mm for pose in found.poses]
     facts = [

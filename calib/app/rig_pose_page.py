@@ -26,7 +26,7 @@ from designer.page.blocks import Cell, Column, Finding, Findings, Headline, Leve
 from designer.page.folders import number, some_of, whole
 
 if TYPE_CHECKING:
-    from calib.app.pose import Poses
+    from calib.app.pose import TargetPoses
 
 GOOD_EXCESS, USABLE_EXCESS = 1.5, 3.0
 """Residuals in what noise and the rig's own errors let expect, in the median frame. What exceeds them is no error that
@@ -52,7 +52,7 @@ POSE_COLUMNS = (
 )  # fmt: skip
 
 
-def told_before_rig(made: "Poses", found: RigPoseResult) -> ToldPhotos:
+def told_before_rig(made: "TargetPoses", found: RigPoseResult) -> ToldPhotos:
     """What is to be said of frames in which poses were searched."""
     rows = _checks(found)
     frames = {(one.camera, one.image): (pose.frame, one) for pose in found.poses for one in pose.cameras}
@@ -132,7 +132,7 @@ def _headline(found: RigPoseResult, rows: tuple[Finding, ...]) -> Headline:
     return Headline(level, WORDS[level], sentence)
 
 
-def _facts(made: "Poses", found: RigPoseResult) -> tuple[tuple[str, str], ...]:
+def _facts(made: "TargetPoses", found: RigPoseResult) -> tuple[tuple[str, str], ...]:
     return (
         ("target", f"{made.target_named} ({target_words(found.target)})"),
         ("rig", f"{made.taken_by} ({len(found.rig.names)} cameras)"),

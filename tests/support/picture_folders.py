@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.app.detect import DetectedPhotos
-from calib.app.pose import Poses
+from calib.app.pose import TargetPoses
 from calib.cameras.camera import Camera
 from calib.core.types import TOO_FLAT, Detections, FaceRecord
 from calib.observe.photos import PhotoFile, PhotoResult, Search
@@ -95,7 +95,9 @@ def overlaid(folder: Path) -> Page:
     return detected(folder, [result(f"{name[0]}.png", [face(40, 40, flat=3)], name) for name in names])
 
 
-def posed(folder: Path, rms_px: Sequence[float] = (0.02, 0.03, 0.09), reasons: Sequence[str] = ("none",)) -> Poses:
+def posed(
+    folder: Path, rms_px: Sequence[float] = (0.02, 0.03, 0.09), reasons: Sequence[str] = ("none",)
+) -> TargetPoses:
     """What `calib pose --overlay` finds: photos with so much left over, and others without a pose."""
     names = [f"{row}.png" for row in range(len(rms_px) + len(reasons))]
     overlays = {name: f"{Path(name).stem}.pose.overlay.png" for name in names[: len(rms_px)]}
@@ -108,7 +110,7 @@ def posed(folder: Path, rms_px: Sequence[float] = (0.02, 0.03, 0.09), reasons: S
     search = Search(ICO, tuple(result(name) for name in names), (), 0, 1.0)
     found_poses = PoseResult(ICO, CAMERA, search, found, why)
     by_photo = {("", name): path for name, path in overlays.items()}
-    return Poses(found_poses, "my.target.json", "camera.json", Path("poses.json"), folder, by_photo)
+    return TargetPoses(found_poses, "my.target.json", "camera.json", Path("poses.json"), folder, by_photo)
 
 
 def page_of(kind: str, folder: Path) -> Page:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.app.pose import Poses
+from calib.app.pose import TargetPoses
 from calib.app.pose import pose as pose_command
 from calib.app.pose_page import told_posed
 from calib.cameras.camera import Camera, camera_to_json
@@ -318,7 +318,7 @@ def test_what_the_deviations_leave_out_is_told(folder: Path, capsys: pytest.Capt
     search = Search(BOARD, (PhotoResult(PhotoFile(Path(seen.image), seen.image), seen),), (), 0, 1.0)
     for lost, said in ((0, ""), (3, "3 more rings lie where the camera knows no light")):
         found = PoseResult(BOARD, CAMERA, search, (replace(one, rings=one.rings - lost),), ())
-        assert told_posed(Poses(found, "t", "c", None), found).photos[0].cells[-1].text == said
+        assert told_posed(TargetPoses(found, "t", "c", None), found).photos[0].cells[-1].text == said
 
 
 def test_one_broken_picture_does_not_stop_the_others(
