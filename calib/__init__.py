@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from calib.api.bootstrapping_rigs import RigBootstrapResult, rig_bootstrap
     from calib.api.costing import CostResult, study_cost
     from calib.api.coupon import CouponResult, coupon
-    from calib.api.evaluating import EvaluationResult, evaluate
     from calib.api.hand_eye import hand_eye, turntable
     from calib.api.measuring import MeasureResult, RescaledTarget, measure, rescale
     from calib.api.rendering import RenderedPhotos, render
@@ -22,17 +21,19 @@ if TYPE_CHECKING:
     from calib.api.rig_observing import load_rig_observations
     from calib.api.rig_result import RigResult
     from calib.api.rigging import rig
-    from calib.api.run_result import RunResult
-    from calib.api.running import NothingFoundError, run, solve
     from calib.api.tolerancing import ToleranceResult, tolerance, ways
     from calib.api.tolerancing_rigs import RigToleranceResult, rig_tolerance
     from calib.app.budget import Budget, budget
+    from calib.app.calibration import Run
     from calib.app.convert import Conversion, convert
     from calib.app.detect import DetectedPhotos, Detector, detect, detect_photos
     from calib.app.diff import Difference, diff
+    from calib.app.evaluate import CameraErrors, evaluate
     from calib.app.inputs import load_camera, load_observations, load_rig
     from calib.app.plan import PhotoPlan, plan
     from calib.app.pose import TargetPoses, pose
+    from calib.app.run import NothingFoundError, run
+    from calib.app.solve import solve
     from calib.app.triangulate import Triangulation, triangulate
     from calib.app.undistort import UndistortedPhotos, Undistorter, undistort, undistort_photos
     from calib.cameras.camera import Camera
@@ -55,6 +56,7 @@ __all__ = [
     "Budget",
     "Calibration",
     "Camera",
+    "CameraErrors",
     "Conversion",
     "CostResult",
     "CouponResult",
@@ -62,7 +64,6 @@ __all__ = [
     "Detections",
     "Detector",
     "Difference",
-    "EvaluationResult",
     "Guide",
     "HandEye",
     "InputError",
@@ -81,7 +82,7 @@ __all__ = [
     "RigObservations",
     "RigResult",
     "RigToleranceResult",
-    "RunResult",
+    "Run",
     "TargetPoses",
     "ToleranceResult",
     "Triangulation",
@@ -153,19 +154,20 @@ _HOMES = {
         "CouponResult",
         "coupon",
     ),
-    "calib.api.evaluating": (
-        "EvaluationResult",
-        "evaluate",
-    ),
     "calib.api.hand_eye": (
         "hand_eye",
         "turntable",
     ),
+    "calib.app.calibration": ("Run",),
     "calib.app.detect": (
         "DetectedPhotos",
         "Detector",
         "detect",
         "detect_photos",
+    ),
+    "calib.app.evaluate": (
+        "CameraErrors",
+        "evaluate",
     ),
     "calib.app.inputs": (
         "load_camera",
@@ -189,12 +191,6 @@ _HOMES = {
     "calib.api.rig_observing": ("load_rig_observations",),
     "calib.api.rig_result": ("RigResult",),
     "calib.api.rigging": ("rig",),
-    "calib.api.run_result": ("RunResult",),
-    "calib.api.running": (
-        "NothingFoundError",
-        "run",
-        "solve",
-    ),
     "calib.api.tolerancing": (
         "ToleranceResult",
         "tolerance",
@@ -204,6 +200,11 @@ _HOMES = {
         "RigToleranceResult",
         "rig_tolerance",
     ),
+    "calib.app.run": (
+        "NothingFoundError",
+        "run",
+    ),
+    "calib.app.solve": ("solve",),
     "calib.app.plan": (
         "PhotoPlan",
         "plan",

@@ -19,6 +19,10 @@ TASKS: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 """The commands by what they are for; each is the function of its name in the module of its name."""
 LINES = {
+    "run": "Detect, solve, detect again with the lens known, solve all models, judge.",
+    "solve": "Solve the camera, and where it stood, from what was detected, and judge it.",
+    "evaluate": "Measure a calibration: reprojection, intersection, reconstruction and pose error.",
+    "report": "Write a folder's page, index.html, again from the results it stores.",
     "pose": "Find where a known camera stood, and how surely.",
     "target": "Read a target file and say what it holds, or make one of a table of points.",
     "warm-up": "Compile all kernels now, on all cores, so that no later command has to.",

@@ -3,7 +3,6 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from calib.api.run_result import best_of
 from calib.app.inputs import Place, camera_of
 from calib.cameras import COMMON, MODELS, free_form_models, learned_models, parameter_names, told_parameters
 from calib.cameras.camera import Camera
@@ -11,7 +10,7 @@ from calib.core.types import Observations, RigObservations
 from calib.rigs.options import CameraChoice
 from calib.solver.options import SolveOptions
 from calib.solver.plan import ALL, SolvePlan, models_of, plan_from_words
-from calib.verdict.solutions import SolveTask, compared, solve_models
+from calib.verdict.solutions import SolveTask, best_of, compared, solve_models
 from designer.base.errors import InputError
 from designer.base.words import several, shown, suggestion
 from designer.page.progress import Progress

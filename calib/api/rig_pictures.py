@@ -5,11 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from calib.api.rig_observing import RigSearch
+from calib.draw.gallery import OVERLAYS
 from calib.observe.overlays import keep_pictures, no_empty_folders, remove_ours, staging_folder, with_overlays
 from calib.observe.photos import OVERLAY_MARK
 from calib.records.rig_file import CAMERAS, folder_names
 from calib.rigs.result import RigCalibration
-from calib.show.parts.gallery import OVERLAYS
 from calib.show.rig.pictures import pictured
 
 

@@ -12,9 +12,9 @@ from calib.api.rig_pictures import draw_rig_pictures, remove_rig_pictures
 from calib.app.inputs import folder_of
 from calib.cameras.rig import RIG, Rig
 from calib.core.types import RigObservations
+from calib.observe.calibration_file import Provenance
 from calib.observe.rig_sightings import KIND as SIGHTINGS
 from calib.observe.rig_sightings import rig_sightings_to_csv
-from calib.records.calibration_file import Provenance
 from calib.records.hand_eye_file import HAND_EYE, HAND_EYE_FILE, HandEye, hand_eye_of
 from calib.records.rig_file import RIG_CALIBRATION, RIG_CALIBRATION_FILE, RIG_FILE, write_rig
 from calib.records.rig_folder import RigRun

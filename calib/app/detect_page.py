@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib.core.types import NOT_MEASURABLE, UNMEASURABLE_WORDS, FaceRecord
+from calib.draw.gallery import Shot, gallery, is_there, shortened, title_of_pictures
 from calib.observe.observations import misplaced_pieces
 from calib.observe.photos import PhotoResult, Search
 from calib.observe.records import ImageRecord, common_remarks, median_sigma_px
-from calib.show.parts.gallery import Shot, gallery, is_there, shortened, title_of_pictures
 from calib.show.photos.photos_file import SHARE_RULE, level_of_share, worst_level
 from designer.base.answer import program
 from designer.base.number_text import figure as digits

@@ -13,6 +13,7 @@ from calib.interop import FORMATS, OWN
 from calib.interop.rigs import OWN_RIG, RIG_FORMATS
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
+from designer.base.words import shown
 from designer.page.progress import Progress
 
 if TYPE_CHECKING:
@@ -108,6 +109,41 @@ def observations_of(observed: Observed, target: "TargetGeometry | Place | None")
                 "give the target that the photos show"
             )
     return observations_from_detections(found, geometry)
+
+
+def file_or_observations(
+    observed: Observed,
+    target: "TargetGeometry | Place | None",
+    image_size: tuple[int, int] | None = None,
+    grid: tuple[int, int] | None = None,
+    pitch_mm: float | None = None,
+    points: str | None = None,
+) -> Observations:
+    """Observations, with what some kinds of files need besides: `circle:13mm` are points with their diameter.
+
+    Raises:
+        InputError: as for `load_observations`, or what is no file has such an option.
+    """
+    from calib.observe.corners_vnl import PointGrid
+    from designer.base.units import parse_length_mm
+
+    if not isinstance(observed, str | PathLike):
+        told = (("--image-size", image_size), ("--grid", grid), ("--pitch", pitch_mm), ("--points", points))
+        if odd := next((option for option, value in told if value is not None), ""):
+            raise InputError(f"{odd}: is of a file; leave it out")
+        return observations_of(observed, target)
+    if (grid is None) != (pitch_mm is None):
+        raise InputError("--grid and --pitch belong together: --grid 10x7 --pitch 20mm")
+    kind, _, diameter = (points or "").partition(":")
+    try:
+        diameter_mm = parse_length_mm(diameter) if diameter else None
+    except ValueError as error:
+        raise InputError(f"--points {shown(diameter)}: {error}") from None
+    return load_observations(
+        observed, target, image_size=image_size,
+        grid=None if grid is None or pitch_mm is None else PointGrid(*grid, pitch_mm),
+        points=None if points is None else kind, diameter_mm=diameter_mm,
+    )  # fmt: skip
 
 
 def _with_names_of_their_own(found: tuple[Detections, ...]) -> tuple[Detections, ...]:

@@ -1,20 +1,26 @@
 """Options that several capabilities take, each declared once."""
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from calib.cameras import learned_models, models_of_all, models_of_all_wide, solved_models
+from calib.solver.costs import COSTS
 from designer.base.options import argument, option
-from designer.kinds.presets import camera_templates, criteria_templates, error_templates
+from designer.kinds.presets import camera_templates, criteria_templates, error_templates, one_of
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
     from calib.verdict.verdict import Criteria
+    from calib.virtual.solve_virtual import Reference as ReferenceView
     from designer.target import TargetGeometry
 
 MOST_JOBS = 1024
+MAX_SIDE_PX, MAX_GRID = 1_000_000, 1000
 CameraFile = Annotated[
     "Camera | Place",
     argument("camera file of ours or of another tool, or a camera template", complete=camera_templates),
@@ -42,6 +48,78 @@ Made = Annotated[
         "(default: assumed from how it was built; exact if the photos were rendered)",
         metavar="NAME|FILE",
         complete=error_templates,
+    ),
+]
+Capture = Annotated[
+    str | None,
+    option(
+        "how the photos were taken, and so what may move alike in all while the shutter rolls: still, handheld or "
+        "moving (default: still, unless the photos show otherwise)",
+        metavar="WAY",
+    ),
+]
+_SOLVED, _ALL, _ALL_WIDE, _LEARNED = (
+    ", ".join(names) for names in (solved_models(), models_of_all(), models_of_all_wide(), learned_models())
+)
+Model = Annotated[
+    str, option(f"{_SOLVED}, or all: {_ALL}; of a wide lens {_ALL_WIDE}", complete=one_of((*solved_models(), "all")))
+]
+Fix = Annotated[Sequence[str], option("keep a parameter as it starts, or at a value: k3, k3=0", is_many=True)]
+Share = Annotated[Sequence[str], option("parameters that have one value: fx_px,fy_px", is_many=True)]
+FocalGuess = Annotated[float | None, option("first guess of the focal length: 2500px (not needed)", 1e-3, 1e7)]
+Loss = Annotated[
+    str,
+    option("squares, huber or cauchy: how far-off observations count", names=lambda: ("squares", "huber", "cauchy")),
+]
+Reject = Annotated[
+    float | None, option("leave out what is off by more than so many robust standard deviations, such as 4", 1, 1e9)
+]
+Minimise = Annotated[
+    str,
+    option(
+        f"{', '.join(COSTS)}: distances in the image, or in space; image is surest (calib study cost)",
+        names=lambda: tuple(COSTS),
+    ),
+]
+FreeBend = Annotated[bool, option("the bend of a flat target is an unknown, too")]
+ReferencePhoto = Annotated[
+    "ReferenceView | None",
+    option(
+        f"{_LEARNED}: the photo that the map is learned from, or all (default: of a board the photo that covers the "
+        "image best, of other targets all)",
+        parse=str,
+        metavar="TEXT",
+    ),
+]
+ReferenceTarget = Annotated[
+    "TargetGeometry | Place | None", option(f"{_LEARNED}: target file of a board that the reference photo shows")
+]
+
+
+def _pair(text: str, most: int) -> tuple[int, int]:
+    """Two whole numbers: `2448x2048`."""
+    match = re.fullmatch(r"\s*(\d{1,9})\s*[x×]\s*(\d{1,9})\s*", text, re.IGNORECASE)
+    pair = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not all(1 <= one <= most for one in pair):
+        raise ValueError(f"expected two whole numbers from 1 to {most}, such as 10x7")
+    return pair
+
+
+ImageSize = Annotated[
+    tuple[int, int] | None,
+    option("of files that do not say it: 2448x2048", parse=partial(_pair, most=MAX_SIDE_PX), metavar="TEXT"),
+]
+Grid = Annotated[
+    tuple[int, int] | None,
+    option("of a corners.vnl: 10x7 corners", parse=partial(_pair, most=MAX_GRID), metavar="TEXT"),
+]
+Pitch = Annotated[float | None, option("of a corners.vnl: distance of its corners, 20mm", 1e-6, 1e6)]
+Points = Annotated[
+    str | None,
+    option(
+        "what a table's points are: corner, ring (the image of its centre), or circle:13mm (the centre of its "
+        "image, as blob and circle-grid detectors give it; default: as the table or the target says)",
+        metavar="KIND",
     ),
 ]
 

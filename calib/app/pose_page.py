@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib.draw.gallery import STANDS_OUT, shortened
 from calib.observe.photos import PhotoResult
 from calib.observe.records import common_remarks
 from calib.observe.target_poses import PoseResult, TargetPose
-from calib.show.parts.gallery import STANDS_OUT, shortened
 from calib.show.parts.kept_target import target_words
 from calib.show.photos.photos_file import (
     SHARE_RULE,

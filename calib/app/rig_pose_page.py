@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.app.pose_page import WORDS
+from calib.draw.gallery import STANDS_OUT, shortened
 from calib.observe.photos import PhotoResult
 from calib.rigs.rig_poses_file import CameraResidual, RigPoseResult, RigTargetPose
-from calib.show.parts.gallery import STANDS_OUT, shortened
 from calib.show.parts.kept_target import target_words
 from calib.show.photos.photos_file import (
     SHARE_RULE,

@@ -95,7 +95,7 @@ class Triangulation(
         """Where points lie, how surely, what contradicts, and a check object's distances."""
         return _page(self, is_drawn=True)
 
-    def words(self) -> "Page":
+    def words(self, page: "Page | None" = None) -> "Page":
         """The same without figures."""
         return _page(self, is_drawn=False)
 

@@ -91,7 +91,7 @@ class UndistortedPhotos(
 
         return undistorted_page(self, is_drawn=True)
 
-    def words(self) -> "Page":
+    def words(self, page: "Page | None" = None) -> "Page":
         """The same without pictures."""
         from calib.app.undistort_page import undistorted_page
 

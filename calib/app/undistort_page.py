@@ -21,9 +21,9 @@ WIDE_DEG = 60.0
 
 def undistorted_page(made: "UndistortedPhotos", *, is_drawn: bool) -> Page:
     """The page, or what a screen says."""
+    from calib.draw.gallery import Shot, gallery, spread
     from calib.draw.style import figure_of
     from calib.draw.undistortion import undistortion_drawing
-    from calib.show.parts.gallery import Shot, gallery, spread
 
     findings = [Finding("usable", "Not undistorted", line) for line in some_of(made.failures)]
     if made.left_out:
@@ -58,7 +58,7 @@ def _turn(made: "UndistortedPhotos") -> "Array | None":
 
 
 def _headline(made: "UndistortedPhotos") -> Headline:
-    from calib.show.run.sections import field_of_view_words
+    from calib.draw.run_tables import field_of_view_words
 
     change, black = made.change, 1 - made.share_filled
     shown = "a photo" if change.share_known == 1 else "what the camera knows"
@@ -92,7 +92,7 @@ def _direction_words(cam_from_new: "Array") -> str:
 
 def _facts(made: "UndistortedPhotos") -> Facts:
     from calib.cameras.linear_part import linear_part
-    from calib.show.run.sections import field_of_view_words
+    from calib.draw.run_tables import field_of_view_words
 
     taken, new, change, turn = made.taken_by, made.new_camera, made.change, _turn(made)
     (width, height), before = new.image_size, taken.image_size

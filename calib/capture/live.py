@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from importlib.util import find_spec
 
-from calib.api.run_result import RunResult, RunWriter
-from calib.api.running import run
-from calib.app.inputs import Place, folder_of, target_of
+from calib.app.calibration import Run
+from calib.app.calibration_folder import RunFolder
+from calib.app.inputs import Place, target_of
+from calib.app.run import run
 from calib.capture.conversation import Conversation, Show, Tell
 from calib.capture.photo_folder import PhotoFolder
 from calib.capture.server import bound_socket
@@ -20,6 +21,7 @@ from calib.solver.plan import models_of
 from calib.verdict.criteria import STANDARD
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
+from designer.page.output import Output, output_of
 from designer.target import TargetGeometry
 
 NEEDED = ("starlette", "uvicorn", "websockets")
@@ -31,7 +33,7 @@ def unheard(line: str) -> None:
 
 def live(
     target: TargetGeometry | Place,
-    out: RunWriter | Place,
+    out: Output | Place,
     *,
     cameras: Sequence[str | int] = (),
     watch: Place | None = None,
@@ -44,7 +46,7 @@ def live(
     opened: Heard = unheard,
     heard: Heard = unheard,
     command: str = "",
-) -> RunResult:
+) -> Run:
     """Take photos under guidance, and calibrate the camera: `live("ico.target.json", "camera", opened=print)`.
 
     A page on this machine shows where to hold the target next, takes photos by itself, and ends when the camera is
@@ -71,7 +73,8 @@ def live(
     """
     require_server()
     geometry, sources = target_of(target, "rings"), _sources(cameras, watch, size)
-    writer = out if isinstance(out, RunWriter) else RunWriter(folder_of(out), models_of(model))
+    to = output_of(out)
+    writer = RunFolder(to, models_of(model))
     require_apart((one.folder for one in sources if isinstance(one, WatchedFolder)), writer.folder)
     writer.require_room()
     guide = Guide(geometry, criteria=criteria, model=model, made=made)
@@ -80,15 +83,17 @@ def live(
     def begin(tell: Tell, show: Show) -> Session:
         return Session(geometry, guide, folder, sources, tell, show)
 
-    def solve(session: Conversation[Guide]) -> RunResult:
+    def solve(session: Conversation[Guide]) -> Run:
         def tell(what: str, done: float, total: int) -> None:
             session.report("solving", f"{what} {done:.0f} of {total}" if total else what)
 
-        writer.begin()
-        found = run(target, session.photos, model=model, criteria=criteria, made=made, progress=tell, out=writer)
+        to.files, to.finished, to.answer = [], [], {}  # of a run that is made again, the first attempt does not count
+        found = run(target, session.photos, model=model, criteria=criteria, made=made, progress=tell, out=to)
         session.report("solving", "drawing the page")
-        if remark := writer.write_page(found, command):
+        _, files, remark = found.draw_page(to.place, command)
+        if remark:
             raise InputError(remark)
+        to.files += files
         return found
 
     with bound_socket(port) as bound:

@@ -36,7 +36,7 @@ def with_page_again(summary: Summary, folder: Path, kinds: Collection[str]) -> S
         folder: where they lie.
         kinds: of pages that show such results; another's, and somebody's own, stays as it is.
     """
-    from calib.api.reporting import report
+    from calib.app.report import report
 
     try:
         with waiting("drawing the page"):

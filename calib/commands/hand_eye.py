@@ -67,7 +67,7 @@ def hand_eye(
     """
     from calib.api.hand_eye import hand_eye as solve
     from calib.api.rig_result import RigWriter
-    from calib.commands.solve import points_of
+    from calib.commands.options import points_of
 
     writer = RigWriter(out)
     kind, diameter_mm = points_of(points)

@@ -8,7 +8,6 @@ import typer
 
 from calib.app.options import exports_folder
 from calib.commands import options
-from calib.commands.running import negative, said_report, solutions_answer
 from designer.base.answer import Summary
 
 
@@ -41,13 +40,14 @@ def live(
 
     Nothing leaves this machine. Photos are written as they are taken; at the end the folder is as after calib run.
     """
-    from calib.api.run_result import RunWriter
+    from calib.app.calibration import Run
     from calib.capture.live import live as take_photos
     from calib.commands.live_rigs import take_rig_photos
     from calib.commands.live_said import line_to_go_on, line_to_show, said, stopped_live
-    from calib.commands.solve import image_size_of
+    from calib.commands.options import image_size_of
     from calib.solver.accuracy import UndeterminedError
-    from calib.solver.plan import models_of
+    from designer.page.capability import no_answer, told
+    from designer.page.output import Output
 
     cameras, folders, wide = camera or [], watch or [], image_size_of(size, "--size")
     folder = out if out is not None else exports_folder(target) / "live"
@@ -62,22 +62,14 @@ def live(
             target, folder, cameras=cameras, watch=folders, size=wide, resume=resume, model=model, criteria=criteria,
             made=made, port=port, opened=opened,
         )  # fmt: skip
-    writer = RunWriter(folder, models_of(model))
+    writer = Output(folder, folder)
     try:
         found = take_photos(
             target, writer, cameras=cameras, watch=folders[0] if folders else None, size=wide, resume=resume,
             model=model, criteria=criteria, made=made, port=port, opened=opened, heard=said, command=line_to_show(),
         )  # fmt: skip
     except KeyboardInterrupt:
-        stopped_live(Summary(solutions_answer(writer.finished, None, writer.place_of), tuple(writer.files)))
+        stopped_live(Summary(writer.answer, tuple(writer.files)))
     except UndeterminedError as error:
-        negative(writer, error)
-    return said_report(
-        found,
-        writer,
-        remark="",
-        verbose=False,
-        more="going on with --resume",
-        evaluate="",
-        again=line_to_go_on(),
-    )
+        raise no_answer(Run, writer, str(error)) from None
+    return told(found, writer, line_to_go_on(), verbose=False, has_page=False)

@@ -8,7 +8,7 @@ import typer
 
 from calib.cameras import fitted_models
 from calib.commands import options
-from calib.commands.solve import image_size_of
+from calib.commands.options import image_size_of
 from designer.base.answer import Summary
 from designer.base.command import command_line
 from designer.base.errors import InputError

@@ -1,7 +1,7 @@
 """Options and arguments that several commands take, each declared once."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,14 +11,11 @@ from designer.base.errors import InputError
 from designer.base.words import shown
 from designer.kinds.presets import camera_templates, criteria_templates, error_templates, one_of, rig_templates
 
+if TYPE_CHECKING:
+    from calib.observe.corners_vnl import PointGrid
+
 TargetArgument = Annotated[Path, typer.Argument(help="the target file (NAME.target.json) of what the photos show")]
 PhotosArgument = Annotated[list[str], typer.Argument(help="images, folders of images, or patterns such as 'run/*.png'")]
-CameraArgument = Annotated[
-    str,
-    typer.Argument(
-        help="camera file of ours or of another tool, or a camera template", autocompletion=camera_templates
-    ),
-]
 CameraTemplateOption = Annotated[
     str, typer.Option(help="camera template, or a camera file", autocompletion=camera_templates)
 ]
@@ -54,7 +51,6 @@ ModelOption = Annotated[
 ]
 FixOption = Annotated[list[str] | None, typer.Option(help="keep a parameter as it starts, or at a value: k3, k3=0")]
 ShareOption = Annotated[list[str] | None, typer.Option(help="parameters that have one value: fx_px,fy_px")]
-FocalOption = Annotated[str | None, typer.Option(help="first guess of the focal length: 2500px (not needed)")]
 LossOption = Annotated[
     str,
     typer.Option(
@@ -85,14 +81,6 @@ MadeOption = Annotated[
         autocompletion=error_templates,
     ),
 ]
-CaptureOption = Annotated[
-    str | None,
-    typer.Option(
-        help="how the photos were taken, and so what may move alike in all while the shutter rolls: still, handheld or "
-        "moving (default: still, unless the photos show otherwise)",
-        metavar="WAY",
-    ),
-]
 ImageSizeOption = Annotated[str | None, typer.Option(help="of files that do not say it: 2448x2048")]
 PointsOption = Annotated[
     str | None,
@@ -104,16 +92,6 @@ PointsOption = Annotated[
 ]
 GridOption = Annotated[str | None, typer.Option(help="of a corners.vnl: 10x7 corners")]
 PitchOption = Annotated[str | None, typer.Option(help="of a corners.vnl: distance of its corners, 20mm")]
-ReferenceOption = Annotated[
-    str | None,
-    typer.Option(
-        help=f"{_LEARNED}: the photo that the map is learned from, or all (default: of a board the photo that covers "
-        "the image best, of other targets all)"
-    ),
-]
-ReferenceTargetOption = Annotated[
-    Path | None, typer.Option(help=f"{_LEARNED}: target file of a board that the reference photo shows")
-]
 DEFAULT_CRITERIA = "standard"
 
 
@@ -152,3 +130,39 @@ def figure_formats(text: str | None) -> tuple[str, ...]:
         if name not in FIGURE_FORMATS:
             raise InputError(f"--figures {shown(name)}: there are {' and '.join(FIGURE_FORMATS)}, besides PNG")
     return tuple(dict.fromkeys(names))
+
+
+def points_of(text: str | None) -> tuple[str | None, float | None]:
+    """What a table's points are, and the diameter of circles: `circle:13mm`."""
+    from calib.renderer.quantities import parsed
+    from designer.base.units import parse_length_mm
+
+    kind, _, diameter = (text or "").partition(":")
+    diameter_mm = parsed("--points", diameter, parse_length_mm) if diameter else None
+    return (None if text is None else kind), diameter_mm
+
+
+def image_size_of(text: str | None, option: str = "--image-size") -> tuple[int, int] | None:
+    """Width and height of photos."""
+    from calib.observe.correspondences import parse_pair
+    from calib.observe.dataset import MAX_SIDE_PX
+
+    return None if text is None else parse_pair(option, text, MAX_SIDE_PX)
+
+
+def grid_of(grid: str | None, pitch: str | None) -> "PointGrid | None":
+    """The corners' grid, if one is given."""
+    from calib.observe.corners_vnl import PointGrid
+    from calib.observe.correspondences import MAX_GRID, parse_pair
+    from calib.renderer.quantities import parsed
+    from designer.base.units import parse_length_mm
+
+    if grid is None and pitch is None:
+        return None
+    if grid is None or pitch is None:
+        raise InputError("--grid and --pitch belong together: --grid 10x7 --pitch 20mm")
+    columns, rows = parse_pair("--grid", grid, MAX_GRID)
+    pitch_mm = parsed("--pitch", pitch, parse_length_mm)
+    if not pitch_mm > 0:
+        raise InputError(f"--pitch {pitch!r}: must be more than 0")
+    return PointGrid(columns, rows, pitch_mm)

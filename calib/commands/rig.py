@@ -82,8 +82,8 @@ def rig(
     """
     from calib.api.rig_result import RigWriter
     from calib.api.rigging import rig as solve_rig
+    from calib.commands.options import points_of
     from calib.commands.rig_screen import lenses_of, models_of, refined_of, tolerance_of
-    from calib.commands.solve import points_of
 
     writer = RigWriter(out if out is not None else Path("rig") if target is None else exports_folder(target) / "rig")
     kind, diameter_mm = points_of(points)

@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from calib.api.rig_result import RigResult
-from calib.commands.running import verdict_answer
+from calib.draw.checks import check_findings
+from calib.observe.calibration_file import CAMERA_FILE
 from calib.observe.rig_observations import require_names
-from calib.records.calibration_file import CAMERA_FILE
 from calib.records.rig_file import CAMERAS, RIG_FILE, folder_names
 from calib.records.rig_folder import RigRun
 from calib.renderer.quantities import parsed
@@ -16,8 +16,9 @@ from calib.rigs.relative import center_sigma_mm
 from calib.show.folder import PAGE_FILE
 from calib.show.rig.tables import cameras_table, halves_table, pairs_table, ties_table
 from calib.show.rig.words import next_steps, rig_facts, rig_headline
-from calib.show.run.sections import check_findings
 from calib.solver.plan import ALL
+from calib.verdict.verdict import Verdict
+from designer.base.codec import encode
 from designer.base.errors import InputError
 from designer.base.units import parse_quantity
 from designer.base.words import shown
@@ -142,7 +143,7 @@ def rig_answer(found: RigResult, folder: Path) -> "dict[str, Value]":
         for one in evidence.pairs
     ]
     return {
-        "verdict": verdict_answer(found.verdict),
+        "verdict": cast("dict[str, Value]", encode(Verdict, found.verdict)),
         "status": solved.status,
         "rig_file": str(folder / RIG_FILE),
         "rig_frame": solved.rig_frame or rig.names[max(0, solved.reference)],

@@ -11,7 +11,7 @@ import typer
 from calib.cameras import DEFAULT, fitted_models, learned_models, solved_models
 from calib.commands import options
 from calib.commands.folder_page import say_next, with_page, with_page_again
-from calib.commands.solve import grid_of, image_size_of
+from calib.commands.options import grid_of, image_size_of
 from calib.commands.study_rig import SAMPLES, bootstrap_of_rig
 from designer.base.answer import StoppedError, Summary, Value
 from designer.base.codec import encode

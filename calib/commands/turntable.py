@@ -48,7 +48,7 @@ def turntable(
     """
     from calib.api.hand_eye import turntable as solve
     from calib.api.rig_result import RigWriter
-    from calib.commands.solve import points_of
+    from calib.commands.options import points_of
     from calib.renderer.quantities import parsed
     from designer.base.units import parse_angle_rad
 

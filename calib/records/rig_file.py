@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from calib.cameras.rig import LONGEST_DELAY_S, MOST_CAMERAS, POSE, RIG
 from calib.core.se3 import rigid_fault
 from calib.core.types import KnownPoints, RigObservations
-from calib.records.calibration_file import CALIBRATION_FILE, Provenance, calibration_files, read_calibration
+from calib.observe.calibration_file import CALIBRATION_FILE, Provenance, calibration_files, read_calibration
 from calib.rigs.camera_alone import camera_alone
 from calib.rigs.halves import enlarged
 from calib.rigs.result import CarrierFit, RigCalibration

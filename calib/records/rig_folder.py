@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from calib.records.calibration_file import Provenance
+from calib.observe.calibration_file import Provenance
 from calib.records.rig_file import RIG_CALIBRATION_FILE, read_rig
-from calib.records.run_folder import TARGET_FILE
 from calib.rigs.result import RigCalibration
+from calib.verdict.judged_run import TARGET_FILE
 from calib.verdict.rig_evidence import RigEvidence, rig_evidence
 from calib.verdict.rig_judge import RIG_VERDICT, RIG_VERDICT_FILE, JudgedRig, judge_rig
 from calib.verdict.verdict import Criteria, Verdict

@@ -18,13 +18,11 @@ from designer.base.own_files import kind_of
 from designer.base.words import printable
 from designer.page.blocks import Page
 from designer.page.page_file import BLOCKS_FILE
-from designer.page.page_file import why_no_page as why_not
 
 Builder: TypeAlias = Callable[[Path, Origin], Page]
 
 PAGE_FILE, TABLE_FILE = "index.html", "table.json"
 KINDS: Mapping[str, str] = {
-    "calibration": "run.calibration_page.calibration_page",
     "bootstrap": "studies.study_page.bootstrap_page",
     "paper": "studies.study_page.paper_page",
     "tolerance": "studies.tolerance_page.tolerance_page",
@@ -39,8 +37,6 @@ KINDS: Mapping[str, str] = {
     "photos": "photos.photos_page.photos_page",
 }
 """What builds the page of each kind of folder: a function below `calib.show`, loaded when it is needed."""
-REPLACED = (("detections", "calibration"),)
-"""Kinds that give way to another in the same folder: a run that found nothing, to one that found a camera."""
 BY_FORMAT: Mapping[str, str] = {
     "ringsolid.study_table": "bootstrap", "ringsolid.tolerance_table": "tolerance", "ringsolid.comparison": "compare",
     "ringsolid.cost_table": "cost", "ringsolid.rig_tolerance": "rig_tolerance",
@@ -121,8 +117,7 @@ def why_no_page(folder: Path, kind: str) -> str:
     """
     page, origin = folder / PAGE_FILE, folder / ORIGIN_FILE
     if not origin.exists():
-        is_free = not page.exists() or not why_not(folder, *(there for there, other in REPLACED if other == kind))
-        return "" if is_free else f"{printable(str(page))}: is there already and stays as it is"
+        return f"{printable(str(page))}: is there already and stays as it is" if page.exists() else ""
     try:
         there = read_origin(folder).kind
     except InputError as error:
@@ -139,7 +134,7 @@ def origin_in(folder: Path) -> Origin:
         InputError: no folder, or one that holds nothing to report, or a damaged `report.json`; the message says what
             to do.
     """
-    from calib.show.parts.gallery import OVERLAYS
+    from calib.draw.gallery import OVERLAYS
 
     if not folder.is_dir():
         what = "is a file, not a folder" if folder.exists() else "no such folder"
@@ -170,13 +165,10 @@ def _kind_in(folder: Path) -> str:
     """The kind of a folder's results, by the files in it; "" if there are none."""
     from calib.records.coupon import COUPON_FILE
     from calib.records.rig_file import is_rig_folder
-    from calib.records.run_folder import is_run_folder
     from calib.show.photos.photos_file import PHOTOS_FILE, read_photos
 
     if is_rig_folder(folder):
         return "rig"
-    if is_run_folder(folder):
-        return "calibration"
     table = folder / TABLE_FILE
     if table.is_file():
         with table.open("rb") as stream:

@@ -1,6 +1,5 @@
 """What a person asks to be solved, and how: models, what is kept of them, and what is minimised."""
 
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +16,6 @@ from designer.base.words import several, shown, suggestion
 ALL = "all"
 MAX_FOCAL_PX = 1e7
 _ASSIGNMENT = re.compile(r"\s*([A-Za-z0-9_]+)\s*(?:=\s*(\S+)\s*)?")
-_FOCAL = re.compile(r"\s*([0-9.eE+]{1,30})\s*(px)?\s*")
 
 
 @dataclass(frozen=True)
@@ -171,19 +169,6 @@ def _require_known(name: str, known: set[str], option: str) -> None:
     if name not in known:
         hint = suggestion(name, sorted(known)) or f"; there are {', '.join(sorted(known))}"
         raise InputError(f"{option} {name!r}: no such parameter{hint}")
-
-
-def parse_focal_px(text: str) -> float:
-    """A first guess of the focal length as a person writes it, `2500px`.
-
-    Raises:
-        InputError: it is none.
-    """
-    match = _FOCAL.fullmatch(text)
-    try:
-        return _focal_px(float(match[1]) if match else math.nan)
-    except (ValueError, InputError):
-        raise InputError(f"--focal {text!r}: give a length in pixels such as 2500px, more than 0") from None
 
 
 def _focal_px(value: float) -> float:

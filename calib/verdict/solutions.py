@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 from calib.cameras import ABILITIES, ANY_LENS
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
+from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, evaluate, held_out_px
+from calib.metrics.evaluation_files import Metrics, metrics_of
+from calib.observe.calibration_file import Provenance
 from calib.solver.accuracy import UndeterminedError
 from calib.solver.calibration import Calibration, Capture
 from calib.solver.capture_error import with_capture_error
@@ -21,9 +24,11 @@ from calib.solver.circles import with_circle_doubt
 from calib.solver.plan import SolvePlan
 from calib.solver.suited import ruled_out
 from calib.solver.target_error import with_target_error
+from calib.verdict.coverage import Coverage, coverage_of
 from calib.verdict.lit_part import lit_part
 from calib.verdict.reading import unit_doubt
 from calib.virtual.calibrate import calibrate
+from designer.base.answer import program
 from designer.base.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,6 +37,7 @@ if TYPE_CHECKING:
     from designer.tolerance.made import Made
 
 LEAST_COMPARED = 2
+NOWHERE = Provenance("")
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +49,9 @@ class Solution:
     failure: str = ""
     is_undetermined: bool = False  # what failed had too little to go on
     held_out_px: float | None = None  # left over in photos that it was not solved from; None: not compared so
+    provenance: Provenance = NOWHERE
+    stored: Metrics | None = None  # of a folder, as `calib evaluate` left them, with what only a truth tells
+    path: str = ""  # of its folder from the run's: "", or with a "/" at its end
 
     def with_held_out(self, left_px: float, said: str) -> "Solution":
         """The solution with what it leaves over in photos held out, and a word on it."""
@@ -58,14 +67,56 @@ class Solution:
         Raises:
             ValueError: there is none.
         """
+        return self.evaluated.calibration
+
+    @property
+    def evaluated(self) -> Evaluation:
+        """Its errors.
+
+        Raises:
+            ValueError: there are none.
+        """
         if self.evaluation is None:
             raise ValueError(f"{self.model} was not solved: {self.failure}")
-        return self.evaluation.calibration
+        return self.evaluation
 
     @property
     def camera(self) -> Camera:
         """The camera."""
         return self.calibration.camera
+
+    @property
+    def without_truth(self) -> "Solution":
+        """As it would be read from its folder, which holds no truth but in its metrics."""
+        return replace(self, evaluation=self.evaluated.without_truth, stored=self.stored or metrics_of(self.evaluated))
+
+    @cached_property
+    def rms_px(self) -> float:
+        """Root mean square of the residuals; nan if none counts."""
+        errors = self.evaluated.of("reprojection")
+        return math.nan if errors is None else summarise(errors).rmse
+
+    @cached_property
+    def metrics(self) -> Metrics:
+        """The errors of the photos that it was solved from, with what only a truth tells if that is known."""
+        is_of_these = self.stored is not None and not self.stored.is_of_others
+        return self.stored if is_of_these and self.stored else metrics_of(self.evaluated)
+
+    @property
+    def held_out(self) -> Metrics | None:
+        """The errors of other photos, as `calib evaluate` left them with `--held-out` or `--on`."""
+        return self.stored if self.stored is not None and self.stored.is_of_others else None
+
+    @cached_property
+    def coverage(self) -> Coverage:
+        """What of the image the observations surround."""
+        return coverage_of(self.calibration)
+
+    @property
+    def rank(self) -> tuple[float, ...]:
+        """The least is the camera to go on with: determined, of a model that other programs know, least residuals."""
+        preference = self.evaluated.preference
+        return (*preference[:2], self.held_out_px or 0.0, *preference)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +165,10 @@ def _beyond_formulas(task: SolveTask, formulas: Sequence[Solution]) -> Iterator[
 def _solution(task: SolveTask, model: str) -> Solution:
     """A model solved and evaluated, unless the field of view rules it out."""
     options = task.plan.options_of(model)
+    origin = Provenance(
+        program(), layout_id=task.layout_id, geometry_id=task.observations.points.geometry_id, options=options,
+        settings=(*task.settings, ("model", model)),
+    )  # fmt: skip
     try:
         solved = calibrate(task.observations, model, options, task.reference)
     except InputError as error:
@@ -126,9 +181,18 @@ def _solution(task: SolveTask, model: str) -> Solution:
         calibration = _with_image_circle(calibration, task)
         unit = (doubt,) if (doubt := unit_doubt(calibration)) else ()
         calibration = replace(calibration, remarks=(*calibration.remarks, *unit, *task.observations.remarks))
-        return Solution(model, evaluate(calibration, task.truth))
+        return Solution(model, evaluate(calibration, task.truth), provenance=origin)
     except InputError as error:
         return Solution(model, None, str(error), isinstance(error, UndeterminedError))
+
+
+def best_of(solutions: Sequence[Solution]) -> Solution:
+    """The one to go on with, of those that were solved.
+
+    Raises:
+        ValueError: none was.
+    """
+    return min((one for one in solutions if one.evaluation is not None), key=lambda one: one.rank)
 
 
 def compared(solutions: Sequence[Solution], plan: SolvePlan) -> Sequence[Solution]:

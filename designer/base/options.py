@@ -134,7 +134,7 @@ class Parameter:
             value = self._meant(text)
         except ValueError as error:
             raise InputError(f"{self.label} {shown(text)}: {error}") from None
-        self.check(value, shown(text))
+        self.check(value, text.strip() if self._is_number else shown(text))
         return value
 
     def _meant(self, text: str) -> object:

@@ -94,8 +94,8 @@ def command_of(function: Callable[..., Result], folder: Folder | None = None) ->
             raise _stopped(output) from None
         except NoAnswerError as error:
             if isinstance(error.result, Result):
-                return tell(error.result, output)
-            raise _negative(made, output, str(error)) from None
+                return tell(error.result, output, answer=output.answer)
+            raise no_answer(made, output, str(error)) from None
 
     run.__name__, run.__doc__ = function.__name__, prose(function)
     has_own_out = OUT in takes
@@ -121,7 +121,10 @@ def _heard(made: type[Result], *, has_progress: bool) -> Iterator[dict[str, obje
         yield {PROGRESS: progress}
 
 
-def told(result: Result, output: Output, command: str, *, verbose: bool, has_page: bool) -> Summary:
+def told(
+    result: Result, output: Output, command: str, *, verbose: bool, has_page: bool,
+    answer: "Mapping[str, Value] | None" = None,
+) -> Summary:  # fmt: skip
     """Say a result that is written on the screen, write its page, and sum it up for programs.
 
     Args:
@@ -130,6 +133,7 @@ def told(result: Result, output: Output, command: str, *, verbose: bool, has_pag
         command: line that made it.
         verbose: say its tables too.
         has_page: whether to write the page.
+        answer: for programs; None: the result's.
     """
     from designer.page.page_file import PAGE_FILE
     from designer.page.progress import waiting
@@ -142,9 +146,9 @@ def told(result: Result, output: Output, command: str, *, verbose: bool, has_pag
             with waiting("drawing the page"):
                 page, files, remark = result.draw_page(output.page, command)
             output.files += files
-        elif at.exists():
+        elif at.exists() and at not in output.files:
             remark = f"{at}: is of earlier results; calib report {output.page} draws it again"
-    page = page or result.words()
+    page = result.words(page)
     say_page(page, verbose=verbose or not result.is_written)
     places = (output.folder, *(() if output.page is None or output.folder in output.page.parents else (output.page,)))
     for folder in dict.fromkeys(places):
@@ -160,9 +164,8 @@ def told(result: Result, output: Output, command: str, *, verbose: bool, has_pag
     for number, step in enumerate((*look, *do, *repeated, *steps)):
         say_line("" if number else "next", step)
     remarks = (*result.remarks, *((remark,) if remark else ()))
-    answer = output.answer or cast("Mapping[str, Value]", result.answer())
     return Summary(
-        answer, tuple(output.files), (*((again,) if again else ()), *steps), remarks,
+        answer or result.answer(), tuple(output.files), (*((again,) if again else ()), *steps), remarks,
         NEGATIVE if result.is_negative else 0,
     )  # fmt: skip
 
@@ -177,7 +180,7 @@ def _stopped(output: Output) -> StoppedError:
     return StoppedError(said, Summary(output.answer, tuple(output.files)))
 
 
-def _negative(made: type[Result], output: Output, why: str) -> NegativeError:
+def no_answer(made: type[Result], output: Output, why: str) -> NegativeError:
     """Where what was sought is not to be had."""
     said = f"no {made.sought}: {why}" if made.sought else why
     return NegativeError(said, Summary(output.answer, tuple(output.files), remarks=(why,)))
@@ -212,7 +215,7 @@ def _typed(parameter: Parameter) -> inspect.Parameter:
     import typer
 
     said, empty = parameter.option, inspect.Parameter.empty
-    kind: object = parameter.kind if parameter.kind in (bool, Path) else str
+    kind: object = parameter.kind if parameter.kind in (bool, Path) and said.parse is None else str
     if said.is_many:
         kind = list[str]
     is_needed = parameter.default is empty or said.is_needed

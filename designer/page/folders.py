@@ -82,10 +82,9 @@ def warnings(title: str, lines: Sequence[str]) -> tuple[Block, ...]:
     return (Findings(tuple(Finding("usable", title, line) for line in lines)),) if lines else ()
 
 
-def some_of(lines: Sequence[str]) -> list[str]:
+def some_of(lines: Sequence[str], most: int = MOST_LINES) -> list[str]:
     """The first of very many lines, and how many more there are."""
-    more = [f"{len(lines) - MOST_LINES} more"] if len(lines) > MOST_LINES else []
-    return [*lines[:MOST_LINES], *more]
+    return [*lines[:most], *([f"{len(lines) - most} more"] if len(lines) > most else [])]
 
 
 def file_list(folder: Path, purposes: Sequence[tuple[str, str]]) -> FileList:

@@ -68,9 +68,13 @@ class Result(ABC):
         """The page with what it shows of the folder's other files, such as pictures."""
         return self.page()
 
-    def words(self) -> "Page":
-        """What a screen says of it; overridden where a page without its figures comes sooner."""
-        return self.page()
+    def words(self, page: "Page | None" = None) -> "Page":
+        """What a screen says of it; overridden where that is another choice, and comes sooner than all figures.
+
+        Args:
+            page: as it was drawn; None: it was not.
+        """
+        return page or self.page()
 
     def tables(self) -> Mapping[str, bytes]:
         """Files beside `KIND.json`, by their names in `files`."""

@@ -18,15 +18,15 @@ import designer
 import designer.designing
 import designer.kinds.spec_file
 import designer.spec.kind
+from calib.app import calibration_page
 from calib.cameras.camera import Camera
 from calib.cli import app as calib_app
 from calib.detector.pipeline import detect
 from calib.interop import FORMATS
-from calib.show.parts.origin import Origin
-from calib.show.run import calibration_page
 from calib.verdict.checks import CHECKS
 from calib.verdict.criteria import read_criteria
 from calib.verdict.halves import NoHalves
+from calib.verdict.judged_run import read_run
 from designer.base.errors import InputError
 from designer.cli import app as design_app
 from designer.kinds.layout import lay_out
@@ -85,7 +85,7 @@ def test_section_of_a_function_and_a_line_is_on_the_page(monkeypatch: pytest.Mon
     monkeypatch.setattr(calibration_page, "SECTIONS", [*calibration_page.SECTIONS])
     calibration_page.SECTIONS.insert(place, example("distance_section").distance_section)
     write_run(tmp_path, solved(sightings(views=6), ("opencv",)))
-    page = calibration_page.calibration_page(tmp_path, Origin("calibration", "", ""))
+    page = calibration_page.calibration_page(read_run(tmp_path), tmp_path)
     assert [one.title for one in page.sections][-2:] == ["Distances", "Files"]
 
 

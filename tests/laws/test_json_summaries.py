@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calib.records.calibration_file import read_calibration
+from calib.observe.calibration_file import read_calibration
 from designer.base.answer import StoppedError, Summary, Value, document, plain
 from designer.base.command import command_line
 from tests.support import programs

@@ -6,9 +6,9 @@ from collections.abc import Callable
 import pytest
 
 from calib.app.pose import pose
+from calib.app.run import run
+from calib.app.solve import solve
 from calib.commands.measure import measure
-from calib.commands.run import run
-from calib.commands.solve import solve
 from calib.commands.study import bootstrap
 from calib.commands.tolerance import tolerance
 from calib.solver.options import AS_THE_PAPER, SolveOptions

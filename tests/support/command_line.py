@@ -25,6 +25,7 @@ page is drawn, which takes seconds."""
 PICTURE = b"\x89PNG\r\n\x1a\n".ljust(33)
 """Stands for one that is not drawn: what signs and reads no more than its beginning takes it for a picture."""
 PAGE = {"index.html", "report.json"}
+BLOCKS = {"index.html", "page.json"}
 JUDGED = {"verdict.json", "next_views.json"}
 """What the verdict leaves in a folder; `target.json` comes with a target file."""
 

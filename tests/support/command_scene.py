@@ -12,10 +12,10 @@ from calib.cameras.camera import Camera, camera_to_json
 from calib.cameras.rig import Rig
 from calib.core.se3 import exp_rotation
 from calib.core.types import Detections, Observations
+from calib.observe.calibration_file import Provenance, write_calibration
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
 from calib.observe.rig_sightings import rig_sightings_to_csv
-from calib.records.calibration_file import Provenance, write_calibration
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
 from calib.solver.options import SolveOptions

@@ -17,12 +17,12 @@ from calib.core.types import FaceRecord
 from calib.coupons.ink_of_rings import InkBleed
 from calib.coupons.result import CouponMadeWith, NextPrint, PrinterFaults, Width
 from calib.metrics.errors import ErrorSummary
+from calib.metrics.evaluation_files import FoundParameter, Metrics, MetricSummary
+from calib.observe.calibration_file import CalibrationRecord, Provenance, SolvedView
 from calib.observe.records import ImageRecord, Records
 from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
 from calib.records.as_built_file import AsBuiltRecord, SolvedCamera
-from calib.records.calibration_file import CalibrationRecord, Provenance, SolvedView
 from calib.records.coupon import CouponRecord, ReadPicture
-from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummary
 from calib.records.rig_file import HeldCamera, RigRecord, SolvedFrame
 from calib.renderer.options import RenderOptions
 from calib.renderer.truth import FileOptions, RigTruth, TrueFrame, TrueView, Truth

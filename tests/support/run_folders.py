@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from calib.app.calibration import Run
 from calib.core.types import FaceRecord
 from calib.metrics.evaluation import evaluate
+from calib.metrics.evaluation_files import evaluation_files
+from calib.observe.calibration_file import Provenance, write_calibration
 from calib.observe.records import RECORDS, ImageRecord, Records
-from calib.records.calibration_file import Provenance, write_calibration
-from calib.records.evaluation_files import evaluation_files
 from calib.renderer.truth import Truth
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
+from calib.verdict.judged_run import read_run
 from designer.base.files import distinct_stems, write_files
 from designer.page.blocks import Block, Finding, Findings, Fold, Page, Section, Table
 from designer.target import TargetGeometry
@@ -92,7 +94,7 @@ def section(page: Page, title: str) -> Section:
 
 BLANK = b'<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9" viewBox="0 0 9 9"><path d="M0 0"/></svg>'
 """In place of figures: most of the time goes into them, and most tests are of something else."""
-PANEL = "calib.show.run.figures.svg_panel"
+PANEL = "calib.draw.run_figures.svg_panel"
 
 
 @pytest.fixture(autouse=True)
@@ -100,3 +102,8 @@ def nothing_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """For a folder that has a `conftest.py`: figures of calibrations are blank; those of `show` test what they show."""
     monkeypatch.setattr("calib.draw.picture", lambda *_, **__: PICTURE)
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
+
+
+def page_of_run(folder: Path, command: str = "calib run board.target.json photos") -> Page:
+    """The page of a run's folder."""
+    return Run(read_run(folder), place=folder).page_in(folder, command)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from calib.show.parts.gallery import Shot, gallery, is_there, spread, title_of_pictures
+from calib.draw.gallery import Shot, gallery, is_there, spread, title_of_pictures
 from calib.show.parts.kept_target import kept_target
 from calib.show.parts.origin import Origin
 from calib.show.photos.photos_file import KIND_WORDS, ToldPhotos, ToldSection, read_photos, told_table

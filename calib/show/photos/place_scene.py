@@ -34,9 +34,9 @@ def place_view(
         cam_from_target: where it stood.  # (V, 4, 4)
         names: of the photos, as they are said.  # (V,)
     """
+    from calib.draw.camera_scene import BODY, INK, first_look
     from calib.draw.rig_scene import body_words, view_of
     from calib.metrics.errors import centers_mm
-    from calib.show.run.camera_scene import BODY, INK, first_look
     from designer.page.blocks import View3d
     from designer.page.scene import Scene
     from designer.target_scene import camera_layer, camera_size_mm, target_layers

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from calib.core.types import LEAST_RADIUS_PX
 from calib.detector.candidates import MIN_RADIUS_PX
+from calib.draw.run_tables import field_of_view_words
 from calib.renderer.faces import ring_truth
 from calib.renderer.job import RenderJob
 from calib.renderer.options import RenderOptions
@@ -18,7 +19,6 @@ from calib.renderer.truth import TRUTH_FILE
 from calib.show.parts.kept_target import TARGET_FILE, target_words
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
 from calib.show.photos.place_scene import distance_words, tilts_deg
-from calib.show.run.sections import field_of_view_words
 from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable
 from designer.page.blocks import Cell, Column, Command, Finding, Headline

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from calib.draw.gallery import OVERLAYS, STANDS_OUT, Shot, gallery
+from calib.draw.run_photos import PhotoRow, caption_of, overlay_paths
 from calib.records.rig_file import CAMERAS, folder_names
 from calib.rigs.camera_alone import camera_alone
 from calib.rigs.result import RigCalibration
-from calib.show.parts.gallery import OVERLAYS, STANDS_OUT, Shot, gallery
-from calib.show.run.photos import PhotoRow, caption_of, overlay_paths
 from calib.solver.calibration import Calibration
 from calib.verdict.views import ViewFacts, view_facts
 from designer.page.blocks import Section

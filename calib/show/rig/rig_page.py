@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from calib.draw.checks import check_findings
 from calib.records.rig_file import CAMERAS, folder_names
 from calib.records.rig_folder import RigRun, read_rig_run
 from calib.rigs.halves import NoRigHalves, RigHalves
@@ -14,7 +15,6 @@ from calib.show.rig.pictures import pictures_section
 from calib.show.rig.scene import rig_view, rig_words
 from calib.show.rig.tables import cameras_table, halves_table, pairs_table, places_table, ties_table
 from calib.show.rig.words import halves_words, limits_of, next_steps, rig_facts, rig_headline, sentence
-from calib.show.run.sections import check_findings
 from calib.verdict.next_robot_poses import photo_names
 from designer.base.words import capital, printable
 from designer.page.blocks import Block, Command, Finding, Findings, Fold, Page, Paragraph, Section, Steps

@@ -5,6 +5,7 @@ import shlex
 
 import numpy as np
 
+from calib.draw.checks import headline_by
 from calib.records.rig_file import RIG_FILE
 from calib.records.rig_folder import RigRun
 from calib.rigs.halves import NoRigHalves, RigHalves, SplitKind, enlarged
@@ -12,7 +13,6 @@ from calib.rigs.relative import center_sigma_mm
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.show.rig.carrier import next_poses_words
 from calib.show.rig.tables import frame_name
-from calib.show.run.sections import headline_by
 from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable
 from designer.page.blocks import Facts, Headline

@@ -11,7 +11,7 @@ import pytest
 
 import calib
 import designer
-from calib.records.calibration_file import Provenance, write_calibration
+from calib.observe.calibration_file import Provenance, write_calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from tests.support.calibrations import board, camera, example

@@ -9,7 +9,7 @@ import pytest
 
 from calib.api.measuring import measure
 from calib.core.types import keep_frames
-from calib.records.calibration_file import Provenance
+from calib.observe.calibration_file import Provenance
 from calib.records.rig_file import write_rig
 from designer.base.errors import InputError
 from designer.target import load_target, target_to_json

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 import calib
-from calib.api.reporting import report
 from calib.api.rig_result import SIGHTINGS_FILE, RigResult
+from calib.app.report import report
 from calib.cameras.camera import Camera
 from calib.core.se3 import invert, log_rotation
 from calib.core.types import Detections, RigObservations

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import calib
-from calib.api.reporting import report
+from calib.app.report import report
 from calib.core.se3 import look_at
 from calib.renderer.options import RenderOptions
 from designer.base.errors import InputError

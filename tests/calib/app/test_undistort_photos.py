@@ -206,10 +206,10 @@ def test_what_undistortion_cuts_off(zoom: float, kept: float, shift_px: float) -
     [
         ({"alpha": 0.5, "focal_px": 90.0}, "give one of them"),
         ({"alpha": float("nan")}, "--alpha 'nan'"),
-        ({"focal_px": 0.0}, "--focal-px '0.0'"),
+        ({"focal_px": 0.0}, "--focal-px 0.0"),
         ({"focal_px": float("nan")}, "--focal-px 'nan'"),
         ({"to": "sphere"}, "--to 'sphere' is unknown; use pinhole, cylinder, equirectangular"),
-        ({"field_rad": "400deg"}, "--field '400deg': must be from 1deg to 360deg"),
+        ({"field_rad": "400deg"}, "--field 400deg: must be from 1deg to 360deg"),
         ({"field_rad": "175deg"}, "a pinhole shows less than 180 degrees"),
         ({"field_rad": "90deg", "focal_px": 90.0}, "--focal-px and --field both set"),
         ({"alpha": 0.0, "yaw_rad": "10deg"}, "--alpha 0: is for a pinhole that looks along the axis"),

@@ -15,15 +15,17 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 import calib
-from calib.api.run_result import RunResult, RunWriter
+from calib.app.calibration_folder import RunFolder
 from calib.capture.messages import FrameHeader, with_header
 from calib.capture.photo_folder import SESSION, PhotoFolder
 from calib.capture.sources.source import Frame
 from calib.capture.worker import Worker
 from calib.commands import live_said
 from calib.guide.guide import Guide
+from calib.verdict.judged_run import JudgedRun
 from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError, NotWrittenError
+from designer.page.output import Output
 from designer.target import target_to_json
 from tests.support.live_frames import SIZE, held, image_at, target
 from tests.support.programs import PYTHON, start
@@ -156,10 +158,10 @@ def test_ctrl_c_reaches_whatever_takes_long(photos: Path, tmp_path: Path, monkey
 
 def test_a_run_that_is_made_again_counts_alone(photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """After a full disk the page can have all computed again; nothing of the first attempt is told twice."""
-    writer, phases, write = RunWriter(tmp_path / "out", ("pinhole",)), list[object](), RunWriter.write_verdict
+    out, phases, write = Output(tmp_path / "out"), list[object](), RunFolder.write_verdict
 
-    def full_once(self: RunWriter, run: RunResult) -> None:
-        monkeypatch.setattr(RunWriter, "write_verdict", write)
+    def full_once(self: RunFolder, run: JudgedRun) -> None:
+        monkeypatch.setattr(RunFolder, "write_verdict", write)
         raise NotWrittenError("verdict.json: cannot be written: No space left on device")
 
     def be_page(address: str) -> None:
@@ -173,11 +175,11 @@ def test_a_run_that_is_made_again_counts_alone(photos: Path, tmp_path: Path, mon
     def opened(address: str) -> None:
         threading.Thread(target=be_page, args=(address,), daemon=True).start()
 
-    monkeypatch.setattr(RunWriter, "write_verdict", full_once)
-    calib.live(target(), writer, watch=photos, opened=opened, **SOLVED)
+    monkeypatch.setattr(RunFolder, "write_verdict", full_once)
+    calib.live(target(), out, watch=photos, opened=opened, **SOLVED)
     assert phases == ["failed", "done"]
-    assert len(writer.solutions) == 1
-    assert len(set(writer.files)) == len(writer.files)
+    assert len(out.finished) == len(set(out.finished))
+    assert len(set(out.files)) == len(out.files)
 
 
 @pytest.mark.parametrize("name", ["index.html", "detections.csv"])

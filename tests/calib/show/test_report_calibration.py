@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from calib.cameras.camera import Camera
+from calib.draw.camera_scene import camera_view
+from calib.draw.checks import as_sentence, finding_of, headline_by
 from calib.draw.rig_scene import view_of
+from calib.draw.run_tables import field_of_view_words
 from calib.draw.sigma_map import place_in_image
 from calib.metrics.errors import centers_mm
 from calib.observe.observations import known_points
-from calib.records.run_folder import judge_again, read_run
 from calib.renderer.truth import Truth, true_views
 from calib.show.parts.origin import Origin
-from calib.show.run.calibration_page import calibration_page
-from calib.show.run.camera_scene import camera_view
-from calib.show.run.sections import as_sentence, field_of_view_words, finding_of, headline_by
 from calib.verdict.criteria import read_criteria
+from calib.verdict.judged_run import judge_again, read_run
 from calib.verdict.verdict import Check, Verdict
 from designer.base.errors import InputError
 from designer.page.blocks import (
@@ -35,7 +35,18 @@ from designer.page.blocks import (
 from designer.page.shell import page_html
 from designer.target import target_to_json
 from tests.support.calibrations import board, example, icosahedron
-from tests.support.run_folders import BLANK, PANEL, blocks, findings, section, solved, table, write_overlays, write_run
+from tests.support.run_folders import (
+    BLANK,
+    PANEL,
+    blocks,
+    findings,
+    page_of_run,
+    section,
+    solved,
+    table,
+    write_overlays,
+    write_run,
+)
 
 ORIGIN = Origin("calibration", "calib run board.target.json photos", "test 1.0")
 
@@ -55,7 +66,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def page(kept: Path) -> Page:
     """Its page."""
-    return calibration_page(kept, ORIGIN)
+    return page_of_run(kept)
 
 
 @pytest.fixture
@@ -82,7 +93,7 @@ def test_sections_stand_in_the_order_of_reading(page: Page) -> None:
 
 def test_the_same_folder_makes_the_same_bytes(kept: Path, page: Page) -> None:
     """Nothing of the clock, of memory or of the order of threads gets into a page."""
-    assert page_html(page) == page_html(calibration_page(kept, ORIGIN))
+    assert page_html(page) == page_html(page_of_run(kept))
 
 
 def test_numbers_are_those_of_metrics_json(kept: Path, page: Page) -> None:
@@ -130,7 +141,7 @@ def test_the_views_have_all_cameras(kept: Path, page: Page) -> None:
 
 def test_without_a_verdict_the_page_says_so(run: Path) -> None:
     """The headline is no praise, and names the remedy."""
-    page = calibration_page(run, ORIGIN)
+    page = page_of_run(run)
     assert page.headline is not None
     assert page.headline.level == "note"
     assert "--criteria" in page.headline.sentence
@@ -142,13 +153,13 @@ def test_a_verdict_on_other_photos_is_not_believed(run: Path, tmp_path: Path) ->
     write_run(tmp_path / "other", solved(names=names))
     judged = judge_again(tmp_path / "other", read_criteria("standard"))
     shutil.copy(tmp_path / "other/verdict.json", run / "verdict.json")
-    page = calibration_page(run, ORIGIN)
+    page = page_of_run(run)
     assert page.headline is not None
     assert page.headline.level == "note"
     assert any("other photos" in row.text for row in findings(page))
     mine = judge_again(run, read_criteria("standard"))
     assert mine.halves != judged.halves
-    again = calibration_page(run, ORIGIN).headline
+    again = page_of_run(run).headline
     assert again is not None
     assert again.level != "note"
 
@@ -158,7 +169,7 @@ def test_a_verdict_on_other_photos_is_not_believed(run: Path, tmp_path: Path) ->
 def test_a_damaged_file_is_named_and_the_rest_stands(run: Path, name: str, content: bytes) -> None:
     """One line on the page, without the folder's place; all sections that do not need it are there."""
     (run / name).write_bytes(content)
-    page = calibration_page(run, ORIGIN)
+    page = page_of_run(run)
     said = [row.text for row in findings(page) if row.title == "Not on this page"]
     assert len(said) == 1
     assert said[0].startswith(name)
@@ -169,7 +180,7 @@ def test_a_damaged_file_is_named_and_the_rest_stands(run: Path, name: str, conte
 def test_one_bad_model_leaves_the_others(run: Path) -> None:
     """Its fault is named; with one model left there is nothing to compare."""
     (run / "luhmann/observations.csv").unlink()
-    page = calibration_page(run, ORIGIN)
+    page = page_of_run(run)
     assert "Models compared" not in {one.title for one in page.sections}
     assert any("luhmann/observations.csv" in row.text for row in findings(page))
 
@@ -179,7 +190,7 @@ def test_no_good_model_is_refused(run: Path) -> None:
     for path in run.glob("*/calibration.json"):
         path.write_text(path.read_text().replace('"version": 1', '"version": 2', 1))
     with pytest.raises(InputError, match=r"calibration\.json: version 2"):
-        calibration_page(run, ORIGIN)
+        page_of_run(run)
 
 
 def test_a_model_of_other_photos_is_not_compared(run: Path) -> None:
@@ -187,7 +198,7 @@ def test_a_model_of_other_photos_is_not_compared(run: Path) -> None:
     other = solved(("luhmann",), seed=9)
     shutil.rmtree(run / "luhmann")
     write_run(run, [*solved(("opencv",)), *other])
-    page = calibration_page(run, ORIGIN)
+    page = page_of_run(run)
     assert any("solved from other observations" in row.text for row in findings(page))
     assert "Models compared" not in {one.title for one in page.sections}
 
@@ -206,7 +217,7 @@ def test_a_model_of_some_of_the_photos_is_compared(run: Path) -> None:
 
 def test_a_single_model_s_folder_has_a_page(run: Path) -> None:
     """As `calib run --model opencv` leaves it: the files lie in the folder itself, and links lead there."""
-    page = calibration_page(run / "opencv", ORIGIN)
+    page = page_of_run(run / "opencv")
     listed = next(block for block in blocks(page) if isinstance(block, FileList))
     assert "camera.json" in {row.path for row in listed.rows}
     assert "Models compared" not in {one.title for one in page.sections}
@@ -216,7 +227,7 @@ def test_faces_of_a_solid_have_a_table(tmp_path: Path, undrawn: None) -> None:
     """One row a face, with the photos that show it; their sightings are all of those that count."""
     every = solved(("opencv",), target=icosahedron())
     write_run(tmp_path, every)
-    page = calibration_page(tmp_path, ORIGIN)
+    page = page_of_run(tmp_path)
     rows = table(page, "Faces").rows
     assert len(rows) == 20
     assert sum(row[2].value or 0 for row in rows) == (~every[0].is_outlier).sum()
@@ -245,7 +256,7 @@ def test_held_out_errors_are_shown_as_such(run: Path) -> None:
     document["metrics"]["reprojection"]["rmse"] = 0.4321
     place.write_text(json.dumps(document))
     (run / "luhmann/calibration.json").unlink()
-    page = calibration_page(run, ORIGIN)
+    page = page_of_run(run)
     assert table(page, "Errors by cross-validation").rows[0][3].value == 0.4321
     own = table(page, "Errors, of the photos").rows[0]
     assert own[3].value != 0.4321
@@ -259,7 +270,7 @@ def test_a_degenerate_camera_has_a_page(tmp_path: Path) -> None:
         is_outlier=np.ones(len(one.is_outlier), dtype=bool), remarks=("the photos do not determine the camera",),
     )  # fmt: skip
     write_run(tmp_path, [odd])
-    page = calibration_page(tmp_path, ORIGIN)
+    page = page_of_run(tmp_path)
     assert any(row.text == "the photos do not determine the camera" for row in findings(page))
 
 
@@ -274,10 +285,9 @@ def test_a_target_without_planes_is_drawn_by_its_points(target: object) -> None:
         point=one.observations.point % len(points.face),
     )
     from calib.metrics.evaluation import evaluate
-    from calib.records.calibration_file import Provenance
-    from calib.records.run_folder import Solved
+    from calib.verdict.solutions import Solution
 
-    solution = Solved("", evaluate(replace(one, observations=seen)), Provenance("test"), None)
+    solution = Solution("opencv", evaluate(replace(one, observations=seen)))
     view = camera_view(solution, None, ())
     assert view.scene.layers[0].name == "target"
 

@@ -8,22 +8,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from calib.app.calibration import Run
+from calib.app.calibration_page import calibration_page
 from calib.app.detect import DetectedPhotos
 from calib.core.types import Detections
 from calib.detector.why_nothing import explained, why_nothing
+from calib.draw.run_photos import photo_rows
 from calib.observe.photos import Search
 from calib.observe.records import Records, image_record
-from calib.records.run_folder import read_run
-from calib.show.folder import origin_in, why_no_page
-from calib.show.parts.origin import Origin
-from calib.show.run.calibration_page import page_of as page_of_run
-from calib.show.run.photos import photo_rows
+from calib.show.folder import origin_in
 from calib.show.studies.study_tables import fall_in_words
 from calib.verdict.criteria import read_criteria
 from calib.verdict.judge import Judged
+from calib.verdict.judged_run import read_run
 from calib.verdict.verdict import Verdict
 from designer.base.errors import InputError
 from designer.kinds.presets import criteria_templates
+from designer.page.page_file import why_no_page
 from tests.support.calibrations import board
 from tests.support.picture_folders import BOARD, face, overlaid, pictures, result
 from tests.support.run_folders import solved, write_run
@@ -93,7 +94,7 @@ def test_a_page_without_any_target_gives_the_reason(tmp_path: Path) -> None:
 def test_a_camera_takes_the_place_of_nothing_found(tmp_path: Path) -> None:
     """The page of a run that found nothing gives way to a calibration's, and not to others."""
     overlaid(tmp_path)
-    assert why_no_page(tmp_path, "calibration") == ""
+    assert why_no_page(tmp_path, Run.kind, *Run.replaces) == ""
     assert why_no_page(tmp_path, "rig") != ""
 
 
@@ -125,7 +126,7 @@ def test_a_camera_that_is_not_to_be_used_is_not_handed_on(grade: str, tmp_path: 
     verdict = Verdict("bad" if grade == "bad" else "usable", "opencv", f"{grade}: so it is", (), ())
     judged = Judged(verdict, read_criteria(), None, "not tried")
     run = replace(read_run(tmp_path / "run"), judged=judged)
-    text = repr(page_of_run(run, tmp_path / "run", Origin("calibration", "", "x")))
+    text = repr(calibration_page(run, tmp_path / "run"))
     is_offered = grade != "bad"
     assert ("calib convert" in text) == ("is the file to use" in text) == is_offered
     assert ("is not to be used: see the verdict" in text) != is_offered

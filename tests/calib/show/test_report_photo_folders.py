@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
+from calib.draw.gallery import MOST_PICTURES, Shot, spread
 from calib.observe.photos import find_photos
 from calib.renderer.faces import ring_truth
 from calib.renderer.job import run_job
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import scene_from_target
 from calib.show.folder import why_no_page
-from calib.show.parts.gallery import MOST_PICTURES, Shot, spread
 from calib.show.parts.kept_target import keep_target, kept_target
 from calib.show.parts.origin import ORIGIN, Origin
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhotos

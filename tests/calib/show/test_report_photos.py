@@ -9,15 +9,24 @@ from pathlib import Path
 
 import pytest
 
-from calib.records.run_folder import read_run
-from calib.show.folder import write_folder_page
-from calib.show.parts.gallery import MOST_PICTURES
+from calib.app.calibration import Run
+from calib.draw.gallery import MOST_PICTURES
+from calib.draw.run_photos import photo_rows, photos_section
 from calib.show.parts.origin import Origin
-from calib.show.run.calibration_page import calibration_page
-from calib.show.run.photos import photo_rows, photos_section
+from calib.verdict.judged_run import read_run
 from designer.page.blocks import Findings, Gallery, Page, Table
 from designer.page.shell import page_html
-from tests.support.run_folders import BLANK, PANEL, blocks, section, solved, table, write_overlays, write_run
+from tests.support.run_folders import (
+    BLANK,
+    PANEL,
+    blocks,
+    page_of_run,
+    section,
+    solved,
+    table,
+    write_overlays,
+    write_run,
+)
 
 ORIGIN = Origin("calibration", "calib run board.target.json photos", "test 1.0")
 HOSTILE = ('<img src=x onerror="alert(1)">.png', "</script><script>alert(2)</script>.png", "a'\"&lt;b.png")
@@ -42,7 +51,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def page(kept: Path, undrawn: None) -> Page:
     """Its page."""
-    return calibration_page(kept, ORIGIN)
+    return page_of_run(kept)
 
 
 @pytest.fixture
@@ -74,7 +83,7 @@ def test_pictures_come_worst_first_and_lead_to_the_overlays(kept: Path, page: Pa
 def test_without_overlays_the_table_stands_alone(run: Path) -> None:
     """A line says what is missing, and what draws it."""
     shutil.rmtree(run / "overlays")
-    photos = section(calibration_page(run, ORIGIN), "Photos")
+    photos = section(page_of_run(run), "Photos")
     assert not any(isinstance(block, Gallery) for block in photos.blocks)
     assert any(isinstance(block, Findings) and "calib run" in block.rows[0].text for block in photos.blocks)
     assert any(isinstance(block, Table) for block in photos.blocks)
@@ -98,7 +107,7 @@ def test_broken_overlays_are_skipped_and_named(run: Path) -> None:
     places[3].write_bytes(huge_png())
     places[4].unlink()
     places[4].mkdir()
-    photos = section(calibration_page(run, ORIGIN), "Photos")
+    photos = section(page_of_run(run), "Photos")
     gallery = next(block for block in photos.blocks if isinstance(block, Gallery))
     assert len(gallery.pictures) == 4
     broken = next(block.rows[0] for block in photos.blocks if isinstance(block, Findings))
@@ -113,7 +122,7 @@ def test_a_hundred_photos_make_less_than_ten_megabytes(tmp_path: Path) -> None:
     every = solved(("opencv",), views=100)
     write_run(tmp_path, every)
     write_overlays(tmp_path, every[0].observations.view_names, (480, 360))
-    place = write_folder_page(tmp_path, "calibration", "calib run")[0][-1]
+    place = Run(read_run(tmp_path), place=tmp_path).draw_page(tmp_path, "calib run")[1][-1]
     assert place.read_bytes().count(b"data:image/jpeg") == 100
     assert place.stat().st_size < 8e6
 
@@ -138,7 +147,7 @@ def test_photos_without_the_target_are_listed(run: Path) -> None:
     document["images"].append(lost)
     place.write_text(json.dumps(document))
     write_overlays(run, ["lost.png"])
-    page = calibration_page(run, ORIGIN)
+    page = page_of_run(run)
     row = next(row for row in table(page, "All photos").rows if row[0].text == "lost.png")
     assert row[0].level == "bad"
     assert row[-1].text == "too blurred"
@@ -155,7 +164,7 @@ def test_what_all_photos_have_in_common_is_said_once(run: Path) -> None:
         image["remarks"] = ["ambiguous orientation"]
     document["images"][2]["remarks"].append("page 1 of 2 read")
     place.write_text(json.dumps(document))
-    text = page_html(calibration_page(run, ORIGIN)).decode()
+    text = page_html(page_of_run(run)).decode()
     assert text.count("ambiguous orientation") == 1
     assert text.count("page 1 of 2 read") == 2  # under the picture and in the table
 
@@ -166,7 +175,7 @@ def test_hostile_names_stay_text(tmp_path: Path) -> None:
     every = solved(names=names)
     write_run(tmp_path, every)
     write_overlays(tmp_path, ["-".join(name.split("/")) for name in names])
-    html = page_html(calibration_page(tmp_path, ORIGIN)).decode()
+    html = page_html(page_of_run(tmp_path)).decode()
     assert "onerror=&#34;alert(1)&#34;" in html
     for bad in ('<img src=x onerror="alert(1)">', "<script>alert(2)"):
         assert bad not in html

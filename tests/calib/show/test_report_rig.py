@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.api.reporting import report
-from calib.records.calibration_file import Provenance
+from calib.app.report import report
+from calib.observe.calibration_file import Provenance
 from calib.records.rig_file import write_rig
 from calib.records.rig_folder import RigRun, read_rig_run
 from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
@@ -61,7 +61,7 @@ def test_a_rig_in_memory_and_in_its_folder_make_one_page(tmp_path: Path) -> None
     assert page_html(build_page(tmp_path, ORIGIN)) == page_html(told)
     assert str(tmp_path) not in page_html(told).decode()
     assert write_folder_page(tmp_path, "rig", "")[1] == ""
-    assert report(tmp_path).kind == "rig"
+    assert report(tmp_path).of == "rig"
 
 
 def test_a_rig_is_judged_again_by_other_limits(tmp_path: Path) -> None:
@@ -70,8 +70,8 @@ def test_a_rig_is_judged_again_by_other_limits(tmp_path: Path) -> None:
     limits = tmp_path / "mine.toml"
     limits.write_text('[residuals]\ngood = "0.001px"\nusable = "0.002px"\n')
     done = report(tmp_path, criteria=str(limits))
-    assert done.page.headline is not None
-    assert done.page.headline.level == "bad"
+    assert done.drawn.headline is not None
+    assert done.drawn.headline.level == "bad"
     again = read_rig_run(tmp_path)
     assert again.judged is not None
     assert again.judged.halves == AGREE

@@ -13,7 +13,7 @@ from calib.core.se3 import exp_rotation
 from calib.core.types import KnownPoints, Observations
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate_held_out, evaluate_on
-from calib.records.calibration_file import Provenance, read_calibration, write_calibration
+from calib.observe.calibration_file import Provenance, read_calibration, write_calibration
 from calib.solver.accuracy import UndeterminedError
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions

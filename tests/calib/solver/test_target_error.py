@@ -12,8 +12,8 @@ from calib.as_built.solve import measure
 from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
 from calib.core.se3 import exp_rotation
+from calib.observe.calibration_file import Provenance, read_calibration, write_calibration
 from calib.observe.observations import known_points
-from calib.records.calibration_file import Provenance, read_calibration, write_calibration
 from calib.solver.accuracy import sigma_over_image_px
 from calib.solver.calibration import Calibration
 from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations

@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from calib.api.run_result import best_of
 from calib.cameras import MODELS, project, rays, wide_models
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, look_at, make_pose, rotation_between, transform
@@ -24,7 +23,7 @@ from calib.solver.schur import damped_step
 from calib.solver.solve import solve
 from calib.solver.suited import lens_kind, ruled_out
 from calib.verdict import solutions as solving
-from calib.verdict.solutions import Solution, SolveTask, solve_models
+from calib.verdict.solutions import Solution, SolveTask, best_of, solve_models
 from designer.base.errors import InputError
 from tests.support.lenses import conventional
 from tests.support.solver_scenes import CAMERAS, board, observe, poses_around, rows_of

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from calib.api.bootstrapping_rigs import rig_bootstrap
-from calib.records.calibration_file import Provenance
+from calib.observe.calibration_file import Provenance
 from calib.records.rig_file import write_rig
 from calib.rigs.options import CameraChoice
 from calib.rigs.result import RigCalibration

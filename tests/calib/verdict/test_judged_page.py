@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.show.parts.origin import read_origin
 from calib.verdict.criteria import read_criteria
 from calib.verdict.judge import VERDICT, VERDICT_FILE
 from designer.kinds.spec_file import read_spec_file
+from designer.page.page_file import PAGE
 from designer.target import load_target, target_to_json
 from tests.support.calibrations import board
-from tests.support.command_line import JUDGED, LENIENT, PAGE, calib, files_in, refused, summary_of, write_inputs
+from tests.support.command_line import BLOCKS, JUDGED, LENIENT, calib, files_in, refused, summary_of, write_inputs
 from tests.support.command_scene import BOARD, SEEN
 
 RUN = ("run", "board.target.json", "photos", "--model", "opencv", "-o", "out")
@@ -66,7 +66,7 @@ def test_a_run_ends_with_its_verdict_and_page(words: tuple[str, ...], folder: Pa
     assert answer.code == 0, answer
     summary = summary_of(answer)
     written = files_in(folder / "out")
-    assert written >= PAGE | JUDGED | MODEL_FILES | {"target.json"}
+    assert written >= BLOCKS | JUDGED | MODEL_FILES | {"target.json"}
     assert {Path(path).relative_to("out").as_posix() for path in summary["wrote"]} == written
     stored = VERDICT.read(Path("out") / VERDICT_FILE).verdict
     said = summary["answer"]["verdict"]
@@ -75,8 +75,8 @@ def test_a_run_ends_with_its_verdict_and_page(words: tuple[str, ...], folder: Pa
         (one.name, one.grade, one.value) for one in stored.checks
     ]
     assert load_target(Path("out/target.json")).geometry_id == BOARD.geometry_id
-    origin = read_origin(Path("out"))
-    assert (origin.kind, origin.command.split()[:2]) == ("calibration", ["calib", words[0]])
+    drawn = PAGE.read(Path("out/page.json"))
+    assert (drawn.kind, drawn.page.made_by.split()[:2]) == ("calibration", ["calib", words[0]])
     before = page_text()
     assert stored.sentence.removeprefix("usable: ")[1:40] in before
     assert calib_report() == (0, "usable")
@@ -119,11 +119,11 @@ def test_without_a_page_the_verdict_is_there(words: tuple[str, ...], folder: Pat
     assert answer.code == 0
     before = files_in(folder / "out")
     assert before >= JUDGED | MODEL_FILES
-    assert not before & PAGE
+    assert not before & BLOCKS
     assert "calib report out" in answer.out
     assert answer.out.startswith("good: ")
     assert calib("report", "out").code == 0
-    assert files_in(folder / "out") == before | PAGE
+    assert files_in(folder / "out") == before | BLOCKS
     sentence = VERDICT.read(Path("out") / VERDICT_FILE).verdict.sentence
     assert sentence[1:40] in page_text()
 
@@ -170,14 +170,14 @@ def test_evaluate_draws_the_page_of_a_run_again(place: str, page: str) -> None:
     """With the errors that it measured, in a model's folder of a run too; what it says of its origin stays."""
     models = SOLVE[:-1] if page == "out" else SOLVE[:4]
     calib(*models, *(() if page == "out" else ("-o",)), page, *LENIENT[:2])
-    before, origin = page_text(page), Path(page, "report.json").read_bytes()
+    before, origin = page_text(page), PAGE.read(Path(page, "page.json")).page.made_by
     assert "pose error" not in before.lower()
     answer = calib("evaluate", place, "--truth", "truth.json", "--no-figures", "--json")
     assert answer.code == 0
     assert f"{page}/index.html" in summary_of(answer)["wrote"]
     after = page_text(page)
     assert after != before
-    assert Path(page, "report.json").read_bytes() == origin
+    assert PAGE.read(Path(page, "page.json")).page.made_by == origin != ""
     calib("report", page)
     assert page_text(page) == after
 
@@ -190,7 +190,7 @@ def test_evaluate_elsewhere_leaves_pages_alone(folder: Path) -> None:
     assert answer.code == 0
     assert page_text() == before
     assert calib("evaluate", "solved", "--no-figures").code == 0
-    assert not (files_in(folder / "tables") | files_in(folder / "solved")) & PAGE
+    assert not (files_in(folder / "tables") | files_in(folder / "solved")) & BLOCKS
 
 
 MINE = "<p>mine"
@@ -265,5 +265,5 @@ def test_photos_that_show_nothing_have_a_page_to_look_at(folder: Path) -> None:
     assert summary["answer"]["verdict"] is None
     assert not files_in(folder / "out") & JUDGED
     (page,) = (Path(path) for path in summary["wrote"] if path.endswith("index.html"))
-    assert read_origin(page.parent).kind == "detections"
+    assert PAGE.read(page.parent / "page.json").kind == "detections"
     assert "none.png" in page.read_text()

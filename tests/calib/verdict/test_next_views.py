@@ -496,7 +496,7 @@ def test_a_figure_of_the_views_is_drawn() -> None:
     """Each view has its outlines and its number, and no two numbers stand on each other."""
     from matplotlib.figure import Figure
 
-    from calib.show.run.figures import draw_next_views
+    from calib.draw.run_figures import draw_next_views
 
     calibration = base("board", "opencv")
     views = next_views(calibration)

@@ -9,15 +9,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calib.show.run.sections import check_findings
-from calib.show.run.tables import checks_table
+from calib.draw.checks import check_findings
 from calib.solver.calibration import Calibration
 from calib.verdict.coverage import coverage_of
 from calib.verdict.halves import Halves, NoHalves, halves_apart
 from calib.verdict.judge import VERDICT, VERDICT_FILE, Judged
 from calib.verdict.verdict import Check
 from designer.base.errors import InputError
-from designer.page.terminal import say_findings, say_table
+from designer.page.terminal import say_findings
 from tests.support.verdict_cases import judge_run, judged, sightings, solved
 
 
@@ -108,23 +107,12 @@ def test_a_folder_without_a_verdict_says_so(tmp_path: Path) -> None:
         VERDICT.read(tmp_path / VERDICT_FILE)
 
 
-def test_the_screen_has_a_row_for_each_check(run: Judged, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each check has a row with its value and both limits."""
-    say_table(checks_table(run.verdict))
-    text = capsys.readouterr().out
-    for one in run.verdict.checks:
-        assert one.title in text
-    assert ">= 70 %" in text
-    assert "<= 0.1 px" in text
-
-
 def test_texts_are_no_markup(run: Judged, capsys: pytest.CaptureFixture[str]) -> None:
     """A sentence from a file is shown as it is: no colours, no escape sequences."""
     evil = Check("x", "[red]title[/red]", "bad", None, "", 0.0, 0.0, False, "[link=file:///]\x1b[31m\x07sentence")
     verdict = replace(run.verdict, checks=(evil,))
-    say_table(checks_table(verdict))
     say_findings(check_findings(verdict))
     text = capsys.readouterr().out
-    assert text.count("[red]title[/red]") == 2
+    assert text.count("[red]title[/red]") == 1
     assert "[link=file:///]" in text
     assert "\x1b" not in text

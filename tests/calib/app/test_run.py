@@ -16,8 +16,8 @@ from PIL import Image
 
 from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations
+from calib.observe.calibration_file import read_calibration
 from calib.observe.dataset import read_detections
-from calib.records.calibration_file import read_calibration
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
 from calib.renderer.view import render_view
@@ -26,7 +26,7 @@ from calib.virtual.calibrate import calibrate
 from designer.target import TargetGeometry, target_to_json
 from tests.support import programs
 from tests.support.calibrations import board, camera, poses_around
-from tests.support.command_line import JUDGED, LENIENT, PAGE, PICTURE, calib, files_in, refused
+from tests.support.command_line import BLOCKS, JUDGED, LENIENT, PICTURE, calib, files_in, refused
 from tests.support.programs import PYTHON
 from tests.support.run_folders import BLANK, PANEL
 from tests.support.sightings import sighting
@@ -180,8 +180,8 @@ def test_odd_photos_do_not_stop_the_others(folder: Path, detector: Detector, mon
     assert "left out views that are another one once more: view_0001.png (as sub [x] 1.png)" in answer.out
     for line in (
         r"without the target: black\.png: nothing here",
-        r"skipped  photos/cut\.png: is cut off",
-        r"skipped  missing\.png: cannot be read",
+        r"Skipped: photos/cut\.png: is cut off",
+        r"Skipped: missing\.png: cannot be read",
     ):
         assert re.search(line, answer.out), line
     assert read_calibration(Path("out/calibration.json"))[0].observations.view_count == len(JOB.file_names)
@@ -194,9 +194,9 @@ def test_nothing_found_is_exit_code_1(detector: Detector) -> None:
     Image.new("L", SIZE).save("photos/black.png")
     answer = calib(*(word for word in quick("photos/black.png") if word != "--no-page"))
     assert answer.code == 1
-    assert "next  open out/index.html in a browser" in answer.out
-    found = {"detections.csv", "detections.records.json", "photos.json", "overlays/black.overlay.jpg"}
-    assert files_in(Path("out")) == found | PAGE
+    assert "next     open out/index.html in a browser" in answer.out
+    found = {"detections.csv", "detections.records.json", "overlays/black.overlay.jpg"}
+    assert files_in(Path("out")) == found | BLOCKS
     assert len(detector.asked) == 1
 
 

@@ -6,24 +6,27 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib.cameras import MODELS
+from calib.cameras.camera import Camera
+from calib.cameras.field_of_view import field_of_view
 from calib.cameras.linear_part import focal_px
 from calib.cameras.surface import surface_model
 from calib.core.types import UNMEASURABLE_WORDS
 from calib.metrics.evaluation import Evaluation, by_face
+from calib.metrics.evaluation_files import FoundParameter, Metrics
 from calib.observe.records import Records
-from calib.records.evaluation_files import FoundParameter, Metrics
-from calib.records.run_folder import Solved
 from calib.solver.calibration import Calibration
-from calib.verdict.verdict import Verdict
+from calib.verdict.solutions import Solution
 from designer.base.number_text import figure as digits
 from designer.base.number_text import with_digits
 from designer.base.words import printable
-from designer.page.blocks import Cell, Column, Level, Table
+from designer.page.blocks import Cell, Column, Table
 from designer.page.folders import number, whole
 
 OF_ITS_OWN_SENSOR = (
     "fx of the virtual camera is left out: it belongs to the sensor that its map leads to, not to the photos"
 )
+WIDE_DEG = 100.0
+"""From this field of view on the diagonal is told, too: the corners see much farther than the sides."""
 STANDS_OUT = 3.0
 """A face whose error is so many times the median of all is worth a look; one seen flat has twice the usual."""
 
@@ -85,7 +88,7 @@ def errors_table(metrics: Metrics) -> Table:
     return Table(title, columns, tuple(rows))
 
 
-def models_table(solved: Sequence[Solved]) -> Table:
+def models_table(solved: Sequence[Solution]) -> Table:
     """Cameras of the same photos side by side: RMSE of each metric, and the focal length with its sigma."""
     units = {name: printable(metric.unit) for one in solved for name, metric in one.metrics.metrics.items()}
     columns = (
@@ -97,7 +100,7 @@ def models_table(solved: Sequence[Solved]) -> Table:
     return Table("Models of the camera", columns, tuple(_model_row(one, tuple(units)) for one in solved), note)
 
 
-def _model_row(one: Solved, names: Sequence[str]) -> tuple[Cell, ...]:
+def _model_row(one: Solution, names: Sequence[str]) -> tuple[Cell, ...]:
     calibration, found = one.calibration, one.metrics.metrics
     focal = (
         Cell("")
@@ -115,20 +118,6 @@ def focal_length(calibration: Calibration) -> str:
     """Along u, in the middle of the image, with its standard deviation."""
     value, sigma = focal_px(calibration.camera, calibration.stated_covariance)
     return f"{with_digits(value, sigma)} ± {digits(sigma, 2)}" if math.isfinite(sigma) else f"{value:.2f}"
-
-
-def checks_table(verdict: Verdict) -> Table:
-    """A row a check: grade, what was measured, and the limits."""
-    columns = (Column("grade", is_number=False), Column("check", is_number=False), Column("measured"), Column("good"),
-               Column("usable"))  # fmt: skip
-    rows = []
-    for check in verdict.checks:
-        level: Level | None = None if check.grade == "unknown" else check.grade
-        sign = ">=" if check.is_at_least else "<="
-        limits = (f"{sign} {limit:.4g} {check.unit}" if check.unit else "" for limit in (check.good, check.usable))
-        cells = (Cell("-" if level is None else level, level=level), Cell(printable(check.title)), Cell(check.measured))
-        rows.append((*cells, *map(Cell, limits)))
-    return Table("Checks", columns, tuple(rows))
 
 
 def faces_table(evaluation: Evaluation, records: Records | None) -> Table:
@@ -166,10 +155,10 @@ def _rings_of_faces(records: Records | None, faces: int) -> tuple[list[int], lis
     return found, expected
 
 
-def faces_words(one: Solved) -> str:
+def faces_words(one: Solution) -> str:
     """How even the faces are, as a sentence; a face that stands out may be printed or glued askew."""
-    errors = one.evaluation.of("reprojection")
-    summaries = None if errors is None else by_face(one.evaluation, errors)
+    errors = one.evaluated.of("reprojection")
+    summaries = None if errors is None else by_face(one.evaluated, errors)
     known = [] if summaries is None else [(s.rmse, row) for row, s in enumerate(summaries) if s.count]
     total = len(one.calibration.observations.points.plane)
     if not known:
@@ -181,3 +170,28 @@ def faces_words(one: Solved) -> str:
         f"{len(known)} of {total} faces were seen; the residuals of one are {digits(least, 2)} to {digits(most, 2)} px "
         f"(RMS), the largest on face {worst}{judged}."
     )
+
+
+def focal_title(camera: Camera) -> str:
+    """What a focal length is called: that of a learned map is none of the lens."""
+    return "focal length" if camera.learned is None else "focal length of the virtual sensor"
+
+
+def field_of_view_words(camera: Camera, end: str = "") -> str:
+    """Angles between the light at opposite sides, and where model or image circle end if that is inside the image.
+
+    Args:
+        camera: that sees.
+        end: what ends there, in words; "": the image circle if the camera says where that is, else the model.
+    """
+    found = field_of_view(camera)
+    end = end or ("the model ends" if camera.field_rad is None else "the image circle ends")
+    if not math.isfinite(found.across_rad + found.down_rad):
+        return "not known"
+    across, down, diagonal, off_axis = (
+        math.degrees(angle) for angle in (found.across_rad, found.down_rad, found.diagonal_rad, found.off_axis_rad)
+    )
+    words = f"{across:.1f}° x {down:.1f}°"
+    if found.ends_inside:
+        return f"{words}; {end} {off_axis:.1f}° off the axis, inside the image"
+    return f"{words}, diagonal {diagonal:.1f}°" if diagonal > max(across, down) > WIDE_DEG else words

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 
 from calib.cameras.camera import Camera, LearnedMap, load_camera
 from calib.core.types import KnownPoints
-from calib.records.calibration_file import Provenance, read_calibration, write_calibration
-from calib.records.observation_table import COLUMNS, FIRST_LINE, read_sightings
+from calib.observe.calibration_file import Provenance, read_calibration, write_calibration
+from calib.observe.observation_table import COLUMNS, FIRST_LINE, read_sightings
 from calib.solver.calibration import Calibration, ImageField, MadeWith, TargetError
 from calib.solver.options import SolveOptions
 from designer.base.errors import InputError

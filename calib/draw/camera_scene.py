@@ -7,8 +7,8 @@ from calib.core.types import KnownPoints
 from calib.draw.rig_scene import body_words, view_of
 from calib.metrics.errors import centers_mm
 from calib.metrics.evaluation import by_view
-from calib.records.run_folder import Solved
 from calib.verdict.next_views import NextView
+from calib.verdict.solutions import Solution
 from calib.verdict.views import view_facts
 from designer.base.number_text import figure as digits
 from designer.base.words import printable
@@ -35,7 +35,7 @@ SIDE = 0.9
 """How far from the cameras' mean direction the viewer stands at first, as a tangent."""
 
 
-def camera_view(one: Solved, target: TargetGeometry | None, proposed: tuple[NextView, ...]) -> View3d:
+def camera_view(one: Solution, target: TargetGeometry | None, proposed: tuple[NextView, ...]) -> View3d:
     """The scene and what it shows in words.
 
     Args:
@@ -44,8 +44,8 @@ def camera_view(one: Solved, target: TargetGeometry | None, proposed: tuple[Next
         proposed: photos to take next.
     """
     calibration = one.calibration
-    errors = one.evaluation.of("reprojection")
-    summaries = None if errors is None else by_view(one.evaluation, errors)
+    errors = one.evaluated.of("reprojection")
+    summaries = None if errors is None else by_view(one.evaluated, errors)
     views = calibration.observations.view_count
     rmse = np.full(views, np.nan) if summaries is None else np.array([summary.rmse for summary in summaries])
     colours, legend = _colours(rmse)
@@ -71,7 +71,7 @@ def camera_view(one: Solved, target: TargetGeometry | None, proposed: tuple[Next
     )  # fmt: skip
 
 
-def spread_words(one: Solved) -> str:
+def spread_words(one: Solution) -> str:
     """From where photos were taken, as a sentence."""
     points, facts = one.calibration.observations.points, view_facts(one.calibration)
     least, most = digits(float(facts.distance_mm.min()), 3), digits(float(facts.distance_mm.max()), 3)

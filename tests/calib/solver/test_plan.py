@@ -1,9 +1,15 @@
 """A person's words about a solution become options."""
 
+import inspect
+
 import pytest
 
-from calib.solver.plan import SolvePlan, parse_focal_px, plan_from_words
+from calib.app.run import run
+from calib.solver.plan import SolvePlan, plan_from_words
 from designer.base.errors import InputError
+from designer.base.options import parameters_of
+
+FOCAL = parameters_of(inspect.unwrap(run))["focal_px"]
 
 
 def plan(
@@ -78,14 +84,14 @@ def test_choices_that_contradict_each_other_are_refused(
 @pytest.mark.parametrize(("text", "length_px"), [("2500px", 2500.0), (" 2.5e3 ", 2500.0), ("1000 px", 1000.0)])
 def test_a_focal_length_is_in_pixels(text: str, length_px: float) -> None:
     """With its unit or without."""
-    assert parse_focal_px(text) == plan(focal_px=length_px).options.focal_px == length_px
+    assert FOCAL.read(text) == plan(focal_px=length_px).options.focal_px == length_px
 
 
 @pytest.mark.parametrize("text", ["", "50mm", "-3px", "0", "1e9", "nan", "inf", "e", "1.2.3", "9" * 40])
 def test_what_is_no_focal_length_is_refused(text: str) -> None:
-    """The message says what may stand there."""
-    with pytest.raises(InputError, match="2500px"):
-        parse_focal_px(text)
+    """The message names the option, and says what may stand there."""
+    with pytest.raises(InputError, match=r"--focal .*(px|number)"):
+        FOCAL.read(text)
 
 
 @pytest.mark.parametrize("number", [0.0, 0.99, -4.0, float("nan"), float("inf")])

@@ -10,10 +10,13 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from calib.show.folder import KINDS, build_page, write_folder_page
+from calib.app.calibration import Run
+from calib.show.folder import KINDS, build_page
 from calib.show.parts.origin import LONGEST_COMMAND, ORIGIN, ORIGIN_FILE, Origin, origin_of, read_origin
 from calib.verdict.judge import VERDICT, VERDICT_FILE
+from calib.verdict.judged_run import read_run
 from designer.base.errors import InputError
+from designer.page.page_file import BLOCKS_FILE, PAGE
 from designer.target import target_to_json
 from tests.support.calibrations import board
 from tests.support.command_line import calib, refused
@@ -29,7 +32,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_overlays(folder, every[0].observations.view_names)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(PANEL, lambda *_, **__: BLANK)
-        write_folder_page(folder, "calibration", "calib run board.target.json 'my photos'")
+        Run(read_run(folder), place=folder).draw_page(folder, "calib run board.target.json 'my photos'")
     return folder
 
 
@@ -47,23 +50,22 @@ def run(kept: Path, tmp_path: Path) -> Path:
 
 def test_the_page_comes_again_byte_for_byte(run: Path) -> None:
     """Page and origin are as the run left them, whatever the command is called from."""
-    before = {name: (run / name).read_bytes() for name in ("index.html", ORIGIN_FILE)}
+    before = {name: (run / name).read_bytes() for name in ("index.html", BLOCKS_FILE)}
     (run / "index.html").unlink()
     answer = calib("report", run)
     assert answer.code == 0
     assert {name: (run / name).read_bytes() for name in before} == before
     assert b"calib run board.target.json" in before["index.html"]
-    assert f"wrote {run}/index.html" in answer.out
-    assert "next  open" in answer.out
+    assert f"open {run}/index.html in a browser" in answer.out
 
 
-def test_a_calibration_without_an_origin_gets_one(run: Path) -> None:
+def test_a_calibration_without_a_page_gets_one(run: Path) -> None:
     """It is told by its files; the command that made it is not known."""
-    (run / ORIGIN_FILE).unlink()
-    assert "move it away" in refused("report", run)  # a page without an origin may be anybody's
+    (run / BLOCKS_FILE).unlink()
+    assert "stays as it is" in refused("report", run)  # a page without its blocks may be anybody's
     (run / "index.html").unlink()
     assert calib("report", run).code == 0
-    assert read_origin(run) == Origin("calibration", "", read_origin(run).program)
+    assert PAGE.read(run / BLOCKS_FILE).page.made_by == ""
 
 
 def test_criteria_judge_it(run: Path) -> None:
@@ -83,11 +85,11 @@ def test_criteria_judge_it(run: Path) -> None:
 def test_halves_are_not_solved_again_for_other_limits(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A verdict stores them; those of another camera are not believed."""
     calls: list[int] = []
-    from calib.records import run_folder
+    from calib.verdict import judged_run
     from calib.verdict.halves import NoHalves
 
     calib("report", run, "--criteria", "standard")
-    monkeypatch.setattr(run_folder, "half_split", lambda *_: calls.append(1) or NoHalves("asked for"))
+    monkeypatch.setattr(judged_run, "half_split", lambda *_: calls.append(1) or NoHalves("asked for"))
     calib("report", run, "--criteria", "metrology")
     assert not calls
     document = json.loads((run / "verdict.json").read_text())
@@ -114,7 +116,7 @@ def test_damaged_results_are_refused_in_one_line(run: Path) -> None:
 
 def origin_text(**changes: object) -> str:
     """The text of a `report.json` with some keys changed."""
-    whole = {"format": "ringsolid.report", "version": 1, "kind": "calibration", "command": "", "program": ""}
+    whole = {"format": "ringsolid.report", "version": 1, "kind": "rig", "command": "", "program": ""}
     return json.dumps({**whole, **changes})
 
 
@@ -131,13 +133,13 @@ def origin_text(**changes: object) -> str:
         ('"' + "x" * 70_000 + '"', "65536 bytes"),
     ],
 )
-def test_a_damaged_origin_is_refused(run: Path, content: str, said: str) -> None:
+def test_a_damaged_origin_is_refused(tmp_path: Path, content: str, said: str) -> None:
     """The message names the file and what is wrong in it."""
-    (run / ORIGIN_FILE).write_text(content)
-    line = refused("report", run)
+    (tmp_path / ORIGIN_FILE).write_text(content)
+    line = refused("report", tmp_path)
     assert ORIGIN_FILE in line
     assert said in line
-    assert (run / ORIGIN_FILE).read_text() == content
+    assert (tmp_path / ORIGIN_FILE).read_text() == content
 
 
 def test_where_there_is_nothing_to_report(tmp_path: Path) -> None:
@@ -175,12 +177,12 @@ def test_an_origin_reads_back(tmp_path: Path) -> None:
 
 
 def test_a_file_of_somebody_else_is_not_replaced(run: Path) -> None:
-    """A `report.json` that other programs wrote stays, and so does the page."""
-    (run / ORIGIN_FILE).write_text('{"mine": 1}')
+    """A `page.json` that other programs wrote stays, and so does the page."""
+    (run / BLOCKS_FILE).write_text('{"mine": 1}')
     before = (run / "index.html").read_bytes()
-    files, remark = write_folder_page(run, "calibration", "")
+    _, files, remark = Run(read_run(run), place=run).draw_page(run)
     assert not files
-    assert "report.json" in remark
+    assert "page.json" in remark
     assert (run / "index.html").read_bytes() == before
 
 

@@ -1,7 +1,4 @@
-"""A run as its page and its commands tell it: cameras of one or several models, and the verdict on the best.
-
-A run in memory (`calib.api.run_result`) and a run's folder (`read_run`) are the same value.
-"""
+"""Cameras of one or several models from the same photos with the verdict on the best, in memory or in a folder."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,20 +6,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
 
-import numpy as np
-
 from calib.cameras import MODELS
-from calib.metrics.errors import summarise
-from calib.metrics.evaluation import Evaluation, evaluate
+from calib.metrics.evaluation import evaluate
+from calib.metrics.evaluation_files import METRICS, METRICS_FILE
+from calib.observe.calibration_file import CALIBRATION_FILE, read_calibration
 from calib.observe.records import RECORDS, Records
-from calib.records.calibration_file import CALIBRATION_FILE, Provenance, read_calibration
-from calib.records.evaluation_files import METRICS, METRICS_FILE, Metrics, metrics_of
 from calib.solver.calibration import Calibration
-from calib.verdict.coverage import Coverage, coverage_of
 from calib.verdict.halves import Halves, half_split
 from calib.verdict.judge import VERDICT, VERDICT_FILE, Judged, inputs_of, judge_cameras
 from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextView, NextViews
-from calib.verdict.verdict import Criteria, Verdict
+from calib.verdict.solutions import Solution
+from calib.verdict.verdict import Criteria
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.files import write_files
@@ -35,73 +29,31 @@ RECORDS_FILE, TARGET_FILE = "detections.records.json", "target.json"
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
-    """A camera of one model."""
+class JudgedRun:
+    """Cameras of several models from the same photos, and what is known of them."""
 
-    path: str  # of its folder from the run's: "", or with a "/" at its end
-    evaluation: Evaluation  # of the photos that it was solved from, without what only a truth tells
-    provenance: Provenance
-    stored: Metrics | None  # that were written, with what only a truth tells; None: there are none
-
-    @property
-    def calibration(self) -> Calibration:
-        """The solution."""
-        return self.evaluation.calibration
-
-    @property
-    def model(self) -> str:
-        """The camera model's name."""
-        return self.calibration.camera.model
-
-    @cached_property
-    def rms_px(self) -> float:
-        """Root mean square of the residuals; nan if none counts."""
-        errors = self.evaluation.of("reprojection")
-        return np.nan if errors is None else summarise(errors).rmse
-
-    @cached_property
-    def metrics(self) -> Metrics:
-        """The errors of the photos that it was solved from, with what only a truth tells if that is known."""
-        is_of_these = self.stored is not None and not self.stored.is_of_others
-        return self.stored if is_of_these and self.stored else metrics_of(self.evaluation)
-
-    @property
-    def held_out(self) -> Metrics | None:
-        """The errors of other photos, as `calib evaluate` left them with `--held-out` or `--on`."""
-        return self.stored if self.stored is not None and self.stored.is_of_others else None
-
-    @cached_property
-    def coverage(self) -> Coverage:
-        """What of the image the observations surround."""
-        return coverage_of(self.calibration)
-
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """Cameras of the same photos, and what is known of them."""
-
-    solved: tuple[Solved, ...]  # one of each model, at least one
-    judged: Judged | None  # on the best; None: nobody judged
+    solutions: tuple[Solution, ...]  # of each model, at least one of them solved
+    judged: Judged | None  # the best; None: nobody judged
     next_views: tuple[NextView, ...]  # photos that would make it better
     records: Records | None  # of the search for the target; None: there are none, as after `calib solve`
-    target: TargetGeometry | None  # as it was used
+    target: TargetGeometry | None  # as it was used; None: the points came from elsewhere
     faults: tuple[str, ...] = ()  # what is there and could not be read or written, one line each
 
+    @property
+    def solved(self) -> tuple[Solution, ...]:
+        """Those with a camera, by their models' names."""
+        return tuple(sorted((one for one in self.solutions if one.evaluation is not None), key=lambda one: one.model))
+
     @cached_property
-    def best(self) -> Solved:
+    def best(self) -> Solution:
         """The camera to go on with: the one that was judged, or else the recommended one."""
         model = "" if self.judged is None else self.judged.verdict.model
-        return min(self.solved, key=lambda one: (one.model != model, *one.evaluation.preference))
+        return min(self.solved, key=lambda one: (one.model != model, *one.rank))
 
     @property
-    def others(self) -> tuple[Solved, ...]:
+    def others(self) -> tuple[Solution, ...]:
         """All cameras but the best."""
         return tuple(one for one in self.solved if one is not self.best)
-
-    @property
-    def verdict(self) -> Verdict | None:
-        """On the best camera."""
-        return None if self.judged is None else self.judged.verdict
 
 
 def is_run_folder(folder: Path) -> bool:
@@ -109,7 +61,7 @@ def is_run_folder(folder: Path) -> bool:
     return any((place / CALIBRATION_FILE).is_file() for place in (folder, *(folder / model for model in MODELS)))
 
 
-def read_run(folder: Path) -> Run:
+def read_run(folder: Path) -> JudgedRun:
     """Read a run's folder. What cannot be read but one camera is left out, and said.
 
     Raises:
@@ -128,7 +80,7 @@ def read_run(folder: Path) -> Run:
     if target is not None and target.geometry_id != solved[0].calibration.observations.points.geometry_id:
         faults.append(f"{TARGET_FILE}: not the target that the camera was solved with; the rings are drawn without it")
         target = None
-    run = Run(tuple(solved), judged, () if views is None else views.views, records, target, tuple(faults))
+    run = JudgedRun(tuple(solved), judged, () if views is None else views.views, records, target, tuple(faults))
     if judged is None or judged.observations_sha256 == run.best.provenance.observations_sha256:
         return run
     word = f"{VERDICT_FILE}: on another camera or other photos; calib report with --criteria judges again"
@@ -165,9 +117,9 @@ def judge_again(folder: Path, criteria: Criteria) -> Judged:
     return judged
 
 
-def _read_cameras(folder: Path, faults: list[str]) -> list[Solved]:
+def _read_cameras(folder: Path, faults: list[str]) -> list[Solution]:
     """The cameras of the folder and of its models' folders, of the same photos."""
-    solved: list[Solved] = []
+    solved: list[Solution] = []
     errors: list[InputError] = []
     for path in ("", *(f"{model}/" for model in sorted(MODELS))):
         place = folder / path
@@ -179,7 +131,9 @@ def _read_cameras(folder: Path, faults: list[str]) -> list[Solved]:
             errors.append(error)
             continue
         metrics = _read(METRICS, place / METRICS_FILE, folder, faults)
-        one = Solved(path, evaluate(calibration), provenance, metrics)
+        one = Solution(
+            calibration.camera.model, evaluate(calibration), provenance=provenance, stored=metrics, path=path
+        )
         if any(one.model == other.model for other in solved):
             faults.append(f"{path}: a second camera of model {one.model}, left out")
         elif solved and not _is_of_same_photos(one.calibration, solved[0].calibration):

@@ -14,25 +14,27 @@ import typer
 from typer.testing import CliRunner, Result
 
 import calib
-from calib.commands.evaluate import evaluate as command
+from calib.app import evaluate as capability
 from calib.core.types import Observations
+from calib.draw.run_tables import models_table
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import by_point, by_view, evaluate
-from calib.records.calibration_file import Provenance, write_calibration
-from calib.records.evaluation_files import evaluation_files
-from calib.records.run_folder import Solved, read_run
+from calib.metrics.evaluation_files import evaluation_files
+from calib.observe.calibration_file import Provenance, write_calibration
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
-from calib.show.run.tables import models_table
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
+from calib.verdict.judged_run import read_run
+from calib.verdict.solutions import Solution
 from designer.base.errors import InputError
 from designer.base.number_text import figure, with_digits
 from tests.support.calibrations import board, example, icosahedron
 
 APP = typer.Typer()
-APP.command()(command)
+COMMAND = capability.evaluate.as_command()
+APP.command()(COMMAND)
 ICO = icosahedron()
 TRUE = example(ICO, np.random.default_rng(1), views=8, noise_px=0.1)
 OPTIONS = SolveOptions(fixed=(("k3", 0.0),))
@@ -85,7 +87,7 @@ def test_a_calibration_alone_is_enough(tmp_path: Path) -> None:
         assert words in result.output
     assert "of the photos that the camera was solved from" in result.output
     assert "fixed" in result.output
-    assert "\nnext  calib evaluate" in result.output
+    assert "\nnext     calib evaluate" in result.output
     names = {path.name for path in folder.iterdir()} - {"calibration.json", "observations.csv", "camera.json"}
     assert names == {
         "metrics.json", "metrics_views.csv", "metrics_points.csv", "metrics_faces.csv", "metrics_observations.csv",
@@ -120,7 +122,7 @@ def test_the_answer_comes_first_and_the_next_step_can_be_typed(tmp_path: Path) -
         assert lines[0].startswith(
             f"evaluated: Root mean square errors of photos {photos}: reprojection {figure(rms)} px"
         )
-        step = next(line for line in lines if line.startswith("next  ")).removeprefix("next  ")
+        step = next(line for line in lines if line.startswith("next  ")).removeprefix("next").strip()
         assert shlex.split(step, comments=True)[:2] in (["calib", "evaluate"], ["calib", "convert"])
 
 
@@ -131,7 +133,7 @@ def _centers(one: Calibration) -> np.ndarray:
 def test_held_out_solves_as_it_was_solved(tmp_path: Path) -> None:
     """--held-out keeps the options of the solution, and the output says what the errors are of."""
     folder = folder_of(solved(), tmp_path)
-    result = run(folder, "--held-out", 4, "--no-figures")
+    result = run(folder, "--held-out", 4, "--no-figures", "--verbose")
     assert result.exit_code == 0, result.output
     assert "Errors by cross-validation" in result.output
     assert "in 4 parts" in result.output
@@ -155,7 +157,7 @@ def test_sightings_that_were_not_solved_from(tmp_path: Path) -> None:
     """--on says what the errors are of on screen and in its files, which the folder's page tells apart from its own."""
     folder = folder_of(solved(), tmp_path / "cal")
     other = table_of(example(ICO, np.random.default_rng(2), views=3, noise_px=0.1).observations, tmp_path / "b.csv")
-    result = run(folder, "--on", other, "--no-figures")
+    result = run(folder, "--on", other, "--no-figures", "--verbose")
     assert result.exit_code == 0, result.output
     assert "Errors of b.csv, which the camera was not solved from: of these, poses only" in result.output
     assert "view_0002.png" in result.output
@@ -187,7 +189,8 @@ def test_a_degenerate_calibration_ends_with_1(tmp_path: Path, capsys: pytest.Cap
         solved(), status="degenerate", remarks=("one view that faces the board squarely",), scale=math.nan,
         param_covariance=np.full((9, 9), np.nan), pose_covariance=np.full((8, 6, 6), np.nan),
     )  # fmt: skip
-    assert command(folder_of(lost, tmp_path), figures=False).exit_code == 1
+    done = COMMAND(calibration=folder_of(lost, tmp_path), figures=False, page=True, verbose=False)
+    assert done.exit_code == 1
     assert "one view that faces the board squarely" in capsys.readouterr().out
     assert json.loads((tmp_path / "metrics.json").read_text())["parameters"]["fx_px"]["sigma"] is None
 
@@ -302,7 +305,7 @@ def test_names_cannot_steer_the_terminal(tmp_path: Path) -> None:
 def test_models_stand_side_by_side() -> None:
     """A row a model: RMSE of every metric, the focal length with its sigma, and whether it can be trusted."""
     evaluations = [evaluate(solve(TRUE.observations, model)) for model in ("luhmann", "opencv", "pinhole")]
-    table = models_table([Solved("", one, Provenance("test"), None) for one in evaluations])
+    table = models_table([Solution(one.calibration.camera.model, one) for one in evaluations])
     heads = ["model", "observations", "reprojection px", "intersection mm", "reconstruction mm", "fx px", "status"]
     assert [column.title for column in table.columns] == heads
     for row, one in zip(table.rows, evaluations, strict=True):
@@ -316,7 +319,7 @@ def test_models_stand_side_by_side() -> None:
 def test_one_view_has_no_reconstruction() -> None:
     """A single photo of an icosahedron has no second ray: the table shows nothing, not a number."""
     single = solve(example(ICO, np.random.default_rng(2), views=1, noise_px=0.05).observations, "pinhole")
-    table = models_table([Solved("", evaluate(single), Provenance("test"), None)])
+    table = models_table([Solution("opencv", evaluate(single))])
     assert table.rows[0][4].text == ""
 
 

@@ -16,8 +16,8 @@ from calib.cameras.camera import Camera, load_camera
 from calib.core.se3 import look_at, transform
 from calib.core.types import Detections, Observations
 from calib.images.photo import Photo
+from calib.observe.calibration_file import read_calibration
 from calib.observe.dataset import write_detections
-from calib.records.calibration_file import read_calibration
 from calib.solver.calibration import Calibration
 from calib.virtual.calibrate import calibrate
 from designer.base.errors import InputError
@@ -372,9 +372,9 @@ def test_options_that_mean_nothing_are_refused_before_any_work(folder: Path) -> 
         (("--fix", "k1", "--fix", "k1=3"), "fixed twice"),
         (("--share", "fx_px,k1"), "different units"),
         (("--share", "fx_px"), "two or more"),
-        (("--loss", "l1"), "squares, huber or cauchy"),
+        (("--loss", "l1"), "use squares, huber, cauchy"),
         (("--reject", "0.1"), "--reject 0.1"),
-        (("--focal", "10mm"), "length in pixels"),
+        (("--focal", "10mm"), "expected pixels"),
         (("-o", "detections.csv"), "is a file"),
         (("-o", "detections.csv/x"), "is a file"),
     ):
@@ -441,5 +441,5 @@ def test_calibrations_that_cannot_be_written_are_bad_input(monkeypatch: pytest.M
     def full(folder: Path, *rest: object) -> list[Path]:
         raise InputError(f"{folder}: cannot be written: No space left on device")
 
-    monkeypatch.setattr("calib.api.run_result.write_calibration", full)
+    monkeypatch.setattr("calib.app.calibration_folder.write_calibration", full)
     assert "No space left" in refused("solve", "detections.csv", "--target", "board.target.json", "-o", "out")

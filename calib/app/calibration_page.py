@@ -1,26 +1,38 @@
-"""What a run says: its lead (headline, facts, findings, steps), which commands print too, and the page's sections."""
+"""What a run says: its lead, the sections of its page, and what a screen says of it."""
 
-import math
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.cameras.camera import Camera
-from calib.cameras.field_of_view import field_of_view
+from calib.draw.checks import as_sentence, check_findings, headline_by
+from calib.draw.gallery import OVERLAYS
+from calib.draw.run_photos import photo_rows, photos_section, remarks_of_all, views_table
+from calib.draw.run_tables import (
+    errors_table,
+    faces_table,
+    faces_words,
+    field_of_view_words,
+    focal_length,
+    focal_title,
+    models_table,
+    parameters_table,
+)
 from calib.metrics.residual_cells import cells_of, cells_of_residuals, columns_rows, residuals_of
 from calib.observe.records import ImageRecord
-from calib.records.run_folder import Run, Solved
-from calib.show.run.tables import errors_table, focal_length, models_table, parameters_table
 from calib.verdict.apart import Known, apart
 from calib.verdict.check_kind import LEAST_PX, px
 from calib.verdict.halves import HalvesApart, NoHalves, half_split, halves_apart
+from calib.verdict.judged_run import JudgedRun
 from calib.verdict.lit_part import lit_part
 from calib.verdict.next_views import why_no_next_views
-from calib.verdict.verdict import Check, Grade, Verdict
+from calib.verdict.solutions import Solution
 from designer.base.number_text import figure as digits
-from designer.base.words import capital, printable
+from designer.base.words import printable
 from designer.page.blocks import (
     Block,
     Command,
@@ -30,26 +42,43 @@ from designer.page.blocks import (
     Findings,
     Fold,
     Headline,
-    Level,
+    Page,
     Paragraph,
     Section,
     Steps,
 )
+from designer.page.folders import file_list, some_of
 
 if TYPE_CHECKING:
     from calib.draw.sigma_map import SigmaMap
 
-LEVELS: dict[Grade, Level] = {"good": "good", "usable": "usable", "bad": "bad", "unknown": "note"}
-WORDS: dict[Grade, str] = {"good": "good", "usable": "usable", "bad": "do not use", "unknown": "not checked"}
-WIDE_DEG = 100.0
-"""From this field of view on the diagonal is told, too: the corners see much farther than the sides."""
+MOST_SKIPPED = 5
 NOT_JUDGED = "verdict.json is missing, so nothing was judged; calib report with --criteria standard judges it."
+FILES_OF_RUN = (
+    ("verdict.json", "what was checked, for programs"),
+    ("next_views.json", "photos to take next"),
+    ("target.json", "the target as it was used"),
+    ("detections.csv", "rings found in the photos"),
+    ("detections.records.json", "what was read of each face, and why rings are missing"),
+    ("calibration.png", "figures of the recommended model on one sheet"),
+)
+FILES_OF_MODEL = (
+    ("calibration.json", "the whole solution: camera, poses, covariances"),
+    ("camera.json", "the camera, for other commands and programs"),
+    ("observations.csv", "each observation and its residual"),
+    ("metrics.json", "errors in summary"),
+    ("metrics_views.csv", "errors by photo"),
+    ("metrics_faces.csv", "errors by face"),
+    ("metrics_points.csv", "errors by ring"),
+    ("metrics_observations.csv", "errors by observation"),
+    ("calibration.png", "figures on one sheet"),
+)
 
 
-def headline_of(run: Run) -> Headline:
+def headline_of(run: JudgedRun) -> Headline:
     """The answer, before anything else."""
-    if run.verdict is not None:
-        return headline_by(run.verdict)
+    if run.judged is not None:
+        return headline_by(run.judged.verdict)
     best = run.best
     left = f", with residuals of {digits(best.rms_px, 3)} px (RMS)" if best.rms_px >= 0 else ""
     views = best.calibration.observations.view_count
@@ -58,17 +87,7 @@ def headline_of(run: Run) -> Headline:
     )
 
 
-def headline_by(verdict: Verdict) -> Headline:
-    """The answer of a verdict."""
-    return Headline(LEVELS[verdict.grade], WORDS[verdict.grade], as_sentence(printable(verdict.sentence)))
-
-
-def as_sentence(text: str) -> str:
-    """A text with a capital and a full stop."""
-    return f"{capital(text)}{'' if text.endswith(('.', '!', '?')) else '.'}"
-
-
-def key_facts(run: Run) -> Facts:
+def key_facts(run: JudgedRun) -> Facts:
     """Camera, photos and checks, a line each."""
     best = run.best
     calibration, camera, seen = best.calibration, best.calibration.camera, best.calibration.observations
@@ -98,7 +117,7 @@ def photo_words(images: Sequence[ImageRecord]) -> str:
     return f"{shown or 'none'} of {len(images)} with the target{counts}" + (f"; {failed} failed" if failed else "")
 
 
-def _checks_words(run: Run) -> str:
+def _checks_words(run: JudgedRun) -> str:
     if run.judged is None:
         return ""
     checks, criteria = run.judged.verdict.checks, run.judged.criteria
@@ -109,54 +128,10 @@ def _checks_words(run: Run) -> str:
     return f"{good} of {len(known)} good{open_}; limits: {limits}; others with --criteria"
 
 
-def focal_title(camera: Camera) -> str:
-    """What a focal length is called: that of a learned map is none of the lens."""
-    return "focal length" if camera.learned is None else "focal length of the virtual sensor"
-
-
-def field_of_view_words(camera: Camera, end: str = "") -> str:
-    """Angles between the light at opposite sides, and where model or image circle end if that is inside the image.
-
-    Args:
-        camera: that sees.
-        end: what ends there, in words; "": the image circle if the camera says where that is, else the model.
-    """
-    found = field_of_view(camera)
-    end = end or ("the model ends" if camera.field_rad is None else "the image circle ends")
-    if not math.isfinite(found.across_rad + found.down_rad):
-        return "not known"
-    across, down, diagonal, off_axis = (
-        math.degrees(angle) for angle in (found.across_rad, found.down_rad, found.diagonal_rad, found.off_axis_rad)
-    )
-    words = f"{across:.1f}° x {down:.1f}°"
-    if found.ends_inside:
-        return f"{words}; {end} {off_axis:.1f}° off the axis, inside the image"
-    return f"{words}, diagonal {diagonal:.1f}°" if diagonal > max(across, down) > WIDE_DEG else words
-
-
-def check_findings(verdict: Verdict) -> tuple[Finding, ...]:
-    """The checks, a line each; the one that is the headline says only its numbers."""
-    return tuple(finding_of(check, is_said=check.name == verdict.leads_with) for check in verdict.checks)
-
-
-def finding_of(check: Check, *, is_said: bool = False) -> Finding:
-    """A check as a line of findings.
-
-    Args:
-        check: the check.
-        is_said: the headline says its sentence already.
-    """
-    sign = "≥" if check.is_at_least else "≤"
-    rule = f"good {sign} {check.good:.4g}, usable {sign} {check.usable:.4g} {check.unit}" if check.unit else ""
-    sentence = f"{WORDS[check.grade]}: {check.sentence}" if check.grade == "unknown" else check.sentence
-    text = "see the headline." if is_said else as_sentence(printable(sentence))
-    return Finding(LEVELS[check.grade], printable(check.title), capital(text), printable(check.measured), rule)
-
-
-def verdict_section(run: Run) -> Section:
+def verdict_section(run: JudgedRun) -> Section:
     """What was checked, and what is missing."""
-    best, verdict = run.best, run.verdict
-    remarks = dict.fromkeys((*best.calibration.remarks, *best.evaluation.remarks))
+    best, verdict = run.best, None if run.judged is None else run.judged.verdict
+    remarks = dict.fromkeys((*best.calibration.remarks, *best.evaluated.remarks))
     rest = (
         *((Finding("note", "Not judged", NOT_JUDGED),) if verdict is None else ()),
         *(Finding("usable", "Not on this page", printable(fault)) for fault in run.faults),
@@ -166,14 +141,14 @@ def verdict_section(run: Run) -> Section:
     return Section("Verdict", (*checks, *((Findings(rest),) if rest else ())), lead=_checks_words(run))
 
 
-def steps_of(run: Run) -> tuple[str, ...]:
+def steps_of(run: JudgedRun) -> tuple[str, ...]:
     """What to do better next time, the most useful first."""
-    return () if run.verdict is None else tuple(map(printable, run.verdict.advice))
+    return () if run.judged is None else tuple(map(printable, run.judged.verdict.advice))
 
 
-def next_section(run: Run) -> Section | None:
+def next_section(run: JudgedRun) -> Section | None:
     """What to do better next time, and a sketch of where to hold the target; None if there is nothing."""
-    from calib.show.run.figures import next_views_figure
+    from calib.draw.run_figures import next_views_figure
 
     blocks: list[Block] = []
     if steps := steps_of(run):
@@ -186,9 +161,9 @@ def next_section(run: Run) -> Section | None:
     return Section("Next time", tuple(blocks), lead=lead) if blocks else None
 
 
-def camera_section(run: Run) -> Section:
+def camera_section(run: JudgedRun) -> Section:
     """Parameters, and the files to use; a camera that is judged unfit is not handed on."""
-    best, is_usable = run.best, run.verdict is None or run.verdict.grade != "bad"
+    best, is_usable = run.best, run.judged is None or run.judged.verdict.grade != "bad"
     place = f"{best.path}camera.json"
     blocks: list[Block] = [parameters_table(best.metrics)]
     blocks += [Fold(f"Parameters of model {one.model}", (parameters_table(one.metrics),)) for one in run.others]
@@ -201,14 +176,14 @@ def camera_section(run: Run) -> Section:
     return Section("Camera", tuple(blocks), lead=use)
 
 
-def halves_of(run: Run) -> HalvesApart | NoHalves:
+def halves_of(run: JudgedRun) -> HalvesApart | NoHalves:
     """How far cameras of halves of the photos lie apart: those that the verdict rests on, or else solved now."""
     best = run.best
     split = half_split(best.calibration, best.provenance.options) if run.judged is None else run.judged.halves
     return halves_apart(split, best.coverage)
 
 
-def accuracy_section(run: Run, found: "SigmaMap", halves: HalvesApart | NoHalves) -> Section:
+def accuracy_section(run: JudgedRun, found: "SigmaMap", halves: HalvesApart | NoHalves) -> Section:
     """The residuals, and how certain the camera is.
 
     Args:
@@ -218,7 +193,7 @@ def accuracy_section(run: Run, found: "SigmaMap", halves: HalvesApart | NoHalves
     """
     from calib.draw.fields import systematic_drawing
     from calib.draw.histograms import distribution_drawing
-    from calib.show.run.figures import (
+    from calib.draw.run_figures import (
         coverage_figure,
         figure_of,
         halves_words,
@@ -228,9 +203,9 @@ def accuracy_section(run: Run, found: "SigmaMap", halves: HalvesApart | NoHalves
     )
 
     best = run.best
-    checks = () if run.verdict is None else run.verdict.checks
+    checks = () if run.judged is None else run.judged.verdict.checks
     checked = {check.name: printable(check.sentence) for check in checks}
-    residuals = residuals_of(best.evaluation)
+    residuals = residuals_of(best.evaluated)
     blocks: list[Block] = [
         coverage_figure(best.coverage, checked.get("coverage", "")),
         _halves_block(best, halves),
@@ -238,8 +213,8 @@ def accuracy_section(run: Run, found: "SigmaMap", halves: HalvesApart | NoHalves
         systematic_figure(
             systematic_drawing(cells_of_residuals(residuals), residuals.image_size), checked.get("systematic", "")
         ),
-        figure_of(distribution_drawing(best.evaluation)),
-        *(sizes_figure(e.metric, e.size[e.is_counted], e.unit) for e in best.evaluation.errors),
+        figure_of(distribution_drawing(best.evaluated)),
+        *(sizes_figure(e.metric, e.size[e.is_counted], e.unit) for e in best.evaluated.errors),
         errors_table(best.metrics),
         *(() if best.held_out is None else (errors_table(best.held_out),)),
     ]
@@ -247,9 +222,9 @@ def accuracy_section(run: Run, found: "SigmaMap", halves: HalvesApart | NoHalves
     return Section("Accuracy", tuple(blocks), lead=lead.rstrip())
 
 
-def _halves_block(best: Solved, halves: HalvesApart | NoHalves) -> Block:
+def _halves_block(best: Solution, halves: HalvesApart | NoHalves) -> Block:
     """A map of how far the cameras of halves of the photos lie apart, or why there is none."""
-    from calib.show.run.figures import apart_figure, apart_words
+    from calib.draw.run_figures import apart_figure, apart_words
 
     if isinstance(halves, NoHalves):
         return Paragraph(f"Halves of the photos were not compared: {printable(halves.reason)}.")
@@ -261,9 +236,9 @@ def _halves_block(best: Solved, halves: HalvesApart | NoHalves) -> Block:
     return apart_figure(title, halves, best.calibration.camera.image_size, words)
 
 
-def models_section(run: Run) -> Section:
+def models_section(run: JudgedRun) -> Section:
     """Cameras of other models: their errors, where they differ from the best, and the residuals of each."""
-    from calib.show.run.figures import apart_figure, apart_words
+    from calib.draw.run_figures import apart_figure, apart_words
 
     best = run.best
     differences: list[Block] = []
@@ -288,12 +263,12 @@ def models_section(run: Run) -> Section:
     return Section("Models compared", (models_table(all_models), *differences, fields), lead=lead if words else "")
 
 
-def _fields(solved: Sequence[Solved]) -> list[Figure]:
+def _fields(solved: Sequence[Solution]) -> list[Figure]:
     """The systematic residuals of several models in one scale of colours."""
     from calib.draw.fields import systematic_drawing
-    from calib.show.run.figures import systematic_figure
+    from calib.draw.run_figures import systematic_figure
 
-    residuals = [residuals_of(one.evaluation) for one in solved]
+    residuals = [residuals_of(one.evaluated) for one in solved]
     shape = columns_rows(residuals[0].image_size, min(len(field.pixel) for field in residuals))
     cells = [cells_of(field.image_size, field.pixel, field.residual_px, shape) for field in residuals]
     longest = max(one.long_px for one in cells)
@@ -301,3 +276,108 @@ def _fields(solved: Sequence[Solved]) -> list[Figure]:
         systematic_figure(systematic_drawing(one, field.image_size, f"{of.model}: mean residual of each cell", longest))
         for of, field, one in zip(solved, residuals, cells, strict=True)
     ]
+
+
+@dataclass(frozen=True, eq=False)
+class RunView:
+    """What the sections of a run's page are made from."""
+
+    run: JudgedRun
+    folder: Path | None  # of the run's files
+    found: "SigmaMap"  # how uncertain the best camera is over the image
+    halves: HalvesApart | NoHalves  # how far cameras of halves of its photos lie apart
+
+
+def calibration_page(run: JudgedRun, folder: Path | None) -> Page:
+    """The page of a run whose files lie in a folder: `SECTIONS`, as far as they have something to say."""
+    from calib.draw.run_figures import uncertainty_figure
+    from calib.draw.sigma_map import sigma_map
+
+    best = run.best
+    with ThreadPoolExecutor(1) as beside:
+        view = RunView(run, folder, sigma_map(best.calibration), halves_of(run))
+        photos = beside.submit(_photos, view)  # pictures are decoded while figures are drawn
+        made = [photos.result() if make is _photos else make(view) for make in SECTIONS]
+    lead = (uncertainty_figure(best.calibration, best.coverage, view.found, view.halves), key_facts(run))
+    return Page("", "", headline_of(run), tuple(one for one in made if one is not None), lead=lead)
+
+
+def _photos(view: RunView) -> Section:
+    """Each photo with its residuals, and pictures of what was found."""
+    run = view.run
+    rows, common = photo_rows(run.best.evaluated, run.records), remarks_of_all(run.records)
+    return photos_section(None if run.records is None else view.folder, rows, common, is_flat=_is_flat(run))
+
+
+def _is_flat(run: JudgedRun) -> bool:
+    return len(run.best.calibration.observations.points.plane) == 1
+
+
+def _faces(view: RunView) -> Section | None:
+    """The faces of a solid one by one."""
+    run = view.run
+    if _is_flat(run):
+        return None
+    return Section("Faces", (faces_table(run.best.evaluated, run.records),), lead=faces_words(run.best))
+
+
+def _scene(view: RunView) -> Section:
+    """Camera and target in 3D."""
+    from calib.draw.camera_scene import camera_view, spread_words
+
+    run = view.run
+    return Section("Views in 3D", (camera_view(run.best, run.target, run.next_views),), lead=spread_words(run.best))
+
+
+def _files(view: RunView) -> Section | None:
+    """What the folder holds: of the run and of the best camera in sight, of the others behind a click."""
+    run, folder = view.run, view.folder
+    if folder is None:
+        return None
+    found = file_list(folder, tuple(dict([*FILES_OF_RUN, *_of_model(run.best)]).items()))
+    others = [(one, file_list(folder, _of_model(one))) for one in run.others]
+    count = len(found.rows) + sum(len(files.rows) for _, files in others)
+    pictures = f" The overlays of the photos are in {OVERLAYS}/." if (folder / OVERLAYS).is_dir() else ""
+    folds = tuple(Fold(f"Files of model {one.model}", (files,)) for one, files in others)
+    return Section("Files", (found, *folds), lead=f"{count} files beside this page.{pictures}")
+
+
+def _of_model(one: Solution) -> list[tuple[str, str]]:
+    return [(f"{one.path}{name}", purpose) for name, purpose in FILES_OF_MODEL]
+
+
+SECTIONS: list[Callable[[RunView], Section | None]] = [
+    lambda view: verdict_section(view.run),
+    lambda view: next_section(view.run),
+    lambda view: camera_section(view.run),
+    lambda view: accuracy_section(view.run, view.found, view.halves),
+    _photos,
+    _faces,
+    _scene,
+    lambda view: models_section(view.run) if view.run.others else None,
+    _files,
+]
+"""In the order of reading; one that has nothing to say of a run is None."""
+
+
+def calibration_words(run: JudgedRun, notes: Sequence[str], skipped: Sequence[str]) -> Page:
+    """What a screen says of a run: its lead, what is not good, and the page's tables.
+
+    Args:
+        run: that is told.
+        notes: what to know of photos, observations and cameras, one line each.
+        skipped: photos that could not be searched, likewise.
+    """
+    best, judged = run.best, run.judged
+    said = (
+        *(() if judged is None else (one for one in check_findings(judged.verdict) if one.level != "note")),
+        *(Finding("note", "", printable(note)) for note in notes),
+        *(Finding("usable", "Skipped", printable(line)) for line in some_of(skipped, MOST_SKIPPED)),
+    )
+    tables = (
+        views_table(photo_rows(best.evaluated, run.records), is_flat=_is_flat(run)),
+        *(() if _is_flat(run) else (faces_table(best.evaluated, run.records),)), models_table((best, *run.others)),
+        *(parameters_table(one.metrics) for one in (best, *run.others)),
+    )  # fmt: skip
+    sections = (Section("Verdict", (Findings(said), Steps(steps_of(run)))), Section("Tables", tables))
+    return Page("", "", headline_of(run), sections, lead=(key_facts(run),))

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.types import UNMEASURABLE_WORDS
+from calib.draw.gallery import OVERLAYS, STANDS_OUT, Shot, gallery, shortened
 from calib.metrics.evaluation import Evaluation, by_view
 from calib.observe.photos import OVERLAY_MARK
 from calib.observe.records import ImageRecord, Records, common_remarks
-from calib.show.parts.gallery import OVERLAYS, STANDS_OUT, Shot, gallery, shortened
 from calib.verdict.views import view_facts
 from designer.base.number_text import figure as digits
 from designer.base.words import printable

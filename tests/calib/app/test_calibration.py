@@ -43,7 +43,7 @@ def seen() -> Sequence[Detections]:
 def test_detections_of_arrays_are_told_apart_and_saved() -> None:
     """Arrays have no names: detections that are called alike are numbered, and the result is saved as any other."""
     run = calib.solve([replace(one, image="image") for one in seen()], BOARD, **MODEL)
-    assert repr(run) == f"<RunResult, {run.verdict.grade}: {run.verdict.sentence}>"
+    assert repr(run) == f"<Run, {run.verdict.grade}: {run.verdict.sentence}>"
     assert run.observations.view_names == tuple(f"image-{n}" for n in range(1, 7))
     assert any(path.name == "index.html" for path in run.save("x"))
     with pytest.raises(calib.InputError, match="give detections"):

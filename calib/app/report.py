@@ -1,0 +1,180 @@
+"""The page of a folder of results, written again from what the folder stores: `calib report`."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from designer.base.errors import InputError
+from designer.base.options import argument, option
+from designer.base.words import printable
+from designer.kinds.presets import criteria_templates
+from designer.page.capability import capability
+from designer.page.result import Result
+from designer.page.terminal import quoted
+
+if TYPE_CHECKING:
+    from designer.base.answer import Value
+    from designer.page.blocks import Page
+    from designer.page.output import Output
+
+CALIBRATION, RIG = "calibration", "rig"
+VERDICTS = {CALIBRATION: "verdict.json", RIG: "rig_verdict.json"}
+"""Kinds of results that are judged, and the file that keeps what came of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Report(Result, kind="report", title="Report", doing="drawing"):
+    """A folder's page: `report(Path("camera")).drawn.headline`."""
+
+    of: str  # kind of the folder's results
+    drawn: "Page"
+    place: Path  # of the page
+    verdict: Path | None = None  # that was written, as other limits were asked for
+    can_be_judged: bool = False  # a calibration or a rig without a verdict
+    remarks: tuple[str, ...] = ()
+
+    def page(self) -> "Page":
+        """Its headline, and how to have it judged."""
+        from designer.page.blocks import Command, Page
+
+        judge = Command(f"calib report {quoted(self.place.parent)} --criteria standard", "says whether it is good")
+        return Page("", "", self.drawn.headline, (), next_steps=(judge,) if self.can_be_judged else ())
+
+    def draw_page(self, folder: Path, command: str = "") -> "tuple[Page | None, tuple[Path, ...], str]":
+        """Nothing more: it is drawn."""
+        return None, (), ""
+
+    @property
+    def is_negative(self) -> bool:
+        """What the page says."""
+        return self.drawn.is_negative or (self.drawn.headline is not None and self.drawn.headline.level == "bad")
+
+    def answer(self) -> "dict[str, Value]":
+        """The page's headline and sections."""
+        headline = self.drawn.headline
+        return {
+            "kind": self.of, "title": self.drawn.title, "level": None if headline is None else headline.level,
+            "word": None if headline is None else headline.word,
+            "sentence": None if headline is None else headline.sentence,
+            "sections": [section.title for section in self.drawn.sections],
+        }  # fmt: skip
+
+
+@capability
+def report(
+    folder: Annotated[
+        Path, argument("folder of calib run, rig, solve, measure or study, or of design tolerance", metavar="DIR")
+    ],
+    *,
+    criteria: Annotated[
+        str | None,
+        option(
+            "judge a calibration or a rig by other limits: a template (standard, metrology, robotics) or a TOML file "
+            "of one's own",
+            metavar="NAME|FILE",
+            complete=criteria_templates,
+        ),
+    ] = None,
+    kinds: Collection[str] = (),
+    out: "Output | None" = None,
+) -> Report:
+    """Write a folder's page, index.html, again from the results it stores: `report(Path("camera"))`.
+
+    A calibration or a rig keeps its verdict, unless other limits are given. The exit code is 1 if the page's answer is
+    negative, such as: do not use.
+
+    Args:
+        folder: of results.
+        criteria: to judge a calibration or a rig by other limits: a template, or a file.
+        kinds: of results that were drawn again: the page of another kind, and somebody's own, stays as it is; (): any.
+        out: is told what is written.
+
+    Raises:
+        InputError: nothing to report, limits of what is no calibration, or a page that stays; the message says why.
+    """
+    from calib.records.rig_file import is_rig_folder
+    from calib.verdict.judged_run import is_run_folder
+    from designer.page.page_file import BLOCKS_FILE, PAGE, why_no_page
+
+    folder = Path(folder)
+    stored = PAGE.read(folder / BLOCKS_FILE) if (folder / BLOCKS_FILE).is_file() else None
+    is_run = is_run_folder(folder) and not is_rig_folder(folder)
+    why = why_no_page(folder, CALIBRATION, "detections") if is_run else ""
+    if is_run and not why:
+        _require_kind(folder, CALIBRATION, kinds)
+        done = _calibration(folder, criteria, "" if stored is None else stored.page.made_by)
+    elif stored is not None:
+        done = _from_blocks(folder, stored.kind, stored.page, criteria, kinds)
+    elif why:
+        raise InputError(f"{why}; move it away to have one written")
+    else:
+        done = _rebuilt(folder, criteria, kinds)
+    if out is not None:
+        out.place, out.page = folder, folder
+        out.files += [*(() if done.verdict is None else (done.verdict,)), done.place]
+    return done
+
+
+def _calibration(folder: Path, criteria: str | None, command: str) -> Report:
+    """Of cameras, which are read again: what lies beside them may have changed."""
+    from calib.app.calibration import Run
+    from calib.verdict.criteria import read_criteria
+    from calib.verdict.judged_run import judge_again, read_run
+
+    if criteria is not None:
+        judge_again(folder, read_criteria(criteria))
+    page, files, remark = Run(read_run(folder), place=folder).draw_page(folder, command)
+    if page is None:
+        raise InputError(remark)
+    verdict = folder / VERDICTS[CALIBRATION]
+    return Report(CALIBRATION, page, files[-1], None if criteria is None else verdict, not verdict.exists())
+
+
+def _from_blocks(folder: Path, kind: str, page: "Page", criteria: str | None, kinds: Collection[str]) -> Report:
+    """Of a folder that holds the page's blocks."""
+    from designer.base.files import write_files
+    from designer.page.page_file import PAGE_FILE
+    from designer.page.shell import page_html
+
+    if criteria is not None:
+        raise _no_limits(folder, kind)
+    _require_kind(folder, kind, kinds)
+    write_files({folder / PAGE_FILE: page_html(page)})
+    return Report(kind, page, folder / PAGE_FILE)
+
+
+def _rebuilt(folder: Path, criteria: str | None, kinds: Collection[str]) -> Report:
+    """Of a folder whose page is built from its results."""
+    from calib.records.rig_folder import judge_rig_again
+    from calib.show.folder import build_page, origin_in, why_no_page, write_page
+    from calib.verdict.criteria import read_rig_criteria
+
+    origin = origin_in(folder)
+    kind = origin.kind if not kinds or origin.kind in kinds else next(iter(kinds))
+    if why := why_no_page(folder, kind):
+        raise InputError(f"{why}; move it away to have one written")
+    if criteria is not None:
+        if origin.kind != RIG:
+            raise _no_limits(folder, origin.kind)
+        judge_rig_again(folder, read_rig_criteria(criteria))
+    page = build_page(folder, origin)
+    place = write_page(folder, origin, page)[1]
+    verdict = folder / VERDICTS[RIG]
+    can_be_judged = origin.kind == RIG and not verdict.exists()
+    return Report(origin.kind, page, place, None if criteria is None else verdict, can_be_judged)
+
+
+def _require_kind(folder: Path, kind: str, kinds: Collection[str]) -> None:
+    """Refuse to draw the page of another kind than those that were asked for; of (), any is."""
+    from designer.page.page_file import PAGE_FILE
+
+    if kinds and kind not in kinds:
+        what = printable(kind)
+        raise InputError(f"{folder / PAGE_FILE}: stays as it is, the page of what is in this folder otherwise ({what})")
+
+
+def _no_limits(folder: Path, kind: str) -> InputError:
+    return InputError(
+        f"--criteria: limits are for calibrations and rigs, and {folder} holds another kind: {printable(kind)}"
+    )

@@ -1,0 +1,144 @@
+"""From photos to a judged camera: `calib run`, `calib.run("ico.target.json", "photos/*.jpg")`."""
+
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, cast
+
+from calib.app import options
+from calib.app.calibration import Run
+from calib.app.detect import DETECTIONS_FILE, DetectedPhotos
+from designer.base.errors import NoAnswerError
+from designer.base.options import option
+from designer.page.capability import OUTPUT, capability
+from designer.page.progress import Progress, unheard
+
+if TYPE_CHECKING:
+    from calib.app.inputs import Place
+    from calib.observe.photos import Search
+    from designer.page.output import Output
+
+
+class NothingFoundError(NoAnswerError):
+    """No photo shows the target; what was seen instead: `error.search`."""
+
+    def __init__(self, message: str, found: DetectedPhotos) -> None:
+        super().__init__(message, found)
+        self.search: Search = found.search
+
+
+@capability(folder=lambda given: options.exports_folder(cast(Path, given["target"])) / "calibration")
+def run(
+    target: options.Target,
+    photos: options.Photos,
+    *,
+    model: options.Model = "all",
+    fix: options.Fix = (),
+    share: options.Share = (),
+    focal_px: options.FocalGuess = None,
+    loss: options.Loss = "squares",
+    reject_sigma: options.Reject = None,
+    weighted: options.Weighted = True,
+    minimise: options.Minimise = "image",
+    free_bend: options.FreeBend = False,
+    reference: options.ReferencePhoto = None,
+    reference_target: options.ReferenceTarget = None,
+    made: options.Made = None,
+    capture: options.Capture = None,
+    truth: Annotated[
+        "Place | None", option("of rendered photos (default: the truth.json beside them, if there is one)")
+    ] = None,
+    criteria: options.Limits = "standard",
+    jobs: options.PhotoJobs = None,
+    out: Annotated[
+        "Output | Place | None", option("folder (default: exports/NAME/calibration)", short="-o", group=OUTPUT)
+    ] = None,
+    progress: Progress = unheard,
+) -> Run:
+    """Detect, solve, detect again with the lens known, solve all models, judge: `run("ico.target.json", "photos")`.
+
+    The second search knows the lens that a first solution gives. The exit code is 1 if nothing was found, or if the
+    verdict is: do not use.
+
+    >>> run = calib.run("ico.target.json", "photos/*.jpg")
+    >>> run.verdict.grade, run.best.camera.matrix
+
+    Args:
+        target: what the photos show: a geometry, or its file.
+        photos: images, folders of images, or patterns.
+        model: a camera model's name, or `all`.
+        fix: parameters to keep as they start, or at a value: `k3`, `k3=0`.
+        share: parameters that have one value: `fx_px,fy_px`.
+        focal_px: a first guess of the focal length; not needed.
+        loss: `squares`, `huber` or `cauchy`: how far-off observations count.
+        reject_sigma: leave out what is off by more than so many robust standard deviations.
+        weighted: weigh observations by their covariances, or all alike.
+        minimise: distances in the `image`, in space between `ray` and ring, or where the ray meets its plane
+            (`intersection`); `ray-by-range`, `intersection-by-range`, `whitened`.
+        free_bend: the bend of a flat target is an unknown, too: two curvatures, along its sides.
+        reference: of model `virtual`: the photo that its map is learned from, or `all`.
+        reference_target: of a board that the reference photo shows, which then is none of the photos.
+        made: how the target was made: an error template, a file of errors, or `exact`; None: assumed from its build.
+        capture: how the photos were taken: `still`, `handheld` or `moving`; None: still, unless they show otherwise.
+        truth: the `truth.json` of rendered photos; None: the one beside them, if there is one.
+        criteria: limits of the verdict: a template's name, a file, or criteria.
+        jobs: photos at a time; None: one per core.
+        out: a folder to write everything to as it comes; None: nothing is written, `Run.save` does.
+        progress: is told what is being done.
+
+    Raises:
+        InputError: files or options that break a rule, or photos that do not determine a camera.
+        NothingFoundError: no photo shows the target.
+    """
+    from contextlib import nullcontext
+
+    from calib.app.calibration import criteria_of, reference_of, solved, view_of_reference
+    from calib.app.calibration_folder import RunFolder
+    from calib.app.inputs import photos_of, target_of
+    from calib.draw.gallery import OVERLAYS
+    from calib.observe.observations import observations_from_detections
+    from calib.observe.photos import named_photos
+    from calib.observe.search import PhotoSearch, truth_beside, with_truth
+    from calib.solver.capture_error import capture_of
+    from calib.solver.plan import plan_from_words
+    from calib.verdict.judged_run import is_run_folder
+    from calib.verdict.solutions import SolveTask
+    from designer.base.files import named_in_files
+    from designer.base.small_file import place_of
+    from designer.page.output import output_of
+    from designer.tolerance.made import how_made
+
+    geometry, limits, taken = target_of(target, "rings"), criteria_of(criteria), capture_of(capture)
+    plan = plan_from_words(
+        model, fix=fix, share=share, focal_px=focal_px, loss=loss, reject=reject_sigma, weighted=weighted,
+        minimise=minimise, free_bend=free_bend,
+    )  # fmt: skip
+    to = None if out is None else output_of(out)
+    folder = None if to is None else RunFolder(to, plan.may_solve)
+    asked = photos_of(photos)
+    if folder is not None:
+        asked = folder.without_own_pictures(asked)
+    asked, known = with_truth(asked, None if truth is None else place_of(truth, "a truth.json"))
+    way = how_made(geometry, made, rendered_id=asked.rendered_id)
+    seen, told = reference_of(reference, reference_target)
+    seen = view_of_reference(seen, plan, [photo.name for photo in named_photos(asked.paths)])
+    with nullcontext() if folder is None else folder.drawing() as staging:
+        search, plan = PhotoSearch(geometry, asked, staging, jobs, progress).twice(plan)
+        if folder is not None and staging is not None:
+            folder.write_search(search, staging)
+    file = named_in_files(Path(target)) if isinstance(target, str | PathLike) else "NAME.target.json"
+    if not search.with_target:
+        found = DetectedPhotos(search, file if isinstance(target, str | PathLike) else "", remarks=search.remarks)
+        if to is not None and folder is not None:
+            overlays = to.place / OVERLAYS
+            found = DetectedPhotos(search, found.target_file, to.place / DETECTIONS_FILE, overlays, search.remarks)
+            to.page = overlays if is_run_folder(to.place) else to.place
+            to.answer = {**to.answer, "best": None, "models": [], "verdict": None}
+        raise NothingFoundError(f"none of {len(search.results)} photos shows the target", found)
+    plan, observations = plan.suited(observations_from_detections(search.with_target, geometry, origin="the photos"))
+    table = () if to is None else (("detections", named_in_files(to.place / DETECTIONS_FILE)),)
+    ways = tuple((name, word) for name, word in (("made", made), ("capture", capture)) if word is not None)
+    kept = (("target", file), *table, ("photos", str(len(asked.paths))), *ways, *told)
+    shown = tuple(one.photo.path for one in search.results if one.seen is not None)
+    task = SolveTask(observations, plan, geometry.layout_id, kept, seen, known, way, taken, shown)
+    beside = None if known is None else Path(truth) if truth is not None else truth_beside(asked.paths)
+    return solved(task, geometry, search, limits, progress, folder, is_whole=to is not out, truth_file=beside)

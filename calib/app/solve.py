@@ -1,0 +1,123 @@
+"""From what was detected to a judged camera: `calib solve`, `calib.solve("detections.csv", "ico.target.json")`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, cast
+
+from calib.app import options
+from calib.app.calibration import Run
+from designer.base.options import argument, option
+from designer.page.capability import OUTPUT, capability
+from designer.page.progress import Progress, unheard
+
+if TYPE_CHECKING:
+    from calib.app.inputs import Observed, Place
+    from calib.renderer.truth import Truth
+    from designer.page.output import Output
+    from designer.target import TargetGeometry
+
+
+@capability(folder=lambda given: cast(Path, given["observed"]).parent / "camera")
+def solve(
+    observed: Annotated[
+        "Observed", argument("detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl", metavar="DETECTIONS")
+    ],
+    target: Annotated["TargetGeometry | Place | None", option("the target file of detections.csv")] = None,
+    *,
+    model: options.Model = "all",
+    fix: options.Fix = (),
+    share: options.Share = (),
+    focal_px: options.FocalGuess = None,
+    loss: options.Loss = "squares",
+    reject_sigma: options.Reject = None,
+    weighted: options.Weighted = True,
+    minimise: options.Minimise = "image",
+    free_bend: options.FreeBend = False,
+    reference: options.ReferencePhoto = None,
+    reference_target: options.ReferenceTarget = None,
+    image_size: options.ImageSize = None,
+    grid: options.Grid = None,
+    pitch_mm: options.Pitch = None,
+    points: options.Points = None,
+    made: options.Made = None,
+    capture: options.Capture = None,
+    criteria: options.Limits = "standard",
+    truth: "Truth | Place | None" = None,
+    rendered_id: str = "",
+    out: Annotated[
+        "Output | Place | None",
+        option("folder for the results (default: camera, beside what is solved from)", short="-o", group=OUTPUT),
+    ] = None,
+    progress: Progress = unheard,
+) -> Run:
+    """Solve the camera, and where it stood, from what was detected, and judge it: `solve("d.csv", "t.json")`.
+
+    The exit code is 1 if the verdict is: do not use.
+
+    >>> detector = calib.Detector("ico.target.json")
+    >>> run = calib.solve([detector.detect(frame) for frame in frames], detector.target)
+
+    Args:
+        observed: a file of observations, what was found in photos, or observations as `load_observations` has them.
+        target: that they show; None: points from elsewhere.
+        model: as for `run`, like all options that are named alike.
+        fix: parameters to keep.
+        share: parameters that have one value.
+        focal_px: a first guess of the focal length.
+        loss: how far-off observations count.
+        reject_sigma: leave out what is farther off.
+        weighted: by covariances, or all alike.
+        minimise: distances in the image, or in space.
+        free_bend: the bend of a flat target is an unknown.
+        reference: of model `virtual`.
+        reference_target: of a board that the reference photo shows.
+        image_size: width and height in px of a file that does not say it.
+        grid: of a `corners.vnl`: columns and rows.
+        pitch_mm: of a `corners.vnl`: the distance of its corners.
+        points: what was measured of a table's points, as `load_observations` has it; `circle:13mm` with their diameter.
+        made: how the target was made.
+        capture: how the photos were taken.
+        criteria: limits of the verdict.
+        truth: of rendered photos, or its `truth.json`.
+        rendered_id: of the geometry that the photos were rendered of; "": what the records beside a file say.
+        out: a folder to write everything to.
+        progress: is told what is being done.
+
+    Raises:
+        InputError: options that break a rule, or observations that do not determine a camera.
+    """
+    from os import PathLike
+
+    from calib.app.calibration import criteria_of, reference_of, solved, view_of_reference
+    from calib.app.calibration_folder import RunFolder
+    from calib.app.inputs import file_or_observations, rendered_id_of, target_of, truth_from
+    from calib.solver.capture_error import capture_of
+    from calib.solver.plan import plan_from_words
+    from calib.verdict.solutions import SolveTask
+    from designer.base.files import named_in_files
+    from designer.page.output import output_of
+    from designer.tolerance.made import how_made
+
+    limits, taken = criteria_of(criteria), capture_of(capture)
+    plan = plan_from_words(
+        model, fix=fix, share=share, focal_px=focal_px, loss=loss, reject=reject_sigma, weighted=weighted,
+        minimise=minimise, free_bend=free_bend,
+    )  # fmt: skip
+    to = None if out is None else output_of(out)
+    folder = None if to is None else RunFolder(to, plan.may_solve)
+    observations = file_or_observations(observed, target, image_size, grid, pitch_mm, points)
+    geometry = None if target is None else target_of(target)
+    way = how_made(geometry, made, rendered_id=rendered_id or rendered_id_of(observed))
+    seen, told = reference_of(reference, reference_target)
+    seen = view_of_reference(seen, plan, observations.view_names)
+    plan, observations = plan.suited(observations)
+    given = named_in_files(Path(target)) if isinstance(target, str | PathLike) else ""
+    files = (
+        (("detections", named_in_files(Path(observed))), ("target", given))
+        if isinstance(observed, str | PathLike)
+        else ()
+    )
+    words = (("points", points), ("made", made), ("capture", capture))
+    kept = (*files, *((name, word) for name, word in words if word is not None), *told)
+    layout_id = "" if geometry is None else geometry.layout_id
+    task = SolveTask(observations, plan, layout_id, kept, seen, truth_from(truth), way, taken)
+    return solved(task, geometry, None, limits, progress, folder, is_whole=to is not out)
