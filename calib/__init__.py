@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from calib.api.bootstrapping import BootstrapResult, bootstrap
     from calib.api.bootstrapping_rigs import RigBootstrapResult, rig_bootstrap
     from calib.api.costing import CostResult, study_cost
-    from calib.api.coupon import CouponResult, coupon
     from calib.api.hand_eye import hand_eye, turntable
     from calib.api.measuring import MeasureResult, RescaledTarget, measure, rescale
     from calib.api.rendering import RenderedPhotos, render
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from calib.app.budget import Budget, budget
     from calib.app.calibration import Run
     from calib.app.convert import Conversion, convert
+    from calib.app.coupon import CouponReading, coupon
     from calib.app.detect import DetectedPhotos, Detector, detect, detect_photos
     from calib.app.diff import Difference, diff
     from calib.app.evaluate import CameraErrors, evaluate
@@ -59,7 +59,7 @@ __all__ = [
     "CameraErrors",
     "Conversion",
     "CostResult",
-    "CouponResult",
+    "CouponReading",
     "DetectedPhotos",
     "Detections",
     "Detector",
@@ -150,8 +150,8 @@ _HOMES = {
         "CostResult",
         "study_cost",
     ),
-    "calib.api.coupon": (
-        "CouponResult",
+    "calib.app.coupon": (
+        "CouponReading",
         "coupon",
     ),
     "calib.api.hand_eye": (

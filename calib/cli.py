@@ -24,6 +24,7 @@ LINES = {
     "evaluate": "Measure a calibration: reprojection, intersection, reconstruction and pose error.",
     "report": "Write a folder's page, index.html, again from the results it stores.",
     "pose": "Find where a known camera stood, and how surely.",
+    "coupon": "Tell ink bleed, scale and skew of a printer from photos or scans of its coupon.",
     "target": "Read a target file and say what it holds, or make one of a table of points.",
     "warm-up": "Compile all kernels now, on all cores, so that no later command has to.",
     "diff": "Compare two cameras: how far apart they see the same light.",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from calib.cameras import learned_models, models_of_all, models_of_all_wide, solved_models
 from calib.solver.costs import COSTS
 from designer.base.options import argument, option
+from designer.base.units import Skew, parse_skew_rad
 from designer.kinds.presets import camera_templates, criteria_templates, error_templates, one_of
 
 if TYPE_CHECKING:
@@ -120,6 +121,15 @@ Points = Annotated[
         "what a table's points are: corner, ring (the image of its centre), or circle:13mm (the centre of its "
         "image, as blob and circle-grid detectors give it; default: as the table or the target says)",
         metavar="KIND",
+    ),
+]
+MadeWithShrink = Annotated[float, option("that this print was made with, to tell that of the next")]
+MadeWithSkew = Annotated[
+    Skew,
+    option(
+        "that this print was made with, to tell that of the next: 'xy 0.02deg, yz -0.1deg'",
+        metavar="ANGLES",
+        parse=parse_skew_rad,
     ),
 ]
 

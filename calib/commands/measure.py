@@ -214,8 +214,8 @@ def _rescale(path: Path, length: str, way: str | None, out: Path, made_with_perc
     """The quick way: the size that a caliper shows, and the shape as designed."""
     from calib.api.measuring import rescale
     from calib.as_built.deviations import Compensation, WholePrint, compensation_percent
+    from calib.draw.print_errors import percent
     from calib.show.measured.next_print import next_print
-    from calib.show.measured.numbers import percent
     from calib.show.measured.words import is_plastic
     from designer.page.blocks import Command, Facts, Finding
     from designer.page.terminal import say_facts, say_findings, say_written

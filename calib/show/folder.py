@@ -33,7 +33,6 @@ KINDS: Mapping[str, str] = {
     "cost": "studies.cost_page.cost_page",
     "rig": "rig.rig_page.rig_page",
     "measure": "measured.page.measure_page",
-    "coupon": "coupon.page.coupon_page",
     "photos": "photos.photos_page.photos_page",
 }
 """What builds the page of each kind of folder: a function below `calib.show`, loaded when it is needed."""
@@ -163,7 +162,6 @@ def origin_in(folder: Path) -> Origin:
 
 def _kind_in(folder: Path) -> str:
     """The kind of a folder's results, by the files in it; "" if there are none."""
-    from calib.records.coupon import COUPON_FILE
     from calib.records.rig_file import is_rig_folder
     from calib.show.photos.photos_file import PHOTOS_FILE, read_photos
 
@@ -176,6 +174,4 @@ def _kind_in(folder: Path) -> str:
         return "paper" if kind == "bootstrap" and (folder / OF_PAPER).is_dir() else kind
     if any(folder.glob("*.as_built.json")):
         return "measure"
-    if (folder / COUPON_FILE).is_file():
-        return "coupon"
     return read_photos(folder).kind if (folder / PHOTOS_FILE).is_file() else ""

@@ -165,7 +165,11 @@ class Parameter:
                 hint = suggestion(value, list(known)) or f"; use {', '.join(known)}"
                 raise InputError(f"{self.label} {shown(value)} is unknown{hint}")
         elif self._is_number:
-            for one in value if isinstance(value, tuple | list) else (value,):
+            several = value if isinstance(value, tuple | list) else (value,)
+            wanted = get_args(self.kind)
+            if wanted and ... not in wanted and len(several) != len(wanted):
+                raise InputError(f"{self.label} {told or shown(value)}: must be {len(wanted)} numbers")
+            for one in several:
                 self._check_number(one, told or shown(value))
 
     def _check_number(self, value: object, told: str) -> None:

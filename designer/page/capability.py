@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TypeAlias, TypeVar,
 from designer.base.answer import NegativeError, StoppedError, Summary
 from designer.base.errors import NoAnswerError
 from designer.base.options import PLAIN, CommandOption, Parameter, checked, parameters_of
+from designer.base.units import NO_SKEW
 from designer.page.output import Output
 from designer.page.result import Result
 
@@ -224,7 +225,7 @@ def _typed(parameter: Parameter) -> inspect.Parameter:
     if said.names is not None or said.complete is not None:
         names = said.names
         shown["autocompletion"] = said.complete or (lambda: list(names()) if names else [])
-    if not is_needed and parameter.default not in (None, (), False) and kind is not bool:
+    if not is_needed and parameter.default not in (None, (), False, NO_SKEW) and kind is not bool:
         shown["help"] += f" [default: {parameter.text_of(parameter.default)}]"
     if said.is_argument:
         mark = typer.Argument(**shown)

@@ -15,14 +15,12 @@ from calib.cameras.rig import Rig
 from calib.capture.photo_folder import SessionRecord
 from calib.core.types import FaceRecord
 from calib.coupons.ink_of_rings import InkBleed
-from calib.coupons.result import CouponMadeWith, NextPrint, PrinterFaults, Width
 from calib.metrics.errors import ErrorSummary
 from calib.metrics.evaluation_files import FoundParameter, Metrics, MetricSummary
 from calib.observe.calibration_file import CalibrationRecord, Provenance, SolvedView
 from calib.observe.records import ImageRecord, Records
 from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
 from calib.records.as_built_file import AsBuiltRecord, SolvedCamera
-from calib.records.coupon import CouponRecord, ReadPicture
 from calib.records.rig_file import HeldCamera, RigRecord, SolvedFrame
 from calib.renderer.options import RenderOptions
 from calib.renderer.truth import FileOptions, RigTruth, TrueFrame, TrueView, Truth
@@ -284,24 +282,6 @@ def _rig_poses() -> RigPosesDocument:
     return RigPosesDocument("g1", ("left", "right"), "left", True, (pose,), failed)
 
 
-def _coupon() -> CouponRecord:
-    """One photo of two could be used; its size is not known."""
-    known = Estimate(0.08, 0.005)
-    found = PrinterFaults(
-        known, {"x": Estimate(0.1, 0.005), "y": Estimate(0.06, 0.005)}, {"x": known, "y": Estimate(math.nan, math.inf)},
-        Estimate(-0.04, 0.001), Estimate(0.002, 0.001), (Width("ring", 0.6, (known, known)),),
-        WholePrint(None, {"x": Estimate(0.001, 1e-4), "y": Estimate(-0.001, 1e-4)}, {"xy": Estimate(0.002, 3e-4)}),
-    )  # fmt: skip
-    pictures = (
-        ReadPicture("a.jpg", False, 25, 127, 0, 20.8, 1.1, 2.2, 1.5, 0.8, 0.012, 3.1),
-        ReadPicture("b.jpg", True, 3, 0, 0, *(math.nan,) * 7, "b.jpg: 3 of the coupon's 25 rings were found"),
-    )
-    return CouponRecord(
-        "ringsolid 1", {"dpi": "600"}, pictures, found, CouponMadeWith(0.02, Compensation(0.1, (0.001, 0.0, 0.0))),
-        NextPrint(-0.06, 0.1, (0.003, 0.0, 0.0)), ("left out: b.jpg",),
-    )  # fmt: skip
-
-
 def _rig_bootstrap() -> RigBootstrapStudy:
     gap = math.nan
     pair = PairSpread(("left", "right"), 7, 120.0, 0.1, 1 / 3, gap, 0.2, 1e-3, gap, gap, 0.1)
@@ -348,7 +328,6 @@ def _hand_eye() -> object:
 
 
 EXAMPLES: Mapping[str, Callable[[], object]] = {
-    "ringsolid.coupon": _coupon,
     "ringsolid.camera": _camera,
     "ringsolid.page": _page,
     "ringsolid.rig_tolerance": _rig_tolerance,

@@ -1,71 +1,19 @@
 """What to do after a print was measured: calibrate with what is better, and correct the next print."""
 
-import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TypeAlias
 
-from calib.as_built.deviations import (
-    Compensation,
-    WholePrint,
-    compensation_percent,
-    next_shrink_percent,
-    next_skew_rad,
-)
+from calib.as_built.deviations import Compensation, WholePrint, compensation_percent, next_skew_rad
+from calib.draw.print_errors import degrees, is_within_reach, next_options
 from calib.records.as_built_file import AsBuiltRecord
-from calib.show.measured.numbers import degrees
 from calib.show.measured.words import UNJUDGED, judged_gain, why_not
-from designer.base.units import MOST_SKEW_DEG, SKEW_NAMES, Skew
+from designer.base.units import MOST_SKEW_DEG
 from designer.base.words import capital
 from designer.page.blocks import Command, Paragraph
 
 Told: TypeAlias = Command | Paragraph
 
 USES = "calibrates with the target as it was printed"
-
-
-@dataclass(frozen=True)
-class NextOption:
-    """An option of `design`, as it is typed for the next print of the same design."""
-
-    name: str
-    value: str  # "0": left away
-    made_with: str  # what this print was made with
-    sigma: str = ""  # of the value; "" if it is kept
-
-    @property
-    def typed(self) -> str:
-        """Name and value."""
-        return f'{self.name} "{self.value}"' if " " in self.value else f"{self.name} {self.value}"
-
-
-def next_options(whole: WholePrint, made_with: Compensation) -> tuple[NextOption, ...]:
-    """What the next print is to be made with, so that it comes out as designed."""
-    made_percent, made_skew = made_with.shrink_percent, skew_words(made_with.skew_rad)
-    percent, skew_rad = next_shrink_percent(whole, made_percent), next_skew_rad(whole, made_with.skew_rad)
-    is_new = percent != made_percent
-    sigma = f"{100 * whole.size.sigma:.2g} %" if is_new and whole.size is not None else ""
-    shrink = NextOption(
-        "--shrink-compensation", (f"{percent:.3f}%" if is_new else f"{percent:g}%") if percent else "0",
-        f"{made_percent:g}%" if made_percent else "0", sigma,
-    )  # fmt: skip
-    skew = skew_words(skew_rad) if is_within_reach(skew_rad) else made_skew
-    sigma_deg = max((math.degrees(one.sigma) for one in whole.skews_rad.values() if one.is_significant), default=0.0)
-    return (
-        shrink,
-        NextOption("--skew-compensation", skew, made_skew, f"{sigma_deg:.2g} deg" if skew != made_skew else ""),
-    )
-
-
-def is_within_reach(skew_rad: Skew) -> bool:
-    """Whether `design` takes so much back."""
-    return max(map(abs, skew_rad)) <= math.radians(MOST_SKEW_DEG)
-
-
-def skew_words(skew_rad: Skew) -> str:
-    """Angles as `design --skew-compensation` reads them, to 0.001 deg: 2 um on 100 mm."""
-    angles = [(name, f"{math.degrees(angle):.3f}") for name, angle in zip(SKEW_NAMES, skew_rad, strict=True)]
-    return ", ".join(f"{name} {angle}deg" for name, angle in angles if float(angle)) or "0"
 
 
 def next_print(whole: WholePrint, made_with: Compensation, *, plastic: bool) -> tuple[Told, ...]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from calib.as_built.deviations import Estimate
 from calib.as_built.seats import PARTS, Fault, Seat, Seats
-from calib.show.measured.numbers import told
+from calib.draw.print_errors import told
 from designer.base.number_text import figure, with_digits
 from designer.base.words import capital
 from designer.page.blocks import Cell, Column, Finding, Level, Table

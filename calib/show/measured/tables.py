@@ -1,14 +1,13 @@
 """The tables of a measured print, for its page and for `calib measure --verbose`."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
 from calib.as_built.cross_validation import Gain
 from calib.as_built.deviations import FREE_PARAMETERS, Estimate
+from calib.draw.print_errors import errors_table, told, whole_rows
 from calib.records.as_built_file import AsBuiltRecord
-from calib.show.measured.numbers import degrees, percent, told
 from calib.show.measured.scene import datum_words, deviations_of
 from calib.show.measured.seats import seats_table
 from calib.show.measured.words import axes_words
@@ -24,25 +23,8 @@ LEVEL_OF_BETTER: dict[bool | None, Level] = {True: "good", False: "usable", None
 
 def whole_table(record: AsBuiltRecord, target: TargetGeometry | None) -> Table | None:
     """Size and shape of the whole print; None if nothing of them is known."""
-    whole = record.whole
-    rows = [] if whole.known_size is None else [_whole_row("size, + is too large", whole.known_size, percent)]
-    rows += [_whole_row(f"axis {name} beyond the mean", one, percent) for name, one in whole.axes.items()]
-    rows += [_whole_row(f"skew {name}", one, degrees) for name, one in whole.skews_rad.items()]
-    if not rows:
-        return None
-    columns = (
-        Column("of the whole print", is_number=False), Column("value ± sigma"), Column("sigmas from zero"),
-        Column("", is_number=False),
-    )  # fmt: skip
-    return Table("Size and shape", columns, tuple(rows), "" if target is None else axes_words(target))
-
-
-def _whole_row(name: str, one: Estimate, text: Callable[[Estimate], str]) -> tuple[Cell, ...]:
-    is_off = one.is_significant
-    return (
-        Cell(name), Cell(text(one), one.value), Cell(figure(one.significance, 2), one.significance),
-        Cell("off" if is_off else "may be noise", level="usable" if is_off else None),
-    )  # fmt: skip
+    rows = whole_rows(record.whole)
+    return errors_table("Size and shape", rows, "" if target is None else axes_words(target)) if rows else None
 
 
 def faces_table(record: AsBuiltRecord) -> Table | None:

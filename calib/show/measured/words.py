@@ -7,8 +7,8 @@ import numpy as np
 from calib.as_built.cross_validation import Gain
 from calib.as_built.deviations import JUDGED, Estimate
 from calib.coupons.ink_of_rings import InkBleed
+from calib.draw.print_errors import degrees, percent, told
 from calib.records.as_built_file import AsBuiltRecord
-from calib.show.measured.numbers import degrees, percent, told
 from calib.show.measured.seats import seat_findings, seats_sentence
 from designer.base.number_text import figure
 from designer.base.units import format_mm

@@ -20,7 +20,6 @@ from calib.coupons.reading import MUCH_CUT_OFF, OPEN, EdgeFit, EdgeShape, Readin
 from calib.coupons.result import CouponMadeWith, found_in, next_of
 from calib.coupons.tone import Tone
 from calib.detector.pipeline import detect
-from calib.records.coupon import COUPON
 from designer.base.errors import InputError
 from designer.kinds.coupon import COUPON as SPEC
 from designer.kinds.coupon import WIDTHS_MM
@@ -40,13 +39,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def scanned(folder: Path) -> calib.CouponResult:
+def scanned(folder: Path) -> calib.CouponReading:
     """What the scan tells."""
     return calib.coupon(folder / "scan.png", dpi=300)
 
 
 @pytest.fixture(scope="module")
-def photographed(folder: Path) -> calib.CouponResult:
+def photographed(folder: Path) -> calib.CouponReading:
     """What the photo tells, with two lengths of a caliper."""
     shape = PRINT.print_from_design
     lengths = (
@@ -59,7 +58,7 @@ def photographed(folder: Path) -> calib.CouponResult:
 @pytest.mark.parametrize("way", ["scanned", "photographed"])
 def test_the_print_is_found(way: str, request: pytest.FixtureRequest) -> None:
     """Bleed by axis and colour, size, axes and skew are what was drawn, within three stated sigmas and the goals."""
-    found = request.getfixturevalue(way).record.found
+    found = request.getfixturevalue(way).found
     expected = [
         (found.bleed_mm, 0.095, 0.01), (found.black_mm["x"], 0.17, 0.01), (found.black_mm["y"], 0.02, 0.01),
         (found.white_mm["x"], 0.20, 0.01), (found.white_mm["y"], 0.05, 0.01), (found.y_beyond_x_mm, -0.15, 0.003),
@@ -76,9 +75,9 @@ def test_the_print_is_found(way: str, request: pytest.FixtureRequest) -> None:
             assert printed.value == pytest.approx(width.designed_mm + 2 * sign * bleed, abs=0.02)
 
 
-def test_what_is_told_takes_it_back(scanned: calib.CouponResult, tmp_path: Path) -> None:
+def test_what_is_told_takes_it_back(scanned: calib.CouponReading, tmp_path: Path) -> None:
     """The printer's file holds what was found, options of a design replace it, and a sheet has none of it."""
-    told = scanned.record.next_print
+    told = scanned.next_print
     assert told.ink_offset_mm == pytest.approx(-0.095, abs=0.01)
     path = scanned.save_printer(tmp_path / "mine.toml", "prusa-xl")
     made = designer.board(size_mm=(80, 80), printer=str(path)).design.job.printing
@@ -118,7 +117,7 @@ def printed_again(first: Printed, printer: str) -> Printed:
     return Printed((x + grown_mm, y + grown_mm), first.white_bleed_mm, (shape[0, 0] - 1, shape[1, 1] - 1, shape[0, 1]))
 
 
-def test_the_next_print_is_right(photographed: calib.CouponResult, tmp_path: Path) -> None:
+def test_the_next_print_is_right(photographed: calib.CouponReading, tmp_path: Path) -> None:
     """The printer's file takes size, skew and mean bleed back; what the axes and their bleeds differ by stays."""
     again = printed_again(PRINT, str(photographed.save_printer(tmp_path / "my-printer.toml")))
     xx, yy, xy = again.strain
@@ -129,18 +128,12 @@ def test_the_next_print_is_right(photographed: calib.CouponResult, tmp_path: Pat
     assert 2 * xy == pytest.approx(0, abs=np.radians(0.05))
 
 
-def test_what_a_coupon_was_printed_with_counts(scanned: calib.CouponResult) -> None:
+def test_what_a_coupon_was_printed_with_counts(scanned: calib.CouponReading) -> None:
     """The next print has the offset of this one and what takes back what is left; noise changes nothing."""
-    found, first = scanned.record.found, scanned.record.next_print
+    found, first = scanned.found, scanned.next_print
     assert next_of(found, CouponMadeWith(0.05)).ink_offset_mm == pytest.approx(first.ink_offset_mm + 0.05, abs=0.0051)
     noise = replace(found, bleed_mm=Estimate(0.01, 0.005))
     assert next_of(noise, CouponMadeWith(0.05)).ink_offset_mm == 0.05
-
-
-def test_results_are_read_back(scanned: calib.CouponResult, tmp_path: Path) -> None:
-    """The file is the result."""
-    (path,) = scanned.save(tmp_path)
-    assert COUPON.text(COUPON.read(path)) == COUPON.text(scanned.record)
 
 
 def test_edges_are_all_of_the_drawing() -> None:

@@ -1,52 +1,31 @@
-"""Photos of a printed coupon, and what they tell of the printer: what `calib coupon` does."""
+"""Photos and scans of a printed coupon: which can be used, why not, and what they tell together."""
 
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
-from calib.api.page_shown import ShownAsPage
-from calib.app.inputs import (
-    Place,
-    folder_of,
-    photos_of,
-    target_of,
-)
-from calib.as_built.deviations import Compensation
-from calib.as_built.lengths import CaliperLength, asked_lengths, usual_sigmas
+from calib.as_built.lengths import CaliperLength, usual_sigmas
 from calib.core.types import Detections
 from calib.coupons.edges import edges_of
 from calib.coupons.place import KnownLength, PlacedPictures, Sighting, place
 from calib.coupons.reading import MUCH_CUT_OFF, Reading, read_edges
-from calib.coupons.result import CouponMadeWith, PrinterFaults, found_in, next_of
+from calib.coupons.result import PrinterFaults, found_in
 from calib.detector.pipeline import MIRRORED
 from calib.images.headers import exif_focal_px
 from calib.images.photo import Grey, read_image, stated_dpi
-from calib.observe.photos import PhotoFile, named_photos
+from calib.observe.photos import FoundPhotos, PhotoFile, named_photos
 from calib.observe.search import look_for, refuse_nothing
-from calib.records.coupon import COUPON, COUPON_FILE, CouponRecord, ReadPicture
-from calib.renderer.quantities import number
-from designer.base.answer import program
 from designer.base.errors import InputError
-from designer.base.files import write_files
-from designer.base.units import NO_SKEW, Skew, format_mm, format_skew
-from designer.kinds.presets import preset_or_file
-from designer.kinds.sizing import DEFAULT_PRINTER
-from designer.kinds.spec_file import with_corrections
-from designer.page.progress import Progress, unheard
-from designer.spec.kind import kind_named
+from designer.base.marks import Gap
+from designer.page.progress import Progress
 from designer.target import TargetGeometry
 
-FILE = "file"
-"""The resolution that a scan's file states."""
 LEAST_RINGS = 15
 DARKEST_WHITE, LIGHTEST_WHITE, LEAST_CONTRAST = 0.15, 0.985, 0.15
 """Of the full scale: below there are too few grey levels, above the paper's white is cut off and edges with it."""
 MOST_LEFT_OUT = 0.5
-LEAST_DPI, MOST_DPI = 50.0, 20_000.0
 WRONG_DPI = 0.02
 """No print and no scanner is off by as much."""
 MOST_ALIKE = 0.8
@@ -59,128 +38,65 @@ LEAST_TILT_RAD = math.radians(0.05)
 WORST_MISFIT, MOST_BLEED = 6.0, 0.45
 """Edges with a profile of another kind than any lens and tone curve make; and a bleed as wide as a printed line."""
 
-Resolution: TypeAlias = float | str | None
+
+@dataclass(frozen=True)
+class ReadPicture:
+    """What one photo or scan gave."""
+
+    name: str
+    is_scan: bool
+    rings: int
+    edges: int
+    left_out: int  # edges
+    px_per_mm: Gap
+    blur_px: Gap
+    gamma: Gap  # of its tone curve
+    noise: Gap  # in grey levels
+    misfit: Gap  # of the edges' profile; 1 or less is good
+    rings_px: Gap  # root mean square of the centres' residuals
+    tilt_deg: Gap  # between the print's normal and the camera's axis
+    fault: str = ""  # why it was left out; "": it was used
 
 
-@dataclass(frozen=True, eq=False)
-class CouponResult(ShownAsPage):
-    """What photos of a coupon tell: `told.record.found.bleed_mm`, `told.next_print.ink_offset_mm`.
-
-    In a notebook the result shows its page.
-    """
-
-    record: CouponRecord
-    kind = "coupon"
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What a person must know, a line each."""
-        return self.record.remarks
-
-    def save(self, folder: Place) -> tuple[Path, ...]:
-        """Write `coupon.json` into a folder; its place.
-
-        Raises:
-            InputError: the folder takes no files.
-        """
-        path = folder_of(folder) / COUPON_FILE
-        write_files({path: COUPON.text(self.record)})
-        return (path,)
-
-    def save_printer(self, path: Place, printer: str | None = None) -> Path:
-        """Write a printer's file with what was found, as `design --printer` reads it; its place.
-
-        Args:
-            path: a TOML file.
-            printer: the template or file whose other lines it takes over; None: the one `design` takes.
-
-        Raises:
-            InputError: no such printer, or a name or place that takes no such file.
-        """
-        place, before = require_printer_file(path, printer)
-        told = self.record.next_print
-        text = with_corrections(
-            before, ink_offset_mm=told.ink_offset_mm,
-            shrink_percent=told.shrink_percent, skew_rad=told.skew_rad,
-        )  # fmt: skip
-        write_files({place: text.encode()})
-        return place
-
-
-def require_printer_file(path: Place, printer: str | None) -> tuple[Path, Path]:
-    """Where a printer's file is to be written, and the one whose lines it takes over.
-
-    Raises:
-        InputError: no such printer, or a name that no printer's file has.
-    """
-    place = Path(path)
-    if place.suffix.lower() != ".toml":
-        raise InputError(f"--save {place}: printer files end in .toml; call it {place.name or 'my-printer'}.toml")
-    return place, preset_or_file("printers", printer or DEFAULT_PRINTER)
-
-
-def coupon(
-    photos: Place | Iterable[Place],
-    *,
-    target: TargetGeometry | Place | None = None,
-    lengths: str | CaliperLength | Iterable[str | CaliperLength] = (),
-    dpi: Resolution = None,
-    ink_offset_mm: float = 0.0,
-    shrink_compensation_percent: float = 0.0,
-    skew_compensation_rad: Skew = NO_SKEW,
-    progress: Progress = unheard,
-) -> CouponResult:
-    """Tell ink bleed, scale and skew of a printer from photos of its coupon: `coupon("coupon.jpg")`.
-
-    >>> told = calib.coupon(["a.jpg", "b.jpg"], lengths="ring 0 to ring 4:30.35mm+-0.03mm")
-    >>> told.record.found.bleed_mm, told.record.next_print.ink_offset_mm
+def read_pictures(
+    target: TargetGeometry,
+    photos: FoundPhotos,
+    lengths: Sequence[CaliperLength],
+    dpi: float | str | None,
+    progress: Progress,
+) -> tuple[tuple[ReadPicture, ...], PrinterFaults, tuple[str, ...]]:
+    """What pictures of one print gave each, what they tell together, and what a person must know, a line each.
 
     Args:
-        photos: images, folders of images, or patterns.
-        target: the coupon as designed, or its file; None: the one that `design coupon` makes.
-        lengths: of a caliper, between rings, which tell the size.
-        dpi: the pictures are a flatbed's scans of this resolution; "file": the one that they state; None: photos.
-        ink_offset_mm: that this coupon was printed with, to tell that of the next print.
-        shrink_compensation_percent: likewise.
-        skew_compensation_rad: likewise, of xy, xz and yz.
-        progress: is told how many photos were read.
+        target: the coupon as designed.
+        photos: of it.
+        lengths: of a caliper, between rings.
+        dpi: the pictures are scans of this resolution; text: of the one that their files state; None: photos.
+        progress: is told how many were read.
 
     Raises:
-        InputError: files or options that break a rule, or not one photo that can be used; it says why.
+        InputError: none can be used, or no print looks so; it says why.
     """
-    geometry = _coupon_target(target)
-    asked = asked_lengths(lengths, geometry)
-    made_with = CouponMadeWith(
-        number("--ink-offset", ink_offset_mm), Compensation(shrink_compensation_percent, skew_compensation_rad)
-    )
-    found = photos_of(photos)
-    files, looked = named_photos(found.paths), []
+    files, looked = named_photos(photos.paths), []
     for count, photo in enumerate(files, start=1):
-        looked.append(_look(photo, geometry, dpi))
+        looked.append(_look(photo, target, dpi))
         progress("reading", count, len(files))
-    _refuse(looked, found.failures)
+    _refuse(looked, photos.failures)
     used = [one for one in looked if one.sighting is not None]
-    known = [_between_rings(one) for one in asked]
-    placement, used = _read_all(geometry, used, known)
-    _refuse(looked, found.failures)
-    size_known = bool(known) or dpi is not None
-    told = found_in(geometry, placement, [one.reading for one in used if one.reading], size_known=size_known)
-    _check_bleed(told.bleed_mm.value)
-    record = CouponRecord(
-        program(),
-        {
-            "length": "; ".join(one.text for one in asked), "dpi": "" if dpi is None else str(dpi),
-            "ink-offset": format_mm(ink_offset_mm) if ink_offset_mm else "",
-            "shrink-compensation": f"{shrink_compensation_percent:g}%" if shrink_compensation_percent else "",
-            "skew-compensation": format_skew(skew_compensation_rad) if skew_compensation_rad != NO_SKEW else "",
-        },
-        tuple(_picture(one, placement, used) for one in looked), told, made_with, next_of(told, made_with),
-        (
-            *_remarks(looked, found.failures, asked, size_known=size_known, is_scan=dpi is not None),
-            *_remarks_of_place(used, placement, told),
-        ),
-    )  # fmt: skip
-    return CouponResult(record)
+    placement, used = _read_all(target, used, [_between_rings(one) for one in lengths])
+    _refuse(looked, photos.failures)
+    size_known = bool(lengths) or dpi is not None
+    found = found_in(target, placement, [one.reading for one in used if one.reading], size_known=size_known)
+    if not abs(found.bleed_mm.value) < MOST_BLEED:
+        raise InputError(
+            f"ink is {found.bleed_mm.value:+.2f}mm wider at each edge than designed, which no print is: is it another "
+            "coupon? Give its own file with --target"
+        )
+    remarks = (
+        *_remarks(looked, photos.failures, lengths, size_known=size_known, is_scan=dpi is not None),
+        *_remarks_of_place(used, placement, found),
+    )
+    return tuple(_picture(one, placement, used) for one in looked), found, remarks
 
 
 @dataclass(eq=False)
@@ -195,29 +111,13 @@ class _Looked:
     fault: str = ""
 
 
-def _coupon_target(target: TargetGeometry | Place | None) -> TargetGeometry:
-    """The coupon that photos show.
-
-    Raises:
-        InputError: a target without lines of graded width.
-    """
-    if target is None:
-        from designer.kinds.coupon import COUPON as STANDARD
-
-        return STANDARD.lay_out()
-    geometry = target_of(target, "rings")
-    if geometry.spec is None or geometry.spec.kind != kind_named("coupon").name or geometry.source != "nominal":
-        raise InputError("the target is no coupon as designed; give the target file that `design coupon` wrote")
-    return geometry
-
-
 def _between_rings(length: CaliperLength) -> KnownLength:
     """The rings of a length's name, which is known to be right."""
     words = length.name.split()
     return KnownLength(int(words[1]), int(words[4]), length.value_mm, length.sigma_mm)
 
 
-def _look(photo: PhotoFile, target: TargetGeometry, dpi: Resolution) -> _Looked:
+def _look(photo: PhotoFile, target: TargetGeometry, dpi: float | str | None) -> _Looked:
     """Find the coupon's rings in a picture, and say why it cannot be used."""
     try:
         pixels = read_image(photo.path).pixels
@@ -270,15 +170,10 @@ def _is_drawn(pixels: Grey) -> bool:
     return float(np.sort(count)[-2:].sum()) > MOST_ALIKE * pixels.size
 
 
-def _resolution(photo: PhotoFile, dpi: Resolution) -> float | None:
+def _resolution(photo: PhotoFile, dpi: float | str | None) -> float | None:
     """Of a scan."""
-    if dpi is None:
-        return None
-    if dpi != FILE:
-        resolution = number("--dpi", dpi)
-        if not LEAST_DPI <= resolution <= MOST_DPI:
-            raise InputError(f"--dpi {resolution:g}: must be {LEAST_DPI:g} to {MOST_DPI:g} dots per inch, such as 600")
-        return resolution
+    if not isinstance(dpi, str):
+        return dpi
     stated = stated_dpi(photo.path)
     if stated is None:
         raise InputError(f"{photo.name}: the file states no resolution; give it with --dpi 600")
@@ -350,14 +245,6 @@ def _refuse(looked: list[_Looked], failures: tuple[str, ...]) -> None:
     """End if nothing is left."""
     if all(one.fault for one in looked):
         refuse_nothing([*failures, *(one.fault for one in looked)], "no photos of a coupon")
-
-
-def _check_bleed(bleed_mm: float) -> None:
-    if not abs(bleed_mm) < MOST_BLEED:
-        raise InputError(
-            f"ink is {bleed_mm:+.2f}mm wider at each edge than designed, which no print is: is it another coupon? Give "
-            "its own file with --target"
-        )
 
 
 def _picture(one: _Looked, placement: PlacedPictures, used: list[_Looked]) -> ReadPicture:

@@ -1,0 +1,108 @@
+"""Numbers of a print with their standard deviations, and what takes them back in the next."""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from calib.as_built.deviations import Compensation, Estimate, WholePrint, next_shrink_percent, next_skew_rad
+from designer.base.number_text import figure, with_digits
+from designer.base.units import MOST_SKEW_DEG, SKEW_NAMES, Skew
+from designer.page.blocks import Cell, Table
+from designer.page.folders import Shown, table_of
+
+FINEST = 1.5e-4
+"""Standard deviation to whose digits numbers are told at the most."""
+FINEST_DEG = 1.5e-2
+"""The same of skews, so that they read as the option that takes them back, to 0.001 deg: 2 um on 100 mm."""
+
+
+def told(one: Estimate, unit: str = "", scale: float = 1.0, *, signed: bool = True, finest: float = FINEST) -> str:
+    """`+0.312 ± 0.004 %`."""
+    value, sigma = scale * one.value, scale * one.sigma
+    if not math.isfinite(value):
+        return "-"
+    text = with_digits(value, max(sigma, finest))
+    sign = "+" if signed and not text.startswith("-") else ""
+    return f"{sign}{text} ± {figure(sigma, 2)}{unit}"
+
+
+def millimetres(one: Estimate, *, signed: bool = True) -> str:
+    """`+0.101 ± 0.005 mm`."""
+    return told(one, " mm", signed=signed)
+
+
+def percent(one: Estimate, *, signed: bool = True) -> str:
+    """`+0.312 ± 0.004 %`."""
+    return told(one, " %", 100, signed=signed)
+
+
+def degrees(one: Estimate) -> str:
+    """`+0.031 ± 0.002 deg`."""
+    return told(one, " deg", math.degrees(1), finest=FINEST_DEG)
+
+
+ErrorRow = tuple[str, Estimate, Callable[[Estimate], str]]
+"""What it is, how large, and how that is told."""
+
+
+def errors_table(title: str, rows: Iterable[ErrorRow], note: str) -> Table:
+    """How far a print is off, and what of it is more than noise."""
+    return table_of(
+        rows,
+        Shown[ErrorRow]("", lambda row: row[0]),
+        Shown[ErrorRow]("value ± sigma", lambda row: Cell(row[2](row[1]), row[1].value)),
+        Shown[ErrorRow]("sigmas from zero", lambda row: row[1].significance),
+        Shown[ErrorRow]("", lambda row: Cell("off", level="usable") if row[1].is_significant else "may be noise"),
+        title=title, note=note,
+    )  # fmt: skip
+
+
+def whole_rows(whole: WholePrint) -> list[ErrorRow]:
+    """Size and shape of a whole print, as far as they are known."""
+    rows: list[ErrorRow] = [] if whole.known_size is None else [("size, + is too large", whole.known_size, percent)]
+    rows += [(f"axis {name} beyond the mean", one, percent) for name, one in whole.axes.items()]
+    return [*rows, *((f"skew {name}", one, degrees) for name, one in whole.skews_rad.items())]
+
+
+@dataclass(frozen=True)
+class NextOption:
+    """An option of `design`, as it is typed for the next print of the same design."""
+
+    name: str
+    value: str  # "0": left away
+    made_with: str  # what this print was made with
+    sigma: str = ""  # of the value; "" if it is kept
+
+    @property
+    def typed(self) -> str:
+        """Name and value."""
+        return f'{self.name} "{self.value}"' if " " in self.value else f"{self.name} {self.value}"
+
+
+def next_options(whole: WholePrint, made_with: Compensation) -> tuple[NextOption, ...]:
+    """What the next print is to be made with, so that it comes out as designed."""
+    made_percent, made_skew = made_with.shrink_percent, skew_words(made_with.skew_rad)
+    percent, skew_rad = next_shrink_percent(whole, made_percent), next_skew_rad(whole, made_with.skew_rad)
+    is_new = percent != made_percent
+    sigma = f"{100 * whole.size.sigma:.2g} %" if is_new and whole.size is not None else ""
+    shrink = NextOption(
+        "--shrink-compensation", (f"{percent:.3f}%" if is_new else f"{percent:g}%") if percent else "0",
+        f"{made_percent:g}%" if made_percent else "0", sigma,
+    )  # fmt: skip
+    skew = skew_words(skew_rad) if is_within_reach(skew_rad) else made_skew
+    sigma_deg = max((math.degrees(one.sigma) for one in whole.skews_rad.values() if one.is_significant), default=0.0)
+    return (
+        shrink,
+        NextOption("--skew-compensation", skew, made_skew, f"{sigma_deg:.2g} deg" if skew != made_skew else ""),
+    )
+
+
+def is_within_reach(skew_rad: Skew) -> bool:
+    """Whether `design` takes so much back."""
+    return max(map(abs, skew_rad)) <= math.radians(MOST_SKEW_DEG)
+
+
+def skew_words(skew_rad: Skew) -> str:
+    """Angles as `design --skew-compensation` reads them, to 0.001 deg: 2 um on 100 mm."""
+    angles = [(name, f"{math.degrees(angle):.3f}") for name, angle in zip(SKEW_NAMES, skew_rad, strict=True)]
+    return ", ".join(f"{name} {angle}deg" for name, angle in angles if float(angle)) or "0"
