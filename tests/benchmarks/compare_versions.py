@@ -89,7 +89,7 @@ def _written(tree: Path, folder: Path) -> dict[str, str | float]:
 
 def _values(path: Path, name: str) -> Iterator[tuple[str, str | float]]:
     """The values in a file; of one that holds no table or JSON that it is there."""
-    if path.suffix == ".json":
+    if path.suffix == ".json" and path.name != "page.json":  # which is a page, as index.html
         yield from _flat(json.loads(path.read_text(encoding="utf-8")), name)
     elif path.suffix == ".csv":
         text = "".join(line for line in path.open(encoding="utf-8") if not line.startswith("#"))
