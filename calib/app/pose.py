@@ -171,6 +171,8 @@ def pose(
     folder = None if overlay is None else place_of(overlay, "a folder")
     if folder is not None and folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, not a folder; choose another with --overlay")
+    if not isinstance(photos, str | PathLike | Iterable):
+        raise InputError(f"photos: {type(photos).__name__}: give files, folders or patterns")
     given = [photos] if isinstance(photos, str | PathLike) else list(photos)
     if rig is not None and isinstance(camera, str | PathLike) and Path(camera).is_dir():
         given, camera = [camera, *given], None  # in a shell the first folder stands where a camera would
