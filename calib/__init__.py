@@ -10,9 +10,6 @@ from importlib import import_module
 
 TYPE_CHECKING = False  # `typing` takes long to load, and Ctrl-C in the meantime leaves a traceback
 if TYPE_CHECKING:
-    from calib.api.bootstrapping import BootstrapResult, bootstrap
-    from calib.api.bootstrapping_rigs import RigBootstrapResult, rig_bootstrap
-    from calib.api.costing import CostResult, study_cost
     from calib.api.hand_eye import hand_eye, turntable
     from calib.api.measuring import MeasureResult, RescaledTarget, measure, rescale
     from calib.api.rendering import RenderedPhotos, render
@@ -20,8 +17,6 @@ if TYPE_CHECKING:
     from calib.api.rig_observing import load_rig_observations
     from calib.api.rig_result import RigResult
     from calib.api.rigging import rig
-    from calib.api.tolerancing import ToleranceResult, tolerance, ways
-    from calib.api.tolerancing_rigs import RigToleranceResult, rig_tolerance
     from calib.app.budget import Budget, budget
     from calib.app.calibration import Run
     from calib.app.convert import Conversion, convert
@@ -32,8 +27,13 @@ if TYPE_CHECKING:
     from calib.app.inputs import load_camera, load_observations, load_rig
     from calib.app.plan import PhotoPlan, plan
     from calib.app.pose import TargetPoses, pose
+    from calib.app.rig_bootstrap import RigBootstrap, rig_bootstrap
+    from calib.app.rig_tolerance import RigTolerance, rig_tolerance
     from calib.app.run import NothingFoundError, run
     from calib.app.solve import solve
+    from calib.app.study_bootstrap import Bootstrap, bootstrap
+    from calib.app.study_cost import CostStudy, study_cost
+    from calib.app.tolerance import Tolerance, Ways, tolerance, ways
     from calib.app.triangulate import Triangulation, triangulate
     from calib.app.undistort import UndistortedPhotos, Undistorter, undistort, undistort_photos
     from calib.cameras.camera import Camera
@@ -52,13 +52,13 @@ if TYPE_CHECKING:
     from designer.base.errors import InputError
 
 __all__ = [
-    "BootstrapResult",
+    "Bootstrap",
     "Budget",
     "Calibration",
     "Camera",
     "CameraErrors",
     "Conversion",
-    "CostResult",
+    "CostStudy",
     "CouponReading",
     "DetectedPhotos",
     "Detections",
@@ -77,18 +77,19 @@ __all__ = [
     "RenderedRig",
     "RescaledTarget",
     "Rig",
-    "RigBootstrapResult",
+    "RigBootstrap",
     "RigGuide",
     "RigObservations",
     "RigResult",
-    "RigToleranceResult",
+    "RigTolerance",
     "Run",
     "TargetPoses",
-    "ToleranceResult",
+    "Tolerance",
     "Triangulation",
     "Undistorted",
     "UndistortedPhotos",
     "Undistorter",
+    "Ways",
     "bootstrap",
     "budget",
     "convert",
@@ -138,16 +139,16 @@ _HOMES = {
         "Difference",
         "diff",
     ),
-    "calib.api.bootstrapping": (
-        "BootstrapResult",
+    "calib.app.study_bootstrap": (
+        "Bootstrap",
         "bootstrap",
     ),
-    "calib.api.bootstrapping_rigs": (
-        "RigBootstrapResult",
+    "calib.app.rig_bootstrap": (
+        "RigBootstrap",
         "rig_bootstrap",
     ),
-    "calib.api.costing": (
-        "CostResult",
+    "calib.app.study_cost": (
+        "CostStudy",
         "study_cost",
     ),
     "calib.app.coupon": (
@@ -191,13 +192,14 @@ _HOMES = {
     "calib.api.rig_observing": ("load_rig_observations",),
     "calib.api.rig_result": ("RigResult",),
     "calib.api.rigging": ("rig",),
-    "calib.api.tolerancing": (
-        "ToleranceResult",
+    "calib.app.tolerance": (
+        "Tolerance",
+        "Ways",
         "tolerance",
         "ways",
     ),
-    "calib.api.tolerancing_rigs": (
-        "RigToleranceResult",
+    "calib.app.rig_tolerance": (
+        "RigTolerance",
         "rig_tolerance",
     ),
     "calib.app.run": (

@@ -18,6 +18,8 @@ TASKS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("Set up", ("warm-up",)),
 )
 """The commands by what they are for; each is the function of its name in the module of its name."""
+STUDIES = ("bootstrap", "paper", "compare", "cost", "plot")
+STUDY = "Calibrate thousands of samples of a set of photos: how sure is the camera, and what does a target do to it?"
 LINES = {
     "run": "Detect, solve, detect again with the lens known, solve all models, judge.",
     "solve": "Solve the camera, and where it stood, from what was detected, and judge it.",
@@ -33,31 +35,40 @@ LINES = {
     "plan": "Plan the fewest photos that make a camera known as well as wanted.",
     "detect": "Find a target's rings in photos, name them, and measure their centres.",
     "triangulate": "Find where points are that several cameras see, and how surely.",
+    "study bootstrap": "Draw views with replacement, calibrate and measure, thousands of times.",
+    "study paper": (
+        "Make the paper's study again from nothing: both targets, photos, detections, 10,000 samples a case, its table."
+    ),
+    "study compare": (
+        "Simulate the paper's real-world figure: five made objects, three camera models, 12 sets of photos a print."
+    ),
+    "study cost": "Measure what to minimise: distances in the image, or in space between rays and rings.",
+    "study plot": "Make the tables and figures of a study again, of a running one too.",
     "budget": "Tell how large errors in space are to be expected, in mm.",
 }
 """What the list of commands says of each, as its docstring begins."""
-FUNCTIONS = {"detect": "detect_photos", "undistort": "undistort_photos"}
+FUNCTIONS = {"detect": "detect_photos", "undistort": "undistort_photos", "study bootstrap": "bootstrap"}
 """Those that are not called as their command; `calib.detect` and `calib.undistort` are of one photo."""
+MODULES = {"study plot": "study_paper"}
+
+
+def place_of(name: str) -> str:
+    """Where the function of a command is: "module:function"."""
+    word = name.replace("-", "_").replace(" ", "_")
+    room = "app" if name in LINES else "commands"
+    return f"calib.{room}.{MODULES.get(name, word)}:{FUNCTIONS.get(name, word)}"
 
 
 def app() -> "typer.Typer":
     """All commands."""
-    from designer.base.command import Later, new_app
+    from designer.base.command import Later, LaterGroup, new_app
 
-    commands = {
-        name: Later(
-            f"calib.{'app' if name in LINES else 'commands'}.{word}:{FUNCTIONS.get(name, word)}",
-            task,
-            LINES.get(name, ""),
-        )
-        for task, names in TASKS
-        for name in names
-        for word in (name.replace("-", "_"),)
-    }
+    commands = {name: Later(place_of(name), task, LINES.get(name, "")) for task, names in TASKS for name in names}
+    studies = {name: Later(place_of(f"study {name}"), help=LINES[f"study {name}"]) for name in STUDIES}
     return new_app(
         "calib",
         "Use the calibration targets that `design` makes. Begin with: calib run TARGET.json photos",
-        {**commands, "study": Later("calib.commands.study:app", "Study")},
+        {**commands, "study": LaterGroup(studies, STUDY, "Study")},
     )
 
 

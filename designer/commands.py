@@ -24,7 +24,7 @@ app = new_app(
     "design",
     "Design camera-calibration targets: from one size to files that print in two filaments.\n\n"
     "Begin with: design ico --edge 100mm",
-    {name: Later(f"calib.commands.{name}:{name}") for name in ("tolerance", "ways")},  # the steps that calibrate
+    {name: Later(f"calib.app.tolerance:{name}") for name in ("tolerance", "ways")},  # the steps that calibrate
 )
 
 Option = str | bool | None

@@ -13,8 +13,7 @@ from calib.interop import FORMATS, OWN
 from calib.interop.rigs import OWN_RIG, RIG_FORMATS
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
-from designer.base.words import shown
-from designer.page.progress import Progress
+from designer.base.words import printable, shown
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera
@@ -225,6 +224,18 @@ def opened_camera(camera: "Camera | Place", kind: str | None = None) -> "OpenedC
     return open_camera(fspath(camera), kind)
 
 
+def camera_remarks(camera: "Camera | Place") -> tuple[str, ...]:
+    """What to know of the file that a camera comes from, a line each.
+
+    Raises:
+        InputError: neither a camera, nor a file that can be read.
+    """
+    read = opened_camera(camera).read
+    refit = read.refit
+    fitted = () if refit is None else (f"its lens is fitted, RMS {refit.rms_px:.4f} px, max {refit.max_px:.4f} px",)
+    return tuple(f"{printable(str(camera))}: {printable(line)}" for line in (*fitted, *read.remarks))
+
+
 def load_rig(name: Place, *, unit: str | None = None) -> "Rig":
     """Read a rig: `load_rig("rig.json").cam_from_rig`.
 
@@ -283,19 +294,6 @@ def folder_of(folder: Place) -> Path:
         InputError: no path.
     """
     return place_of(folder, "a folder, such as '.'")
-
-
-def ask_cluster(dask: str | None, progress: Progress) -> None:
-    """Refuse a cluster that cannot be used, by the address of its scheduler; None: there is none to ask.
-
-    Raises:
-        InputError: so it is.
-    """
-    if dask is not None:
-        from calib.studies.dask_cluster import check_cluster
-
-        progress("asking the cluster", 0, 0)
-        check_cluster(dask)
 
 
 def processes_of(jobs: int | None) -> int:

@@ -7,8 +7,9 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from calib.cameras import learned_models, models_of_all, models_of_all_wide, solved_models
+from calib.cameras import fitted_models, learned_models, models_of_all, models_of_all_wide, solved_models
 from calib.solver.costs import COSTS
+from designer.base.errors import InputError
 from designer.base.options import argument, option
 from designer.base.units import Skew, parse_skew_rad
 from designer.kinds.presets import camera_templates, criteria_templates, error_templates, one_of
@@ -16,6 +17,7 @@ from designer.kinds.presets import camera_templates, criteria_templates, error_t
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
+    from calib.observe.corners_vnl import PointGrid
     from calib.verdict.verdict import Criteria
     from calib.virtual.solve_virtual import Reference as ReferenceView
     from designer.target import TargetGeometry
@@ -99,7 +101,7 @@ ReferenceTarget = Annotated[
 
 def _pair(text: str, most: int) -> tuple[int, int]:
     """Two whole numbers: `2448x2048`."""
-    match = re.fullmatch(r"\s*(\d{1,9})\s*[x×]\s*(\d{1,9})\s*", text, re.IGNORECASE)
+    match = re.fullmatch(r"\s*([0-9]{1,9})\s*[x×]\s*([0-9]{1,9})\s*", text, re.IGNORECASE)
     pair = (int(match[1]), int(match[2])) if match else (0, 0)
     if not all(1 <= one <= most for one in pair):
         raise ValueError(f"expected two whole numbers from 1 to {most}, such as 10x7")
@@ -132,8 +134,56 @@ MadeWithSkew = Annotated[
         parse=parse_skew_rad,
     ),
 ]
+MOST_VIEWS = 100_000
+MOST_DISTANCE_MM = 10_000.0
+Seed = Annotated[int, option("of all that is random", 0, 2**63 - 1)]
+Jobs = Annotated[int | None, option("processes (default: one per core)", 1, MOST_JOBS)]
+Dask = Annotated[
+    str | None, option("have the samples computed by the Dask cluster of this scheduler: tcp://host:8786")
+]  # fmt: skip
+Resume = Annotated[bool, option("go on with the study in the folder")]
+CameraTemplate = Annotated["Camera | Place", option("camera template, or a camera file", complete=camera_templates)]
+Views = Annotated[int, option("how many photos", 1, MOST_VIEWS)]
+Distance = Annotated[
+    tuple[float, float] | float | None,
+    option(
+        "of the cameras from the target's origin: 400mm, or 250mm..500mm (default: as the page of a design advises)",
+        1.0, MOST_DISTANCE_MM,
+    ),
+]  # fmt: skip
+AimOffset = Annotated[
+    float | None,
+    option(
+        "look past the target's origin, by up to this (default: as the page of a design advises)", 0, MOST_DISTANCE_MM
+    ),
+]
+FittedModel = Annotated[
+    str, option(f"camera model that is solved: {', '.join(fitted_models())}", names=fitted_models)
+]  # fmt: skip
+Errors = Annotated[
+    str, option("error template (fdm-dual, hand-stickers, ...), or a TOML file", complete=error_templates)
+]  # fmt: skip
+Changes = Annotated[
+    Sequence[str],
+    option("another size of one error: face_tilt=0.1deg", flag="--set", metavar="ERROR=SIZE", is_many=True),
+]
 
 
 def exports_folder(target: str | PathLike[str]) -> Path:
     """Where a target's results go if nobody says otherwise."""
     return Path("exports") / Path(target).name.removesuffix(".json").removesuffix(".target")
+
+
+def grid_of(grid: tuple[int, int] | None, pitch_mm: float | None) -> "PointGrid | None":
+    """The corners of a `corners.vnl`.
+
+    Raises:
+        InputError: one without the other.
+    """
+    if grid is None and pitch_mm is None:
+        return None
+    if grid is None or pitch_mm is None:
+        raise InputError("--grid and --pitch belong together: --grid 10x7 --pitch 20mm")
+    from calib.observe.corners_vnl import PointGrid
+
+    return PointGrid(*grid, pitch_mm)

@@ -4,8 +4,7 @@ from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 
-from designer.base.answer import Summary
-from designer.base.command import command_line
+from designer.base.answer import Summary, command_line
 from designer.base.errors import InputError, NotWrittenError
 from designer.base.words import printable
 from designer.page.progress import waiting

@@ -3,8 +3,7 @@
 import re
 from typing import NoReturn
 
-from designer.base.answer import StoppedError, Summary
-from designer.base.command import command_line
+from designer.base.answer import StoppedError, Summary, command_line
 from designer.base.words import printable
 
 

@@ -9,8 +9,7 @@ import typer
 from calib.cameras import fitted_models
 from calib.commands import options
 from calib.commands.options import image_size_of
-from designer.base.answer import Summary
-from designer.base.command import command_line
+from designer.base.answer import Summary, command_line
 from designer.base.errors import InputError
 from designer.kinds.presets import error_templates, one_of
 from designer.page.progress import progress_bars, waiting

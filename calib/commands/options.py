@@ -8,7 +8,6 @@ import typer
 from calib.cameras import learned_models, models_of_all, models_of_all_wide, solved_models
 from calib.solver.costs import COSTS
 from designer.base.errors import InputError
-from designer.base.words import shown
 from designer.kinds.presets import camera_templates, criteria_templates, error_templates, one_of, rig_templates
 
 if TYPE_CHECKING:
@@ -18,10 +17,6 @@ TargetArgument = Annotated[Path, typer.Argument(help="the target file (NAME.targ
 PhotosArgument = Annotated[list[str], typer.Argument(help="images, folders of images, or patterns such as 'run/*.png'")]
 CameraTemplateOption = Annotated[
     str, typer.Option(help="camera template, or a camera file", autocompletion=camera_templates)
-]
-AimOffsetOption = Annotated[
-    str | None,
-    typer.Option(help="look past the target's origin, by up to this (default: as the page of a design advises)"),
 ]
 RigOption = Annotated[
     str | None,
@@ -33,10 +28,6 @@ RigOption = Annotated[
 ]
 SeedOption = Annotated[int, typer.Option(help="of all that is random")]
 JobsOption = Annotated[int | None, typer.Option(help="processes (default: one per core)")]
-DaskOption = Annotated[
-    str | None, typer.Option(help="have the samples computed by the Dask cluster of this scheduler: tcp://host:8786")
-]
-ResumeOption = Annotated[bool, typer.Option("--resume", help="go on with the study in the folder")]
 PhotoJobsOption = Annotated[
     int | None, typer.Option(min=1, max=1024, help="photos at a time, all in memory (default: one per core)")
 ]
@@ -111,25 +102,6 @@ PageOption = Annotated[
 VerboseOption = Annotated[
     bool, typer.Option("--verbose", "-v", help="say all tables: photos, parameters, models, checks")
 ]
-
-FIGURE_FORMATS = ("pdf", "svg")
-
-FiguresOption = Annotated[
-    str | None, typer.Option("--figures", help="draw figures as PDF or SVG besides PNG: pdf,svg", metavar="FORMATS")
-]
-
-
-def figure_formats(text: str | None) -> tuple[str, ...]:
-    """The formats of an option, each once.
-
-    Raises:
-        InputError: another format.
-    """
-    names = [] if text is None else [name.strip().lower() for name in text.split(",")]
-    for name in names:
-        if name not in FIGURE_FORMATS:
-            raise InputError(f"--figures {shown(name)}: there are {' and '.join(FIGURE_FORMATS)}, besides PNG")
-    return tuple(dict.fromkeys(names))
 
 
 def points_of(text: str | None) -> tuple[str | None, float | None]:

@@ -10,8 +10,8 @@ import typer
 from calib.app.options import exports_folder
 from calib.commands import options
 from calib.solver.costs import IMAGE
-from designer.base.answer import NegativeError, StoppedError, Summary
-from designer.base.command import NOTHING_WRITTEN, command_line
+from designer.base.answer import NegativeError, StoppedError, Summary, command_line
+from designer.base.command import NOTHING_WRITTEN
 from designer.base.files import named_in_files
 from designer.page.progress import progress_bars, waiting
 

@@ -14,37 +14,19 @@ from calib.show.parts.origin import ORIGIN, ORIGIN_FILE, Origin, origin_of, read
 from designer.base.answer import program
 from designer.base.errors import InputError, NotWrittenError
 from designer.base.files import write_files
-from designer.base.own_files import kind_of
 from designer.base.words import printable
 from designer.page.blocks import Page
 from designer.page.page_file import BLOCKS_FILE
 
 Builder: TypeAlias = Callable[[Path, Origin], Page]
 
-PAGE_FILE, TABLE_FILE = "index.html", "table.json"
+PAGE_FILE = "index.html"
 KINDS: Mapping[str, str] = {
-    "bootstrap": "studies.study_page.bootstrap_page",
-    "paper": "studies.study_page.paper_page",
-    "tolerance": "studies.tolerance_page.tolerance_page",
-    "ways": "studies.tolerance_page.ways_page",
-    "rig_bootstrap": "studies.rig_bootstrap_page.rig_bootstrap_page",
-    "rig_tolerance": "studies.rig_tolerance_page.rig_tolerance_page",
-    "compare": "studies.compare_page.compare_page",
-    "cost": "studies.cost_page.cost_page",
     "rig": "rig.rig_page.rig_page",
     "measure": "measured.page.measure_page",
     "photos": "photos.photos_page.photos_page",
 }
 """What builds the page of each kind of folder: a function below `calib.show`, loaded when it is needed."""
-BY_FORMAT: Mapping[str, str] = {
-    "ringsolid.study_table": "bootstrap", "ringsolid.tolerance_table": "tolerance", "ringsolid.comparison": "compare",
-    "ringsolid.cost_table": "cost", "ringsolid.rig_tolerance": "rig_tolerance",
-    "ringsolid.rig_bootstrap": "rig_bootstrap",
-}  # fmt: skip
-"""Formats of table.json and what the folder then is."""
-OF_PAPER = "targets"
-"""A study of the paper has a folder with the targets it made up."""
-HEAD_BYTES = 200
 
 
 def build_page(folder: Path, origin: Origin) -> Page:
@@ -167,11 +149,6 @@ def _kind_in(folder: Path) -> str:
 
     if is_rig_folder(folder):
         return "rig"
-    table = folder / TABLE_FILE
-    if table.is_file():
-        with table.open("rb") as stream:
-            kind = BY_FORMAT.get(kind_of(stream.read(HEAD_BYTES)).decode("utf-8", "replace"), "")
-        return "paper" if kind == "bootstrap" and (folder / OF_PAPER).is_dir() else kind
     if any(folder.glob("*.as_built.json")):
         return "measure"
     return read_photos(folder).kind if (folder / PHOTOS_FILE).is_file() else ""

@@ -27,7 +27,7 @@ from calib.solver.solve import solve
 from calib.studies.bootstrap import make_pool
 from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.paper_table import BOARD, ICOSAHEDRON, POOL, SAMPLES, SIZES, TARGETS
-from calib.studies.progress import Tell, after
+from calib.studies.sampling import Tell, after
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec
 from designer.base.errors import InputError

@@ -7,7 +7,6 @@ not explain show in the spread, and not in what the solution states.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from calib.rigs.solve import solve_rig
 from calib.solver.options import SolveOptions
 from calib.studies.bootstrap import expanded
 from designer.base.errors import InputError
-from designer.base.marks import Count, Gap, Length, Word
+from designer.base.marks import Gap
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -36,8 +35,8 @@ LEAST_SAMPLES = 2
 class PairSpread:
     """Two cameras: how surely they are said to stand to each other, and how far samples scatter."""
 
-    names: Annotated[tuple[Word, Word], Length(2, 2)]
-    frames: Count  # that both see
+    names: tuple[str, str]
+    frames: int  # that both see
     baseline_mm: Gap
     baseline_sigma_mm: Gap  # as stated, by the noise
     baseline_spread_mm: Gap  # standard deviation of the samples

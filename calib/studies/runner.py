@@ -22,6 +22,7 @@ from calib.studies.workers import (
     processes,
     run_by_pool,
 )
+from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError
 
 CHUNK_S = 0.4
@@ -31,12 +32,15 @@ HOPELESS = 3
 """So many samples one after the other that end their worker, and none that comes out: it is not the samples."""
 
 
-class StudyStoppedError(Exception):
-    """The run ended before its samples; what there is, is kept. One line that says how to go on."""
+class StudyStoppedError(StoppedError):
+    """A person ended the run before its samples; what there is, is kept. One line that says how to go on."""
 
-    def __init__(self, reason: str, done: int, total: int, *, by_user: bool) -> None:
-        super().__init__(f"{reason} after {done} of {total} samples, which are kept; go on with --resume")
-        self.reason, self.done, self.total, self.by_user = reason, done, total, by_user
+    def __init__(self, done: int, total: int) -> None:
+        super().__init__(_kept("stopped", done, total), Summary({"samples": done, "asked": total}))
+
+
+def _kept(reason: str, done: int, total: int) -> str:
+    return f"{reason} after {done} of {total} samples, which are kept; go on with --resume"
 
 
 def run_cases(
@@ -50,6 +54,8 @@ def run_cases(
     on_progress: Callable[[int], None] = lambda done: None,
     run_chunk: RunChunk = run_by_pool,
     chunk: int | None = None,
+    before: int = 0,
+    total: int | None = None,
 ) -> None:
     """Compute and keep the samples 0 to `samples` of each case that the study does not have.
 
@@ -65,10 +71,13 @@ def run_cases(
         on_progress: told how many samples of all cases are done, those from before included.
         run_chunk: what computes samples; importable by workers.
         chunk: samples of a chunk; else as many as take a moment.
+        before: samples of other cases that are done, for what is said when it ends early.
+        total: samples of all cases of the study; None: of these.
 
     Raises:
-        InputError: numbers that make no sense, a file that cannot be written, or a cluster that cannot be used.
-        StudyStoppedError: interrupted, or no workers are left.
+        InputError: numbers that make no sense, a file that cannot be written, a cluster that cannot be used, or no
+            workers are left; what there is, is kept.
+        StudyStoppedError: interrupted.
     """
     _check(cases, study, samples, seed, jobs)
     for case in cases:
@@ -82,9 +91,9 @@ def run_cases(
         with _workers(jobs, dask, seed, run_chunk) as workers:
             run.to_the_end(workers)
     except KeyboardInterrupt:
-        raise StudyStoppedError("stopped", run.done, run.total, by_user=True) from None
+        raise StudyStoppedError(before + run.done, total or run.total) from None
     except WorkersGoneError as error:
-        raise StudyStoppedError(f"{error}: stopped", run.done, run.total, by_user=False) from None
+        raise InputError(_kept(f"{error}: stopped", before + run.done, total or run.total)) from None
 
 
 def _workers(jobs: int, dask: str | None, seed: int, run_chunk: RunChunk) -> AbstractContextManager[Workers]:

@@ -1,4 +1,4 @@
-"""The result of a bootstrap study, of which `table.json` is the file: errors, parameters, and what holds."""
+"""The result of a bootstrap study: errors, parameters, and what holds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,8 +22,7 @@ from calib.studies.statistics import (
 )
 from calib.studies.store import Study
 from designer.base.errors import InputError
-from designer.base.file_kind import FileKind
-from designer.base.marks import AGAIN, INLINE, Count, Gap, Length, Word
+from designer.base.marks import INLINE, Gap
 from designer.base.words import shown
 
 DRAWN_BY = {"tolerance": "design tolerance", "compare": "calib study compare", "cost": "calib study cost"}
@@ -36,8 +35,8 @@ FEWEST = 3
 class SpreadParameter:
     """One of the camera's parameters in the converged samples of a case."""
 
-    name: Word
-    unit: Word  # "" for a number without one
+    name: str
+    unit: str  # "" for a number without one
     mean: Gap
     sigma: Gap
     stated: Gap  # standard deviation that the one solution of all views states
@@ -47,8 +46,8 @@ class SpreadParameter:
 class StrongestTie:
     """The two parameters that go together most."""
 
-    first: Word
-    second: Word
+    first: str
+    second: str
     correlation: Gap
 
 
@@ -57,8 +56,8 @@ class CameraSpread:
     """How the camera of a case scatters."""
 
     case: Annotated[Case, INLINE]
-    converged: Count
-    parameters: Annotated[tuple[SpreadParameter, ...], Length(1, 1000)]
+    converged: int
+    parameters: tuple[SpreadParameter, ...]
     strongest: StrongestTie | None  # None: no two vary
 
 
@@ -66,9 +65,9 @@ class CameraSpread:
 class StudyTable:
     """All of it."""
 
-    cases: Annotated[tuple[CaseSummary, ...], Length(1, 1000)]
-    cameras: Annotated[tuple[CameraSpread, ...], Length(0, 1000)]  # of the cases that have enough converged samples
-    findings: Annotated[tuple[HeldClaim, ...], Length(0, 1000)]
+    cases: tuple[CaseSummary, ...]
+    cameras: tuple[CameraSpread, ...]  # of the cases that have enough converged samples
+    findings: tuple[HeldClaim, ...]
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -103,9 +102,6 @@ class StudyTable:
     def camera(self, case: Case) -> CameraSpread | None:
         """The spread of a case's camera; None if it has none."""
         return next((one for one in self.cameras if one.case == case), None)
-
-
-STUDY_TABLE = FileKind(StudyTable, "study_table", "the table of a study", AGAIN, version=2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
@@ -40,6 +41,15 @@ class NegativeError(Exception):
     def __init__(self, message: str, summary: Summary) -> None:
         super().__init__(message)
         self.summary = summary
+
+
+LINE = ContextVar("command line", default="")
+"""Set while a command runs, and for it only."""
+
+
+def command_line() -> str:
+    """The command as it was typed, quoted for a shell; "" outside a command."""
+    return LINE.get()
 
 
 def program() -> str:

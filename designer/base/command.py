@@ -12,9 +12,8 @@ import sys
 import unicodedata
 import warnings
 from collections import UserDict
-from collections.abc import Callable, Collection, Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
-from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import wraps
 from importlib import import_module
@@ -24,7 +23,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO, TypeVar, cast
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from designer.base.answer import NegativeError, StoppedError, Summary, document, program
+from designer.base.answer import LINE, NegativeError, StoppedError, Summary, document, program
 from designer.base.errors import InputError
 from designer.base.interrupts import heed_interrupts, hold_interrupts
 from designer.base.words import printable
@@ -39,9 +38,6 @@ SHORT_HELP = 90
 NOTHING_WRITTEN = "stopped; nothing was written"
 OBJECTS_BETWEEN_SEARCHES = 20_000
 """Python itself takes 700; the modules of a command alone make a hundred thousand objects, all of which stay."""
-
-_LINE = ContextVar("command line", default="")
-"""Set while a command runs, and for it only."""
 
 Function = TypeVar("Function", bound=Callable[..., Summary])
 OUT, ERR = 1, 2
@@ -75,12 +71,38 @@ class Later:
         return group
 
 
-class _Commands(UserDict[str, "Command | Later"]):
+@dataclass(frozen=True)
+class LaterGroup:
+    """Commands under a name of their own, as in `calib study plot`."""
+
+    commands: "Mapping[str, Later]"
+    help: str
+    task: str | None = None
+
+    def loaded(self, name: str) -> "Command":
+        """The group, under its name on the command line."""
+
+        class GroupByTask(_ByTask):
+            later = self.commands
+
+        app = typer.Typer(help=self.help, cls=GroupByTask, rich_markup_mode=None, pretty_exceptions_enable=False)
+
+        @app.callback(invoke_without_command=True, help=self.help)
+        def commands(context: typer.Context) -> None:
+            if context.invoked_subcommand is None:
+                print(context.get_help())
+
+        group = typer.main.get_group(app)
+        group.name, group.rich_help_panel = name, self.task
+        return group
+
+
+class _Commands(UserDict[str, "Command | Later | LaterGroup"]):
     """Commands by their names; one that is loaded later is when it is looked up."""
 
-    def __getitem__(self, name: str) -> "Command | Later":
+    def __getitem__(self, name: str) -> "Command | Later | LaterGroup":
         made = super().__getitem__(name)
-        if isinstance(made, Later):
+        if isinstance(made, Later | LaterGroup):
             self[name] = made = made.loaded(name)
         return made
 
@@ -88,7 +110,7 @@ class _Commands(UserDict[str, "Command | Later"]):
 class _ByTask(TyperGroup):
     """Lists commands under what they are for, in the order in which they were made."""
 
-    later: Mapping[str, Later] = {}
+    later: Mapping[str, Later | LaterGroup] = {}
 
     def __init__(self, **given: Any) -> None:  # noqa: ANN401  # whatever typer's own takes
         super().__init__(**given)
@@ -144,7 +166,7 @@ class _Command(TyperCommand):
         return super().parse_args(ctx, args)
 
 
-def new_app(name: str, about: str, commands: Mapping[str, Later]) -> typer.Typer:
+def new_app(name: str, about: str, commands: Mapping[str, Later | LaterGroup]) -> typer.Typer:
     """A program with `-h`, `--version`, and its commands listed by task.
 
     Args:
@@ -207,11 +229,6 @@ def command(app: typer.Typer, name: str | None = None, task: str | None = None) 
     return register
 
 
-def command_line() -> str:
-    """The command as it was typed, quoted for a shell; "" outside a command."""
-    return _LINE.get()
-
-
 def run(app: typer.Typer) -> None:
     """Run a command line and leave the program.
 
@@ -227,7 +244,7 @@ def run(app: typer.Typer) -> None:
     name = app.info.name if isinstance(app.info.name, str) else Path(sys.argv[0]).name
     words = sys.argv[1:]
     line = shlex.join([name, *words])
-    before = _LINE.set(line)
+    before = LINE.set(line)
     try:
         if not _asks_for_json(words):
             summary, _ = _carried_out(app, name, words)
@@ -236,7 +253,7 @@ def run(app: typer.Typer) -> None:
                 summary, error = _carried_out(app, name, words)
             print(document(summary, command=_command_of(app, name, words), line=line, error=error), end="")
     finally:
-        _LINE.reset(before)
+        LINE.reset(before)
         with suppress(KeyboardInterrupt):  # it came too late
             heed_interrupts()
     if reason := not_heard():
@@ -423,21 +440,3 @@ def people_on_stderr() -> Iterator[None]:
         if kept is not None:
             os.dup2(kept, OUT)
             os.close(kept)
-
-
-def only_these(context: typer.Context, option: str, parameters: Collection[str]) -> None:
-    """Refuse options on the command line that mean nothing beside one of them.
-
-    Args:
-        context: of the command.
-        option: that one.
-        parameters: those of the command's parameters that do mean something.
-
-    Raises:
-        InputError: another was given; the message names it.
-    """
-    for parameter in context.command.params:
-        name = parameter.name or ""
-        source = context.get_parameter_source(name)
-        if name not in (*parameters, "as_json") and source is not None and source.name == "COMMANDLINE":
-            raise InputError(f"{option}: {parameter.opts[0]} is of studies of one camera; leave it out")

@@ -148,7 +148,6 @@ Hash = Annotated[str, Length(0, 200), ONE_LINE, HEX]
 """The id of a content."""
 Line = Annotated[str, Length(0, 4000), ONE_LINE]
 """A sentence or two."""
-AGAIN = "run the study again with --resume"
 MOST_ROWS = 20_000
 Number = Annotated[float, AtLeast(-1e100), AtMost(1e100)]
 FewLines = Annotated[tuple[Line, ...], Length(0, 1000)]

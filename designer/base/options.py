@@ -188,7 +188,7 @@ class Parameter:
 
 def whole_number(text: str) -> int:
     """A whole number; ValueError: it is none."""
-    if not re.fullmatch(r"\s*[-+]?\d{1,18}\s*", text):
+    if not re.fullmatch(r"\s*[-+]?[0-9]{1,18}\s*", text):
         raise ValueError("must be a whole number")
     return int(text)
 

@@ -3,6 +3,7 @@
 Reports build these; `designer.page.shell` alone turns them into HTML, and escapes all text.
 """
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 Level = Literal["good", "usable", "bad", "note"]
 """How a fact is to be taken: fine, with care, not at all; or neither."""
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://|[A-Za-z]:")
+ENDLESS = 1e300
+"""Stands for infinity where a table is sorted."""
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 
@@ -96,6 +99,11 @@ class Cell:
     value: float | None = None  # to sort by; None: by the text
     path: str = ""  # of a file of the folder that it leads to
     level: Level | None = None
+
+    def __post_init__(self) -> None:
+        if self.value is not None and not math.isfinite(self.value):  # what no file can hold
+            value = None if math.isnan(self.value) else math.copysign(ENDLESS, self.value)
+            object.__setattr__(self, "value", value)
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,14 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TypeAlias, TypeVar, cast, overload
 
 from designer.base.answer import NegativeError, StoppedError, Summary
-from designer.base.errors import NoAnswerError
+from designer.base.errors import InputError, NoAnswerError
 from designer.base.options import PLAIN, CommandOption, Parameter, checked, parameters_of
 from designer.base.units import NO_SKEW
 from designer.page.output import Output
@@ -33,8 +35,8 @@ Folder: TypeAlias = Callable[[Mapping[str, object]], Path]
 """Where a command writes unless it is told, from what else it is given."""
 NEGATIVE = 1
 OUTPUT = "Output"
-PROGRESS, OUT = "progress", "out"
-"""The parameters that are told how far the work is, which a shell shows, and where to write."""
+PROGRESS, OUT, RESUME = "progress", "out", "resume"
+"""The parameters that are told how far the work is, which a shell shows, where to write, and to go on there."""
 LONGEST_LINE = 400
 """Of a command that is said again; of thousands of file names nobody reads more."""
 
@@ -65,16 +67,43 @@ def capability(
     return decorated if function is None else decorated(function)
 
 
-def command_of(function: Callable[..., Result], folder: Folder | None = None) -> Callable[..., Summary]:
-    """The function that a shell's command calls, with the texts that were given."""
-    parameters, made = parameters_of(function), _result_of(function)
-    takes = inspect.signature(function).parameters
+def instead(**others: Callable[..., Result]) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorate a capability whose command is another one where an option is given: `@instead(rig=rig_tolerance)`.
+
+    The command has the options of both; what does not go with the one that is carried out is refused.
+    """
+
+    def decorate(offered: Callable[P, R]) -> Callable[P, R]:
+        functions = {name: inspect.unwrap(other) for name, other in others.items()}
+        setattr(offered, "as_command", lambda: command_of(inspect.unwrap(offered), None, functions))  # noqa: B010
+        return offered
+
+    return decorate
+
+
+def command_of(
+    function: Callable[..., Result], folder: Folder | None = None,
+    others: Mapping[str, Callable[..., Result]] = MappingProxyType({}),
+) -> Callable[..., Summary]:  # fmt: skip
+    """The function that a shell's command calls, with the texts that were given.
+
+    Args:
+        function: a capability's.
+        folder: where it writes unless it is told; None: `exports/KIND`.
+        others: functions that are called instead where the option of a name is given.
+    """
+    own = {one: parameters_of(one) for one in (function, *others.values())}
+    parameters, made = own[function], _result_of(function)
 
     def run(**given: object) -> Summary:
-        from designer.base.command import command_line
+        from designer.base.answer import command_line
 
         place, verbose, has_page = (given.pop(name, None) for name in (OUT, "verbose", "page"))
-        values = {name: _read(parameters[name], value) for name, value in given.items() if value is not None}
+        texts = {name: value for name, value in given.items() if value is not None and value != []}
+        option = next((name for name in others if name in texts), "")
+        chosen = others.get(option, function)
+        made, takes = _result_of(chosen), inspect.signature(chosen).parameters
+        values = dict(_chosen_values(texts, own, chosen, option))
         where = cast(Path, place or (folder(values) if folder else _folder_of(made)))
         is_asked = bool(place or folder or made.is_written)
         page = where if made.is_written and not made.is_table(where) else None
@@ -86,27 +115,62 @@ def command_of(function: Callable[..., Result], folder: Folder | None = None) ->
         tell = partial(told, command=command_line(), verbose=bool(verbose), has_page=has_page is not False)
         try:
             with _heard(made, has_progress=PROGRESS in takes) as heard:
-                result = function(**values, **heard)
+                result = chosen(**values, **heard)
             if OUT not in takes and made.is_written:
                 output.files += result.save(where, has_page=False)
                 output.finished.append(where)
             return tell(result, output)
         except KeyboardInterrupt:
-            raise _stopped(output) from None
+            raise _stopped(output, again="; go on with --resume" if RESUME in takes else "") from None
         except NoAnswerError as error:
             if isinstance(error.result, Result):
                 return tell(error.result, output, answer=output.answer)
             raise no_answer(made, output, str(error)) from None
 
     run.__name__, run.__doc__ = function.__name__, prose(function)
-    has_own_out = OUT in takes
-    shown = [one for name, one in parameters.items() if name != OUT]
+    has_own_out = OUT in inspect.signature(function).parameters
+    shown = [one for one in _merged(own, others) if one.name != OUT]
     run.__signature__ = inspect.Signature([  # type: ignore[attr-defined]  # what inspect reads
         *map(_typed, shown), *([_typed(parameters[OUT])] if OUT in parameters else []),
         *(_of_output(made, folder, has_out=not has_own_out, has_page=not has_own_out or OUT in parameters)
           if made.is_written else ()),
     ])  # fmt: skip
     return run
+
+
+def _chosen_values(
+    texts: Mapping[str, object], own: Mapping[Callable[..., Result], Mapping[str, Parameter]],
+    chosen: Callable[..., Result], option: str,
+) -> Iterator[tuple[str, object]]:  # fmt: skip
+    """What the function that is carried out is given, under its names; what is not of it is refused."""
+    flags = {name: parameter for each in own.values() for name, parameter in each.items()}
+    for name, value in texts.items():
+        if name in own[chosen]:
+            yield name, _read(own[chosen][name], value)
+        elif value != flags[name].default:
+            gone = f"does not go with {flags[option].flag}" if option else "goes with another option only: see --help"
+            raise InputError(f"{flags[name].label}: {gone}; leave it out")
+    for name, parameter in own[chosen].items():
+        if parameter.default is inspect.Parameter.empty and name not in (*texts, OUT):
+            raise InputError(f"{parameter.label}: is missing: {parameter.option.help}")
+
+
+def _merged(
+    own: Mapping[Callable[..., Result], Mapping[str, Parameter]], others: Mapping[str, Callable[..., Result]]
+) -> Iterator[Parameter]:
+    """The options of a command of several functions, each once; what only one of them needs may be left out."""
+    merged = {name: parameter for each in own.values() for name, parameter in each.items()}
+    first, *rest = own.values()
+    for name in dict.fromkeys((*first, *(name for each in rest for name in each))):
+        parameter = first.get(name, merged[name])
+        if not all(name in each for each in own.values()) and parameter.default is inspect.Parameter.empty:
+            parameter = replace(parameter, default=None)
+        for option, function in others.items():
+            there = own[function].get(name)
+            if there is not None and name in first and there.default not in (None, (), parameter.default):
+                help_text = f"{parameter.option.help} [with --{option} {there.text_of(there.default)}]"
+                parameter = replace(parameter, option=replace(parameter.option, help=help_text))
+        yield parameter
 
 
 @contextmanager
@@ -171,13 +235,13 @@ def told(
     )  # fmt: skip
 
 
-def _stopped(output: Output) -> StoppedError:
+def _stopped(output: Output, again: str) -> StoppedError:
     """After Ctrl-C, with a word on what is finished and stays."""
     from designer.base.command import NOTHING_WRITTEN
     from designer.page.terminal import shown
 
-    places = ", ".join(map(shown, dict.fromkeys(output.finished)))
-    said = f"stopped; finished and kept: {places}" if places else NOTHING_WRITTEN
+    places = ", ".join(shown(path) for path in dict.fromkeys(output.finished) if path.exists())
+    said = f"stopped; finished and kept: {places}{again}" if places else NOTHING_WRITTEN
     return StoppedError(said, Summary(output.answer, tuple(output.files)))
 
 
@@ -221,7 +285,9 @@ def _typed(parameter: Parameter) -> inspect.Parameter:
         kind = list[str]
     is_needed = parameter.default is empty or said.is_needed
     default = parameter.default if kind is bool else empty if is_needed else None
-    shown: dict[str, Any] = {"help": said.help, "metavar": said.metavar or _metavar(parameter)}
+    shown: dict[str, Any] = {
+        "help": said.help, "metavar": said.metavar or _metavar(parameter), "show_default": kind is bool,
+    }  # fmt: skip
     if said.names is not None or said.complete is not None:
         names = said.names
         shown["autocompletion"] = said.complete or (lambda: list(names()) if names else [])
@@ -232,7 +298,7 @@ def _typed(parameter: Parameter) -> inspect.Parameter:
     else:
         flags = [parameter.flag, *([said.short] if said.short else [])]
         if kind is bool:
-            flags[0] += f"/{said.off or f'--no-{flags[0][2:]}'}" if parameter.default else ""
+            flags[0] += f"/{said.off or f'--no-{flags[0][2:]}'}" if parameter.default or said.off else ""
             shown["metavar"] = None
         mark = typer.Option(*flags, rich_help_panel=said.group, **shown)
     optional = kind if kind is bool or is_needed else kind | None  # type: ignore[operator]  # types, put together

@@ -27,7 +27,6 @@ import calib  # noqa: E402
 import designer  # noqa: E402
 from calib.app.inputs import camera_of  # noqa: E402
 from calib.cameras import DEFAULT  # noqa: E402
-from calib.show.studies.tolerance_page import study_sections  # noqa: E402
 from calib.studies.statistics import HALF_WIDTH  # noqa: E402
 from calib.studies.tolerance.draw import bare_draw, drawn_noise, drawn_values, with_errors  # noqa: E402
 from calib.studies.tolerance.first_order import first_order  # noqa: E402
@@ -36,12 +35,12 @@ from calib.studies.tolerance.quantities import MAIN, NAMES  # noqa: E402
 from calib.studies.tolerance.setting import Setting, make_setting  # noqa: E402
 from calib.studies.tolerance.what_if import WhatIf, WhatIfTable  # noqa: E402
 from designer.kinds.layout import advised_photos  # noqa: E402
-from designer.page.blocks import Page  # noqa: E402
 from designer.page.shell import page_html  # noqa: E402
 from designer.tolerance.error_file import error_model  # noqa: E402
 from designer.tolerance.source import format_quantity  # noqa: E402
 from designer.tolerance.sources import SOURCES  # noqa: E402
 from tests.support.browser import open_page, started_browser  # noqa: E402
+from tests.support.tolerance_settings import told as told_of  # noqa: E402
 
 Array = NDArray[np.float64]
 
@@ -128,8 +127,7 @@ def main() -> None:
     worst = 0.0
     with TemporaryDirectory() as folder, started_browser() as browser:
         file = Path(folder) / "index.html"
-        sections = study_sections(replace(study, crossovers=None), lambda _: ())
-        file.write_bytes(page_html(Page("ico", "Tolerance study", None, sections)))
+        file.write_bytes(page_html(told_of(replace(study, crossovers=None)).page()))
         with open_page(browser, file) as tab:
             taken = np.array(tab.evaluate(CHANGE, [CHANGES, TRIES]))
             shortest = taken.min(axis=1)  # other work on the machine shows in the rest

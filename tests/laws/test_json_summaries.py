@@ -15,8 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calib.observe.calibration_file import read_calibration
-from designer.base.answer import StoppedError, Summary, Value, document, plain
-from designer.base.command import command_line
+from designer.base.answer import StoppedError, Summary, Value, command_line, document, plain
 from tests.support import programs
 from tests.support.command_line import LENIENT, calib, design, summary_of
 from tests.support.command_scene import BOARD, CAMERA, FOUND, PHOTOS, SEEN, SHIFT_PX
@@ -27,8 +26,8 @@ import os, subprocess, sys
 from pathlib import Path
 import typer
 from rich.console import Console
-from designer.base.answer import StoppedError, Summary
-from designer.base.command import command, command_line, run
+from designer.base.answer import StoppedError, Summary, command_line
+from designer.base.command import command, run
 from designer.base.errors import InputError
 
 app = typer.Typer(name="toy")
@@ -299,7 +298,7 @@ def test_studies_answer_with_their_table() -> None:
     """The table for other programs is the answer."""
     taken = ("--target", "board.target.json", "--detections", "detections.csv", "--sizes", "6", "--samples", "4")
     answer = summary_of(calib("study", "bootstrap", *taken, "--jobs", "1", "-o", "out", "--json"))["answer"]
-    stored = json.loads(Path("out/table.json").read_text())
+    stored = json.loads(Path("out/bootstrap.json").read_text())
     assert answer == {key: value for key, value in stored.items() if key not in ("format", "version")}
     assert answer["cases"][0]["samples"] == 4
 
@@ -318,7 +317,7 @@ def test_tolerance_answers_with_its_table() -> None:
         "--linear",
     )
     answer = summary_of(design(*words, "--require", "intersection=0.5mm", "-o", "out", "--json"))["answer"]
-    assert answer["costs"] == json.loads(Path("out/table.json").read_text())["costs"]
+    assert answer["costs"] == json.loads(Path("out/tolerance.json").read_text())["costs"]
     assert answer["budgets"][0]["quantity"] == "intersection"
 
 

@@ -8,9 +8,9 @@ import pytest
 from calib.app.pose import pose
 from calib.app.run import run
 from calib.app.solve import solve
+from calib.app.study_bootstrap import bootstrap
+from calib.app.tolerance import tolerance
 from calib.commands.measure import measure
-from calib.commands.study import bootstrap
-from calib.commands.tolerance import tolerance
 from calib.solver.options import AS_THE_PAPER, SolveOptions
 from calib.solver.start import solve_poses
 

@@ -25,7 +25,7 @@ from tests.support.calibrations import board, camera, poses_around, seen_by
 from tests.support.command_line import PICTURE, detections_of
 from tests.support.rig_views import stereo_pair
 from tests.support.run_folders import BLANK, PANEL
-from tests.support.study_commands import named
+from tests.support.study_commands import nothing_drawn
 
 SIZE = (320, 240)
 BOARD = board(7, 5, "12mm")
@@ -67,7 +67,7 @@ def without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("calib.detector.pipeline.detect", detect)
     monkeypatch.setattr("calib.draw.picture", lambda *_, **__: PICTURE)
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
-    monkeypatch.setattr("calib.show.studies.study_folder.files_of", named)
+    monkeypatch.setattr("calib.draw.sheet.sheet_files", nothing_drawn)
     monkeypatch.setattr("calib.show.measured.picture.picture", lambda *_: PICTURE)
 
 

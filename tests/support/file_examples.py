@@ -32,31 +32,6 @@ from calib.show.photos.photos_file import ToldPhoto, ToldPhotos, ToldSection
 from calib.solver.calibration import ImageField, MadeWith, TargetError
 from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import PlaneBend
-from calib.studies.compare.cases import Plan
-from calib.studies.compare.results import CaseRow, ComparisonTable, Explanation
-from calib.studies.cost.cases import CostPlan
-from calib.studies.cost.results import CostRatio, CostTable, StartRow
-from calib.studies.findings import Fall, HeldClaim, Ratio
-from calib.studies.rig_bootstrap import PairSpread
-from calib.studies.rig_bootstrap_record import RigBootstrapStudy
-from calib.studies.statistics import Case, CaseSummary, Distribution
-from calib.studies.study_table import CameraSpread, SpreadParameter, StrongestTie, StudyTable
-from calib.studies.tolerance.quantities import NAMES as QUANTITY_NAMES
-from calib.studies.tolerance.record import (
-    AllowedRow,
-    BudgetRow,
-    CostRow,
-    CrossoverRow,
-    Crossovers,
-    PhotographedSetting,
-    SweepCosts,
-    SweepRow,
-    Together,
-    ToleranceStudy,
-)
-from calib.studies.tolerance.rig_costs import RigCost
-from calib.studies.tolerance.rig_record import RigToleranceStudy
-from calib.studies.tolerance.what_if import SetError, Way, WhatIfTable
 from calib.verdict.apart import Known
 from calib.verdict.halves import Half
 from calib.verdict.judge import Judged
@@ -65,7 +40,6 @@ from calib.verdict.next_views import NextView, NextViews
 from calib.verdict.rig_judge import JudgedRig
 from calib.verdict.rig_next_frames import NextFrame
 from calib.verdict.verdict import Check, Criteria, Limits, Verdict
-from designer.base.square_law import SquareLaw
 from designer.page.blocks import (
     Cell,
     Column,
@@ -131,58 +105,6 @@ def _metrics() -> Metrics:
         "rotation": MetricSummary("mrad", ErrorSummary(0, *[math.nan] * 5)),
     }
     return Metrics("opencv", "converged", 3, 100, 2, "the views", 0, ("a remark",), parameters, summaries)
-
-
-def _study() -> StudyTable:
-    gap = math.nan
-    found = Distribution("all", "pose", "mm", 20, 1, "normal", 1 / 3, gap, 1e-9, *[0.5] * 14)
-    case = Case("ico", 10, 100, "area", "all")
-    claim = HeldClaim(
-        "it holds", "comparison", "pose", "mu", "ico", "area", "all", "holds", "no data",
-        (Ratio(10, 1 / 3, gap, 1e-9),), (Fall("pose", -0.5, gap, True, -0.48),),
-    )  # fmt: skip
-    camera = CameraSpread(case, 20, (SpreadParameter("k1", "", 0.1, 1e-9, gap),), StrongestTie("fx_px", "fy_px", -1.0))
-    return StudyTable((CaseSummary(case, 21, 20, 1, 0, 0, (found,)),), (camera,), (claim,))
-
-
-def _comparison() -> ComparisonTable:
-    gap = math.nan
-    case = CaseRow("ico", "figure", "opencv", "pose", "mm", 0.5, gap, 0.7, 3, 30, 0, 1, gap)
-    alone = Explanation("ico", "scale", 2.0, gap, gap, "0.1%", 0.2, 0.3, gap, 3, 0, "")
-    return ComparisonTable(Plan("a camera", 3, 10, 2, 1, 0), {"ico": 500.0}, (case,), (alone,))
-
-
-def _costs() -> CostTable:
-    gap = math.nan
-    ratio = CostRatio("board", "as made", "ray", "held_out_mm", "mm", 0.5, 0.9, gap, 1.1, 30, 1)
-    starts = StartRow("board", "ray", 60, 50, 2, 3, gap)
-    return CostTable(CostPlan(30, 60, 1, "own.csv", "opencv"), (ratio,), (starts,))
-
-
-def _tolerance() -> ToleranceStudy:
-    numbers = (0.5, 0.4, math.nan, 0.5, 1.0, 5.0, 4.0, 6.0, math.inf)
-    costs = tuple(
-        CostRow(error, "normal", 0.1, 0.1, "1", name, "mm", *numbers)
-        for name in QUANTITY_NAMES
-        for error in ("none", "scale", "all")
-    )
-    allowed = AllowedRow("scale", "1", 0.2, math.inf, math.inf, by_draws=True, unchecked=False)
-    together = Together(1.5, 1.4, 1.6, by_draws=False, unchecked=True)
-    swept = ((0.5, math.nan), (0.4, 0.8), (0.6, 1.2), (0.5, 1.0))
-    sweep = SweepRow("scale", (0.1, 0.2), tuple(SweepCosts(name, *swept) for name in QUANTITY_NAMES))
-    crossed = tuple(
-        CrossoverRow("scale", "1", name, "crosses", 0.1, 0.05, math.inf, 0.2, 0.3, 0.2, 0.4, 0.5)
-        for name in QUANTITY_NAMES
-    )
-    setting = PhotographedSetting("30 views", "pla: plastic", ("a remark",), ("a warning",))
-    row = (*[0.5] * (len(QUANTITY_NAMES) - 1), math.nan)
-    way = Way("pla", "plastic", (SetError("scale", "uniform", 0.1, 1.0),))
-    what_ifs = WhatIfTable(SquareLaw(row, *[(row,)] * 5), (way, replace(way, name="other")), way)
-    return ToleranceStudy(
-        "ico", setting, "draws", 100, (0, 1, 0), "pose", costs,
-        (BudgetRow("pose", 1.0, "mm", True, False, (allowed,), together),), (sweep,),
-        Crossovers("board", setting, "pla", "scale", crossed), {"scale": "a book"}, what_ifs,
-    )  # fmt: skip
 
 
 def _as_built() -> AsBuiltRecord:
@@ -282,27 +204,6 @@ def _rig_poses() -> RigPosesDocument:
     return RigPosesDocument("g1", ("left", "right"), "left", True, (pose,), failed)
 
 
-def _rig_bootstrap() -> RigBootstrapStudy:
-    gap = math.nan
-    pair = PairSpread(("left", "right"), 7, 120.0, 0.1, 1 / 3, gap, 0.2, 1e-3, gap, gap, 0.1)
-    return RigBootstrapStudy(
-        "ringsolid 1", {"seed": "1"}, "rig", ("left", "right"), 7, 20, 1, gap, 0.5, (pair,), ("said",)
-    )
-
-
-def _rig_tolerance() -> RigToleranceStudy:
-    gap = math.nan
-    source, other = (
-        RigCost("scale", "uniform", 0.001, 0.3, 0.0, 1 / 3, 0.1),
-        RigCost("all errors", "", gap, 1.0, 2.0, gap, gap),
-    )
-    return RigToleranceStudy(
-        program="ringsolid 1", settings={"errors": "fdm-dual"}, target="ico", rig="pair", errors="fdm-dual: two of it",
-        cameras=("left", "right"), frames=3, sightings=700, length_mm=100.0, away_mm=gap, costs=(source,),
-        together=other, noise=replace(other, name="noise"), draws=0, drawn=None, remarks=("a remark",),
-    )  # fmt: skip
-
-
 def _page() -> StoredPage:
     return StoredPage("budget", whole_page(has_scene=True))
 
@@ -330,8 +231,6 @@ def _hand_eye() -> object:
 EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.camera": _camera,
     "ringsolid.page": _page,
-    "ringsolid.rig_tolerance": _rig_tolerance,
-    "ringsolid.rig_bootstrap": _rig_bootstrap,
     "ringsolid.rig_poses": _rig_poses,
     "ringsolid.verdict": _verdict,
     "ringsolid.next_views": _next_views,
@@ -340,10 +239,6 @@ EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.truth": _truth,
     "ringsolid.rig_truth": _rig_truth,
     "ringsolid.metrics": _metrics,
-    "ringsolid.study_table": _study,
-    "ringsolid.comparison": _comparison,
-    "ringsolid.cost_table": _costs,
-    "ringsolid.tolerance_table": _tolerance,
     "ringsolid.as_built": _as_built,
     "ringsolid.calibration": _calibration,
     "ringsolid.rig": _rig,

@@ -7,6 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from calib.app.study_bootstrap import Bootstrap
+from calib.app.study_compare import ComparedObjects
+from calib.app.study_cost import CostStudy
+from calib.app.study_result import StudyResult
 from calib.as_built.cross_validation import cross_validate
 from calib.as_built.deviations import Compensation
 from calib.as_built.lengths import CaliperLength, length_in
@@ -16,31 +20,27 @@ from calib.records.as_built_file import record_of
 from calib.show.folder import build_page
 from calib.show.measured.files import measured_files, places_of
 from calib.show.parts.origin import Origin
-from calib.show.studies.compare_page import table_files_of
-from calib.show.studies.cost_page import table_files_of as cost_table_files
-from calib.show.studies.study_figures import convergence_files
-from calib.show.studies.study_page import table_files
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, Plan
 from calib.studies.compare.results import METRICS, CaseResult, Explanation, tabulated
 from calib.studies.cost.cases import CostPlan
 from calib.studies.cost.results import CostRatio, CostTable, StartRow
 from calib.studies.identity import StudyIdentity
 from calib.studies.sample import SampleResult
+from calib.studies.sampling import DrawCount
 from calib.studies.statistics import Case
 from calib.studies.store import open_study
 from calib.studies.stored_samples import StoredCase
 from calib.studies.study_table import StudyCases, study_table
-from calib.studies.tolerance.record import TOLERANCE_TABLE
 from designer.page.blocks import Block, Figure, Finding, Findings, Fold, Page, Table
 from tests.support.as_built_scenes import photos, printed, random_shape, solid
-from tests.support.study_cases import NAMES, Made, gamma, made, paper_cases, table_of_cases
-from tests.support.tolerance_settings import tolerance_study
+from tests.support.study_cases import NAMES, Made, gamma, made, paper_cases, studied
+from tests.support.tolerance_settings import told, tolerance_study
 
 Files = Mapping[str, bytes]
 
-SVG = b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 40 30"><path d="M 0 0 L 40 30" style="fill:none"/></svg>'
 TARGET, PRINT = "my board", "ico-measured"
 NAN = float("nan")
+IDENTITY = StudyIdentity(7, (("model", "luhmann"), ("weighted", "no")), ())
 POOL, SIZES, SAMPLES = 20, (5, 10), 60
 
 
@@ -94,23 +94,22 @@ def _samples(size: int) -> Made:
 
 
 @cache
-def bootstrap_files() -> Files:
+def bootstrap_result() -> Bootstrap:
     """A bootstrap of a person's board with two numbers of views, and its study file."""
     cases = {Case(TARGET, size, POOL): _samples(size) for size in SIZES}
-    place = Path("x")
     pool = {case.pool_key: 1e-6 * np.eye(len(NAMES)) for case in cases}
-    table = study_table(StudyCases("luhmann", cases, pool))
-    files = _relative(table_files(table, place) | convergence_files(table.cases, place / "figures"), place)
-    fakes = {f"figures/{stem}.svg": SVG for stem in ("histograms", "correlations")}
-    return files | fakes | {"study.sqlite": _study(cases)}
+    return _bootstrap(StudyCases("luhmann", cases, pool), _study(cases))
+
+
+def _bootstrap(cases: StudyCases, study: bytes) -> Bootstrap:
+    return Bootstrap(study_table(cases), cases, IDENTITY, DrawCount(), (), study, "out")
 
 
 def _study(cases: Mapping[Case, Made]) -> bytes:
     """The file of a study of these samples."""
-    identity = StudyIdentity(7, (("model", "luhmann"), ("weighted", "no")), ())
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "study.sqlite"
-        with open_study(path, identity, resume=False) as study:
+        with open_study(path, IDENTITY, resume=False) as study:
             for case, samples in cases.items():
                 study.declare(StoredCase(case, "luhmann", len(NAMES), 1e-6 * np.eye(len(NAMES))))
                 study.add(case.name, [_result(k, samples) for k in range(len(samples.metrics))])
@@ -124,27 +123,13 @@ def _result(number: int, samples: Made) -> SampleResult:
 
 
 @cache
-def paper_files() -> Files:
+def paper_result() -> Bootstrap:
     """The paper's study with its own means and deviations."""
-    ways = ("binary_all", "binary_75_deg", "area_all", "area_75_deg")
-    stems = [f"{name}_{way}" for name in ("histograms", "correlations") for way in ways] + ["sigma_all", "sigma_75_deg"]
-    return _relative(table_files(table_of_cases(paper_cases(80)), Path("x")), Path("x")) | {
-        f"figures/{stem}.svg": SVG for stem in stems
-    }
+    return _bootstrap(studied(paper_cases(80)), b"")
 
 
 @cache
-def tolerance_files() -> Files:
-    """Its folder, without the draws."""
-    stems = ("ranking", "budget", "crossover", "sweep_intersection", "sweep_reprojection")
-    return {
-        "table.json": TOLERANCE_TABLE.text(tolerance_study()),
-        **{f"figures/{stem}.svg": SVG for stem in stems},
-    }
-
-
-@cache
-def compare_files() -> Files:
+def compare_result() -> ComparedObjects:
     """A comparison with made-up errors: the board is best, and the virtual camera wins behind the lens."""
     rng = np.random.default_rng(1)
     sizes = {("AluBoard", FIGURE, "opencv"): 0.04, ("ShinyIco", FIGURE, "opencv"): 0.2}
@@ -159,8 +144,7 @@ def compare_files() -> Files:
         Explanation("AluBoard", "skew", NAN, NAN, NAN, "", NAN, 0.5, NAN, 0, 6, "skew has no effect"),
     )  # fmt: skip
     plan = Plan("phase-one-ixg", 3, 2)
-    files = table_files_of(tabulated(plan, {}, cases, alone).table, Path("x"))
-    return _relative(files, Path("x")) | {f"figures/{stem}.svg": SVG for stem in ("objects", "lens", "alone")}
+    return ComparedObjects(tabulated(plan, {}, cases, alone), DrawCount(), "out")
 
 
 @cache
@@ -180,7 +164,7 @@ def measure_files() -> Files:
 
 
 @cache
-def cost_files() -> Files:
+def cost_result() -> CostStudy:
     """A study of costs with made-up errors: rays are surely worse but in one place, and stand bad starts better."""
     ratios = (
         CostRatio("board", "as drawn", "image", "held_out_mm", "mm", 0.5, 1.0, 1.0, 1.0, 30, 0),
@@ -192,11 +176,11 @@ def cost_files() -> Files:
     )
     starts = (StartRow("board", "image", 60, 45, 0, 0, 9.0), StartRow("board", "ray", 60, 54, 10, 1, 8.0))
     table = CostTable(CostPlan(30, 60, 1, "own.csv", "opencv"), ratios, starts)
-    return _relative(cost_table_files(table, Path("x")), Path("x")) | {"figures/costs.svg": SVG}
+    return CostStudy(table, DrawCount(), "out")
 
 
-FOLDERS: Mapping[str, Callable[[], Files]] = {
-    "bootstrap": bootstrap_files, "paper": paper_files, "tolerance": tolerance_files, "compare": compare_files,
-    "measure": measure_files, "cost": cost_files,
+FOLDERS: Mapping[str, Callable[[], Files]] = {"measure": measure_files}
+RESULTS: Mapping[str, Callable[[], StudyResult]] = {
+    "bootstrap": bootstrap_result, "paper": paper_result, "compare": compare_result, "cost": cost_result,
+    "tolerance": lambda: told(tolerance_study()),
 }  # fmt: skip
-STUDIES = ("bootstrap", "paper", "tolerance", "compare", "cost")

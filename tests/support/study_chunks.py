@@ -118,7 +118,7 @@ def main() -> int:
             )  # fmt: skip
         except StudyStoppedError as error:
             print(error, file=sys.stderr)
-            return 130 if error.by_user else 2
+            return 130
     return 0
 
 

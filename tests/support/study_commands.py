@@ -10,22 +10,22 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
+import cv2
 import numpy as np
 import pytest
 
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
-from calib.show.studies.study_folder import SUFFIXES
 from tests.support import programs
 from tests.support.calibrations import board, example
-from tests.support.command_line import PICTURE, Answer, calib, files_in, write_inputs
+from tests.support.command_line import Answer, calib, files_in, write_inputs
 from tests.support.programs import PYTHON
 from tests.support.waiting import wait_until
 
 BOARD = board()
 TRUE = example(BOARD, np.random.default_rng(8), views=14, noise_px=0.05)
 SEEN = TRUE.observations
-TABLES = ("table.csv", "table.json", "table.md")
+TABLES = ("table.csv", "bootstrap.json", "table.md")
 TAKEN = ("study", "bootstrap", "--target", "board.target.json", "--detections", "detections.csv")
 COLUMN = {"reprojection": 4, "intersection": 5, "reconstruction": 6, "pose": 7}
 PARAMS = 8
@@ -42,12 +42,15 @@ def work_in(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Name pictures, but do not draw them, which takes longer than all else."""
-    monkeypatch.setattr("calib.show.studies.study_folder.files_of", named)
+    monkeypatch.setattr("calib.draw.sheet.sheet_files", nothing_drawn)
 
 
-def named(place: Path, height_px: int, draw: object, suffixes: Collection[str] = SUFFIXES) -> dict[Path, bytes]:
-    """The files of a picture without the picture."""
-    return {place.with_name(f"{place.name}.{suffix}"): PICTURE for suffix in {"png", *suffixes}}
+def nothing_drawn(name: str, height_px: int, draw: object, suffixes: Collection[str]) -> dict[str, bytes]:
+    """The formats of a figure, of a few pixels each."""
+    dot = np.zeros((2, 2), np.uint8)
+    svg = b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><path d="M0 0h9"/></svg>'
+    drawn = {"png": cv2.imencode(".png", dot)[1].tobytes(), "pdf": b"%PDF-1.4 nothing\n", "svg": svg}
+    return {suffix: content for suffix, content in drawn.items() if suffix in {"png", *suffixes}}
 
 
 def bootstrap(*options: object, out: str = "out", sizes: str = "6", samples: int = 8) -> Answer:

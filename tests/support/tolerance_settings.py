@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from calib.app.tolerance import Tolerance
 from calib.solver.options import SolveOptions
+from calib.studies.sampling import DrawCount
 from calib.studies.tolerance.explore import PhotographedTarget, TolerancePlan, compared, explore
 from calib.studies.tolerance.quantities import parse_requirements
 from calib.studies.tolerance.record import PhotographedSetting, ToleranceStudy
@@ -61,6 +63,11 @@ def few_errors() -> ErrorModel:
     """Five kinds of sources: of faces, of rings, of the print, one that does nothing, and one for boards."""
     few = error_model("fdm-dual").only("face_tilt", "ring_jitter", "scale", "ink_bleed")
     return few.with_amount("warp", Amount("uniform", 0.2))
+
+
+def told(study: ToleranceStudy, *, formats: tuple[str, ...] = (), made_by: str = "") -> Tolerance:
+    """The result of a study."""
+    return Tolerance(study, DrawCount(), 1, None, f"{study.target}.target.json", (), formats, made_by)
 
 
 @cache

@@ -14,7 +14,7 @@ from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec
 from designer.base.errors import InputError
-from designer.base.marks import Count, Key, Line
+from designer.base.marks import Key
 from designer.kinds.presets import preset_or_file
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
@@ -39,12 +39,12 @@ WITHOUT_EFFECT = ("scale", "ink_bleed", "thermal")
 class Plan:
     """How much of the comparison."""
 
-    camera: Line  # template or file, of the paper's figure
-    prints: Count
-    sets: Count = SETS  # of photos of each print
-    slow_sets: Annotated[Count, Key("virtual_sets")] = 1  # of them, solved with the models that are slow
-    alone: Count = ALONE_PRINTS  # prints for each source alone
-    seed: Count = 1
+    camera: str  # template or file, of the paper's figure
+    prints: int
+    sets: int = SETS  # of photos of each print
+    slow_sets: Annotated[int, Key("virtual_sets")] = 1  # of them, solved with the models that are slow
+    alone: int = ALONE_PRINTS  # prints for each source alone
+    seed: int = 1
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,11 +1,10 @@
-"""The result of a comparison, of which `table.json` is the file: medians over sets and prints, and single errors."""
+"""The result of a comparison: medians over sets and prints, and single errors."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +14,7 @@ from calib.studies.compare.objects import object_named
 from calib.studies.compare.photographed import ALONE_VALUES, NOISE, TOGETHER, VALUES, SetsOfPhotos, grouped
 from calib.studies.store import Study
 from calib.studies.stored_samples import Samples
-from designer.base.file_kind import FileKind
-from designer.base.marks import AGAIN, MOST_ROWS, Count, Gap, Length, Line, Number, Word
+from designer.base.marks import Gap
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import format_quantity
 from designer.tolerance.sources import SOURCES
@@ -40,18 +38,18 @@ REACH = 10.0
 class CaseRow:
     """One error of an object, part and camera model: the median of the prints' medians; nan where there is none."""
 
-    object: Word
-    part: Word
-    model: Word
-    metric: Word
-    unit: Word
+    object: str
+    part: str
+    model: str
+    metric: str
+    unit: str
     median: Gap
     low: Gap  # between this and `high` lie 95 % of the prints
     high: Gap
-    prints: Count
-    samples: Count
-    without_camera: Count
-    not_converged: Count
+    prints: int
+    samples: int
+    without_camera: int
+    not_converged: int
     paper: Gap
 
 
@@ -59,18 +57,18 @@ class CaseRow:
 class Explanation:
     """One source scaled until it gives the paper's intersection error alone; medians over prints."""
 
-    object: Word
-    source: Word
+    object: str
+    source: str
     multiple: Gap  # of the template's amount; nan: no multiple does it
     multiple_low: Gap
     multiple_high: Gap
-    amount: Word  # that it takes, root mean square, with its unit
+    amount: str  # that it takes, root mean square, with its unit
     reconstruction_mm: Gap
     paper_reconstruction_mm: Gap
     reprojection_px: Gap
-    prints: Count
-    without: Count  # prints that no multiple does it for
-    why: Line  # if none
+    prints: int
+    without: int  # prints that no multiple does it for
+    why: str  # if none
 
     @property
     def fits(self) -> bool:
@@ -88,9 +86,9 @@ class ComparisonTable:
     """All that a comparison says."""
 
     plan: Plan
-    distance_mm: Annotated[dict[Word, Number], Length(0, 100)]
-    cases: Annotated[tuple[CaseRow, ...], Length(0, MOST_ROWS)]
-    alone: Annotated[tuple[Explanation, ...], Length(0, 1000)]
+    distance_mm: dict[str, float]
+    cases: tuple[CaseRow, ...]
+    alone: tuple[Explanation, ...]
 
     @cached_property
     def _by_key(self) -> dict[tuple[str, str, str, str], CaseRow]:
@@ -110,9 +108,6 @@ class ComparisonTable:
         """Object, part and model of the cases of these parts, part by part."""
         found = dict.fromkeys((one.part, one.object, one.model) for one in self.cases)
         return tuple((name, part, model) for wanted in parts for part, name, model in found if part == wanted)
-
-
-COMPARISON = FileKind(ComparisonTable, "comparison", "the table of a comparison", AGAIN, version=2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,6 @@ from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec
 from designer.base.errors import InputError
-from designer.base.marks import Count, Line, Word
 from designer.kinds.presets import preset_or_file
 from designer.tolerance.error_file import error_model
 
@@ -49,11 +48,11 @@ SETTINGS: tuple[CostScene, ...] = (
 class CostPlan:
     """How much of the study."""
 
-    sets: Count  # of photos of each scene and condition
-    starts: Count  # of each scene
-    seed: Count = 1
-    photos: Word = ""  # name of the real ones; "": none
-    model: Line = ""  # that they are solved with
+    sets: int  # of photos of each scene and condition
+    starts: int  # of each scene
+    seed: int = 1
+    photos: str = ""  # name of the real ones; "": none
+    model: str = ""  # that they are solved with
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""What the study says, of which `table.json` is the file: each cost against the image's, and how many starts it stands.
+"""What the study says: each cost against the image's, and how many starts it stands.
 
 Costs are compared on the same sightings: of a measure's errors e in N sets the mean of log(e / e_image) is told as a
 ratio, with Student's interval of the mean.
@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +19,7 @@ from calib.studies.cost.errors import ESTIMATORS
 from calib.studies.cost.photographed import MEASURES
 from calib.studies.store import Study
 from calib.studies.stored_samples import Samples
-from designer.base.file_kind import FileKind
-from designer.base.marks import AGAIN, MOST_ROWS, Count, Gap, Length, Word
+from designer.base.marks import Gap
 
 Array = NDArray[np.float64]
 
@@ -37,17 +35,17 @@ FEWEST = 3
 class CostRatio:
     """One measure of one cost in a scene, against the distances in the image."""
 
-    scene: Word
-    condition: Word
-    cost: Word
-    measure: Word
-    unit: Word
+    scene: str
+    condition: str
+    cost: str
+    measure: str
+    unit: str
     median: Gap
     ratio: Gap  # geometric mean of the error over the image's in the same set
     low: Gap  # of the ratio's interval
     high: Gap
-    sets: Count  # with both errors
-    failed: Count  # without this one
+    sets: int  # with both errors
+    failed: int  # without this one
 
     @property
     def is_better(self) -> bool:
@@ -64,12 +62,12 @@ class CostRatio:
 class StartRow:
     """How many bad starts of a scene lead a cost to its least value."""
 
-    scene: Word
-    cost: Word
-    starts: Count
-    reached: Count
-    only_this: Count  # from so many it does and the image does not
-    only_image: Count
+    scene: str
+    cost: str
+    starts: int
+    reached: int
+    only_this: int  # from so many it does and the image does not
+    only_image: int
     steps: Gap  # median of those that do
 
     @property
@@ -83,8 +81,8 @@ class CostTable:
     """All that the study says."""
 
     plan: CostPlan
-    cases: Annotated[tuple[CostRatio, ...], Length(0, MOST_ROWS)]
-    starts: Annotated[tuple[StartRow, ...], Length(0, 1000)]
+    cases: tuple[CostRatio, ...]
+    starts: tuple[StartRow, ...]
 
     def compared(self, cost: str) -> tuple[CostRatio, ...]:
         """The rows of a cost that can be compared."""
@@ -105,9 +103,6 @@ class CostTable:
         key = (scene, condition, cost, measure)
         found = (one for one in self.cases if (one.scene, one.condition, one.cost, one.measure) == key)
         return next((one for one in found if math.isfinite(one.median)), None)
-
-
-COST_TABLE = FileKind(CostTable, "cost_table", "the table of a study of costs", AGAIN)
 
 
 def table_of(study: Study, plan: CostPlan, groups: Sequence[Group]) -> CostTable:

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.studies.progress import Tell, after
+from calib.studies.sampling import Tell, after
 from calib.studies.statistics import HALF_WIDTH
 from calib.studies.tolerance.draw import TOGETHER, BareDraw, bare_draw, drawn_noise, drawn_values, with_errors
 from calib.studies.tolerance.first_order import FirstOrder

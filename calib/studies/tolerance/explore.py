@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.studies.progress import DrawCount, Tell, after
+from calib.studies.sampling import DrawCount, Tell, after
 from calib.studies.tolerance.budget import Allowance, budget_row, checked, largest_allowed, searched
 from calib.studies.tolerance.crossover import crossovers, default_vary
 from calib.studies.tolerance.draw import BARE, TOGETHER

@@ -1,4 +1,4 @@
-"""What a tolerance study found: `table.json`, and all that its page, tables and figures are made from."""
+"""What a tolerance study found: all that its page, tables and figures are made from."""
 
 import math
 from collections.abc import Iterator
@@ -11,25 +11,8 @@ from calib.studies.tolerance.draw import BARE, TOGETHER
 from calib.studies.tolerance.quantities import MAIN, NAMES
 from calib.studies.tolerance.what_if import RankedWay, WhatIf, WhatIfTable
 from designer.base import square_law
-from designer.base.errors import InputError
-from designer.base.file_kind import FileKind
-from designer.base.marks import (
-    AGAIN,
-    MOST_ROWS,
-    OR_NULL,
-    AtLeast,
-    AtMost,
-    Count,
-    FewLines,
-    Length,
-    Line,
-    NullIs,
-    Number,
-    OneOf,
-    Word,
-)
+from designer.base.marks import Gap, NullIs
 
-MOST_SOURCES = 100
 FEWEST_TO_CHECK = 10
 """Draws that a prediction is held against: the spread of fewer says nothing of chance."""
 OFF = square_law.OFF
@@ -37,44 +20,41 @@ OFF = square_law.OFF
 NEVER = 100.0
 """A multiple of what is assumed above this is told as one that does not matter."""
 
-QuantityName = Annotated[str, OneOf(NAMES)]
 ErrorUnit = Literal["mm", "rad", "1", "K", ""]
-Known = Annotated[float, OR_NULL, AtLeast(-1e100), AtMost(1e100)]
-"""A number; nan: not known."""
-Largest = Annotated[float, NullIs(math.inf), AtLeast(-1e100), AtMost(1e100)]
+Largest = Annotated[float, NullIs(math.inf)]
 """A number; infinite: there is no limit."""
-Row = Annotated[tuple[Known, ...], Length(0, 100)]
+Row = tuple[Gap, ...]
 
 
 @dataclass(frozen=True)
 class PhotographedSetting:
     """A target before a camera, in words."""
 
-    photos: Line
-    errors: Line
-    remarks: FewLines = ()
-    warnings: FewLines = ()
+    photos: str
+    errors: str
+    remarks: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class CostRow:
     """What one error costs one quantity; `none`: what noise alone gives; `all`: all errors together."""
 
-    error: Word
-    distribution: Word
-    size: Known
-    rms: Known
+    error: str
+    distribution: str
+    size: Gap
+    rms: Gap
     unit: ErrorUnit
-    quantity: QuantityName
-    quantity_unit: Word
-    cost: Known
-    cost_low: Known
-    cost_high: Known
-    predicted: Known
-    share: Known
-    by_unit: Known
-    by_unit_low: Known
-    by_unit_high: Known
+    quantity: str
+    quantity_unit: str
+    cost: Gap
+    cost_low: Gap
+    cost_high: Gap
+    predicted: Gap
+    share: Gap
+    by_unit: Gap
+    by_unit_low: Gap
+    by_unit_high: Gap
     prediction_holds_to_rms: Largest  # as far as it was tried, if it was
 
     @property
@@ -87,7 +67,7 @@ class CostRow:
 class AllowedRow:
     """The largest amount of one error alone; infinite: it does not matter."""
 
-    error: Word
+    error: str
     unit: ErrorUnit
     largest_rms: Largest
     largest_rms_low: Largest
@@ -111,12 +91,12 @@ class Together:
 class BudgetRow:
     """A limit, and what keeps it."""
 
-    quantity: QuantityName
-    limit: Number
-    unit: Word
+    quantity: str
+    limit: float
+    unit: str
     met_by_noise_alone: bool
     met_as_assumed: bool
-    alone: Annotated[tuple[AllowedRow, ...], Length(0, MOST_SOURCES)]
+    alone: tuple[AllowedRow, ...]
     together: Together
 
 
@@ -124,7 +104,7 @@ class BudgetRow:
 class SweepCosts:
     """What an error costs a quantity at each of its amounts."""
 
-    quantity: QuantityName
+    quantity: str
     cost: Row
     cost_low: Row
     cost_high: Row
@@ -135,16 +115,9 @@ class SweepCosts:
 class SweepRow:
     """An error at several amounts."""
 
-    error: Word
-    rms: Annotated[tuple[Number, ...], Length(0, 100)]
-    quantities: Annotated[tuple[SweepCosts, ...], Length(0, 20)]
-
-    def __post_init__(self) -> None:
-        for one in self.quantities:
-            if any(len(row) != len(self.rms) for row in (one.cost, one.cost_low, one.cost_high, one.predicted)):
-                raise ValueError(f"{one.quantity}: there must be as many costs as amounts")
-        if {one.quantity for one in self.quantities} != set(NAMES):
-            raise ValueError("must have every quantity")
+    error: str
+    rms: tuple[float, ...]
+    quantities: tuple[SweepCosts, ...]
 
     def of(self, quantity: str) -> SweepCosts:
         """The costs of a quantity."""
@@ -155,34 +128,30 @@ class SweepRow:
 class CrossoverRow:
     """From which amount of an error on a target loses to the other."""
 
-    error: Word
+    error: str
     unit: ErrorUnit
-    quantity: QuantityName
+    quantity: str
     verdict: Literal["loses at zero", "crosses", "never loses"]
     rms: Largest
     rms_low: Largest
     rms_high: Largest
-    own_without: Known
-    other: Known
-    other_low: Known
-    other_high: Known
-    noise_share: Known
+    own_without: Gap
+    other: Gap
+    other_low: Gap
+    other_high: Gap
+    noise_share: Gap
 
 
 @dataclass(frozen=True)
 class Crossovers:
     """The other target."""
 
-    target: Line
+    target: str
     setting: PhotographedSetting
-    errors: Word
-    vary: Word  # the error that is looked at more closely; "": none costs anything
-    found: Annotated[tuple[CrossoverRow, ...], Length(1, MOST_ROWS)]
-    what_ifs: WhatIfTable | None = None
-
-    def __post_init__(self) -> None:
-        if any((error, name) not in self.by_key for error, _ in self.by_key for name in NAMES):
-            raise ValueError("each error must have every quantity")
+    errors: str
+    vary: str  # the error that is looked at more closely; "": none costs anything
+    found: tuple[CrossoverRow, ...]
+    what_ifs: WhatIfTable
 
     @cached_property
     def by_key(self) -> dict[tuple[str, str], CrossoverRow]:
@@ -199,25 +168,18 @@ class Crossovers:
 class ToleranceStudy:
     """All of it: `study.cost("scale", "pose").cost`, `study.total("pose")`, `study.ranking`."""
 
-    target: Line
+    target: str
     setting: PhotographedSetting
     kind: Literal["draws", "linear"]
-    draws: Count
-    failed: Annotated[tuple[Count, ...], Length(0, 200)]  # of each case: `none`, each error, `all`
-    ranked_by: QuantityName
-    costs: Annotated[tuple[CostRow, ...], Length(1, MOST_SOURCES * len(NAMES))]
-    budgets: Annotated[tuple[BudgetRow, ...], Length(0, len(NAMES))]
-    sweeps: Annotated[tuple[SweepRow, ...], Length(0, MOST_SOURCES)]
+    draws: int
+    failed: tuple[int, ...]  # of each case: `none`, each error, `all`
+    ranked_by: str
+    costs: tuple[CostRow, ...]
+    budgets: tuple[BudgetRow, ...]
+    sweeps: tuple[SweepRow, ...]
     crossovers: Crossovers | None
-    sources_of_amounts: Annotated[dict[Word, Line], Length(0, MOST_SOURCES)]
-    what_ifs: WhatIfTable | None = None  # None: a file from before there was one
-
-    def __post_init__(self) -> None:
-        errors = {BARE, TOGETHER, *self.errors}
-        if any((error, name) not in self._by_key for error in errors for name in NAMES):
-            raise ValueError(f"costs: each error, {BARE} and {TOGETHER} must have every quantity")
-        if any({row.error for row in one.alone} != set(self.errors) for one in self.budgets):
-            raise ValueError("budgets: each must have every error")
+    sources_of_amounts: dict[str, str]
+    what_ifs: WhatIfTable
 
     @cached_property
     def _by_key(self) -> dict[tuple[str, str], CostRow]:
@@ -263,10 +225,8 @@ class ToleranceStudy:
             sizes: other sizes of single errors.
 
         Raises:
-            InputError: an unknown way or source, a size that breaks a rule, or a study from before there were any.
+            InputError: an unknown way or source, or a size that breaks a rule.
         """
-        if self.what_ifs is None:
-            raise InputError(f"the study of {self.target} holds no coefficients; {AGAIN}")
         return self.what_ifs.ask(errors, sizes)
 
     def ways(self, by: str | None = None) -> tuple[RankedWay, ...]:
@@ -276,10 +236,8 @@ class ToleranceStudy:
             by: the quantity that they are ranked by; None: the one that errors are ranked by.
 
         Raises:
-            InputError: an unknown quantity, or a study from before there were any.
+            InputError: an unknown quantity.
         """
-        if self.what_ifs is None:
-            raise InputError(f"the study of {self.target} holds no coefficients; {AGAIN}")
         return self.what_ifs.ranked(by or self.ranked_by)
 
     @cached_property
@@ -344,6 +302,3 @@ def _or_zero(value: float) -> float:
 def nine_digits(value: float) -> float:
     """A number as files have it."""
     return float(f"{value:.9g}")
-
-
-TOLERANCE_TABLE = FileKind(ToleranceStudy, "tolerance_table", "the table of a tolerance study", AGAIN)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.studies.identity import identity_of
-from calib.studies.progress import Tell
 from calib.studies.runner import run_cases
 from calib.studies.sample import SampleResult
+from calib.studies.sampling import Tell
 from calib.studies.statistics import Case
 from calib.studies.store import open_study
 from calib.studies.tolerance.draw import case_names, run_draws

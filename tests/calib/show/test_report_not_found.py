@@ -14,10 +14,10 @@ from calib.app.detect import DetectedPhotos
 from calib.core.types import Detections
 from calib.detector.why_nothing import explained, why_nothing
 from calib.draw.run_photos import photo_rows
+from calib.draw.study_tables import fall_in_words
 from calib.observe.photos import Search
 from calib.observe.records import Records, image_record
 from calib.show.folder import origin_in
-from calib.show.studies.study_tables import fall_in_words
 from calib.verdict.criteria import read_criteria
 from calib.verdict.judge import Judged
 from calib.verdict.judged_run import read_run

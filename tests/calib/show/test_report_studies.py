@@ -14,7 +14,6 @@ from designer.page.shell import page_html
 from tests.support.report_folders import (
     FOLDERS,
     PRINT,
-    STUDIES,
     blocks_of,
     figures_of,
     findings_of,
@@ -22,7 +21,7 @@ from tests.support.report_folders import (
     written,
 )
 
-TABLES = {**dict.fromkeys(STUDIES, "table.json"), "measure": f"{PRINT}.as_built.json"}
+TABLES = {"measure": f"{PRINT}.as_built.json"}
 MARKUP = "<script>alert(1)</script>&\"'"
 
 
@@ -71,17 +70,6 @@ def test_links_lead_to_files_that_are_there(kind: str, tmp_path: Path) -> None:
     paths += [row.path for one in blocks_of(page) if isinstance(one, FileList) for row in one.rows]
     assert paths
     assert all((tmp_path / path).is_file() for path in paths)
-
-
-@pytest.mark.parametrize("kind", STUDIES)
-def test_missing_figures_are_said(kind: str, tmp_path: Path) -> None:
-    """Without figures the page has its tables, and names what is missing."""
-    files = {name: content for name, content in FOLDERS[kind]().items() if not name.startswith("figures")}
-    page = page_of(kind, written(files, tmp_path))
-    assert not figures_of(page)
-    assert any(one.title == "Figures are missing" for one in findings_of(page))
-    assert page.headline is not None
-    page_html(page)
 
 
 @pytest.mark.parametrize("kind", FOLDERS)
@@ -144,40 +132,3 @@ def test_texts_stay_texts(kind: str, tmp_path: Path) -> None:
     html = page_html(page_of(kind, written(files, tmp_path)))
     assert b"<script>alert" not in html
     assert b"&lt;script&gt;alert(1)" in html
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9" onload="alert(1)"><script>alert(1)</script></svg>',
-        b"<!DOCTYPE svg [<!ENTITY a 'aaaa'>]><svg>&a;</svg>",
-        b"not a picture",
-        b"<svg" * 300_000,
-        b"",
-    ],
-)
-@pytest.mark.parametrize("suffix", ["svg", "png"])
-def test_hostile_figures_do_nothing(content: bytes, suffix: str, tmp_path: Path) -> None:
-    """A figure that is none is left out, and one with a script loses it."""
-    files = {name: one for name, one in FOLDERS["compare"]().items() if name != "figures/lens.svg"}
-    page = page_of("compare", written({**files, f"figures/lens.{suffix}": content}, tmp_path))
-    html = page_html(page).decode()
-    assert "onload" not in html
-    assert "alert(1)" not in html
-    assert len(figures_of(page)) in (2, 3)
-
-
-def test_a_pipe_is_no_figure(tmp_path: Path) -> None:
-    """A pipe or folder in a figure's place is left alone: reading it would wait for ever."""
-    written(FOLDERS["compare"](), tmp_path)
-    for name, make in (("lens", os.mkfifo), ("alone", os.mkdir)):
-        (tmp_path / f"figures/{name}.svg").unlink()
-        make(tmp_path / f"figures/{name}.svg")
-    assert [one.title for one in figures_of(page_of("compare", tmp_path))] == ["Errors of the five objects"]
-
-
-def test_a_damaged_study_file_is_said(tmp_path: Path) -> None:
-    """Tables stand without the study file, and what is wrong with it is told."""
-    page = page_of("bootstrap", written({**FOLDERS["bootstrap"](), "study.sqlite": b"SQLite no more"}, tmp_path))
-    assert any(one.title == "Study file" and "study.sqlite" in one.text for one in findings_of(page))
-    assert page.headline is not None

@@ -1,6 +1,5 @@
 """Pages of study folders in a real browser."""
 
-import re
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,10 +19,6 @@ def page_bytes(kind: str) -> bytes:
         return page_html(page_of(kind, written(FOLDERS[kind](), Path(place, "study"))))
 
 
-SHARE = re.compile("^share")
-"""Heads of the columns that errors are ranked by, whatever they are of."""
-
-
 @pytest.fixture
 def page_file(kind: str, tmp_path: Path) -> Path:
     """The page of a folder, in it."""
@@ -39,19 +34,3 @@ def test_pages_open_without_trouble(page_file: Path, browser: Browser) -> None:
         with open_page(browser, page_file, width=width) as page:
             assert unresolved(page, page_file) == []
             assert overflow_px(page) == 0
-
-
-@pytest.mark.parametrize("kind", ["tolerance"])
-def test_errors_sort_by_what_they_cost(page_file: Path, browser: Browser) -> None:
-    """A click on a head of the table of costs puts the largest share last or first, whatever its text."""
-    with open_page(browser, page_file) as page:
-        table = page.locator("table", has=page.get_by_role("columnheader", name=SHARE)).first
-        shares = []
-        for _ in range(2):
-            table.get_by_role("columnheader", name=SHARE).first.get_by_role("button").click()
-            cells = table.locator("tbody tr td:nth-child(3)").all_inner_texts()
-            known = [0.0 if "<" in cell else float(cell.removesuffix(" %")) for cell in cells if "%" in cell]
-            shares.append(known)
-        assert sorted(shares[0]) in (shares[0], shares[0][::-1])
-        assert shares[1] == shares[0][::-1]
-        assert len(set(shares[0])) > 1

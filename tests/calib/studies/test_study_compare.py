@@ -3,20 +3,16 @@
 import csv
 import json
 import math
-import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
 
+from calib.app.study_compare import ComparedObjects
 from calib.cameras.camera import Camera, camera_or_preset
-from calib.commands.study import compare
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate
-from calib.show.studies.compare_page import comparison_files
 from calib.studies.compare import cases
 from calib.studies.compare.cases import FIGURE, Comparison, Plan, comparison, identity
 from calib.studies.compare.objects import OBJECTS, make_target, object_named
@@ -32,13 +28,16 @@ from calib.studies.compare.photographed import (
 from calib.studies.compare.results import CaseResult, Explanation, results_of
 from calib.studies.compare.scene import ComparedScene, fitting_distance_mm, scene_of, stream, take_photos
 from calib.studies.runner import run_cases
+from calib.studies.sampling import DrawCount
 from calib.studies.store import open_study
 from calib.studies.tolerance.draw import run_draws
 from calib.studies.tolerance.setting import setting_at
 from designer.base.errors import InputError
+from designer.base.own_files import signed
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.source import Amount
+from tests.support.command_line import calib
 
 CAMERA = camera_or_preset("phase-one-ixg")
 SMALL = 12
@@ -219,9 +218,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Comparison
                 spec for spec in group.specs if spec.case.sightings in ("opencv", "virtual", "warp", "scale", NOISE)
             ]
             run_cases(chosen, study, samples=group.samples, seed=1, jobs=1, chunk=8)
-        for path, content in comparison_files(results_of(study, whole), folder).items():
-            path.parent.mkdir(exist_ok=True)
-            path.write_bytes(content)
+        ComparedObjects(results_of(study, whole), DrawCount(), "out").save(folder, has_page=False)
     return folder, whole
 
 
@@ -230,7 +227,7 @@ def test_outputs_agree(finished: tuple[Path, Comparison]) -> None:
     folder, whole = finished
     with (folder / "table.csv").open() as stream:
         rows = list(csv.DictReader(stream))
-    document = json.loads((folder / "table.json").read_text())
+    document = json.loads((folder / "compare.json").read_text())
     for row, same in zip(rows, document["cases"], strict=True):
         assert row["median"] == ("" if same["median"] is None else f"{same['median']!r}")
     (one,) = (row for row in rows if (row["part"], row["model"], row["metric"]) == (FIGURE, "opencv", "intersection"))
@@ -248,8 +245,8 @@ def test_the_same_study_gives_the_same_files(finished: tuple[Path, Comparison]) 
     """Output made again from the study's file is the same, byte for byte."""
     folder, whole = finished
     with open_study(folder / "study.sqlite", identity(whole.plan), resume=True) as study:
-        again = comparison_files(results_of(study, whole), folder)
-    assert all(path.read_bytes() == content for path, content in again.items())
+        again = ComparedObjects(results_of(study, whole), DrawCount(), "out").tables()
+    assert all((folder / name).read_bytes() == signed(name, content) for name, content in again.items())
 
 
 def test_a_study_without_samples_draws(tmp_path: Path, finished: tuple[Path, Comparison]) -> None:
@@ -257,16 +254,14 @@ def test_a_study_without_samples_draws(tmp_path: Path, finished: tuple[Path, Com
     _, whole = finished
     with open_study(tmp_path / "study.sqlite", identity(whole.plan), resume=False) as study:
         assert not results_of(study, whole).cases
-        assert comparison_files(results_of(study, whole), tmp_path)
+        assert ComparedObjects(results_of(study, whole), DrawCount(), "out").tables()
 
 
 def command(*words: str) -> str:
     """What the command refuses with."""
-    app = typer.Typer(pretty_exceptions_enable=False)
-    app.command()(compare)
-    result = CliRunner().invoke(app, list(words))
-    assert isinstance(result.exception, InputError) or result.exit_code == 2
-    return str(result.exception) if isinstance(result.exception, InputError) else result.output
+    answer = calib("study", "compare", *words)
+    assert (answer.code, answer.err.count("\n")) == (2, 1)
+    return answer.err
 
 
 def test_bad_input_is_one_line(tmp_path: Path) -> None:
@@ -277,7 +272,7 @@ def test_bad_input_is_one_line(tmp_path: Path) -> None:
     assert "--prints" in command(*out, "--prints", "0")
     file = tmp_path / "file"
     file.write_text("x")
-    assert str(file) in re.sub(r"\s+", " ", command("-o", str(file)))
+    assert str(file) in command("-o", str(file))
     assert not (tmp_path / "new").exists()
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.api.costing import study_cost
+from calib.app.study_cost import study_cost
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation
 from calib.solver.costs import COSTS, IMAGE
@@ -186,7 +186,7 @@ def test_numbers_and_photos_that_do_not_do_are_refused(tmp_path: Path) -> None:
         study_cost(tmp_path, sets=2)
     with pytest.raises(InputError, match="--starts 0"):
         study_cost(tmp_path, starts=0)
-    with pytest.raises(InputError, match="'virtual': none that is solved by one descent"):
+    with pytest.raises(InputError, match="'virtual' is unknown; use luhmann"):
         study_cost(tmp_path, seen, model="virtual")
     with pytest.raises(InputError, match="give --detections too"):
         study_cost(tmp_path, target="board.target.json")

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from calib.show.studies.study_words import elsewhere
+from calib.draw.study_words import elsewhere
 from calib.studies.findings import Verdict, findings, relative_error
 from calib.studies.paper_table import BOARD, ICOSAHEDRON, SIZES, TABLE, TARGETS, paper_value
 from calib.studies.statistics import (

@@ -6,13 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from calib.show.studies.tolerance_page import study_sections
 from calib.studies.tolerance.draw import bare_draw, drawn_values, with_errors
 from calib.studies.tolerance.first_order import first_order
 from calib.studies.tolerance.law import what_if_table
 from calib.studies.tolerance.predict import control_of, linear_table
 from calib.studies.tolerance.quantities import NAMES
-from calib.studies.tolerance.record import TOLERANCE_TABLE
 from calib.studies.tolerance.what_if import WhatIf, WhatIfTable
 from designer.base.errors import InputError
 from designer.tolerance.amount_text import parse_amount
@@ -141,7 +139,6 @@ def test_a_study_starts_from_what_it_assumed() -> None:
     assert asked.share("face_tilt", "pose") == pytest.approx(study.cost("face_tilt", "pose").share, rel=1e-6)
     other = study.crossovers
     assert other is not None
-    assert other.what_ifs is not None
     totals = other.what_ifs.ask(None, {}).totals
     assert totals == pytest.approx(dict(other.totals), rel=1e-6)
 
@@ -159,16 +156,6 @@ def test_what_cannot_be_asked_is_told(errors: str | None, sizes: dict[str, str],
     """A wrong name, size or way is refused by value and rule."""
     with pytest.raises(InputError, match=told):
         table().ask(errors, sizes)
-
-
-def test_a_table_from_before_there_were_coefficients_is_read() -> None:
-    """It has a page without sliders, and says what to do when it is asked."""
-    document = TOLERANCE_TABLE.document(tolerance_study(linear=True))
-    del document["what_ifs"]
-    old = TOLERANCE_TABLE.of(document, "table.json")
-    assert "What if" not in [one.title for one in study_sections(old, lambda _: ())]
-    with pytest.raises(InputError, match="holds no coefficients; run the study again"):
-        old.what_if(skew="1deg")
 
 
 def test_numbers_that_recur_are_calibrated_once(monkeypatch: pytest.MonkeyPatch) -> None:

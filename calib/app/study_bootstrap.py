@@ -1,0 +1,304 @@
+"""How sure a camera is, by thousands of samples of its photos: `calib study bootstrap`, `calib.bootstrap("d.csv")`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated
+
+from calib.app.options import Dask, Grid, ImageSize, Jobs, Pitch, Resume, Seed, Weighted, grid_of
+from calib.app.rig_bootstrap import rig_bootstrap
+from calib.app.study_result import FORMATS, STUDY_OUT, TABLES, StudyResult, rows_to_csv
+from calib.cameras import DEFAULT, learned_models, solved_models
+from designer.base.errors import InputError
+from designer.base.files import write_files
+from designer.base.marks import INLINE, NOT_IN_FILE
+from designer.base.options import option, whole_number
+from designer.base.small_file import place_of
+from designer.base.words import cut, printable, several
+from designer.page.capability import capability, instead
+from designer.page.output import Output, output_of
+from designer.page.progress import Progress, unheard
+
+if TYPE_CHECKING:
+    from calib.app.inputs import Observed, Place
+    from calib.core.types import Observations
+    from calib.draw.sheet import FigureSheet
+    from calib.observe.corners_vnl import PointGrid
+    from calib.renderer.truth import Truth
+    from calib.solver.plan import SolvePlan
+    from calib.studies.identity import StudyIdentity
+    from calib.studies.sampling import DrawCount
+    from calib.studies.statistics import CaseSummary
+    from calib.studies.study_table import StudyCases, StudyTable
+    from designer.page.blocks import Page
+    from designer.target import TargetGeometry
+
+MOST_SAMPLES, MOST_SIZE = 1_000_000, 100_000
+RUN_FOLDER = "calibration"
+"""How `calib run` calls its folder."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bootstrap(
+    StudyResult, kind="bootstrap", title="Bootstrap study",
+    files={**TABLES, "study.sqlite": "every sample; the study goes on from it"},
+):  # fmt: skip
+    """The spread of a camera's errors over samples of its photos: `found.summaries`, `found.save("study")`.
+
+    In a notebook the result shows its page.
+    """
+
+    columns = "target,size"
+    formats = FORMATS
+    table: Annotated["StudyTable", INLINE]  # what the samples say
+    cases: Annotated["StudyCases", NOT_IN_FILE]  # the samples
+    identity: Annotated["StudyIdentity", NOT_IN_FILE]
+    sampled: Annotated["DrawCount", NOT_IN_FILE]
+    remarks: Annotated[tuple[str, ...], NOT_IN_FILE]  # on the photos, one line each
+    study: Annotated[bytes, NOT_IN_FILE]  # every sample, as `study.sqlite` holds them; b"": it stays where it is
+    place: Annotated[str, NOT_IN_FILE]  # its folder, as it is typed
+
+    @property
+    def summaries(self) -> "tuple[CaseSummary, ...]":
+        """The errors of each size."""
+        return self.table.cases
+
+    def save(self, folder: "Place", *, command: str = "", has_page: bool = True) -> tuple[Path, ...]:
+        """Write every sample, the tables and the figures; return the files.
+
+        Raises:
+            InputError: the folder takes no files, or holds another study.
+        """
+        self.check(place_of(folder, "a folder, such as '.'"))
+        path = place_of(folder, "a folder, such as '.'") / "study.sqlite"
+        if self.study and path.exists() and path.read_bytes() != self.study:
+            raise InputError(f"{path}: there is another study; choose another folder")
+        if self.study and not path.exists():
+            write_files({path: self.study})
+        return super().save(folder, command=command, has_page=has_page)
+
+    def page(self) -> "Page":
+        """Errors with their spread, what more views bring, and how parameters go together."""
+        from calib.app.bootstrap_page import bootstrap_page
+
+        return bootstrap_page(self)
+
+    def sheets(self) -> "tuple[FigureSheet, ...]":
+        """Histograms, correlations, and sigma over the number of views."""
+        from calib.app.bootstrap_page import study_sheets
+
+        return tuple(study_sheets(self.cases, self.table))
+
+    def csv(self) -> bytes:
+        """A line for each case, error, and set of samples that the statistics are over."""
+        from typing import cast
+
+        from calib.studies.statistics import CaseSummary, Distribution
+        from designer.base.codec import encode
+        from designer.base.small_file import JsonValue
+
+        heads = []
+        for one in self.table.cases:
+            keys = cast("dict[str, JsonValue]", encode(CaseSummary, one))
+            del keys["metrics"]
+            heads += [keys] * len(one.metrics)
+        return rows_to_csv(Distribution, [found for one in self.table.cases for found in one.metrics], heads)
+
+
+def _sizes(text: str) -> tuple[int, ...]:
+    """Numbers of views, `20,50,120`."""
+    try:
+        return tuple(whole_number(word) for word in text.split(","))
+    except ValueError:
+        raise ValueError(f"must be numbers of views from 1 to {MOST_SIZE}, such as 20,50,120") from None
+
+
+@instead(rig=rig_bootstrap)
+@capability
+def bootstrap(
+    detections: Annotated[
+        "Observed", option("detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl", metavar="FILE")
+    ],
+    target: Annotated["TargetGeometry | Place | None", option("the target file of detections.csv")] = None,
+    *,
+    truth: Annotated["Truth | Place | None", option("truth.json of rendered photos: adds the error of poses")] = None,
+    sizes: Annotated[Sequence[int], option("views of a sample, drawn with replacement", parse=_sizes)] = (20, 50, 120),
+    samples: Annotated[int, option("of each size", 1, MOST_SAMPLES)] = 10_000,
+    model: Annotated[
+        str,
+        option(f"{', '.join(solved_models())} ({', '.join(learned_models())} is slow)", names=solved_models),
+    ] = DEFAULT,
+    weighted: Weighted = True,
+    fix: Annotated[
+        Sequence[str], option("keep a parameter as it starts, or at a value: k3, k3=0", is_many=True)
+    ] = (),
+    share: Annotated[Sequence[str], option("parameters that have one value: fx_px,fy_px", is_many=True)] = (),
+    loss: Annotated[
+        str, option("squares, huber or cauchy: how far-off observations count", complete=lambda: list(LOSSES))
+    ] = "squares",
+    reject_sigma: Annotated[
+        float | None,
+        option(
+            "leave out what is off by more than so many robust standard deviations, such as 4", flag="--reject"
+        ),
+    ] = None,
+    image_size: ImageSize = None,
+    grid: Grid = None,
+    pitch_mm: Pitch = None,
+    seed: Seed = 1,
+    jobs: Jobs = None,
+    dask: Dask = None,
+    resume: Resume = False,
+    out: Annotated["Place | Output | None", STUDY_OUT] = None,
+    progress: Progress = unheard,
+) -> Bootstrap:  # fmt: skip
+    """Draw views with replacement, calibrate and measure, thousands of times: `bootstrap("d.csv", "t.target.json")`.
+
+    Errors with their spread.
+
+    Args:
+        detections: a file of observations, what was found in photos, or observations.
+        target: that they show; None: points from elsewhere.
+        truth: of rendered photos, which adds the errors of poses.
+        sizes: views of a sample.
+        samples: of each size.
+        model: a camera model's name.
+        weighted: by covariances, or all alike.
+        fix: parameters to keep as they start, or at a value.
+        share: parameters that have one value.
+        loss: how far-off observations count.
+        reject_sigma: leave out what is farther off.
+        image_size: of a file that does not say it.
+        grid: of a `corners.vnl`: columns and rows.
+        pitch_mm: of its corners.
+        seed: of all samples.
+        jobs: processes; None: one per core.
+        dask: address of a cluster's scheduler, which computes the samples instead.
+        resume: go on with the study in the folder.
+        out: a folder for the samples as they come, so that a stopped study goes on, and the tables; None: `save` writes
+            them.
+        progress: is told what is being done.
+
+    Raises:
+        InputError: files or options that break a rule, photos too few, or no workers are left; the samples in a folder
+            are kept.
+        StudyStoppedError: interrupted; so they are.
+    """
+    from calib.app.inputs import load_observations, observations_of, processes_of, target_of, truth_from
+    from calib.renderer.quantities import whole
+    from calib.renderer.truth import Truth
+    from calib.solver.plan import plan_from_words
+    from calib.studies import bootstrap as pools
+    from calib.studies.sampling import STUDY_FILE, Sampling
+    from calib.studies.statistics import Case
+    from calib.studies.workers import CaseSpec
+
+    plan = plan_from_words(
+        model, fix=fix, share=share, focal_px=None, loss=loss, reject=reject_sigma, weighted=weighted
+    )
+    views, corners = (
+        [whole("--sizes", size, 1, MOST_SIZE) for size in several("--sizes", sizes)],
+        grid_of(grid, pitch_mm),
+    )
+    if len(set(views)) < len(views):
+        raise InputError(f"--sizes {', '.join(map(str, views))}: a size stands there twice; give each once")
+    if dask is not None and jobs is not None:
+        raise InputError("--jobs: is of processes on this machine; --dask has the cluster do it, leave one out")
+    output = None if out is None else output_of(out)
+    if output is not None:
+        Bootstrap.check(output.place)
+    if isinstance(detections, str | PathLike):
+        observations = load_observations(detections, target, image_size=image_size, grid=corners)
+    else:
+        observations = observations_of(detections, target)
+    known = truth_from(truth)
+    if known is not None and target is not None and known.layout_id != target_of(target).layout_id:
+        told = "the truth" if isinstance(truth, Truth) else truth
+        raise InputError(f"{told}: of photos of another target; give the truth.json beside the photos")
+    name = _name_of(*(one for one in (target, detections) if isinstance(one, str | PathLike)))
+    kept = {"model": model, "name": name, **_settings(plan, image_size, corners)}
+    identity = _identity(seed, kept, observations, detections, target, truth)
+    with TemporaryDirectory() as aside:
+        path = (Path(aside) if output is None else output.place) / STUDY_FILE
+        sampling = Sampling(path, processes_of(jobs), dask, resume, progress)
+        sampling.check(identity)
+        progress("solving all views", 0, 0)
+        pool = pools.make_pool(observations, model, plan.options_of(model), known)
+        for size in views:
+            pools.require_enough(pool, size)
+        specs = [CaseSpec(Case(name, size, pool.view_count), pool) for size in views]
+        if output is not None:
+            output.finished.append(path)
+        sampled = sampling.run(identity, [(specs, samples)])
+        found = sampled_study(path, sampled, (*observations.remarks, *pool.remarks))
+    return found if output is None else found.saved(output, progress)
+
+
+LOSSES = ("squares", "huber", "cauchy")
+
+
+def sampled_study(path: Path, sampled: "DrawCount", remarks: Sequence[str]) -> Bootstrap:
+    """What the samples say that are kept now."""
+    from calib.studies.store import read_study
+    from calib.studies.study_table import cases_of, study_table
+
+    with read_study(path) as study:
+        cases, identity, mixed = cases_of(study), study.identity, study.mixed_programs()
+    said, place = (*remarks, *mixed), str(path.parent)
+    return Bootstrap(study_table(cases), cases, identity, sampled, said, path.read_bytes(), place)
+
+
+def _identity(
+    seed: int,
+    settings: dict[str, str],
+    observations: "Observations",
+    observed: "Observed",
+    target: "TargetGeometry | Place | None",
+    truth: "Truth | Place | None",
+) -> "StudyIdentity":
+    """What makes it this study: its files, or what they would hold."""
+    from calib.studies.identity import StudyIdentity, digest_of, identity_of
+
+    named = (("detections", observed), ("target", target), ("truth", truth))
+    files = {name: Path(one) for name, one in named if isinstance(one, str | PathLike)}
+    identity = identity_of(seed, settings, files)
+    if "detections" in files:
+        return identity
+    return StudyIdentity(seed, identity.settings, (("detections", digest_of(observations)), *identity.inputs))
+
+
+def _settings(plan: "SolvePlan", image_size: tuple[int, int] | None, grid: "PointGrid | None") -> dict[str, str]:
+    """What decides a sample's result beside the model."""
+    options = plan.options
+    others = {
+        "image_size": None if image_size is None else f"{image_size[0]}x{image_size[1]}",
+        "grid": None if grid is None else f"{grid.columns}x{grid.rows}",
+        "pitch": None if grid is None else f"{grid.pitch_mm:g}mm",
+    }
+    return {
+        "weighted": "yes" if options.weighted else "no",
+        "loss": options.loss,
+        "reject": "" if options.reject_sigma is None else f"{options.reject_sigma!r}",
+        "fix": ",".join(sorted(name if value is None else f"{name}={value!r}" for name, value in options.fixed)),
+        "share": ";".join(map(",".join, options.shared)),
+        **{name: value for name, value in others.items() if value is not None},
+    }
+
+
+def _name_of(*places: "Place") -> str:
+    """What a target is called in tables: after the first file there is."""
+    from calib.studies.paper_table import TARGETS
+
+    if not places:
+        return "own target"
+    # A name stands above columns and pictures; in the folder of a run, the folder says more than target.json.
+    path = Path(places[0])
+    file = path.name.removesuffix(".json").removesuffix(".target") or path.name
+    place = path.absolute().parent
+    folder = place.parent.name if place.name == RUN_FOLDER else place.name
+    name = printable((folder or file) if file == "target" else file)
+    short = cut(name)
+    # The paper's own targets are others, whose numbers must not stand beside.
+    return f"own {short}" if short in TARGETS else short

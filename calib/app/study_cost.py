@@ -1,0 +1,190 @@
+"""Which distances to minimise, measured: `calib study cost`, `calib.study_cost("cost")`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from calib.app.options import Grid, ImageSize, Jobs, Pitch, Resume, Seed, grid_of
+from calib.app.study_result import FORMATS, STUDY_OUT, TABLES, StudyResult, rows_to_csv
+from calib.cameras import DEFAULT, fitted_models
+from designer.base.errors import InputError
+from designer.base.marks import INLINE, NOT_IN_FILE
+from designer.base.options import option
+from designer.base.words import cut, printable
+from designer.page.capability import capability
+from designer.page.output import Output, output_of
+from designer.page.progress import Progress, unheard
+
+if TYPE_CHECKING:
+    from calib.app.inputs import Observed, Place
+    from calib.core.types import Observations
+    from calib.draw.sheet import FigureSheet
+    from calib.observe.corners_vnl import PointGrid
+    from calib.studies.cost.cases import RealPhotos
+    from calib.studies.cost.results import CostTable
+    from calib.studies.sampling import DrawCount
+    from designer.page.blocks import Page
+    from designer.target import TargetGeometry
+
+MOST_SETS, MOST_STARTS = 10_000, 100_000
+USUAL, QUICK = (30, 60), (8, 20)
+"""Sets and starts; such as are enough to see which way it goes."""
+OWN = "own photos"
+
+
+@dataclass(frozen=True, eq=False)
+class CostStudy(
+    StudyResult, kind="cost", title="Study", files={**TABLES, "study.sqlite": "every set of photos and every start"}
+):  # fmt: skip
+    """Each cost against the distances in the image: `found.table.compared("ray")`, `found.save("cost")`.
+
+    In a notebook the result shows its page.
+    """
+
+    columns = "scene,condition"
+    formats = FORMATS
+    remarks = ()
+    table: Annotated["CostTable", INLINE]
+    sampled: Annotated["DrawCount", NOT_IN_FILE]
+    place: Annotated[str, NOT_IN_FILE]  # its folder, as it is typed
+
+    def page(self) -> "Page":
+        """Which distances are best minimised, and how many bad starts each stands."""
+        from calib.app.cost_page import cost_page
+
+        return cost_page(self)
+
+    def sheets(self) -> "tuple[FigureSheet, ...]":
+        """Errors over the image's."""
+        from calib.app.cost_page import counts_sentence
+        from calib.draw.cost_figures import draw_costs, height_px
+        from calib.draw.sheet import FigureSheet
+
+        draw = partial(draw_costs, table=self.table)
+        alt = counts_sentence(self.table)
+        return (FigureSheet("costs", "Errors over the image's, by cost", alt, height_px(self.table), draw),)
+
+    def csv(self) -> bytes:
+        """Every comparison, a line each."""
+        from calib.studies.cost.results import CostRatio
+
+        return rows_to_csv(CostRatio, self.table.cases)
+
+
+@capability
+def study_cost(
+    out: Annotated["Place | Output", STUDY_OUT],
+    detections: Annotated[
+        "Observed | None", option("photos of your own too: detections.csv, or a CSV with image,u,v,X,Y,Z")
+    ] = None,
+    target: Annotated["TargetGeometry | Place | None", option("the target file of detections.csv")] = None,
+    *,
+    model: Annotated[
+        str | None,
+        option(f"of your photos: {', '.join(fitted_models())} (default: {DEFAULT})", names=fitted_models),
+    ] = None,
+    quick: Annotated[bool, option("8 sets and 20 starts: which way it goes")] = False,
+    sets: Annotated[
+        int | None, option("of simulated photos of each scene and condition (default: 30)", 3, MOST_SETS)
+    ] = None,
+    starts: Annotated[int | None, option("bad ones of each scene (default: 60)", 1, MOST_STARTS)] = None,
+    image_size: ImageSize = None,
+    grid: Grid = None,
+    pitch_mm: Pitch = None,
+    seed: Seed = 1,
+    jobs: Jobs = None,
+    resume: Resume = False,
+    progress: Progress = unheard,
+) -> CostStudy:  # fmt: skip
+    """Measure what to minimise: distances in the image, or in space between rays and rings: `study_cost("cost")`.
+
+    Boards and icosahedra, as drawn, as made and with outliers, and photos of your own: errors of camera, poses and
+    photos held out, each cost against the image's on the same sightings; and from how bad starts each comes back.
+
+    >>> found = calib.study_cost("cost", "detections.csv", "ico.target.json", model="opencv")
+    >>> [row.ratio for row in found.table.compared("ray") if row.measure == "held_out_mm"]
+
+    Args:
+        out: a folder for every set of photos, so that a stopped study goes on, and for the tables.
+        detections: photos of one's own too, of which each is held out in turn; None: simulated ones alone.
+        target: that these show; None: points from elsewhere.
+        model: that they are solved with; None: the usual one.
+        quick: 8 sets and 20 starts, where nothing else is said.
+        sets: of simulated photos of each scene and condition; None: 30, or quick 8.
+        starts: bad ones of each scene; None: 60, or quick 20.
+        image_size: of a file that does not say it.
+        grid: of a `corners.vnl`: columns and rows.
+        pitch_mm: of its corners.
+        seed: of all that is random.
+        jobs: processes; None: one per core.
+        resume: go on with the study in the folder.
+        progress: is told what is being done.
+
+    Raises:
+        InputError: numbers, photos or a folder that cannot be used.
+        StudyStoppedError: interrupted; what is finished is kept.
+    """
+    from calib.app.inputs import processes_of
+    from calib.studies.cost import cases
+    from calib.studies.cost.results import table_of
+    from calib.studies.sampling import STUDY_FILE, Sampling
+    from calib.studies.store import read_study
+
+    usual, corners = QUICK if quick else USUAL, grid_of(grid, pitch_mm)
+    sets, starts = (known if one is None else one for one, known in zip((sets, starts), usual, strict=True))
+    output = output_of(out)
+    CostStudy.check(output.place)
+    real = None
+    digests: tuple[tuple[str, str], ...] = ()
+    if detections is not None:
+        real = _real_photos(detections, target, model or DEFAULT, image_size, corners)
+        digests = _digests(detections, target, real.observations)
+    else:
+        of_photos = (("--target", target), ("--model", model), ("--image-size", image_size), ("--grid", grid))
+        for name, value in of_photos:
+            if value is not None:
+                raise InputError(f"{name}: says nothing without photos of your own; give --detections too")
+    plan = cases.CostPlan(sets, starts, seed, *(("", "") if real is None else (real.name, real.model)))
+    identity = cases.identity(plan, digests)
+    sampling = Sampling(output.place / STUDY_FILE, processes_of(jobs), None, resume, progress)
+    sampling.check(identity)
+    progress("placing cameras", 0, 0)
+    groups = cases.groups_of(plan, real)
+    output.finished.append(sampling.path)
+    sampled = sampling.run(identity, [(group.specs, group.samples) for group in groups])
+    with read_study(sampling.path) as study:
+        found = CostStudy(table_of(study, plan, groups), sampled, str(output.place))
+    return found.saved(output, progress)
+
+
+def _real_photos(
+    observed: "Observed", target: "TargetGeometry | Place | None", model: str, image_size: tuple[int, int] | None,
+    grid: "PointGrid | None",
+) -> "RealPhotos":  # fmt: skip
+    """Photos of a person's own, and how they are solved.
+
+    Raises:
+        InputError: they cannot be read, or there is no such model.
+    """
+    from calib.app.inputs import load_observations, observations_of
+    from calib.studies.cost.cases import RealPhotos
+
+    if isinstance(observed, str | PathLike):
+        name = cut(printable(Path(observed).name)) or OWN
+        seen = load_observations(observed, target, image_size=image_size, grid=grid)
+        return RealPhotos(name, seen, model)
+    return RealPhotos(OWN, observations_of(observed, target), model)
+
+
+def _digests(
+    observed: "Observed", target: "TargetGeometry | Place | None", seen: "Observations"
+) -> tuple[tuple[str, str], ...]:
+    """What tells these photos from others."""
+    from calib.studies.identity import digest_of, sha256_of
+
+    named: Sequence[tuple[str, object]] = (("detections", observed), ("target", target))
+    found = tuple((name, sha256_of(Path(one))) for name, one in named if isinstance(one, str | PathLike))
+    return found if dict(found).get("detections") else (("detections", digest_of(seen)), *found)

@@ -1,0 +1,411 @@
+"""What errors of a target cost a calibration: `design tolerance`, `ways`; `calib.tolerance("ico.target.json", ...)`."""
+
+import shlex
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated
+
+from calib.app.options import (
+    AimOffset,
+    CameraTemplate,
+    Changes,
+    Dask,
+    Distance,
+    Errors,
+    FittedModel,
+    Jobs,
+    Resume,
+    Seed,
+    Views,
+    Weighted,
+)
+from calib.app.rig_tolerance import rig_tolerance
+from calib.app.study_result import TABLES, StudyResult, figure_formats, rows_to_csv
+from calib.cameras import DEFAULT
+from designer.base.answer import command_line
+from designer.base.errors import InputError
+from designer.base.marks import INLINE, NOT_IN_FILE
+from designer.base.options import argument, option
+from designer.base.words import cut, printable, several
+from designer.kinds.presets import error_templates
+from designer.page.capability import OUTPUT, capability, instead
+from designer.page.output import Output, output_of
+from designer.page.progress import Progress, unheard
+
+if TYPE_CHECKING:
+    from calib.app.inputs import Place
+    from calib.cameras.camera import Camera
+    from calib.draw.sheet import FigureSheet
+    from calib.studies.sampling import DrawCount
+    from calib.studies.tolerance.explore import PhotographedTarget
+    from calib.studies.tolerance.photographing import Photographing
+    from calib.studies.tolerance.record import ToleranceStudy
+    from calib.studies.tolerance.what_if import WhatIf
+    from designer.base.answer import Value
+    from designer.page.blocks import Page
+    from designer.target import TargetGeometry
+
+MOST_DRAWS = 1_000_000
+STUDIES = {"study.sqlite": "every draw", "against.sqlite": "every draw of the other target"}
+TargetFile = Annotated["TargetGeometry | Place", argument("a target file (NAME.target.json)")]
+
+
+@dataclass(frozen=True, eq=False)
+class Tolerance(
+    StudyResult, kind="tolerance", title="Tolerance study", doing="predicting", files={**TABLES, **STUDIES}
+):  # fmt: skip
+    """What errors cost, and how large they may be: `found.study.cost("scale", "pose").cost`, `found.save("tolerance")`.
+
+    In a notebook the result shows its page.
+    """
+
+    columns = "error,distribution"
+    study: Annotated["ToleranceStudy", INLINE]
+    drawn: Annotated["DrawCount", NOT_IN_FILE]
+    seed: Annotated[int, NOT_IN_FILE]
+    layer_height_mm: Annotated[float | None, NOT_IN_FILE]
+    target_file: Annotated[str, NOT_IN_FILE]
+    camera_remarks: Annotated[tuple[str, ...], NOT_IN_FILE]
+    formats: Annotated[Sequence[str], NOT_IN_FILE]
+    made_by: Annotated[str, NOT_IN_FILE]  # the command line; "": none
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether all limits are kept."""
+        return self.study.is_kept
+
+    @property
+    def is_negative(self) -> bool:
+        """Whether a limit is missed."""
+        return not self.is_kept
+
+    @property
+    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]  # of the study
+        """What a person must know of the numbers."""
+        from calib.app.tolerance_page import remarks_of
+
+        return remarks_of(self)
+
+    def what_if(self, errors: str | None = None, **sizes: str) -> "WhatIf":
+        """What the calibration would be with other errors: `found.what_if("resin", skew="0.05deg").total("pose")`.
+
+        As `calib.studies.tolerance.record.ToleranceStudy.what_if`: predicted, in less than a millisecond.
+        """
+        return self.study.what_if(errors, **sizes)
+
+    def page(self) -> "Page":
+        """What errors cost, how large they may be, other sizes and ways, and against another target."""
+        from calib.app.tolerance_page import tolerance_page
+
+        return tolerance_page(self)
+
+    def sheets(self) -> "tuple[FigureSheet, ...]":
+        """Costs, limits, the crossover, and costs by the size of each error."""
+        from calib.draw.tolerance_figures import sheets
+
+        return tuple(sheets(self.study))
+
+    def csv(self) -> bytes:
+        """Every cost, a line an error and quantity."""
+        from calib.studies.tolerance.record import CostRow
+
+        return rows_to_csv(CostRow, self.study.costs)
+
+
+@dataclass(frozen=True, eq=False)
+class Ways(Tolerance, kind="ways", title="Ways of making", doing="predicting", files=TABLES):
+    """In which way a target is best made: `found.study.ways()[0].way.name`.
+
+    What its errors cost, as `Tolerance` has it.
+    """
+
+    def answer(self) -> "dict[str, Value]":
+        """Each way: its errors, price and hours."""
+        by = self.study.ranked_by
+        rows: list[Value] = [
+            {
+                "way": one.way.name, "title": one.way.title, "totals": dict(one.asked.totals),
+                "beyond": one.asked.beyond, "worst": one.worst, "price_eur": one.way.price_eur, "hours": one.way.hours,
+            }
+            for one in self.study.ways()
+        ]  # fmt: skip
+        return {"ranked_by": by, "ways": rows}
+
+    def page(self) -> "Page":
+        """The same study, told as a choice between ways of making."""
+        from calib.app.tolerance_page import ways_page
+
+        return ways_page(self)
+
+
+@instead(rig=rig_tolerance)
+@capability
+def tolerance(
+    target: TargetFile,
+    errors: Errors,
+    *,
+    changes: Changes = (),
+    views: Views = 90,
+    distance_mm: Distance = None,
+    aim_offset_mm: AimOffset = None,
+    camera: CameraTemplate = "machine-vision",
+    model: FittedModel = DEFAULT,
+    weighted: Weighted = False,
+    draws: Annotated[int, option("how many made targets to draw", 2, MOST_DRAWS)] = 200,
+    full: Annotated[bool, option("render and detect real images in each draw: minutes a draw")] = False,
+    linear: Annotated[bool, option("no draws: predict from Jacobians, in seconds")] = False,
+    require: Annotated[
+        Sequence[str],
+        option(
+            "how good must it be: the largest errors for intersection=0.05mm", metavar="QUANTITY=LIMIT", is_many=True
+        ),
+    ] = (),
+    by: Annotated[str | None, option("quantity to rank errors by (default: --require's)")] = None,
+    against: Annotated["TargetGeometry | Place | None", option("target file of another target to compare with")] = None,
+    against_errors: Annotated[
+        str | None, option("errors of that target, as --errors", complete=error_templates)
+    ] = None,
+    against_changes: Annotated[
+        Sequence[str],
+        option(
+            "another size of one error of that target, as --set", flag="--against-set", metavar="ERROR=SIZE",
+            is_many=True,
+        ),
+    ] = (),
+    against_distance_mm: Annotated[
+        tuple[float, float] | float | None, option("distance to that target (default: --distance)", 1.0, 10_000.0)
+    ] = None,
+    vary: Annotated[str | None, option("error to compare by (default: the worst one of faces)")] = None,
+    seed: Seed = 1,
+    jobs: Jobs = None,
+    dask: Dask = None,
+    resume: Resume = False,
+    formats: Annotated[
+        Sequence[str],
+        option(
+            "draw figures as PDF or SVG besides PNG: pdf,svg", flag="--figures", metavar="FORMATS",
+            parse=figure_formats,
+        ),
+    ] = (),
+    out: Annotated[
+        "Place | Output | None",
+        option("folder for the draws, tables, figures and page (default: exports/tolerance)", short="-o", group=OUTPUT),
+    ] = None,
+    progress: Progress = unheard,
+) -> Tolerance:  # fmt: skip
+    """What manufacturing errors cost a calibration, and how large they may be: `tolerance("t.json", "fdm-dual")`.
+
+    What if a print is off by this much? The command's exit code is 1 if a limit of --require is missed.
+
+    >>> found = calib.tolerance("ico.target.json", "fdm-dual", require=["intersection=0.05mm"])
+    >>> found.is_kept, found.study.total("intersection"), found.save("tolerance")
+
+    Args:
+        target: a geometry, or its file.
+        errors: an error template, or a TOML file.
+        changes: other sizes of single errors: `face_tilt=0.1deg`.
+        views: how many photos.
+        distance_mm: of the cameras from the target's origin, or between which two; None: near and far, as the page of
+            a design advises.
+        aim_offset_mm: how far they look past the target at most; None: as advised, into the image's corners.
+        camera: a camera, a file, or a template.
+        model: that is solved, one of `calib.cameras.fitted_models()`.
+        weighted: weigh observations by their covariances, or all alike.
+        draws: how many made targets to draw.
+        full: render and detect real images in each draw, which takes minutes a draw.
+        linear: no draws: predict from Jacobians, in seconds.
+        require: limits, `intersection=0.05mm`, for which the largest errors are told.
+        by: the quantity to rank errors by; None: the first that is required.
+        against: another target to compare with.
+        against_errors: the errors of that target.
+        against_changes: other sizes of single errors of that target, as `changes`.
+        against_distance_mm: to that target; None: the same, or as advised for it.
+        vary: the error to compare by; None: the worst one of faces.
+        seed: of all that is random.
+        jobs: processes; None: one per core.
+        dask: address of a cluster's scheduler, which computes the draws instead.
+        resume: go on with the study in the folder.
+        formats: of the figures besides PNG: `pdf`, `svg`.
+        out: a folder for the draws, so that a stopped study goes on, and the tables; None: they are not kept.
+        progress: is told what is being done.
+
+    Raises:
+        InputError: files or options that break a rule, or no workers are left; the draws in a folder are kept.
+        StudyStoppedError: interrupted; so they are.
+    """
+    from calib.app.inputs import camera_remarks, processes_of
+    from calib.studies.sampling import ask_cluster
+    from calib.studies.tolerance.explore import TolerancePlan, compared, explore
+    from calib.studies.tolerance.quantities import parse_requirements, quantity_named
+    from calib.studies.tolerance.stored import Keeping
+    from designer.tolerance.sources import source_named
+
+    requirements = parse_requirements(require)
+    by = quantity_named(by or (requirements[0].quantity if requirements else "intersection")).name
+    photographing = _photographing(camera, views, model, seed, aim_offset_mm, weighted=weighted)
+    for name, is_given in (("--full", full), ("--resume", resume), (f"--dask {dask}", dask is not None)):
+        if linear and is_given:
+            raise InputError(f"{name} does not fit --linear, which draws nothing; leave one of them out")
+    _check_against(against, against_errors, against_changes, against_distance_mm, vary)
+    ask_cluster(dask, progress)
+    output = None if out is None else output_of(out)
+    if output is not None:
+        Tolerance.check(output.place)
+    progress("setting up", 0, 0)
+    with ExitStack() as stack:
+        place = Path(stack.enter_context(TemporaryDirectory())) if output is None else output.place
+        keeping = Keeping(place, processes_of(jobs), dask, resume)
+        plan = TolerancePlan(draws, seed, requirements, by, full, linear, keeping, progress)
+        first = _photographed(target, errors, changes, distance_mm, photographing, stack)
+        other = None
+        if against is not None and against_errors is not None:
+            far = distance_mm if against_distance_mm is None else against_distance_mm
+            other = _photographed(against, against_errors, against_changes, far, photographing, stack)
+            if other.name == first.name:
+                same = other.errors.name == first.errors.name
+                other = replace(other, name=f"{other.name} ({'other' if same else other.errors.name})")
+        if vary is not None and first.errors.amount(source_named(vary).name).sigma == 0:
+            raise InputError(f"--vary {vary}: has no size in {first.errors.name}; give it one, such as with --set")
+        if full:
+            remarks = (*first.words.remarks, "photos of every draw are rendered, detected and calibrated")
+            first = replace(first, words=replace(first.words, remarks=remarks))
+        keeping.check_unused(predicts=linear)
+        if output is not None:
+            output.finished.append(place / "study.sqlite")
+        study, table, drawn = explore(first, plan)
+        if other is not None:
+            study = compared(study, table, other, plan, vary)
+    found = Tolerance(
+        study, drawn, seed, first.errors.layer_height_mm, _file_of(target), camera_remarks(camera),
+        tuple(formats), command_line(),
+    )  # fmt: skip
+    return found if output is None else found.saved(output, progress)
+
+
+@capability
+def ways(
+    target: TargetFile,
+    *,
+    by: Annotated[
+        str, option("what they are ranked by: distortion_map, focal_length, intersection, pose, ...")
+    ] = "distortion_map",
+    views: Views = 90,
+    distance_mm: Distance = None,
+    aim_offset_mm: AimOffset = None,
+    camera: CameraTemplate = "machine-vision",
+    model: FittedModel = DEFAULT,
+    weighted: Weighted = False,
+    seed: Seed = 1,
+    progress: Progress = unheard,
+) -> Ways:  # fmt: skip
+    """In which way a target is best made, by the camera's error, price and hours: `ways("ico.target.json")`.
+
+    All error templates that suit the target, predicted at once; what each of their errors costs is on the page.
+
+    >>> best = calib.ways("ico.target.json").study.ways()[0]
+    >>> best.way.name, best.total("focal_length"), best.way.price_eur, best.way.hours
+
+    Args:
+        target: a geometry, or its file.
+        by: the quantity that ways are ranked by.
+        views: how many photos.
+        distance_mm: of the cameras from the target's origin, or between which two; None: near and far, as the page of
+            a design advises.
+        aim_offset_mm: how far they look past the target at most; None: as advised, into the image's corners.
+        camera: a camera, a file, or a template.
+        model: that is solved.
+        weighted: weigh observations by their covariances, or all alike.
+        seed: of all that is random.
+        progress: is told what is being done.
+
+    Raises:
+        InputError: files or options that break a rule; the message names it.
+    """
+    from calib.app.inputs import camera_remarks, target_of
+    from calib.studies.tolerance.explore import TolerancePlan, explore
+    from calib.studies.tolerance.photographing import templates_for
+    from calib.studies.tolerance.quantities import quantity_named
+    from calib.studies.tolerance.stored import Keeping
+    from designer.tolerance.made import error_model_for
+
+    geometry, by = target_of(target, "rings"), quantity_named(by).name
+    assumed = error_model_for(geometry)
+    errors = next(iter(templates_for(geometry))) if assumed is None else assumed.errors.name
+    photographing = _photographing(camera, views, model, seed, aim_offset_mm, weighted=weighted)
+    progress("setting up", 0, 0)
+    with ExitStack() as stack:
+        scene = _photographed(target, errors, (), distance_mm, photographing, stack)
+        keeping = Keeping(Path(), 1)
+        plan = TolerancePlan(0, seed, (), by, full=False, linear=True, keeping=keeping, progress=progress)
+        study, _, drawn = explore(scene, plan)
+    return Ways(
+        study, drawn, seed, scene.errors.layer_height_mm, _file_of(target), camera_remarks(camera), (),
+        command_line(),
+    )  # fmt: skip
+
+
+def _photographing(
+    camera: "Camera | Place", views: int, model: str, seed: int, aim_offset_mm: float | None, *, weighted: bool
+) -> "Photographing":
+    from os import fspath
+
+    from calib.app.inputs import camera_of
+    from calib.cameras.camera import Camera
+    from calib.studies.tolerance.photographing import Photographing
+
+    name = camera.model if isinstance(camera, Camera) else fspath(camera)
+    return Photographing(views, camera_of(camera), name, model, weighted, seed, aim_offset_mm)
+
+
+def _check_against(
+    against: "TargetGeometry | Place | None", against_errors: str | None, against_changes: Sequence[str],
+    against_distance_mm: tuple[float, float] | float | None, vary: str | None,
+) -> None:  # fmt: skip
+    """Refuse options that say nothing without another one."""
+    if against is not None and against_errors is None:
+        raise InputError(f"--against {_path_of(against)}: say how it is made too, such as --against-errors fdm-board")
+    sizes = " ".join(map(str, several("--against-set", against_changes))) or None
+    for name, value in (
+        ("--against-errors", against_errors), ("--against-set", sizes), ("--against-distance", against_distance_mm),
+        ("--vary", vary),
+    ):  # fmt: skip
+        if value is not None and against is None:
+            raise InputError(f"{name} {value} says nothing without --against; name the other target's file")
+
+
+def _photographed(
+    target: "TargetGeometry | Place", errors: str, changes: Sequence[str],
+    distance_mm: tuple[float, float] | float | None, by: "Photographing", stack: ExitStack,
+) -> "PhotographedTarget":  # fmt: skip
+    """Read a target and its errors, and set up its photos."""
+    from calib.app.inputs import target_of
+    from calib.studies.tolerance.photographing import photographed
+    from designer.target import TargetGeometry, target_to_json
+
+    geometry, place = target_of(target, "rings"), _path_of(target)
+    if isinstance(target, TargetGeometry):
+        place = Path(stack.enter_context(TemporaryDirectory())) / "target.json"
+        place.write_text(target_to_json(target))
+    both = distance_mm if distance_mm is None or isinstance(distance_mm, tuple) else (distance_mm, distance_mm)
+    return photographed(geometry, _name_of(_path_of(target)), place, errors, changes, both, by)
+
+
+def _path_of(target: "TargetGeometry | Place") -> Path:
+    from designer.base.small_file import place_of
+    from designer.target import TargetGeometry
+
+    return Path("target") if isinstance(target, TargetGeometry) else place_of(target, "a target geometry, or its file")
+
+
+def _file_of(target: "TargetGeometry | Place") -> str:
+    """As it is typed."""
+    path = _path_of(target)
+    return printable(str(path if path.suffix else path.with_suffix(".target.json")))
+
+
+def _name_of(path: Path) -> str:
+    """What a target is called in tables."""
+    return cut(printable(path.name.removesuffix(".json").removesuffix(".target")) or shlex.quote(str(path)))

@@ -1,0 +1,195 @@
+"""The pictures of a comparison: boxes of each object's errors, and which single error gives the paper's numbers."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calib.draw.style import BLUE, EMPTY, GREEN, GREY, INK, ORANGE, VERMILION, note, nothing
+from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, LENS_OBJECTS
+from calib.studies.compare.objects import MODELS, OBJECTS, PaperObject
+from calib.studies.compare.photographed import ALL_PHOTOS
+from calib.studies.compare.results import METRICS, NEAR, REACH, CaseResult, Explanation, Results, short
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLOURS = dict(zip((*MODELS, ALL_PHOTOS), (BLUE, ORANGE, GREEN, VERMILION), strict=True))
+WIDTH = 0.24
+PAPER_LABEL, PAPER_LINE = "the paper's median", (0, (3, 1.5))
+FIGURES = ("objects", "lens", "alone")
+BOXES_PX, ALONE_PX = 860, 1150
+PLATE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1}
+ROOM = 1.37
+"""To the right of the largest value, for words."""
+
+
+def draw_boxes(page: "Figure", results: Results) -> None:
+    """A panel a metric: five objects, three models, all sets of all prints; the paper's medians beside."""
+    every = page.subplots(1, 3)
+    for axes, metric in zip(every, ("intersection", "reconstruction", "reprojection"), strict=True):
+        groups = [
+            (f"{one.label}\n{one.name}", [results.of(one.name, FIGURE, model) for model in MODELS]) for one in OBJECTS
+        ]
+        _panel(axes, metric, groups)
+        axes.set_title(f"{metric.capitalize()} error against the drawing")
+        for place, one in enumerate(OBJECTS):
+            value = one.median(metric)
+            if math.isfinite(value):
+                text = one.intersection_text if metric == "intersection" else f"{value:g}"
+                _mark_paper(axes, place, value, text)
+        if metric == "reprojection":
+            text = "the paper's text gives no numbers"
+            axes.text(0.98, 0.97, text, ha="right", transform=axes.transAxes, fontsize=11, color=GREY)
+    plan = results.table.plan
+    _head(
+        page, f"Five objects, three models: {plan.prints} simulated prints of each, {plan.sets} sets of photos a print",
+        f"Camera {plan.camera}. Boxes: quartiles of all sets of all prints; whiskers: 95 % of them. "
+        f"virtual: {plan.slow_sets} of the sets a print.",
+    )  # fmt: skip
+    _legend(page, MODELS, paper=True)
+
+
+def draw_lens(page: "Figure", results: Results) -> None:
+    """A lens that no Brown model fits: errors in photos solved and held out, of perfect and of made objects."""
+    every = page.subplots(1, 3)
+    titles = {
+        "held_reprojection": "Reprojection error, photos held out",
+        "intersection": "Intersection error, photos solved",
+        "held_intersection": "Intersection error, photos held out",
+    }
+    errors = {one.name: one.errors for one in OBJECTS}
+    parts = [(name, part) for name in LENS_OBJECTS for part in (LENS_DRAWN, LENS_MADE)]
+    for axes, (metric, title) in zip(every, titles.items(), strict=True):
+        groups = []
+        for name, part in parts:
+            made = "as drawn" if part == LENS_DRAWN else errors[name]
+            groups.append((f"{name}\n{made}", [results.of(name, part, model) for model in COLOURS]))
+        _panel(axes, metric, groups)
+        axes.set_title(title)
+    _head(
+        page, "A smooth lens that no Brown polynomial fits (phase-one-spline)",
+        "Boxes: quartiles of all sets of all prints; whiskers: 95 % of them. Left of each pair the object as drawn, "
+        "right as made.",
+    )  # fmt: skip
+    _legend(page, tuple(COLOURS), paper=False)
+
+
+def _panel(axes: "Axes", metric: str, groups: Sequence[tuple[str, Sequence[CaseResult | None]]]) -> None:
+    """Boxes side by side in groups, on a logarithmic scale."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    drawn = False
+    for place, (_, cases) in enumerate(groups):
+        shown = [one for one in cases if one is not None and len(one.flat(metric))]
+        width = min(WIDTH, 0.84 / max(len(shown), 1))
+        for number, one in enumerate(shown):
+            drawn = True
+            where = place + (number - 0.5 * (len(shown) - 1)) * width
+            _box(axes, one, metric, where, 0.8 * width)
+            _dot(axes, one, metric, where)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    if not drawn:
+        nothing(axes, "no samples yet")
+        return
+    axes.set_yscale("log")
+    axes.set_ylabel(f"RMSE in {METRICS[metric]}")
+    axes.set_xticks(range(len(groups)), [label for label, _ in groups])
+    axes.tick_params(axis="x", length=0, labelsize=10)
+    axes.set_xlim(-0.6, len(groups) - 0.4)
+    for place in range(1, len(groups)):
+        axes.axvline(place - 0.5, color=EMPTY, linewidth=0.8)
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.grid(visible=True, which="major", axis="y", color=EMPTY, linewidth=0.8)
+    axes.set_axisbelow(True)
+
+
+def _box(axes: "Axes", one: CaseResult, metric: str, where: float, width: float) -> None:
+    colour = COLOURS[one.model]
+    axes.boxplot(
+        one.flat(metric), positions=[where], widths=width, whis=(2.5, 97.5), showfliers=False, patch_artist=True,
+        manage_ticks=False, boxprops={"facecolor": colour, "alpha": 0.75, "edgecolor": INK, "linewidth": 0.8},
+        medianprops={"color": INK, "linewidth": 1.8}, whiskerprops={"color": INK, "linewidth": 1.0},
+        capprops={"color": INK, "linewidth": 1.0},
+    )  # fmt: skip
+
+
+def _dot(axes: "Axes", one: CaseResult, metric: str, where: float) -> None:
+    """The median again: boxes may be too flat to show their colour."""
+    axes.plot(
+        where, np.median(one.flat(metric)), marker="o", markersize=6, markerfacecolor=COLOURS[one.model],
+        markeredgecolor=INK, markeredgewidth=0.8, zorder=5,
+    )  # fmt: skip
+
+
+def _mark_paper(axes: "Axes", place: int, value: float, text: str) -> None:
+    low, high = place - 0.42, place + 0.42
+    axes.plot([low, high], [value, value], color=INK, linewidth=2.2, linestyle=PAPER_LINE)
+    axes.annotate(
+        f"paper {text}", (place, value), (0, 6), textcoords="offset points", ha="center", fontsize=10, color=INK
+    )
+
+
+def _head(page: "Figure", title: str, under: str) -> None:
+    page.suptitle(f"{title}\n{under}", fontsize=13, x=0.01, ha="left")
+
+
+def _legend(page: "Figure", models: Sequence[str], *, paper: bool) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Patch | Line2D] = [
+        Patch(facecolor=COLOURS[name], alpha=0.75, edgecolor=INK, label=name) for name in models
+    ]
+    if paper:
+        handles.append(Line2D([], [], color=INK, linewidth=2.2, linestyle=PAPER_LINE, label=PAPER_LABEL))
+    page.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
+
+
+def draw_alone(page: "Figure", results: Results) -> None:
+    """Reconstruction error of each source where its intersection error is the paper's."""
+    known = [one for one in OBJECTS if one.is_known]
+    every = page.subplots(2, 2).ravel()
+    for axes, one in zip(every, known, strict=True):
+        found = [row for row in results.table.alone if row.object == one.name and row.prints]
+        _alone_panel(axes, one, sorted(found, key=lambda row: -row.multiple))
+    page.suptitle(
+        "Each error scaled until it alone gives the paper's intersection error: what reconstruction error then?\n"
+        f"Green: within {100 * NEAR:.0f} % of the paper's (band); pale: more than {REACH:g} times the template's. "
+        "Beside: the amount it takes, and how many times the template's it is",
+        fontsize=13, x=0.01, ha="left",
+    )  # fmt: skip
+
+
+def _alone_panel(axes: "Axes", one: PaperObject, rows: Sequence[Explanation]) -> None:
+    axes.set_title(f"{one.label} {one.name}")
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+    if not rows:
+        nothing(axes, "no samples yet")
+        return
+    note(axes, f"paper: intersection {one.intersection_text} mm, reconstruction {one.reconstruction_mm:g} mm")
+    axes.axvspan(
+        (1 - NEAR) * one.reconstruction_mm, (1 + NEAR) * one.reconstruction_mm, color=EMPTY, linewidth=0, zorder=0
+    )
+    axes.axvline(one.reconstruction_mm, color=INK, linewidth=1.8, linestyle=(0, (3, 1.5)))
+    for place, row in enumerate(rows):
+        alpha = 0.85 if row.is_within_reach else 0.4
+        axes.barh(
+            place, row.reconstruction_mm, height=0.62, color=GREEN if row.fits else BLUE, alpha=alpha, zorder=2
+        )  # fmt: skip
+        times = f"{short(row.multiple)} x"
+        axes.annotate(
+            f"{row.amount}, {times}" if row.amount else times, (row.reconstruction_mm, place), (6, 0),
+            textcoords="offset points", va="center", fontsize=10, color=INK if row.fits else GREY, zorder=3, bbox=PLATE,
+        )  # fmt: skip
+    axes.set_yticks(range(len(rows)), [row.source.replace("_", " ") for row in rows])
+    axes.tick_params(axis="y", length=0)
+    largest = max(one.reconstruction_mm, *(row.reconstruction_mm for row in rows))
+    axes.set_xlim(0, largest * ROOM)
+    axes.set_xlabel("reconstruction error in mm")

@@ -1,0 +1,113 @@
+"""The tables of a study of costs, for page, terminal and Markdown."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib.draw.study_tables import NOT_KNOWN, text_cell
+from calib.solver.costs import COSTS
+from calib.studies.cost.cases import REAL
+from calib.studies.cost.photographed import MEASURES
+from calib.studies.cost.results import SHARE, CostRatio, CostTable, StartRow
+from designer.base.number_text import figure
+from designer.page.blocks import Cell, Column, Level, Table
+
+TITLES = {
+    "camera_px": "camera against truth, px", "pose_mm": "cameras' places, mm", "held_out_px": "held out, px",
+    "held_out_mm": "held out, mm",
+}  # fmt: skip
+NORMAL = 2.576
+"""Of the intervals of shares, which are Wilson's."""
+
+
+def costs_table(table: CostTable) -> Table:
+    """A row a cost: in how many comparisons it is better and worse than the image, and by how much."""
+    columns = (
+        Column("minimised", is_number=False), Column("what it is", is_number=False), Column("surely better"),
+        Column("surely worse"), Column("of"), *(Column(title) for title in TITLES.values()),
+    )  # fmt: skip
+    rows = []
+    for name in table.costs:
+        found = table.compared(name)
+        better, worse = sum(one.is_better for one in found), sum(one.is_worse for one in found)
+        rows.append((
+            Cell(name), Cell(COSTS[name].title if name in COSTS else "distances in the image, by their covariances"),
+            Cell(str(better), better, level="good" if better else None),
+            Cell(str(worse), worse, level="bad" if worse else None), Cell(str(len(found)), len(found)),
+            *(_median_ratio([one for one in found if one.measure == measure]) for measure in MEASURES),
+        ))  # fmt: skip
+    note = (
+        "Errors over those of the distances in the image, on the same sightings: below 1 is better. Numbers: medians "
+        f"over scenes and conditions. Surely: the {SHARE:.0%} interval of the mean ratio says so."
+    )
+    return Table("Costs against the distances in the image", columns, tuple(rows), note)
+
+
+def _median_ratio(rows: Sequence[CostRatio]) -> Cell:
+    value = float(np.median([one.ratio for one in rows])) if rows else math.nan
+    return text_cell(value, f"{value:.3f}")
+
+
+def ratios_table(table: CostTable) -> Table:
+    """Each measure of each scene: the image's error, and the others' over it."""
+    columns = (
+        Column("scene", is_number=False), Column("condition", is_number=False), Column("error", is_number=False),
+        Column("image"), *(Column(name) for name in table.costs), Column("sets"),
+    )  # fmt: skip
+    rows = []
+    for scene, condition in table.keys:
+        for measure, title in TITLES.items():
+            image = table.of(scene, condition, "image", measure)
+            if image is None:
+                continue
+            others = (table.of(scene, condition, name, measure) for name in table.costs)
+            rows.append((
+                Cell(scene), Cell(condition), Cell(title), Cell(figure(image.median, 3), image.median),
+                *map(_ratio_cell, others), Cell(str(image.sets), image.sets),
+            ))  # fmt: skip
+    note = (
+        f"Image: the median error. Others: the mean ratio to it in the same set with its {SHARE:.0%} interval. "
+        f"{REAL.capitalize()}: a set is what one part of the photos says of the others' camera."
+    )
+    return Table("Errors over the image's", columns, tuple(rows), note, visible_rows=20)
+
+
+def _ratio_cell(one: CostRatio | None) -> Cell:
+    if one is None or not math.isfinite(one.ratio):
+        return NOT_KNOWN
+    level: Level | None = "good" if one.is_better else "bad" if one.is_worse else None
+    lost = f"; {one.failed} without" if one.failed else ""
+    return Cell(f"{one.ratio:.3f} [{one.low:.3f}, {one.high:.3f}]{lost}", one.ratio, level=level)
+
+
+def starts_table(table: CostTable) -> Table:
+    """How many bad starts each cost stands."""
+    columns = (
+        Column("scene", is_number=False), Column("minimised", is_number=False), Column("starts"),
+        Column("reach the least value"), Column("this, not the image"), Column("the image, not this"),
+        Column("steps"),
+    )  # fmt: skip
+    rows = tuple(
+        (
+            Cell(one.scene), Cell(one.cost), Cell(str(one.starts), one.starts),
+            Cell(share_text(one), one.share), Cell(str(one.only_this), one.only_this),
+            Cell(str(one.only_image), one.only_image), text_cell(one.steps, f"{one.steps:.0f}"),
+        )
+        for one in table.starts
+    )  # fmt: skip
+    note = (
+        "Focal lengths off by up to 3 times either way, no lens, each pose turned by up to 60 degrees about any axis; "
+        "one descent of Levenberg and Marquardt, as the solver has it, without its own starts."
+    )
+    return Table("Bad starts", columns, rows, note, visible_rows=18)
+
+
+def share_text(one: StartRow) -> str:
+    """A share with the interval of Wilson 1927."""
+    if not one.starts:
+        return "-"
+    n, z = one.starts, NORMAL
+    middle = (one.share + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * math.sqrt(one.share * (1 - one.share) / n + z * z / (4 * n * n))
+    return f"{100 * one.share:.0f} % [{100 * (middle - half):.0f}, {100 * (middle + half):.0f}]"
