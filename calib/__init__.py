@@ -11,7 +11,6 @@ from importlib import import_module
 TYPE_CHECKING = False  # `typing` takes long to load, and Ctrl-C in the meantime leaves a traceback
 if TYPE_CHECKING:
     from calib.api.hand_eye import hand_eye, turntable
-    from calib.api.measuring import MeasureResult, RescaledTarget, measure, rescale
     from calib.api.rendering import RenderedPhotos, render
     from calib.api.rendering_rigs import RenderedRig, render_rig
     from calib.api.rig_observing import load_rig_observations
@@ -25,6 +24,8 @@ if TYPE_CHECKING:
     from calib.app.diff import Difference, diff
     from calib.app.evaluate import CameraErrors, evaluate
     from calib.app.inputs import load_camera, load_observations, load_rig
+    from calib.app.measure import measure, rescale
+    from calib.app.measured_print import MeasuredPrint, RescaledTarget
     from calib.app.plan import PhotoPlan, plan
     from calib.app.pose import TargetPoses, pose
     from calib.app.rig_bootstrap import RigBootstrap, rig_bootstrap
@@ -67,7 +68,7 @@ __all__ = [
     "Guide",
     "HandEye",
     "InputError",
-    "MeasureResult",
+    "MeasuredPrint",
     "NothingFoundError",
     "Observations",
     "PhotoPlan",
@@ -175,11 +176,13 @@ _HOMES = {
         "load_observations",
         "load_rig",
     ),
-    "calib.api.measuring": (
-        "MeasureResult",
-        "RescaledTarget",
+    "calib.app.measure": (
         "measure",
         "rescale",
+    ),
+    "calib.app.measured_print": (
+        "MeasuredPrint",
+        "RescaledTarget",
     ),
     "calib.api.rendering": (
         "RenderedPhotos",

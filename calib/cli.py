@@ -25,6 +25,7 @@ LINES = {
     "solve": "Solve the camera, and where it stood, from what was detected, and judge it.",
     "evaluate": "Measure a calibration: reprojection, intersection, reconstruction and pose error.",
     "report": "Write a folder's page, index.html, again from the results it stores.",
+    "measure": "Measure a printed target with photos of it.",
     "pose": "Find where a known camera stood, and how surely.",
     "coupon": "Tell ink bleed, scale and skew of a printer from photos or scans of its coupon.",
     "target": "Read a target file and say what it holds, or make one of a table of points.",

@@ -125,7 +125,7 @@ Points = Annotated[
         metavar="KIND",
     ),
 ]
-MadeWithShrink = Annotated[float, option("that this print was made with, to tell that of the next")]
+MadeWithShrink = Annotated[float, option("that this print was made with, to tell that of the next", -50, 50)]
 MadeWithSkew = Annotated[
     Skew,
     option(

@@ -1,14 +1,23 @@
 """Numbers of a print with their standard deviations, and what takes them back in the next."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-from calib.as_built.deviations import Compensation, Estimate, WholePrint, next_shrink_percent, next_skew_rad
+from calib.as_built.deviations import (
+    Compensation,
+    Estimate,
+    WholePrint,
+    compensation_percent,
+    next_shrink_percent,
+    next_skew_rad,
+)
 from designer.base.number_text import figure, with_digits
 from designer.base.units import MOST_SKEW_DEG, SKEW_NAMES, Skew
-from designer.page.blocks import Cell, Table
+from designer.page.blocks import Cell, Command, Paragraph, Table
 from designer.page.folders import Shown, table_of
+from designer.spec.build import BUILDS, builds_of
+from designer.target import TargetGeometry
 
 FINEST = 1.5e-4
 """Standard deviation to whose digits numbers are told at the most."""
@@ -106,3 +115,65 @@ def skew_words(skew_rad: Skew) -> str:
     """Angles as `design --skew-compensation` reads them, to 0.001 deg: 2 um on 100 mm."""
     angles = [(name, f"{math.degrees(angle):.3f}") for name, angle in zip(SKEW_NAMES, skew_rad, strict=True)]
     return ", ".join(f"{name} {angle}deg" for name, angle in angles if float(angle)) or "0"
+
+
+def is_plastic(target: TargetGeometry) -> bool:
+    """Whether it is of ours and printed in plastic, so that `design` corrects size and angles; else on paper, or so."""
+    build = target.build or (None if target.spec is None else builds_of(target.form)[0])
+    return build is not None and BUILDS[build].has_body
+
+
+def next_print(whole: WholePrint, made_with: Compensation, *, plastic: bool) -> tuple[Command | Paragraph, ...]:
+    """What to dial in, so that the next print of the same design comes out right."""
+    if not whole.can_be_corrected:
+        return (Paragraph("Size or shape is off by more than a printer can be: nothing to dial in against it."),)
+    return tuple(_in_plastic(whole, made_with) if plastic else _on_paper(whole))
+
+
+def _on_paper(whole: WholePrint) -> Iterator[Command | Paragraph]:
+    """Of a print on paper the size is all that a printer's dialog takes back."""
+    size = whole.known_size
+    if size is None:
+        yield Paragraph("Measure one length with a caliper or a ruler and give it with --length, to know the size.")
+    elif not size.is_significant:
+        yield Paragraph("The size needs no correction.")
+    else:
+        yield Paragraph(f"Print it at {100 + compensation_percent(size.value):.3f} % of its size.")
+    if not whole.is_in_shape:
+        yield Paragraph(
+            "Axes or angles are off by more than noise: another printer or paper; until then use the measured target."
+        )
+
+
+def _in_plastic(whole: WholePrint, made_with: Compensation) -> Iterator[Command | Paragraph]:
+    size, options = whole.known_size, next_options(whole, made_with)
+    shrink, skew = options
+    if size is None:
+        yield Paragraph("Measure one length with a caliper and give it with --length, to know the shrinkage.")
+    elif shrink.value == shrink.made_with:
+        keep = f": keep {shrink.typed}" if shrink.value != "0" else ""
+        yield Paragraph(f"The size needs no correction{keep}.")
+    if any(one.value != one.made_with for one in options):
+        used = " ".join(one.typed for one in options if (one.value, one.made_with) != ("0", "0"))
+        made = " and ".join(one.made_with for one in options if one.made_with != "0")
+        sure = ", ".join(one.sigma for one in options if one.sigma)
+        before = f"; this one was made with {made}" if made else ""
+        yield Command(f"design ... {used}", f"the next print of the same design, in plastic (± {sure}){before}")
+    if whole.axes and whole.is_in_shape:
+        beyond = f" beyond {skew.typed}" if skew.value != "0" else ""
+        yield Paragraph(f"Axes and angles need no correction{beyond}.")
+    axes = [
+        f"{name} {100 + compensation_percent(one.value):.3f}%" for name, one in whole.axes.items() if one.is_significant
+    ]
+    if axes:
+        yield Paragraph(f"In the slicer, beside that: scale {', '.join(axes)}.")
+    skews = [f"{name} by {degrees(one)}" for name, one in whole.skews_rad.items() if one.is_significant]
+    if skews:
+        yield Paragraph(
+            "Or, with --skew-compensation left as it was, in the printer's skew correction (Marlin M852, Klipper "
+            f"SET_SKEW): its second axis leans towards the first, {', '.join(skews)}."
+        )
+    if not is_within_reach(next_skew_rad(whole, made_with.skew_rad)):
+        yield Paragraph(
+            f"design takes back no more than {MOST_SKEW_DEG:g} deg of skew: square the printer's axes first."
+        )

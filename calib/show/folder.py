@@ -23,7 +23,6 @@ Builder: TypeAlias = Callable[[Path, Origin], Page]
 PAGE_FILE = "index.html"
 KINDS: Mapping[str, str] = {
     "rig": "rig.rig_page.rig_page",
-    "measure": "measured.page.measure_page",
     "photos": "photos.photos_page.photos_page",
 }
 """What builds the page of each kind of folder: a function below `calib.show`, loaded when it is needed."""
@@ -149,6 +148,4 @@ def _kind_in(folder: Path) -> str:
 
     if is_rig_folder(folder):
         return "rig"
-    if any(folder.glob("*.as_built.json")):
-        return "measure"
     return read_photos(folder).kind if (folder / PHOTOS_FILE).is_file() else ""

@@ -177,7 +177,7 @@ class Parameter:
         if isinstance(value, bool) or not isinstance(value, kind):
             raise InputError(f"{self.label} {told}: must be {what}{self._limits(' from')}")
         if not self.option.least <= float(cast("float", value)) <= self.option.most:
-            raise InputError(f"{self.label} {told}: must be{self._limits(' from')}")
+            raise InputError(f"{self.label} {told}: must be{self._limits(' from') or ' a number'}")
 
     def _limits(self, word: str) -> str:
         least, most = (self.text_of(float(one)) for one in (self.option.least, self.option.most))

@@ -5,12 +5,12 @@ from collections.abc import Callable
 
 import pytest
 
+from calib.app.measure import measure
 from calib.app.pose import pose
 from calib.app.run import run
 from calib.app.solve import solve
 from calib.app.study_bootstrap import bootstrap
 from calib.app.tolerance import tolerance
-from calib.commands.measure import measure
 from calib.solver.options import AS_THE_PAPER, SolveOptions
 from calib.solver.start import solve_poses
 

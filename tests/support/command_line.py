@@ -1,5 +1,6 @@
 """`calib` and `design` run in this process as a user runs them, and files to run them on."""
 
+import base64
 import io
 import json
 import sys
@@ -22,8 +23,10 @@ SIGMA_PX = 0.02
 LENIENT = ("--criteria", str(Path(__file__).with_name("lenient.toml")), "--no-page")
 """For `calib run` and `solve` where the verdict is not the subject: any camera that is determined ends with 0, and no
 page is drawn, which takes seconds."""
-PICTURE = b"\x89PNG\r\n\x1a\n".ljust(33)
-"""Stands for one that is not drawn: what signs and reads no more than its beginning takes it for a picture."""
+PICTURE = base64.b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR4nGNoAAAAggCBd81ytgAAAABJRU5ErkJggg=="
+)
+"""Stands for one that is not drawn."""
 PAGE = {"index.html", "report.json"}
 BLOCKS = {"index.html", "page.json"}
 JUDGED = {"verdict.json", "next_views.json"}

@@ -68,7 +68,7 @@ def without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("calib.draw.picture", lambda *_, **__: PICTURE)
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
     monkeypatch.setattr("calib.draw.sheet.sheet_files", nothing_drawn)
-    monkeypatch.setattr("calib.show.measured.picture.picture", lambda *_: PICTURE)
+    monkeypatch.setattr("calib.draw.measured_picture.picture", lambda *_: PICTURE)
 
 
 def make_scene(folder: Path) -> None:

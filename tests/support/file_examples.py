@@ -6,21 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.as_built.cross_validation import CrossValidation, Gain
-from calib.as_built.deviations import Compensation, Estimate, WholePrint
-from calib.as_built.lengths import FittedLength
-from calib.as_built.seats import Seat, SeatLimits, Seats
 from calib.cameras.camera import Camera, CameraDocument, LearnedMap
 from calib.cameras.rig import Rig
 from calib.capture.photo_folder import SessionRecord
 from calib.core.types import FaceRecord
-from calib.coupons.ink_of_rings import InkBleed
 from calib.metrics.errors import ErrorSummary
 from calib.metrics.evaluation_files import FoundParameter, Metrics, MetricSummary
 from calib.observe.calibration_file import CalibrationRecord, Provenance, SolvedView
 from calib.observe.records import ImageRecord, Records
 from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
-from calib.records.as_built_file import AsBuiltRecord, SolvedCamera
 from calib.records.rig_file import HeldCamera, RigRecord, SolvedFrame
 from calib.renderer.options import RenderOptions
 from calib.renderer.truth import FileOptions, RigTruth, TrueFrame, TrueView, Truth
@@ -105,27 +99,6 @@ def _metrics() -> Metrics:
         "rotation": MetricSummary("mrad", ErrorSummary(0, *[math.nan] * 5)),
     }
     return Metrics("opencv", "converged", 3, 100, 2, "the views", 0, ("a remark",), parameters, summaries)
-
-
-def _as_built() -> AsBuiltRecord:
-    gap, eye = np.array([[math.nan, 1.0, 2.0]]), np.eye(3)
-    gain = Gain("intersection", "mm", 10, 0.2, 0.1, None)
-    camera = SolvedCamera(
-        "pinhole", (1000, 800), dict(PINHOLE.parameters), np.diag([1.0, 2, math.nan, 4]), 3, 100, 1, math.nan
-    )
-    estimate = Estimate(1 / 3, math.inf)
-    numbers = (estimate,) * 8
-    seat = Seat(0, "sits badly", *numbers, ("turned", "lifted"), math.nan)
-    return AsBuiltRecord(
-        "ringsolid 1.0", {"seed": "0"}, "l1", "g1", "g2", "converged", ("a remark",), 7, 0.1, True, math.nan,
-        WholePrint(estimate, {"x": estimate}, {"xy": Estimate(math.nan, 0.1)}), eye,
-        Compensation(0.1, (0.0, 0.01, 0.02)), None, (0.0, 0.0, 0.0), eye / 7, np.eye(6),
-        (FittedLength("a", 10.0, 0.1, -0.5),), np.array([3]), np.array([True]), np.zeros((1, 6)),
-        np.full((6, 6), math.nan), (), gap, gap[:, None] * eye, (0.1, 0.2), np.array([True, False]),
-        np.zeros((2, 3)), np.full((2, 3), math.nan), (camera,), CrossValidation(5, (gain,), (), (), True), False,
-        Seats("tile", "wipe it", "turn it", "mine", SeatLimits(0.1, 0.2, 1 / 3, 0.4), None, (seat,)),
-        InkBleed(estimate, 0.1, 100, 7),
-    )  # fmt: skip
 
 
 def _calibration() -> CalibrationRecord:
@@ -239,7 +212,6 @@ EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.truth": _truth,
     "ringsolid.rig_truth": _rig_truth,
     "ringsolid.metrics": _metrics,
-    "ringsolid.as_built": _as_built,
     "ringsolid.calibration": _calibration,
     "ringsolid.rig": _rig,
     "ringsolid.rig_calibration": _rig_calibration,

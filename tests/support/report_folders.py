@@ -11,14 +11,7 @@ from calib.app.study_bootstrap import Bootstrap
 from calib.app.study_compare import ComparedObjects
 from calib.app.study_cost import CostStudy
 from calib.app.study_result import StudyResult
-from calib.as_built.cross_validation import cross_validate
-from calib.as_built.deviations import Compensation
-from calib.as_built.lengths import CaliperLength, length_in
-from calib.as_built.options import AsBuiltOptions
-from calib.as_built.solve import measure
-from calib.records.as_built_file import record_of
 from calib.show.folder import build_page
-from calib.show.measured.files import measured_files, places_of
 from calib.show.parts.origin import Origin
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, Plan
 from calib.studies.compare.results import METRICS, CaseResult, Explanation, tabulated
@@ -32,7 +25,6 @@ from calib.studies.store import open_study
 from calib.studies.stored_samples import StoredCase
 from calib.studies.study_table import StudyCases, study_table
 from designer.page.blocks import Block, Figure, Finding, Findings, Fold, Page, Table
-from tests.support.as_built_scenes import photos, printed, random_shape, solid
 from tests.support.study_cases import NAMES, Made, gamma, made, paper_cases, studied
 from tests.support.tolerance_settings import told, tolerance_study
 
@@ -148,21 +140,6 @@ def compare_result() -> ComparedObjects:
 
 
 @cache
-def measure_files() -> Files:
-    """A measured icosahedron that came out of a printer, judged by photos held out."""
-    rng = np.random.default_rng(3)
-    real = printed(solid(), random_shape(solid(), rng, ring_mm=(0.05, 0.02)))
-    length = CaliperLength("edge", length_in(real, "edge"), 0.02)
-    found = measure([photos(real, rng, 14)], solid(), "opencv", AsBuiltOptions(), [length])
-    held = cross_validate(found, "opencv", AsBuiltOptions(), 2)
-    record = record_of(
-        found, held, Compensation(), bed_turn_rad=0.0, weighted=False, remarks=(), program="ringsolid 1.2.3",
-        settings={"target": "ico.target.json", "model": "opencv", "fix": ""},
-    )  # fmt: skip
-    places = places_of(Path("x") / f"{PRINT}.target.json")
-    return _relative(measured_files(places, record, found.target, solid()), Path("x"))
-
-
 @cache
 def cost_result() -> CostStudy:
     """A study of costs with made-up errors: rays are surely worse but in one place, and stand bad starts better."""
@@ -179,7 +156,6 @@ def cost_result() -> CostStudy:
     return CostStudy(table, DrawCount(), "out")
 
 
-FOLDERS: Mapping[str, Callable[[], Files]] = {"measure": measure_files}
 RESULTS: Mapping[str, Callable[[], StudyResult]] = {
     "bootstrap": bootstrap_result, "paper": paper_result, "compare": compare_result, "cost": cost_result,
     "tolerance": lambda: told(tolerance_study()),

@@ -15,7 +15,7 @@ from calib.as_built.result import AsBuilt, face_shift_mm
 from calib.as_built.solve import measure
 from calib.as_built.unknowns import KINDS, Unknowns, unknowns_of
 from calib.core.types import Observations, keep_sightings
-from calib.show.measured.picture import face_label
+from calib.draw.measured_picture import face_label
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel, perturb

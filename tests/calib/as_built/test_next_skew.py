@@ -7,8 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.as_built.deviations import Compensation, Estimate, WholePrint, next_skew_rad, whole_of_strain
-from calib.draw.print_errors import degrees, next_options, skew_words
-from calib.show.measured.next_print import next_print
+from calib.draw.print_errors import degrees, next_options, next_print, skew_words
 from designer.base.errors import InputError
 from designer.base.units import NO_SKEW, Skew, parse_skew_rad, skew_matrix
 from designer.kinds.sizing import size_printing

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from calib.as_built.deviations import Compensation
 from calib.as_built.options import AsBuiltOptions
+from calib.as_built.record import deviations_of, record_of
 from calib.as_built.result import AsBuilt
 from calib.as_built.seats import PARTS, SOURCE_OF, Seats, limits_of, seats_of
 from calib.as_built.solve import measure
 from calib.as_built.unknowns import TargetUnknowns
-from calib.records.as_built_file import record_of
-from calib.show.measured.scene import deviations_of
 from designer.kinds.cube import CubeSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry

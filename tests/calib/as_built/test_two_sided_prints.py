@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.api.measuring import rescale
+from calib.app.measure import rescale
 from calib.as_built.back import back_covariance, with_thickness
 from calib.as_built.lengths import CaliperLength
 from calib.as_built.options import AsBuiltOptions

@@ -5,19 +5,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.as_built.deviations import Verdict, bent_mm
+from calib.as_built.record import AsBuiltRecord, deviations_of
+from calib.draw.measured_scene import nice
 from calib.draw.style import EMPTY, GREY, INK, VERMILION, WIDTH_PX, note, picture, round_length
-from calib.records.as_built_file import AsBuiltRecord
-from calib.show.measured.scene import deviations_of, nice
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 DIVERGING = "RdBu_r"
 RING_ARROW = 0.6

@@ -1,21 +1,15 @@
 """A measured print in 3D: rings coloured by how far out or in they are, with arrows in their plane."""
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.as_built.deviations import bent_mm
+from calib.as_built.record import AsBuiltRecord, Deviations, deviations_of, told_motion
 from calib.core.se3 import exp_rotation
-from calib.records.as_built_file import AsBuiltRecord
+from designer.base.arrays import Array
 from designer.base.number_text import figure
 from designer.page.blocks import View3d
 from designer.page.scene import Layer, Segments, Surface
 from designer.target import TargetGeometry
 from designer.target_scene import target_scene
-from designer.tolerance.pieces import face_middle_mm
-
-Array = NDArray[np.float64]
 
 BODY, INK, NOT_KNOWN, ARROWS, BAD = "#f2f2ef", "#3d434b", "#b5b8bd", "#009e73", "#cc3377"
 COLOURS = ("#3fa7ff", "#1c6bb0", "#222222", "#c25200", "#ff9a3d")
@@ -29,55 +23,6 @@ ARROW_WIDTH_SHARE, LIFT_SHARE = 0.22, 0.03
 MOST_RINGS = 15_000
 LEAST_MM = 1e-6
 NICE = (1.0, 2.0, 5.0, 10.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Deviations:
-    """Where each of R rings lies against the design, the stretch of the whole print taken off."""
-
-    in_face_mm: Array  # (R, 3) in the axes of its face; nan: not known
-    size_mm: Array  # (R,)
-
-    @property
-    def known(self) -> NDArray[np.int64]:
-        """Rings of which it is known."""
-        return np.flatnonzero(np.isfinite(self.size_mm))
-
-
-def deviations_of(record: AsBuiltRecord, target: TargetGeometry) -> Deviations:
-    """What offsets, bow and motion of its face do to each ring.
-
-    A ring designed at c lies at exp(w) (c + o + z b) + t, see `calib.as_built.unknowns`. For c stands where it was
-    measured, less offset and bow: what that changes is a product of two deviations.
-    """
-    face = target.ring_face
-    bent = bent_mm(target, record.ring_offset_mm, record.face_bow_mm)
-    design = target.center_in_face_mm - bent
-    design[:, 2] = 0.0
-    motion = told_motion(record, target)
-    turn = exp_rotation(np.nan_to_num(motion[:, 3:]))
-    moved = np.einsum("rij,rj->ri", turn[face], design + bent) + motion[face, :3]
-    in_face = moved - design
-    in_face[~(record.ring_is_seen & record.face_is_determined[face])] = np.nan
-    return Deviations(in_face, np.linalg.norm(in_face, axis=1))
-
-
-def told_motion(record: AsBuiltRecord, target: TargetGeometry) -> Array:
-    """How each face lies, as the tables tell it: shift (mm), rotation vector (rad), in its frame.  # (F, 6)
-
-    Of pieces it is the motion about the middle of the face, against those that sit well: shift t there and rotation R
-    about the middle m are R and t + m - R m about the frame's origin.
-    """
-    if record.seats is None:
-        return record.motion
-    numbers = [
-        (one.shift_x_mm, one.shift_y_mm, one.height_mm, one.tilt_x_rad, one.tilt_y_rad, one.turn_rad)
-        for one in sorted(record.seats.seats, key=lambda one: one.face)
-    ]
-    motion = np.array([[each.value for each in one] for one in numbers])
-    middle = np.pad(face_middle_mm(target), ((0, 0), (0, 1)))
-    motion[:, :3] += middle - np.einsum("fij,fj->fi", exp_rotation(np.nan_to_num(motion[:, 3:])), middle)
-    return motion
 
 
 def datum_words(record: AsBuiltRecord) -> str:
@@ -120,9 +65,8 @@ def _alt(found: Deviations, target: TargetGeometry) -> str:
 
 def _caption(factor: float, record: AsBuiltRecord) -> str:
     return (
-        "Colour: out of the face or into it, motion and bow of the face and the ring's own offset together; the "
-        f"stretch of the whole print is taken off. Green arrows: where to in the face's plane, {factor:g} times as far."
-        f"{datum_words(record)}"
+        f"Colour: out of the face or into it. Green arrows: where to in its plane, {factor:g} times as far. "
+        f"The stretch of the whole print is taken off.{datum_words(record)}"
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.api.measuring import measure
+from calib.app.measure import measure
 from calib.core.types import keep_frames
 from calib.observe.calibration_file import Provenance
 from calib.records.rig_file import write_rig

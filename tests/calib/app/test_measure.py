@@ -1,10 +1,7 @@
 """`calib measure`, run as a user runs it, and the words, numbers and files it leaves."""
 
 import csv
-import io
 import json
-import sys
-from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -12,11 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer
 from numpy.typing import NDArray
 
-from calib.api.measuring import measure as measure_from_python
-from calib.api.measuring import rescale
+from calib.app.measure import measure as measure_from_python
+from calib.app.measure import rescale
 from calib.as_built.cross_validation import cross_validate, laid_over
 from calib.as_built.deviations import (
     Compensation,
@@ -32,18 +28,16 @@ from calib.as_built.lengths import CALIPER_SIGMA_MM, CaliperLength, asked_length
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.solve import measure as measure_print
 from calib.cameras.camera import Camera
-from calib.commands.measure import measure
 from calib.core.se3 import exp_rotation
 from calib.core.types import Observations, keep_sightings
+from calib.draw import measured_picture
+from calib.draw.print_errors import next_print
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
 from calib.observe.photos import PhotoFile, PhotoResult, Search
 from calib.observe.search import PhotoSearch
-from calib.show.measured import picture
-from calib.show.measured.next_print import next_print
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from designer.base.command import run
 from designer.base.errors import InputError
 from designer.kinds.sizing import size_printing
 from designer.make.bed import bed_from_target, printed_corners_mm
@@ -53,14 +47,14 @@ from designer.target import TargetGeometry, load_target, target_to_json
 from designer.tolerance.model import ErrorModel, displaced, perturb
 from designer.tolerance.source import Amount
 from tests.support.as_built_scenes import RIGID, photos, plate, printed, random_shape, solid
-from tests.support.command_line import LENIENT, PAGE, PICTURE, Answer, calib, detections_of, files_in
+from tests.support.command_line import BLOCKS, LENIENT, PICTURE, Answer, calib, detections_of, files_in
 from tests.support.designs import small
 from tests.support.solver_scenes import CAMERAS, observe
 
 Array = NDArray[np.float64]
 
-DRAW = "calib.show.measured.picture.picture"
-DRAWN = picture.picture
+DRAW = "calib.draw.measured_picture.picture"
+DRAWN = measured_picture.picture
 MEASURED = ("measured.target.json", "measured.as_built.json", "measured.as_built.csv", "measured.as_built.png")
 INPUTS = {"ico.target.json", "seen.csv", "seen.records.json"}
 PLAIN = ("ico.target.json", "seen.csv", "-o", "measured.target.json", "--model", "opencv", "--held-out", "0")
@@ -96,15 +90,7 @@ def write_seen(shown: Observations, name: str, target: TargetGeometry | None = N
 
 def command(*arguments: object) -> Answer:
     """Run `calib measure`."""
-    app = typer.Typer(pretty_exceptions_enable=False)
-    app.command()(measure)
-    out, err = io.StringIO(), io.StringIO()
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
-        patch.setattr(sys, "argv", ["measure", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            run(app)
-    assert isinstance(end.value.code, int)
-    return Answer(end.value.code, out.getvalue(), err.getvalue())
+    return calib("measure", *arguments)
 
 
 def largest_distance_mm(one: TargetGeometry, other: TargetGeometry) -> float:
@@ -158,8 +144,8 @@ def test_the_model_is_that_of_the_run_or_as_run_chooses() -> None:
         ),
         ({"lengths": [CaliperLength("edge", 100.0, float("inf"))]}, "inf mm: both must be numbers of more than 0"),
         ({"lengths": [100.0]}, "give text as in"),
-        ({"shrink_compensation_percent": float("nan")}, "between -50% and 50%"),
-        ({"bed_turn_rad": float("nan")}, "a full turn at most"),
+        ({"shrink_compensation_percent": float("nan")}, "from -50% to 50%"),
+        ({"bed_turn_rad": float("nan")}, "from -360deg to 360deg"),
         ({"observed": ()}, "no detections"),
         ({"observed": (one for one in ("seen.csv", 5))}, "5: give files, observations"),
         ({"observed": ["seen.csv", detections_of(seen(), solid())[0]]}, "detections beside files"),
@@ -184,7 +170,7 @@ def test_a_print_is_measured_and_all_is_written(monkeypatch: pytest.MonkeyPatch)
     assert found.face_covariance is not None
     assert largest_distance_mm(print_(), found) < 0.03 < largest_distance_mm(print_(), solid())
     assert length_in(found, "face-to-face") == pytest.approx(length, abs=1e-6)
-    assert files_in(Path()) == INPUTS | set(MEASURED) | PAGE
+    assert files_in(Path()) == INPUTS | set(MEASURED) | BLOCKS
     report = json.loads(Path("measured.as_built.json").read_text())
     assert report["measured_geometry_id"] == found.geometry_id
     assert report["nominal_geometry_id"] == solid().geometry_id
@@ -460,7 +446,7 @@ def refused(*arguments: object) -> str:
         (("ico.target.json", "ico.target.json", "-o", "m.target.json"), "ico.target.json"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--model", "virtual"), "cannot measure them"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--model", "open"), "did you mean 'opencv'"),
-        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--rings", "loose"), "free or rigid"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--rings", "loose"), "use free, rigid"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--made", "exact"), "nothing to measure then"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--made", "fdm-dua"), "did you mean 'fdm-dual'"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--reject", "0"), "--reject 0"),

@@ -1,4 +1,4 @@
-"""The tables of a measured print, for its page and for `calib measure --verbose`."""
+"""The tables of a measured print: faces, rings, cameras, and what is gained."""
 
 import math
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from calib.as_built.cross_validation import Gain
 from calib.as_built.deviations import FREE_PARAMETERS, Estimate
-from calib.draw.print_errors import errors_table, told, whole_rows
-from calib.records.as_built_file import AsBuiltRecord
-from calib.show.measured.scene import datum_words, deviations_of
-from calib.show.measured.seats import seats_table
-from calib.show.measured.words import axes_words
+from calib.as_built.record import AsBuiltRecord, SolvedCamera, deviations_of
+from calib.draw.measured_scene import datum_words
+from calib.draw.print_errors import is_plastic, told
+from calib.draw.seats import seats_table
 from designer.base.number_text import figure
 from designer.page.blocks import Cell, Column, Level, Table
+from designer.page.folders import Shown, table_of
 from designer.target import TargetGeometry
 
 MOST_RINGS = 2000
@@ -21,10 +21,14 @@ LEVEL_OF_VERDICT: dict[str, Level] = {"moved": "usable", "as designed": "good"}
 LEVEL_OF_BETTER: dict[bool | None, Level] = {True: "good", False: "usable", None: "note"}
 
 
-def whole_table(record: AsBuiltRecord, target: TargetGeometry | None) -> Table | None:
-    """Size and shape of the whole print; None if nothing of them is known."""
-    rows = whole_rows(record.whole)
-    return errors_table("Size and shape", rows, "" if target is None else axes_words(target)) if rows else None
+def axes_words(target: TargetGeometry) -> str:
+    """What the axes of a print are."""
+    if not is_plastic(target):
+        return "Axes are the print's: x along its longer side."
+    return (
+        f"Axes are the bed's with the target as design lays it: face {target.face_count - 1} down, the longer side "
+        "along x; give --bed-turn if it was turned."
+    )
 
 
 def faces_table(record: AsBuiltRecord) -> Table | None:
@@ -63,7 +67,7 @@ def _estimate(one: Estimate, unit: float = 1.0, *, is_starred: bool = True) -> C
     return Cell(told(one, star, unit), unit * one.value if one.is_known else None)
 
 
-def rings_table(record: AsBuiltRecord, target: TargetGeometry | None) -> Table | None:
+def rings_table(record: AsBuiltRecord, target: TargetGeometry) -> Table | None:
     """How the rings lie on their faces, those off most first; None if rings were held rigid."""
     if record.ring_sigma_mm is None:
         return None
@@ -71,42 +75,44 @@ def rings_table(record: AsBuiltRecord, target: TargetGeometry | None) -> Table |
     size[~record.ring_is_seen] = np.nan
     order = np.argsort(-np.nan_to_num(size, nan=-1.0), kind="stable")
     order = order[np.isfinite(size[order])]
-    total = None if target is None else deviations_of(record, target).size_mm
-    columns = [
-        Column("ring"), *((Column("face"), Column("i, j", is_number=False)) if target is not None else ()),
-        *(Column(f"offset {axis} [mm]") for axis in "xyz"), Column("off by [mm]", note="its own offset"),
-        *((Column("with its face [mm]", note="offset, bow and motion of the face"),) if target is not None else ()),
-    ]  # fmt: skip
-    rows = []
-    for ring in order[:MOST_RINGS].tolist():
-        cells = [Cell(str(ring), ring)]
-        if target is not None:
-            face, (i, j) = int(target.ring_face[ring]), target.ring_index[ring].tolist()
-            cells += [Cell(str(face), face), Cell(f"{i}, {j}")]
-        offsets = zip(record.ring_offset_mm[ring], record.ring_offset_sigma_mm[ring], strict=True)
-        cells += [_estimate(Estimate(float(value), float(sigma))) for value, sigma in offsets]
-        sizes = (size[ring],) if total is None else (size[ring], total[ring])
-        cells += [Cell(figure(float(one), 3), float(one)) for one in sizes]
-        rows.append(tuple(cells))
+    total = deviations_of(record, target).size_mm
+
+    def offset(axis: int) -> Shown[int]:
+        return Shown[int](
+            f"offset {'xyz'[axis]} [mm]",
+            lambda ring: _estimate(
+                Estimate(float(record.ring_offset_mm[ring, axis]), float(record.ring_offset_sigma_mm[ring, axis]))
+            ),
+        )
+
     more = f" The {MOST_RINGS} that are off most of {len(order)}." if len(order) > MOST_RINGS else ""
-    own = "Their own offsets in the axes of their face, z outwards; bow and motion of the face taken off."
-    note = f"{own}{more}{'' if target is None else datum_words(record)}"
-    return Table("How the rings lie on their faces", tuple(columns), tuple(rows), note)
+    return table_of(
+        order[:MOST_RINGS].tolist(),
+        Shown[int]("ring", int),
+        Shown[int]("face", lambda ring: int(target.ring_face[ring])),
+        Shown[int]("i, j", lambda ring: ", ".join(map(str, target.ring_index[ring].tolist()))),
+        *map(offset, range(3)),
+        Shown[int]("off by [mm]", lambda ring: float(size[ring]), "its own offset", 3),
+        Shown[int]("with its face [mm]", lambda ring: float(total[ring]), "offset, bow and motion of the face", 3),
+        title="How the rings lie on their faces",
+        note="Their own offsets in the axes of their face, z outwards; bow and motion of the face taken off."
+        f"{more}{datum_words(record)}",
+    )  # fmt: skip
 
 
 def cameras_table(record: AsBuiltRecord) -> Table:
     """The cameras that were solved beside the target."""
-    columns = (
-        Column("camera"), Column("model", is_number=False), Column("photos"), Column("observations"),
-        Column("left out"), Column("RMS residual [px]"),
-    )  # fmt: skip
-    rows = tuple(
-        (Cell(str(number), number), Cell(one.model), Cell(str(one.views), one.views),
-         Cell(str(one.observations), one.observations), Cell(str(one.left_out), one.left_out),
-         Cell(figure(one.rms_px, 3), one.rms_px))
-        for number, one in enumerate(record.cameras, start=1)
-    )  # fmt: skip
-    return Table("Cameras, solved together with the target", columns, rows)
+    kind = Shown[tuple[int, SolvedCamera]]
+    return table_of(
+        enumerate(record.cameras, start=1),
+        kind("camera", lambda row: row[0]),
+        kind("model", lambda row: row[1].model),
+        kind("photos", lambda row: row[1].views),
+        kind("observations", lambda row: row[1].observations),
+        kind("left out", lambda row: row[1].left_out),
+        kind("RMS residual [px]", lambda row: row[1].rms_px, digits=3),
+        title="Cameras, solved together with the target",
+    )
 
 
 def gains_table(record: AsBuiltRecord) -> Table | None:

@@ -1,4 +1,4 @@
-"""NAME.as_built.json: how a print differs from its design, for its page, `calib measure --json` and other programs."""
+"""All that is told of a measured print: `NAME.as_built.json`, and where each ring came out."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -7,15 +7,15 @@ from functools import cached_property
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.as_built.cross_validation import CrossValidation
+from calib.as_built.cross_validation import CrossValidation, Gain
 from calib.as_built.deviations import (
     ORDER,
     Compensation,
     Verdict,
     WholePrint,
     bed_axes,
+    bent_mm,
     compensation_percent,
     face_verdicts,
     next_skew_rad,
@@ -24,45 +24,29 @@ from calib.as_built.deviations import (
 from calib.as_built.lengths import FittedLength
 from calib.as_built.result import AsBuilt
 from calib.as_built.seats import Seats, seats_of
-from calib.coupons.ink_of_rings import InkBleed
+from calib.core.se3 import exp_rotation
 from calib.solver.calibration import Status
-from designer.base.file_kind import FileKind
-from designer.base.marks import (
-    INLINE,
-    OR_NULL,
-    AtLeast,
-    AtMost,
-    Count,
-    FewLines,
-    Gap,
-    Length,
-    Number,
-    Shape,
-    Word,
-)  # fmt: skip
+from designer.base.arrays import Array, Flags, Rows
+from designer.base.marks import INLINE, OR_NULL, Gap
 from designer.base.units import Skew
+from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel
+from designer.tolerance.pieces import face_middle_mm
 
-MOST_FACES, MOST_RINGS = 2000, 100_000
-LARGEST = 1e6
-"""In mm, rad, or the square of these: nothing that is printed is off by as much."""
-
-Array = NDArray[np.float64]
-Sizes = Annotated[Array, OR_NULL, AtLeast(-LARGEST), AtMost(LARGEST)]
-Flags = NDArray[np.bool_]
+Sizes = Annotated[Array, OR_NULL]
 
 
 @dataclass(frozen=True, eq=False)
 class SolvedCamera:
     """A camera that was solved beside."""
 
-    model: Word
+    model: str
     image_size: tuple[int, int]
-    params: Mapping[Word, Number]
-    param_covariance: Annotated[Array, Shape("P", "P"), OR_NULL]
-    views: Count
-    observations: Count
-    left_out: Count
+    params: Mapping[str, float]
+    param_covariance: Sizes
+    views: int
+    observations: int
+    left_out: int
     rms_px: Gap
 
 
@@ -70,48 +54,40 @@ class SolvedCamera:
 class AsBuiltRecord:
     """A measured print: F faces and R rings. Null is not known."""
 
-    program: Word
-    settings: Annotated[Mapping[Word, Annotated[str, Length(0, 100_000)]], Length(0, 100)]
-    layout_id: Word
-    nominal_geometry_id: Word
-    measured_geometry_id: Word
+    program: str
+    settings: Mapping[str, str]
+    layout_id: str
+    nominal_geometry_id: str
+    measured_geometry_id: str
     status: Status
-    remarks: FewLines
-    iterations: Count
+    remarks: tuple[str, ...]
+    iterations: int
     observation_sigma: Gap
     size_is_known: bool
     size_sigma: Gap
     whole: Annotated[WholePrint, INLINE]
-    bed_axes_from_target: Annotated[Array, Shape(3, 3)]
+    bed_axes_from_target: Array
     made_with: Annotated[Compensation, INLINE]
-    next_shrink_compensation_percent: Number | None
+    next_shrink_compensation_percent: float | None
     next_skew_compensation_rad: Skew
-    strain: Annotated[Sizes, Shape(3, 3)]
-    strain_covariance: Annotated[Sizes, Shape(6, 6)]
-    lengths: Annotated[tuple[FittedLength, ...], Length(0, 100)]
-    face_views: Annotated[NDArray[np.int64], Shape("F"), Length(1, MOST_FACES)]
-    face_is_determined: Annotated[Flags, Shape("F")]
-    face_motion: Annotated[Sizes, Shape("F", 6)]  # rotation vector (rad), shift (mm), in the face's frame
-    face_motion_covariance: Annotated[Sizes, Shape("6 F", "6 F")]
-    face_verdict: Annotated[tuple[Verdict, ...], Length(0, MOST_FACES)]  # none for a single face
-    face_bow_mm: Annotated[Sizes, Shape("F", 3)]
-    face_bow_covariance: Annotated[Sizes, Shape("F", 3, 3)]
-    ring_sigma_mm: tuple[Number, Number] | None
-    ring_is_seen: Annotated[Flags, Shape("R"), Length(1, MOST_RINGS)]
-    ring_offset_mm: Annotated[Sizes, Shape("R", 3)]  # in the ring's face's frame
-    ring_offset_sigma_mm: Annotated[Sizes, Shape("R", 3)]
-    cameras: Annotated[tuple[SolvedCamera, ...], Length(0, 100)]
+    strain: Sizes
+    strain_covariance: Sizes
+    lengths: tuple[FittedLength, ...]
+    face_views: Rows
+    face_is_determined: Flags
+    face_motion: Sizes  # rotation vector (rad), shift (mm), in the face's frame
+    face_motion_covariance: Sizes
+    face_verdict: tuple[Verdict, ...]  # none for a single face
+    face_bow_mm: Sizes
+    face_bow_covariance: Sizes
+    ring_sigma_mm: tuple[float, float] | None
+    ring_is_seen: Flags
+    ring_offset_mm: Sizes  # in the ring's face's frame
+    ring_offset_sigma_mm: Sizes
+    cameras: tuple[SolvedCamera, ...]
     held_out: CrossValidation | None  # None: nobody asked
     weighted: bool = True  # by stated covariances, in which the standard deviation of an observation is told then
     seats: Seats | None = None  # how the pieces sit of a target that was put together; None: one print
-    ink_bleed: InkBleed | None = None  # None: the rings do not tell
-
-    def __post_init__(self) -> None:
-        faces = len(self.face_motion)
-        if len(self.face_motion_covariance) != 6 * faces:
-            raise ValueError(f"face_motion_covariance must be of {6 * faces} numbers, as face_motion is")
-        if len(self.face_verdict) not in (0, faces):
-            raise ValueError(f"face_verdict must be of {faces} faces, as face_motion is, or empty")
 
     @property
     def motion(self) -> Array:
@@ -124,8 +100,10 @@ class AsBuiltRecord:
         variance = np.diagonal(self.face_motion_covariance)
         return np.sqrt(np.maximum(variance, 0.0)).reshape(-1, 6)[:, ORDER]
 
-
-AS_BUILT = FileKind(AsBuiltRecord, "as_built", "the report on a measured print", "measure the print again")
+    @property
+    def judged_gain(self) -> Gain | None:
+        """The error in cross-validation that says most."""
+        return None if self.held_out is None else self.held_out.judged_by
 
 
 def record_of(
@@ -137,7 +115,6 @@ def record_of(
     weighted: bool,
     remarks: tuple[str, ...],
     made: ErrorModel | None = None,
-    ink_bleed: InkBleed | None = None,
     program: str,
     settings: Mapping[str, str],
 ) -> AsBuiltRecord:
@@ -151,7 +128,6 @@ def record_of(
         weighted: by stated covariances.
         remarks: beside those of the solution.
         made: the errors of its way of making.
-        ink_bleed: how much wider its ink is.
         program: name and version.
         settings: names and values of the options.
     """
@@ -196,7 +172,6 @@ def record_of(
         held_out=held_out,
         seats=seats,
         weighted=weighted,
-        ink_bleed=ink_bleed,
     )
 
 
@@ -210,3 +185,52 @@ def _cameras(found: AsBuilt) -> Iterator[SolvedCamera]:
             camera.model, camera.image_size, camera.parameters, covariance, seen.view_count, len(seen.view),
             int(is_outlier.sum()), rms_px,
         )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Deviations:
+    """Where each of R rings lies against the design, the stretch of the whole print taken off."""
+
+    in_face_mm: Array  # (R, 3) in the axes of its face; nan: not known
+    size_mm: Array  # (R,)
+
+    @property
+    def known(self) -> Rows:
+        """Rings of which it is known."""
+        return np.flatnonzero(np.isfinite(self.size_mm))
+
+
+def deviations_of(record: AsBuiltRecord, target: TargetGeometry) -> Deviations:
+    """What offsets, bow and motion of its face do to each ring.
+
+    A ring designed at c lies at exp(w) (c + o + z b) + t, see `calib.as_built.unknowns`. For c stands where it was
+    measured, less offset and bow: what that changes is a product of two deviations.
+    """
+    face = target.ring_face
+    bent = bent_mm(target, record.ring_offset_mm, record.face_bow_mm)
+    design = target.center_in_face_mm - bent
+    design[:, 2] = 0.0
+    motion = told_motion(record, target)
+    turn = exp_rotation(np.nan_to_num(motion[:, 3:]))
+    moved = np.einsum("rij,rj->ri", turn[face], design + bent) + motion[face, :3]
+    in_face = moved - design
+    in_face[~(record.ring_is_seen & record.face_is_determined[face])] = np.nan
+    return Deviations(in_face, np.linalg.norm(in_face, axis=1))
+
+
+def told_motion(record: AsBuiltRecord, target: TargetGeometry) -> Array:
+    """How each face lies, as the tables tell it: shift (mm), rotation vector (rad), in its frame.  # (F, 6)
+
+    Of pieces it is the motion about the middle of the face, against those that sit well: shift t there and rotation R
+    about the middle m are R and t + m - R m about the frame's origin.
+    """
+    if record.seats is None:
+        return record.motion
+    numbers = [
+        (one.shift_x_mm, one.shift_y_mm, one.height_mm, one.tilt_x_rad, one.tilt_y_rad, one.turn_rad)
+        for one in sorted(record.seats.seats, key=lambda one: one.face)
+    ]
+    motion = np.array([[each.value for each in one] for one in numbers])
+    middle = np.pad(face_middle_mm(target), ((0, 0), (0, 1)))
+    motion[:, :3] += middle - np.einsum("fij,fj->fi", exp_rotation(np.nan_to_num(motion[:, 3:])), middle)
+    return motion
