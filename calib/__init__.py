@@ -10,12 +10,8 @@ from importlib import import_module
 
 TYPE_CHECKING = False  # `typing` takes long to load, and Ctrl-C in the meantime leaves a traceback
 if TYPE_CHECKING:
-    from calib.api.hand_eye import hand_eye, turntable
     from calib.api.rendering import RenderedPhotos, render
     from calib.api.rendering_rigs import RenderedRig, render_rig
-    from calib.api.rig_observing import load_rig_observations
-    from calib.api.rig_result import RigResult
-    from calib.api.rigging import rig
     from calib.app.budget import Budget, budget
     from calib.app.calibration import Run
     from calib.app.convert import Conversion, convert
@@ -23,19 +19,23 @@ if TYPE_CHECKING:
     from calib.app.detect import DetectedPhotos, Detector, detect, detect_photos
     from calib.app.diff import Difference, diff
     from calib.app.evaluate import CameraErrors, evaluate
-    from calib.app.inputs import load_camera, load_observations, load_rig
+    from calib.app.hand_eye import hand_eye
+    from calib.app.inputs import load_camera, load_observations, load_rig, load_rig_observations
     from calib.app.measure import measure, rescale
     from calib.app.measured_print import MeasuredPrint, RescaledTarget
     from calib.app.plan import PhotoPlan, plan
     from calib.app.pose import TargetPoses, pose
+    from calib.app.rig import rig
     from calib.app.rig_bootstrap import RigBootstrap, rig_bootstrap
     from calib.app.rig_tolerance import RigTolerance, rig_tolerance
     from calib.app.run import NothingFoundError, run
     from calib.app.solve import solve
+    from calib.app.solved_rig import SolvedRig
     from calib.app.study_bootstrap import Bootstrap, bootstrap
     from calib.app.study_cost import CostStudy, study_cost
     from calib.app.tolerance import Tolerance, Ways, tolerance, ways
     from calib.app.triangulate import Triangulation, triangulate
+    from calib.app.turntable import turntable
     from calib.app.undistort import UndistortedPhotos, Undistorter, undistort, undistort_photos
     from calib.cameras.camera import Camera
     from calib.cameras.rig import Rig
@@ -46,10 +46,10 @@ if TYPE_CHECKING:
     from calib.core.types import Detections, Observations, RigObservations
     from calib.guide.guide import Guide
     from calib.guide.rig_guide import RigGuide
-    from calib.records.hand_eye_file import HandEye
     from calib.renderer.options import RenderOptions
     from calib.solver.calibration import Calibration
     from calib.space.sightings import PointSightings
+    from calib.verdict.hand_eye_file import HandEye
     from designer.base.errors import InputError
 
 __all__ = [
@@ -81,9 +81,9 @@ __all__ = [
     "RigBootstrap",
     "RigGuide",
     "RigObservations",
-    "RigResult",
     "RigTolerance",
     "Run",
+    "SolvedRig",
     "TargetPoses",
     "Tolerance",
     "Triangulation",
@@ -156,10 +156,6 @@ _HOMES = {
         "CouponReading",
         "coupon",
     ),
-    "calib.api.hand_eye": (
-        "hand_eye",
-        "turntable",
-    ),
     "calib.app.calibration": ("Run",),
     "calib.app.detect": (
         "DetectedPhotos",
@@ -171,10 +167,12 @@ _HOMES = {
         "CameraErrors",
         "evaluate",
     ),
+    "calib.app.hand_eye": ("hand_eye",),
     "calib.app.inputs": (
         "load_camera",
         "load_observations",
         "load_rig",
+        "load_rig_observations",
     ),
     "calib.app.measure": (
         "measure",
@@ -192,9 +190,6 @@ _HOMES = {
         "RenderedRig",
         "render_rig",
     ),
-    "calib.api.rig_observing": ("load_rig_observations",),
-    "calib.api.rig_result": ("RigResult",),
-    "calib.api.rigging": ("rig",),
     "calib.app.tolerance": (
         "Tolerance",
         "Ways",
@@ -218,10 +213,13 @@ _HOMES = {
         "TargetPoses",
         "pose",
     ),
+    "calib.app.rig": ("rig",),
+    "calib.app.solved_rig": ("SolvedRig",),
     "calib.app.triangulate": (
         "Triangulation",
         "triangulate",
     ),
+    "calib.app.turntable": ("turntable",),
     "calib.app.undistort": (
         "UndistortedPhotos",
         "Undistorter",
@@ -241,7 +239,7 @@ _HOMES = {
     ),
     "calib.guide.guide": ("Guide",),
     "calib.guide.rig_guide": ("RigGuide",),
-    "calib.records.hand_eye_file": ("HandEye",),
+    "calib.verdict.hand_eye_file": ("HandEye",),
     "calib.renderer.options": ("RenderOptions",),
     "calib.solver.calibration": ("Calibration",),
     "calib.space.sightings": ("PointSightings",),

@@ -8,7 +8,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from calib.core.types import Detections, Observations
+from calib.core.types import Detections, Observations, RigObservations
 from calib.interop import FORMATS, OWN
 from calib.interop.rigs import OWN_RIG, RIG_FORMATS
 from designer.base.errors import InputError
@@ -83,6 +83,21 @@ def load_observations(
     return read_observations(place, geometry, image_size=image_size, grid=grid, points=points, diameter_mm=diameter_mm)
 
 
+def load_rig_observations(path: Place, target: "TargetGeometry | Place | None" = None) -> RigObservations:
+    """Read what several cameras saw: `load_rig_observations("sightings.csv")`.
+
+    Args:
+        path: a table with camera,frame,u,v,X,Y,Z, and a line `# camera NAME 1280 x 720` for each camera.
+        target: whose points were seen; None: the table's own.
+
+    Raises:
+        InputError: the file cannot be read, or nothing is left of a camera to solve from.
+    """
+    from calib.observe.rig_sightings import read_rig_sightings
+
+    return read_rig_sightings(place_of(path, "a table of sightings"), None if target is None else target_of(target))
+
+
 def observations_of(observed: Observed, target: "TargetGeometry | Place | None") -> Observations:
     """Observations, whatever they are given as.
 
@@ -124,7 +139,6 @@ def file_or_observations(
         InputError: as for `load_observations`, or what is no file has such an option.
     """
     from calib.observe.corners_vnl import PointGrid
-    from designer.base.units import parse_length_mm
 
     if not isinstance(observed, str | PathLike):
         told = (("--image-size", image_size), ("--grid", grid), ("--pitch", pitch_mm), ("--points", points))
@@ -133,15 +147,11 @@ def file_or_observations(
         return observations_of(observed, target)
     if (grid is None) != (pitch_mm is None):
         raise InputError("--grid and --pitch belong together: --grid 10x7 --pitch 20mm")
-    kind, _, diameter = (points or "").partition(":")
-    try:
-        diameter_mm = parse_length_mm(diameter) if diameter else None
-    except ValueError as error:
-        raise InputError(f"--points {shown(diameter)}: {error}") from None
+    kind, diameter_mm = points_of(points, None)
     return load_observations(
         observed, target, image_size=image_size,
         grid=None if grid is None or pitch_mm is None else PointGrid(*grid, pitch_mm),
-        points=None if points is None else kind, diameter_mm=diameter_mm,
+        points=kind, diameter_mm=diameter_mm,
     )  # fmt: skip
 
 
@@ -249,6 +259,23 @@ def load_rig(name: Place, *, unit: str | None = None) -> "Rig":
     from calib.interop.rigs.reading import open_rig
 
     return open_rig(place_of(name, "a rig.json"), unit=unit).read.rig
+
+
+def points_of(points: str | None, diameter_mm: float | None) -> tuple[str | None, float | None]:
+    """What a table's points are, and the diameter of circles: `circle:13mm` says both.
+
+    Raises:
+        InputError: no such diameter, or two.
+    """
+    from calib.renderer.quantities import parsed
+    from designer.base.units import parse_length_mm
+
+    kind, _, diameter = (points or "").partition(":")
+    if not diameter:
+        return points, diameter_mm
+    if diameter_mm is not None:
+        raise InputError(f"--points {shown(points)}: says the diameter; leave diameter_mm out")
+    return kind, parsed("--points", diameter, parse_length_mm)
 
 
 def rig_of(rig: "Rig | Place") -> "Rig":

@@ -25,11 +25,11 @@ from calib.observe.dataset import read_detections
 from calib.observe.observations import known_points
 from calib.observe.photos import FoundPhotos, named_photos
 from calib.observe.search import PhotoSearch
-from calib.records.rig_folder import read_rig_run
 from calib.rigs.result import RigCalibration
 from calib.solver.plan import SolvePlan
 from calib.solver.solve import solve
 from calib.verdict.judge import VERDICT, VERDICT_FILE
+from calib.verdict.rig_folder import read_rig_run
 from designer.base.errors import InputError
 from designer.base.words import several, shown
 from designer.page.progress import Progress

@@ -22,7 +22,7 @@ from designer.page.result import Result
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
-    from calib.records.hand_eye_file import HandEye
+    from calib.verdict.hand_eye_file import HandEye
     from calib.verdict.next_views import NextView
     from calib.verdict.plan_tried import TriedPlan
     from calib.verdict.planned_views import PlannedViews
@@ -277,7 +277,7 @@ def plan(
 
 def _hand_of(hand_eye: "HandEye | Place | None") -> "HandEye | None":
     """What holds camera or target, or that of a file or a folder; None: a person does."""
-    from calib.records.hand_eye_file import HAND_EYE, HAND_EYE_FILE, HandEye
+    from calib.verdict.hand_eye_file import HAND_EYE, HAND_EYE_FILE, HandEye
 
     if hand_eye is None or isinstance(hand_eye, HandEye):
         return hand_eye

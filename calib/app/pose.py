@@ -222,7 +222,7 @@ def _drawn(made: TargetPoses, folder: Path) -> tuple[TargetPoses, tuple[Path, ..
     from calib.draw.pose_overlay import draw_poses
     from calib.observe.overlays import keep_pictures, no_empty_folders, staging_folder
     from calib.observe.target_poses import PoseResult
-    from calib.records.rig_file import folder_names
+    from calib.verdict.rig_folder import folder_names
 
     if isinstance(made.found, PoseResult):
         each = [("", "", made.found)]

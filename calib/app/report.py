@@ -93,17 +93,19 @@ def report(
     Raises:
         InputError: nothing to report, limits of what is no calibration, or a page that stays; the message says why.
     """
-    from calib.records.rig_file import is_rig_folder
     from calib.verdict.judged_run import is_run_folder
+    from calib.verdict.rig_folder import is_rig_folder
     from designer.page.page_file import BLOCKS_FILE, PAGE, why_no_page
 
     folder = Path(folder)
     stored = PAGE.read(folder / BLOCKS_FILE) if (folder / BLOCKS_FILE).is_file() else None
-    is_run = is_run_folder(folder) and not is_rig_folder(folder)
-    why = why_no_page(folder, CALIBRATION, "detections") if is_run else ""
-    if is_run and not why:
-        _require_kind(folder, CALIBRATION, kinds)
-        done = _calibration(folder, criteria, "" if stored is None else stored.page.made_by)
+    is_rig = is_rig_folder(folder)
+    is_judged = is_rig or is_run_folder(folder)
+    why = why_no_page(folder, *((RIG,) if is_rig else (CALIBRATION, "detections"))) if is_judged else ""
+    if is_judged and not why:
+        kind = RIG if is_rig else CALIBRATION
+        _require_kind(folder, kind, kinds)
+        done = _judged(folder, kind, criteria, "" if stored is None else stored.page.made_by)
     elif stored is not None:
         done = _from_blocks(folder, stored.kind, stored.page, criteria, kinds)
     elif why:
@@ -116,19 +118,24 @@ def report(
     return done
 
 
-def _calibration(folder: Path, criteria: str | None, command: str) -> Report:
+def _judged(folder: Path, kind: str, criteria: str | None, command: str) -> Report:
     """Of cameras, which are read again: what lies beside them may have changed."""
     from calib.app.calibration import Run
-    from calib.verdict.criteria import read_criteria
+    from calib.app.solved_rig import SolvedRig
+    from calib.verdict.criteria import read_criteria, read_rig_criteria
     from calib.verdict.judged_run import judge_again, read_run
+    from calib.verdict.rig_folder import judge_rig_again, read_rig_run
 
-    if criteria is not None:
+    if criteria is not None and kind == RIG:
+        judge_rig_again(folder, read_rig_criteria(criteria))
+    elif criteria is not None:
         judge_again(folder, read_criteria(criteria))
-    page, files, remark = Run(read_run(folder), place=folder).draw_page(folder, command)
+    found = SolvedRig(read_rig_run(folder)) if kind == RIG else Run(read_run(folder), place=folder)
+    page, files, remark = found.draw_page(folder, command)
     if page is None:
         raise InputError(remark)
-    verdict = folder / VERDICTS[CALIBRATION]
-    return Report(CALIBRATION, page, files[-1], None if criteria is None else verdict, not verdict.exists())
+    verdict = folder / VERDICTS[kind]
+    return Report(kind, page, files[-1], None if criteria is None else verdict, not verdict.exists())
 
 
 def _from_blocks(folder: Path, kind: str, page: "Page", criteria: str | None, kinds: Collection[str]) -> Report:
@@ -146,23 +153,16 @@ def _from_blocks(folder: Path, kind: str, page: "Page", criteria: str | None, ki
 
 def _rebuilt(folder: Path, criteria: str | None, kinds: Collection[str]) -> Report:
     """Of a folder whose page is built from its results."""
-    from calib.records.rig_folder import judge_rig_again
     from calib.show.folder import build_page, origin_in, why_no_page, write_page
-    from calib.verdict.criteria import read_rig_criteria
 
     origin = origin_in(folder)
     kind = origin.kind if not kinds or origin.kind in kinds else next(iter(kinds))
     if why := why_no_page(folder, kind):
         raise InputError(f"{why}; move it away to have one written")
     if criteria is not None:
-        if origin.kind != RIG:
-            raise _no_limits(folder, origin.kind)
-        judge_rig_again(folder, read_rig_criteria(criteria))
+        raise _no_limits(folder, origin.kind)
     page = build_page(folder, origin)
-    place = write_page(folder, origin, page)[1]
-    verdict = folder / VERDICTS[RIG]
-    can_be_judged = origin.kind == RIG and not verdict.exists()
-    return Report(origin.kind, page, place, None if criteria is None else verdict, can_be_judged)
+    return Report(origin.kind, page, write_page(folder, origin, page)[1])
 
 
 def _require_kind(folder: Path, kind: str, kinds: Collection[str]) -> None:

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.api.rig_observing import RigSearch, photos_of_rig, rig_input, search_with_lenses
 from calib.app.inputs import Place, rig_of, target_of
 from calib.cameras.rig import Rig
 from calib.core.se3 import transform
 from calib.core.types import Detections
 from calib.observe.photos import images_in
 from calib.observe.rig_photos import RigPhotos
+from calib.observe.rig_search import RigSearch, photos_of_rig, rig_input, search_with_lenses
 from calib.observe.target_poses import TOO_FEW, PoseResult, target_pose, target_poses
 from calib.rigs.rig_poses_file import CameraResidual, FrameWithoutPose, RigPoseResult, RigTargetPose
 from calib.rigs.target_pose import CameraSight, RigPose, pose_in_rig

@@ -195,9 +195,9 @@ def _seen_of_object(
     Raises:
         InputError: too much or too little is given, or photos or a table that cannot be used.
     """
-    from calib.api.rig_observing import photos_of_rig, rig_input, search_rig
     from calib.app.inputs import require_photos_for_jobs, target_of
     from calib.core.types import RigObservations
+    from calib.observe.rig_search import photos_of_rig, rig_input, search_rig
     from calib.observe.rig_sightings import has_known_points, read_rig_sightings
 
     given = rig_input(photos, None, None, None, None)

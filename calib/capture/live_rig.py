@@ -4,9 +4,9 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from calib.api.rig_result import RigResult, RigWriter
-from calib.api.rigging import rig
-from calib.app.inputs import Place, folder_of, target_of
+from calib.app.inputs import Place, target_of
+from calib.app.rig import rig
+from calib.app.solved_rig import SolvedRig
 from calib.capture.conversation import Conversation, Show, Tell
 from calib.capture.live import require_server, require_size_used, unheard
 from calib.capture.photo_folder import PhotoFolder
@@ -18,12 +18,13 @@ from calib.capture.sources.source import Source
 from calib.capture.sources.watched_folder import WatchedFolder, require_apart
 from calib.guide.rig_guide import RigGuide
 from calib.observe.rig_photos import camera_names_of
-from calib.show.folder import why_no_page
 from calib.verdict.criteria import STANDARD
 from designer.base.errors import InputError
 from designer.base.files import write_files
 from designer.base.small_file import place_of
 from designer.base.words import shown
+from designer.page.output import Output, output_of
+from designer.page.page_file import why_no_page
 from designer.target import TargetGeometry
 
 TABLE_FILE = "photos.csv"
@@ -32,7 +33,7 @@ TABLE_FILE = "photos.csv"
 
 def live_rig(
     target: TargetGeometry | Place,
-    out: RigWriter | Place,
+    out: Output | Place,
     *,
     cameras: Sequence[str | int] = (),
     watch: Sequence[Place] = (),
@@ -45,7 +46,7 @@ def live_rig(
     opened: Heard = unheard,
     heard: Heard = unheard,
     command: str = "",
-) -> RigResult:
+) -> SolvedRig:
     """Take photos under guidance with several cameras: `live_rig("ico.target.json", "rig", cameras=[0, 1])`.
 
     As `live`; at the end all is as after `calib.rig` of the photos.
@@ -75,12 +76,13 @@ def live_rig(
             f"{len(cameras) + len(watch)} cameras; give two or more, or take photos with one by calib.live"
         )
     geometry, sources = target_of(target, "rings"), sources_of(cameras, watch, size)
-    writer = out if isinstance(out, RigWriter) else RigWriter(folder_of(out))
-    require_apart((one.folder for one in sources.values() if isinstance(one, WatchedFolder)), writer.folder)
-    if why := why_no_page(writer.folder, "rig"):
+    to = output_of(out)
+    SolvedRig.check(to.place)
+    require_apart((one.folder for one in sources.values() if isinstance(one, WatchedFolder)), to.place)
+    if why := why_no_page(to.place, SolvedRig.kind):
         raise InputError(why)
     guide = RigGuide(geometry, tuple(sources), criteria=criteria, model=model, made=made)
-    folder = PhotoFolder(writer.folder, geometry, guide.names, resume=resume, cameras=guide.names)
+    folder = PhotoFolder(to.place, geometry, guide.names, resume=resume, cameras=guide.names)
     session: RigSession
 
     def begin(tell: Tell, show: Show) -> RigSession:
@@ -88,16 +90,18 @@ def live_rig(
         session = RigSession(geometry, guide, folder, tuple(sources.values()), tell, show)
         return session
 
-    def solve(_: Conversation[RigGuide]) -> RigResult:
+    def solve(_of: Conversation[RigGuide]) -> SolvedRig:
         def tell(what: str, done: float, total: int) -> None:
             session.report("solving", f"{what} {done:.0f} of {total}" if total else what)
 
         table = write_table(session)
-        writer.begin()
-        found = rig(target, table=table, model=model, criteria=criteria, made=made, progress=tell, out=writer)
+        to.files.clear()  # of a rig that is solved again, what came of the first attempt does not count
+        found = rig(target, table=table, model=model, criteria=criteria, made=made, progress=tell, out=to)
         session.report("solving", "drawing the page")
-        if remark := writer.write_page(found, command):
+        _, files, remark = found.draw_page(to.place, command)
+        if remark:
             raise InputError(remark)
+        to.files += files
         return found
 
     with bound_socket(port) as bound:

@@ -1,6 +1,6 @@
 """What several cameras saw of one target, put together: each camera's views are frames of the rig."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -173,3 +173,15 @@ def _left_px(camera: Camera, seen: Observations) -> float:
     squares = np.bincount(seen.view, (residual_px**2).sum(axis=1), minlength=seen.view_count)
     rms_px = np.sqrt(squares / np.maximum(sightings_per_view(seen), 1))
     return float(np.median(np.where(np.isfinite(rms_px), rms_px, np.inf)))
+
+
+def alone_as_rig(name: str, seen: Observations) -> RigObservations:
+    """What one camera saw as a rig's: a frame a view."""
+    return RigObservations(
+        (name,), seen.view_names, (replace(seen, remarks=()),), (np.arange(seen.view_count),), None, seen.remarks
+    )
+
+
+def with_remarks(observations: RigObservations, remarks: Iterable[str]) -> RigObservations:
+    """The observations with a few more lines on them."""
+    return replace(observations, remarks=tuple(dict.fromkeys((*observations.remarks, *remarks))))

@@ -22,7 +22,6 @@ Builder: TypeAlias = Callable[[Path, Origin], Page]
 
 PAGE_FILE = "index.html"
 KINDS: Mapping[str, str] = {
-    "rig": "rig.rig_page.rig_page",
     "photos": "photos.photos_page.photos_page",
 }
 """What builds the page of each kind of folder: a function below `calib.show`, loaded when it is needed."""
@@ -143,9 +142,6 @@ def origin_in(folder: Path) -> Origin:
 
 def _kind_in(folder: Path) -> str:
     """The kind of a folder's results, by the files in it; "" if there are none."""
-    from calib.records.rig_file import is_rig_folder
     from calib.show.photos.photos_file import PHOTOS_FILE, read_photos
 
-    if is_rig_folder(folder):
-        return "rig"
     return read_photos(folder).kind if (folder / PHOTOS_FILE).is_file() else ""

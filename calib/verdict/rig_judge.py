@@ -21,6 +21,7 @@ MENDED_BY_FRAMES = ("frames", "baselines", "space", "halves")
 """Checks that more frames may make good."""
 SPOILT = ("solution", "carrier", "residuals", "halves")
 """Checks that more frames like these mend in no way; a robot's next poses may mend what its poses so far leave open."""
+NOT_COMPARED = NoRigHalves("halves of the frames were not compared")
 OF_A_RIG = "rig"
 """What a verdict says in the place of a camera's model."""
 
@@ -42,7 +43,7 @@ class JudgedRig:
     @property
     def compared(self) -> RigHalves | NoRigHalves:
         """The halves, or why there are none."""
-        return self.halves or NoRigHalves(self.no_halves or "halves of the frames were not compared")
+        return self.halves or (NoRigHalves(self.no_halves) if self.no_halves else NOT_COMPARED)
 
 
 RIG_VERDICT_FILE = "rig_verdict.json"

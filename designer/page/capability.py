@@ -301,7 +301,8 @@ def _typed(parameter: Parameter) -> inspect.Parameter:
             flags[0] += f"/{said.off or f'--no-{flags[0][2:]}'}" if parameter.default or said.off else ""
             shown["metavar"] = None
         mark = typer.Option(*flags, rich_help_panel=said.group, **shown)
-    optional = kind if kind is bool or is_needed else kind | None  # type: ignore[operator]  # types, put together
+    is_told = is_needed or (kind is bool and parameter.default is not None)
+    optional = kind if is_told else kind | None  # type: ignore[operator]  # types, put together
     return inspect.Parameter(
         parameter.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[optional, mark]
     )

@@ -15,7 +15,6 @@ from calib.metrics.evaluation_files import FoundParameter, Metrics, MetricSummar
 from calib.observe.calibration_file import CalibrationRecord, Provenance, SolvedView
 from calib.observe.records import ImageRecord, Records
 from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
-from calib.records.rig_file import HeldCamera, RigRecord, SolvedFrame
 from calib.renderer.options import RenderOptions
 from calib.renderer.truth import FileOptions, RigTruth, TrueFrame, TrueView, Truth
 from calib.rigs.halves import PairApart, RigHalves, RigSplit
@@ -31,6 +30,7 @@ from calib.verdict.halves import Half
 from calib.verdict.judge import Judged
 from calib.verdict.next_robot_poses import NextPose
 from calib.verdict.next_views import NextView, NextViews
+from calib.verdict.rig_folder import HeldCamera, RigRecord, SolvedFrame
 from calib.verdict.rig_judge import JudgedRig
 from calib.verdict.rig_next_frames import NextFrame
 from calib.verdict.verdict import Check, Criteria, Limits, Verdict
@@ -182,7 +182,7 @@ def _page() -> StoredPage:
 
 
 def _hand_eye() -> object:
-    from calib.records.hand_eye_file import HandEye
+    from calib.verdict.hand_eye_file import HandEye
 
     pose = np.eye(4)
     pose[:3, 3] = 1 / 3, 20.0, -7.5

@@ -10,7 +10,7 @@ import pytest
 from calib.app.measure import measure
 from calib.core.types import keep_frames
 from calib.observe.calibration_file import Provenance
-from calib.records.rig_file import write_rig
+from calib.verdict.rig_folder import write_rig
 from designer.base.errors import InputError
 from designer.target import load_target, target_to_json
 from tests.support.as_built_scenes import plate, solid

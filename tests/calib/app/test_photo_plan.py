@@ -12,9 +12,9 @@ import calib
 from calib.cameras import project
 from calib.core.se3 import angles_between, exp_rotation, invert, make_pose, transform
 from calib.observe.observations import known_points
-from calib.records.hand_eye_file import HAND_EYE, HandEye
 from calib.robot.poses import read_robot_poses
 from calib.verdict.before_photos import calibration_before
+from calib.verdict.hand_eye_file import HAND_EYE, HandEye
 from calib.verdict.plan_tried import TriedPlan, held_by_hand
 from calib.verdict.views import shape_of
 from designer.base.errors import InputError

@@ -1,33 +1,106 @@
-"""What a rig says in sentences: its lead, which commands print too, what is not in its numbers, and how to go on."""
+"""What a rig tells: its lead, which a screen says too, the sections of its page, and the answer for programs."""
 
 import math
-import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from calib.draw.checks import headline_by
-from calib.records.rig_file import RIG_FILE
-from calib.records.rig_folder import RigRun
+from calib.draw.carrier_tables import carrier_section, next_poses_table, next_poses_words
+from calib.draw.checks import check_findings, headline_by
+from calib.draw.rig_pictures import pictures_section
+from calib.draw.rig_tables import cameras_table, frame_name, halves_table, pairs_table, places_table, ties_table
 from calib.rigs.halves import NoRigHalves, RigHalves, SplitKind, enlarged
 from calib.rigs.relative import center_sigma_mm
-from calib.rigs.result import CarrierFit, RigCalibration
-from calib.show.rig.carrier import next_poses_words
-from calib.show.rig.tables import frame_name
+from calib.verdict.next_robot_poses import photo_names
+from calib.verdict.rig_folder import CAMERAS, RIG_FILE, RigRun, folder_names
 from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable
-from designer.page.blocks import Facts, Headline
+from designer.page.blocks import Block, Command, Facts, Finding, Findings, Headline, Page, Paragraph, Section, Steps
+from designer.page.folders import some_of
+
+if TYPE_CHECKING:
+    from calib.app.solved_rig import SolvedRig
+    from calib.rigs.result import CarrierFit, RigCalibration
+    from designer.base.answer import Value
 
 KINDS_OF_HALVES: tuple[tuple[SplitKind, str], ...] = (
     ("by turns", "alike ones"), ("in order", "the first and the last")
 )  # fmt: skip
-NOT_JUDGED = "Nobody judged it; calib report with --criteria standard does."
+OF_PAIRS = "Of the joint covariance of all cameras, so that it does not matter whose frame the rig's is."
+OF_NEXT_FRAMES = "The next frames would help most of those tried; what each gives is with those before it."
+OF_NEXT_POSES = (
+    "The next poses of the robot would help most of those tried; what each gives is with those before it. "
+    "Whether it gets there, and what stands in the way, is not known here."
+)
+
+
+def rig_page(run: RigRun, folder: Path | None = None, *, is_drawn: bool = True) -> Page:
+    """All that a rig tells.
+
+    Args:
+        run: the rig.
+        folder: of the page, with pictures; None: there are none.
+        is_drawn: with its scene and graph, which take a second.
+    """
+    evidence = run.evidence
+    seen, halves = run.found.observations, evidence.halves
+    remarks = dict.fromkeys((*run.found.remarks, *seen.remarks))
+    said = (
+        *(Finding("usable", "Not on this page", printable(fault)) for fault in run.faults),
+        *(Finding("note", "Said by the solution", printable(remark)) for remark in some_of(tuple(remarks))),
+    )
+    checks = () if run.verdict is None else check_findings(run.verdict)
+    sections = [Section("Verdict", tuple(Findings(rows) for rows in (checks, said) if rows)), *_next(run)]
+    if is_drawn:
+        from calib.draw.solved_rig_scene import rig_view, rig_words
+
+        sections.append(Section("The rig in 3D", (rig_view(run),), lead=rig_words(run.found)))
+    sections.append(Section("Cameras", (cameras_table(run), places_table(run))))
+    if folder is not None and (pictures := pictures_section(folder, run.found)) is not None:
+        sections.append(pictures)
+    if evidence.pairs:
+        sections.append(Section("Distances and angles", (pairs_table(evidence.pairs),), lead=OF_PAIRS))
+    if len(seen.camera_names) > 1:
+        from calib.draw.rig_graph import sharing_figure, sharing_words
+
+        graph = (sharing_figure(seen.camera_names, seen.shared),) if is_drawn else ()
+        lead = sharing_words(seen.camera_names, seen.shared)
+        sections.append(Section("How the cameras hang together", (*graph, ties_table(run)), lead=lead))
+    if run.found.carrier is not None:
+        sections.append(carrier_section(run.found.carrier, run.found))
+    compared = (
+        (Paragraph(f"{capital(halves_words(halves))}."),)
+        if isinstance(halves, NoRigHalves)
+        else (halves_table(halves),)
+    )
+    lead = "" if isinstance(halves, NoRigHalves) else f"Rigs solved from halves of the frames: {halves_words(halves)}."
+    sections += [
+        Section("Halves of the frames", compared, lead=lead),
+        Section("What is not in the numbers", tuple(map(Paragraph, limits_of(run)))),
+    ]
+    return Page("", "", rig_headline(run), tuple(sections), lead=(rig_facts(run),), next_steps=next_steps(run))
 
 
 def rig_headline(run: RigRun) -> Headline:
     """The answer, before anything else."""
     if run.verdict is not None:
         return headline_by(run.verdict)
-    return Headline("note", "not judged", f"{counts_words(run)}. {NOT_JUDGED}")
+    todo = "Nobody judged it; calib report with --criteria standard does."
+    return Headline("note", "not judged", f"{counts_words(run)}. {todo}")
+
+
+def _next(run: RigRun) -> tuple[Section, ...]:
+    """What to do better, and which frames or poses to take."""
+    if run.judged is None:
+        return ()
+    frames, poses = run.judged.next_frames, run.judged.next_poses
+    named = zip(photo_names(poses), poses, strict=True)
+    proposed = (*(frame.sentence for frame in frames), *(f"pose {name}: {pose.sentence}" for name, pose in named))
+    steps = tuple(f"{capital(printable(line))}." for line in (*run.judged.verdict.advice, *proposed))
+    blocks: tuple[Block, ...] = (*((Steps(steps),) if steps else ()), *((next_poses_table(poses),) if poses else ()))
+    lead = OF_NEXT_FRAMES if frames else OF_NEXT_POSES if poses else ""
+    return (Section("What would help", blocks, lead=lead),) if blocks else ()
 
 
 def counts_words(run: RigRun) -> str:
@@ -72,7 +145,7 @@ def rig_facts(run: RigRun) -> Facts:
     return Facts(tuple(rows))
 
 
-def _sits_words(found: RigCalibration) -> str:
+def _sits_words(found: "RigCalibration") -> str:
     """Where the first camera sits on what moves, or beside it, with its deviations."""
     rig = found.rig
     place = ", ".join(f"{value:.2f}" for value in rig.center_mm[0].tolist())
@@ -87,7 +160,7 @@ def _sits_words(found: RigCalibration) -> str:
     )
 
 
-def carrier_words(carrier: CarrierFit) -> str:
+def carrier_words(carrier: "CarrierFit") -> str:
     """What carried it, and how well that says where it is."""
     if not (math.isfinite(carrier.sigma_mm) and math.isfinite(carrier.sigma_rad)):
         return printable(carrier.kind)
@@ -168,24 +241,69 @@ def limits_of(run: RigRun) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def next_steps(run: RigRun, folder: str = "") -> tuple[tuple[str, str], ...]:
+def next_steps(run: RigRun, folder: str = "") -> tuple[Command, ...]:
     """Commands to go on with, and what for.
 
     Args:
         run: the rig.
-        folder: of its files, as it is called from where commands are typed; "": they are typed in it.
+        folder: of its files, as it is typed in a shell; "": they are typed in it.
     """
-    place = shlex.quote(f"{folder}/{RIG_FILE}" if folder else RIG_FILE)
-    convert = (f"calib convert {place} --to ros -o ros", "The rig as files of another program; --to says which")
+    place = f"{folder}/{RIG_FILE}" if folder else RIG_FILE
+    convert = Command(f"calib convert {place} --to ros -o ros", "The rig as files of another program; --to says which")
     if len(run.found.cameras) < 2:
         return (convert,)
     return (
-        (f"calib budget {place}", "What errors in space to expect, where and by what"),
-        (f"calib triangulate {place} sightings.csv", "Points that the cameras see, in mm, with covariances"),
+        Command(f"calib budget {place}", "What errors in space to expect, where and by what"),
+        Command(f"calib triangulate {place} sightings.csv", "Points that the cameras see, in mm, with covariances"),
         convert,
     )
 
 
-def sentence(text: str) -> str:
-    """One line of advice as a sentence."""
-    return f"{capital(printable(text))}."
+def rig_answer(found: "SolvedRig") -> "dict[str, Value]":
+    """The rig as programs are told of it."""
+    from calib.observe.calibration_file import CAMERA_FILE
+    from calib.verdict.verdict import Verdict
+    from designer.base.codec import encode
+
+    solved, rig, evidence, folder = found.calibration, found.rig, found.run.evidence, found.folder or Path()
+    verdict = found.run.verdict
+    folders = folder_names(rig.names)
+    centers_mm, sigmas_mm = rig.center_mm + 0.0, center_sigma_mm(rig)
+    cameras: list[Value] = [
+        {
+            "name": one.name,
+            "model": rig.cameras[row].model,
+            "is_refined": solved.is_refined[row],
+            "frames": one.frames,
+            "sightings": one.sightings,
+            "outliers": one.left_out,
+            "rms_px": one.rms_px,
+            "center_mm": centers_mm[row].tolist(),
+            "center_sigma_mm": sigmas_mm[row].tolist(),
+            "delay_s": None if rig.delay_s is None else float(rig.delay_s[row]),
+            "camera_file": str(folder / CAMERAS / folders[row] / CAMERA_FILE),
+        }
+        for row, one in enumerate(evidence.cameras)
+    ]
+    pairs: list[Value] = [
+        {
+            "cameras": list(one.names),
+            "distance_mm": one.relative.baseline_mm,
+            "distance_sigma_mm": one.relative.baseline_sigma_mm,
+            "frames": one.frames,
+            "epipolar_px": one.epipolar_px,
+        }
+        for one in evidence.pairs
+    ]
+    return {
+        "verdict": None if verdict is None else cast("dict[str, Value]", encode(Verdict, verdict)),
+        "status": solved.status,
+        "rig_file": str(folder / RIG_FILE),
+        "rig_frame": solved.rig_frame or rig.names[max(0, solved.reference)],
+        "frames": solved.observations.frame_count,
+        "cameras": cameras,
+        "pairs": pairs,
+        "next_poses": [
+            {"base_from_flange": one.base_from_flange.tolist(), "sentence": one.sentence} for one in found.next_poses
+        ],
+    }

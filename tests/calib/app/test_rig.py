@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 import calib
-from calib.api.rig_result import SIGHTINGS_FILE, RigResult
 from calib.app.report import report
+from calib.app.solved_rig import SIGHTINGS_FILE, SolvedRig
 from calib.cameras.camera import Camera
 from calib.core.se3 import invert, log_rotation
 from calib.core.types import Detections, RigObservations
@@ -29,15 +29,15 @@ OPENCV = {"model": "opencv"}
 
 
 @pytest.fixture(scope="module")
-def solved() -> RigResult:
+def solved() -> SolvedRig:
     """The rig as its observations give it."""
     return calib.rig(SEEN, **OPENCV)
 
 
 @pytest.fixture(autouse=True)
-def without_halves(solved: RigResult, monkeypatch: pytest.MonkeyPatch) -> None:
+def without_halves(solved: SolvedRig, monkeypatch: pytest.MonkeyPatch) -> None:
     """Halves of the frames are solved of one rig here, no more."""
-    monkeypatch.setattr("calib.api.rigging.rig_halves", lambda *_: solved.judged.compared)
+    monkeypatch.setattr("calib.verdict.rig_solution.rig_halves", lambda *_: solved.judged.compared)
 
 
 @pytest.fixture
@@ -67,7 +67,7 @@ def photos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def assert_same_rig(one: RigResult, other: RigResult, within_mm: float = 1e-6) -> None:
+def assert_same_rig(one: SolvedRig, other: SolvedRig, within_mm: float = 1e-6) -> None:
     """The same cameras at the same places, whatever their order."""
     for name in one.rig.names:
         a, b = one.rig.row(name), other.rig.row(name)
@@ -75,7 +75,7 @@ def assert_same_rig(one: RigResult, other: RigResult, within_mm: float = 1e-6) -
         np.testing.assert_allclose(one.rig.cameras[a].params, other.rig.cameras[b].params, rtol=1e-5, atol=1e-8)
 
 
-def test_photos_of_folders_give_the_rig_of_what_they_show(photos: Path, solved: RigResult) -> None:
+def test_photos_of_folders_give_the_rig_of_what_they_show(photos: Path, solved: SolvedRig) -> None:
     """With what the photos' records say; what is saved reads back, and its table solves to the same again."""
     found = calib.rig(ICO, [str(photos / name) for name in SEEN.camera_names], made="exact", **OPENCV)
     assert_same_rig(found, solved, 0.05)  # what is written of sightings has six digits
@@ -83,7 +83,7 @@ def test_photos_of_folders_give_the_rig_of_what_they_show(photos: Path, solved: 
     saved = found.save("rig")
     wrote = {"rig.json", "rig_calibration.json", "rig_verdict.json", SIGHTINGS_FILE, "target.json", "index.html"}
     assert {path.name for path in saved} >= wrote
-    assert repr(found).startswith(f"<RigResult, {found.verdict.grade}: ")
+    assert repr(found).startswith(f"<SolvedRig, {found.verdict.grade}: ")
     np.testing.assert_array_equal(calib.load_rig("rig/rig.json").cam_from_rig, found.rig.cam_from_rig)
     again = calib.rig(ICO, table=Path("rig", SIGHTINGS_FILE), made="exact", **OPENCV)
     assert_same_rig(again, found)
@@ -91,7 +91,7 @@ def test_photos_of_folders_give_the_rig_of_what_they_show(photos: Path, solved: 
     _assert_pictures(found, again, Path("rig"))
 
 
-def _assert_pictures(found: RigResult, again: RigResult, folder: Path) -> None:
+def _assert_pictures(found: SolvedRig, again: SolvedRig, folder: Path) -> None:
     """The worst and a usual photo of each camera are on the page, drawn again or not; a table takes them away."""
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*.overlay.*")}
     assert len(names) == 2 * len(SEEN.camera_names)
@@ -129,7 +129,7 @@ def test_the_page_of_a_robots_camera_has_pictures_of_its_photos(photos: Path) ->
     assert all(one.relative_to("hand").as_posix() in page for one in pictures)
 
 
-def test_the_order_of_cameras_and_frames_does_not_count(solved: RigResult) -> None:
+def test_the_order_of_cameras_and_frames_does_not_count(solved: SolvedRig) -> None:
     """But for whose frame the rig's is, which can be told."""
     order = [2, 0, 1]
     frames = np.random.default_rng(3).permutation(SEEN.frame_count)
@@ -220,7 +220,7 @@ def test_photos_of_another_size_and_of_nothing_are_refused_by_name(photos: Path)
 
 
 @pytest.mark.parametrize("name", ["rig.json", "sightings.csv", "rig_calibration.json", "index.html"])
-def test_somebody_elses_file_stays_and_nothing_is_written(solved: RigResult, tmp_path: Path, name: str) -> None:
+def test_somebody_elses_file_stays_and_nothing_is_written(solved: SolvedRig, tmp_path: Path, name: str) -> None:
     """The message names it."""
     (tmp_path / name).write_text("mine")
     with pytest.raises(calib.InputError, match=name):

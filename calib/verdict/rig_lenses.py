@@ -3,7 +3,6 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from calib.app.inputs import Place, camera_of
 from calib.cameras import COMMON, MODELS, free_form_models, learned_models, parameter_names, told_parameters
 from calib.cameras.camera import Camera
 from calib.core.types import Observations, RigObservations
@@ -54,18 +53,14 @@ class CameraWishes:
 
 
 def wishes_of(
-    model: str | Mapping[str, str],
-    cameras: Mapping[str, Camera | Place] | None,
-    refine: bool | Collection[str],
-    fix: Sequence[str],
+    model: str | Mapping[str, str], given: Mapping[str, Camera], refine: bool | Collection[str], fix: Sequence[str],
     options: SolveOptions,
-) -> CameraWishes:
-    """What was asked for, with the files read.
+) -> CameraWishes:  # fmt: skip
+    """What was asked for.
 
     Raises:
-        InputError: a camera's file that cannot be read, or a lens that no rig can have.
+        InputError: a lens that no rig can have.
     """
-    given = {name: camera_of(one) for name, one in (cameras or {}).items()}
     for name, camera in given.items():
         if camera.learned is not None or camera.model in free_form_models():
             raise InputError(

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.api.rendering_rigs import render_rig
-from calib.api.rigging import rig
+from calib.app.rig import rig
 from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
 from calib.core.se3 import exp_rotation, make_pose

@@ -1,14 +1,13 @@
 """From the photos of several cameras, or a table of what they saw, to what a rig is solved from."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
-from calib.app.inputs import Place, target_of
-from calib.core.types import Observations, RigObservations
-from designer.base.errors import InputError
+from calib.core.types import RigObservations
+from designer.base.errors import InputError, NoAnswerError
 from designer.base.small_file import place_of
 from designer.base.words import shown
 from designer.page.progress import Progress
@@ -21,8 +20,11 @@ if TYPE_CHECKING:
     from calib.observe.rig_photos import RigPhotos
     from calib.solver.plan import SolvePlan
 
+Place: TypeAlias = str | PathLike[str]
 USUAL_TOLERANCE_S = 0.02
 LONGEST_TOLERANCE_S = 3600.0
+ALONE = "camera"
+"""The name of one camera that is solved as a rig is."""
 TRIED_MIRRORED = 3
 """Photos of a camera that sees nothing, which are looked at in a mirror."""
 
@@ -71,31 +73,16 @@ class RigSearch:
         return next(iter(ids)) if len(ids) == 1 else ""
 
 
-class BlindCameraError(InputError):
+class BlindCameraError(NoAnswerError):
     """A camera of a rig sees the target in none of its photos."""
 
 
-def load_rig_observations(path: Place, target: TargetGeometry | Place | None = None) -> RigObservations:
-    """Read what several cameras saw: `load_rig_observations("sightings.csv")`.
-
-    Args:
-        path: a table with camera,frame,u,v,X,Y,Z, and a line `# camera NAME 1280 x 720` for each camera.
-        target: whose points were seen; None: the table's own.
-
-    Raises:
-        InputError: the file cannot be read, or nothing is left of a camera to solve from.
-    """
-    from calib.observe.rig_sightings import read_rig_sightings
-
-    return read_rig_sightings(place_of(path, "a table of sightings"), None if target is None else target_of(target))
-
-
 def rig_input(
-    photos: Place | Iterable[Place],
-    table: Place | None,
-    pattern: str | None,
-    times: Place | None,
-    tolerance_s: float | None,
+    photos: Place | Iterable[Place] = (),
+    table: Place | None = None,
+    pattern: str | None = None,
+    times: Place | None = None,
+    tolerance_s: float | None = None,
 ) -> RigInput:
     """What a person gave, if it fits together.
 
@@ -106,15 +93,10 @@ def rig_input(
         folders = tuple(fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos))
     except TypeError as error:
         raise InputError(f"photos: {error}; give folders, one a camera") from None
-    if tolerance_s is not None and not 0 < tolerance_s <= LONGEST_TOLERANCE_S:
-        raise InputError(f"tolerance {tolerance_s:g} s: must be more than 0 and at most {LONGEST_TOLERANCE_S:g} s")
     found = RigInput(
-        folders,
-        None if table is None else place_of(table, "a table of files or of sightings"),
-        pattern,
-        None if times is None else place_of(times, "a table of time stamps"),
-        tolerance_s,
-    )
+        folders, None if table is None else place_of(table, "a table of files or of sightings"), pattern,
+        None if times is None else place_of(times, "a table of time stamps"), tolerance_s,
+    )  # fmt: skip
     if found.table is not None and folders:
         raise InputError(f"--table {found.table}: says which photos there are; leave {shown(folders[0])} out")
     if pattern is not None and found.table is not None:
@@ -207,14 +189,16 @@ def search_with_lenses(
 def search_one(
     target: TargetGeometry, photos: "FoundPhotos", camera: "Camera | None", plan: "SolvePlan | None", jobs: int | None,
     progress: Progress,
-) -> "tuple[Search, Observations]":  # fmt: skip
-    """Search the photos of one camera: with its lens if it is given, else twice.
+) -> tuple[RigSearch, RigObservations]:  # fmt: skip
+    """Search the photos of one camera, with its lens if it is given, else twice; each photo is a frame.
 
     Raises:
         InputError: photos of two sizes.
         BlindCameraError: no photo shows the target.
     """
     from calib.observe.observations import observations_from_detections
+    from calib.observe.rig_observations import alone_as_rig
+    from calib.observe.rig_photos import RigPhoto, RigPhotos
     from calib.observe.search import PhotoSearch, with_truth
 
     files, _ = with_truth(photos, None)
@@ -222,8 +206,11 @@ def search_one(
     found = search.once(camera) if plan is None else search.twice(plan)[0]
     if not found.with_target:
         raise BlindCameraError(f"none of {len(found.results)} photos shows the target{_why_blind(found)}")
-    _require_one_size("camera", found)
-    return found, observations_from_detections(found.with_target, found.target, origin="camera")
+    _require_one_size(ALONE, found)
+    seen = observations_from_detections(found.with_target, found.target, origin=ALONE)
+    taken = tuple(RigPhoto(ALONE, result.photo.path, result.photo.name) for result in found.results)
+    names = tuple(photo.frame for photo in taken)
+    return RigSearch(found.target, RigPhotos(taken, names), (found,)), alone_as_rig(ALONE, seen)
 
 
 def _searched(
@@ -306,8 +293,3 @@ def _size_of(path: Path) -> tuple[int, int] | None:
     except (DamagedError, OSError):
         return None
     return None if header is None else (header.width, header.height)
-
-
-def with_remarks(observations: RigObservations, remarks: Iterable[str]) -> RigObservations:
-    """The observations with a few more lines on them."""
-    return replace(observations, remarks=tuple(dict.fromkeys((*observations.remarks, *remarks))))

@@ -1,18 +1,21 @@
 """A few photos of a rig's cameras with what was found in them: of each camera the worst and a usual one."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from calib.draw.gallery import OVERLAYS, STANDS_OUT, Shot, gallery
 from calib.draw.run_photos import PhotoRow, caption_of, overlay_paths
-from calib.records.rig_file import CAMERAS, folder_names
+from calib.observe.overlays import keep_pictures, no_empty_folders, remove_ours, staging_folder, with_overlays
+from calib.observe.photos import OVERLAY_MARK
+from calib.observe.rig_search import RigSearch
 from calib.rigs.camera_alone import camera_alone
 from calib.rigs.result import RigCalibration
 from calib.solver.calibration import Calibration
+from calib.verdict.rig_folder import CAMERAS, folder_names
 from calib.verdict.views import ViewFacts, view_facts
 from designer.page.blocks import Section
 
@@ -98,3 +101,43 @@ def _order(names: Sequence[str]) -> str:
 def _shot(one: PicturedPhoto, names: Sequence[str], path: str) -> Shot:
     name = one.row.name if len(names) == 1 else f"{names[one.camera]}: {one.row.name}"
     return Shot(path, name, f"{one.why}: {caption_of(one.row)}", one.row.level)
+
+
+def draw_rig_pictures(folder: Path, found: RigCalibration, search: RigSearch) -> tuple[str, ...]:
+    """Draw the photos that a rig's page shows; why others have no picture, a line each.
+
+    Args:
+        folder: of the rig.
+        found: the rig.
+        search: of the photos that it was solved from.
+
+    Raises:
+        InputError: a place takes no files, or holds somebody else's.
+    """
+    failures: list[str] = []
+    wanted = [(one.camera, one.row.name) for one in pictured(found)]
+    for camera, (place, one) in enumerate(zip(_places(folder, found), search.searches, strict=True)):
+        chosen = tuple(result for result in one.results if (camera, result.photo.name) in wanted)
+        if not chosen:
+            continue
+        with no_empty_folders(place), staging_folder(place, "-o") as staging:
+            drawn = with_overlays(replace(one, results=chosen), staging)
+            keep_pictures(staging, place)
+        failures += [result.overlay_failure for result in drawn.results if result.overlay_failure]
+    return tuple(failures)
+
+
+def remove_rig_pictures(folder: Path, found: RigCalibration) -> None:
+    """Remove the pictures that an earlier run drew, which may be of other photos."""
+    remove_ours(pictures_in(folder, found))
+
+
+def pictures_in(folder: Path, found: RigCalibration) -> tuple[Path, ...]:
+    """The pictures of photos in a rig's folder."""
+    return tuple(path for place in _places(folder, found) for path in sorted(place.glob(f"*{OVERLAY_MARK}.*")))
+
+
+def _places(folder: Path, found: RigCalibration) -> Iterator[Path]:
+    """Where the pictures of each camera are."""
+    for name in folder_names(found.observations.camera_names):
+        yield folder / CAMERAS / name / OVERLAYS

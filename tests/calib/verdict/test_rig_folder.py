@@ -9,7 +9,7 @@ import pytest
 
 from calib.app.inputs import load_rig
 from calib.observe.calibration_file import Provenance, read_calibration
-from calib.records.rig_file import CAMERAS, RIG_CALIBRATION_FILE, RIG_FILE, folder_names, read_rig, write_rig
+from calib.verdict.rig_folder import CAMERAS, RIG_CALIBRATION_FILE, RIG_FILE, folder_names, read_rig, write_rig
 from designer.base.errors import InputError
 from tests.laws.test_file_kinds import same
 from tests.support.rig_views import solved_slowly, stereo_pair

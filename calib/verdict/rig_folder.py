@@ -5,18 +5,19 @@
     rig_verdict.json            the verdict on it
     cameras/left/               calibration.json, observations.csv and camera.json, as of a single camera
 
-Each camera's folder is one that `calib evaluate`, `calib diff` and the others take.
+Each camera's folder is one that `calib evaluate`, `calib diff` and the others take. In memory and read from its folder
+a rig is the same value, so that both are told alike.
 """
 
 import hashlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.rig import LONGEST_DELAY_S, MOST_CAMERAS, POSE, RIG
 from calib.core.se3 import rigid_fault
@@ -26,14 +27,17 @@ from calib.rigs.camera_alone import camera_alone
 from calib.rigs.halves import enlarged
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.solver.calibration import Calibration, CircleDoubt, Status
-from calib.verdict.rig_judge import RIG_VERDICT, RIG_VERDICT_FILE, JudgedRig
+from calib.verdict.judged_run import TARGET_FILE
+from calib.verdict.rig_evidence import RigEvidence, rig_evidence
+from calib.verdict.rig_judge import NOT_COMPARED, RIG_VERDICT, RIG_VERDICT_FILE, JudgedRig, judge_rig
+from calib.verdict.verdict import Criteria, Verdict
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.files import write_files
 from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Count, Length, Line, Shape, Word
-from designer.base.words import shown
-
-Array = NDArray[np.float64]
+from designer.base.words import printable, shown
+from designer.target import TargetGeometry, load_target
 
 RIG_FILE, RIG_CALIBRATION_FILE, CAMERAS = "rig.json", "rig_calibration.json", "cameras"
 MOST_FRAMES = 1_000_000
@@ -43,7 +47,7 @@ _SAFE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,59}")
 _Covariance = Annotated[
     Array, Shape("N", "N"), PACKED, OR_NULL, AtLeast(-LARGEST_COVARIANCE), AtMost(LARGEST_COVARIANCE)
 ]
-_Rows = Annotated[NDArray[np.int64], Shape("V"), AtLeast(0)]
+_Rows = Annotated[Rows, Shape("V"), AtLeast(0)]
 _Times = Annotated[Array, Shape("V"), AtLeast(-LONGEST_TIME_S), AtMost(LONGEST_TIME_S)]
 
 _Delay = Annotated[float, AtLeast(-LONGEST_DELAY_S), AtMost(LONGEST_DELAY_S)]
@@ -291,3 +295,72 @@ def _rig_of(record: RigRecord, alone: Sequence[Calibration], points: KnownPoints
         photo_covariance=record.photo_covariance,
         slack=record.slack,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class RigRun:
+    """A solved rig, and what is known of it."""
+
+    found: RigCalibration
+    provenance: Provenance
+    judged: JudgedRig | None = None  # None: nobody judged
+    target: TargetGeometry | None = None  # as it was used
+    faults: tuple[str, ...] = ()  # what is there and could not be read or written, one line each
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """On the rig."""
+        return None if self.judged is None else self.judged.verdict
+
+    @cached_property
+    def evidence(self) -> RigEvidence:
+        """What it was, or would be, judged by."""
+        return rig_evidence(self.found, NOT_COMPARED if self.judged is None else self.judged.compared)
+
+
+def read_rig_run(folder: Path) -> RigRun:
+    """Read a rig's folder; a verdict or a target that cannot be read is left out, and said.
+
+    Raises:
+        InputError: the rig cannot be read; the message names the file.
+    """
+    found, provenance = read_rig(folder)
+    faults: list[str] = []
+    judged: JudgedRig | None = None
+    target: TargetGeometry | None = None
+    try:
+        judged = RIG_VERDICT.read_if_there(folder / RIG_VERDICT_FILE)
+    except InputError as error:
+        faults.append(_within(folder, error))
+    if judged is not None and judged.solution_sha256 != _digest(folder):
+        faults.append(f"{RIG_VERDICT_FILE}: on another solution; calib report with --criteria judges again")
+        judged = None
+    try:
+        target = load_target(folder / TARGET_FILE) if (folder / TARGET_FILE).exists() else None
+    except InputError as error:
+        faults.append(_within(folder, error))
+    if target is not None and target.geometry_id != found.observations.points.geometry_id:
+        faults.append(f"{TARGET_FILE}: not the target that the rig was solved with, so it is not drawn")
+        target = None
+    return RigRun(found, provenance, judged, target, tuple(faults))
+
+
+def judge_rig_again(folder: Path, criteria: Criteria) -> JudgedRig:
+    """Judge a folder's rig by other limits, and write `rig_verdict.json`; halves are those of the verdict there.
+
+    Raises:
+        InputError: the folder holds no rig that can be read, or takes no files; the message names it.
+    """
+    run = read_rig_run(folder)
+    judged = replace(judge_rig(run.found, run.evidence.halves, criteria), solution_sha256=_digest(folder))
+    write_files({folder / RIG_VERDICT_FILE: RIG_VERDICT.text(judged)})
+    return judged
+
+
+def _digest(folder: Path) -> str:
+    return hashlib.sha256((folder / RIG_CALIBRATION_FILE).read_bytes()).hexdigest()
+
+
+def _within(folder: Path, error: InputError) -> str:
+    """What is wrong, with paths as they are from the page."""
+    return printable(str(error).replace(f"{folder}/", ""))

@@ -8,17 +8,14 @@ import numpy as np
 import pytest
 
 from calib.app.report import report
+from calib.app.rig_page import limits_of, rig_page
+from calib.app.solved_rig import SolvedRig
+from calib.draw.rig_pictures import WORST, pictured
 from calib.observe.calibration_file import Provenance
-from calib.records.rig_file import write_rig
-from calib.records.rig_folder import RigRun, read_rig_run
 from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
 from calib.rigs.result import CarrierFit, RigCalibration
-from calib.show.folder import build_page, write_folder_page
-from calib.show.parts.origin import Origin
-from calib.show.rig.pictures import WORST, pictured
-from calib.show.rig.rig_page import rig_page_of
-from calib.show.rig.words import limits_of
 from calib.verdict.criteria import read_rig_criteria
+from calib.verdict.rig_folder import RigRun, read_rig_run, write_rig
 from calib.verdict.rig_judge import JudgedRig, judge_rig
 from designer.base.errors import InputError
 from designer.page.blocks import Figure, Page, Steps, View3d
@@ -27,7 +24,6 @@ from designer.page.shell import page_html
 from tests.support.report_folders import blocks_of, findings_of, table_of
 from tests.support.rig_views import ring, solved_slowly, stereo_pair
 
-ORIGIN = Origin("rig", "calib rig target.json left right", "ringsolid 1.2.3")
 AGREE = RigHalves((RigSplit("by turns", 1.0, 60, 1.0, ()), RigSplit("in order", 0.9, 60, 1.0, ())))
 PROVENANCE = Provenance("test 1")
 
@@ -46,7 +42,7 @@ def judged() -> JudgedRig:
 
 def page_of(one: RigCalibration, verdict: JudgedRig | None = None) -> Page:
     """Its page."""
-    return rig_page_of(RigRun(one, PROVENANCE, verdict), Path("nowhere"), ORIGIN)
+    return rig_page(RigRun(one, PROVENANCE, verdict))
 
 
 def titles(page: Page) -> list[str]:
@@ -56,12 +52,11 @@ def titles(page: Page) -> list[str]:
 def test_a_rig_in_memory_and_in_its_folder_make_one_page(tmp_path: Path) -> None:
     """What is read back tells the same, so that `calib report` draws what `calib rig` drew, wherever it lies."""
     write_rig(tmp_path, found(), PROVENANCE, judged())
-    run = read_rig_run(tmp_path)
-    told = rig_page_of(RigRun(found(), PROVENANCE, run.judged), tmp_path, ORIGIN)
-    assert page_html(build_page(tmp_path, ORIGIN)) == page_html(told)
-    assert str(tmp_path) not in page_html(told).decode()
-    assert write_folder_page(tmp_path, "rig", "")[1] == ""
+    SolvedRig(RigRun(found(), PROVENANCE, read_rig_run(tmp_path).judged)).draw_page(tmp_path, "calib rig left right")
+    drawn = (tmp_path / "index.html").read_bytes()
+    assert str(tmp_path).encode() not in drawn
     assert report(tmp_path).of == "rig"
+    assert (tmp_path / "index.html").read_bytes() == drawn
 
 
 def test_a_rig_is_judged_again_by_other_limits(tmp_path: Path) -> None:
@@ -87,7 +82,7 @@ def test_a_verdict_on_another_solution_is_left_out(tmp_path: Path) -> None:
     write_rig(tmp_path / "a", found(), PROVENANCE, judged())
     write_rig(tmp_path / "b", replace(found(), seconds=0.2), PROVENANCE, judged())
     (tmp_path / "a" / "rig_verdict.json").write_bytes((tmp_path / "b" / "rig_verdict.json").read_bytes())
-    page = build_page(tmp_path / "a", ORIGIN)
+    page = rig_page(read_rig_run(tmp_path / "a"))
     assert page.headline is not None
     assert page.headline.word == "not judged"
     assert any("on another solution" in finding.text for finding in findings_of(page))

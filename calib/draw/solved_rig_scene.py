@@ -7,12 +7,12 @@ from calib.core.se3 import compose, make_pose, transform
 from calib.core.types import KnownPoints
 from calib.draw.camera_scene import first_look, points_layers
 from calib.draw.rig_scene import view_of
-from calib.records.rig_folder import RigRun
+from calib.draw.rig_tables import frame_name
 from calib.rigs.halves import enlarged
 from calib.rigs.relative import center_covariance
 from calib.rigs.result import RigCalibration
-from calib.show.rig.tables import frame_name
 from calib.verdict.next_robot_poses import rig_from_target_at
+from calib.verdict.rig_folder import RigRun
 from designer.base.number_text import figure as digits
 from designer.base.words import printable
 from designer.page.blocks import View3d

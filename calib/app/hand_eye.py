@@ -1,0 +1,214 @@
+"""Where a camera sits on a robot: `calib hand-eye`, `calib.hand_eye("t.json", "photos", robot="poses.csv")`."""
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Annotated
+
+from calib.app.options import Fix, FreeBend, Limits, Made, Minimise, Model, PhotoJobs, Points
+from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, rig_criteria_of, settings_of
+from designer.base.errors import InputError
+from designer.base.options import argument, option
+from designer.base.units import parse_angle_rad, parse_length_mm
+from designer.base.words import shown
+from designer.page.capability import OUTPUT, capability
+from designer.page.progress import Progress, unheard
+
+if TYPE_CHECKING:
+    from calib.app.inputs import Place
+    from calib.cameras.camera import Camera
+    from calib.core.types import Observations
+    from calib.robot.poses import RobotPoses
+    from calib.verdict.rig_lenses import CameraWishes
+    from calib.verdict.rig_solution import RigSeen
+    from designer.page.output import Output
+    from designer.target import TargetGeometry
+
+TargetShown = Annotated[
+    "TargetGeometry | Place | None", argument("the target file of what the photos show (a table needs none)")
+]
+PhotosTaken = Annotated["Place | Iterable[Place]", argument("photos: files, folders or patterns", is_many=True)]
+Table = Annotated[
+    "Observations | Place | None", option("instead of photos: detections.csv, or a CSV with image,u,v,X,Y,Z")
+]
+Lens = Annotated["Camera | Place | None", option("the lens from an earlier run, which is kept")]
+Refine = Annotated[bool, option("solve that lens on")]
+
+
+def _noise(text: str) -> tuple[float, float]:
+    """The robot's noise: rad, mm."""
+    parts = text.split(",")
+    if len(parts) != 2:
+        raise ValueError("give a length and an angle, such as 0.1mm,0.02deg")
+    return parse_angle_rad(parts[1].strip()), parse_length_mm(parts[0].strip())
+
+
+@capability(folder=lambda given: folder_for("hand-eye", given))
+def hand_eye(
+    target: TargetShown = None,
+    photos: PhotosTaken = (),
+    *,
+    robot: Annotated["RobotPoses | Place", option("base_from_flange of each photo: .csv, .yaml or .json")],
+    table: Table = None,
+    points: Points = None,
+    diameter_mm: float | None = None,
+    target_in_hand: Annotated[bool, option("the robot holds the target; the camera stands beside it")] = False,
+    inverted: Annotated[bool, option("the robot's file holds flange_from_base")] = False,
+    unit: Annotated[str | None, option("of columns that do not name it: mm, m, deg, rad, or m,deg")] = None,
+    euler: Annotated[str | None, option("convention of Euler angles: xyz-extrinsic, kuka, fanuc")] = None,
+    camera: Lens = None,
+    refine: Refine = False,
+    model: Model = "all",
+    fix: Fix = (),
+    minimise: Minimise = "image",
+    target_size: Annotated[
+        bool | None,
+        option(
+            "solve the target's size by the robot's ways alone, or keep it (default: as sure as it was made so)",
+            off="--no-target-size",
+        ),
+    ] = None,
+    free_bend: FreeBend = False,
+    robot_noise: Annotated[
+        tuple[float, float] | None, option("the robot's own errors, if they are known: 0.1mm,0.02deg", parse=_noise)
+    ] = None,
+    made: Made = None,
+    criteria: Limits = "standard",
+    jobs: PhotoJobs = None,
+    out: Annotated[
+        "Output | Place | None",
+        option("folder (default: exports/NAME/hand-eye, or hand-eye)", short="-o", group=OUTPUT),
+    ] = None,
+    progress: Progress = unheard,
+) -> SolvedRig:
+    """Solve where a camera sits on a robot, or beside it: `hand_eye("t.json", "photos", robot="poses.csv")`.
+
+    Camera, the robot's noise and the target's size in one adjustment. The exit code is 1 if the poses do not determine
+    it, or if the verdict is: do not use.
+
+    >>> found = calib.hand_eye("ico.target.json", "photos", robot="poses.csv")
+    >>> found.hand_eye.flange_from_cam, found.hand_eye.robot_sigma_mm
+
+    Args:
+        target: what the photos show, a geometry or its file; None: a table has points.
+        photos: files, folders or patterns.
+        robot: base_from_flange of each photo, or the file that holds it.
+        table: instead of photos: observations, or their file (`detections.csv`, or image,u,v,X,Y,Z).
+        points: what the table's points are: `corner`, `ring` or `circle`; None: as it says itself.
+        diameter_mm: of circles.
+        target_in_hand: the robot holds the target, the camera stands beside it.
+        inverted: the robot's file holds flange_from_base.
+        unit: of its columns that do not name it: `mm`, `m,deg`.
+        euler: convention of its Euler angles, such as `xyz-extrinsic` or `kuka`.
+        camera: the lens from an earlier run, which is kept.
+        refine: solve it on.
+        model: of the camera; `all` chooses.
+        fix: parameters to keep.
+        minimise: distances in the image, or in space.
+        target_size: solve the target's size by the robot's ways alone, or keep it; None: as sure as it was made so.
+        free_bend: solve the bend of a flat target, by the photos alone: two curvatures, along its sides.
+        robot_noise: standard deviations of a coordinate of the robot's errors, rad and mm; None: estimated.
+        made: how the target was made.
+        criteria: limits of the verdict.
+        jobs: photos at a time; None: one per core.
+        out: a folder to write everything to.
+        progress: is told what is being done.
+
+    Raises:
+        InputError: files or options that break a rule, or poses that look inverted or in another unit.
+    """
+    from calib.app.inputs import points_of
+    from calib.robot.poses import RobotPoses, read_robot_poses
+    from calib.verdict.carried_camera import RobotSetting, judged_on_robot
+    from designer.base.small_file import place_of
+
+    to = begun(out)
+    if robot_noise is not None and min(robot_noise) <= 0:
+        raise InputError(f"--robot-noise {robot_noise}: both must be more than 0; leave it out to have it estimated")
+    if isinstance(robot, RobotPoses) and (inverted or unit is not None or euler is not None):
+        raise InputError("inverted, unit, euler: tell how a file of robot poses is read; these poses are read already")
+    poses = robot if isinstance(robot, RobotPoses) else read_robot_poses(
+        place_of(robot, "a file of robot poses"), unit=unit, euler=euler, is_inverted=inverted
+    )  # fmt: skip
+    limits, wishes = rig_criteria_of(criteria), wishes_of_one(camera, model, fix, minimise, refine=refine)
+    seen = seen_by_one(target, photos, table, points_of(points, diameter_mm), wishes, jobs, progress).with_made(made)
+    setting = RobotSetting(target_in_hand, target_size, free_bend, *(robot_noise or (None, None)))
+    settings = settings_of(("target", target), ("table", table), ("robot", robot))
+    run = judged_on_robot(seen, poses, setting, wishes, limits, settings, progress)
+    return finished(SolvedRig(*run), to, out, progress)
+
+
+def wishes_of_one(
+    camera: "Camera | Place | None", model: str, fix: Sequence[str], minimise: str, *, refine: bool
+) -> "CameraWishes":
+    """What was asked for of the one camera.
+
+    Raises:
+        InputError: what it cannot have.
+    """
+    from calib.app.inputs import camera_of
+    from calib.observe.rig_search import ALONE
+    from calib.solver.plan import ALL, plan_from_words
+    from calib.verdict.rig_lenses import require_wishes, wishes_of
+
+    if refine and camera is None:
+        raise InputError("--refine: there is no lens to solve on from; give --camera, or leave it out")
+    given = {} if camera is None else {ALONE: camera_of(camera)}
+    plan = plan_from_words(
+        ALL, fix=(), share=(), focal_px=None, loss="squares", reject=None, weighted=True, minimise=minimise
+    )
+    wishes = wishes_of(model, given, refine, fix, plan.options)
+    require_wishes(wishes, (ALONE,))
+    return wishes
+
+
+def seen_by_one(
+    target: "TargetGeometry | Place | None", photos: "Place | Iterable[Place]", table: "Observations | Place | None",
+    kind: tuple[str | None, float | None], wishes: "CameraWishes", jobs: int | None, progress: Progress,
+) -> "RigSeen":  # fmt: skip
+    """What one camera saw, from photos or a table: a frame a photo.
+
+    Raises:
+        InputError: neither or both are given, or they cannot be read.
+    """
+    from calib.app.inputs import photos_of, require_photos_for_jobs, target_of
+    from calib.core.types import Observations
+    from calib.observe.rig_observations import alone_as_rig
+    from calib.observe.rig_search import ALONE, search_one
+    from calib.verdict.rig_solution import RigSeen
+
+    if kind != (None, None) and (table is None or isinstance(table, Observations)):
+        raise InputError("--points: says what the points of a table are; leave it out")
+    found = photos_of(photos)
+    if table is not None:
+        require_photos_for_jobs(jobs)
+        if found.paths or found.failures:
+            first = found.failures[0] if found.failures else shown(found.paths[0].name)
+            raise InputError(f"--table: says what was seen in the photos; leave these out: {first}")
+        geometry = None if target is None else target_of(target)
+        one = table if isinstance(table, Observations) else _of_table(table, geometry, *kind)
+        return RigSeen(alone_as_rig(ALONE, one), geometry)
+    if target is None:
+        raise InputError("no target; give the target file of what the photos show, or a table of observations")
+    geometry = target_of(target, "rings")
+    if not found.paths:
+        raise InputError(found.failures[0] if found.failures else "no photos; give files or a folder")
+    plan = None if wishes.given else wishes.plan_of(ALONE)
+    search, seen = search_one(geometry, found, wishes.given.get(ALONE), plan, jobs, progress)
+    return RigSeen(seen, geometry, search)
+
+
+def _of_table(
+    table: "Place", geometry: "TargetGeometry | None", points: str | None, diameter_mm: float | None
+) -> "Observations":
+    """What one camera saw, of a table of one camera, or of the sightings that a rig's folder holds."""
+    from calib.app.inputs import load_observations
+    from calib.observe.rig_photos import tells_cameras
+    from calib.observe.rig_sightings import read_rig_sightings
+    from designer.base.small_file import place_of
+
+    path = place_of(table, "a table of observations")
+    if not (path.is_file() and tells_cameras(path)):
+        return load_observations(path, geometry, points=points, diameter_mm=diameter_mm)
+    seen = read_rig_sightings(path, geometry, points=points, diameter_mm=diameter_mm, fewest=1)
+    if len(seen.sightings) > 1:
+        raise InputError(f"{path}: holds the sightings of {len(seen.sightings)} cameras; give those of one")
+    return seen.sightings[0]

@@ -1,1 +1,0 @@
-"""The page of a rig: cameras that are held together, solved from what they saw of one target."""
