@@ -11,8 +11,7 @@ from calib.as_built.problem import Joint
 from calib.as_built.unknowns import RingPlaces, TargetUnknowns, Unknowns, place_rings, strain_matrix
 from calib.solver.eliminate import Factor, covariance_factor
 from calib.solver.normal import Normal
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 ISOTROPIC = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 

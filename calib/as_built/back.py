@@ -8,17 +8,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.as_built.datum import rigid_fit
 from calib.as_built.lengths import CaliperLength, length_in, scale_from
 from calib.as_built.result import AsBuilt, face_shift_mm
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.prior import displacements
 from designer.tolerance.sources import SOURCES
-
-Array = NDArray[np.float64]
 
 LEAST_SIGMA_MM = 1e-4
 

@@ -13,8 +13,7 @@ from calib.as_built.unknowns import RingPlaces, place_rings, shared_values
 from calib.cameras import linearise
 from calib.core.jit import jit
 from calib.solver.normal import Normal
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 CHUNK = 4000
 """Observations at a time."""

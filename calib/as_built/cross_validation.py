@@ -35,12 +35,10 @@ from calib.rigs.solve import solve_rig
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
 from calib.solver.start import solve_poses
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.marks import Count, FewLines, Length, Number, Word
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 _Key: TypeAlias = tuple[str, str, bool]
 """Metric, unit, and whether the errors are against the true rings."""

@@ -29,9 +29,7 @@ from calib.as_built.unknowns import (
 from calib.core.linear_algebra import pseudo_inverse
 from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose, skew, transform
 from calib.core.types import Observations
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from designer.base.arrays import Array, Flags
 
 LEAST_RINGS = 3
 """Of a face in a view that tell its pose."""

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.as_built.blocks import normal_equations
 from calib.as_built.held import moved_poses
@@ -14,8 +13,6 @@ from calib.solver.descent import FIRST_DAMPING, PERFECT_PX, SMALL_DECREASE, leve
 from calib.solver.eliminate import JointStep, damped_step
 from calib.solver.levenberg import move_poses, moved_camera, turn_of_centre
 from calib.solver.normal import Normal
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

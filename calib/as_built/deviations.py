@@ -6,20 +6,19 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.as_built.datum import few_views
 from calib.as_built.result import AsBuilt, face_shift_mm
 from calib.as_built.unknowns import STRAIN_INDEX, bow_basis, strain_matrix, strain_numbers
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import exp_rotation
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.marks import Gap, Key, NullIs, OneOf
 from designer.base.units import MOST_SKEW_DEG, NO_SKEW, SKEW_NAMES, Skew, skew_matrix
 from designer.kinds.layout import face_down, is_turned
 from designer.target import TargetGeometry
 
-Array = NDArray[np.float64]
 Axis = Annotated[str, OneOf(("x", "y", "z"))]
 Angle = Annotated[str, OneOf(SKEW_NAMES)]
 

@@ -20,9 +20,8 @@ from calib.core.se3 import log_rotation
 from calib.core.types import Observations
 from calib.detector import homography
 from calib.detector.lens import CameraLens
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 ANOTHER = 3.0
 """Standard deviations, root mean square over a camera's parameters."""

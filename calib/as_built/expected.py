@@ -10,18 +10,16 @@ components).
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.as_built.datum import SeenParts, by_shared_dense, rigid_design
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.unknowns import TargetUnknowns, Unknowns, nominal_shape, place_rings, shared_values
 from calib.core.linear_algebra import pseudo_inverse
 from calib.solver.normal import Normal
+from designer.base.arrays import Array
 from designer.target import bounding_radius_mm
 from designer.tolerance.made import how_made
 from designer.tolerance.prior import ShapePrior
-
-Array = NDArray[np.float64]
 
 LEAST_MM = 1e-3
 """At the rim of the target: nothing is made better than this, and what is wrongly thought right can still be found."""

@@ -7,14 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.solver.chain import Chain, through_camera
 from calib.solver.levenberg import move_poses
 from calib.solver.normal import Normal
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
+from designer.base.arrays import Array, Rows
 
 
 @dataclass(frozen=True, eq=False)

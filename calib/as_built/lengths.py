@@ -9,17 +9,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.marks import Number, Word
 from designer.base.units import format_mm, parse_length_mm
 from designer.base.words import several, shown, suggestion
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, perturb
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 PARALLEL = 0.9
 """Cosine of the angle between the normals of faces that a caliper goes over, with the sign turned."""

@@ -6,16 +6,13 @@ iterative weighted similarity transformation of deformation analysis, Chen 1983)
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.as_built.datum import SeenParts
 from calib.as_built.unknowns import TargetUnknowns, Unknowns
 from calib.core.linear_algebra import least_squares
 from calib.core.se3 import skew
+from designer.base.arrays import Array, Flags
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 FAR = 3.0
 """Times the median distance. Of six normal numbers that are alike, one in 10^8 faces is so far off."""

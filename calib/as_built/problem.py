@@ -12,8 +12,7 @@ from calib.cameras.camera import Camera
 from calib.core.types import Observations
 from calib.solver.options import Tie
 from calib.solver.problem import Problem, pack
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

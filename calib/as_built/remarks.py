@@ -1,15 +1,12 @@
 """What photos do not tell of a print, in words."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.as_built.datum import FEW_VIEWS, SeenParts, few_views
 from calib.core.types import Observations
 from calib.solver.outliers import deviations
+from designer.base.arrays import Array, Flags
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 FAR_OFF = 6.0
 

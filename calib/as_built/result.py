@@ -12,9 +12,8 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation
 from calib.core.types import Observations
 from calib.solver.calibration import Status
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 DIGITS = 9
 """Of a millimetre: less moves nothing."""

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.as_built.datum import NO_STRAIN, SHAPE, few_views
 from calib.as_built.deviations import Estimate
@@ -14,14 +13,13 @@ from calib.as_built.result import AsBuilt
 from calib.as_built.unknowns import strain_matrix
 from calib.core.linear_algebra import least_squares, symmetric_inverse
 from calib.core.se3 import skew
+from designer.base.arrays import Array, Flags
 from designer.base.marks import Gap
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.pieces import face_middle_mm
 from designer.tolerance.source import Amount
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Fault = Literal["lifted", "tilted", "turned", "shifted"]
 SeatVerdict = Literal["sits badly", "as usual", "few photos", "not known"]
 

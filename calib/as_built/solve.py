@@ -36,11 +36,9 @@ from calib.solver.calibration import Calibration, Status
 from calib.solver.options import Tie, tie_parameters
 from calib.solver.outliers import deviations
 from calib.solver.solve import solve
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.target import TargetGeometry, bounding_radius_mm
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 ROUNDS = 8
 """Of judging what an observation is worth, against the priors, and solving again."""

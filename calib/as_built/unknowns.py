@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from calib.as_built.options import AsBuiltOptions
 from calib.core.linear_algebra import least_squares
 from calib.core.se3 import exp_rotation, skew
+from designer.base.arrays import Array
 from designer.target import TargetGeometry, bounding_radius_mm
 from designer.tolerance.made import how_made
-
-Array = NDArray[np.float64]
 
 STRAIN_INDEX = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Of a strain's six numbers: xx, yy, zz, yz, xz, xy."""

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.coupons.place import Placed
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 
-Array = NDArray[np.float64]
 Feature = Literal["ring", "black line", "white line"]
 
 END_MM = 0.6

@@ -25,10 +25,9 @@ from numpy.typing import NDArray
 from calib.as_built.deviations import Estimate
 from calib.core.types import Detections
 from calib.coupons.result import LEAST_OFFSET_MM, STEP_MM, UNSEEN_BLURS
+from designer.base.arrays import Array
 from designer.base.marks import Count, Number
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 PRIOR_SIGMA = np.array([1.0, 0.5, 0.1])
 """Of b (mm: anything), of c (blurs) and e (px), before anything was seen. A power of 2.2 moves edges by nearly half a

@@ -21,9 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 SIZE, STRETCH, SKEW = range(3)
 PRINT_SIGMA = (0.02, 0.02, 0.02)

@@ -17,8 +17,7 @@ from calib.core.jit import jit, jit_inside
 from calib.coupons.edges import LEAST_PIXELS, MOST_REACH_PX, Edge, Pixels, pixels_of
 from calib.coupons.place import Placed
 from calib.coupons.tone import COUNT, LEAST, MOST, PRIOR, PRIOR_SIGMA, STEP, Profile, Tone, risen
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 LEVELS = 6
 """Of an edge: white and ink, each with a gradient."""

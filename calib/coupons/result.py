@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.as_built.deviations import (
     Compensation,
@@ -20,11 +19,10 @@ from calib.as_built.deviations import (
 from calib.coupons.edges import Feature
 from calib.coupons.place import PlacedPictures
 from calib.coupons.reading import OPEN, EdgeFit, Reading
+from designer.base.arrays import Array
 from designer.base.marks import INLINE, Key, Number, Word
 from designer.base.units import Skew
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 AXES = ("x", "y")
 COLOURS: Mapping[str, tuple[Feature, ...]] = {"black": ("ring", "black line"), "white": ("white line",)}

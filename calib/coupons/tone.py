@@ -15,11 +15,9 @@ import math
 from dataclasses import astuple, dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.jit import jit_inside
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 REACH, STEP = 9.0, 0.05
 """Of the profile, in blurs."""

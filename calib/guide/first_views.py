@@ -7,7 +7,6 @@ those that are tilted to the same side tell the same two.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import COMMON, project
 from calib.cameras.camera import Camera
@@ -15,8 +14,7 @@ from calib.cameras.plain import plain_camera
 from calib.core.se3 import exp_rotation, make_pose, transform
 from calib.verdict.candidate_views import faces_seen, tilt_rotation
 from calib.verdict.views import TargetShape
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 USUAL_FOCAL = 0.9
 """Focal length over the image's longer side of most cameras with an ordinary lens: 58 degrees from side to side. That

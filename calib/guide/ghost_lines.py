@@ -3,15 +3,13 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.se3 import transform
 from calib.guide.told import Line
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 STEPS_A_SIDE = 6
 """A lens bends the side of a face; so many straight pieces do for a drawing."""

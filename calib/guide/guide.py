@@ -6,7 +6,6 @@ from functools import cached_property
 from os import PathLike
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations
@@ -25,11 +24,10 @@ from calib.verdict.coverage import Coverage, coverage, coverage_of
 from calib.verdict.criteria import STANDARD
 from calib.verdict.verdict import Criteria, Verdict
 from calib.verdict.views import TargetShape
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import shown
 from designer.target import TargetGeometry, load_target
-
-Array = NDArray[np.float64]
 
 USUAL_SIZE = (1280, 720)
 """Of images, as long as nobody says theirs."""

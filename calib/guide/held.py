@@ -11,8 +11,7 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import angles_between, transform
 from calib.verdict.candidate_views import LONG
 from calib.verdict.views import TargetShape
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 SAME_TURN_DEG = 15.0
 """A person holds a target to about 5 degrees about each axis, so that the whole turn is now and then this far off."""

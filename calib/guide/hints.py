@@ -3,13 +3,11 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.guide.held import HeldView, turn_between
 from calib.verdict.next_view_words import A_LITTLE, distance_words
 from calib.verdict.views import TargetShape
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 LITTLE_SHIFT = 0.06
 """Of the image's longer side: so near is there."""

@@ -12,7 +12,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import WIDE, told_parameters
 from calib.core.parallel import one_thread
@@ -29,8 +28,6 @@ from calib.solver.target_error import LeftOpen, target_told
 from calib.verdict.information import knowledge_of
 from calib.verdict.lit_part import lit_part, sigma_over_lit_px
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 FOCAL_CENTRE = ("fx_px", "fy_px", "cx_px", "cy_px")
 ROUGH_SHARE = 0.02

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.types import LEAST_POINTS, Detections, KnownPoints, Observations
@@ -17,8 +16,7 @@ from calib.guide.view_worth import ViewGains, worth_of
 from calib.solver.accuracy import NO_FIT
 from calib.solver.start import solve_poses
 from calib.verdict.views import TargetShape
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 MOST_POINTS = 60
 """Of a frame, that its pose is found from."""

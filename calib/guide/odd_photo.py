@@ -1,15 +1,12 @@
 """The photo that does not go with the others: damaged, or of a target that moved, or taken with another zoom."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.outliers import shift_of_photo
 from calib.solver.problem import pack
-
-Array = NDArray[np.float64]
 
 CONTRADICTS, LEAST_FAR_PX = 5.0, 0.3
 """Times the others' residuals that a photo leaves, and pixels, if something is wrong with it."""

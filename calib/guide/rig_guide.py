@@ -6,7 +6,6 @@ from functools import cached_property
 from os import PathLike
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import compose
 from calib.core.types import Detections
@@ -23,12 +22,11 @@ from calib.verdict.criteria import STANDARD, read_rig_criteria
 from calib.verdict.next_view_words import place_of
 from calib.verdict.next_views import outline_px
 from calib.verdict.rig_next_frames import NextFrame
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.number_text import figure
 from designer.base.words import shown
 from designer.target import TargetGeometry, load_target
-
-Array = NDArray[np.float64]
 
 TOGETHER = 2
 """So many cameras are to see the target at once for a photo that joins them."""

@@ -7,9 +7,6 @@ from itertools import combinations
 from pathlib import PurePath
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from calib.cameras.rig import Rig
 from calib.core.parallel import one_thread_with_scipy
 from calib.guide.guide import Guide
@@ -25,10 +22,9 @@ from calib.rigs.target_error import with_target_error
 from calib.verdict.check_kind import at_most
 from calib.verdict.rig_judge import JudgedRig, judge_rig
 from calib.verdict.verdict import Criteria, Grade, Limits, measured_text
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.number_text import figure
-
-Array = NDArray[np.float64]
 
 MOST_PAIRS = 8
 """That are listed, of a rig with many cameras those that are known worst."""

@@ -20,8 +20,7 @@ from calib.verdict.judge import judge
 from calib.verdict.next_views import LITTLE_GAIN, NextView, next_views
 from calib.verdict.verdict import Verdict
 from calib.verdict.views import TargetShape
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 ENOUGH_PHOTOS = 12
 """With so many, checks that fail although the camera is known as well as wanted fail for another reason than chance."""

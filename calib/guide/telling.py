@@ -25,9 +25,8 @@ from calib.verdict.next_view_words import place_of, place_words, thing_word, til
 from calib.verdict.next_views import NextView, outline_px
 from calib.verdict.verdict import Check, Grade
 from calib.verdict.views import TargetShape
+from designer.base.arrays import Array
 from designer.base.number_text import figure
-
-Array = NDArray[np.float64]
 
 MAP = (24, 16)
 """Columns and rows of the sensor map."""

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from calib.core.types import frozen_array
 from calib.verdict.verdict import Grade
+from designer.base.arrays import Array
 from designer.base.marks import OR_NULL, Gap
 
-Array = NDArray[np.float64]
 Line = Array
 
 Stage = Literal["first", "guiding", "good", "exhausted"]

@@ -7,7 +7,6 @@ would take off; where the part of the image that is covered is to grow, as a par
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import covariance_with_prior
 from calib.solver.accuracy import SHARE_PERCENT
@@ -17,9 +16,7 @@ from calib.verdict.coverage import Coverage, coverage
 from calib.verdict.information import Knowledge, image_change, knowledge_of, sigma_px, view_information
 from calib.verdict.next_views import NextView
 from calib.verdict.views import TargetShape, habits_of
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
+from designer.base.arrays import Array, Rows
 
 COARSE_MAP = (16, 12)
 MOST_POINTS = 300

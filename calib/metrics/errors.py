@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from calib.cameras import project, rays
 from calib.core.types import freeze
 from calib.solver.calibration import Calibration
+from designer.base.arrays import Array
 from designer.base.marks import Count, Gap
 
 COUNTED = ""
 """The reason of an error that is not left out."""
 OUTLIER = "outlier"
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

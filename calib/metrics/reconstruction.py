@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.metrics.errors import ErrorMetric, Errors, Prediction, first_reason, is_known
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 NAME, SUBJECT = "reconstruction", "a ring in all photos"
 UNIT, AXES = "mm", ("x", "y", "z")

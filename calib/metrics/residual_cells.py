@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from calib.core.linear_algebra import sums_by
 from calib.metrics.evaluation import Evaluation
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 MOST_COLUMNS, FEWEST_COLUMNS = 20, 4
 WANTED_PER_CELL = 12

@@ -6,13 +6,11 @@ another image plane than the sensor's has other axes. Neither is an error of a v
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import log_rotation
 from calib.metrics.errors import ErrorMetric, Errors, Prediction, first_reason, is_known
 from calib.metrics.pose import UNKNOWN
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 NAME, SUBJECT = "rotation", "a camera's axes"
 UNIT, AXES = "deg", ("x", "y", "z")

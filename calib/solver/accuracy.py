@@ -21,9 +21,8 @@ from calib.solver.linear_pose import FLAT
 from calib.solver.options import Tie
 from calib.solver.outliers import MEDIAN_LENGTH
 from calib.solver.schur import reduced_normal
+from designer.base.arrays import Array
 from designer.base.errors import NoAnswerError
-
-Array = NDArray[np.float64]
 
 GRID = (24, 18)
 """Pixels over which the best rotation is found."""

@@ -17,8 +17,7 @@ from calib.cameras.surface import linearise_points
 from calib.core.jit import jit, jit_sums
 from calib.solver.options import Loss
 from calib.solver.problem import Problem
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 RUN = 2000
 """Observations at a time; their derivatives stay in the processor's cache."""

@@ -35,10 +35,9 @@ from calib.solver.extra_parameters import ExtraParameters, extra_parameters
 from calib.solver.free_shape import free_directions
 from calib.solver.image_field import with_image_field
 from calib.solver.photo_error import with_photo_error
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import shown, suggestion
-
-Array = NDArray[np.float64]
 
 SURE = 4.0
 """Standard deviations beyond which an amplitude is no chance, of photos without number; of few photos more."""

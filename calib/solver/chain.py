@@ -8,13 +8,10 @@ equations over views become equations over frames by products with small matrice
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import skew
 from calib.solver.normal import Normal
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
+from designer.base.arrays import Array, Rows
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,9 +25,9 @@ from calib.cameras.camera import Camera
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration, CircleDoubt, without_surface
 from calib.solver.extra_parameters import ExtraParameters, extra_parameters
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 ROUNDS, SETTLED_PX = 10, 1e-4

@@ -21,9 +21,7 @@ from calib.solver.levenberg import Minimum, minimise
 from calib.solver.options import Loss, SolveOptions, Tie
 from calib.solver.outliers import deviations, forgetful, robust_covariance_factor, robust_sigma, whitened
 from calib.solver.problem import Problem, few_per_view, select
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from designer.base.arrays import Array, Flags
 
 MOST_ROUNDS = 60
 """Of leaving out and taking back."""

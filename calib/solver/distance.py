@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import linearise, rays
 from calib.cameras.camera import Camera
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 BACKWARDS = 1e-12
 """Of 1 + z: the axes are not defined across the ray straight back, which no lens has."""

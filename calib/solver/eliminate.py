@@ -8,14 +8,12 @@ their couplings B, `S = A - (L^-1 B)' (L^-1 B)` is left.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_solve, cholesky, solve_triangular
 
 from calib.core.jit import jit
 from calib.core.small_solve import cholesky_factor
 from calib.solver.normal import Normal
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

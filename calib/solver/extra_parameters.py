@@ -17,13 +17,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
 from calib.solver.calibration import Calibration
 from calib.solver.free_shape import POSE, PosedSightings, free_directions, whitened_views
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 TOLD = 1e-8
 """Part of a column's square that camera and poses must leave: what they take up whole is told by nothing."""

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.surface import surface_model
 from calib.core.types import Observations
@@ -24,9 +23,8 @@ from calib.solver.plane_bend import PlaneBend, plane_bend
 from calib.solver.problem import origin_poses, pack, target_covariance
 from calib.solver.schur import damped_step
 from calib.solver.surface import step_of_points
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 ROUNDS, SETTLED = 8, 0.01
 """Of bending, until it changes by less than this part of its standard deviations."""

@@ -20,8 +20,7 @@ from calib.cameras.surface import surface_model
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration
 from calib.solver.problem import whiteners
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 SINGULAR = 1e-13
 """Of the eigenvalues of the parameters' correlations; those of fixed and shared parameters are less."""

@@ -28,8 +28,7 @@ from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.solver.calibration import Calibration, ImageField
 from calib.solver.free_shape import POSE, WhitenedView, free_directions, whitened_views
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 ACROSS = 15
 """Nodes along the longer side of the image, between which the field is bilinear; 11 to 21 state much the same."""

@@ -17,10 +17,9 @@ from calib.solver.distance import InSpace
 from calib.solver.options import SolveOptions, Tie
 from calib.solver.outliers import deviations, robust_sigma, whitened
 from calib.solver.problem import Problem
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import shown
-
-Array = NDArray[np.float64]
 
 ENOUGH = 1000
 """Pixels to tell from where cameras differ."""

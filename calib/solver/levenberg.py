@@ -19,8 +19,7 @@ from calib.solver.descent import (
 )
 from calib.solver.problem import Problem
 from calib.solver.schur import Step, damped_step
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 SHORT = 1e-4
 """Of the residuals, what a step moves the picture by: the normal matrix is then as it was, covariances to a millionth

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from calib.core.jit import jit
 from calib.core.small_solve import cholesky_solve, diagonalise
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 FLAT = 0.02
 """A view whose points are this much thinner than wide is taken for planar; a transform of it would be unsure."""

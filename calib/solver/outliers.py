@@ -13,15 +13,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
 from calib.solver.blocks import RobustLoss
 from calib.solver.options import Tie
 from calib.solver.problem import whiteners
 from calib.solver.schur import reduced_blocks
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 MEDIAN_LENGTH = 1.1774100225154747
 """Median length of a normal vector in the plane, sqrt(2 ln 2), in standard deviations of a coordinate."""

@@ -16,15 +16,13 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import pseudo_inverse
 from calib.core.parallel import one_thread
 from calib.solver.calibration import Calibration, PhotoError
 from calib.solver.free_shape import POSE, SINGULAR, PosedSightings, free_directions, whitened_views
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 BY_CHANCE = 4.0
 """Standard deviations of the root mean square of independent scores: beyond, the centres of a photo err alike."""

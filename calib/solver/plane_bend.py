@@ -8,13 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.types import KnownPoints, Observations, freeze
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.marks import AtLeast, AtMost, Gap, Shape
-
-Array = NDArray[np.float64]
 
 FLAT, THIN = 0.05, 1e-3
 """Of the points' extent: what is off their plane by less is a flat target, bent or not; thinner points are a line."""

@@ -9,8 +9,7 @@ from calib.core.jit import jit
 from calib.core.se3 import skew
 from calib.core.types import Observations
 from calib.solver.distance import InSpace
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 GOLDEN = 0.6180339887498949
 MANY = 2**62

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from calib.core.jit import jit
 from calib.core.small_solve import cholesky_factor, substitute
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,9 +21,8 @@ from calib.solver.outliers import shifted_photo, whitened
 from calib.solver.problem import Problem, pack, target_covariance, target_poses
 from calib.solver.start import FirstPoses, coarse_camera, first_poses, turned_over
 from calib.solver.variance_power import variance_power
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 FAR_OFF = 6.0
 TURNS = 4

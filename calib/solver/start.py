@@ -21,9 +21,8 @@ from calib.solver.levenberg import minimise, minimise_poses
 from calib.solver.linear_pose import focal_of, linear_views, poses_of, principal_frames, weak_perspective_poses
 from calib.solver.outliers import MEDIAN_LENGTH, forgetful
 from calib.solver.problem import MANY, Problem, few_per_view, pack, select, target_covariance, target_poses
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 FEW_VIEWS = 16
 WIDE_GRID = 24

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import ABILITIES, COMMON, DEFAULT, WIDE, rays, wide_models
 from calib.cameras.camera import Camera
@@ -15,8 +14,6 @@ from calib.solver.outliers import deviations
 from calib.solver.problem import pack, select_rows
 from calib.solver.solve import solve
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 PER_VIEW = 64
 """Observations of a view that are enough to tell the kinds apart."""

@@ -11,7 +11,6 @@ rough for them is no part of it, and outweighs it where photos of little noise t
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import is_allowed
 from calib.cameras.camera import Camera
@@ -29,10 +28,8 @@ from calib.solver.outliers import deviations, robust_covariance_factor, robust_s
 from calib.solver.problem import Problem
 from calib.solver.surface_equations import POSE, SurfaceEquations, eliminated, free_motions, surface_equations
 from calib.solver.surface_prior import Smoothness, SurfaceProblem, likeliest, precision, roughness
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LEAST_VIEWS = 3
 """Of two, poses take up what the surface would be told by."""

@@ -17,8 +17,7 @@ from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import skew
 from calib.solver.blocks import with_modes
 from calib.solver.problem import Problem
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 POSE = 6
 RUN = 4000

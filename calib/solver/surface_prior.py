@@ -10,11 +10,9 @@ from dataclasses import dataclass
 from math import comb, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.surface import DEGREE
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 ORDER = 3
 """Of the highest derivatives: a cubic spline has no more."""

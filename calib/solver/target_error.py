@@ -19,17 +19,15 @@ way of making lets expect. What poses take up, also the size of the whole, does 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.solver.calibration import Calibration, MadeWith, TargetError
 from calib.solver.free_shape import ShapeEquations, camera_directions, shape_equations
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 from designer.tolerance.made import Made, prior_of
 from designer.tolerance.prior import ShapePrior
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-12
 """Of the residuals: of sightings that another shape explains to the last, so much noise is left."""

@@ -8,12 +8,10 @@ and x = ln(s / middle), the likeliest p makes `sum x e = sum x`, `e = q exp(-2 p
 -1, all alike, to 1.
 """
 
-from typing import TypeAlias
-
 import numpy as np
 from numpy.typing import NDArray
 
-Array: TypeAlias = NDArray[np.float64]
+from designer.base.arrays import Array
 
 STEPS, SAME = 30, 1e-4
 SURE = 3.0

@@ -20,9 +20,8 @@ from calib.cameras.camera import MAX_LENGTHS, LearnedMap
 from calib.cameras.learned import correlation, jacobian_with, square_distances, to_sensor, trend_at
 from calib.core.parallel import one_thread_with_scipy
 from calib.detector.homography import fit
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 MAX_CELLS = 600
 SHRINK = 0.95

@@ -26,9 +26,8 @@ from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.virtual.learn_map import Cells, Learned, MapSamples, Process, cells_of, learn_map
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 MARGIN_PX = 1.0
 """The map is known so far around a sighting that is used, so that its prediction is known too."""

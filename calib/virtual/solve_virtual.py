@@ -27,9 +27,8 @@ from calib.solver.outliers import MEDIAN_LENGTH
 from calib.solver.solve import solve
 from calib.virtual.learn_map import MIN_SAMPLES, MapSamples, learn_from_many
 from calib.virtual.learn_views import SMALL_CHANGE_PX, learn_from_views, solve_on_sensor
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 FLAT = 1e-6
 """Points that lie so near a plane, as a part of their extent, are on it."""
