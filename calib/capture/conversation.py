@@ -192,14 +192,11 @@ class Conversation(ABC, Generic[G]):
             "more": self._more, "automatic": self._automatic, "by_hand": self._by_hand, "source": self._source,
         }  # fmt: skip
         try:
-            if command.kind in does and (self.takes_photos or self._may_go_on(command)):
+            mends = command.kind == "more" and self.phase == "failed"  # more photos for a run that failed
+            if command.kind in does and (self.takes_photos or mends):
                 does[command.kind](command.name)
         except NotWrittenError as error:
             self._notice(str(error))
-
-    def _may_go_on(self, command: PageCommand) -> bool:
-        """Whether more photos are to mend a run that failed."""
-        return command.kind == "more" and self.phase == "failed"
 
     def _skip(self, _: str) -> None:
         self.guide = self.guide.skipping()

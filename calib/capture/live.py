@@ -12,9 +12,8 @@ from calib.capture.photo_folder import PhotoFolder
 from calib.capture.server import bound_socket
 from calib.capture.serving import Heard, Serving
 from calib.capture.session import Session
-from calib.capture.sources.browser import BrowserCamera
 from calib.capture.sources.opencv_camera import OpenCVCamera
-from calib.capture.sources.source import Source
+from calib.capture.sources.source import BrowserCamera, Source
 from calib.capture.sources.watched_folder import WatchedFolder, require_apart
 from calib.guide.guide import Guide
 from calib.solver.plan import models_of

@@ -13,7 +13,7 @@ from calib.capture.photo_folder import PhotoFolder
 from calib.capture.rig_session import RigSession
 from calib.capture.server import bound_socket
 from calib.capture.serving import Heard, Serving
-from calib.capture.sources.opencv_camera import OpenCVCamera
+from calib.capture.sources.opencv_camera import OpenCVCamera, is_video
 from calib.capture.sources.source import Source
 from calib.capture.sources.watched_folder import WatchedFolder, require_apart
 from calib.guide.rig_guide import RigGuide
@@ -146,7 +146,7 @@ def sources_of(cameras: Sequence[str | int], watch: Sequence[Place], size: tuple
     again = next((one for one in places if places.count(one) > 1), None)
     if again is not None:
         raise InputError(f"--camera {shown(again)}: is given twice; give each camera once")
-    films = [Path(one) for one in places if _is_film(one)]
+    films = [Path(one) for one in places if is_video(one)]
     if films and len(films) < len(places):
         raise InputError(
             f"--camera {shown(str(films[0]))}: a video goes with no camera that shows what is now; give videos alone"
@@ -156,7 +156,3 @@ def sources_of(cameras: Sequence[str | int], watch: Sequence[Place], size: tuple
     else:
         names = [f"camera-{one}" if one.isdecimal() else f"network-{row}" for row, one in enumerate(places)]
     return {name: OpenCVCamera(place, size) for name, place in zip(names, places, strict=True)}
-
-
-def _is_film(place: str) -> bool:
-    return not place.isdecimal() and "://" not in place

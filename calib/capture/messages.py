@@ -10,7 +10,7 @@ header, the header, and the bytes of the image.
 
 A page that uses the browser's camera sends its next frame when the look at the last one has come, or after a second.
 The frame that was looked at is the one that is kept: nothing is taken again. A page that another one took over from
-is told so by its last state, before its socket is closed. The page's addresses are in `calib.capture.page_files`.
+is told so by its last state, before its socket is closed. The page's addresses are in `calib.capture.server`.
 """
 
 import json

@@ -3,6 +3,10 @@
 A page of another site may make the browser send requests here. It knows neither the token in the address, nor can it
 say that it is ours: `Host` must be this machine by its own name (which a rebound name server cannot fake), and a
 WebSocket's `Origin` must be this server.
+
+The files that the page is made of are asked for beside the page, `ADDRESS/`, and are handed out as they are, and no
+others; so are the WebSocket `ADDRESS/socket`, a photo `ADDRESS/photos/NAME` and, at the end, the report
+`ADDRESS/report`.
 """
 
 import asyncio
@@ -10,14 +14,15 @@ import secrets
 import socket
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+import designer.page
 from calib.capture.messages import LookMessage, Message, PageCommand, StateMessage, command_from, header_of, text_of
-from calib.capture.page_files import PAGE_POLICY, REPORT_POLICY, page_files
 from calib.capture.sources.source import Frame
 from designer.base.errors import InputError
 
@@ -35,9 +40,43 @@ COMMON_HEADERS = {
     "Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Content-Type-Options": "nosniff",
     "Cross-Origin-Resource-Policy": "same-origin", "Cross-Origin-Opener-Policy": "same-origin",
 }  # fmt: skip
+PAGE_POLICY = (
+    "default-src 'none'; script-src 'self'; worker-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+    "connect-src 'self'; frame-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""The Content-Security-Policy of the page: nothing is fetched from elsewhere, no script stands in the markup."""
+REPORT_POLICY = "frame-ancestors 'self'"
+"""Of the report, which the page shows in a frame; what may run in it, the report itself says."""
+
+_OWN = Path(__file__).parent / "parts"
+_SHARED = Path(designer.page.__file__).parent / "parts"
+_MEDIA = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
 TAKEN_OVER, NOT_OURS = 4001, 4003
 BACKLOG = 64
 """Messages that wait for a page that does not read; further pictures and looks are of no use to it."""
+
+
+@dataclass(frozen=True)
+class PageFile:
+    """One file, as it is sent."""
+
+    content: bytes
+    media_type: str  # "text/css; charset=utf-8"
+
+
+@cache
+def page_files() -> dict[str, PageFile]:
+    """All files by their names; the page itself is "".
+
+    `page_files()["live.css"].media_type`
+    """
+    shared = (_SHARED / name for name in ("page.css", "three.min.js", "viewer_shapes.js"))
+    files = {path.name: _file(path) for path in (*sorted(_OWN.iterdir()), *shared)}
+    return {"" if name == "live.html" else name: file for name, file in files.items()}
+
+
+def _file(path: Path) -> PageFile:
+    return PageFile(path.read_bytes(), f"{_MEDIA[path.suffix]}; charset=utf-8")
 
 
 class Pages:

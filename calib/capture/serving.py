@@ -80,7 +80,7 @@ class Serving(Generic[G, R]):
         from calib.capture.server import MOST_BYTES
 
         token, port = secrets.token_urlsafe(24), int(bound.getsockname()[1])
-        app = application(token, port, self._pages, self._photo_file, self._report_file)
+        app = application(token, port, self._pages, self._session.photo_file, self._report_file)
         settings = uvicorn.Config(
             app, log_level="critical", access_log=False, ws="websockets-sansio", ws_max_size=MOST_BYTES,
             timeout_graceful_shutdown=1, server_header=False,
@@ -171,9 +171,6 @@ class Serving(Generic[G, R]):
     def _fail(self, error: BaseException) -> None:
         self._error = error
         self._is_over.set()
-
-    def _photo_file(self, name: str) -> Path | None:
-        return self._session.photo_file(name)
 
     def _report_file(self) -> Path | None:
         return self._session.folder.folder / PAGE_FILE if self._session.phase == "done" else None

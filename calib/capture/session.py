@@ -63,19 +63,11 @@ class Session(Conversation[Guide]):
 
     def resume(self) -> None:
         """As `Conversation`."""
-        left_out = set(self.folder.record.left_out)
         for path in self.folder.kept:
-            self._reread(path, is_left_out=path.name in left_out)
-
-    def _reread(self, path: Path, *, is_left_out: bool) -> None:
-        try:
-            found = self._exact(read_image(path).pixels, path.name)
-        except InputError as error:
-            self._notice(f"{error}; it is left out")
-            return
-        self.kept[path.name] = Kept(path.name, path, found, is_left_out)
-        if not is_left_out:
-            self.guide = self.guide.with_photo(found)
+            try:
+                self._keep(path, self._exact(read_image(path).pixels, path.name))
+            except InputError as error:
+                self._notice(f"{error}; it is left out")
 
     def _exact(self, pixels: Grey, name: str) -> Detections:
         return exactly_found(pixels, name, self.target, self.guide.calibration)
@@ -89,14 +81,15 @@ class Session(Conversation[Guide]):
             return
         self._tell(TakenMessage(path.name, by_itself))
         self._shutter = self._shutter.fired()
-        self._count(path, self._exact(frame.pixels, path.name))
+        self._keep(path, self._exact(frame.pixels, path.name))
+        self._follow()
 
-    def _count(self, path: Path, found: Detections) -> None:
+    def _keep(self, path: Path, found: Detections) -> None:
+        """Count a photo, unless it was deleted."""
         is_left_out = path.name in self.folder.record.left_out
         self.kept[path.name] = Kept(path.name, path, found, is_left_out)
         if not is_left_out:
             self.guide = self.guide.with_photo(found)
-        self._follow()
 
     # ---- what comes in
 
@@ -120,7 +113,8 @@ class Session(Conversation[Guide]):
         self._tell(look_message(frame, found, self.target, look, self._shutter.still, took_ms))
         if frame.file is not None:
             self._tell(TakenMessage(frame.file.name, by_itself=False))
-            self._count(frame.file, found)
+            self._keep(frame.file, found)
+            self._follow()
             return
         self._last = frame
         if self._shutter.is_due and self._is_automatic and self.phase == "taking":

@@ -87,14 +87,12 @@ class Worker(Generic[G]):
                 return None
             if self._todo:
                 return self._todo.popleft()
-            frames = [self._photos.popleft()] if takes and self._photos else self._newest()
+            if takes and self._photos:
+                frames = [self._photos.popleft()]
+            else:  # those of all sources together, so that they are of one moment
+                frames = list(self._frames.values())
+                self._frames.clear()
         return lambda: self._look(frames)
-
-    def _newest(self) -> list[Frame]:
-        """The frames of all sources together, so that they are of one moment."""
-        frames = list(self._frames.values())
-        self._frames.clear()
-        return frames
 
     def _look(self, frames: list[Frame]) -> None:
         for frame in frames:

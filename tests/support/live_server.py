@@ -26,7 +26,7 @@ from calib.capture.messages import (
     text_of,
     with_header,
 )
-from calib.capture.page_files import PAGE_POLICY, REPORT_POLICY, page_files
+from calib.capture.server import PAGE_POLICY, REPORT_POLICY, page_files
 from tests.support.pages import png
 from tests.support.waiting import wait_until
 

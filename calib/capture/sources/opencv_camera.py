@@ -1,6 +1,5 @@
 """A camera that OpenCV reads: one of this machine by its number, one of the network by its address, or a video file."""
 
-import threading
 import time
 from pathlib import Path
 
@@ -9,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.capture.messages import SourceKind
-from calib.capture.sources.source import Frame, Put, Say
+from calib.capture.sources.source import Frame, ThreadSource
 from calib.images.photo import grey_of
 from designer.base.errors import InputError
 from designer.base.words import printable, shown
@@ -18,11 +17,10 @@ AGAIN_S = 2.0
 """Between two attempts to open a camera that does not answer."""
 MOST_MISSED = 10
 """Frames in a row that cannot be read: the camera was unplugged, or the video is at its end."""
-STOP_S = 5.0
 USUAL_FPS, MOST_FPS = 30.0, 240.0
 
 
-class OpenCVCamera:
+class OpenCVCamera(ThreadSource):
     """`OpenCVCamera("0")`, `OpenCVCamera("rtsp://10.0.0.7/live")`, `OpenCVCamera("walk.mp4")`.
 
     Raises:
@@ -33,28 +31,13 @@ class OpenCVCamera:
 
     def __init__(self, place: str, size: tuple[int, int] | None = None) -> None:
         self._place, self._size = place, size
-        self._is_file = not place.isdecimal() and "://" not in place
+        self._is_file = is_video(place)
         if self._is_file and not Path(place).is_file():
             raise InputError(
                 f"--camera {shown(place)}: no such file; give a number (0), an address (rtsp://...) or a video"
             )
         self.name = f"camera {place}" if place.isdecimal() else _without_secrets(place)
-        self._is_over, self._thread = threading.Event(), threading.Thread(target=self._read, daemon=True)
-        self._row, self._begin_s = 0, 0.0
-        self._put: Put = lambda frame: None
-        self._say: Say = lambda fault: None
-
-    def start(self, row: int, put: Put, say: Say) -> None:
-        """As `Source`."""
-        self._row, self._put, self._say = row, put, say
-        self._begin_s = time.monotonic()
-        self._thread.start()
-
-    def stop(self) -> None:
-        """As `Source`."""
-        self._is_over.set()
-        if self._thread.is_alive():
-            self._thread.join(STOP_S)
+        super().__init__()
 
     def _read(self) -> None:
         """Frame after frame; open the camera again when it is gone, as long as somebody listens."""
@@ -107,6 +90,11 @@ class OpenCVCamera:
             if self._is_file:
                 self._is_over.wait(max(0.0, self._begin_s + number * step_s - time.monotonic()))
         return number
+
+
+def is_video(place: str) -> bool:
+    """Whether a place is a video file: neither a camera of this machine nor one of the network."""
+    return not place.isdecimal() and "://" not in place
 
 
 def _without_secrets(place: str) -> str:

@@ -1,20 +1,18 @@
 """A folder that another program writes photos to, as of a tethered camera: each is read when it is complete."""
 
-import threading
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from calib.capture.messages import SourceKind
-from calib.capture.sources.source import Frame, Put, Say
+from calib.capture.sources.source import Frame, ThreadSource
 from calib.images.photo import read_image
 from calib.observe.photos import OVERLAY_MARK, images_in
 from designer.base.errors import InputError
 from designer.base.words import printable
 
 LOOK_S = 0.3
-STOP_S = 5.0
 GIVEN_UP_S = 5.0
 """A file that did not change for so long and still cannot be read is named."""
 
@@ -42,7 +40,7 @@ def require_apart(folders: Iterable[Path], out: Path) -> None:
             )
 
 
-class WatchedFolder:
+class WatchedFolder(ThreadSource):
     """`WatchedFolder(Path("incoming"))`; what is in it already counts, too.
 
     Raises:
@@ -55,27 +53,14 @@ class WatchedFolder:
         if not folder.is_dir():
             raise InputError(f"--watch {folder}: no such folder; make it, or give the one that the photos come to")
         self.folder, self.name = folder, printable(folder.name or str(folder))
-        self._is_over, self._thread = threading.Event(), threading.Thread(target=self._watch, daemon=True)
+        super().__init__()
         self._waiting: dict[Path, _FileState] = {}  # not yet read
         self._done: dict[Path, _FileState] = {}  # read, or given up as it is
         self._broken: dict[Path, str] = {}  # given up, and why
         self._fault = ""
-        self._row, self._number, self._begin_s = 0, 0, time.monotonic()
-        self._put: Put = lambda frame: None
-        self._say: Say = lambda fault: None
+        self._number = 0
 
-    def start(self, row: int, put: Put, say: Say) -> None:
-        """As `Source`."""
-        self._row, self._put, self._say = row, put, say
-        self._thread.start()
-
-    def stop(self) -> None:
-        """As `Source`."""
-        self._is_over.set()
-        if self._thread.is_alive():
-            self._thread.join(STOP_S)
-
-    def _watch(self) -> None:
+    def _read(self) -> None:
         while not self._is_over.is_set():
             if self.folder.is_dir():
                 self._tell(self._looked())
@@ -101,7 +86,7 @@ class WatchedFolder:
             if before is None or not _is_same(before, state):
                 self._waiting[path] = state
                 continue
-            if reason := self._read(path):
+            if reason := self._read_photo(path):
                 if now - before.since_s < GIVEN_UP_S:
                     continue
                 self._broken[path] = f"{reason}; it is left out"
@@ -110,7 +95,7 @@ class WatchedFolder:
         others = ", ".join(printable(path.name) for path in broken[1:])
         return f"{self._broken[broken[0]]}{f'; so are {others}' if others else ''}" if broken else ""
 
-    def _read(self, path: Path) -> str:
+    def _read_photo(self, path: Path) -> str:
         """Hand on a photo; why it cannot be read, "" if it can."""
         try:
             pixels = read_image(path).pixels

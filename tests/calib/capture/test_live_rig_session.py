@@ -12,8 +12,7 @@ from calib.capture.live_rig import live_rig, sources_of, write_table
 from calib.capture.messages import LookMessage, Message, NoticeMessage, PageCommand, TakenMessage
 from calib.capture.photo_folder import PhotoFolder
 from calib.capture.rig_session import RigSession, own_moment
-from calib.capture.sources.browser import BrowserCamera
-from calib.capture.sources.source import Frame
+from calib.capture.sources.source import BrowserCamera, Frame
 from calib.core.se3 import look_at, make_pose
 from calib.guide.rig_guide import RigGuide
 from calib.images.photo import read_image
