@@ -10,8 +10,7 @@ import numpy as np
 from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations
 from calib.guide.first_views import first_pose, guessed_camera
-from calib.guide.ghost_lines import ghost_lines
-from calib.guide.held import held_at
+from calib.guide.held import ghost_lines, held_at
 from calib.guide.insight import Insight, insight_of
 from calib.guide.looking import LookedFor, frame_pose, look_at_frame
 from calib.guide.settings import ALL, settings_of

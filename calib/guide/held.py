@@ -9,15 +9,21 @@ from numpy.typing import NDArray
 from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.se3 import angles_between, transform
+from calib.guide.told import Line
 from calib.verdict.candidate_views import LONG
 from calib.verdict.views import TargetShape
 from designer.base.arrays import Array
+from designer.target import TargetGeometry
 
 SAME_TURN_DEG = 15.0
 """A person holds a target to about 5 degrees about each axis, so that the whole turn is now and then this far off."""
 SAME_PLACE_MM, LEAST_PLACE, MOST_PLACE = 40.0, 0.1, 0.3
 """Likewise to about 20 mm along each axis, and to no less and no more than parts of the distance: near the camera a
 hand is held by what is seen."""
+STEPS_A_SIDE = 6
+"""A lens bends the side of a face; so many straight pieces do for a drawing."""
+EDGE_ON = math.cos(math.radians(88.0))
+"""A face seen more from the side than that is a line."""
 QUARTER, HALF = math.pi / 2, math.pi
 
 
@@ -88,3 +94,24 @@ def is_same(shape: TargetShape, wanted: HeldView, now: HeldView) -> bool:
 def _same_place_mm(distance_mm: float) -> float:
     """How far apart two places are that are the same to a person."""
     return max(min(SAME_PLACE_MM, MOST_PLACE * distance_mm), LEAST_PLACE * distance_mm)
+
+
+def ghost_lines(target: TargetGeometry, camera: Camera, cam_from_target: Array) -> tuple[Line, ...]:
+    """The outline of a target as a person knows it.
+
+    Closed lines (K, 2) in the image around each face that is turned to the camera and projected as a whole.
+    """
+    lines = []
+    for target_from_face, outline_mm in zip(target.target_from_face, target.outline_mm, strict=True):
+        cam_from_face = cam_from_target @ target_from_face
+        step = np.linspace(0, 1, STEPS_A_SIDE, endpoint=False)[:, None]
+        side = outline_mm[:, None] + step * (np.roll(outline_mm, -1, axis=0) - outline_mm)[:, None]
+        flat = np.concatenate([side.reshape(-1, 2), outline_mm[:1]])
+        border = transform(cam_from_face, np.c_[flat, np.zeros(len(flat))])
+        middle = border[:-1].mean(axis=0)
+        if -cam_from_face[:3, 2] @ middle < EDGE_ON * np.linalg.norm(middle):
+            continue
+        pixel = project(camera, border)
+        if np.isfinite(pixel).all():
+            lines.append(pixel.round(1))
+    return tuple(lines)

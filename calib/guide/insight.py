@@ -16,12 +16,14 @@ import numpy as np
 from calib.cameras import WIDE, told_parameters
 from calib.core.parallel import one_thread
 from calib.core.types import LEAST_POINTS, Detections, Observations, keep_views
-from calib.guide.odd_photo import odd_photo
 from calib.guide.settings import GuideSettings
 from calib.observe.observations import observations_from_detections
 from calib.solver.accuracy import NO_FIT, UNSURE_FOCAL
+from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions
+from calib.solver.options import SolveOptions, tie_parameters
+from calib.solver.outliers import shift_of_photo
+from calib.solver.problem import pack
 from calib.solver.solve import solve
 from calib.solver.suited import lens_kind
 from calib.solver.target_error import LeftOpen, target_told
@@ -38,6 +40,10 @@ NOISY = 2.0
 """Times the stated noise that are left over, beyond which another kind of lens is thought of."""
 MOST_OF_LENS = 1.5
 """A coefficient of a lens of which a part is solved."""
+CONTRADICTS, LEAST_FAR_PX = 5.0, 0.3
+"""Times the others' residuals that a photo leaves, and pixels, if something is wrong with it."""
+FEWEST_OTHERS = 3
+"""Photos that must agree before another one is said to contradict them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +119,9 @@ def _usable(photos: Sequence[Detections], settings: GuideSettings) -> tuple[list
 def _camera(seen: Observations, settings: GuideSettings) -> tuple[Calibration | None, LeftOpen | None]:
     """The camera that the observations determine as far as they do, None if not even its focal length; what is open."""
     found = _solved(seen, settings.model)
-    if settings.may_be_wide and not _is_of_noise(found) and lens_kind(seen).is_wide:
+    # The whole of a model that leaves no more over than the noise that is stated suits the lens.
+    is_of_noise = found is not None and found.status == "converged" and found.weighted and found.scale < NOISY
+    if settings.may_be_wide and not is_of_noise and lens_kind(seen).is_wide:
         found = _solved(seen, WIDE)
     if found is None or not _fits(found):
         return None, None
@@ -122,11 +130,6 @@ def _camera(seen: Observations, settings: GuideSettings) -> tuple[Calibration | 
     basis = knowledge_of(found).basis
     focal = math.sqrt(float(basis[0] @ basis[0])) / float(found.camera.params[0])
     return (found if focal < UNSURE else None), None
-
-
-def _is_of_noise(found: Calibration | None) -> bool:
-    """Whether the whole of a model leaves no more over than the noise that is stated: then it suits the lens."""
-    return found is not None and found.status == "converged" and found.weighted and found.scale < NOISY
 
 
 def _fits(found: Calibration) -> bool:
@@ -183,3 +186,36 @@ def _rms_px(calibration: Calibration) -> float:
     """Root mean square length of the residuals that count."""
     square = (calibration.residual_px[~calibration.is_outlier] ** 2).sum(axis=1)
     return math.sqrt(float(square.mean())) if len(square) else math.inf
+
+
+def odd_photo(found: Calibration) -> tuple[str, str] | None:
+    """The photo that does not go with the others, and why: damaged, or of a target that moved, or with another zoom."""
+    if found.observations.view_count <= FEWEST_OTHERS:
+        return None
+    return _far_off(found) or _shifted(found)
+
+
+def _far_off(found: Calibration) -> tuple[str, str] | None:
+    """The photo whose residuals are far beyond those of all others."""
+    seen = found.observations
+    count = np.bincount(seen.view, minlength=seen.view_count)
+    square = np.bincount(seen.view, (found.residual_px**2).sum(axis=1), seen.view_count) / np.maximum(count, 1)
+    worst = int(square.argmax())
+    usual = float(np.median(np.delete(square, worst)))
+    if not square[worst] > max(CONTRADICTS**2 * usual, LEAST_FAR_PX**2):
+        return None
+    return seen.view_names[worst], "contradicts the other photos: damaged, or the target moved or bent"
+
+
+def _shifted(found: Calibration) -> tuple[str, str] | None:
+    """The photo whose picture is shifted against the others'."""
+    if found.status != "converged":
+        return None
+    problem, pose = pack(found.observations, weighted=found.weighted), np.array(found.cam_from_target)
+    pose[:, :3, 3] += pose[:, :3, :3] @ problem.origin_mm
+    products = view_blocks(problem, found.camera, pose, RobustLoss()).products
+    shift = shift_of_photo(products, tie_parameters(found.camera.model, SolveOptions()))
+    if shift is None:
+        return None
+    why = f"is shifted by about {np.hypot(shift.right_px, shift.down_px):.2g} px: another zoom, focus or stabiliser"
+    return found.observations.view_names[shift.view], why

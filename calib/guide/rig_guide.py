@@ -9,9 +9,8 @@ import numpy as np
 
 from calib.core.se3 import compose
 from calib.core.types import Detections
-from calib.guide.ghost_lines import ghost_lines
 from calib.guide.guide import Guide
-from calib.guide.held import are_near, held_at
+from calib.guide.held import are_near, ghost_lines, held_at
 from calib.guide.hints import short_of
 from calib.guide.looking import LookedFor, look_at_frame
 from calib.guide.rig_standing import RigStanding, join_bars, moment_of, rig_standing_of, shared_moments
@@ -151,7 +150,8 @@ class RigGuide:
             replace(told.cameras[0], name=name, ghost_px=self._lines(name, told.cameras[0]))
             for name, told in parts.items()
         )
-        bars = (*(_worst_bar(name, told) for name, told in parts.items()), *self._join_bars)
+        worst = (_worst_bar(name, told) for name, told in parts.items())
+        bars = (*worst, *join_bars(self.guides, self.standing, self._limits))
         remarks = tuple(f"{name}: {remark}" for name, told in parts.items() for remark in told.remarks)
         return Guidance(self._stage, self._headline, bars, cameras, self._ghost, self._photos, remarks)
 
@@ -182,13 +182,13 @@ class RigGuide:
         return rig_standing_of(self.guides, self._limits) if len(self.guides) > 1 else None
 
     @cached_property
-    def _join_bars(self) -> tuple[Bar, ...]:
-        return join_bars(self.guides, self.standing, self._limits)
-
-    @cached_property
     def _worst(self) -> str | None:
         """The camera that is known worst of those that photos would make better; None: there is none."""
-        open_ = [(_worst_share(one.told), name) for name, one in self.guides.items() if one.told.ghost is not None]
+        open_ = [
+            (min((bar.share for bar in one.told.bars), default=0.0), name)
+            for name, one in self.guides.items()
+            if one.told.ghost is not None
+        ]
         return min(open_)[1] if open_ else None
 
     @property
@@ -281,10 +281,6 @@ class RigGuide:
         other.guides = {**self.guides, **changed}
         other._limits, other._skipped = self._limits, self._skipped
         return other
-
-
-def _worst_share(told: Guidance) -> float:
-    return min((bar.share for bar in told.bars), default=0.0)
 
 
 def _worst_bar(name: str, told: Guidance) -> Bar:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from calib.core.se3 import look_at
-from calib.guide.ghost_lines import ghost_lines
+from calib.guide.held import ghost_lines
 from tests.support.calibrations import board, camera, icosahedron
 
 CAMERA = camera("pinhole", (1200, 900), 1400.0)
