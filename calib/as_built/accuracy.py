@@ -9,8 +9,7 @@ from calib.as_built.datum import SeenParts, by_shared_dense, datum_rings, fit_ri
 from calib.as_built.outlying import motions_of_whole
 from calib.as_built.problem import Joint
 from calib.as_built.unknowns import RingPlaces, TargetUnknowns, Unknowns, place_rings, strain_matrix
-from calib.solver.eliminate import Factor, covariance_factor
-from calib.solver.normal import Normal
+from calib.solver.eliminate import Factor, Normal, covariance_factor
 from designer.base.arrays import Array
 
 ISOTROPIC = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])

@@ -12,7 +12,7 @@ from calib.as_built.problem import CameraSightings, Joint, State
 from calib.as_built.unknowns import RingPlaces, place_rings, shared_values
 from calib.cameras import linearise
 from calib.core.jit import jit
-from calib.solver.normal import Normal
+from calib.solver.eliminate import Normal
 from designer.base.arrays import Array
 
 CHUNK = 4000

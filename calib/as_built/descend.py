@@ -10,9 +10,8 @@ from calib.as_built.problem import Joint, State
 from calib.as_built.unknowns import moved_shape
 from calib.cameras import is_allowed
 from calib.solver.descent import FIRST_DAMPING, PERFECT_PX, SMALL_DECREASE, levenberg_marquardt
-from calib.solver.eliminate import JointStep, damped_step
+from calib.solver.eliminate import JointStep, Normal, damped_step
 from calib.solver.levenberg import move_poses, moved_camera, turn_of_centre
-from calib.solver.normal import Normal
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from calib.as_built.datum import SeenParts, by_shared_dense, rigid_design
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.unknowns import TargetUnknowns, Unknowns, nominal_shape, place_rings, shared_values
 from calib.core.linear_algebra import pseudo_inverse
-from calib.solver.normal import Normal
+from calib.solver.eliminate import Normal
 from designer.base.arrays import Array
 from designer.target import bounding_radius_mm
 from designer.tolerance.made import how_made

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.solver.chain import Chain, through_camera
+from calib.solver.eliminate import Normal
 from calib.solver.levenberg import move_poses
-from calib.solver.normal import Normal
 from designer.base.arrays import Array, Rows
 
 

@@ -4,10 +4,12 @@ Where weights stand for accuracies whose unit nobody knows, it is in pixels of a
 each component scatters by one.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from calib.metrics.errors import ErrorMetric, Errors, Prediction
-from calib.metrics.reprojection import AXES, SUBJECT, reprojection
+from calib.metrics.reprojection import reprojection
 from calib.solver.problem import whiteners
 
 NAME, UNIT = "weighted", "sigma"
@@ -21,10 +23,7 @@ def weighted(prediction: Prediction) -> Errors | None:
     plain = reprojection(prediction)
     a, b, c = whiteners(covariance)
     u, v = plain.vector.T
-    return Errors(
-        NAME, SUBJECT, UNIT, AXES, np.column_stack([a * u, b * u + c * v]), plain.reason, plain.reasons,
-        view=plain.view, point=plain.point, sighting=plain.sighting,
-    )  # fmt: skip
+    return replace(plain, metric=NAME, unit=UNIT, vector=np.column_stack([a * u, b * u + c * v]))
 
 
 METRIC = ErrorMetric(NAME, weighted)

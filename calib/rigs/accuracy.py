@@ -14,7 +14,7 @@ from calib.rigs.problem import RigProblem, RigState
 from calib.rigs.slack import slack_evidence
 from calib.solver.blocks import RobustLoss
 from calib.solver.descent import Descent
-from calib.solver.normal import Normal
+from calib.solver.eliminate import Normal
 from calib.solver.outliers import robust_covariance_factor, whitened
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calib.core.se3 import log_rotation, skew
 from calib.rigs.problem import CarrierPrior, RigState
-from calib.solver.normal import Normal
+from calib.solver.eliminate import Normal
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]

@@ -13,9 +13,8 @@ from calib.rigs.slack import WithoutSlack, eliminated, slack_step
 from calib.solver.blocks import Blocks, RobustLoss, view_blocks
 from calib.solver.chain import Chain, add_chained, no_equations, through_camera
 from calib.solver.descent import FIRST_DAMPING, PERFECT_PX, SMALL_DECREASE, Descent, levenberg_marquardt
-from calib.solver.eliminate import JointStep, damped_step
+from calib.solver.eliminate import JointStep, Normal, damped_step
 from calib.solver.levenberg import SHORT, move_poses, moved_camera, turn_of_centre
-from calib.solver.normal import Normal
 from calib.solver.options import Loss
 
 Array = NDArray[np.float64]

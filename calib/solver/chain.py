@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.core.se3 import skew
-from calib.solver.normal import Normal
+from calib.solver.eliminate import Normal
 from designer.base.arrays import Array, Rows
 
 

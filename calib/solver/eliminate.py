@@ -1,4 +1,4 @@
-"""The normal equations solved by blocks, and factors of their inverse.
+"""The normal equations of one adjustment, solved by blocks, and factors of their inverse.
 
 Poses couple to each other only through rings and what is shared, and so do the rings' offsets. Of the two the one with
 more unknowns is eliminated block by block (Schur complement; Triggs et al. 2000, section 6): with blocks `C = L L'` and
@@ -12,8 +12,24 @@ from scipy.linalg import LinAlgError, cho_solve, cholesky, solve_triangular
 
 from calib.core.jit import jit
 from calib.core.small_solve import cholesky_factor
-from calib.solver.normal import Normal
 from designer.base.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """The normal equations `H x = -g` of V poses, R offsets (or none) and G others: cameras, then what else is shared.
+
+    A row of the rings' couplings has the poses first, then the others, then the gradient.
+    """
+
+    pose: Array  # (V, 6, 6)
+    pose_row: Array  # (V, 6, G + 1)
+    ring: Array  # (R, 3, 3)
+    ring_row: Array  # (R, 3, 6 V + G + 1)
+    other: Array  # (G, G + 1)
+    cost: float  # squares of the whitened residuals, and of the priors; nan if an observation has no image
+    squares: float  # without the priors
+    residual_px: tuple[Array, ...]  # (2, M) of each camera, predicted - measured
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,8 +29,6 @@ class SolveOptions:
 
 
 AS_THE_PAPER = SolveOptions(weighted=False)
-
-
 """Plain least squares: every observation counts the same."""
 
 

@@ -48,20 +48,16 @@ def whitened(whitener: Array, residual_px: Array) -> Array:
 
 def robust_sigma(residual: Array) -> float:
     """Standard deviation of a coordinate of residuals (2, M), from their median length."""
-    return _sigma_of(_squares(residual))
+    square = _squares(residual)
+    known = np.isfinite(square)
+    finite = square if known.all() else square[known]
+    return max(math.sqrt(np.median(finite)) / MEDIAN_LENGTH, LEAST_SIGMA) if len(finite) else math.inf
 
 
 def _squares(residual: Array) -> Array:
     """Squared lengths of residuals (2, M)."""
     square: Array = residual[0] * residual[0] + residual[1] * residual[1]
     return square
-
-
-def _sigma_of(square: Array) -> float:
-    """Standard deviation of a coordinate, from the median of squared lengths."""
-    known = np.isfinite(square)
-    finite = square if known.all() else square[known]
-    return max(math.sqrt(np.median(finite)) / MEDIAN_LENGTH, LEAST_SIGMA) if len(finite) else math.inf
 
 
 def forgetful(residual: Array) -> RobustLoss:

@@ -229,7 +229,8 @@ def linear_poses(problem: Problem, camera: Camera, *, is_robust: bool, as_planes
     if not as_planes and not fitted.is_planar.all():
         other = np.full_like(poses, np.nan)
         other[views] = compose(cam_from_view, weak_perspective_poses(start, position, image))
-        poses = _closer(problem, camera, poses, other)
+        median = [_median_squares(problem, camera, one) for one in (poses, other)]
+        poses = np.where((median[1] < median[0])[:, None, None], other, poses)
     return poses
 
 
@@ -243,12 +244,6 @@ def _facing(problem: Problem, ray: Array) -> Array:
     is_far &= length[:, 0] > 0
     towards = np.where(is_far[:, None], middle / np.where(length > 0, length, 1.0), ahead)
     return rotation_between(towards, np.broadcast_to(ahead, towards.shape))
-
-
-def _closer(problem: Problem, camera: Camera, poses: Array, other: Array) -> Array:
-    """Of two poses of each view (V, 4, 4), nan: none, the one that shows the points nearer to where they were seen."""
-    median = [_median_squares(problem, camera, one) for one in (poses, other)]
-    return np.where((median[1] < median[0])[:, None, None], other, poses)
 
 
 def _median_squares(problem: Problem, camera: Camera, poses: Array) -> Array:

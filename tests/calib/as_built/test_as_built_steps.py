@@ -16,9 +16,8 @@ from calib.as_built.problem import Joint, State, joint_problem
 from calib.as_built.solve import measure
 from calib.as_built.unknowns import TargetUnknowns, Unknowns, in_face_mm, moved_shape, place_rings, unknowns_of
 from calib.core.types import Observations
-from calib.solver.eliminate import covariance_factor, damped_step
+from calib.solver.eliminate import Normal, covariance_factor, damped_step
 from calib.solver.levenberg import move_poses
-from calib.solver.normal import Normal
 from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.solve import solve
 from designer.kinds.board import BoardSpec
