@@ -45,12 +45,10 @@ def notes_on(
     return notes, sharpest_px
 
 
-def look_message(
-    frame: Frame, found: Detections, target: TargetGeometry, look: Look, still: float, took_ms: float
-) -> LookMessage:
+def look_message(frame: Frame, found: Detections, target: TargetGeometry, look: Look, still: float) -> LookMessage:
     """What the page is told of a frame."""
     circles = np.column_stack([found.center_px, found.ellipse_px[:, 2]])
-    return LookMessage(frame.source, frame.number, (circles,), labels_of(found, target), look, still, took_ms)
+    return LookMessage(frame.source, frame.number, (circles,), labels_of(found, target), look, still)
 
 
 def labels_of(found: Detections, target: TargetGeometry) -> tuple[tuple[float, float, str], ...]:

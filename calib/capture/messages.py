@@ -90,7 +90,6 @@ class LookMessage:
     labels: tuple[tuple[float, float, str], ...]  # of faces: u, v, what they are called
     look: Look
     still: float  # how long it has stood still, of how long it is to: 0 to 1
-    look_ms: float
 
 
 @dataclass(frozen=True)

@@ -142,7 +142,7 @@ class RigSession(Conversation[RigGuide]):
         if not self.takes_photos:
             return
         self.source_says(frame.source, "")
-        camera, begin = self.guide.names[frame.source], time.perf_counter()
+        camera = self.guide.names[frame.source]
         self._fit_guide(camera, (frame.pixels.shape[1], frame.pixels.shape[0]))
         self._show(frame)
         if frame.file is None:
@@ -152,8 +152,7 @@ class RigSession(Conversation[RigGuide]):
         notes, self._sharpest_px[camera] = notes_on(frame, found, self.target, self._sharpest_px[camera])
         look = self.guide.look(camera, found, notes)
         self._shutters[camera] = self._shutters[camera].after(frame.time_s, found, look)
-        took_ms = 1000 * (time.perf_counter() - begin)
-        self._tell(look_message(frame, found, self.target, look, self._shutters[camera].still, took_ms))
+        self._tell(look_message(frame, found, self.target, look, self._shutters[camera].still))
         if frame.file is not None:
             self._tell(TakenMessage(f"{camera}: {frame.file.name}", by_itself=False))
             self._keep(camera, frame.file, found)

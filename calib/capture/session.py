@@ -98,7 +98,6 @@ class Session(Conversation[Guide]):
         if not self.takes_photos:
             return
         self.source_says(frame.source, "")
-        begin = time.perf_counter()
         self._fit_guide((frame.pixels.shape[1], frame.pixels.shape[0]))
         if self.sources[frame.source].kind != "browser":
             self._show(frame)
@@ -109,8 +108,7 @@ class Session(Conversation[Guide]):
         notes, self._sharpest_px = notes_on(frame, found, self.target, self._sharpest_px)
         look = self.guide.look(found, notes)
         self._shutter = self._shutter.after(frame.time_s, found, look)
-        took_ms = 1000 * (time.perf_counter() - begin)
-        self._tell(look_message(frame, found, self.target, look, self._shutter.still, took_ms))
+        self._tell(look_message(frame, found, self.target, look, self._shutter.still))
         if frame.file is not None:
             self._tell(TakenMessage(frame.file.name, by_itself=False))
             self._keep(frame.file, found)

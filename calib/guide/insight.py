@@ -23,7 +23,7 @@ from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.outliers import shift_of_photo
-from calib.solver.problem import pack
+from calib.solver.problem import origin_poses, pack
 from calib.solver.solve import solve
 from calib.solver.suited import lens_kind
 from calib.solver.target_error import LeftOpen, target_told
@@ -211,9 +211,8 @@ def _shifted(found: Calibration) -> tuple[str, str] | None:
     """The photo whose picture is shifted against the others'."""
     if found.status != "converged":
         return None
-    problem, pose = pack(found.observations, weighted=found.weighted), np.array(found.cam_from_target)
-    pose[:, :3, 3] += pose[:, :3, :3] @ problem.origin_mm
-    products = view_blocks(problem, found.camera, pose, RobustLoss()).products
+    problem = pack(found.observations, weighted=found.weighted)
+    products = view_blocks(problem, found.camera, origin_poses(problem, found.cam_from_target), RobustLoss()).products
     shift = shift_of_photo(products, tie_parameters(found.camera.model, SolveOptions()))
     if shift is None:
         return None

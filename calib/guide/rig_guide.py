@@ -11,15 +11,13 @@ from calib.core.se3 import compose
 from calib.core.types import Detections
 from calib.guide.guide import Guide
 from calib.guide.held import are_near, ghost_lines, held_at
-from calib.guide.hints import short_of
 from calib.guide.looking import LookedFor, look_at_frame
 from calib.guide.rig_standing import RigStanding, join_bars, moment_of, rig_standing_of, shared_moments
 from calib.guide.settings import ALL
+from calib.guide.telling import ghost_at
 from calib.guide.told import Bar, CameraGuidance, FrameNote, Ghost, Guidance, Look, Stage, TakenPhoto
 from calib.observe.rig_observations import require_names
 from calib.verdict.criteria import STANDARD, read_rig_criteria
-from calib.verdict.next_view_words import place_of
-from calib.verdict.next_views import outline_px
 from calib.verdict.rig_next_frames import NextFrame
 from designer.base.arrays import Array
 from designer.base.errors import InputError
@@ -237,14 +235,9 @@ class RigGuide:
         if frame is None or name is None or pose is None:
             return None
         guide = self.guides[name]
-        camera, shape = guide.camera, guide.shape
-        held = held_at(camera, shape, pose)
-        outline = outline_px(camera, shape, pose)
-        place = place_of(outline, camera.image_size, (0, 0)) if outline else (0.0, 0.0)
-        short = f"{name}: {short_of(held, place, is_flat=shape.is_flat)}"
         gain = f"{figure(frame.sigma_mm_before, 2)} -> {figure(frame.sigma_mm_after, 2)} mm"
-        tilt = held.tilt_deg if shape.is_flat else np.nan
-        return Ghost(pose, frame.sentence, short, held.distance_mm, tilt, gain, is_rough=False)
+        ghost = ghost_at(pose, guide.camera, guide.shape, frame.sentence, gain, is_rough=False)
+        return replace(ghost, short=f"{name}: {ghost.short}")
 
     @cached_property
     def _joining(self) -> dict[str, LookedFor]:

@@ -143,13 +143,18 @@ def bar_of(check: Check) -> Bar:
 def ghost_of(proposal: Proposal, camera: Camera, shape: TargetShape, *, is_rough: bool) -> Ghost:
     """A proposed view in words."""
     pose, view = proposal.cam_from_target, proposal.view
+    if view is None:
+        return ghost_at(pose, camera, shape, "", "", is_rough=is_rough)
+    gain = _gain(view, is_for_accuracy=proposal.is_for_accuracy)
+    return ghost_at(pose, camera, shape, view.sentence, gain, is_rough=is_rough)
+
+
+def ghost_at(pose: Array, camera: Camera, shape: TargetShape, sentence: str, gain: str, *, is_rough: bool) -> Ghost:
+    """A target held at a pose (4, 4) in words, if none are given."""
     held = held_at(camera, shape, pose)
     outline = outline_px(camera, shape, pose)
     place = place_of(outline, camera.image_size, (0, 0)) if outline else (0.0, 0.0)
-    gain = "" if view is None else _gain(view, is_for_accuracy=proposal.is_for_accuracy)
-    if view is not None:
-        sentence = view.sentence
-    else:
+    if not sentence:
         how = "any side to the camera"
         if shape.is_flat:
             how = tilt_words(5 * round(held.tilt_deg / 5), _sides(held.away))

@@ -98,9 +98,7 @@ def look(
     told = Look(
         at, outline(at), worth, is_match, "" if is_match else "closer, and tilt the right side away", (), is_match
     )
-    return LookMessage(
-        0, number, (rings,), ((float(centers[31, 0]), float(centers[31, 1]), "board"),), told, still, 21.0
-    )
+    return LookMessage(0, number, (rings,), ((float(centers[31, 0]), float(centers[31, 1]), "board"),), told, still)
 
 
 def nothing_seen(number: int = 0) -> LookMessage:
