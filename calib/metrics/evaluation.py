@@ -268,7 +268,7 @@ def _posed(
     return one, has_pose
 
 
-def held_out_px(calibration: Calibration, solve: Solve, folds: int = USUAL_FOLDS) -> float:
+def held_out_px(calibration: Calibration, solve: Solve) -> float:
     """Root mean square distance in views held out, as `evaluate_held_out` does it: the one figure, without metrics.
 
     Infinite where a view that was held out has no pose.
@@ -280,7 +280,7 @@ def held_out_px(calibration: Calibration, solve: Solve, folds: int = USUAL_FOLDS
     if views < LEAST_FOLDS:
         raise InputError(f"{views} views: give {LEAST_FOLDS} or more to hold some out")
     square = []
-    for fold in range(folds := min(folds, views)):
+    for fold in range(folds := min(USUAL_FOLDS, views)):
         held = np.arange(views) % folds == fold
         camera = solve(keep_views(used, ~held)).camera
         residual = solve_poses(camera, keep_views(used, held), weighted=calibration.weighted).residual_px

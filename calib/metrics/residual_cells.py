@@ -59,10 +59,10 @@ class ResidualCells:
         return self.noise_px * math.sqrt(float((2 / count).mean())) if len(count) else math.nan
 
 
-def columns_rows(image_size: tuple[int, int], sightings: int, per_cell: int = WANTED_PER_CELL) -> tuple[int, int]:
+def columns_rows(image_size: tuple[int, int], sightings: int) -> tuple[int, int]:
     """How many cells, about square, for so many sightings in a cell on average."""
     width, height = image_size
-    columns = math.sqrt(sightings / per_cell * width / height)
+    columns = math.sqrt(sightings / WANTED_PER_CELL * width / height)
     columns = int(min(max(columns, FEWEST_COLUMNS), MOST_COLUMNS))
     return columns, max(2, round(columns * height / width))
 
