@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
@@ -12,7 +11,7 @@ from calib.core.se3 import angles_between, transform
 from calib.guide.told import Line
 from calib.verdict.candidate_views import LONG
 from calib.verdict.views import TargetShape
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags
 from designer.target import TargetGeometry
 
 SAME_TURN_DEG = 15.0
@@ -72,11 +71,11 @@ def turn_between(shape: TargetShape, first: HeldView, second: HeldView) -> tuple
     return tilt, angle - period * round(angle / period)
 
 
-def are_near(shape: TargetShape, pose: Array, cam_from_target: Array) -> NDArray[np.bool_]:
+def are_near(shape: TargetShape, pose: Array, cam_from_target: Array) -> Flags:
     """Which of poses (C, 4, 4) hold a target about as another one does, whichever way it is turned in its plane."""
     place, wanted = transform(cam_from_target, shape.center_mm), transform(pose, shape.center_mm)
     near = _same_place_mm(float(np.linalg.norm(wanted)))
-    is_near: NDArray[np.bool_] = np.linalg.norm(place - wanted, axis=1) <= near
+    is_near: Flags = np.linalg.norm(place - wanted, axis=1) <= near
     if shape.is_flat:
         facing = cam_from_target[:, :3, :3] @ shape.axes[2]
         is_near &= facing @ (pose[:3, :3] @ shape.axes[2]) >= math.cos(math.radians(SAME_TURN_DEG))

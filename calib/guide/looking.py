@@ -58,14 +58,11 @@ def look_at_frame(found: Detections, looked_for: LookedFor, notes: Sequence[Fram
     if wanted is None:
         return Look(pose, outlines, worth, False, "", notes, False)
     is_match = is_same(shape, wanted, now) and worth >= (WORTH_MATCHING if shape.is_flat else SOME_SIDE)
-    hint = "" if is_match else hint_of(shape, wanted, now, max(looked_for.camera.image_size)) or _closest_hint(shape)
+    hint = "" if is_match else hint_of(shape, wanted, now, max(looked_for.camera.image_size))
+    if not (is_match or hint):  # it is as proposed, and yet tells little
+        hint = "show all of it" if shape.is_flat else "turn another side to the camera"
     is_wanted = (is_match or worth >= WORTH_TAKING) and not any(note.forbids for note in notes)
     return Look(pose, outlines, worth, is_match, hint, notes, is_wanted and not shows_same(found, looked_for.last))
-
-
-def _closest_hint(shape: TargetShape) -> str:
-    """What is left to do where a view is as proposed, and yet tells little."""
-    return "show all of it" if shape.is_flat else "turn another side to the camera"
 
 
 def _other_size(found: Detections, camera: Camera) -> tuple[FrameNote, ...]:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.parallel import one_thread
 from calib.guide.held import are_near
@@ -20,7 +19,7 @@ from calib.verdict.judge import judge
 from calib.verdict.next_views import LITTLE_GAIN, NextView, next_views
 from calib.verdict.verdict import Verdict
 from calib.verdict.views import TargetShape
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags
 
 ENOUGH_PHOTOS = 12
 """With so many, checks that fail although the camera is known as well as wanted fail for another reason than chance."""
@@ -104,7 +103,7 @@ def proposal_of(
     is_targets = uncertain is not None and uncertain.target_px > LITTLE_BY_TARGET * (uncertain.image_px or 0.0)
     weighed = opened if is_targets else None
 
-    def is_avoided(poses: Array) -> NDArray[np.bool_]:
+    def is_avoided(poses: Array) -> Flags:
         near = np.zeros(len(poses), dtype=np.bool_)
         for pose in avoided:
             near |= are_near(shape, pose, poses)

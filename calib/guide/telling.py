@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
@@ -25,7 +24,7 @@ from calib.verdict.next_view_words import place_of, place_words, thing_word, til
 from calib.verdict.next_views import NextView, outline_px
 from calib.verdict.verdict import Check, Grade
 from calib.verdict.views import TargetShape
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Rows
 from designer.base.number_text import figure
 
 MAP = (24, 16)
@@ -178,7 +177,7 @@ def _gain(view: NextView, *, is_for_accuracy: bool) -> str:
     return f"{100 * view.covered_before:.0f} -> {100 * view.covered_after:.0f} % covered"
 
 
-def photos_of(photos: Sequence[Detections], insight: Insight, face: NDArray[np.int64]) -> tuple[TakenPhoto, ...]:
+def photos_of(photos: Sequence[Detections], insight: Insight, face: Rows) -> tuple[TakenPhoto, ...]:
     """The photos with what is to be known of each."""
     left_out = dict(insight.left_out)
     rings = np.array([len(one.ring) for one in photos])
@@ -194,7 +193,7 @@ def photos_of(photos: Sequence[Detections], insight: Insight, face: NDArray[np.i
     return tuple(told)
 
 
-def outlines_of(found: Detections, face: NDArray[np.int64]) -> tuple[Line, ...]:
+def outlines_of(found: Detections, face: Rows) -> tuple[Line, ...]:
     """Closed lines around what was found of each face."""
     import cv2
 

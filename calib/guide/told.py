@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.types import frozen_array
 from calib.verdict.verdict import Grade
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags
 from designer.base.marks import OR_NULL, Gap
 
 Line = Array
@@ -36,7 +35,7 @@ class SensorMap:
     """What is known of each part of an image."""
 
     sigma_px: Annotated[Array, OR_NULL]  # (R, C) along the worse axis; nan: nothing is known
-    is_covered: NDArray[np.bool_]  # (R, C) surrounded by sightings
+    is_covered: Flags  # (R, C) surrounded by sightings
     wanted_px: float
 
     def __post_init__(self) -> None:

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.core.types import freeze
 from calib.solver.calibration import Calibration
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.marks import Count, Gap
 
 COUNTED = ""
@@ -30,27 +29,27 @@ class Errors:
     subject: str  # what one error is of
     unit: str
     axes: tuple[str, ...]  # (D,) names of the components
-    vector: NDArray[np.float64]  # (N, D) nan where there is none
-    reason: NDArray[np.int64]  # (N,) row of `reasons`
+    vector: Array  # (N, D) nan where there is none
+    reason: Rows  # (N,) row of `reasons`
     reasons: tuple[str, ...]  # why an error is left out of summaries; the first is COUNTED
-    view: NDArray[np.int64] | None = None  # (N,) None: an error is of no single view
-    point: NDArray[np.int64] | None = None  # (N,) None: of no single point
-    sighting: NDArray[np.int64] | None = None  # (N,) row of the observations; None: of no single one
+    view: Rows | None = None  # (N,) None: an error is of no single view
+    point: Rows | None = None  # (N,) None: of no single point
+    sighting: Rows | None = None  # (N,) row of the observations; None: of no single one
 
     def __post_init__(self) -> None:
         freeze(self, "vector")
         freeze(self, "reason", "view", "point", "sighting", dtype=np.int64)
 
     @cached_property
-    def size(self) -> NDArray[np.float64]:
+    def size(self) -> Array:
         """Euclidean norms.  # (N,)"""
-        size: NDArray[np.float64] = np.sqrt(np.einsum("nd,nd->n", self.vector, self.vector))
+        size: Array = np.sqrt(np.einsum("nd,nd->n", self.vector, self.vector))
         return size
 
     @property
-    def is_counted(self) -> NDArray[np.bool_]:
+    def is_counted(self) -> Flags:
         """Which errors enter summaries.  # (N,)"""
-        counted: NDArray[np.bool_] = self.reason == 0
+        counted: Flags = self.reason == 0
         return counted
 
     @property
@@ -60,13 +59,13 @@ class Errors:
         return tuple((reason, int(n)) for reason, n in zip(self.reasons[1:], counts[1:].tolist(), strict=True) if n)
 
 
-def is_known(vector: NDArray[np.float64]) -> NDArray[np.bool_]:
+def is_known(vector: Array) -> Flags:
     """Which vectors are finite numbers.  # (N, D) -> (N,)"""
-    known: NDArray[np.bool_] = np.isfinite(vector.sum(axis=1))
+    known: Flags = np.isfinite(vector.sum(axis=1))
     return known
 
 
-def first_reason(count: int, *faults: tuple[str, NDArray[np.bool_]]) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+def first_reason(count: int, *faults: tuple[str, Flags]) -> tuple[Rows, tuple[str, ...]]:
     """The first fault of each of `count` errors: its row in the reasons, and the reasons with COUNTED first."""
     rows = np.zeros(count, dtype=np.int64)
     for row, (_, is_faulty) in reversed(list(enumerate(faults, start=1))):
@@ -92,7 +91,7 @@ def summarise(errors: Errors) -> ErrorSummary:
     return summarise_groups(errors, np.zeros(len(errors.reason), dtype=np.int64), 1)[0]
 
 
-def summarise_groups(errors: Errors, group: NDArray[np.int64], group_count: int) -> tuple[ErrorSummary, ...]:
+def summarise_groups(errors: Errors, group: Rows, group_count: int) -> tuple[ErrorSummary, ...]:
     """The summary of each group, numbered from 0, of errors (N,); -1: in none."""
     rows = np.flatnonzero(errors.is_counted & (group >= 0))
     size, group = errors.size[rows], group[rows]
@@ -103,7 +102,7 @@ def summarise_groups(errors: Errors, group: NDArray[np.int64], group_count: int)
     return tuple(map(_summary, ascending, total.tolist(), square.tolist()))
 
 
-def _summary(ascending: NDArray[np.float64], total: float, square: float) -> ErrorSummary:
+def _summary(ascending: Array, total: float, square: float) -> ErrorSummary:
     """The summary of sorted errors with their sum and the sum of their squares."""
     count = len(ascending)
     if not count:
@@ -112,7 +111,7 @@ def _summary(ascending: NDArray[np.float64], total: float, square: float) -> Err
     return ErrorSummary(count, math.sqrt(square / count), total / count, median, percentile_95, float(ascending[-1]))
 
 
-def _quantile(ascending: NDArray[np.float64], share: float) -> float:
+def _quantile(ascending: Array, share: float) -> float:
     """Linear between the nearest two of sorted values, as numpy's default."""
     place = share * (len(ascending) - 1)
     below = int(place)

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.core.types import LEAST_POINTS, Observations, keep_sightings, keep_views
@@ -15,6 +14,7 @@ from calib.solver.accuracy import NO_FIT
 from calib.solver.calibration import Calibration
 from calib.solver.circles import with_circles
 from calib.solver.start import solve_poses
+from designer.base.arrays import Flags, Rows
 from designer.base.errors import InputError
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def by_face(evaluation: Evaluation, errors: Errors) -> tuple[ErrorSummary, ...] 
     return summarise_groups(errors, points.face[errors.point], len(points.plane))
 
 
-def joined(calibration: Calibration, parts: Sequence[Errors], views: Sequence[NDArray[np.int64]]) -> Errors:
+def joined(calibration: Calibration, parts: Sequence[Errors], views: Sequence[Rows]) -> Errors:
     """The errors of one metric in several sets of a calibration's views, as one.
 
     `views` are the numbers in the whole of each set's views, ascending.
@@ -140,9 +140,7 @@ def joined(calibration: Calibration, parts: Sequence[Errors], views: Sequence[ND
     )  # fmt: skip
 
 
-def _in_whole(
-    numbers: Sequence[NDArray[np.int64] | None], place: Sequence[NDArray[np.int64]] | None
-) -> NDArray[np.int64] | None:
+def _in_whole(numbers: Sequence[Rows | None], place: Sequence[Rows] | None) -> Rows | None:
     """Numbers within each part as numbers within the whole, given their places there; None if there are none."""
     given = [one for one in numbers if one is not None]
     if len(given) < len(numbers):
@@ -238,9 +236,7 @@ def _again(calibration: Calibration, other: Calibration) -> tuple[str, ...]:
     return (f"the camera was solved from {again} of these {len(these)} observations",) if again else ()
 
 
-def _posed(
-    calibration: Calibration, observations: Observations, is_outlier: NDArray[np.bool_]
-) -> tuple[Calibration, NDArray[np.bool_]]:
+def _posed(calibration: Calibration, observations: Observations, is_outlier: Flags) -> tuple[Calibration, Flags]:
     """The calibration's camera with the poses of other views, and which of these have one (V,).
 
     Outliers (M,) take no part in the poses, nor what the camera has no ray for, as outside of a learned map: it says
@@ -254,7 +250,7 @@ def _posed(
     if is_told.any():
         shown = keep_views(keep_sightings(observations, rows), is_told)
         poses[is_told] = solve_poses(calibration.camera, shown, weighted=calibration.weighted).cam_from_target
-    has_pose: NDArray[np.bool_] = np.isfinite(poses.sum(axis=(1, 2)))
+    has_pose: Flags = np.isfinite(poses.sum(axis=(1, 2)))
     kept = has_pose[observations.view]
     one = replace(
         calibration,
@@ -289,9 +285,7 @@ def held_out_px(calibration: Calibration, solve: Solve) -> float:
     return left_px if np.isfinite(left_px) else np.inf
 
 
-def _fold(
-    calibration: Calibration, held: NDArray[np.bool_], solve: Solve
-) -> tuple[Calibration, NDArray[np.bool_], list[str]]:
+def _fold(calibration: Calibration, held: Flags, solve: Solve) -> tuple[Calibration, Flags, list[str]]:
     """The camera of the other views with the poses of those held out, which of all views have one, and remarks."""
     seen, bend = calibration.observations, calibration.target_bend
     if bend is not None:  # what the others tell of it counts

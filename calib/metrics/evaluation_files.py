@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import told_parameters
 from calib.core.csv_table import ANY_NAME, csv_cell
 from calib.metrics.errors import Errors, ErrorSummary, summarise, summarise_groups
 from calib.metrics.evaluation import Evaluation
+from designer.base.arrays import Array, Rows
 from designer.base.file_kind import FileKind
 from designer.base.marks import INLINE, LEFT_OUT, Count, Gap
 
@@ -139,7 +139,7 @@ def _parameters(evaluation: Evaluation) -> dict[str, FoundParameter]:
 
 
 def _groups(
-    evaluation: Evaluation, count: int, group_of: Callable[[Errors], NDArray[np.int64] | None]
+    evaluation: Evaluation, count: int, group_of: Callable[[Errors], Rows | None]
 ) -> tuple[list[str], list[str]]:
     """Names of columns, and a row of cells for each group: statistics of each metric, and its mean vector."""
     names: list[str] = []
@@ -169,12 +169,12 @@ def _cell(number: float) -> str:
     return f"{number:.6g}" if math.isfinite(number) else ""
 
 
-def _mean_vectors(errors: Errors, group: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+def _mean_vectors(errors: Errors, group: Rows, count: int) -> Array:
     """The mean error vector of each group: what is systematic in it.  # (count, D)"""
     rows = np.flatnonzero(errors.is_counted & (group >= 0))
     number = np.bincount(group[rows], minlength=count)
     sums = [np.bincount(group[rows], weights=values, minlength=count) for values in errors.vector[rows].T]
-    mean: NDArray[np.float64] = np.stack(sums, axis=1) / np.where(number > 0, number, np.nan)[:, None]
+    mean: Array = np.stack(sums, axis=1) / np.where(number > 0, number, np.nan)[:, None]
     return mean
 
 
@@ -205,7 +205,7 @@ def _observations(evaluation: Evaluation, images: Sequence[str]) -> bytes:
     return "\n".join([",".join(names), *lines, ""]).encode("utf-8", ANY_NAME)
 
 
-def _of_all(errors: Errors, count: int) -> tuple[NDArray[np.float64], list[str]]:
+def _of_all(errors: Errors, count: int) -> tuple[Array, list[str]]:
     """The errors of all of a calibration's sightings, and why they do not count: those without a pose have none."""
     vector, row = np.full((count, len(errors.axes)), np.nan), np.full(count, len(errors.reasons))
     vector[errors.sighting], row[errors.sighting] = errors.vector, errors.reason

@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise, neutral, parameter_names, rays, told_parameters
 from calib.cameras.camera import Camera
@@ -21,7 +20,7 @@ from calib.solver.linear_pose import FLAT
 from calib.solver.options import Tie
 from calib.solver.outliers import MEDIAN_LENGTH
 from calib.solver.schur import reduced_normal
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import NoAnswerError
 
 GRID = (24, 18)
@@ -50,9 +49,7 @@ class Accuracy:
     weakest_eigenvalue: float  # of the normal matrix with a diagonal of ones; 0: not determined
 
 
-def accuracy_of(
-    products: Array, tie: NDArray[np.int64], used: int, robust: tuple[float, float] | None = None
-) -> Accuracy:
+def accuracy_of(products: Array, tie: Rows, used: int, robust: tuple[float, float] | None = None) -> Accuracy:
     """The covariances of camera and poses.
 
     With the normal matrix `[A B; B' C]`, that of the camera is `S^-1` of `S = A - B C^-1 B'`, and that of a pose
@@ -110,7 +107,7 @@ def projected_change(camera: Camera, pixel: Array, over: Array | None = None) ->
     """
     everywhere = image_grid(camera.image_size, *GRID).reshape(-1, 2) if over is None else over
     by_params, by_rotation = _derivatives(camera, everywhere)
-    seen: NDArray[np.bool_] = np.asarray(np.isfinite(by_params).all(axis=(1, 2)))
+    seen: Flags = np.asarray(np.isfinite(by_params).all(axis=(1, 2)))
     turn = least_squares(by_rotation[seen].reshape(-1, 3), -by_params[seen].reshape(-1, by_params.shape[2]))
     here_params, here_rotation = _derivatives(camera, pixel)
     change: Array = here_params + here_rotation @ turn
@@ -125,7 +122,7 @@ def projected_covariance_px2(camera: Camera, param_covariance: Array, pixel: Arr
 def projected_sigma_px(camera: Camera, param_covariance: Array, pixel: Array) -> Array:
     """Standard deviations (N,) of the same along their worse axes."""
     covariance = projected_covariance_px2(camera, param_covariance, pixel)
-    known: NDArray[np.bool_] = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
+    known: Flags = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
     return np.where(known, worse_sigma(np.where(known[:, None, None], covariance, 0.0)), np.nan)
 
 
@@ -149,7 +146,7 @@ def share_px(sigma: Array, pixels: int = 0) -> float:
 def _derivatives(camera: Camera, pixel: Array) -> tuple[Array, Array]:
     """Derivatives of the image of each pixel's direction by the parameters (N, 2, P) and by a rotation (N, 2, 3)."""
     ray = rays(camera, pixel)
-    known: NDArray[np.bool_] = np.asarray(np.isfinite(ray).all(axis=1))
+    known: Flags = np.asarray(np.isfinite(ray).all(axis=1))
     point = np.where(known[:, None], ray, [0.0, 0.0, 1.0])
     seen = linearise(camera, np.ascontiguousarray(point.T))
     by_params = seen.by_params.transpose(2, 0, 1)

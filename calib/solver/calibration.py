@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.cameras.surface import surface_model
 from calib.core.types import Observations, freeze
 from calib.solver.plane_bend import PlaneBend
+from designer.base.arrays import Array, Flags
 from designer.base.marks import PACKED, AtLeast, AtMost, Length, Shape
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount, Kind
@@ -60,7 +60,7 @@ class TargetError:
 
     made: _Text  # the way of making: an error template's name, a file's, "measured" or "exact"
     because: _Text  # why this one, as in "its file says the build 'solid'"; "" if it was asked for
-    param_covariance: Annotated[NDArray[np.float64], Shape("P", "P"), PACKED]  # to be added to that of the noise
+    param_covariance: Annotated[Array, Shape("P", "P"), PACKED]  # to be added to that of the noise
     errors: MadeWith | None = None  # of that way of making, as they were then; None: they are not told by one
 
     def __post_init__(self) -> None:
@@ -72,9 +72,7 @@ class ImageField:
     """Errors that are fixed in the image and that the lens model does not follow, as the residuals show them."""
 
     left_px: Annotated[float, AtLeast(0)]  # root mean square that it leaves in a coordinate of the residuals
-    param_covariance: Annotated[
-        NDArray[np.float64], Shape("P", "P"), PACKED
-    ]  # of what the parameters took of it, to be added
+    param_covariance: Annotated[Array, Shape("P", "P"), PACKED]  # of what the parameters took of it, to be added
 
     def __post_init__(self) -> None:
         freeze(self, "param_covariance")
@@ -104,7 +102,7 @@ class CaptureError:
     capture: Capture
     because: _Text  # why this one; "" if it was asked for
     effects: Annotated[tuple[CaptureEffect, ...], Length(0, 20)]  # that the photos show, the surest first
-    param_covariance: Annotated[NDArray[np.float64], Shape("P", "P"), PACKED]  # to be added
+    param_covariance: Annotated[Array, Shape("P", "P"), PACKED]  # to be added
 
     def __post_init__(self) -> None:
         freeze(self, "param_covariance")
@@ -115,7 +113,7 @@ class PhotoError:
     """What the centres of a photo share, beyond chance."""
 
     times: Annotated[float, AtLeast(1)]  # deviations by photo, of those of independent errors: root mean square
-    param_covariance: Annotated[NDArray[np.float64], Shape("P", "P"), PACKED]  # beyond all other parts, to be added
+    param_covariance: Annotated[Array, Shape("P", "P"), PACKED]  # beyond all other parts, to be added
 
     def __post_init__(self) -> None:
         freeze(self, "param_covariance")
@@ -128,7 +126,7 @@ class CircleDoubt:
     diameter_mm: Annotated[float, AtLeast(0)]  # that fits best, 0 if none does
     sigmas: Annotated[float, AtLeast(-1e9), AtMost(1e9)]  # by which the square of that diameter differs from 0
     spacing_mm: Annotated[float, AtLeast(0)]  # of the points
-    param_covariance: Annotated[NDArray[np.float64], Shape("P", "P"), PACKED]  # to be added
+    param_covariance: Annotated[Array, Shape("P", "P"), PACKED]  # to be added
 
     def __post_init__(self) -> None:
         freeze(self, "param_covariance")
@@ -147,13 +145,13 @@ class Calibration:
 
     camera: Camera
     observations: Observations  # of the views that were solved; covariances as their residuals have them
-    cam_from_target: NDArray[np.float64]  # (V, 4, 4)
-    residual_px: NDArray[np.float64]  # (M, 2) predicted - measured, of outliers too
-    is_outlier: NDArray[np.bool_]  # (M,) left out of the solution
+    cam_from_target: Array  # (V, 4, 4)
+    residual_px: Array  # (M, 2) predicted - measured, of outliers too
+    is_outlier: Flags  # (M,) left out of the solution
     scale: float
     """Posterior standard deviation of an observation: px, or with weights in units of the stated covariance."""
-    param_covariance: NDArray[np.float64]  # (P, P) by the noise alone, zero for fixed parameters
-    pose_covariance: NDArray[np.float64]  # (V, 6, 6) rotation vector (rad), translation (mm), both in the camera's axes
+    param_covariance: Array  # (P, P) by the noise alone, zero for fixed parameters
+    pose_covariance: Array  # (V, 6, 6) rotation vector (rad), translation (mm), both in the camera's axes
     fixed: tuple[str, ...]  # parameters that were not estimated
     weighted: bool  # by the covariances of the observations
     status: Status
@@ -180,10 +178,10 @@ class Calibration:
         return {name: part for name, part in parts.items() if part is not None}
 
     @property
-    def stated_covariance(self) -> NDArray[np.float64]:
+    def stated_covariance(self) -> Array:
         """The parameters' covariance as it is to be told: by noise and by all of `errors`.  # (P, P)"""
         parts = [part.param_covariance for part in self.errors.values()]
-        stated: NDArray[np.float64] = sum(parts, start=np.asarray(self.param_covariance))
+        stated: Array = sum(parts, start=np.asarray(self.param_covariance))
         return stated
 
     def __post_init__(self) -> None:

@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise, project
 from calib.cameras.refit import image_grid
@@ -35,7 +34,7 @@ from calib.solver.extra_parameters import ExtraParameters, extra_parameters
 from calib.solver.free_shape import free_directions
 from calib.solver.image_field import with_image_field
 from calib.solver.photo_error import with_photo_error
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.words import shown, suggestion
 
@@ -147,7 +146,7 @@ def with_capture_error(calibration: Calibration, capture: Capture | None = None)
     return with_photo_error(replace(calibration, capture_error=error, image_field=field))
 
 
-def kinds_that_count(points: KnownPoints) -> NDArray[np.bool_]:
+def kinds_that_count(points: KnownPoints) -> Flags:
     """All but what discs do, of points that nobody said are no circles: `calib.solver.circles` tells that.  # (K,)"""
     is_unsaid = points.circle_mm is not None and bool(np.isnan(points.circle_mm).any())
     return np.array([kind.remedy != _DISCS or not is_unsaid for kind in KINDS])

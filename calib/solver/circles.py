@@ -18,14 +18,13 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration, CircleDoubt, without_surface
 from calib.solver.extra_parameters import ExtraParameters, extra_parameters
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 
 T = TypeVar("T")
@@ -150,7 +149,7 @@ def _estimated(found: ExtraParameters) -> tuple[float, float]:
     return estimate, max(found.beside([0]).variance, by_photos) / whole
 
 
-def _spacing_mm(seen: Observations, point: NDArray[np.int64]) -> float:
+def _spacing_mm(seen: Observations, point: Rows) -> float:
     """The usual distance of neighbours among points on known planes; 0 if there are none."""
     from scipy.spatial import cKDTree
 

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import neutral
 from calib.cameras.camera import Camera
@@ -21,7 +20,7 @@ from calib.solver.levenberg import Minimum, minimise
 from calib.solver.options import Loss, SolveOptions, Tie
 from calib.solver.outliers import deviations, forgetful, robust_covariance_factor, robust_sigma, whitened
 from calib.solver.problem import Problem, few_per_view, select
-from designer.base.arrays import Array, Flags
+from designer.base.arrays import Array, Flags, Rows
 
 MOST_ROUNDS = 60
 """Of leaving out and taking back."""
@@ -54,7 +53,7 @@ def minimise_shown(
     problem: Problem,
     camera: Camera,
     cam_from_target: Array,
-    tie: NDArray[np.int64],
+    tie: Rows,
     loss: RobustLoss,
     *,
     max_iterations: int,
@@ -92,7 +91,7 @@ def _in_the_way(problem: Problem, found: Minimum, in_a_row: int) -> Flags:
     return wider
 
 
-def _taken_back(found: Minimum, is_beyond: Flags, times: NDArray[np.int64]) -> Flags:
+def _taken_back(found: Minimum, is_beyond: Flags, times: Rows) -> Flags:
     """Points that were left out, but not twice, and that the camera shows after all."""
     if not is_beyond.any():
         return is_beyond
@@ -111,12 +110,12 @@ class Descended:
     """A minimum, what was left out for it, and how far off each observation is."""
 
     minimum: Minimum
-    is_used: NDArray[np.bool_]  # (M,)
-    is_beyond: NDArray[np.bool_]  # (M,) not used, because the model does not show them
+    is_used: Flags  # (M,)
+    is_beyond: Flags  # (M,) not used, because the model does not show them
     sigma_px: float  # robust standard deviation of a coordinate
     deviation: Array  # (M,) in robust standard deviations
     robust: tuple[float, float] | None  # if weights were lowered: sigma of a whitened coordinate, factor of covariances
-    is_lost: NDArray[np.bool_]  # (V,) views with too few observations left for a pose; the minimum is then none
+    is_lost: Flags  # (V,) views with too few observations left for a pose; the minimum is then none
 
 
 def descend(
@@ -193,7 +192,7 @@ def _first_loss(problem: Problem, camera: Camera, poses: Array, options: SolveOp
 
 def _forgiving(
     problem: Problem, start: ShownMinimum, tie: Tie, options: SolveOptions, cov_px2: Array | None
-) -> tuple[ShownMinimum, NDArray[np.bool_]]:
+) -> tuple[ShownMinimum, Flags]:
     """Weigh down or leave out what lies far off, until nothing changes; and which observations then count."""
     found, is_beyond = start.minimum, start.is_beyond
     is_used, steps, taken = problem.is_used, options.max_iterations, found.iterations

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise, rays
 from calib.cameras.camera import Camera
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Rows
 
 BACKWARDS = 1e-12
 """Of 1 + z: the axes are not defined across the ray straight back, which no lens has."""
@@ -127,7 +126,7 @@ class InSpace:
     pixel: Array  # (2, M) measured
     plane_axes: Array | None  # (2, 3, M) in the target's frame
 
-    def take(self, rows: NDArray[np.int64]) -> "InSpace":
+    def take(self, rows: Rows) -> "InSpace":
         """Of some observations."""
         axes = None if self.plane_axes is None else self.plane_axes[:, :, rows]
         return InSpace(self.distance, self.is_over_range, np.ascontiguousarray(self.pixel[:, rows]), axes)

@@ -13,14 +13,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise
 from calib.cameras.surface import surface_model
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration
 from calib.solver.problem import whiteners
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags, Rows
 
 SINGULAR = 1e-13
 """Of the eigenvalues of the parameters' correlations; those of fixed and shared parameters are less."""
@@ -61,7 +60,7 @@ class ShapeEquations:
 class PosedSightings:
     """The M sightings that count of what one pose moves, to first order, times their weights."""
 
-    point: NDArray[np.int64]  # (M,)
+    point: Rows  # (M,)
     by_camera: Array  # (M, 2, Q)
     residual: Array  # (M, 2, 1)
     by_pose: Array  # (M, 2, 6)
@@ -78,7 +77,7 @@ class PosedSightings:
 class WhitenedView(PosedSightings):
     """Those of a view."""
 
-    row: NDArray[np.int64]  # (M,) of the observations
+    row: Rows  # (M,) of the observations
     weight: Array  # (M, 2, 2) whitener of each, unity if the solution is not weighted
 
 
@@ -114,7 +113,7 @@ def shape_equations(calibration: Calibration, basis: Array, modes_mm: Array, own
 
 
 def equations_of(
-    posed: Iterable[PosedSightings], used: NDArray[np.int64], basis: Array, modes_mm: Array, own_mm: Array
+    posed: Iterable[PosedSightings], used: Rows, basis: Array, modes_mm: Array, own_mm: Array
 ) -> ShapeEquations:
     """The normal equations of sightings, pose by pose.
 
@@ -130,7 +129,7 @@ def equations_of(
     cross = np.zeros((len(used), each, dense + 1))
     taken, taken_own, equations = [np.zeros((0, dense + 1))], [np.zeros((0, count))], 0
     by_point = np.ascontiguousarray(modes_mm.transpose(1, 2, 0))
-    is_moved: NDArray[np.bool_] = np.asarray((by_point != 0).any(axis=1))
+    is_moved: Flags = np.asarray((by_point != 0).any(axis=1))
     for view in posed:
         point, by_place = view.point, view.by_place
         if 2 * len(point) <= POSE:
@@ -163,7 +162,7 @@ def equations_of(
     return ShapeEquations(basis, products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), equations, alone)
 
 
-def _add_to(total: Array, row: NDArray[np.int64], part: Array) -> None:
+def _add_to(total: Array, row: Rows, part: Array) -> None:
     """Add parts (M, ...) to rows of a sum; rows come twice only where several cameras of a pose see a point."""
     if len(np.unique(row)) == len(row):
         total[row] += part
@@ -189,7 +188,7 @@ def whitened_views(calibration: Calibration, basis: Array) -> Iterator[WhitenedV
         )  # fmt: skip
 
 
-def weights(seen: Observations, row: NDArray[np.int64], *, weighted: bool) -> Array:
+def weights(seen: Observations, row: Rows, *, weighted: bool) -> Array:
     """The whiteners of some observations (M, 2, 2), unity if they are not weighted."""
     if not weighted or seen.cov_px2 is None or not len(row):
         return np.tile(np.eye(2), (len(row), 1, 1))

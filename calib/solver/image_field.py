@@ -21,14 +21,13 @@ the residuals do not tell a longer one from a shorter one, the shorter one stand
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.solver.calibration import Calibration, ImageField
 from calib.solver.free_shape import POSE, WhitenedView, free_directions, whitened_views
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Rows
 
 ACROSS = 15
 """Nodes along the longer side of the image, between which the field is bilinear; 11 to 21 state much the same."""
@@ -68,7 +67,7 @@ class _Nodes:
 
     place_px: Array  # (K, 2)
     spacing_px: float
-    corner: NDArray[np.int64]  # (M, 4) the nodes about each sighting
+    corner: Rows  # (M, 4) the nodes about each sighting
     share: Array  # (M, 4) theirs in it, in sum 1; 0 of sightings that do not count
 
 
@@ -143,7 +142,7 @@ def _equations(calibration: Calibration, basis: Array) -> _Equations:
     )  # fmt: skip
 
 
-def _by_nodes(nodes: _Nodes, view: WhitenedView, count: int) -> tuple[NDArray[np.int64], Array]:
+def _by_nodes(nodes: _Nodes, view: WhitenedView, count: int) -> tuple[Rows, Array]:
     """The eight columns that each sighting depends on (M, 8), and its derivatives by them (M, 2, 8)."""
     corner, share = nodes.corner[view.row], nodes.share[view.row]
     derivative = view.weight[:, :, :, None] * share[:, None, None, :]

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import worse_sigma
@@ -17,7 +16,7 @@ from calib.solver.distance import InSpace
 from calib.solver.options import SolveOptions, Tie
 from calib.solver.outliers import deviations, robust_sigma, whitened
 from calib.solver.problem import Problem
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.base.words import shown
 
@@ -25,7 +24,7 @@ ENOUGH = 1000
 """Pixels to tell from where cameras differ."""
 
 
-def require_planes(minimise: str, points: KnownPoints, seen: NDArray[np.int64]) -> None:
+def require_planes(minimise: str, points: KnownPoints, seen: Rows) -> None:
     """Refuse what is no cost, and to measure in planes that are not known, of the points that were seen.
 
     Raises:
@@ -41,7 +40,7 @@ def require_planes(minimise: str, points: KnownPoints, seen: NDArray[np.int64]) 
         )
 
 
-def in_space(problem: Problem, minimise: str, points: KnownPoints, seen: NDArray[np.int64]) -> Problem:
+def in_space(problem: Problem, minimise: str, points: KnownPoints, seen: Rows) -> Problem:
     """The problem of distances in space.
 
     Args:
@@ -89,7 +88,7 @@ class SolvedInSpace:
 
 
 def descend_in_space(
-    problem: Problem, points: KnownPoints, seen: NDArray[np.int64], start: Descended, tie: Tie, options: SolveOptions,
+    problem: Problem, points: KnownPoints, seen: Rows, start: Descended, tie: Tie, options: SolveOptions,
     cov_px2: Array | None,
 ) -> SolvedInSpace | None:  # fmt: skip
     """From the solution in the image to that in space, without what the first left out; None if that is the solution.

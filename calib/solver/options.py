@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import MODELS, solved_models, told_parameters
 from calib.solver.costs import IMAGE
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 
 Loss = Literal["squares", "huber", "cauchy"]
@@ -36,8 +36,8 @@ AS_THE_PAPER = SolveOptions(weighted=False)
 class Tie:
     """The free parameter that each parameter of a model follows; the control points of a surface are none of these."""
 
-    row: NDArray[np.int64]  # (P,) -1: fixed
-    value: NDArray[np.float64]  # (P,) where a parameter is to start, nan: anywhere
+    row: Rows  # (P,) -1: fixed
+    value: Array  # (P,) where a parameter is to start, nan: anywhere
     fixed: tuple[str, ...]
 
 

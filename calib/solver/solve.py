@@ -4,7 +4,6 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import MODELS
 from calib.cameras.camera import Camera
@@ -21,7 +20,7 @@ from calib.solver.outliers import shifted_photo, whitened
 from calib.solver.problem import Problem, pack, target_covariance, target_poses
 from calib.solver.start import FirstPoses, coarse_camera, first_poses, turned_over
 from calib.solver.variance_power import variance_power
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 
 FAR_OFF = 6.0
@@ -264,7 +263,7 @@ def _require_equations(problem: Problem, tie: Tie) -> None:
         )
 
 
-def _left_out(observations: Observations, found: NDArray[np.bool_]) -> list[str]:
+def _left_out(observations: Observations, found: Flags) -> list[str]:
     """What to say of views without a pose."""
     return [
         f"{observations.view_names[view]}: left out: no pose shows its points where they were seen"

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import ABILITIES, MODELS, WIDE, neutral, rays
 from calib.cameras.camera import Camera
@@ -21,7 +20,7 @@ from calib.solver.levenberg import minimise, minimise_poses
 from calib.solver.linear_pose import focal_of, linear_views, poses_of, principal_frames, weak_perspective_poses
 from calib.solver.outliers import MEDIAN_LENGTH, forgetful
 from calib.solver.problem import MANY, Problem, few_per_view, pack, select, target_covariance, target_poses
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 
 FEW_VIEWS = 16
@@ -75,7 +74,7 @@ def _in_words_of(camera: Camera, model: str, pixel: Array) -> Camera:
 
 
 def coarse_camera(
-    problem: Problem, model: str, tie: NDArray[np.int64], fixed: Array, focal_px: float | None, *, is_robust: bool
+    problem: Problem, model: str, tie: Rows, fixed: Array, focal_px: float | None, *, is_robust: bool
 ) -> Camera:
     """A camera from a few observations of a few views, good enough to start all of them.
 
@@ -124,7 +123,7 @@ class _Tried:
         return float(np.log1p(self.square_px2 / knee_px2).mean())
 
 
-def _spread_views(problem: Problem) -> NDArray[np.int64]:
+def _spread_views(problem: Problem) -> Rows:
     """Views that are evenly spread over their order."""
     used = np.add.reduceat(problem.is_used.astype(np.int64), problem.view_start[:-1])
     views = np.flatnonzero(used >= LEAST_POINTS)
@@ -171,7 +170,7 @@ def _focals(few: Problem, focal_px: float | None, side: int, *, is_robust: bool)
     return [*likely, *(factor * side for factor in FOCALS)]
 
 
-def _with_fixed(camera: Camera, tie: NDArray[np.int64], fixed: Array) -> Camera:
+def _with_fixed(camera: Camera, tie: Rows, fixed: Array) -> Camera:
     """The camera with a person's values, and one value for parameters that are to share it."""
     params = np.where(np.isnan(fixed), camera.params, fixed)
     free = tie >= 0
@@ -179,10 +178,10 @@ def _with_fixed(camera: Camera, tie: NDArray[np.int64], fixed: Array) -> Camera:
     return replace(camera, params=params)
 
 
-def _solve_few(few: Problem, camera: Camera, tie: NDArray[np.int64], *, is_robust: bool) -> list[_Tried]:
+def _solve_few(few: Problem, camera: Camera, tie: Rows, *, is_robust: bool) -> list[_Tried]:
     """Poses from linear equations, then all unknowns together; nothing if that leads nowhere."""
     poses = linear_poses(few, camera, is_robust=is_robust)
-    ok: NDArray[np.bool_] = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
+    ok: Flags = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     if not ok.any():
         return []
     part = select(few, np.flatnonzero(ok), MANY)
@@ -248,7 +247,7 @@ def _facing(problem: Problem, ray: Array) -> Array:
 
 def _median_squares(problem: Problem, camera: Camera, poses: Array) -> Array:
     """Median squared distance in each view (V,); infinite without a pose."""
-    known: NDArray[np.bool_] = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
+    known: Flags = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     shown = np.where(known[:, None, None], poses, np.eye(4))
     square = (view_misfit(problem, camera, shown, RobustLoss()).residual_px ** 2).sum(axis=0)
     square = np.where(np.isfinite(square), square, np.inf)
@@ -263,7 +262,7 @@ class FirstPoses:
     """Poses that were found."""
 
     cam_from_target: Array  # (V, 4, 4), nan where none was found
-    found: NDArray[np.bool_]  # (V,)
+    found: Flags  # (V,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,7 +279,7 @@ def first_poses(problem: Problem, camera: Camera, *, is_robust: bool) -> FirstPo
     start = linear_poses(few, camera, is_robust=is_robust)
     loss = RobustLoss()
     if is_robust:
-        ok: NDArray[np.bool_] = np.asarray(np.isfinite(start).all(axis=(1, 2)))
+        ok: Flags = np.asarray(np.isfinite(start).all(axis=(1, 2)))
         loss = forgetful(view_misfit(few, camera, np.where(ok[:, None, None], start, np.eye(4)), loss).residual_px)
     views = few.view_count
     best = _Best(np.tile(np.eye(4), (views, 1, 1)), np.full(views, np.inf))
@@ -294,7 +293,7 @@ def first_poses(problem: Problem, camera: Camera, *, is_robust: bool) -> FirstPo
     return FirstPoses(np.where(found[:, None, None], best.poses, np.nan), found)
 
 
-def _unsure(few: Problem, best: _Best) -> NDArray[np.int64]:
+def _unsure(few: Problem, best: _Best) -> Rows:
     """Views that have no pose, one that fits badly, or few points."""
     count = np.diff(few.view_start)
     square = best.cost / count
@@ -303,9 +302,7 @@ def _unsure(few: Problem, best: _Best) -> NDArray[np.int64]:
     return np.flatnonzero(~(square <= limit) | (count < SCARCE))
 
 
-def _improved(
-    few: Problem, camera: Camera, best: _Best, start: Array, views: NDArray[np.int64], loss: RobustLoss
-) -> _Best:
+def _improved(few: Problem, camera: Camera, best: _Best, start: Array, views: Rows, loss: RobustLoss) -> _Best:
     """The best poses after a descent of some views from other starts (len(views), 4, 4), nan: none."""
     ok = np.isfinite(start).all(axis=(1, 2))
     views, start = views[ok], start[ok]

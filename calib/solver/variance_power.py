@@ -9,9 +9,8 @@ and x = ln(s / middle), the likeliest p makes `sum x e = sum x`, `e = q exp(-2 p
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags
 
 STEPS, SAME = 30, 1e-4
 SURE = 3.0
@@ -24,7 +23,7 @@ WIDEST = 5.0
 """x beyond which an observation counts as there."""
 
 
-def variance_power(square: Array, size: Array, is_used: NDArray[np.bool_], unknowns: int) -> Array | None:
+def variance_power(square: Array, size: Array, is_used: Flags, unknowns: int) -> Array | None:
     """The factors (M,) of stated sigmas, about 1 in the middle; None where nothing shows that they differ.
 
     Args:

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import LINEAR, rays
 from calib.cameras.camera import Camera, LearnedMap
@@ -26,7 +25,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.virtual.learn_map import Cells, Learned, MapSamples, Process, cells_of, learn_map
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 
 MARGIN_PX = 1.0
@@ -118,10 +117,10 @@ def _known_part(observations: Observations, learned: LearnedMap) -> tuple[Observ
     return without_empty_views(keep_sightings(observations, kept)), tuple(remarks)
 
 
-def rows_of_views(observations: Observations, view_names: tuple[str, ...]) -> NDArray[np.bool_]:
+def rows_of_views(observations: Observations, view_names: tuple[str, ...]) -> Flags:
     """Which observations are of the views named.  # (M,)"""
     kept = np.array([name in set(view_names) for name in observations.view_names], dtype=bool)
-    rows: NDArray[np.bool_] = kept[observations.view]
+    rows: Flags = kept[observations.view]
     return rows
 
 

@@ -13,7 +13,6 @@ from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import DEFAULT
 from calib.cameras.camera import LearnedMap
@@ -27,7 +26,7 @@ from calib.solver.outliers import MEDIAN_LENGTH
 from calib.solver.solve import solve
 from calib.virtual.learn_map import MIN_SAMPLES, MapSamples, learn_from_many
 from calib.virtual.learn_views import SMALL_CHANGE_PX, learn_from_views, solve_on_sensor
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 
 FLAT = 1e-6
@@ -43,7 +42,7 @@ COVERAGE_GRID = 60
 OUTLIER_ROUNDS = 5
 
 
-def on_plane_mm(points: KnownPoints, rows: NDArray[np.int64]) -> Array | None:
+def on_plane_mm(points: KnownPoints, rows: Rows) -> Array | None:
     """Coordinates (K, 2) of points in the plane of those rows that are used, or None if these are not on one."""
     used = points.position_mm[np.unique(rows)]
     middle = used.mean(axis=0)
