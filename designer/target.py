@@ -16,6 +16,7 @@ from typing import Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 from designer.base.small_file import once_each, place_of, read_small_text
 from designer.base.solid import CODES
@@ -79,20 +80,20 @@ class TargetGeometry:
 
     source: Source
     spec: Spec | None  # None: made by others
-    ring_face: NDArray[np.int64]  # (R,)
-    ring_index: NDArray[np.int64]  # (R, 2) i, j in the face's lattice
-    center_mm: NDArray[np.float64]  # (R, 3)
-    radius_outer_mm: NDArray[np.float64]  # (R,)
-    radius_inner_mm: NDArray[np.float64]  # (R,) 0 for dots
-    is_dot: NDArray[np.bool_]  # (R,)
-    target_from_face: NDArray[np.float64]  # (F, 4, 4) z: outward normal
-    outline_mm: NDArray[np.float64]  # (F, K, 2) counter-clockwise, in the face frame
-    window_mm: NDArray[np.float64]  # (F, K, 2) inner edge of the border; without a border: the outline
-    face_code: NDArray[np.int64]  # (F,) row of code.CODES; -1: no code
-    lattice_mm: NDArray[np.float64]  # (F, 2, 2) rows: steps of i and of j in the face frame
-    face_covariance: NDArray[np.float64] | None = None  # (F, 6, 6) rotation vector (rad), translation (mm)
-    mode_mm: NDArray[np.float64] | None = None  # (S, R, 3) see `designer.tolerance.prior`: what else may be off
-    ring_piece: NDArray[np.int64] | None = None  # (R,) the piece of a board that each is on, from 0; no id tells it
+    ring_face: Rows  # (R,)
+    ring_index: Rows  # (R, 2) i, j in the face's lattice
+    center_mm: Array  # (R, 3)
+    radius_outer_mm: Array  # (R,)
+    radius_inner_mm: Array  # (R,) 0 for dots
+    is_dot: Flags  # (R,)
+    target_from_face: Array  # (F, 4, 4) z: outward normal
+    outline_mm: Array  # (F, K, 2) counter-clockwise, in the face frame
+    window_mm: Array  # (F, K, 2) inner edge of the border; without a border: the outline
+    face_code: Rows  # (F,) row of code.CODES; -1: no code
+    lattice_mm: Array  # (F, 2, 2) rows: steps of i and of j in the face frame
+    face_covariance: Array | None = None  # (F, 6, 6) rotation vector (rad), translation (mm)
+    mode_mm: Array | None = None  # (S, R, 3) see `designer.tolerance.prior`: what else may be off
+    ring_piece: Rows | None = None  # (R,) the piece of a board that each is on, from 0; no id tells it
     build: str | None = None  # how it is made, for information: no id tells it; None: not known
 
     def __post_init__(self) -> None:
@@ -160,10 +161,10 @@ class TargetGeometry:
         return bool((self.face_code >= 0).all())
 
     @cached_property
-    def center_in_face_mm(self) -> NDArray[np.float64]:
+    def center_in_face_mm(self) -> Array:
         """The features' centres in their faces' frames; z is 0 on a flat face.  # (R, 3)"""
         frame = self.target_from_face[self.ring_face]
-        in_face: NDArray[np.float64] = np.einsum("rji,rj->ri", frame[:, :3, :3], self.center_mm - frame[:, :3, 3])
+        in_face: Array = np.einsum("rji,rj->ri", frame[:, :3, :3], self.center_mm - frame[:, :3, 3])
         in_face.setflags(write=False)
         return in_face
 

@@ -4,13 +4,12 @@ import math
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Rows
 from designer.page.scene import Cameras, Drawn, Labels, Layer, Rings, Scene, Segments, Surface
 from designer.target import TargetGeometry, bounding_radius_mm
 
-Array = NDArray[np.float64]
-Part: TypeAlias = tuple[Array, NDArray[np.int64]]
+Part: TypeAlias = tuple[Array, Rows]
 """Vertices, and triangles that name them by their rows."""
 
 THICKNESS_MM = 3.0
@@ -175,7 +174,7 @@ def _placed(frame: Array, points_mm: Array, height_mm: float = 0.0) -> Array:
     return placed
 
 
-def _strip(count: int) -> NDArray[np.int64]:
+def _strip(count: int) -> Rows:
     """Triangles between two closed lines of `count` points each, the second line's after the first's."""
     here, after = np.arange(count), np.roll(np.arange(count), -1)
     first = np.stack([here, after, count + after], axis=1)
@@ -200,7 +199,7 @@ def polygon_area_mm2(points_mm: Array) -> float:
     return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)
 
 
-def polygon_triangles(points_mm: Array) -> NDArray[np.int64]:
+def polygon_triangles(points_mm: Array) -> Rows:
     """Triangles that fill a simple counter-clockwise polygon, cutting off one ear after another.  # (K, 2) -> (T, 3)"""
     left = list(range(len(points_mm)))
     triangles: list[tuple[int, int, int]] = []

@@ -7,11 +7,9 @@ whole parts of `PARTS`: what is read is a covariance whatever was rounded, and c
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.small_file import JsonValue
-
-Array = NDArray[np.float64]
 
 LARGE = 100
 """Parameters; of fewer every number is written."""

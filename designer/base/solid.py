@@ -6,9 +6,8 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from designer.base.arrays import Array, Rows
 
 INLAY_SHARE = 0.9
 """Of a border's width, how much its floor may move in."""
@@ -38,7 +37,7 @@ class Polyhedron:
 
     name: str
     vertices: Array  # (V, 3)
-    faces: NDArray[np.int64]  # (F, K) counter-clockwise as seen from outside
+    faces: Rows  # (F, K) counter-clockwise as seen from outside
     inradius: float  # from the origin to a face
     dihedral_rad: float  # between two faces, inside
     face_code: tuple[int, ...]  # rows of `code.CODES`  # (F,)
@@ -72,7 +71,7 @@ class Polyhedron:
         return self.inset_per_depth / INLAY_SHARE
 
     @property
-    def faces_from_code(self) -> NDArray[np.int64]:
+    def faces_from_code(self) -> Rows:
         """The faces, each from the corner with its code on.  # (F, K)"""
         return np.array([np.roll(face, -corner) for face, corner in zip(self.faces, self.code_corner, strict=True)])
 

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 from designer.base.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from designer.base.arrays import Array
 
 MM_PER_UNIT = {
     "": 1.0, "mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 0.001, "µm": 0.001, "μm": 0.001,
@@ -229,7 +228,7 @@ def _angle_text(angle_rad: float) -> str:
     return degrees if parse_angle_rad(degrees) == angle_rad else f"{angle_rad!r}rad"
 
 
-def skew_matrix(skew_rad: Skew) -> "NDArray[np.float64]":
+def skew_matrix(skew_rad: Skew) -> "Array":
     """What a printer with these angles makes of a place, along the bed's axes.  # (3, 3)
 
         x' = x + y tan(xy) + z tan(xz),    y' = y + z tan(yz),    z' = z

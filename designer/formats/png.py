@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageColor, ImageDraw
 
+from designer.base.arrays import Array
 from designer.base.solid import Polyhedron
 from designer.make.pattern import Contour, FacePattern, Pattern
 from designer.spec.spec import PrintSpec, Spec
@@ -34,11 +34,11 @@ _Pixels = list[tuple[float, float]]
 class _SphereCamera:
     """A camera on a sphere around the target's origin."""
 
-    camera_from_target: NDArray[np.float64]  # (3, 3) x right, y up, z towards the viewer
+    camera_from_target: Array  # (3, 3) x right, y up, z towards the viewer
     distance_mm: float
     scale_px: float  # pixels per millimetre at the origin
 
-    def to_pixels(self, points_mm: NDArray[np.float64]) -> _Pixels:
+    def to_pixels(self, points_mm: Array) -> _Pixels:
         """Perspective image of points.  # (N, 3)"""
         seen = points_mm @ self.camera_from_target.T
         factor = self.scale_px * self.distance_mm / (self.distance_mm - seen[:, 2])
@@ -86,7 +86,7 @@ def _perspective(pattern: Pattern, side: int, thickness_mm: float, colours: tupl
         if frame[:3, 2] @ (view.distance_mm * view.camera_from_target[2] - frame[:3, 3]) > 0:
             light = _brightness(view.camera_from_target @ frame[:3, 2])
 
-            def to_pixels(points: Contour, frame: NDArray[np.float64] = frame) -> _Pixels:
+            def to_pixels(points: Contour, frame: Array = frame) -> _Pixels:
                 return view.to_pixels(_in_target(frame, points))
 
             _paint_face(draw, face, pattern, to_pixels, (_shaded(colours[0], light), _shaded(colours[1], light)))
@@ -104,7 +104,7 @@ def _unfolded(pattern: Pattern, polyhedron: Polyhedron, colours: tuple[_Colour, 
     px_per_mm = edge_px / float(np.linalg.norm(outline[1] - outline[0]))
     for number, (motion, face) in enumerate(zip(net, pattern.faces, strict=True)):
 
-        def to_pixels(points: Contour, motion: NDArray[np.float64] = motion) -> _Pixels:
+        def to_pixels(points: Contour, motion: Array = motion) -> _Pixels:
             x, y = (px_per_mm * points @ motion[:2, :2].T + edge_px * motion[:2, 2]).T
             return list(zip((left + x).tolist(), (top + edge_px * height - y).tolist(), strict=True))
 
@@ -144,7 +144,7 @@ def _paint_face(
         paint(contour, body)
 
 
-def _look_from(pattern: Pattern, direction: NDArray[np.float64], up: NDArray[np.float64]) -> _SphereCamera:
+def _look_from(pattern: Pattern, direction: Array, up: Array) -> _SphereCamera:
     """A camera in the given direction from the target, whose picture the target fills."""
     z_axis = direction / np.linalg.norm(direction)
     x_axis = np.cross(up, z_axis)
@@ -159,9 +159,9 @@ def _look_from(pattern: Pattern, direction: NDArray[np.float64], up: NDArray[np.
     return _SphereCamera(rotation, distance, 0.46 * HEIGHT_PX * _OVERSAMPLING / float(span))
 
 
-def _in_target(frame: NDArray[np.float64], points: Contour) -> NDArray[np.float64]:
+def _in_target(frame: Array, points: Contour) -> Array:
     """Points of a face's plane in the target frame.  # (N, 2) -> (N, 3)"""
-    placed: NDArray[np.float64] = points @ frame[:3, :2].T + frame[:3, 3]
+    placed: Array = points @ frame[:3, :2].T + frame[:3, 3]
     return placed
 
 
@@ -181,7 +181,7 @@ def _paint_sides(
             draw.polygon(view.to_pixels(quad), fill=_shaded(colour, _brightness(view.camera_from_target @ normal)))
 
 
-def _brightness(normal: NDArray[np.float64]) -> float:
+def _brightness(normal: Array) -> float:
     """Diffuse light with some from everywhere."""
     return 0.55 + 0.45 * max(0.0, float(normal @ _LIGHT))
 

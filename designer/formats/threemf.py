@@ -16,6 +16,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.formats.zipped import zipped
 from designer.make.mesh import Mesh
@@ -231,7 +232,7 @@ def quoted(text: str) -> str:
     return f'"{escaped}"'
 
 
-def _item(object_id: int, bed_from_part: NDArray[np.float64]) -> str:
+def _item(object_id: int, bed_from_part: Array) -> str:
     # 3MF multiplies row vectors: the transform is written column by column.
     transform = " ".join(f"{value:.9f}" for value in bed_from_part[:3].T.ravel())
     return f'  <item objectid="{object_id}" transform="{transform}"/>\n'
@@ -281,7 +282,7 @@ def whole_numbers(values: NDArray[np.integer]) -> Characters:
     return _digits(values.astype(np.int64), 1)
 
 
-def decimals(values: NDArray[np.float64], places: int) -> Characters:
+def decimals(values: Array, places: int) -> Characters:
     """Numbers rounded to so many decimal places, which all are written.  # (N,) -> (N, W)"""
     digits = _digits(np.rint(np.abs(values) * 10**places).astype(np.int64), 1 + places)
     text = np.full((len(values), 2 + digits.shape[1]), ord("."), np.uint8)
@@ -291,7 +292,7 @@ def decimals(values: NDArray[np.float64], places: int) -> Characters:
     return text
 
 
-def _digits(values: NDArray[np.int64], least: int) -> Characters:
+def _digits(values: Rows, least: int) -> Characters:
     """Decimal digits of numbers from 0 on, `least` at least.  # (N,) -> (N, W)"""
     width = max(least, len(str(values.max(initial=0))))
     digits = np.empty((len(values), width), np.uint8)

@@ -23,9 +23,7 @@ from designer.spec.options import (
 from designer.spec.spec import RING_RATIO, Lattice, Line, Spec, SpecValue
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from designer.base.arrays import Array
     from designer.base.solid import Index
     from designer.target import TargetGeometry
 
@@ -276,7 +274,7 @@ def _check_board(spec: BoardSpec, line: Line, needed_mm: tuple[float, float]) ->
     check_count(spec.columns * spec.rows * (2 if spec.two_sided else 1), line)
 
 
-def lattice_steps(lattice: Lattice) -> "NDArray[np.float64]":
+def lattice_steps(lattice: Lattice) -> "Array":
     """Steps of i and j on a board with pitch 1, as rows.  # (2, 2)"""
     import numpy as np
 
@@ -293,7 +291,7 @@ def board_index(columns: int, rows: int, lattice: Lattice) -> "list[Index]":
     return [(i - j // 2, j) for j in range(rows) for i in range(columns - j % 2)]
 
 
-def _origin_index(index: "list[Index]", position: "NDArray[np.float64]", dots: "frozenset[Index]") -> "Index":
+def _origin_index(index: "list[Index]", position: "Array", dots: "frozenset[Index]") -> "Index":
     """The index that brings a mark nearest to the middle of the lattice."""
     import numpy as np
 

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM
 from designer.spec.spec import PrinterProfile
 from designer.target import TargetGeometry
 
-Array = NDArray[np.float64]
 Point = tuple[float, float]
 
 MOST_PIECES = 64
@@ -148,7 +147,7 @@ def _why_not(
     )
 
 
-def ring_pieces(target: TargetGeometry, printer: PrinterProfile, scale: float = 1.0) -> NDArray[np.int64] | None:
+def ring_pieces(target: TargetGeometry, printer: PrinterProfile, scale: float = 1.0) -> Rows | None:
     """The piece that each ring is on, from 0, row by row from below; None: it is not a board that can be cut.  # (R,)
 
     Args:

@@ -16,9 +16,7 @@ from designer.spec.options import Asked
 from designer.spec.spec import Line, Spec, SpecValue
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from designer.base.arrays import Array
     from designer.target import TargetGeometry
 
 SIDE_MM, THICKNESS_MM = 60.0, 0.8
@@ -57,7 +55,7 @@ class CouponSpec(BoardSpec):
         return replace(board, radius_inner_mm=np.where(board.is_dot, 0.0, np.round(inner, DECIMALS)))
 
     @property
-    def marks_mm(self) -> "NDArray[np.float64]":
+    def marks_mm(self) -> "Array":
         """The lines and what lies between them, counter-clockwise from the lower left.  # (K, 4, 2)"""
         import numpy as np
 

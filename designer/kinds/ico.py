@@ -9,9 +9,7 @@ from designer.kinds.regular_solid import AskedSolid, SolidSpec
 from designer.spec.kind import Kind
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from designer.base.arrays import Array, Rows
     from designer.base.solid import Polyhedron
 
 # Which code each face carries, and at which of its three corners.
@@ -23,7 +21,7 @@ FACE_CODE = (6, 17, 8, 13, 12, 19, 1, 16, 7, 2, 18, 3, 10, 9, 5, 4, 0, 14, 11, 1
 CODE_CORNER = (1, 2, 1, 0, 0, 1, 0, 2, 1, 1, 0, 2, 0, 1, 2, 1, 2, 0, 1, 1)
 
 
-def _vertices() -> "NDArray[np.float64]":
+def _vertices() -> "Array":
     """Vertex 0 lies on +z, vertices 1-5 and 6-10 form the upper and lower ring, vertex 11 lies on -z.  # (12, 3)"""
     import numpy as np
 
@@ -37,7 +35,7 @@ def _vertices() -> "NDArray[np.float64]":
     return np.concatenate([poles[:1], upper, lower, poles[1:]])
 
 
-def _faces() -> "NDArray[np.int64]":
+def _faces() -> "Rows":
     """The top cap (0-4), the upper (5-9) and the lower band (10-14), the bottom cap (15-19).  # (20, 3)"""
     import numpy as np
 

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Rows
 from designer.base.solid import INLAY_SHARE, Index
 from designer.spec.spec import Spec
 from designer.target import PARALLEL, TargetGeometry, bounding_radius_mm
@@ -26,13 +26,13 @@ def same_on_all_faces(
     spec: Spec,
     *,
     index: list[Index],
-    in_face_mm: NDArray[np.float64],  # (N, 2), the same on every face
+    in_face_mm: Array,  # (N, 2), the same on every face
     dots: list[frozenset[Index]],  # (F,)
-    target_from_face: NDArray[np.float64],  # (F, 4, 4)
-    outline_mm: NDArray[np.float64],  # (K, 2)
-    window_mm: NDArray[np.float64],  # (K, 2)
+    target_from_face: Array,  # (F, 4, 4)
+    outline_mm: Array,  # (K, 2)
+    window_mm: Array,  # (K, 2)
     face_code: list[int],  # (F,)
-    lattice_mm: NDArray[np.float64],  # (2, 2)
+    lattice_mm: Array,  # (2, 2)
 ) -> TargetGeometry:
     """Put the same lattice on every face."""
     face_count, per_face = len(target_from_face), len(index)
@@ -40,7 +40,7 @@ def same_on_all_faces(
     center = np.einsum("fij,nj->fni", target_from_face[:, :3, :2], in_face_mm) + target_from_face[:, None, :3, 3]
     radius = spec.ring_diameter_mm / 2
 
-    def on_every_face(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def on_every_face(values: Array) -> Array:
         return np.tile(np.round(values, DECIMALS), (face_count, 1, 1))
 
     return TargetGeometry(
@@ -60,14 +60,14 @@ def same_on_all_faces(
     )
 
 
-def corners_mm(target: TargetGeometry) -> NDArray[np.float64]:
+def corners_mm(target: TargetGeometry) -> Array:
     """Corners of the faces' outlines in the target's frame.  # (F, K, 3)"""
     frame = target.target_from_face
-    placed: NDArray[np.float64] = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm)
+    placed: Array = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm)
     return placed + frame[:, None, :3, 3]
 
 
-def adjacent_faces(target: TargetGeometry) -> NDArray[np.int64]:
+def adjacent_faces(target: TargetGeometry) -> Rows:
     """The face across each side of each face, from corner k to the next; -1: none.  # (F, K)
 
     Front and back of a plate meet nowhere, however thin it is.
@@ -111,9 +111,9 @@ def deepest_inlay_mm(target: TargetGeometry) -> float:
     return INLAY_SHARE * border_width_mm(target) / inset if inset > 0 else math.inf
 
 
-def face_down(target: TargetGeometry) -> NDArray[np.float64]:
+def face_down(target: TargetGeometry) -> Array:
     """Axes of a bed on which the target lies on its last face, x along that face's x.  # (3, 3)"""
-    axes: NDArray[np.float64] = _FACE_DOWN @ target.target_from_face[-1, :3, :3].T
+    axes: Array = _FACE_DOWN @ target.target_from_face[-1, :3, :3].T
     return axes
 
 
@@ -136,7 +136,7 @@ def border_width_mm(target: TargetGeometry) -> float:
     return round(float(np.einsum("fski,fsi->fsk", to_corner, outward).min()), 6)
 
 
-def corner_room_mm(target: TargetGeometry, corner: NDArray[np.float64]) -> float:
+def corner_room_mm(target: TargetGeometry, corner: Array) -> float:
     """How far from the axis through a corner of a solid the first ring begins."""
     axis = corner / np.linalg.norm(corner)
     along = target.center_mm @ axis

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from manifold3d import Manifold
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.solid import Solid
 from designer.kinds.layout import border_width_mm
@@ -29,8 +29,6 @@ from designer.spec.build import ANY_MOUNT, NO_MOUNT
 from designer.spec.machine import BRIM_MM
 from designer.spec.spec import PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 FLAT_MM = 1e-6
 """As low as parts of a single face are."""

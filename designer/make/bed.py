@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.units import NO_SKEW, skew_matrix
 from designer.kinds.layout import corners_mm, face_down, is_turned
 from designer.spec.spec import PrinterProfile, PrintSpec
@@ -15,7 +15,7 @@ _ALIKE = 1e-6
 _QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
-def bed_from_target(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.float64]:
+def bed_from_target(target: TargetGeometry, printing: PrintSpec) -> Array:
     """The rigid motion that puts the printed part on the bed.
 
     The outward normal of the last face turns to -z (a board has only one), the lowest point comes to z = 0, and the
@@ -34,7 +34,7 @@ def bed_from_target(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.f
     return motion
 
 
-def against_skew(target: TargetGeometry, printing: PrintSpec, points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+def against_skew(target: TargetGeometry, printing: PrintSpec, points_mm: Array) -> Array:
     """Points of the target frame where the printed files have them: K^-1 along the bed's axes, about the origin.
 
     K is the `skew_matrix` of the compensation, so a printer with this skew puts them where the design has them.
@@ -47,9 +47,7 @@ def against_skew(target: TargetGeometry, printing: PrintSpec, points_mm: NDArray
     return against_skew_along(_bed_axes(target, printing), printing, points_mm)
 
 
-def against_skew_along(
-    bed_axes: NDArray[np.float64], printing: PrintSpec, points_mm: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def against_skew_along(bed_axes: Array, printing: PrintSpec, points_mm: Array) -> Array:
     """Points of a piece's frame where the printed files have them; `bed_axes` turn it to the bed's axes.  # (3, 3)"""
     if printing.skew_compensation_rad == NO_SKEW:
         return points_mm
@@ -57,7 +55,7 @@ def against_skew_along(
     return mapped(points_mm, shear)
 
 
-def mapped(points_mm: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def mapped(points_mm: Array, matrix: Array) -> Array:
     """A (3, 3) matrix times each point; like points stay alike to the bit, as the parts of a print need.  # (N, 3)
 
     Matrix products of libraries do not promise that: their rounding depends on a point's place in the array.
@@ -90,7 +88,7 @@ def overhang(target: TargetGeometry, printing: PrintSpec) -> tuple[int, float] |
     return int((over > over.max() - _ALIKE).sum()), math.acos(float(over.max()))
 
 
-def printed_corners_mm(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.float64]:
+def printed_corners_mm(target: TargetGeometry, printing: PrintSpec) -> Array:
     """Corners of the printed solid in the target frame, with shrinkage and skew compensation and without stickers.
 
     A target made by others (without a spec) counts as flat faces.  # (N, 3)
@@ -98,19 +96,19 @@ def printed_corners_mm(target: TargetGeometry, printing: PrintSpec) -> NDArray[n
     return against_skew(target, printing, _straight_corners_mm(target, printing))
 
 
-def _bed_axes(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.float64]:
+def _bed_axes(target: TargetGeometry, printing: PrintSpec) -> Array:
     """Rotation from the target's axes to the bed's, from the part before it is sheared.  # (3, 3)"""
     bed_x, bed_y, _ = printing.printer.bed_mm
     rotation = face_down(target)
     return _QUARTER_TURN @ rotation if is_turned(target, is_bed_deep=bed_y > bed_x) else rotation
 
 
-def _straight_corners_mm(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.float64]:
+def _straight_corners_mm(target: TargetGeometry, printing: PrintSpec) -> Array:
     """Corners of the printed solid, not yet sheared.  # (N, 3)"""
     corners, spec = corners_mm(target), target.spec
     if spec is not None and spec.solid is None:
         corners = np.concatenate([corners, corners - spec.depth_mm * target.target_from_face[:, None, :3, 2]])
     elif spec is not None and spec.solid is not None and printing.way.has_stickers:
         corners = corners * (1 - printing.sticker_thickness_mm / spec.solid.inradius_mm)
-    printed: NDArray[np.float64] = corners.reshape(-1, 3) * (1 + printing.shrink_compensation_percent / 100)
+    printed: Array = corners.reshape(-1, 3) * (1 + printing.shrink_compensation_percent / 100)
     return printed

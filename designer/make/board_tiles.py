@@ -15,8 +15,8 @@ from functools import lru_cache
 
 import numpy as np
 from manifold3d import CrossSection, JoinType, Manifold
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.board_cuts import BoardCuts, Point, cut_board, room_mm, tower_mm
 from designer.make.bed import against_skew_along
@@ -27,8 +27,6 @@ from designer.make.pattern import Contour, make_pattern
 from designer.make.plate import Piece, Plate
 from designer.spec.spec import PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 KEY_REACH_MM, KEY_WAIST_MM, KEY_END_MM = 9.0, 5.0, 9.0
 """Of a bow tie: how far it reaches into each piece, how wide it is in the seam and at its ends. Assumptions: a waist of

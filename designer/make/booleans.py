@@ -2,11 +2,9 @@
 
 import numpy as np
 from manifold3d import CrossSection, Error, Manifold, Mesh64, OpType
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.make.mesh import Mesh
-
-Array = NDArray[np.float64]
 
 CIRCLE_SEGMENTS = 48
 """Of bores, pins and cavities: a chord of a 40 mm circle strays by .04 mm."""

@@ -9,10 +9,9 @@ import re
 from dataclasses import dataclass
 from io import BytesIO
 
-import numpy as np
 from build123d import Compound, Face, Location, Plane, Shell, Solid, Vector, Wire, export_step
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.make.pattern import Contour, Pattern, Stamp
 from designer.spec.spec import PrintSpec, Spec
 
@@ -103,12 +102,12 @@ def _prism(contour: Contour, z_low_mm: float, z_high_mm: float) -> Solid:
     return Solid.extrude(Face(Wire.make_polygon(corners)), Vector(0.0, 0.0, z_high_mm - z_low_mm))
 
 
-def _polygon(corners_mm: NDArray[np.float64]) -> Face:
+def _polygon(corners_mm: Array) -> Face:
     """The flat face with these corners.  # (K, 3)"""
     return Face(Wire.make_polygon([tuple(corner) for corner in corners_mm.tolist()]))
 
 
-def _location(target_from_face: NDArray[np.float64]) -> Location:
+def _location(target_from_face: Array) -> Location:
     """A rigid motion as build123d's type.  # (4, 4)"""
     x_axis, _, z_axis, origin = (tuple(column) for column in target_from_face[:3].T.tolist())
     return Location(Plane(origin, x_dir=x_axis, z_dir=z_axis))

@@ -16,14 +16,12 @@ from functools import cache
 
 import numpy as np
 from manifold3d import CrossSection, JoinType, Manifold
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.solid import Polyhedron, Solid
 from designer.make.booleans import cylinder, frame_along, placed, prism, union
 from designer.make.pattern import moved_in
 from designer.make.tile import TileSizes, key_places, number_contours, pad_places
-
-Array = NDArray[np.float64]
 
 LID_SLOPE = math.tan(math.radians(55.0))
 """Rise over run of the cavity behind a lid: so steep that the middle of the solid is hollow."""

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.make.lettering import HEIGHT, LETTERS, text_contours
 from designer.make.pages import Area, Drawing, Polygon, SheetPage, Text, moved, polygon
 
@@ -51,7 +51,7 @@ def _cutting(page: SheetPage) -> Cutting:
     return Cutting(width, height, kept.areas, kept.cuts[:count], kept.cuts[count:])
 
 
-def _bounds(drawing: Drawing) -> NDArray[np.float64]:
+def _bounds(drawing: Drawing) -> Array:
     """Corners of all that is engraved or cut.  # (N, 2)"""
     boxes = [np.array(outline) for outline in drawing.cuts]
     for area in drawing.areas:

@@ -18,8 +18,8 @@ from functools import cache
 
 import numpy as np
 from manifold3d import CrossSection, JoinType
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Flags, Rows
 from designer.make.bed import mapped
 from designer.make.mesh import Part
 from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
@@ -140,7 +140,7 @@ def estimate(plates: Sequence[Plate], printing: PrintSpec) -> PrintEstimate:
     )
 
 
-def changing_layers(has_body: NDArray[np.bool_], has_ink: NDArray[np.bool_]) -> tuple[int, ...]:
+def changing_layers(has_body: Flags, has_ink: Flags) -> tuple[int, ...]:
     """The layers in which the filament changes: each begins with the one that is loaded, if it has any of it.
 
     Args:
@@ -185,8 +185,8 @@ class _CutPiece:
     """What one piece takes."""
 
     part: Part
-    is_there: NDArray[np.bool_]  # (2, L) of body and ink
-    time_s: NDArray[np.float64]  # (L,)
+    is_there: Flags  # (2, L) of body and ink
+    time_s: Array  # (L,)
     body_mm3: float
     ink_mm3: float
 
@@ -216,7 +216,7 @@ def _is_alike(part: Part, other: Part) -> bool:
     )
 
 
-def _taken(count: int, closely: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _taken(count: int, closely: int) -> tuple[Rows, Array]:
     """The layers that are cut, and how many each stands for; the first and last ones all are.
 
     Those between are at golden steps within equal shares, so that no rows of rings keep time with them.
@@ -312,12 +312,12 @@ class _Slicing:
         time += self._ways(starts)
         return area, area - sparse.area() * (1 - self.machine.shells.infill), time
 
-    def _walls_of(self, section: CrossSection) -> tuple[list[list[NDArray[np.float64]]], CrossSection]:
+    def _walls_of(self, section: CrossSection) -> tuple[list[list[Array]], CrossSection]:
         """The loops of each wall, the outer one first, and what is inside of them all.
 
         A strip that is too narrow for a line on each side is drawn in one.
         """
-        walls, left = list[list[NDArray[np.float64]]](), section
+        walls, left = list[list[Array]](), section
         for number in range(self.machine.shells.walls):
             left = left.offset(-self.spacing_mm if number else -self.line_mm / 2, JoinType.Miter).simplify(SIMPLE_MM)
             walls.append(left.to_polygons())
@@ -366,7 +366,7 @@ class _Slicing:
         turns = np.full(len(chords), min(spacing_mm, 10 * self.line_mm))
         return lines_time_s(chords, pace, corner) + lines_time_s(turns, pace, corner)
 
-    def _ways(self, starts: list[NDArray[np.float64]]) -> float:
+    def _ways(self, starts: list[Array]) -> float:
         """Time between lines: slicers go to islands in the order in which clipping finds them, as they stand here."""
         if len(starts) < 2:
             return 0.0

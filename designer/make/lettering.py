@@ -7,8 +7,8 @@ stand on a grid of strokes: 5 wide, 7 high, 1 apart; b and d are small letters, 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.kinds.layout import inset_per_depth
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
@@ -53,7 +53,7 @@ LETTERS = frozenset(_CELLS)
 class Lettering:
     """The letters of each face as counter-clockwise contours, and a line for the person about them."""
 
-    contours: tuple[tuple[NDArray[np.float64], ...], ...]  # per face
+    contours: tuple[tuple[Array, ...], ...]  # per face
     remark: str
 
 
@@ -68,7 +68,7 @@ def letter_faces(target: TargetGeometry, printing: PrintSpec, scale: float) -> L
         printing: gives the finest stroke, and whether letters are wanted.
         scale: the size of the printed part over the design's; letters stand on the printed part.
     """
-    nothing: tuple[tuple[NDArray[np.float64], ...], ...] = ((),) * target.face_count
+    nothing: tuple[tuple[Array, ...], ...] = ((),) * target.face_count
     if not printing.labels:
         return Lettering(nothing, "labels: off")
     if printing.way.is_in_parts and target.is_plate:  # seams would cut them
@@ -122,7 +122,7 @@ def text_width(text: str) -> int:
     return len(text) * (WIDTH + GAP) - GAP
 
 
-def text_contours(text: str, stroke_mm: float, baseline_mm: float) -> tuple[NDArray[np.float64], ...]:
+def text_contours(text: str, stroke_mm: float, baseline_mm: float) -> tuple[Array, ...]:
     """A line of text, centred on x = 0, as counter-clockwise contours."""
     left = -text_width(text) / 2
     contours = []
@@ -133,7 +133,7 @@ def text_contours(text: str, stroke_mm: float, baseline_mm: float) -> tuple[NDAr
     return tuple(contours)
 
 
-def glyph_outlines(letter: str) -> tuple[NDArray[np.float64], ...]:
+def glyph_outlines(letter: str) -> tuple[Array, ...]:
     """The letter's contours in strokes, lower left at (0, 0); a blank has none."""
     if letter == " ":
         return ()
@@ -153,7 +153,7 @@ def glyph_outlines(letter: str) -> tuple[NDArray[np.float64], ...]:
     return tuple(_chains(edges))
 
 
-def _chains(edges: dict[tuple[int, int], tuple[int, int]]) -> list[NDArray[np.float64]]:
+def _chains(edges: dict[tuple[int, int], tuple[int, int]]) -> list[Array]:
     """Follow unit edges into closed contours, keeping only the corners."""
     chains = []
     while edges:

@@ -13,6 +13,7 @@ import numpy as np
 from manifold3d import triangulate
 from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.solid import INLAY_SHARE, Solid
 from designer.base.units import round_down
@@ -28,7 +29,7 @@ _SLIVER_MM2 = 1e-7
 class Mesh:
     """A closed surface; triangles are counter-clockwise seen from outside."""
 
-    vertices_mm: NDArray[np.float64]  # (V, 3)
+    vertices_mm: Array  # (V, 3)
     triangles: NDArray[np.int32]  # (T, 3)
 
     @cached_property
@@ -47,7 +48,7 @@ class Part:
     body: Mesh
     ink: Mesh | None
 
-    def placed(self, place: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> "Part":
+    def placed(self, place: Callable[[Array], Array]) -> "Part":
         """The part with its vertices elsewhere; an affine map keeps it closed and its triangles facing outwards."""
 
         def moved(mesh: Mesh) -> Mesh:
@@ -65,10 +66,10 @@ class Hull:
     of a border there; both are empty where faces meet.
     """
 
-    vertices_mm: NDArray[np.float64]  # (H, 3)
+    vertices_mm: Array  # (H, 3)
     top: Ids  # (F, K)
     floor: Ids  # (F, K)
-    floor_outline_mm: NDArray[np.float64]  # (F, K, 2) the outline at the inlay's depth, in the face frame
+    floor_outline_mm: Array  # (F, K, 2) the outline at the inlay's depth, in the face frame
     body_skin: Ids  # (T, 3)
     rim: Ids  # (T, 3)
 
@@ -177,7 +178,7 @@ def plain_plate(outline_mm: Contour, thickness_mm: float) -> Mesh:
 class _Surfaces:
     """A face cut into ink and white; numbers count the outline's corners first, then `points_mm`."""
 
-    points_mm: NDArray[np.float64]  # (N, 2)
+    points_mm: Array  # (N, 2)
     ink: Ids  # (T, 3)
     ink_floor: Ids  # (T, 3) the same area at the inlay's depth, where the outline has moved in
     white: Ids  # (T, 3)
@@ -282,10 +283,10 @@ def _without_slivers(points: Contour, triangles: Ids) -> Ids:
     return triangles
 
 
-def _doubled_area(points: Contour, triangles: Ids) -> NDArray[np.float64]:
+def _doubled_area(points: Contour, triangles: Ids) -> Array:
     """Twice the signed area of each triangle.  # (T,)"""
     a, b, c = (points[triangles[:, k]] for k in range(3))
-    doubled: NDArray[np.float64] = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    doubled: Array = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
     return doubled
 
 
@@ -315,7 +316,7 @@ def wall_strip(top: Ids, floor: Ids, edges: Ids | None = None) -> Ids:
     return np.concatenate([lower, upper])
 
 
-def _without_unused(vertices: NDArray[np.float64], hull_count: int, triangles: Ids) -> Mesh:
+def _without_unused(vertices: Array, hull_count: int, triangles: Ids) -> Mesh:
     """Drop the hull's vertices that no triangle uses; those of the faces are all used."""
     used = np.zeros(hull_count, dtype=bool)
     used[triangles[triangles < hull_count]] = True

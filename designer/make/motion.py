@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from designer.base.arrays import Array, Rows
+
 _FREE = 1e7
 """A square of speed that no nozzle reaches, in mm²/s²."""
 
@@ -63,7 +63,7 @@ def _before(values: Array) -> Array:
     return np.concatenate([values[-1:], values[:-1]])
 
 
-def _joined(loops: Sequence[Array]) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
+def _joined(loops: Sequence[Array]) -> tuple[Array, Rows, Rows]:
     """Points of all loops, of each point the row of the next one, and of each loop that of its first."""
     counts = np.array([len(loop) for loop in loops])
     last = np.cumsum(counts) - 1

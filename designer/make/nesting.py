@@ -7,14 +7,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.solid import regular_polygon
 from designer.make.tower import TOWER_MM
 from designer.spec.spec import PrinterProfile
-
-Array = NDArray[np.float64]
 
 SPACINGS_MM = (8.0, 5.0, 3.0, 2.0, 1.5)
 """Between tiles, the widest first: 8 mm leave room for two brims of 4 mm."""
@@ -126,7 +124,7 @@ def _motion(turn: float, x: float, y: float) -> Array:
     return np.array([[cosine, -sine, x], [sine, cosine, y], [0.0, 0.0, 1.0]])
 
 
-def _clear_of(corners: Array, area: Array) -> NDArray[np.bool_]:
+def _clear_of(corners: Array, area: Array) -> Flags:
     """Whether convex polygons stay out of a rectangle: a side of theirs, or one of the rectangle's, parts them."""
     low, high = area[:2], area[2:]
     after = np.roll(corners, -1, axis=1)
@@ -134,5 +132,5 @@ def _clear_of(corners: Array, area: Array) -> NDArray[np.bool_]:
     nearest = np.where(outward > 0, low, high)  # of the rectangle's corners, along each outward normal
     by_own_side = (((nearest - corners) * outward).sum(axis=2) >= 0).any(axis=1)
     beside = np.logical_or.reduce((corners <= low).all(axis=1) | (corners >= high).all(axis=1), axis=1)
-    clear: NDArray[np.bool_] = by_own_side | beside
+    clear: Flags = by_own_side | beside
     return clear

@@ -7,15 +7,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.kinds.layout import narrowest_widths
 from designer.make.lettering import Lettering, letter_faces
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
-Contour = NDArray[np.float64]  # (N, 2)
+Contour = Array  # (N, 2)
 
 MAX_POINTS = 400_000
 """Of a printed pattern: about eight times as many triangles, and a 3MF file of 50 MB."""
@@ -42,8 +42,8 @@ class FacePattern:
 
     outline: Contour  # counter-clockwise
     window: Contour | None  # inner edge of the border, clockwise; None: no border
-    stamp: NDArray[np.int64]  # (N,) row of Pattern.stamps
-    position_mm: NDArray[np.float64]  # (N, 2)
+    stamp: Rows  # (N,) row of Pattern.stamps
+    position_mm: Array  # (N, 2)
     dark_text: tuple[Contour, ...]  # letters and other marks of ink on white, counter-clockwise
     light_text: tuple[Contour, ...]  # white in the border, clockwise
 
@@ -54,7 +54,7 @@ class Pattern:
 
     stamps: tuple[Stamp, ...]
     faces: tuple[FacePattern, ...]
-    target_from_face: NDArray[np.float64]  # (F, 4, 4)
+    target_from_face: Array  # (F, 4, 4)
     lettering: Lettering  # what was written, or why nothing was
 
 
@@ -114,7 +114,7 @@ def _check_offset(target: TargetGeometry, printing: PrintSpec, scale: float) -> 
         raise InputError(f"chord error {chord_error:g}mm lets polygons touch each other; use less than {room:.3g}mm")
 
 
-def _check_size(stamps: tuple[Stamp, ...], stamp: NDArray[np.int64], printing: PrintSpec) -> None:
+def _check_size(stamps: tuple[Stamp, ...], stamp: Rows, printing: PrintSpec) -> None:
     """Keep meshes within what slicers load and memories hold."""
     points = sum(sum(len(contour) for contour in stamps[row].contours) for row in stamp.tolist())
     if printing.is_two_filament and points > MAX_POINTS:

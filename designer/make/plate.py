@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from designer.base.arrays import Array
 from designer.make.bed import mapped
 from designer.make.mesh import Part
 
@@ -15,7 +13,7 @@ class Piece:
 
     name: str
     part: Part  # in a frame of its own
-    bed_from_part: NDArray[np.float64]  # (4, 4) a rigid motion; the bed's origin is a corner
+    bed_from_part: Array  # (4, 4) a rigid motion; the bed's origin is a corner
 
     @property
     def as_it_lies(self) -> Part:

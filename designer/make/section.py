@@ -6,10 +6,11 @@ import numpy as np
 from manifold3d import CrossSection, FillRule, Manifold
 from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Flags, Rows
 from designer.make.booleans import solid_of
 from designer.make.mesh import Mesh, Part
 
-Polyline = NDArray[np.float64]  # (N, 2)
+Polyline = Array  # (N, 2)
 SIMPLE_MM = 0.0125
 """Slicers leave out points that stray less (PrusaSlicer's G-code resolution, Bambu Studio's 0.012 mm)."""
 _UPRIGHT_MM2 = 1e-9
@@ -27,9 +28,9 @@ class Layered:
         self._first, self._after = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
     @cached_property
-    def is_there(self) -> NDArray[np.bool_]:
+    def is_there(self) -> Flags:
         """In which layers there is any of it.  # (L,)"""
-        there: NDArray[np.bool_] = self._count(self._first, self._after) > 0
+        there: Flags = self._count(self._first, self._after) > 0
         return there
 
     def is_in(self, layer: int) -> bool:
@@ -41,7 +42,7 @@ class Layered:
         return int(self._alike[min(layer, len(self._alike) - 1)]) if layer >= 0 else -1
 
     @cached_property
-    def _alike(self) -> NDArray[np.int64]:
+    def _alike(self) -> Rows:
         """`lowest_like` of each layer and of those above: a new one where walls begin, end or lean.  # (L + 1,)"""
         cut = np.flatnonzero(self._first < self._after)
         a, b, c = (self._mesh.vertices_mm[self._mesh.triangles[cut, k], :2] for k in range(3))
@@ -50,10 +51,10 @@ class Layered:
         ends = np.concatenate([self._first[cut], self._after[cut]])
         is_new = np.bincount(ends, minlength=count + 1) > 0
         is_new[:count] |= self._count(self._first[leans], self._after[leans]) > 0
-        alike: NDArray[np.int64] = np.maximum.accumulate(np.where(is_new, np.arange(count + 1), 0))
+        alike: Rows = np.maximum.accumulate(np.where(is_new, np.arange(count + 1), 0))
         return alike
 
-    def _count(self, first: NDArray[np.int32], after: NDArray[np.int32]) -> NDArray[np.int64]:
+    def _count(self, first: NDArray[np.int32], after: NDArray[np.int32]) -> Rows:
         """How many of some triangles each layer's plane cuts.  # (L,)"""
         count = int(self._after.max(initial=0))
         steps = np.bincount(first, minlength=count + 1) - np.bincount(after, minlength=count + 1)
@@ -71,9 +72,7 @@ class Layered:
         return CrossSection(_loops(points, following), FillRule.Positive).simplify(SIMPLE_MM)
 
 
-def _segments(
-    vertices_mm: NDArray[np.float64], triangles: NDArray[np.int64], above: NDArray[np.bool_], plane: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _segments(vertices_mm: Array, triangles: Rows, above: Flags, plane: float) -> tuple[Array, Rows]:
     """Where each triangle's piece of the contour begins, and the triangle that goes on from its end.
 
     Seen from outside, a triangle's edges run counter-clockwise: the piece goes from the edge that falls through the
@@ -82,7 +81,7 @@ def _segments(
     ahead = np.roll(above, -1, axis=1)
     rows = np.arange(len(triangles))
 
-    def edge(at: NDArray[np.intp]) -> NDArray[np.int64]:
+    def edge(at: NDArray[np.intp]) -> Rows:
         """Its two vertices, the smaller number first.  # (T, 2)"""
         return np.sort(np.stack([triangles[rows, at], triangles[rows, (at + 1) % 3]], axis=1), axis=1)
 
@@ -95,7 +94,7 @@ def _segments(
     return points, order[np.minimum(np.searchsorted(begins[order], ends), len(order) - 1)]
 
 
-def _loops(points: NDArray[np.float64], following: NDArray[np.int64]) -> list[Polyline]:
+def _loops(points: Array, following: Rows) -> list[Polyline]:
     """The closed contours."""
     loops, after, seen = [], following.tolist(), bytearray(len(points))
     for start in range(len(after)):
@@ -109,7 +108,7 @@ def _loops(points: NDArray[np.float64], following: NDArray[np.int64]) -> list[Po
     return loops
 
 
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cross(a: Array, b: Array) -> Array:
     """Twice the areas between vectors.  # (T,)"""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
@@ -131,7 +130,7 @@ class Sliced:
         self._outline_of, self._sections_of = cache(self._cut_outline), cache(self._cut_sections)
 
     @property
-    def is_there(self) -> NDArray[np.bool_]:
+    def is_there(self) -> Flags:
         """In which layers there is any body, and any ink.  # (2, L)"""
         there = np.zeros((2, self.count), dtype=bool)
         for row, one in enumerate(self._layered):

@@ -7,8 +7,8 @@ smaller body that it is glued on. A board gives one piece. Labels and marks stan
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.layout import adjacent_faces, inset_per_depth
 from designer.make.pages import (
@@ -151,9 +151,7 @@ def _sticker_labels(
     return tuple(texts)
 
 
-def _along(
-    side: NDArray[np.float64], fraction: float, outward_mm: float, text: str, text_mm: float, angle: float
-) -> Text:
+def _along(side: Array, fraction: float, outward_mm: float, text: str, text_mm: float, angle: float) -> Text:
     """A text beside one side of a counter-clockwise outline.  # side: (2, 2)"""
     step = side[1] - side[0]
     outward = np.array([step[1], -step[0]]) / np.linalg.norm(step)

@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 from manifold3d import CrossSection, Manifold, OpType
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.solid import Solid
 from designer.make.mesh import Mesh
@@ -45,7 +45,7 @@ def make_stand(target: TargetGeometry, printing: PrintSpec) -> Mesh:
     return Mesh(scale * mesh.vert_properties[:, :3], mesh.tri_verts.astype(np.int32))
 
 
-def stand_from_target(target: TargetGeometry) -> NDArray[np.float64]:
+def stand_from_target(target: TargetGeometry) -> Array:
     """Where the target stands: a rigid motion, in design lengths.  # (4, 4)
 
     A solid lies on its last face, its centroid above the origin. A board faces -y and leans back; its lower
@@ -121,7 +121,7 @@ def _cradle(target: TargetGeometry, solid: Solid, wall_mm: float) -> Manifold:
     return Manifold.batch_boolean([base, *posts], OpType.Add) - Manifold.hull_points(grown)
 
 
-def _run_over_rise(vertices: NDArray[np.float64], corner: NDArray[np.float64]) -> float:
+def _run_over_rise(vertices: Array, corner: Array) -> float:
     """How far the steepest edge leads outwards from a corner of the lowest face, over how far it leads up."""
     step = vertices - corner
     length = np.linalg.norm(step, axis=1)
@@ -164,7 +164,7 @@ def _easel(target: TargetGeometry, spec: Spec, wall_mm: float) -> Manifold:
     return Manifold.batch_boolean([bar, spine, fin, *shoes], OpType.Add) - grown
 
 
-def _board_axes() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _board_axes() -> tuple[Array, Array]:
     """A leaning board's directions up along the board and out of its face, in the stand frame."""
     sine, cosine = math.sin(LEAN_RAD), math.cos(LEAN_RAD)
     return np.array([0.0, cosine, sine]), np.array([0.0, -sine, cosine])
@@ -188,7 +188,7 @@ def _box(x_mm: tuple[float, float], y_mm: tuple[float, float], height_mm: float)
     return Manifold.cube(size).translate((x_mm[0], y_mm[0], 0.0))
 
 
-def _upright(profile_mm: NDArray[np.float64], width_mm: float) -> Manifold:
+def _upright(profile_mm: Array, width_mm: float) -> Manifold:
     """A counter-clockwise profile in the y-z plane, `width_mm` wide along x and centred there.  # (N, 2)"""
     along_z = Manifold.extrude(CrossSection([profile_mm]), width_mm)
     axes = np.array([[0.0, 0.0, 1.0, -width_mm / 2], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])

@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 from manifold3d import triangulate
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.solid import CODES, Polyhedron, Solid, code_positions
 from designer.make.booleans import CIRCLE_SEGMENTS
@@ -22,8 +22,6 @@ from designer.make.mesh import Hull, Ids, Part, inlaid, wall_strip
 from designer.make.pattern import Contour, Pattern, moved_in
 from designer.spec.build import InkSide
 from designer.spec.spec import PrinterProfile
-
-Array = NDArray[np.float64]
 
 THICKNESS_OVER_EDGE = 0.04
 MOST_THICKNESS_MM = 4.0

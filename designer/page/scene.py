@@ -9,9 +9,9 @@ from typing import Annotated, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Rows
 from designer.base.marks import Shape, Tagged
 
-Array = NDArray[np.float64]
 JsonValue: TypeAlias = "str | int | float | bool | Sequence[JsonValue] | Mapping[str, JsonValue] | None"
 JsonObject: TypeAlias = Mapping[str, JsonValue]
 
@@ -23,7 +23,7 @@ class Surface(Tagged):
     """Flat triangles of one colour, seen from both sides."""
 
     vertices_mm: Annotated[Array, Shape("N", 3)]
-    triangles: Annotated[NDArray[np.int64], Shape("T", 3)]  # rows of `vertices_mm`
+    triangles: Annotated[Rows, Shape("T", 3)]  # rows of `vertices_mm`
     colour: str  # "#rrggbb"
 
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 from manifold3d import triangulate
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.make.assembly import Assembly
 from designer.make.booleans import mesh_of
 from designer.make.mesh import wall_strip
@@ -13,8 +13,6 @@ from designer.page.scene import Labels, Layer, Scene, Surface
 from designer.produce import Design
 from designer.target import TargetGeometry
 from designer.target_scene import target_layers
-
-Array = NDArray[np.float64]
 
 TILES_OUT = 0.32
 """How far tiles are drawn away from their seats, over the edge."""

@@ -6,8 +6,8 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.units import NO_SKEW, format_skew
 from designer.base.words import capital
 from designer.kinds.layout import advised_photos, opposite_faces
@@ -190,7 +190,7 @@ def _within_reach(target: TargetGeometry) -> int:
 def corner_rings(target: TargetGeometry) -> tuple[int, int, int, int]:
     """The rings nearest the corners of a plate's front, counter-clockwise from the lower left."""
     (front,) = np.nonzero(target.ring_face == 0)
-    place: NDArray[np.float64] = target.center_in_face_mm[front, :2]
+    place: Array = target.center_in_face_mm[front, :2]
     ways = ((-1, -1), (1, -1), (1, 1), (-1, 1))
     a, b, c, d = (int(front[np.argmax(place @ np.array(way, dtype=float))]) for way in ways)
     return a, b, c, d

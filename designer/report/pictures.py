@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from manifold3d import triangulate
-from numpy.typing import NDArray
 from PIL import Image
 
+from designer.base.arrays import Array, Rows
 from designer.formats.png import CAPTION_PX, HEIGHT_PX
 from designer.formats.svg import svg_bytes
 from designer.make.pages import SheetPage
@@ -50,8 +50,8 @@ def _letters(
     pattern: Pattern, contours: tuple[tuple[Contour, ...], ...], colour: str, scale: float, lift_mm: float
 ) -> Surface | None:
     """All letters of one colour; None where there are none."""
-    vertices: list[NDArray[np.float64]] = []
-    triangles: list[NDArray[np.int64]] = []
+    vertices: list[Array] = []
+    triangles: list[Rows] = []
     count = 0
     for frame, face in zip(pattern.target_from_face, contours, strict=True):
         for contour in face:

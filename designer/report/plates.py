@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from manifold3d import CrossSection, JoinType
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.words import capital
 from designer.kinds.board_cuts import strip_mm
 from designer.make.booleans import solid_of
@@ -17,7 +17,6 @@ from designer.report.costs import grams
 from designer.report.making import SLICERS, Slicer, colour_words, usual_slicer
 from designer.spec.machine import Area
 
-Array = NDArray[np.float64]
 _LINE, _INK, _HIDDEN = "#22262b", "#22262b", 'stroke="#8a9099" stroke-width="0.3" stroke-dasharray="1 0.7"'
 _PX_PER_MM = 96 / 25.4
 

@@ -15,9 +15,7 @@ from designer.spec.build import ANY_MOUNT, BUILDS, Build, Form, Format, InkSide
 from designer.spec.machine import BRIM_MM, UNKNOWN_MACHINE, Area, Machine, Presets
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from designer.base.arrays import Array
     from designer.base.solid import Solid
     from designer.target import TargetGeometry
 
@@ -68,7 +66,7 @@ class Spec(ABC):
         return None
 
     @property
-    def marks_mm(self) -> "NDArray[np.float64]":
+    def marks_mm(self) -> "Array":
         """Ink on each face beside rings, dots and border: convex quadrangles, counter-clockwise.  # (K, 4, 2)"""
         import numpy as np  # here: reading a command line needs none
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 from designer.tolerance.effort import Effort
@@ -18,7 +18,6 @@ from designer.tolerance.sources import SOURCES, source_named
 Shape = Literal["solid", "plate", "two-sided plate"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
 
-Array = NDArray[np.float64]
 Values = Mapping[str, Array]
 """Numbers by source, (instances, components) each."""
 

@@ -3,16 +3,14 @@
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.kinds.board_cuts import ring_pieces
 from designer.target import TargetGeometry
 
-Array = NDArray[np.float64]
 
-
-def piece_of_ring(target: TargetGeometry) -> NDArray[np.int64]:
+def piece_of_ring(target: TargetGeometry) -> Rows:
     """The piece that each ring is on: its face; of a board with one face the piece of it.  # (R,)
 
     Of a board whose file names no pieces they are those that it would be cut in for the usual printer.
@@ -23,7 +21,7 @@ def piece_of_ring(target: TargetGeometry) -> NDArray[np.int64]:
 
 
 @lru_cache(maxsize=8)
-def _as_usual(target: TargetGeometry) -> NDArray[np.int64]:
+def _as_usual(target: TargetGeometry) -> Rows:
     """For the usual printer; one piece if it fits the bed, or cannot be cut."""
     from designer.kinds.sizing import size_printing
     from designer.spec.options import AskedPrinting

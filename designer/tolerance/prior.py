@@ -12,8 +12,8 @@ problem takes the target's shape in as unknowns with an identity as their prior.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Rows
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, displaced_shape
 from designer.tolerance.pieces import piece_of_ring
@@ -21,16 +21,13 @@ from designer.tolerance.shape import centers_mm
 from designer.tolerance.source import Unit
 from designer.tolerance.sources import SOURCES
 
-Array = NDArray[np.float64]
-
-
 STEP: dict[Unit, float] = {"mm": 1e-3, "rad": 1e-4, "1": 1e-3, "K": 1.0}
 """Of the central differences."""
 
 
 def displacements(
     target: TargetGeometry, errors: ErrorModel, name: str, bed_from_target: Array | None = None
-) -> tuple[Array, NDArray[np.int64]]:
+) -> tuple[Array, Rows]:
     """Displacement of each ring by a unit of each number of the instance it belongs to, (R, 3, components), and that.
 
     Without other errors a face, piece or ring moves on its own, so one difference serves all instances at once.

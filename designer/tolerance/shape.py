@@ -9,13 +9,11 @@ board, moves as a rigid body, then the axes of the printer distort the whole:
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.kinds.layout import face_down
 from designer.target import TargetGeometry
 from designer.tolerance.pieces import is_by_face, piece_middle_mm, piece_of_ring
-
-Array = NDArray[np.float64]
 
 LEAST_STRETCH, MOST_STRETCH = 0.5, 2.0
 """A print whose axes are off by more than this is none: the number was meant to be another."""

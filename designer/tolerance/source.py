@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 from designer.tolerance.pieces import piece_count
 from designer.tolerance.shape import MadeShape
 
-Array = NDArray[np.float64]
 Scope = Literal["print", "face", "piece", "ring"]
 """A piece is a face of a solid, or a piece of a board: see `designer.tolerance.pieces`."""
 Unit = Literal["mm", "rad", "1", "K"]

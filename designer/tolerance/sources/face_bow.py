@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 from designer.tolerance.pieces import face_middle_mm
 from designer.tolerance.shape import MadeShape
-from designer.tolerance.source import Array, ErrorSource
+from designer.tolerance.source import ErrorSource
 
 
 def bow_mm(target: TargetGeometry, values: Array) -> Array:

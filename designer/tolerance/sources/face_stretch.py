@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from designer.base.arrays import Array
 from designer.tolerance.pieces import face_middle_mm
 from designer.tolerance.shape import MadeShape
-from designer.tolerance.source import Array, ErrorSource
+from designer.tolerance.source import ErrorSource
 
 
 def _apply(shape: MadeShape, values: Array) -> MadeShape:

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from designer.base.arrays import Array
 from designer.tolerance.shape import MadeShape
-from designer.tolerance.source import Array, ErrorSource
+from designer.tolerance.source import ErrorSource
 
 LEAST_SLOPE_RAD = np.radians(10)
 """Flatter faces count as level: there a step, h / tan(slope), is wider than the stroke of a ring."""

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from designer.base.arrays import Array
 from designer.tolerance.shape import MadeShape
-from designer.tolerance.source import Array, ErrorSource
+from designer.tolerance.source import ErrorSource
 
 
 def _apply(shape: MadeShape, values: Array) -> MadeShape:
