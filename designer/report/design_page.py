@@ -3,9 +3,11 @@
 It follows from the spec and the files alone, so `design make` on the folder's TOML file writes the same bytes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import cast
 
 from designer.base.answer import program
 from designer.base.solid import CODES, code_positions
@@ -23,12 +25,14 @@ from designer.page.blocks import (
     Figure,
     FileList,
     FileRow,
+    Fold,
     Headline,
     Leaf,
     Link,
     Page,
     Paragraph,
     Section,
+    Steps,
     Table,
     View3d,
 )
@@ -37,10 +41,10 @@ from designer.produce import Design, maker_of
 from designer.report.costs import Costs, cost_section, cost_sentence, costs_of, verdict
 from designer.report.making import colour_words, layers_of
 from designer.report.measuring import measure_blocks, photo_blocks
-from designer.report.other_makers import other_makers
 from designer.report.pictures import Panels, preview_panels, printed_ink, printed_scene
 from designer.report.printer_trial import trial_sections
 from designer.report.stands import stand_section
+from designer.spec.format import FORMATS
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
@@ -50,6 +54,9 @@ _MEASURE_LEAD = (
     "The print is not the drawing. A length and the photos say by how much, and the calibration uses what was printed."
 )
 DOT, RING = "●", "○"
+
+Guide = Callable[[str, TargetGeometry, str], tuple[str, ...]]
+"""What to do with the files of a format for lasers, cutters or board houses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +85,8 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile], 
         costs: what it takes, if that is known already.
     """
     job, costs = design.job, costs or costs_of(design)
-    panels, others = _panels(design, files), other_makers(design, files)
+    preview = next((file.content for file in files if file.name == f"{job.name}.png"), None)
+    panels, others = None if preview is None else preview_panels(preview), other_makers(design, files)
     return Page(
         title=job.name,
         kind="Target",
@@ -100,6 +108,29 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile], 
         made_by=f"design make {job.name}.toml",
         program=program(),
     )
+
+
+def other_makers(design: Design, files: Sequence[OutputFile]) -> Section | None:
+    """A fold for each such format; None where there is none.
+
+    Args:
+        design: what is made.
+        files: of the folder.
+    """
+    folds = tuple(_folds(design, [file.name for file in files]))
+    lead = "The same pattern, made in another way; each file is all that a maker needs."
+    return Section("Lasers, cutters, board houses", folds, lead) if folds else None
+
+
+def _folds(design: Design, names: Sequence[str]) -> Iterator[Fold]:
+    for format_name in design.job.formats:
+        entry = FORMATS[format_name]
+        if not entry.guide:
+            continue
+        steps = cast(Guide, import_module(f"designer.formats.{entry.guide}").steps)
+        mine = [name for name in names if name.endswith(entry.suffix)]
+        listed = " and ".join(mine) if len(mine) < 3 else f"{mine[0]} to {mine[-1]}"
+        yield Fold(capital(entry.title), (Steps(steps(listed, design.target, format_name)),), is_open=True)
 
 
 def _use_sections(design: Design, panels: Panels | None) -> tuple[Section, ...]:
@@ -156,12 +187,6 @@ def _lead(design: Design, panels: Panels | None) -> tuple[Block, ...]:
         poster=None if panels is None else panels.target,
     )
     return (view, dimension_facts(design))
-
-
-def _panels(design: Design, files: Sequence[OutputFile]) -> Panels | None:
-    """The preview in small, if it was made."""
-    preview = next((file for file in files if file.name == f"{design.job.name}.png"), None)
-    return None if preview is None else preview_panels(preview.content)
 
 
 def _net(design: Design, panels: Panels | None) -> tuple[Block, ...]:

@@ -1,6 +1,9 @@
-"""Error models that people write, in TOML: amounts with units, each with the source of its number."""
+"""Error models that people write, in TOML: amounts with units, each with the source of its number.
 
-from collections.abc import Callable, Sequence
+`parse_amount("uniform 0.1deg", SOURCES["face_tilt"])` reads one such amount.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
@@ -9,19 +12,21 @@ from designer.base.codec import BadValueError, decode
 from designer.base.errors import InputError
 from designer.base.marks import Length, Reads, Told
 from designer.base.small_file import read_spec_file
-from designer.base.units import parse_length_mm
-from designer.base.words import several, shown
+from designer.base.units import parse_angle_rad, parse_length_mm, parse_percent, parse_quantity
+from designer.base.words import several, shown, suggestion
 from designer.kinds.presets import preset_or_file
-from designer.tolerance.amount_text import parse_amount, parse_expansion
 from designer.tolerance.effort import Effort, parse_effort
 from designer.tolerance.model import SHAPES, ErrorModel, PieceWords, Shape
-from designer.tolerance.source import Amount
+from designer.tolerance.source import KINDS, Amount, ErrorSource, Unit
 from designer.tolerance.sources import SOURCES, source_named
 
 if TYPE_CHECKING:
     from designer.base.small_file import JsonValue
 
 Text = Annotated[str, Length(1, 4000)]
+MAX_KELVIN = 1000.0
+_KELVIN_PER_UNIT = {"": 1.0, "K": 1.0, "°C": 1.0, "degC": 1.0}
+_PER_KELVIN_PER_UNIT = {"": 1.0, "/K": 1.0, "ppm/K": 1e-6, "um/m/K": 1e-6}
 
 
 def _as_text(value: object) -> str:
@@ -156,3 +161,48 @@ def _checked(model: ErrorModel, path: Path) -> ErrorModel:
                 f"{path}: {name} needs the {needed}; add a table [{needed}] to the file, or to a copy of it"
             )
     return model
+
+
+def parse_kelvin(text: str) -> float:
+    """A difference of temperature in kelvin.
+
+    Raises:
+        ValueError: no number with a unit of temperature, not finite, or more than 1000 K.
+    """
+    return parse_quantity(text, _KELVIN_PER_UNIT, "a difference of temperature such as 5K", MAX_KELVIN)
+
+
+def parse_expansion(text: str) -> float:
+    """A coefficient of linear expansion per kelvin.
+
+    Raises:
+        ValueError: no such quantity, or more than 0.001/K.
+    """
+    return parse_quantity(text, _PER_KELVIN_PER_UNIT, "an expansion such as 68e-6/K or 68ppm/K", 1e-3)
+
+
+_PARSERS: Mapping[Unit, Callable[[str], float]] = {
+    "mm": parse_length_mm,
+    "rad": parse_angle_rad,
+    "1": lambda text: parse_percent(text) / 100,
+    "K": parse_kelvin,
+}
+
+
+def parse_amount(text: str, source: ErrorSource) -> Amount:
+    """The amount of a source: a quantity, and before it `normal` (or nothing), `uniform` or `fixed`.
+
+    Raises:
+        InputError: an unknown distribution, a unit of another dimension, not finite, or a spread below zero.
+    """
+    word, _, rest = text.strip().partition(" ")
+    has_kind = bool(rest) and word.isalpha() and word.lower() not in ("nan", "inf", "infinity")
+    kind, quantity = (word.lower(), rest) if has_kind else ("normal", text)
+    for known in KINDS:
+        if kind == known:
+            try:
+                return Amount(known, _PARSERS[source.unit](quantity))
+            except ValueError as error:
+                raise InputError(f"{source.name} {shown(text)}: {error}") from None
+    hint = suggestion(kind, list(KINDS)) or f"; use {', '.join(KINDS)}"
+    raise InputError(f"{source.name} {shown(text)}: unknown distribution {shown(word)}{hint}")

@@ -14,7 +14,7 @@ from designer.base.errors import InputError
 from designer.base.marks import Gap
 from designer.base.square_law import Size, SquareLaw
 from designer.base.words import shown, suggestion
-from designer.tolerance.amount_text import parse_amount
+from designer.tolerance.error_file import parse_amount
 from designer.tolerance.source import Amount, format_quantity
 from designer.tolerance.sources import SOURCES, source_named
 

@@ -10,7 +10,7 @@
   const HALVINGS = 64;
   const MOST_NAMED = 3; // of the errors that add most
   const LARGE_SHARE = 0.1;
-  const UNITS = { // in one of the slider's own unit, as designer/base/units.py and designer/tolerance/amount_text.py
+  const UNITS = { // in one of the slider's own unit, as designer/base/units.py and designer/tolerance/error_file.py
     mm: { "": 1, mm: 1, cm: 10, m: 1000, um: 1e-3, "µm": 1e-3, "μm": 1e-3, in: 25.4, thou: 0.0254, mil: 0.0254 },
     deg: { "": 1, deg: 1, "°": 1, rad: 180 / Math.PI, mrad: 0.18 / Math.PI },
     "%": { "": 1, "%": 1 },

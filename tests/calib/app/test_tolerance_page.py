@@ -17,7 +17,7 @@ from calib.studies.tolerance.predict import linear_table
 from calib.studies.tolerance.quantities import MAIN, NAMES, Requirement, quantity_row
 from calib.studies.tolerance.record import BudgetRow
 from designer.page.blocks import Page, Paragraph, Table
-from designer.tolerance.amount_text import parse_amount
+from designer.tolerance.error_file import parse_amount
 from designer.tolerance.sources import SOURCES
 from tests.support.report_folders import findings_of, table_of
 from tests.support.study_commands import nothing_drawn

@@ -13,8 +13,7 @@ from calib.studies.tolerance.predict import control_of, linear_table
 from calib.studies.tolerance.quantities import NAMES
 from calib.studies.tolerance.what_if import WhatIf, WhatIfTable
 from designer.base.errors import InputError
-from designer.tolerance.amount_text import parse_amount
-from designer.tolerance.error_file import error_model
+from designer.tolerance.error_file import error_model, parse_amount
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.sources import SOURCES
 from tests.support.tolerance_settings import ico_setting, still, tolerance_study

@@ -174,7 +174,7 @@ def test_every_format_is_made() -> None:
 @pytest.mark.parametrize("name", [name for name, entry in FORMATS.items() if entry.guide])
 def test_formats_of_other_makers_are_told_on_the_page(name: Format) -> None:
     """A file that goes to a laser or a board house comes with what to do there, which names the file."""
-    from designer.report.other_makers import other_makers
+    from designer.report.design_page import other_makers
 
     kinds = [kind for kind in ("board", "ico") if small(kind).target.form in FORMATS[name].forms]
     for design in (flat(kind, name, page="A4" if kind == "ico" else "fit") for kind in kinds):

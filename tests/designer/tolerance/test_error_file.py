@@ -14,9 +14,8 @@ from designer.base.small_file import MAX_TOML_BYTES, read_spec_file
 from designer.kinds.presets import preset_folder, preset_names
 from designer.make.bed import printed_size_mm
 from designer.spec.build import BUILDS
-from designer.tolerance.amount_text import parse_amount, parse_expansion
 from designer.tolerance.effort import TargetSize, parse_effort, size_of
-from designer.tolerance.error_file import ErrorFile, error_model
+from designer.tolerance.error_file import ErrorFile, error_model, parse_amount, parse_expansion
 from designer.tolerance.source import KINDS, Amount, Kind, format_quantity
 from designer.tolerance.sources import SOURCES
 from tests.support.designs import small
