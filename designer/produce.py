@@ -216,17 +216,13 @@ def _stl(design: Design) -> Made:
             if part.ink is not None:
                 yield f"{stem}.pattern.stl", stl_bytes(part.ink), f"the ink of {piece.name}"
         return
-    part = _as_it_lies(design)
+    # As it lies when it is printed, which no STL file says, above the bed's corner.
+    motion = bed_from_target(design.target, design.job.printing)
+    lift_mm = np.array([0.0, 0.0, motion[2, 3]])
+    part = design.part.placed(lambda points: mapped(points, motion[:3, :3]) + lift_mm)
     yield "body.stl", stl_bytes(part.body), "the body" if part.ink is not None else "the bare body, without rings"
     if part.ink is not None:
         yield "pattern.stl", stl_bytes(part.ink), "the ink, which fits into the body"
-
-
-def _as_it_lies(design: Design) -> Part:
-    """The part on the bed as it is printed, which no STL file says, above the bed's corner."""
-    part, motion = design.part, bed_from_target(design.target, design.job.printing)
-    lift_mm = np.array([0.0, 0.0, motion[2, 3]])
-    return part.placed(lambda points: mapped(points, motion[:3, :3]) + lift_mm)
 
 
 def _png(design: Design) -> Made:

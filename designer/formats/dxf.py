@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from designer.base.words import capital
 from designer.make.cutting import CUT, ENGRAVE, LABEL, Cutting
-from designer.make.pages import Circle, Polygon
+from designer.make.pages import Polygon
 from designer.target import TargetGeometry
 
 COLOURS = {CUT: 1, ENGRAVE: 7, LABEL: 5}
@@ -105,17 +105,13 @@ def _layers() -> Iterator[Pair]:
 def _entities(cutting: Cutting) -> Iterator[Pair]:
     for area in cutting.engrave:
         for circle in area.circles:
-            yield from _circle(circle)
+            x, y, radius = (float(value) for value in (*circle.centre_mm, circle.radius_mm))
+            yield from ((0, "CIRCLE"), (8, ENGRAVE), (10, x), (20, y), (30, 0.0), (40, radius))
         for outline in area.polygons:
             yield from _polyline(ENGRAVE, outline)
     for layer, outlines in cutting.lines:
         for outline in outlines:
             yield from _polyline(layer, outline)
-
-
-def _circle(circle: Circle) -> Iterator[Pair]:
-    x, y = circle.centre_mm
-    yield from ((0, "CIRCLE"), (8, ENGRAVE), (10, float(x)), (20, float(y)), (30, 0.0), (40, float(circle.radius_mm)))
 
 
 def _polyline(layer: str, outline: Polygon) -> Iterator[Pair]:

@@ -26,7 +26,7 @@ from dataclasses import replace
 from designer.base.words import NAME
 from designer.formats.threemf import ObjectText, bambu_package, objects_of, quoted
 from designer.make.plate import Piece, Plate
-from designer.spec.machine import FilamentChange, Presets
+from designer.spec.machine import Presets
 from designer.spec.spec import PrintSpec
 
 MOST_PLATES = 36
@@ -105,6 +105,9 @@ def _settings(plates: Sequence[Plate], printing: PrintSpec, presets: Presets) ->
     towers = [plate.tower_mm for plate in plates]
     usual = next((place for place in towers if place is not None), (0.0, 0.0))  # of plates that have no tower
     x, y = ([f"{(place or usual)[k]:g}" for place in towers] for k in (0, 1))
+    change = printing.printer.machine.change
+    purges = (change.purge_to_ink_mm3, change.purge_to_body_mm3)  # as the page has them
+    to_ink, to_body = (f"{max(0.0, purge - PRIME_MM3):g}" for purge in purges)
     return {
         "name": "project_settings",
         "from": "project",
@@ -117,16 +120,8 @@ def _settings(plates: Sequence[Plate], printing: PrintSpec, presets: Presets) ->
         "different_settings_to_system": ["" for _ in ("process", *colours, "printer")],
         "filament_colour": colours,
         "curr_bed_type": presets.plate_type,
-        "flush_volumes_matrix": _flush_mm3(printing.printer.machine.change),
+        "flush_volumes_matrix": ["0", to_ink, to_body, "0"],  # from each filament (rows) to each
         "flush_multiplier": "1",
         "wipe_tower_x": x,
         "wipe_tower_y": y,
     }
-
-
-def _flush_mm3(change: FilamentChange) -> list[str]:
-    """From each filament (rows) to each, as the page's purge has it."""
-    to_ink, to_body = (
-        f"{max(0.0, purge - PRIME_MM3):g}" for purge in (change.purge_to_ink_mm3, change.purge_to_body_mm3)
-    )
-    return ["0", to_ink, to_body, "0"]

@@ -70,7 +70,8 @@ def size_job(asked: Asked) -> Sized:
     width, height = np.ptp(geometry.outline_mm[0], axis=0).tolist()
     large = (text for name in formats for text in FORMATS[name].remarks(name, (width, height), finest_mm))
     remarks = tuple(text for text in (remark, *print_remarks, *left_out, *large) if text)
-    name = asked.name or _default_name(asked, target, build)
+    unusual = "" if build == builds_of(target.form)[0] else f"-{build}"
+    name = asked.name or f"{target.kind}-{asked.size_name(target)}{unusual}"
     return Sized(Job(name, target, printing, formats, asked.page or target.page), remarks)
 
 
@@ -101,12 +102,6 @@ def _with_room_for_mount(asked: Asked, printer: PrinterProfile, build: str, usua
     now, before = (f"{lay_out(each).ring_count} rings of {each.ring_diameter_mm:g}mm" for each in (spec, usual))
     why = f"leaves a corner free for mount {asked.mount}, with {now} instead of {before}"
     return spec, f"{remark}; margin {spec.margin_mm:g}mm: {why}"
-
-
-def _default_name(asked: Asked, target: Spec, build: str) -> str:
-    """A name from the kind, what sizes it, and the build where it is not the usual one."""
-    usual = build == builds_of(target.form)[0]
-    return f"{target.kind}-{asked.size_name(target)}" + ("" if usual else f"-{build}")
 
 
 def size_printing(asked: AskedPrinting, target: TargetGeometry) -> PrintSpec:

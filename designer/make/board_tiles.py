@@ -27,6 +27,7 @@ from designer.make.pattern import Contour, make_pattern
 from designer.make.plate import Piece, Plate
 from designer.spec.spec import PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
+from designer.target_scene import polygon_area_mm2
 
 KEY_REACH_MM, KEY_WAIST_MM, KEY_END_MM = 9.0, 5.0, 9.0
 """Of a bow tie: how far it reaches into each piece, how wide it is in the seam and at its ends. Assumptions: a waist of
@@ -233,13 +234,8 @@ def _pads(seam: Seam, row: int, thickness: float) -> Iterator[Manifold]:
         across = ((-1, 1.0), (1, 1.0), (1, 0.0), (-1, 0.0))
         corners = [middle + side * PAD_WIDTH_MM / 2 * along - back * out for side, back in across]
         contour = np.array(corners)
-        contour = contour if _is_counter_clockwise(contour) else contour[::-1]
+        contour = contour if polygon_area_mm2(contour) > 0 else contour[::-1]
         yield prism((contour,), -thickness, -thickness / 2)
-
-
-def _is_counter_clockwise(contour: Contour) -> bool:
-    x, y = contour.T
-    return bool((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() > 0)
 
 
 def _letters(row: int, low: Point, high: Point, seams: list[Seam], target_id: str) -> Iterator[Contour]:

@@ -42,7 +42,8 @@ def step_bytes(spec: Spec, pattern: Pattern, printing: PrintSpec, *, name: str, 
         scale: the size of the printed part over the design's, from shrinkage compensation.
     """
     solids = inlaid_solids(spec, pattern, printing.inlay_mm, scale=scale)
-    step = _step_text(_assembly(solids, name))
+    ink = Compound(label="ink", children=list(solids.ink))
+    step = _step_text(Compound(label=name, children=[_labelled(solids.body, "body"), ink]))
     return _coloured(step, printing.body_colour, printing.ink_colour).encode("latin-1")
 
 
@@ -70,7 +71,8 @@ def _solid_below(spec: Spec, depth_mm: float, scale: float) -> Solid:
         behind_back_mm = depth_mm if target.face_count > 1 else 0.0
         return _prism(scale * target.outline_mm[0], behind_back_mm - spec.depth_mm * scale, -depth_mm)
     vertices = spec.solid.corners_mm(below_mm=depth_mm, scale=scale)
-    return Solid(Shell([_polygon(vertices[face]) for face in spec.solid.polyhedron.faces]))
+    corners = vertices[spec.solid.polyhedron.faces].tolist()  # (F, K, 3)
+    return Solid(Shell([Face(Wire.make_polygon([tuple(corner) for corner in face])) for face in corners]))
 
 
 def _border(solid: Solid, core: Solid, pattern: Pattern, frames: list[Location], inlay_mm: float) -> list[Solid]:
@@ -102,11 +104,6 @@ def _prism(contour: Contour, z_low_mm: float, z_high_mm: float) -> Solid:
     return Solid.extrude(Face(Wire.make_polygon(corners)), Vector(0.0, 0.0, z_high_mm - z_low_mm))
 
 
-def _polygon(corners_mm: Array) -> Face:
-    """The flat face with these corners.  # (K, 3)"""
-    return Face(Wire.make_polygon([tuple(corner) for corner in corners_mm.tolist()]))
-
-
 def _location(target_from_face: Array) -> Location:
     """A rigid motion as build123d's type.  # (4, 4)"""
     x_axis, _, z_axis, origin = (tuple(column) for column in target_from_face[:3].T.tolist())
@@ -122,12 +119,6 @@ def _only_solid(shape: Solid | Compound) -> Solid:
 def _labelled(solid: Solid, label: str) -> Solid:
     solid.label = label
     return solid
-
-
-def _assembly(solids: InlaidSolids, name: str) -> Compound:
-    """The tree of products with their names."""
-    ink = Compound(label="ink", children=list(solids.ink))
-    return Compound(label=name, children=[_labelled(solids.body, "body"), ink])
 
 
 def _step_text(assembly: Compound) -> str:

@@ -216,7 +216,7 @@ def _with_lid(
     frame = frames[split.lid_face]
     outline = moved_in(sizes.outline_mm, sizes.inset_per_depth * sizes.seat_depth_mm + rim)
     inradius = float(-outline[:, 1].min())
-    slope, depth = LID_SLOPE, _wall_mm(sizes)
+    slope, depth = LID_SLOPE, sizes.engaged_mm + sizes.layer_mm + BEHIND_KEYS_MM  # least wall below the lid's seat
     limit = _socket_free(solid, socket, rim_height, rim_up)
     cavity = placed(_wedge(outline, inradius, slope, min(limit, slope * inradius)), frame @ _shift(-sizes.thickness_mm))
     lid = _wedge(moved_in(outline, sizes.clearance_mm), inradius - sizes.clearance_mm, slope, depth)
@@ -228,11 +228,6 @@ def _with_lid(
         CorePart("core", body - cavity, -rim_up, seats),
         CorePart("lid", placed(lid, frame @ _shift(-sizes.thickness_mm)), rim_up, (split.lid_face,)),
     )
-
-
-def _wall_mm(sizes: TileSizes) -> float:
-    """Least wall between a lid's seat and its inner side."""
-    return sizes.engaged_mm + sizes.layer_mm + BEHIND_KEYS_MM
 
 
 def _raised(rim: Array, solid: Solid, sizes: TileSizes, up: Array) -> Array:
@@ -278,7 +273,7 @@ def _finished(
     cuts, pads = [], []
     for face in part.seats:
         cuts.append(placed(_seat_cut(face, codes[face], sizes, solid.inradius_mm), frames[face]))
-        if part.name not in ("lid",):
+        if part.name != "lid":
             pads.append(placed(_pads(sizes), frames[face]))
     if socket is not None:
         axis = solid.polyhedron.vertices[socket.vertex]

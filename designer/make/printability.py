@@ -252,7 +252,9 @@ def _bed(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:
     said: tuple[tuple[Level, str], ...] = ()
     shown = " x ".join(f"{length:.1f}" for length in size)
     if printer.place_mm(size[:2]) is None or size[2] > printer.bed_mm[2]:
-        remedy = f"use a smaller target{_in_parts(target)} or a larger printer"
+        names = [name for name in builds_of(target.form) if BUILDS[name].is_in_parts and not target.has_back]
+        in_parts = "".join(f", build {name}" for name in names)
+        remedy = f"use a smaller target{in_parts} or a larger printer"
         if printer.place_mm((size[1], size[0])) is not None and size[2] <= printer.bed_mm[2]:
             remedy = "turned by a quarter it fits: turn it, and say --bed-turn 90deg to calib measure"
         said = (("violation", f"the part needs {shown} mm, {bed_words(printer)}; {remedy}"),)
@@ -263,12 +265,6 @@ def _bed(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:
     room = " x ".join(f"{length:g}" for length in printer.bed_mm)
     but = f", without {printer.excluded_words}" if printer.excluded_mm else ""
     return RuleLook(f"{lies} mm", f"of {room} mm{but}", said)
-
-
-def _in_parts(target: TargetGeometry) -> str:
-    """The build in parts, as a remedy, where there is one."""
-    names = [name for name in builds_of(target.form) if BUILDS[name].is_in_parts and not target.has_back]
-    return "".join(f", build {name}" for name in names)
 
 
 def _overhang(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:

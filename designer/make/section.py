@@ -46,7 +46,8 @@ class Layered:
         """`lowest_like` of each layer and of those above: a new one where walls begin, end or lean.  # (L + 1,)"""
         cut = np.flatnonzero(self._first < self._after)
         a, b, c = (self._mesh.vertices_mm[self._mesh.triangles[cut, k], :2] for k in range(3))
-        leans = cut[np.abs(_cross(b - a, c - a)) >= _UPRIGHT_MM2]
+        (first_x, first_y), (second_x, second_y) = (b - a).T, (c - a).T
+        leans = cut[np.abs(first_x * second_y - first_y * second_x) >= _UPRIGHT_MM2]  # twice the areas from above
         count = len(self.is_there)
         ends = np.concatenate([self._first[cut], self._after[cut]])
         is_new = np.bincount(ends, minlength=count + 1) > 0
@@ -106,11 +107,6 @@ def _loops(points: Array, following: Rows) -> list[Polyline]:
         if len(loop) > 2:
             loops.append(points[loop])
     return loops
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Twice the areas between vectors.  # (T,)"""
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 class Sliced:

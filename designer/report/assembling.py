@@ -98,6 +98,7 @@ def _checks(assembly: Assembly) -> Steps:
 def _core_table(design: Design, assembly: Assembly) -> Table:
     """The pieces of the core: how they lie, and their weight if solid walls and sparse infill are as set."""
     takes = {plate.name: estimate for plate, estimate in zip(design.plates, design.estimate.plates, strict=True)}
+    stem = "stem up" if assembly.mounted is not None and assembly.mounted.mount.up_is_in else "stem down"
     rows = []
     for plate in design.plates:
         if plate.is_two_filament:
@@ -111,15 +112,11 @@ def _core_table(design: Design, assembly: Assembly) -> Table:
             alone = len(plate.pieces) == 1
             share = takes[plate.name].body_g * piece.part.body.volume_mm3 / together
             rows.append((
-                piece.name, _LIES.get(piece.name, "stem up" if _is_stem_up(assembly) else "stem down"), f"{size} mm",
+                piece.name, _LIES.get(piece.name, stem), f"{size} mm",
                 grams(share) if alone else f"about {grams(share)}", seats,
             ))  # fmt: skip
     heads = ("piece", "how it lies", "size", "weight", "seats")
     return text_table("Pieces of the core", heads, rows)
-
-
-def _is_stem_up(assembly: Assembly) -> bool:
-    return assembly.mounted is not None and assembly.mounted.mount.up_is_in
 
 
 def _steps(design: Design, assembly: Assembly) -> Steps:

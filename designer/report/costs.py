@@ -12,7 +12,7 @@ from designer.base.answer import Value
 from designer.base.errors import InputError
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec, spec_to_toml
-from designer.make.estimate import DENSITY_G_PER_CM3, DIAMETER_MM, SPOOL_G, PlateEstimate, PrintEstimate
+from designer.make.estimate import DENSITY_G_PER_CM3, DIAMETER_MM, SPOOL_G, PrintEstimate
 from designer.make.printability import check_printability
 from designer.page.blocks import Cell, Column, Level, Section, Table, text_table
 from designer.produce import Design
@@ -225,15 +225,13 @@ def _slot_table(one: PrintEstimate, printing: PrintSpec) -> Table:
 def _plate_table(one: PrintEstimate) -> Table:
     """Each print for itself."""
     heads = ("plate", "time", "printing", "changing", "heating up", "layers", "of them with ink", "changes")
-    return text_table("Plates", heads, [_plate_row(number, plate) for number, plate in enumerate(one.plates, start=1)])
-
-
-def _plate_row(number: int, plate: PlateEstimate) -> tuple[str, ...]:
-    return (
-        plate.name.replace("-", " ") or str(number),
-        *(duration(time) if time else "" for time in (plate.time_s, plate.printing_s, plate.changing_s, plate.start_s)),
-        *map(str, (plate.layers, plate.inked_layers, plate.changes)),
-    )
+    rows = []
+    for number, plate in enumerate(one.plates, start=1):
+        times = (plate.time_s, plate.printing_s, plate.changing_s, plate.start_s)
+        counts = (plate.layers, plate.inked_layers, plate.changes)
+        name = plate.name.replace("-", " ") or str(number)
+        rows.append((name, *(duration(time) if time else "" for time in times), *map(str, counts)))
+    return text_table("Plates", heads, rows)
 
 
 def _length_m(mass_g: float) -> float:

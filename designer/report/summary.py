@@ -170,19 +170,14 @@ def templates_summary(
 
 def _next_steps(design: Design, folder: Path) -> tuple[str, ...]:
     """What a maker does with the files."""
-    job = design.job
+    job, when = design.job, "when there are photos of it, in the folder photos"
+    if job.target.is_graded:
+        when = "when there is a photo or scan of it, with readings of a caliper: see the page"
     return (
         f"open {folder / PAGE_FILE} in a browser: how to print and measure it, and its photos",
         maker_of(job.printing).next_step(design, str(folder / job.name)),
-        f"{_run_line(job, folder)}   # {_run_when(job)}",
+        f"{_run_line(job, folder)}   # {when}",
     )
-
-
-def _run_when(job: Job) -> str:
-    """When that command is to be typed."""
-    if job.target.is_graded:
-        return "when there is a photo or scan of it, with readings of a caliper: see the page"
-    return "when there are photos of it, in the folder photos"
 
 
 def _run_line(job: Job, folder: Path) -> str:

@@ -99,10 +99,12 @@ def draw_values(target: TargetGeometry, model: ErrorModel, rng: np.random.Genera
     leaves the other sources' numbers as they are. The generator moves on by the same step for every model.
     """
     entropy = rng.integers(0, 2**32, size=4).tolist()
-    return {
-        name: amount.draw(_stream(entropy, name), (SOURCES[name].instances(target), SOURCES[name].components))
-        for name, amount in model.amounts
-    }
+    draws = {}
+    for name, amount in model.amounts:
+        key = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big")
+        stream = np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=(key,)))
+        draws[name] = amount.draw(stream, (SOURCES[name].instances(target), SOURCES[name].components))
+    return draws
 
 
 def perturb(
@@ -166,9 +168,3 @@ def _applied(source: ErrorSource, shape: MadeShape, values: Array) -> MadeShape:
         largest = values.flat[int(np.argmax(np.abs(values)))]
         size = format_quantity(float(largest), source.unit)
         raise InputError(f"{source.name} {size}: {error}; use a smaller amount") from None
-
-
-def _stream(entropy: list[int], name: str) -> np.random.Generator:
-    """The generator of one source."""
-    key = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big")
-    return np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=(key,)))
