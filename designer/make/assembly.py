@@ -160,7 +160,7 @@ def _largest_edge_mm(assembly: Assembly, printing: PrintSpec) -> int:
     Tiles and core are smaller than the solid by what does not grow with it.
     """
     solid, sizes, scale = assembly.solid, assembly.sizes, 1 + printing.shrink_compensation_percent / 100
-    widest = largest_inradius_mm(len(sizes.outline_mm), printing.printer, tower=True) / scale
+    widest = largest_inradius_mm(len(sizes.outline_mm), printing.printer) / scale
     by_tile = solid.edge_mm + (widest - _inradius_mm(sizes)) / solid.polyhedron.face_inradius
     corners, height = solid.corners_mm(below_mm=sizes.seat_depth_mm), printing.printer.bed_mm[2]
     rooms = [
@@ -203,7 +203,7 @@ def _tile_pieces(assembly: Assembly, printing: PrintSpec) -> Iterator[tuple[Piec
     sizes, scale = assembly.sizes, 1 + printing.shrink_compensation_percent / 100
     is_down = sizes.ink_side == "down"
     sides = len(sizes.outline_mm)
-    shares = nest(sides, scale * _inradius_mm(sizes), len(assembly.tiles), printing.printer, tower=True)
+    shares = nest(sides, scale * _inradius_mm(sizes), len(assembly.tiles), printing.printer)
     tiles = enumerate(assembly.tiles)
     for share in shares:
         pieces = []

@@ -33,7 +33,7 @@ LEAST_ENGAGED_MM, USUAL_ENGAGED_MM = 10.0, 12.0
 """Of a stem in its pit."""
 PIT_SHARE = 0.65
 """Of the way from the core's surface to its middle, how much a pit and its wall may take."""
-ROD_DEPTH_MM = 20.0
+ROD_MM, ROD_DEPTH_MM = 8.0, 20.0
 FLANGE_NECK_MM = 20.0
 FLANGE_MM = 8.0
 CENTRING_MM = 3.0
@@ -83,15 +83,11 @@ def _with_nut(across_mm: float, bore_mm: float) -> Callable[[PostSizes], Manifol
     return build
 
 
-def _for_rod(rod_mm: float) -> Callable[[PostSizes], Manifold]:
+def _for_rod(post: PostSizes) -> Manifold:
     """A stem with a bore from outside."""
-
-    def build(post: PostSizes) -> Manifold:
-        low = max(post.head_mm - ROD_DEPTH_MM, post.bottom_mm + POST_WALL_MM)
-        bore = cylinder((rod_mm + FIT_MM) / 2, low, post.head_mm + 1.0)
-        return cylinder(post.radius_mm, post.bottom_mm, post.head_mm) - bore
-
-    return build
+    low = max(post.head_mm - ROD_DEPTH_MM, post.bottom_mm + POST_WALL_MM)
+    bore = cylinder((ROD_MM + FIT_MM) / 2, low, post.head_mm + 1.0)
+    return cylinder(post.radius_mm, post.bottom_mm, post.head_mm) - bore
 
 
 def _flange(post: PostSizes) -> Manifold:
@@ -130,7 +126,7 @@ MOUNTS: dict[str, Mount] = {
             "8 mm across flats, 4.7 mm high by ISO 4032; the screw must reach 7 mm or more into the post", _NUT,
         ),
         Mount(
-            "rod 8mm", "a rod of 8 mm, glued in", _for_rod(8.0), "a rod of 8 mm", False,
+            "rod 8mm", "a rod of 8 mm, glued in", _for_rod, "a rod of 8 mm", False,
             "no standard: as its name says, with .2 mm of room",
             "Roughen the rod's end and glue it in as deep as it goes.",
         ),

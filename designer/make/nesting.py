@@ -30,54 +30,51 @@ class Nest:
     spacing_mm: float
 
 
-def nest(sides: int, inradius_mm: float, count: int, printer: PrinterProfile, *, tower: bool) -> tuple[Nest, ...]:
+def nest(sides: int, inradius_mm: float, count: int, printer: PrinterProfile) -> tuple[Nest, ...]:
     """Regular polygons on as few beds as they fit on, then evenly and as far apart as that allows.
 
     Args:
         sides: 3 or 4.
         inradius_mm: of a tile where it is widest.
         count: of tiles.
-        printer: whose beds they are.
-        tower: whether the corner with the highest x and y stays free for a prime tower.
+        printer: whose beds they are; the corner with the highest x and y stays free for a prime tower.
 
     Raises:
         InputError: not one fits.
     """
-    densest = _lattice(sides, inradius_mm, SPACINGS_MM[-1], printer, tower)
+    densest = _lattice(sides, inradius_mm, SPACINGS_MM[-1], printer)
     if not len(densest):
-        beside = [f"what it excludes ({printer.excluded_words})"] if printer.excluded_mm else []
-        beside = [*beside, "a prime tower"] if tower else beside
+        excluded = f"what it excludes ({printer.excluded_words}) and " if printer.excluded_mm else ""
         bed = " x ".join(f"{side:g}" for side in printer.bed_mm[:2])
-        raise InputError(f"a tile does not fit a bed of {bed}mm{' beside ' * bool(beside)}{' and '.join(beside)}")
+        raise InputError(f"a tile does not fit a bed of {bed}mm beside {excluded}a prime tower")
     beds = math.ceil(count / len(densest))
     each = math.ceil(count / beds)
     spacing, lattice = SPACINGS_MM[-1], densest
     for spacing in SPACINGS_MM:
-        lattice = _lattice(sides, inradius_mm, spacing, printer, tower)
+        lattice = _lattice(sides, inradius_mm, spacing, printer)
         if len(lattice) >= each:
             break
     shares = [each] * (count // each) + ([count % each] if count % each else [])
     return tuple(Nest(lattice[:share], spacing) for share in shares)
 
 
-def largest_inradius_mm(sides: int, printer: PrinterProfile, *, tower: bool) -> float:
+def largest_inradius_mm(sides: int, printer: PrinterProfile) -> float:
     """Of a tile that fits a bed alone, to a tenth of a millimetre."""
     low, high = 0.0, max(printer.bed_mm[:2]) / 2
     while high - low > 0.1:
         middle = (low + high) / 2
-        if len(_lattice(sides, middle, SPACINGS_MM[-1], printer, tower)):
+        if len(_lattice(sides, middle, SPACINGS_MM[-1], printer)):
             low = middle
         else:
             high = middle
     return low
 
 
-def _lattice(sides: int, inradius: float, spacing: float, printer: PrinterProfile, tower: bool) -> Array:
+def _lattice(sides: int, inradius: float, spacing: float, printer: PrinterProfile) -> Array:
     """The densest of the tilings that are turned and shifted by steps: tiles inside, those in the middle first."""
     bed, cell = printer.bed_mm[:2], inradius + spacing / 2
     taken = [np.array(area) + spacing / 2 * np.array([-1, -1, 1, 1]) for area in printer.excluded_mm]
-    if tower:
-        taken.append(np.array([bed[0] - TOWER_MM, bed[1] - TOWER_MM, *bed]))
+    taken.append(np.array([bed[0] - TOWER_MM, bed[1] - TOWER_MM, *bed]))
     cells = _cells(sides, cell, math.hypot(*bed))
     outline = regular_polygon(sides, inradius)
     corners = np.einsum("nij,kj->nki", cells[:, :2, :2], outline) + cells[:, None, :2, 2]

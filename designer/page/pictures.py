@@ -58,7 +58,7 @@ def media_type(content: bytes) -> str:
     raise ValueError("picture: neither PNG nor JPEG by its first bytes")
 
 
-def thumbnail(picture: bytes | NDArray[np.uint8], width_px: int, quality: int = 80) -> Raster:
+def thumbnail(picture: bytes | NDArray[np.uint8], width_px: int) -> Raster:
     """A JPEG at most `width_px` wide and high in proportion, without the photo's metadata.
 
     The pixels stay as the sensor read them: an orientation noted in the file is not applied, as everywhere in images.
@@ -66,7 +66,6 @@ def thumbnail(picture: bytes | NDArray[np.uint8], width_px: int, quality: int = 
     Args:
         picture: a file that Pillow reads, or pixels (H, W) grey or (H, W, 3) RGB.
         width_px: of the result; a smaller picture keeps its size.
-        quality: of the JPEG, 1 to 95.
 
     Raises:
         ValueError: no picture, or one of more pixels than fit in memory.
@@ -79,7 +78,7 @@ def thumbnail(picture: bytes | NDArray[np.uint8], width_px: int, quality: int = 
         height_px = max(1, round(small.height * width_px / small.width))
         small = small.resize((width_px, height_px), Resampling.LANCZOS, reducing_gap=3.0)
     stream = io.BytesIO()
-    small.save(stream, "JPEG", quality=quality, optimize=True, progressive=True)
+    small.save(stream, "JPEG", quality=80, optimize=True, progressive=True)
     return Raster(stream.getvalue(), small.width, small.height)
 
 

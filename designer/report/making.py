@@ -18,11 +18,6 @@ _COLOUR_NAMES = {"#ffffff": "white", "#000000": "black"}
 BODY_SLOT, INK_SLOT = 1, 2
 
 
-def two_digits(value: float) -> str:
-    """`120`: an estimate has no more digits."""
-    return f"{float(f'{value:.2g}'):g}"
-
-
 @dataclass(frozen=True)
 class Slicer:
     """A slicer that reads one of the two packages, and what is special about it."""

@@ -25,7 +25,7 @@ def test_tiles_lie_on_the_bed_clear_of_each_other_of_the_tower_and_of_what_is_ex
     bed = box(0, 0, *printer.bed_mm[:2]).buffer(-BED_RIM_MM + 1e-6)
     taken = [box(*area) for area in excluded]
     taken.append(box(printer.bed_mm[0] - TOWER_MM + 1e-6, printer.bed_mm[1] - TOWER_MM + 1e-6, *printer.bed_mm[:2]))
-    nests = nest(sides, inradius_mm, 40, printer, tower=True)
+    nests = nest(sides, inradius_mm, 40, printer)
     assert sum(len(one.bed_from_tile) for one in nests) == 40
     for one in nests:
         tiles = [Polygon(outline @ motion[:2, :2].T + motion[:2, 2]) for motion in one.bed_from_tile]
