@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,7 @@ from calib.detector.candidates import Candidates
 from calib.detector.grid import Grid
 from calib.detector.marks import DOT, RING, UNREADABLE, read_marks, usual_contrast
 from calib.detector.plan import TargetPlan
-
-Floats: TypeAlias = NDArray[np.float64]
-Integers: TypeAlias = NDArray[np.int64]
+from designer.base.arrays import Array, Rows
 
 DISAGREEMENT = 2
 """A mark that contradicts weighs as much as so many that agree."""
@@ -27,14 +24,14 @@ MAX_ALIGNMENTS = 4000
 class Alignment:
     """A turn and a shift: index on the face = turn @ index in the grid + shift."""
 
-    turn: Integers  # (2, 2)
-    shift: Integers  # (2,)
+    turn: Rows  # (2, 2)
+    shift: Rows  # (2,)
 
-    def on_face(self, index: Integers) -> Integers:
+    def on_face(self, index: Rows) -> Rows:
         """Indices on the face.  # (N, 2)"""
         return np.asarray(index @ self.turn.T + self.shift)
 
-    def on_grid(self, index: Integers) -> Integers:
+    def on_grid(self, index: Rows) -> Rows:
         """Indices in the grid of indices on the face.  # (N, 2)"""
         (a, b), (c, d) = self.turn.tolist()
         # Of a turn or a mirror the determinant is 1 or -1, its own inverse.
@@ -52,7 +49,7 @@ class GridReader:
         steps = plan.lattice
         self._basis = least_squares(steps.move.astype(np.float64), steps.move_in_radii)
 
-    def marks(self, index: Integers) -> Integers:
+    def marks(self, index: Rows) -> Rows:
         """RING, DOT or UNREADABLE at grid indices.  # (N, 2) -> (N,)"""
         keys: list[tuple[int, int]] = list(map(tuple, index.tolist()))
         new = sorted({key for key in keys if key not in self._mark})
@@ -73,7 +70,7 @@ class GridReader:
         return usual_contrast(self._image, self._candidates.take(self._grid.row))
 
     @cached_property
-    def discs(self) -> Integers:
+    def discs(self) -> Rows:
         """Grid indices of members without a white centre that read as dots.  # (D, 2)"""
         index = self._grid.index[self._candidates.ratio[self._grid.row] == 0]
         return np.asarray(index[self.marks(index) == DOT] if len(index) else index)
@@ -85,7 +82,7 @@ class GridReader:
             return UNREADABLE if mark == DOT else RING
         return mark
 
-    def _ellipse_at(self, key: tuple[int, int]) -> Floats:
+    def _ellipse_at(self, key: tuple[int, int]) -> Array:
         """The candidate there, or what its nearest neighbours in the grid predict."""
         grid, ellipse = self._grid, self._candidates.ellipse
         if key in self._row:
@@ -104,7 +101,7 @@ class GridReader:
         return np.concatenate([np.mean(places, axis=0), ellipse[grid.row[near], 2:].mean(axis=0)])
 
 
-def alignments(plan: TargetPlan, face: int, grid: Grid, sure: NDArray[np.bool_], turns: Integers) -> list[Alignment]:
+def alignments(plan: TargetPlan, face: int, grid: Grid, sure: NDArray[np.bool_], turns: Rows) -> list[Alignment]:
     """All ways to lay a grid on a face so that its sure members (N,) fall on features, by turns (S, 2, 2)."""
     table = plan.row_table[face] >= 0
     found = []
@@ -127,7 +124,7 @@ def alignments(plan: TargetPlan, face: int, grid: Grid, sure: NDArray[np.bool_],
     return found
 
 
-def largest_overlap(plan: TargetPlan, index: Integers, turns: Integers) -> int:
+def largest_overlap(plan: TargetPlan, index: Rows, turns: Rows) -> int:
     """How many rings of a grid (N, 2) fall on features of a face, laid on it as well as the turns (S, 2, 2) allow."""
     table = (plan.row_table[0] >= 0).astype(np.float64)
     best = 0.0
@@ -143,7 +140,7 @@ def largest_overlap(plan: TargetPlan, index: Integers, turns: Integers) -> int:
     return round(best)
 
 
-def agreement(expected_dot: NDArray[np.bool_], mark: Integers, weight: int = DISAGREEMENT) -> Integers:
+def agreement(expected_dot: NDArray[np.bool_], mark: Rows, weight: int = DISAGREEMENT) -> Rows:
     """Marks that agree, less `weight` times those that do not.  # (..., P), (P,) -> (...,)"""
     agrees = np.where(expected_dot, mark == DOT, mark == RING)
     denies = np.where(expected_dot, mark == RING, mark == DOT)

@@ -12,16 +12,14 @@ eigenvector the direction.
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.linear_algebra import least_squares
 from calib.core.types import Detections
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
-
-Floats: TypeAlias = NDArray[np.float64]
 
 RINGS = 60
 """Of a frame, spread over all that were found."""
@@ -98,13 +96,13 @@ def _full_scale(pixels: NDArray[np.generic]) -> float:
     return 1.0
 
 
-def _axes(ellipse: Floats) -> tuple[Floats, Floats]:
+def _axes(ellipse: Array) -> tuple[Array, Array]:
     """Semi-axes as vectors.  # (N, 2), (N, 2)"""
     turn = np.stack([np.cos(ellipse[:, 4]), np.sin(ellipse[:, 4])], axis=1)
     return ellipse[:, 2:3] * turn, ellipse[:, 3:4] * np.stack([-turn[:, 1], turn[:, 0]], axis=1)
 
 
-def _around(pixels: NDArray[np.generic], ellipse: Floats, radii: Floats) -> Floats:
+def _around(pixels: NDArray[np.generic], ellipse: Array, radii: Array) -> Array:
     """Levels on circles of some radii around rings, in many directions; nan outside.  # (N, D, K)"""
     first, second = _axes(ellipse)
     angle = 2 * math.pi * np.arange(DIRECTIONS) / DIRECTIONS
@@ -112,7 +110,7 @@ def _around(pixels: NDArray[np.generic], ellipse: Floats, radii: Floats) -> Floa
     return _sampled(pixels, ellipse[:, None, None, :2] + out[:, :, None] * radii[None, None, :, None])
 
 
-def _sampled(pixels: NDArray[np.generic], place: Floats) -> Floats:
+def _sampled(pixels: NDArray[np.generic], place: Array) -> Array:
     """Bilinear levels at places (..., 2); nan outside."""
     height, width = pixels.shape
     u, v = place[..., 0], place[..., 1]
@@ -125,7 +123,7 @@ def _sampled(pixels: NDArray[np.generic], place: Floats) -> Floats:
     return np.where(inside, (1 - dv) * upper + dv * lower, np.nan)
 
 
-def _moments(pixels: NDArray[np.generic], ellipse: Floats, ink: Floats) -> Floats | None:
+def _moments(pixels: NDArray[np.generic], ellipse: Array, ink: Array) -> Array | None:
     """Second moments S of the blur, from the widths of edges by their direction; None: they cannot be told.  # (2, 2)
 
     Args:
@@ -166,7 +164,7 @@ def _moments(pixels: NDArray[np.generic], ellipse: Floats, ink: Floats) -> Float
     return np.array([[xx, xy], [xy, yy]])
 
 
-def _variance(step: Floats, share: Floats) -> float:
+def _variance(step: Array, share: Array) -> float:
     """Of the blur of an edge that rises along steps, beyond that of pixels and of reading between them.
 
     Where the ink ends on its other side, and where the next ring begins, it falls again, which is none of the edge.
@@ -179,7 +177,7 @@ def _variance(step: Floats, share: Floats) -> float:
     return max(float((weight * (at - mean) ** 2).sum()) - OF_PIXELS, 0.0)
 
 
-def _blur_and_motion(moments: Floats) -> tuple[float, float, float]:
+def _blur_and_motion(moments: Array) -> tuple[float, float, float]:
     """Standard deviation of the least blur, length and direction of the motion."""
     value, vector = np.linalg.eigh(moments)
     least, most = (max(float(one), 0.0) for one in value)

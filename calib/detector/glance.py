@@ -34,8 +34,8 @@ from calib.detector.place import Naming, Placement, Places, complete, predict, w
 from calib.detector.plan import TargetPlan
 from calib.detector.verify import gather, refusal
 from calib.detector.wide_guess import guess_lens
+from designer.base.arrays import Array
 
-Floats: TypeAlias = NDArray[np.float64]
 Grey: TypeAlias = NDArray[np.generic]
 Size: TypeAlias = tuple[int, int]
 
@@ -186,7 +186,7 @@ def _seen(
     )
 
 
-def _sigma_px(face: NDArray[np.int64], off_px: Floats) -> Floats:
+def _sigma_px(face: NDArray[np.int64], off_px: Array) -> Array:
     """What centres of a face are off by, per axis: N borders fix eight numbers of its homography.  # (N,)"""
     count = np.maximum(np.bincount(face), 1)
     variance = np.bincount(face, off_px**2) / (2 * count)

@@ -9,7 +9,6 @@ by alike amounts on all faces that lean alike, which a camera takes for another 
 """
 
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +20,7 @@ from calib.detector.lens import Lens, local_form, scale_to_weigh_with
 from calib.detector.place import Placement
 from calib.detector.plan import TargetPlan
 from calib.detector.wide_guess import guess_lens
-
-Floats: TypeAlias = NDArray[np.float64]
-Integers: TypeAlias = NDArray[np.int64]
+from designer.base.arrays import Array, Rows
 
 LEAST_FOR_SLOPE, LEAST_FOR_QUADRATIC = 6, 12
 ROUNDS = 4
@@ -44,7 +41,7 @@ OFF_ROW = 3
 """So many of them must stand off any one row: what hangs on a single point shows no misfit when that point is wrong."""
 
 
-def blur_growth(center_px: Floats, blur_px: Floats, is_known: NDArray[np.bool_], face: Integers) -> Floats:
+def blur_growth(center_px: Array, blur_px: Array, is_known: NDArray[np.bool_], face: Rows) -> Array:
     """The gradient (N, 2) of the blur's logarithm at each feature, per px; 0 on faces with few whose blur is known."""
     growth = np.zeros_like(center_px)
     for f in np.unique(face[is_known]):
@@ -66,25 +63,25 @@ def blur_growth(center_px: Floats, blur_px: Floats, is_known: NDArray[np.bool_],
     return growth
 
 
-def is_noticed(growth: Floats, blur_px: Floats) -> bool:
+def is_noticed(growth: Array, blur_px: Array) -> bool:
     """Whether centres are to be measured with the growth of the blur known.  # (N, 2), (N,)"""
     return len(growth) > 0 and float(np.mean((blur_px**2 * np.linalg.norm(growth, axis=1)) ** 2)) > NOTICED_PX**2
 
 
-def left_covariance(growth: Floats, blur_px: Floats, shape: Floats, ratio: Floats) -> Floats:
+def left_covariance(growth: Array, blur_px: Array, shape: Array, ratio: Array) -> Array:
     """What opposite edges that run into each other may do to centres, of the shapes E (N, 3).  # (N, 2, 2)"""
     hole_px = np.where(ratio > 0, ratio, 1.0) * semi_axes_px(shape)[1]
     left = (NARROW * np.exp(-hole_px / blur_px) * blur_px**2)[:, None] * growth
     return np.asarray(left[:, :, None] * left[:, None, :])
 
 
-def _terms(at: Floats) -> Floats:
+def _terms(at: Array) -> Array:
     """Of a quadratic.  # (N, 2) -> (N, 6)"""
     x, y = at.T
     return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
 
 
-def _fitted(terms: Floats, values: Floats) -> Floats:
+def _fitted(terms: Array, values: Array) -> Array:
     """Coefficients by iterated reweighting."""
     weight = np.ones(len(values))
     for _ in range(ROUNDS):
@@ -99,8 +96,8 @@ def _fitted(terms: Floats, values: Floats) -> Floats:
 class Seen:
     """N centres as far as they are known."""
 
-    center_px: Floats  # (N, 2)
-    sigma_px: Floats  # (N,) per axis
+    center_px: Array  # (N, 2)
+    sigma_px: Array  # (N,) per axis
     use: NDArray[np.bool_]  # (N,) whether to trust it
 
 
@@ -108,9 +105,9 @@ class Seen:
 class Lines:
     """The lines at N features, as a prior for their fits."""
 
-    line: Floats  # (N, 2) m of the ring model
-    information: Floats  # (N, 2, 2) zero: not known
-    residual_px: Floats  # (N, 2) from where the grid puts the feature
+    line: Array  # (N, 2) m of the ring model
+    information: Array  # (N, 2, 2) zero: not known
+    residual_px: Array  # (N, 2) from where the grid puts the feature
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -118,13 +115,13 @@ class Lines:
         return np.asarray(self.information[:, 0, 0] > 0)
 
 
-def fit_lens(plan: TargetPlan, ring: Integers, seen: Seen, image_size: tuple[int, int]) -> Lens:
+def fit_lens(plan: TargetPlan, ring: Rows, seen: Seen, image_size: tuple[int, int]) -> Lens:
     """The lens from the centres so far."""
     pixel = seen.center_px[seen.use]
     return guess_lens(plan.by_face(ring[seen.use], pixel), image_size).facing(pixel)
 
 
-def fit_lines(plan: TargetPlan, ring: Integers, seen: Seen, lens: Lens, placement: Placement) -> Lines:
+def fit_lines(plan: TargetPlan, ring: Rows, seen: Seen, lens: Lens, placement: Placement) -> Lines:
     """Each feature's line from its face's grid, or from the solid where the grid has too little to spare.
 
     Misfit beyond the centres' own noise (a bent sheet, a lens not modelled) widens the line's covariance.
@@ -172,7 +169,7 @@ def with_sound_lines(rough: Lines, fine: Lines) -> Lines | None:
     return replace(rough, line=np.where(contradicted[:, None], fine.line, rough.line))
 
 
-def _spans_plane(index: Integers, plan: TargetPlan) -> bool:
+def _spans_plane(index: Rows, plan: TargetPlan) -> bool:
     """Whether a homography has something to spare: OFF_ROW points and more are left without any one row of the grid."""
     for move in plan.lattice.move:
         row = index @ np.array([-move[1], move[0]])
@@ -181,7 +178,7 @@ def _spans_plane(index: Integers, plan: TargetPlan) -> bool:
     return True
 
 
-def _weighted_homography(plane: Floats, straight: Floats, sigma: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+def _weighted_homography(plane: Array, straight: Array, sigma: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Homography and covariance, scaled by the misfit if that is more than the noise; far points left out."""
     weight = 1 / (sigma**2 + 0.003**2)
     matrix, covariance, residual, keep = homography.fit_near(plane, straight, weight, slack=1e-9, least=MIN_FOR_LINE)

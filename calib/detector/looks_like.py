@@ -1,15 +1,11 @@
 """What pattern a photo shows, in words, whatever target was asked for."""
 
-from typing import TypeAlias
-
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.detector.candidates import Candidates
 from calib.detector.grid import Grid, Lattice, grow_grids, lattice_from
+from designer.base.arrays import Array
 from designer.spec.spec import RING_RATIO
-
-Floats: TypeAlias = NDArray[np.float64]
 
 FEWEST = 6
 """Rings of a grid that is more than clutter."""
@@ -49,7 +45,7 @@ def looks_like(candidates: Candidates) -> str:
     return f"a board of {columns} x {rows} rings or more {on}"
 
 
-def _neighbours(rings: Candidates, ring: int) -> Floats:
+def _neighbours(rings: Candidates, ring: int) -> Array:
     """Where the nearest rings of about the same size lie in the plane of one, in its radii.  # (K, 2)"""
     e = rings.ellipse[ring]
     offset = rings.ellipse[:, :2] - e[:2]
@@ -60,7 +56,7 @@ def _neighbours(rings: Candidates, ring: int) -> Floats:
     return np.asarray(y[distance < NEIGHBOUR * distance.min()] if len(y) else y)
 
 
-def _order(y: Floats, fold: int) -> float:
+def _order(y: Array, fold: int) -> float:
     """How well neighbours stand in an n-fold way, from 0 to 1."""
     return float(np.abs(np.exp(1j * fold * np.arctan2(y[:, 1], y[:, 0])).mean()))
 

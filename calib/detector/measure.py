@@ -1,7 +1,6 @@
 """Centres of named features to the limit of the pixels: start, vanishing line, direct fit, and the checks after it."""
 
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -28,9 +27,7 @@ from calib.detector.ring_fit import RingFits, fit_rings
 from calib.detector.ring_model import BLUR, DARKNESS, E00, E11, PARAMETERS, RATIO, WHITE
 from calib.detector.ring_scores import variance_ratios
 from calib.detector.tone import some_of, without_tone
-
-Floats: TypeAlias = NDArray[np.float64]
-Integers: TypeAlias = NDArray[np.int64]
+from designer.base.arrays import Array, Rows
 
 UNDERSAMPLED_BLUR_PX = 0.65
 """Edges this sharp (as pairs of ellipses see them; pixels alone make .5) hang on where a pixel falls."""
@@ -57,12 +54,12 @@ DARK_FACES = (
 class Measured:
     """N named features with centres, and why others of the faces that show are missing."""
 
-    ring: Integers  # (N,)
-    center_px: Floats  # (N, 2)
-    cov_px2: Floats  # (N, 2, 2)
-    shape: Floats  # (N, 3) E
-    ratio: Floats  # (N,) inner over outer radius; 0: a dot
-    blur_px: Floats  # (N,) standard deviation
+    ring: Rows  # (N,)
+    center_px: Array  # (N, 2)
+    cov_px2: Array  # (N, 2, 2)
+    shape: Array  # (N, 3) E
+    ratio: Array  # (N,) inner over outer radius; 0: a dot
+    blur_px: Array  # (N,) standard deviation
     missing: tuple[tuple[int, str], ...]  # row of the target, reason
     remarks: tuple[str, ...] = ()  # what the edges of the photo tell of it
 
@@ -120,7 +117,7 @@ def measure(
     )
 
 
-def _has_dark_face(plan: TargetPlan, ring: Integers, level: Floats, measured: Integers) -> bool:
+def _has_dark_face(plan: TargetPlan, ring: Rows, level: Array, measured: Rows) -> bool:
     """Whether white is darker, on a face without features measured, than halfway from ink to white on the others."""
     face, lit = plan.target.ring_face[ring], np.unique(plan.target.ring_face[measured])
     is_lit = np.isin(face, lit)
@@ -137,7 +134,7 @@ def _starts(
     naming: Naming,
     places: Places,
     is_dot: NDArray[np.bool_],
-) -> Floats:
+) -> Array:
     """Parameters to start from: pairs of ellipses where a ring was seen, predictions with typical levels elsewhere."""
     count = len(places.ring)
     candidate_of = np.full(plan.target.ring_count, -1, dtype=np.int64)
@@ -170,10 +167,10 @@ def _fit_with_lines(
     image: NDArray[np.generic],
     plan: TargetPlan,
     places: Places,
-    start: Floats,
+    start: Array,
     placement: Placement,
     camera_lens: Lens | None,
-) -> tuple[RingFits, Floats, tuple[str, ...]]:
+) -> tuple[RingFits, Array, tuple[str, ...]]:
     """Direct fits with the faces' vanishing lines, which the pairs of ellipses give well enough.
 
     Returns:
@@ -194,7 +191,7 @@ def _fit_with_lines(
     lens, known = lines(seen)
     bend, on_face = local_form(lens, seen.center_px)[1], plan.target.ring_face[places.ring]
 
-    def fitted(start: Floats, growth: Floats | None, tone_asked: NDArray[np.bool_] | None = None) -> RingFits:
+    def fitted(start: Array, growth: Array | None, tone_asked: NDArray[np.bool_] | None = None) -> RingFits:
         fits = fit_rings(
             image,
             start,
@@ -212,7 +209,7 @@ def _fit_with_lines(
     fits = fitted(start, None, None if softened else some_of(~is_dot))
     is_sound = judge(fits, None, places, plan) == ""
 
-    def fitted_in(image: NDArray[np.generic], start: Floats, rows: Integers) -> RingFits:
+    def fitted_in(image: NDArray[np.generic], start: Array, rows: Rows) -> RingFits:
         line, information, asked = known.line[rows], known.information[rows], np.ones(len(rows), dtype=np.bool_)
         return fit_rings(
             image, start, limit=plan.limit, line=line, line_information=information, bend=bend[rows], tone_asked=asked
@@ -240,14 +237,14 @@ def _fit_with_lines(
     return fits, lines(_seen(fits, start, places, plan))[1].residual_px, remarks
 
 
-def _seen(fits: RingFits, start: Floats, places: Places, plan: TargetPlan) -> Seen:
+def _seen(fits: RingFits, start: Array, places: Places, plan: TargetPlan) -> Seen:
     """The centres of fits, to be trusted where these are sound."""
     sigma_px = np.sqrt(np.abs(np.trace(fits.cov_px2, axis1=1, axis2=2)) / 2)
     sound = judge(fits, None, places, plan) == ""
     return Seen(np.where(fits.ok[:, None], fits.center_px, start[:, :2]), sigma_px, sound)
 
 
-def _softened(image: NDArray[np.generic], start: Floats) -> tuple[NDArray[np.generic], Floats]:
+def _softened(image: NDArray[np.generic], start: Array) -> tuple[NDArray[np.generic], Array]:
     """The image blurred by SOFTENING_PX, and starts to fit: halves the error of images without grey edges."""
     # Not in bytes: rounding would be one more noise.
     soft = np.asarray(cv2.GaussianBlur(np.asarray(image, dtype=np.float32), (3, 3), SOFTENING_PX))

@@ -19,12 +19,12 @@ from calib.detector.candidates import Candidates
 from calib.detector.grid import Grid, planar_parts
 from calib.detector.marks import DOT
 from calib.detector.plan import TargetPlan
+from designer.base.arrays import Array
 
 Integers: TypeAlias = NDArray[np.int64]
 
 UNNAMED = -1
 
-Floats: TypeAlias = NDArray[np.float64]
 
 MIN_GRID = 6
 """Smaller grids are named by their neighbours only."""
@@ -163,7 +163,7 @@ class _Option:
     alignment: Alignment
     marks: Integers  # (P,)
     score: Integers  # (F,)
-    corner_px: Floats  # (K, 2) of the outline, in the order of the face's outline
+    corner_px: Array  # (K, 2) of the outline, in the order of the face's outline
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,7 +311,7 @@ def _number_corners(placed: list[_Placed]) -> list[_Placed]:
     return out
 
 
-def _in_order(option: _Option, corner_px: Floats, numbers: list[int]) -> tuple[int, ...]:
+def _in_order(option: _Option, corner_px: Array, numbers: list[int]) -> tuple[int, ...]:
     """The numbers of an option's corners; all options of a grid have the same corners, in another order."""
     nearest = np.argmin(np.linalg.norm(option.corner_px[:, None] - corner_px[None], axis=2), axis=1)
     return tuple(numbers[k] for k in nearest)

@@ -16,11 +16,10 @@ from calib.core.types import Detections
 from calib.detector.canvas import Box, Canvas, Colour, Point, canvas_between
 from calib.detector.overlay_frame import MISSING, REJECTED, face_colours, frame, sigma_colour
 from calib.detector.where_expected import ImagedFace, imaged_face
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.files import write_files
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 MAX_JPEG_SIDE_PX = 65_500
 """Longer strips are written as PNG; of others that would be larger than the photo, and take ten times as long."""

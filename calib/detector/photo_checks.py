@@ -19,7 +19,6 @@ tells it from one with a row more. Each place of the first such row says what st
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +28,7 @@ from calib.detector.lens import Lens
 from calib.detector.marks import zone_levels
 from calib.detector.place import Places, direct_projection, fixes_projection, nearest_rows
 from calib.detector.plan import TargetPlan
-
-Floats: TypeAlias = NDArray[np.float64]
-Integers: TypeAlias = NDArray[np.int64]
-Flags: TypeAlias = NDArray[np.bool_]
+from designer.base.arrays import Array, Flags, Rows
 
 AGREES = 0.02
 """Centres within this share of the pitch of one projection, in the median, need no other spacing."""
@@ -71,7 +67,7 @@ RING_SEEN = 2
 """In so many directions next to each other white, ink and white follow each other where part of a ring is seen."""
 
 
-def lattice_over_spacing(plan: TargetPlan, lens: Lens, ring: Integers, center_px: Floats) -> float:
+def lattice_over_spacing(plan: TargetPlan, lens: Lens, ring: Rows, center_px: Array) -> float:
     """The logarithm of k; 0 where k = 1 fits, where no other does much better, or the projection is open."""
     straight = lens.straighten(center_px)
     has_ray = np.isfinite(straight).all(axis=1)
@@ -104,7 +100,7 @@ def lattice_over_spacing(plan: TargetPlan, lens: Lens, ring: Integers, center_px
     return min(told_without, default=(0.0, 0.0))[1]
 
 
-def _least(cost: Floats) -> float:
+def _least(cost: Array) -> float:
     """Where a parabola through the least of the costs tried and its neighbours is least."""
     best = int(np.clip(np.argmin(cost), 1, len(TRIED) - 2))
     before, at, after = cost[best - 1 : best + 2]
@@ -113,7 +109,7 @@ def _least(cost: Floats) -> float:
     return float(TRIED[best] + np.clip(shift, -1, 1) * (TRIED[1] - TRIED[0]))
 
 
-def _pitch_px(plan: TargetPlan, face: Integers, on_face: Floats, straight: Floats) -> float:
+def _pitch_px(plan: TargetPlan, face: Rows, on_face: Array, straight: Array) -> float:
     """The usual distance of neighbours in the straight image, as far as the faces' spread tells it."""
     pitch_mm = float(np.linalg.norm(plan.target.lattice_mm[0], axis=1).min())
     spread = [
@@ -124,7 +120,7 @@ def _pitch_px(plan: TargetPlan, face: Integers, on_face: Floats, straight: Float
     return pitch_mm * float(np.median(spread)) if spread else math.inf
 
 
-def _misfit(point_mm: Floats, straight: Floats) -> float:
+def _misfit(point_mm: Array, straight: Array) -> float:
     """Median distance in px of pixels from the one projection that fits points best."""
     projection = direct_projection(point_mm, straight)
     mapped = point_mm @ projection[:, :3].T + projection[:, 3]
@@ -171,14 +167,14 @@ def face_end(image: NDArray[np.generic], plan: TargetPlan, places: Places, face:
     return FaceEnd(odds, is_bounded)
 
 
-def depth(outline_mm: Floats, point: Floats) -> Floats:
+def depth(outline_mm: Array, point: Array) -> Array:
     """How far points lie inward of each side of an outline that runs counter-clockwise.  # (K, 2), (N, 2) -> (K, N)"""
     along = np.roll(outline_mm, -1, axis=0) - outline_mm
     inward = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
     return np.asarray(np.einsum("kc,knc->kn", inward, point[None] - outline_mm[:, None]))
 
 
-def _rows_in(plan: TargetPlan, ring: Integers, face: int, found: Flags) -> tuple[Floats, Floats]:
+def _rows_in(plan: TargetPlan, ring: Rows, face: int, found: Flags) -> tuple[Array, Array]:
     """How many pitches places lie inward of each side's first row, and the least of a found one.  # (K, N), (K,)"""
     target = plan.target
     outline = target.outline_mm[face]
@@ -188,7 +184,7 @@ def _rows_in(plan: TargetPlan, ring: Integers, face: int, found: Flags) -> tuple
     return rows_in, np.asarray(rows_in[:, found].min(axis=1))
 
 
-def _beside_found(plan: TargetPlan, ring: Integers, face: int, found: Flags) -> Flags:
+def _beside_found(plan: TargetPlan, ring: Rows, face: int, found: Flags) -> Flags:
     """Places with a neighbour on the lattice that was found.  # (N,)"""
     is_found = np.zeros(plan.target.ring_count + 1, dtype=np.bool_)  # the last stands for "nothing there"
     is_found[ring[found]] = True
@@ -197,7 +193,7 @@ def _beside_found(plan: TargetPlan, ring: Integers, face: int, found: Flags) -> 
 
 
 def _sight(
-    image: NDArray[np.generic], plan: TargetPlan, places: Places, last_row_px: Floats, rings: Places
+    image: NDArray[np.generic], plan: TargetPlan, places: Places, last_row_px: Array, rings: Places
 ) -> tuple[Flags, Flags]:
     """Whether the near half of places is bare white, and whether part of a ring is seen there.  # (N,), (N,)"""
     white_around = 0.4 + 0.6 * plan.limit
@@ -225,7 +221,7 @@ def _sight(
     return np.asarray(is_white.all(axis=0) & ~is_full.any(axis=0) & ~is_part), np.asarray(is_part)
 
 
-def _arc_levels(image: NDArray[np.generic], places: Places, toward_px: Floats, rho: float) -> Floats:
+def _arc_levels(image: NDArray[np.generic], places: Places, toward_px: Array, rho: float) -> Array:
     """Grey levels around places, so many outer radii from their centres, from the directions of points on.  # (N, ARC)
 
     A place's shape takes steps in px to radii, so that the circle of radius rho in the plane is what E takes to it.

@@ -3,7 +3,6 @@
 import math
 from collections import Counter
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -23,11 +22,10 @@ from calib.detector.place import Naming, Placement, complete, predict, without_s
 from calib.detector.plan import TargetPlan, plan_for
 from calib.detector.verify import gather, proportion_remark, refusal
 from calib.detector.wide_guess import guess_lens
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 
 _WORDS: dict[int, Mark] = {DOT: "dot", RING: "ring"}
-Floats: TypeAlias = NDArray[np.float64]
-Integers: TypeAlias = NDArray[np.int64]
 
 REGIONS_APART = 1 << 40
 EASY_RADIUS_PX = 4.0
@@ -362,7 +360,7 @@ def _result(
     )
 
 
-def ellipses_px(center_px: Floats, shape: Floats) -> Floats:
+def ellipses_px(center_px: Array, shape: Array) -> Array:
     """Centre, semi-axes and the angle of the larger one.  # (N, 2), (N, 3) -> (N, 5)"""
     if not len(shape):
         return np.zeros((0, 5))

@@ -1,7 +1,6 @@
 """Where all features of the target must be in the image, from those that have names; and more names from that."""
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,7 @@ from calib.detector.candidates import Candidates, nearest_candidates
 from calib.detector.lens import Lens, local_form, scale_to_weigh_with
 from calib.detector.plan import TargetPlan
 from calib.detector.wide_guess import guess_lens
-
-Floats: TypeAlias = NDArray[np.float64]
-Integers: TypeAlias = NDArray[np.int64]
+from designer.base.arrays import Array, Rows
 
 REACH = 0.22
 """A candidate nearer than this share of the pitch to where a feature must be is that feature ..."""
@@ -39,8 +36,8 @@ STRANGE = 0.2
 class Naming:
     """Which candidates have which names: N pairs of a candidate's row and a target's row."""
 
-    candidate: Integers  # (N,)
-    ring: Integers  # (N,)
+    candidate: Rows  # (N,)
+    ring: Rows  # (N,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,15 +45,15 @@ class Placement:
     """Faces as the image shows them."""
 
     lens: Lens
-    homography: Floats  # (F, 3, 3) straight image from face plane; nan: the face is not seen
-    by_solid: Floats  # (F, 3, 3) the same from the solid's projection alone; nan: one face only, or not seen
+    homography: Array  # (F, 3, 3) straight image from face plane; nan: the face is not seen
+    by_solid: Array  # (F, 3, 3) the same from the solid's projection alone; nan: one face only, or not seen
     is_mirrored: bool = False
 
-    def seen(self) -> Integers:
+    def seen(self) -> Rows:
         """Faces that show.  # (S,)"""
         return np.flatnonzero(np.isfinite(self.homography[:, 0, 0]))
 
-    def on_face(self, face: int, pixel: Floats) -> Floats:
+    def on_face(self, face: int, pixel: Array) -> Array:
         """Where pixels lie in the plane of a face, in mm; nan: it does not show, or from its edge.  # (N, 2)"""
         plane_from_straight = solve_square(self.homography[face], np.eye(3))
         return homography.apply(plane_from_straight, self.lens.straighten(pixel))
@@ -66,9 +63,9 @@ class Placement:
 class Places:
     """Where N features must be: all on the faces that show."""
 
-    ring: Integers  # (N,) rows of the target
-    center_px: Floats  # (N, 2)
-    shape: Floats  # (N, 3) E of the outer circle
+    ring: Rows  # (N,) rows of the target
+    center_px: Array  # (N, 2)
+    shape: Array  # (N, 3) E of the outer circle
 
     def take(self, rows: NDArray[np.generic]) -> "Places":
         """Some of them."""
@@ -88,7 +85,7 @@ def place_faces(
     naming: Naming,
     image_size: tuple[int, int],
     camera_lens: Lens | None,
-    read: Integers | None = None,
+    read: Rows | None = None,
 ) -> Placement:
     """Fit lens, homographies and, over several faces, the projection of the solid to the names so far.
 
@@ -136,7 +133,7 @@ def _lens(
     return lens.facing(pixel)
 
 
-def fixes_projection(plane: Floats, face: Integers) -> bool:
+def fixes_projection(plane: Array, face: Rows) -> bool:
     """Whether points fix a projection: those of two faces fix a homography each.  # (N, 2), (N,)
 
     One point beside a face leaves a family of projections open, of which noise chooses.
@@ -145,7 +142,7 @@ def fixes_projection(plane: Floats, face: Integers) -> bool:
     return len(face) >= MIN_FOR_PROJECTION and fixing > 1
 
 
-def direct_projection(point: Floats, image: Floats) -> Floats:
+def direct_projection(point: Array, image: Array) -> Array:
     """The 3 x 4 projection by direct linear transform, scaled to positive depth.  # (N, 3), (N, 2)"""
     middle, size = point.mean(axis=0), float(np.abs(point - point.mean(axis=0)).max())
     centre, spread = image.mean(axis=0), float(np.abs(image - image.mean(axis=0)).max())
@@ -163,7 +160,7 @@ def direct_projection(point: Floats, image: Floats) -> Floats:
     return np.asarray(projection * np.sign(np.median(depth)))
 
 
-def _shows_front(mapped: Floats, outline_mm: Floats) -> NDArray[np.bool_]:
+def _shows_front(mapped: Array, outline_mm: Array) -> NDArray[np.bool_]:
     """Whether faces turn their front to the camera: their outline runs clockwise in the image (v points down)."""
     depth = np.einsum("fkc,fc->fk", outline_mm, mapped[:, 2, :2]) + mapped[:, 2, 2:]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -174,7 +171,7 @@ def _shows_front(mapped: Floats, outline_mm: Floats) -> NDArray[np.bool_]:
     return np.asarray((depth.min(axis=1) > 0) & (area < 0))
 
 
-def _width_over_length(mapped: Floats) -> Floats:
+def _width_over_length(mapped: Array) -> Array:
     """Of circles about the faces' origins in the image.  # (F, 3, 3) -> (F,)"""
     point = mapped[:, :2, 2] / mapped[:, 2:, 2]
     derivative = (mapped[:, :2, :2] - point[:, :, None] * mapped[:, 2:, :2]) / mapped[:, 2:, 2:]
@@ -182,7 +179,7 @@ def _width_over_length(mapped: Floats) -> Floats:
     return np.asarray(length[:, 1] / length[:, 0])
 
 
-def _robust_homography(plane: Floats, straight: Floats, scale: Floats) -> Floats:
+def _robust_homography(plane: Array, straight: Array, scale: Array) -> Array:
     """A homography refitted without the points that lie far off."""
     return homography.fit_near(plane, straight, 1 / scale**2, slack=0.2, least=5)[0]
 
@@ -199,10 +196,10 @@ def predict(plan: TargetPlan, placement: Placement, image_size: tuple[int, int])
 def imaged(
     plan: TargetPlan,
     placement: Placement,
-    face: Integers,
-    ring: Integers,
-    plane_mm: Floats,
-    radius_mm: Floats,
+    face: Rows,
+    ring: Rows,
+    plane_mm: Array,
+    radius_mm: Array,
     image_size: tuple[int, int],
 ) -> Places:
     """Circles in the planes of faces that show, as far as they lie in the image."""
@@ -218,7 +215,7 @@ def imaged(
     return Places(ring, pixel, shape).take(inside)
 
 
-def _shape(matrix: Floats, jacobian: Floats, plane: Floats, radius_mm: Floats) -> Floats:
+def _shape(matrix: Array, jacobian: Array, plane: Array, radius_mm: Array) -> Array:
     """E of circles in the image: E'E is the inverse of J J' R^2, J the derivative of the map from the plane."""
     mapped = np.einsum("nij,nj->ni", matrix[:, :, :2], plane) + matrix[:, :, 2]
     straight = mapped[:, :2] / mapped[:, 2:]
@@ -312,8 +309,8 @@ def _worst_misfit(plan: TargetPlan, candidates: Candidates, naming: Naming, lens
 
 
 def usual_nearby(
-    plan: TargetPlan, places: Places, wanted: NDArray[np.bool_], value: Floats, is_known: NDArray[np.bool_]
-) -> Floats:
+    plan: TargetPlan, places: Places, wanted: NDArray[np.bool_], value: Array, is_known: NDArray[np.bool_]
+) -> Array:
     """Median of a value over the nearest places of a face that have a known one; nan: too few or not wanted.  # (N,)"""
     usual, face = np.full(len(value), np.nan), plan.target.ring_face[places.ring]
     for f in np.unique(face[wanted]):
@@ -324,7 +321,7 @@ def usual_nearby(
     return usual
 
 
-def nearest_rows(point: Floats, among: Floats, most: int = 1) -> Integers:
+def nearest_rows(point: Array, among: Array, most: int = 1) -> Rows:
     """Rows of the points among others that are nearest to each, in any order.  # (N, 2), (M, 2) -> (N, most)"""
     count = min(most, len(among))
     near = np.zeros((len(point), count), dtype=np.int64)

@@ -2,16 +2,13 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.detector.grid import Lattice, lattice_of
+from designer.base.arrays import Array, Rows
 from designer.target import TargetGeometry
-
-Floats: TypeAlias = NDArray[np.float64]
-Integers: TypeAlias = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,15 +17,15 @@ class TargetPlan:
 
     target: TargetGeometry
     lattice: Lattice
-    row_table: Integers  # (F, I, J) row of the target at an index less `low`; -1: nothing there
-    low: Integers  # (2,) smallest index
+    row_table: Rows  # (F, I, J) row of the target at an index less `low`; -1: nothing there
+    low: Rows  # (2,) smallest index
     ratio: float  # inner over outer radius of the rings
     radius_mm: float  # outer, the usual one
     limit: float  # how far out pixels may be used, in outer radii: half the white gap
-    corner_vertex: Integers  # (F, K) which corners of the faces' outlines are one point of the solid
-    beyond_face: Integers  # (B,) of the places one step outside the target, on its lattice
-    beyond_mm: Floats  # (B, 2) these places in the face's plane
-    mark_index: Integers  # (P, 2) candidate positions of marks on a face
+    corner_vertex: Rows  # (F, K) which corners of the faces' outlines are one point of the solid
+    beyond_face: Rows  # (B,) of the places one step outside the target, on its lattice
+    beyond_mm: Array  # (B, 2) these places in the face's plane
+    mark_index: Rows  # (P, 2) candidate positions of marks on a face
     mark_is_dot: NDArray[np.bool_]  # (F, P) which of them carry a dot
 
     @property
@@ -41,26 +38,26 @@ class TargetPlan:
         """Distance of neighbours in outer radii."""
         return float(np.linalg.norm(self.lattice.move_in_radii, axis=1).min())
 
-    def by_face(self, ring: Integers, pixel: Floats) -> list[tuple[Floats, Floats]]:
+    def by_face(self, ring: Rows, pixel: Array) -> list[tuple[Array, Array]]:
         """Features face by face: their places in the face's plane in mm, and in the image.  # (N,), (N, 2)"""
         face = self.target.ring_face[ring]
         plane = self.target.center_in_face_mm[ring, :2]
         return [(plane[face == f], pixel[face == f]) for f in np.unique(face)]
 
-    def rows_on_all(self, index: Integers) -> Integers:
+    def rows_on_all(self, index: Rows) -> Rows:
         """Rows of the target at indices, for each face; -1 where it has nothing.  # (N, 2) -> (F, N)"""
         return _looked_up(self.row_table, index - self.low)
 
-    def lattice_mm(self, face: int, index: Integers) -> Floats:
+    def lattice_mm(self, face: int, index: Rows) -> Array:
         """Where indices lie on a face, whether the target has a feature there or not.  # (N, 2) -> (N, 2)"""
         return _lattice_mm(self.target, face, index)
 
-    def rows_at(self, face: int, index: Integers) -> Integers:
+    def rows_at(self, face: int, index: Rows) -> Rows:
         """Rows of the target at indices of one face, -1 where it has nothing.  # (N, 2) -> (N,)"""
         return np.asarray(_looked_up(self.row_table[face : face + 1], index - self.low)[0])
 
 
-def _looked_up(table: Integers, at: Integers) -> Integers:
+def _looked_up(table: Rows, at: Rows) -> Rows:
     """What tables have at an index; -1 outside.  # (F, I, J), (N, 2) -> (F, N)"""
     size = table.shape[1:]
     i, j = at[:, 0], at[:, 1]
@@ -100,16 +97,14 @@ def plan_for(target: TargetGeometry) -> TargetPlan:
     )
 
 
-def _lattice_mm(target: TargetGeometry, face: int, index: Integers) -> Floats:
+def _lattice_mm(target: TargetGeometry, face: int, index: Rows) -> Array:
     """Where indices lie on a face.  # (N, 2) -> (N, 2)"""
     first = int(np.flatnonzero(target.ring_face == face)[0])
     steps = target.lattice_mm[face]
     return np.asarray(target.center_in_face_mm[first, :2] + (index - target.ring_index[first]) @ steps)
 
 
-def _one_step_outside(
-    target: TargetGeometry, lattice: Lattice, table: Integers, low: Integers
-) -> tuple[Integers, Floats]:
+def _one_step_outside(target: TargetGeometry, lattice: Lattice, table: Rows, low: Rows) -> tuple[Rows, Array]:
     """Places of the lattice that the target does not have, next to those that it has: faces (B,), places (B, 2)."""
     faces, places = [], []
     for face in range(target.face_count):
@@ -144,7 +139,7 @@ def _white_gap_mm(target: TargetGeometry) -> float:
     return max(min(gaps), 0.1 * radius)
 
 
-def _shared_corners(target: TargetGeometry) -> Integers:
+def _shared_corners(target: TargetGeometry) -> Rows:
     """Number the corners of all outlines so that corners at one place share a number.  # (F, K)"""
     frame = target.target_from_face
     corner = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
@@ -154,7 +149,7 @@ def _shared_corners(target: TargetGeometry) -> Integers:
     return np.asarray(np.argmax(distance < tolerance, axis=1).reshape(corner.shape[:2]))
 
 
-def _marks(target: TargetGeometry) -> tuple[Integers, NDArray[np.bool_]]:
+def _marks(target: TargetGeometry) -> tuple[Rows, NDArray[np.bool_]]:
     """Where marks may be, and where they are: of coded faces wherever one has a dot, row by row from the corner on."""
     face, index = target.ring_face[target.is_dot], target.ring_index[target.is_dot]
     place, row = np.unique(np.column_stack([index.sum(axis=1), index[:, ::-1]]), axis=0, return_inverse=True)

@@ -41,9 +41,9 @@ from calib.detector.ring_model import (
     bend_of,
     parameters_of,
 )
+from designer.base.arrays import Rows
 
 Floats: TypeAlias = NDArray[np.float64]
-Integers: TypeAlias = NDArray[np.int64]
 
 REACH_PX = 4.0
 """Residuals no farther apart along an edge may go together; twice that changes no ratio of the benchmark by 10 %."""
@@ -303,9 +303,7 @@ class Ratios:
     ring: Floats  # (N,)
 
 
-def variance_ratios(
-    scores: Scores, params: Floats, roughness: Floats, face: Integers, usual_ratio: float = 1.0
-) -> Ratios:
+def variance_ratios(scores: Scores, params: Floats, roughness: Floats, face: Rows, usual_ratio: float = 1.0) -> Ratios:
     """The ratio of a photo from its usual rings, and that of each ring between the photo's and its own.
 
     Rings on face -1 do not count; `usual_ratio` is what is expected of such a photo before its rings are asked.

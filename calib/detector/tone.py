@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from calib.detector.candidates import semi_axes_px
 from calib.detector.ring_fit import RingFits
 from calib.detector.ring_model import BLUR, DARKNESS, E00, E11, INK_LIGHT_U, INK_LIGHT_V, LIGHT_U, LIGHT_V, RATIO, WHITE
+from designer.base.arrays import Array
 
-Floats: TypeAlias = NDArray[np.float64]
 Image: TypeAlias = NDArray[np.generic]
-Fit: TypeAlias = Callable[[Image, Floats, NDArray[np.int64]], RingFits]
+Fit: TypeAlias = Callable[[Image, Array, NDArray[np.int64]], RingFits]
 
 LEAST, MOST = 0.8, 2.2
 """From 1: of usual encodings it is 1.2, with a curve on top up to 1.7. What else leaves a trace alike comes to .75
@@ -61,7 +61,7 @@ def change_of_exponent(fits: RingFits, is_sound: NDArray[np.bool_]) -> tuple[flo
 
 def without_tone(
     image: Image, fits: RingFits, is_sound: NDArray[np.bool_], fit: Fit
-) -> tuple[NDArray[np.float32], Floats] | None:
+) -> tuple[NDArray[np.float32], Array] | None:
     """The photo with its tone curve undone, and parameters to start from; None where levels are light for all one sees.
 
     Args:
@@ -96,7 +96,7 @@ def _in_light(image: Image, exponent: float, full: float) -> NDArray[np.float32]
     return np.asarray(cv2.pow(share, exponent), dtype=np.float32) * np.float32(full)
 
 
-def _starts(params: Floats, exponent: float, full: float) -> Floats:
+def _starts(params: Array, exponent: float, full: float) -> Array:
     """Parameters to start from there: levels through the curve, light without a gradient."""
     moved, white = params.copy(), np.maximum(params[:, WHITE], 1e-9)
     moved[:, WHITE] = full * (white / full) ** exponent

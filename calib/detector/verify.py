@@ -7,7 +7,6 @@ target ends, neither before nor after; and do the ratios agree that no perspecti
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +20,7 @@ from calib.detector.measure import Measured
 from calib.detector.photo_checks import depth, face_end, lattice_over_spacing
 from calib.detector.place import REACH, SIZE_RATIO, Naming, Placement, Places, imaged, predict
 from calib.detector.plan import TargetPlan
-
-Floats: TypeAlias = NDArray[np.float64]
-Integers: TypeAlias = NDArray[np.int64]
-Flags: TypeAlias = NDArray[np.bool_]
+from designer.base.arrays import Array, Flags, Rows
 
 PLAIN_RADIUS_PX = 4.0
 """Features with a larger semi-minor axis are plain to see where nothing hides them."""
@@ -190,7 +186,7 @@ def gather(
     )
 
 
-def _radius_px(found: Floats, share: float) -> float:
+def _radius_px(found: Array, share: float) -> float:
     """PLAIN_RADIUS_PX; of smaller features, the semi-minor axis that so large a share of those found has not."""
     return min(PLAIN_RADIUS_PX, float(np.quantile(semi_axes_px(found)[1], share))) if len(found) else PLAIN_RADIUS_PX
 
@@ -200,13 +196,13 @@ def _plain(places: Places, least_px: float, image_size: tuple[int, int]) -> Flag
     return np.asarray((semi_axes_px(places.shape)[1] >= least_px) & places.are_whole(image_size))
 
 
-def _read(image: NDArray[np.generic], plan: TargetPlan, places: Places, contrast: float) -> Integers:
+def _read(image: NDArray[np.generic], plan: TargetPlan, places: Places, contrast: float) -> Rows:
     """What stands at places, as the pixels say: borders may not have been found there.  # (N,)"""
     ellipse, around = np.hstack([places.center_px, places.shape]), 0.4 + 0.6 * plan.limit
     return read_marks(image, ellipse, ratio=plan.ratio, around=around, contrast=contrast)
 
 
-def _at(plan: TargetPlan, rings: Candidates, places: Places) -> Integers:
+def _at(plan: TargetPlan, rings: Candidates, places: Places) -> Rows:
     """The ring at each place, -1: none.  # (N,)"""
     reach = REACH * plan.pitch_radii
     return nearest_candidates(rings, places.center_px, places.shape, reach=reach, size_ratio=SIZE_RATIO)[0]
@@ -241,7 +237,7 @@ def _inside(plan: TargetPlan, placement: Placement, face: int, rings: Candidates
     return np.asarray((depth(outline, on_face) > 0).all(axis=0) & np.isfinite(on_face).all(axis=1))
 
 
-def _one_step_outside(plan: TargetPlan, placement: Placement, faces: Integers, image_size: tuple[int, int]) -> Places:
+def _one_step_outside(plan: TargetPlan, placement: Placement, faces: Rows, image_size: tuple[int, int]) -> Places:
     """Places of the lattice next to those that the target has, on some of the faces that show."""
     mine = np.flatnonzero(np.isin(plan.beyond_face, faces))
     face, radius = plan.beyond_face[mine], np.full(len(mine), plan.radius_mm)

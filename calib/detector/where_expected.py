@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.types import Detections
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 _NEAREST = 4
 """Found features whose residuals predict that of another."""
