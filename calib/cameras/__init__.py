@@ -10,13 +10,9 @@ from typing import TYPE_CHECKING, Protocol
 from calib.core.registry import Registry
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from calib.cameras.camera import Camera
     from calib.cameras.parameters import LensParameter, Linearised
-
-    Array = NDArray[np.float64]
+    from designer.base.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,10 @@ in normalised coordinates (Brown 1966, in OpenCV's order and naming: k1 k2 p1 p2
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.polynomial import first_change
 from calib.core.jit import jit
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 MAX_STEPS = 60
 TOLERANCE = 5e-16

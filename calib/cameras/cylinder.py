@@ -7,12 +7,10 @@ camera is level, and the field may be a whole turn; straight up and down is infi
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.parameters import FOCAL_AND_CENTRE, CompiledModel
 from calib.core.jit import jit
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 
 @jit

@@ -19,8 +19,8 @@ from calib.cameras.camera import Camera
 from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, CompiledModel, LensParameter
 from calib.cameras.polynomial import first_change, value_at
 from calib.core.jit import jit, jit_sums
+from designer.base.arrays import Array
 
-Array = NDArray[np.float64]
 Terms = NDArray[np.int64]
 
 TERMS = ("a1", "a2", "a3", "a4", "b1", "b2", "b3", "p1", "p2", "s1", "s2", "s3", "s4")

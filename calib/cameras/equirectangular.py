@@ -6,12 +6,10 @@ It holds every direction, a whole sphere in a picture twice as wide as high; wha
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.parameters import FOCAL_AND_CENTRE, CompiledModel
 from calib.core.jit import jit
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 
 @jit

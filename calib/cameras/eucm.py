@@ -7,13 +7,11 @@ Martinet 2016; limits as in Usenko, Demmel and Cremers 2018).
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.parameters import FOCAL_AND_CENTRE, LensParameter
 from calib.cameras.radial import RadialModel
 from calib.core.jit import jit_sums
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 
 @jit_sums

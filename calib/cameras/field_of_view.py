@@ -6,13 +6,11 @@ The angle between the light at two sides of an image says nothing beyond half a 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.core.se3 import angles_between
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 STEPS = 1024
 """Pixels looked at along a line."""

@@ -8,14 +8,12 @@ form of OpenCV's fisheye). It is kept up to the angle where r ceases to grow.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.parameters import FOCAL_AND_CENTRE, LensParameter
 from calib.cameras.polynomial import first_change
 from calib.cameras.radial import RadialModel, polynomial
 from calib.core.jit import jit
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 NEAR_AXIS = 1e-8
 """Tangent of an angle at which an angle and its tangent are one in floating point."""

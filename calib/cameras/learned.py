@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from calib.cameras.camera import LearnedMap
 from calib.core.jit import jit
 from calib.core.parallel import one_thread, one_thread_with_scipy
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 STEPS_PER_LENGTH = 8.0
 """Nodes of the first table along a length of the kernel; doubled until `TABLE_ERROR` is met."""

@@ -3,12 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import ABILITIES, LINEAR, linearise
 from calib.cameras.camera import Camera
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 AXIS = np.array([[0.0], [0.0], [1.0]])
 RELATIVE_STEP = 1e-6

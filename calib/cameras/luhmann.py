@@ -9,14 +9,12 @@ With y down, as everywhere else in this program, this is `D` of `calib.cameras.b
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.brown import BLOCK, distort, fold_radius, undistort_block
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, CompiledModel, LensParameter, keep_rows
 from calib.core.jit import jit, jit_sums
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 
 def _lens(camera: Camera) -> tuple[Array, float]:

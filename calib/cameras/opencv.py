@@ -4,14 +4,12 @@
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.brown import BLOCK, distort, fold_radius, undistort_block
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, CompiledModel, LensParameter, keep_rows
 from calib.core.jit import jit, jit_sums
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 
 @jit

@@ -8,7 +8,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import LINEAR, pictures, rays
 from calib.cameras.camera import MAX_SIDE_PX, Camera
@@ -16,9 +15,8 @@ from calib.cameras.linear_part import linear_part
 from calib.cameras.refit import image_grid
 from calib.cameras.undistortion import pinhole_of
 from calib.core.se3 import exp_rotation
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 WIDEST_PINHOLE_RAD = math.radians(170)
 NEAR_HORIZON_RAD = math.radians(45)

@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, LensParameter, Linearised, keep_rows, to_unit
 from calib.core.jit import jit, jit_sums
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 
 @jit

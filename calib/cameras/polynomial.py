@@ -1,11 +1,9 @@
 """Where polynomials cease to be positive: how far lenses that are made of them reach."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.jit import jit
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 FARTHEST = 1e30
 """A change of sign beyond is none."""

@@ -9,13 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import LensParameter, Linearised, to_unit
 from calib.core.jit import jit, jit_sums
+from designer.base.arrays import Array
 
-Array = NDArray[np.float64]
 FIRST = 4
 """Parameters before those of the lens: fx fy cx cy."""
 

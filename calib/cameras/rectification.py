@@ -9,15 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.cameras.camera import Camera
 from calib.cameras.linear_part import linear_part
 from calib.core.se3 import exp_rotation, log_rotation
 from calib.core.types import freeze
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 LEAST_COSINE = 0.5
 """Of the angle by which a camera may turn; pictures of cameras that turn farther overlap in nothing of use."""

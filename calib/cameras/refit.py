@@ -30,9 +30,8 @@ from calib.cameras.camera import Camera
 from calib.core.linear_algebra import least_squares
 from calib.core.se3 import angles_between, exp_rotation, log_rotation
 from calib.core.types import freeze
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 COLUMNS = 60
 FOCAL_AND_CENTRE = 4

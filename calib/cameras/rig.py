@@ -7,19 +7,17 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.se3 import invert, rigid_fault
 from calib.core.types import freeze
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.files import write_files
 from designer.base.marks import LEFT_OUT, PACKED, AtLeast, AtMost, Length, Shape
 from designer.base.small_file import place_of
 from designer.base.words import shown, suggestion
-
-Array = NDArray[np.float64]
 
 MOST_CAMERAS = 256
 LONGEST_DELAY_S = 1e3

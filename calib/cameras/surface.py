@@ -14,8 +14,7 @@ from calib.cameras import MODELS, CameraModel, linearise
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import LensParameter, Linearised
 from calib.core.jit import jit
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 DEGREE = 3
 MARGIN = 0.1

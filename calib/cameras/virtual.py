@@ -5,14 +5,12 @@ Where the map is not known there are neither rays nor images.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.cameras.learned import MapTable, is_known, read, search, table_of
 from calib.cameras.parameters import FOCAL_AND_CENTRE, CompiledModel
 from calib.core.jit import jit
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 VIRTUAL = "virtual"
 
