@@ -8,7 +8,7 @@ import numpy as np
 
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, FileLens, ReadCamera
-from calib.interop.lens import Array, brown, fit_foreign, invert, lens_camera, lens_named, slopes_of
+from calib.interop.lens import brown, fit_foreign, invert, lens_camera, lens_named, slopes_of
 from calib.interop.lens_names import model_named, require_agreement
 from calib.interop.parsing import (
     image_size,
@@ -20,6 +20,7 @@ from calib.interop.parsing import (
     required,
     shown_plain,
 )
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 
 _RECOGNISED = re.compile(

@@ -14,10 +14,10 @@ from calib.cameras.refit import fit_rays, image_grid, in_other_words
 from calib.interop.choosing import by_field, closest, try_fits
 from calib.interop.format import NOTHING, FileLens, ReadCamera
 from calib.interop.parsing import make_camera
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 
 Complex = NDArray[np.complex128]
-Array = NDArray[np.float64]
 
 Distort = Callable[[Complex, Complex], tuple[Complex, Complex]]
 """A lens in normalised coordinates; built of `+ - * /` only, so that it takes complex numbers."""

@@ -17,8 +17,9 @@ import numpy as np
 
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, FileLens, ReadCamera
-from calib.interop.lens import Array, Complex, Distort, fit_foreign, fit_lens, invert, lens_camera, slopes_of
+from calib.interop.lens import Complex, Distort, fit_foreign, fit_lens, invert, lens_camera, slopes_of
 from calib.interop.parsing import image_size, number, parse_xml, pick, real
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import shown
 

@@ -13,8 +13,9 @@ import numpy as np
 
 from calib.core.se3 import rotation_between
 from calib.interop.format import FileLens, ReadCamera
-from calib.interop.lens import Array, Complex, fit_foreign, invert, lens_camera, slopes_of
+from calib.interop.lens import Complex, fit_foreign, invert, lens_camera, slopes_of
 from calib.interop.parsing import number, numbers
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import shown
 

@@ -20,8 +20,9 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import Refit, image_grid
 from calib.core.linear_algebra import least_squares
 from calib.interop.format import ReadCamera
-from calib.interop.lens import Array, Complex, fit_foreign, invert, slopes_of
+from calib.interop.lens import Complex, fit_foreign, invert, slopes_of
 from calib.interop.parsing import numbers
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import shown
 

@@ -8,9 +8,10 @@ import numpy as np
 
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, FileLens, ReadCamera
-from calib.interop.lens import QUICK_OF_OPENCV, Array, brown_camera, fit_foreign, lens_camera
+from calib.interop.lens import QUICK_OF_OPENCV, brown_camera, fit_foreign, lens_camera
 from calib.interop.lens_names import NamedLens, mentions_lens, named_lens
 from calib.interop.parsing import image_size, number, numbers, parse_tree, real, required
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 
 MATRIX = ("camera_matrix", "cameraMatrix", "K", "mtx", "camera_mtx", "intrinsic_matrix")

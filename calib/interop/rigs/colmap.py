@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import quaternion_wxyz
 from calib.interop import FORMATS
@@ -18,12 +17,11 @@ from calib.interop.format import ReadCamera
 from calib.interop.parsing import mapping, number, numbers, real, required
 from calib.interop.rigs.format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from calib.interop.rigs.poses import UNIT_WORDS, quaternion_pose, unit_said
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.file_kind import laid_out
 from designer.base.small_file import JsonValue, parse_json
 from designer.base.words import NAME, shown
-
-Array = NDArray[np.float64]
 
 CONFIG, RIGS, CAMERAS = "rig_config.json", "rigs.txt", "cameras.txt"
 UNIT = "length_unit"

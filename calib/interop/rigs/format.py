@@ -7,16 +7,14 @@ from functools import cached_property
 from pathlib import PurePath
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.refit import Refit
 from calib.cameras.rig import MOST_CAMERAS, Rig
 from calib.core.se3 import compose, invert
 from calib.interop.format import CameraFormat, FileLens, ReadCamera
 from calib.interop.rigs.poses import in_unit
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 NEVER = re.compile(r"(?!)")
 """Found in no file: of formats that are known by the files of a folder."""

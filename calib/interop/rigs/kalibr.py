@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import compose, invert
 from calib.interop import FORMATS
@@ -16,9 +15,8 @@ from calib.interop.kalibr import entry, read_entry
 from calib.interop.parsing import mapping, parse_yaml, real
 from calib.interop.rigs.format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from calib.interop.rigs.poses import matrix_pose
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 FROM_BEFORE, FROM_IMU = "T_cn_cnm1", "T_cam_imu"
 _TOPIC = re.compile(r"/?([^/]+(?:/[^/]+)*)/[^/]+")

@@ -6,7 +6,6 @@ The reference is the rig's frame. Older files call the pose `extrinsics`.
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import log_rotation
 from calib.interop import FORMATS
@@ -15,8 +14,7 @@ from calib.interop.mrcal import camera_of, literal, model_text
 from calib.interop.parsing import numbers, required
 from calib.interop.rigs.format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from calib.interop.rigs.poses import vector_pose
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 SUFFIX = ".cameramodel"
 POSE = ("rt_cam_ref", "extrinsics")

@@ -9,7 +9,6 @@ import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.rectification import rectified_pair
 from calib.core.se3 import exp_rotation, skew
@@ -19,8 +18,7 @@ from calib.interop.opencv import FISHEYE, SIZE, WIDE, camera_of, matrix_numbers,
 from calib.interop.parsing import image_size, parse_tree, required
 from calib.interop.rigs.format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from calib.interop.rigs.poses import pose_of, unit_said
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 UNIT, SECOND_SIZE = "length_unit", "image_size_2"
 WIDES = (FISHEYE, f"{FISHEYE}_2")

@@ -3,14 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import MAX_DISTANCE_MM, exp_rotation, make_pose, rotation_of_quaternion
 from calib.interop.parsing import numbers, shown_plain
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import shown, suggestion
-
-Array = NDArray[np.float64]
 
 UNIT_MM = {"m": 1000.0, "mm": 1.0}
 """Units of length that files may have."""

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.linear_part import linear_part
 from calib.cameras.rectification import rectified_pair
@@ -20,8 +19,7 @@ from calib.interop.rigs.format import RigFormat, WrittenRig, plain_words
 from calib.interop.rigs.poses import roll_pitch_yaw_rad
 from calib.interop.rigs.ros_reading import FRAME, LAUNCH, RIG_LINK, SUFFIX, read
 from calib.interop.ros import info_text
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 URDF = "rig.urdf"
 

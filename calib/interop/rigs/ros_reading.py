@@ -7,7 +7,6 @@ the last column of P is K' t with the shift t in metres from the rectified frame
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import invert
 from calib.interop.format import ReadCamera
@@ -16,10 +15,9 @@ from calib.interop.parsing import mapping, number, parse_yaml, required
 from calib.interop.rigs.format import ReadRig, RigFiles, assembled
 from calib.interop.rigs.poses import pose_of, quaternion_pose
 from calib.interop.ros import read as read_info
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import shown
-
-Array = NDArray[np.float64]
 
 LAUNCH, SUFFIX, FRAME = "static_transforms.launch.yaml", ".yaml", "_optical_frame"
 RIG_LINK = "rig"

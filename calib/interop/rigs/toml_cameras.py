@@ -7,7 +7,6 @@ import tomllib
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.se3 import log_rotation
@@ -17,9 +16,8 @@ from calib.interop.lens_names import named_lens
 from calib.interop.opencv import COUNTS, WIDE, camera_by_name, data_of, linear_part, matrix_numbers
 from calib.interop.parsing import image_size, mapping, real, required
 from calib.interop.rigs.poses import matrix_pose, vector_pose
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 LENSES = tuple(lens for lens in FORMATS["opencv"].lenses if lens.name in ("standard", "fisheye"))
 """What both programs take: of OpenCV's lenses the one with five numbers, and the fisheye's."""
