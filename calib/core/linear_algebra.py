@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 ROUNDING = 1e-13
 """Part of the largest eigenvalue, the diagonal scaled to one, that sums of products are uncertain by."""

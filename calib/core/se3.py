@@ -6,7 +6,7 @@ A pose is a 4 x 4 matrix that reads right to left: `p_cam = cam_from_target @ p_
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 SMALL_ANGLE_RAD = 1e-4
 """Below it the series of sin(a)/a and its like, cut after two terms, are exact to the last bit."""
