@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera, camera_to_json
@@ -30,14 +29,13 @@ from calib.solver.calibration import (
 )
 from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import PlaneBend
+from designer.base.arrays import Array
 from designer.base.codec import decode, encode
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.files import write_files
 from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Count, Gap, Hash, Length, Shape
 from designer.base.words import shown
-
-Array = NDArray[np.float64]
 
 LARGEST_SCALE = 1e9
 LARGEST_COVARIANCE = 1e100

@@ -22,6 +22,7 @@ from calib.core.types import KnownPoints, Observations
 from calib.observe.dataset import FIRST_LINE, MAX_SIDE_PX, read_detections
 from calib.observe.observations import known_points, knows_fronts, observations_from_detections, prepare
 from calib.observe.point_target import MAX_FACE
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import shown
 from designer.target import TargetGeometry, load_target
@@ -29,7 +30,6 @@ from designer.target import TargetGeometry, load_target
 if TYPE_CHECKING:
     from calib.observe.corners_vnl import PointGrid
 
-Array = NDArray[np.float64]
 Size = tuple[int, int]
 
 SEEN, ID = ("image", "u", "v"), "id"

@@ -16,8 +16,7 @@ from calib.cameras import MODELS, rays
 from calib.cameras.camera import Camera
 from calib.images.headers import DamagedError
 from calib.images.photo import MAX_PIXELS, grey_of, read_preview
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 COLUMNS = 240
 """Of the grid of cells."""

@@ -5,16 +5,13 @@ because no lens turns an image inside out.
 """
 
 from itertools import pairwise
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.types import KnownPoints, Observations
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
-Rows: TypeAlias = NDArray[np.int64]
 
 CLEAR_SHARE = 0.5
 """Of a view's triangles, those that run one way less those that run the other, from which on a view is clear."""

@@ -19,12 +19,10 @@ from calib.core.types import (
     with_sound_covariances,
 )
 from calib.observe.mirrored import mirrored_views
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.words import first_few
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 ON_A_LINE = 1e-3
 """Points this much thinner than long lie on a line."""

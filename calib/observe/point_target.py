@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 
 from calib.core.csv_table import CsvTable, column_fault, read_table, read_text
 from calib.core.types import KnownPoints
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.base.words import first_few, shown
 from designer.target import MAX_INDEX, TargetGeometry
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 MAX_FILE_BYTES = 64 * 2**20
 MAX_POINTS, MAX_PLANES = 100_000, 200
@@ -48,7 +46,7 @@ class PointTable:
 
     position_mm: Array  # (R, 3)
     plane: tuple[str, ...]  # (R,) its name; "" for all where there is no such column
-    ids: Numbers  # (R,) without such a column: the row
+    ids: Rows  # (R,) without such a column: the row
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -148,7 +146,7 @@ def target_from_points(
     )
 
 
-def ids_of(target: TargetGeometry) -> Numbers:
+def ids_of(target: TargetGeometry) -> Rows:
     """By what tables of observations name a target's features: a point's id, a designed feature's row.  # (R,)"""
     ids = target.ring_index[:, 0]
     is_points = target.spec is None and not target.ring_index[:, 1].any() and len(np.unique(ids)) == len(ids)

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from calib.core.time_stamps import stamps_s
 from calib.observe.rig_photos import RigPhoto, RigPhotos, framed
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 def stamped_by_name(photos: Sequence[RigPhoto]) -> tuple[RigPhoto, ...]:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.csv_table import csv_bytes, csv_cell
@@ -16,6 +15,7 @@ from calib.core.types import Detections
 from calib.observe.observations import observations_for_poses
 from calib.observe.photos import Search
 from calib.solver.start import solve_poses
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.files import write_files
@@ -23,8 +23,6 @@ from designer.base.marks import Hash, Key, Shape
 from designer.base.own_files import require_ours
 from designer.base.small_file import place_of
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 POSES_VERSION = 1
 CSV_COLUMNS = (
