@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.csv_table import csv_bytes, csv_cell, read_table, read_text
 from calib.core.se3 import MAX_DISTANCE_MM, invert, make_pose
@@ -19,12 +18,12 @@ from calib.core.time_stamps import stamps_s
 from calib.core.types import freeze
 from calib.interop.parsing import number, parse_yaml, shown_plain
 from calib.robot.rotations import RotationColumns, RowError, of_quaternion, rotation_columns, to_quaternion
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.number_text import figure
 from designer.base.small_file import parse_json
 from designer.base.words import shown, suggestion
 
-Array = NDArray[np.float64]
 Entry = Mapping[str, object]
 
 KIND = "ringsolid.robot-poses"

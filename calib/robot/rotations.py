@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation, quaternion_wxyz, rotation_of_quaternion
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import shown
-
-Array = NDArray[np.float64]
 
 UNIT_LENGTH = 1e-2
 """By which a quaternion's length may differ from one: files of three digits are read, other numbers are not."""
