@@ -24,10 +24,8 @@ from calib.space.linear import calibration_factor
 from calib.space.propagate import Propagated, Rays, propagate
 from calib.space.triangulate import UNSURE
 from calib.space.volume import WorkingVolume, seen_by_cameras
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
 
 CELLS = (21, 21, 21)
 FINER, LEAST_POINTS = (41, 41, 41), 300

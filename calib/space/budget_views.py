@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.rig import Rig
 from calib.core.se3 import transform
@@ -12,10 +11,9 @@ from calib.core.types import freeze
 from calib.space.budget import Expected, expected_errors
 from calib.space.error_size import rms_error_mm
 from calib.space.volume import WorkingVolume
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.marks import OR_NULL, AtLeast, AtMost, Length, Line, Shape
-
-Array = NDArray[np.float64]
 
 STEPS = 33
 CELLS = 45

@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.marks import Gap
-
-Array = NDArray[np.float64]
 
 MOST = 95
 """Per cent of the points that are better than what is told of most."""

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from calib.cameras import linearise
 from calib.cameras.rig import Rig
 from calib.core.se3 import skew, transform
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 ROUNDING = 1e-14
 """Part of a covariance's largest eigenvalue, its diagonal scaled to one, that is rounding."""

@@ -9,13 +9,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.rig import Rig
 from calib.space.linear import LinearSight, linear_sight
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
+from designer.base.arrays import Array, Rows
 
 SINGULAR = 1e-13
 """Determinant of a matrix, its diagonal scaled to one, that is rounding."""

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.rig import Rig
 from calib.core.parallel import in_chunks, one_thread
@@ -17,11 +16,8 @@ from calib.core.types import freeze
 from calib.space.linear import calibration_factor, linear_sight, rays_in_rig
 from calib.space.propagate import Rays, inverse_3x3, normal_matrices, propagate, sums_at, whitening
 from calib.space.sightings import PointSightings, with_noise
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 REASONS = (
     "",
@@ -59,8 +55,8 @@ class TriangulatedPoints:
     reason: Rows  # (N,) rows of `REASONS`
     residual_px: Array  # (M, 2) predicted - measured, of gross errors too; nan without a position
     ray_error_mm: Array  # (M,) from the point to the ray
-    is_gross: Mask  # (M,) left out, because it contradicts the others
-    is_used: Mask  # (M,) that the positions come from
+    is_gross: Flags  # (M,) left out, because it contradicts the others
+    is_used: Flags  # (M,) that the positions come from
     cameras_used: Rows  # (N,)
     misclosure_px: Array  # (N,) of two cameras the epipolar error, both residuals together; of more the largest
     noise_px: Array  # (C,) that was taken where a sighting states none
@@ -77,7 +73,7 @@ class TriangulatedPoints:
         return self.noise_mm2 if self.calibration_mm2 is None else self.noise_mm2 + self.calibration_mm2
 
     @property
-    def is_placed(self) -> Mask:
+    def is_placed(self) -> Flags:
         """Which points have a position.  # (N,)"""
         return np.asarray(self.reason == 0)
 
@@ -287,18 +283,18 @@ def _scale(solved: _Solved) -> float:
     return float(np.sqrt(np.median(solved.contradiction[known] / chdtri(solved.freedom[known], 0.5))))
 
 
-def _is_contradiction(solved: _Solved, scale: float) -> Mask:
+def _is_contradiction(solved: _Solved, scale: float) -> Flags:
     """Which points (N,) their sightings contradict, by more than chance makes of so large a noise."""
     from scipy.special import chdtri
 
     limit = chdtri(np.maximum(solved.freedom, 1), GROSS) * max(1.0, scale if np.isfinite(scale) else 1.0) ** 2
-    contradicted: Mask = solved.contradiction > limit
+    contradicted: Flags = solved.contradiction > limit
     return contradicted
 
 
 def _without_gross(
-    rig: Rig, factor: Array | None, sightings: PointSightings, cov: Array, use: Mask, solved: _Solved, scale: float
-) -> tuple[Mask, _Solved, Rows]:
+    rig: Rig, factor: Array | None, sightings: PointSightings, cov: Array, use: Flags, solved: _Solved, scale: float
+) -> tuple[Flags, _Solved, Rows]:
     """Leave out what contradicts the rest: which sightings (M,), the points from the others, and reasons (N,)."""
     is_gross, reason = np.zeros(len(sightings.place), dtype=bool), np.zeros(sightings.count, dtype=np.int64)
     bad = np.flatnonzero(_is_contradiction(solved, scale))
@@ -321,15 +317,15 @@ def _without_gross(
     return is_gross, solved, reason
 
 
-def seen_by_two(sightings: PointSightings, places: Rows) -> Mask:
+def seen_by_two(sightings: PointSightings, places: Rows) -> Flags:
     """Which of some points two cameras see and no more."""
-    two: Mask = np.bincount(sightings.place, minlength=sightings.count)[places] == 2
+    two: Flags = np.bincount(sightings.place, minlength=sightings.count)[places] == 2
     return two
 
 
 def _leave_each_out(
-    rig: Rig, factor: Array | None, sightings: PointSightings, cov: Array, use: Mask, places: Rows, scale: float
-) -> tuple[Rows, Mask, Mask]:
+    rig: Rig, factor: Array | None, sightings: PointSightings, cov: Array, use: Flags, places: Rows, scale: float
+) -> tuple[Rows, Flags, Flags]:
     """Of points (B,): the sighting without which the others agree best, whether they agree then, and only then."""
     rows = np.flatnonzero(use & np.isin(sightings.place, places))
     rows = rows[np.argsort(sightings.place[rows], kind="stable")]
@@ -374,7 +370,7 @@ def _replaced(solved: _Solved, fresh: _Solved, places: Rows) -> _Solved:
 
 
 def _told(
-    rig: Rig, sightings: PointSightings, noise: Array, solved: _Solved, reason: Rows, is_gross: Mask, use: Mask,
+    rig: Rig, sightings: PointSightings, noise: Array, solved: _Solved, reason: Rows, is_gross: Flags, use: Flags,
     scale: float,
 ) -> TriangulatedPoints:  # fmt: skip
     """All that is told of the points; those that are not determined have no position."""
@@ -404,7 +400,7 @@ def _told(
     )  # fmt: skip
 
 
-def _misclosure(sightings: PointSightings, residual: Array, use: Mask, rays: Rows) -> Array:
+def _misclosure(sightings: PointSightings, residual: Array, use: Flags, rays: Rows) -> Array:
     """Of two cameras the sum of both residuals' lengths, the epipolar error; of more the largest residual.  # (N,)"""
     length = np.where(use & np.isfinite(residual).all(axis=1), np.hypot(*residual.T), 0.0)
     largest = np.zeros(sightings.count)

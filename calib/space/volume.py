@@ -4,18 +4,15 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.rig import Rig
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import invert, make_pose, transform
 from calib.core.types import freeze
 from calib.space.linear import is_in_image, rays_in_rig
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.marks import Line, NullIs, Shape
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 TOGETHER = 0.5
 """Length of the mean of the optical axes from which cameras look the same way."""
@@ -53,7 +50,7 @@ class WorkingVolume:
         local = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         return transform(self.rig_from_volume, local)
 
-    def holds(self, point_mm: Array) -> Mask:
+    def holds(self, point_mm: Array) -> Flags:
         """Which points (N, 3) of the rig's frame are at the right distance.  # (N,)"""
         away = np.linalg.norm(point_mm - self.rig_from_volume[:3, 3], axis=1)
         return np.asarray((away >= self.near_mm) & (away <= self.far_mm))
@@ -69,7 +66,7 @@ class _Outlook:
     spread_mm: float  # mean distance between cameras
 
 
-def seen_by_cameras(rig: Rig, point_mm: Array) -> Mask:
+def seen_by_cameras(rig: Rig, point_mm: Array) -> Flags:
     """Which cameras show which points of the rig's frame.  # (N, C)"""
     return np.stack([is_in_image(rig, row, point_mm) for row in range(len(rig.cameras))], axis=1)
 

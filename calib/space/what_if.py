@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.rig import Rig
 from calib.core.linear_algebra import symmetric_inverse
@@ -11,10 +10,8 @@ from calib.core.se3 import make_pose, rotation_between
 from calib.space.budget import over_volume, position_errors, shape_errors
 from calib.space.error_size import PointErrors
 from calib.space.volume import WorkingVolume
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
