@@ -125,7 +125,7 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
     def lost(self) -> tuple[str, ...]:
         """What the files do not say that the camera or the rig knew, a line each."""
         from calib.interop.format import CameraFormat
-        from calib.interop.losses import lost_of
+        from calib.interop.holding import lost_of
         from calib.interop.rigs.held import lost_of_rig
         from calib.interop.rigs.reading import OpenedRig
 

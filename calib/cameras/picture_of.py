@@ -76,9 +76,10 @@ def _turned_pinhole(camera: Camera, focal_px: float | None, field_rad: float | N
         if focal_px is not None:
             raise InputError(f"--focal-px and --field both set the focal length of a {LINEAR}; give one of them")
         if not field_rad <= WIDEST_PINHOLE_RAD:
+            others = " or ".join(name for name in pictures() if name != LINEAR)
             raise InputError(
                 f"--field {math.degrees(field_rad):g}deg: a {LINEAR} shows less than 180 degrees, and little from "
-                f"{math.degrees(WIDEST_PINHOLE_RAD):g} on; give less, or --to {' or '.join(_others())}"
+                f"{math.degrees(WIDEST_PINHOLE_RAD):g} on; give less, or --to {others}"
             )
         focal_px = width / 2 / math.tan(field_rad / 2)
     fx, fy = same.params[:2]
@@ -116,8 +117,3 @@ def _framed(picture: Camera, across_rad: tuple[float, float], down_rad: tuple[fl
         raise InputError(f"a picture of {size[0]} x {size[1]} px: is too large or empty; give --focal-px or --field")
     centre = -np.array([left, upper]) - 0.5
     return Camera(picture.model, np.concatenate([picture.params[:2], centre]), size)
-
-
-def _others() -> list[str]:
-    """The pictures that are no pinhole."""
-    return [name for name in pictures() if name != LINEAR]

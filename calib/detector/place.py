@@ -119,7 +119,8 @@ def place_faces(
         mine = face == f
         is_enough = mine.sum() >= OWN_HOMOGRAPHY or len(faces) == 1
         if is_enough and homography.is_determined(plane[mine]):
-            own = _robust_homography(plane[mine], straight[mine], scale[mine])
+            weight = 1 / scale[mine] ** 2  # points that lie far off are left out
+            own = homography.fit_near(plane[mine], straight[mine], weight, slack=0.2, least=5)[0]
             mapped[f] = own if np.isfinite(own).all() else mapped[f]
     return Placement(lens, mapped, by_solid, mirrored)
 
@@ -177,11 +178,6 @@ def _width_over_length(mapped: Array) -> Array:
     derivative = (mapped[:, :2, :2] - point[:, :, None] * mapped[:, 2:, :2]) / mapped[:, 2:, 2:]
     length = np.linalg.svd(derivative, compute_uv=False)
     return np.asarray(length[:, 1] / length[:, 0])
-
-
-def _robust_homography(plane: Array, straight: Array, scale: Array) -> Array:
-    """A homography refitted without the points that lie far off."""
-    return homography.fit_near(plane, straight, 1 / scale**2, slack=0.2, least=5)[0]
 
 
 def predict(plan: TargetPlan, placement: Placement, image_size: tuple[int, int]) -> Places:

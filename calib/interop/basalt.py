@@ -42,7 +42,8 @@ def write(camera: Camera, lens: FileLens) -> str:
     """The text for a camera of the lens's model, with Basalt's usual numbers of an IMU."""
     values: dict[str, JsonValue] = dict(zip(lens.names, lens.values(camera), strict=True))
     if lens.name == LIMITED:
-        values["rpmax"] = _farthest(camera)
+        shown = slopes(camera.rays(image_grid(camera.image_size)))  # in the plane z = 1
+        values["rpmax"] = float(np.nanmax(np.linalg.norm(shown, axis=-1)))
     place: dict[str, JsonValue] = {**dict.fromkeys(("px", "py", "pz", "qx", "qy", "qz"), 0.0), "qw": 1.0}
     document: dict[str, JsonValue] = {
         "T_imu_cam": [place],
@@ -59,11 +60,6 @@ def write(camera: Camera, lens: FileLens) -> str:
         "vignette": [],
     }
     return laid_out({"value0": document, "format": f"{NAME}.basalt-json"}) + "\n"  # the last is ours; Basalt skips it
-
-
-def _farthest(camera: Camera) -> float:
-    """The farthest from the axis that the image shows, in the plane z = 1."""
-    return float(np.nanmax(np.linalg.norm(slopes(camera.rays(image_grid(camera.image_size))), axis=-1)))
 
 
 def read(text: str, origin: str, name: str | None = None) -> ReadCamera:

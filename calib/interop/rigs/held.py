@@ -7,8 +7,7 @@ import numpy as np
 
 from calib.cameras.rig import Rig
 from calib.core.se3 import compose, make_pose
-from calib.interop.holding import Held
-from calib.interop.losses import lost_of
+from calib.interop.holding import Held, lost_of
 from calib.interop.rigs import OWN_RIG
 from calib.interop.rigs.format import RigFormat
 

@@ -62,7 +62,8 @@ def open_rig(place: Path, format_name: str | None = None, unit: str | None = Non
     origin = place.parent if kind.is_folder and not place.is_dir() else place
     found = kind.read(RigFiles(files, str(origin), unit or kind.unit))
     if found.unit is not None:
-        _require_same(found.unit, unit, place)
+        if unit is not None and unit != found.unit:
+            raise InputError(f"{place}: says that its lengths are in {shown(found.unit)}; leave out --from-unit {unit}")
         return OpenedRig(kind, found, paths)
     said = "as told" if unit is not None else f"as {kind.title} usually has it; another with --from-unit"
     remarks = (f"lengths are taken as {UNIT_WORDS[unit or kind.unit]}, {said}", *_doubts(found.rig))
@@ -150,12 +151,6 @@ def _files(place: Path, kind: RigFormat) -> tuple[Mapping[str, str], tuple[Path,
         paths = [place / kind.file_name if place.is_dir() else place]
     most = largest_bytes() if kind.name == OWN_RIG else kind.cameras.max_bytes
     return {path.name: read_small_text(path, most, f"a file of {kind.title}") for path in paths}, tuple(paths)
-
-
-def _require_same(said: str, asked: str | None, place: Path) -> None:
-    """Refuse a unit other than the file says."""
-    if asked is not None and asked != said:
-        raise InputError(f"{place}: says that its lengths are in {shown(said)}; leave out --from-unit {asked}")
 
 
 def _doubts(rig: Rig) -> tuple[str, ...]:
