@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.cameras import learned_models, models_of_all, models_of_all_wide, solved_models
-from calib.solver.costs import COSTS
 from designer.base.errors import InputError
 from designer.kinds.presets import camera_templates, criteria_templates, error_templates, one_of, rig_templates
 
@@ -14,7 +13,6 @@ if TYPE_CHECKING:
     from calib.observe.corners_vnl import PointGrid
 
 TargetArgument = Annotated[Path, typer.Argument(help="the target file (NAME.target.json) of what the photos show")]
-PhotosArgument = Annotated[list[str], typer.Argument(help="images, folders of images, or patterns such as 'run/*.png'")]
 CameraTemplateOption = Annotated[
     str, typer.Option(help="camera template, or a camera file", autocompletion=camera_templates)
 ]
@@ -28,9 +26,6 @@ RigOption = Annotated[
 ]
 SeedOption = Annotated[int, typer.Option(help="of all that is random")]
 JobsOption = Annotated[int | None, typer.Option(help="processes (default: one per core)")]
-PhotoJobsOption = Annotated[
-    int | None, typer.Option(min=1, max=1024, help="photos at a time, all in memory (default: one per core)")
-]
 _SOLVED, _ALL, _ALL_WIDE, _LEARNED = (
     ", ".join(names) for names in (solved_models(), models_of_all(), models_of_all_wide(), learned_models())
 )
@@ -40,29 +35,6 @@ ModelOption = Annotated[
         help=f"{_SOLVED}, or all: {_ALL}; of a wide lens {_ALL_WIDE}", autocompletion=one_of((*solved_models(), "all"))
     ),
 ]
-FixOption = Annotated[list[str] | None, typer.Option(help="keep a parameter as it starts, or at a value: k3, k3=0")]
-ShareOption = Annotated[list[str] | None, typer.Option(help="parameters that have one value: fx_px,fy_px")]
-LossOption = Annotated[
-    str,
-    typer.Option(
-        help="squares, huber or cauchy: how far-off observations count",
-        autocompletion=one_of(("squares", "huber", "cauchy")),
-    ),
-]
-RejectOption = Annotated[
-    float | None, typer.Option(help="leave out what is off by more than so many robust standard deviations, such as 4")
-]
-WeightedOption = Annotated[
-    bool, typer.Option("--weighted/--unweighted", help="weigh observations by the covariances they state, or all alike")
-]
-MinimiseOption = Annotated[
-    str,
-    typer.Option(
-        help=f"{', '.join(COSTS)}: distances in the image, or in space; image is surest (calib study cost)",
-        autocompletion=one_of(tuple(COSTS)),
-    ),
-]
-FreeBendOption = Annotated[bool, typer.Option("--free-bend", help="the bend of a flat target is an unknown, too")]
 MadeOption = Annotated[
     str | None,
     typer.Option(
@@ -72,17 +44,6 @@ MadeOption = Annotated[
         autocompletion=error_templates,
     ),
 ]
-ImageSizeOption = Annotated[str | None, typer.Option(help="of files that do not say it: 2448x2048")]
-PointsOption = Annotated[
-    str | None,
-    typer.Option(
-        help="what a table's points are: corner, ring (the image of its centre), or circle:13mm (the centre of its "
-        "image, as blob and circle-grid detectors give it; default: as the table or the target says)",
-        metavar="KIND",
-    ),
-]
-GridOption = Annotated[str | None, typer.Option(help="of a corners.vnl: 10x7 corners")]
-PitchOption = Annotated[str | None, typer.Option(help="of a corners.vnl: distance of its corners, 20mm")]
 DEFAULT_CRITERIA = "standard"
 
 
@@ -93,14 +54,6 @@ CriteriaOption = Annotated[
         metavar="NAME|FILE",
         autocompletion=criteria_templates,
     ),
-]
-
-PageOption = Annotated[
-    bool, typer.Option("--page/--no-page", help="write the folder's index.html, or save the seconds that takes")
-]
-
-VerboseOption = Annotated[
-    bool, typer.Option("--verbose", "-v", help="say all tables: photos, parameters, models, checks")
 ]
 
 

@@ -1,1 +1,0 @@
-"""Calibrations and evaluations as files and tables."""
