@@ -68,7 +68,8 @@ def test_a_format_never_changes_the_family_of_a_lens(name: str, model: str) -> N
         assert any(" px of where the camera sees a point" in line for line in done.lost)
         with pytest.raises(InputError, match="accept_px"):
             calib.convert(camera, name)
-    lens = done.held.lens
+    (held,) = done.held
+    lens = held.lens
     assert lens.model is None or lens.is_wide == ABILITIES[model].is_wide
 
 
