@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.cameras import learned_models, models_of_all, models_of_all_wide, solved_models
-from designer.base.errors import InputError
 from designer.kinds.presets import camera_templates, criteria_templates, error_templates, one_of, rig_templates
 
 if TYPE_CHECKING:
-    from calib.observe.corners_vnl import PointGrid
+    pass
 
 TargetArgument = Annotated[Path, typer.Argument(help="the target file (NAME.target.json) of what the photos show")]
 CameraTemplateOption = Annotated[
@@ -57,37 +56,9 @@ CriteriaOption = Annotated[
 ]
 
 
-def points_of(text: str | None) -> tuple[str | None, float | None]:
-    """What a table's points are, and the diameter of circles: `circle:13mm`."""
-    from calib.renderer.quantities import parsed
-    from designer.base.units import parse_length_mm
-
-    kind, _, diameter = (text or "").partition(":")
-    diameter_mm = parsed("--points", diameter, parse_length_mm) if diameter else None
-    return (None if text is None else kind), diameter_mm
-
-
 def image_size_of(text: str | None, option: str = "--image-size") -> tuple[int, int] | None:
     """Width and height of photos."""
     from calib.observe.correspondences import parse_pair
     from calib.observe.dataset import MAX_SIDE_PX
 
     return None if text is None else parse_pair(option, text, MAX_SIDE_PX)
-
-
-def grid_of(grid: str | None, pitch: str | None) -> "PointGrid | None":
-    """The corners' grid, if one is given."""
-    from calib.observe.corners_vnl import PointGrid
-    from calib.observe.correspondences import MAX_GRID, parse_pair
-    from calib.renderer.quantities import parsed
-    from designer.base.units import parse_length_mm
-
-    if grid is None and pitch is None:
-        return None
-    if grid is None or pitch is None:
-        raise InputError("--grid and --pitch belong together: --grid 10x7 --pitch 20mm")
-    columns, rows = parse_pair("--grid", grid, MAX_GRID)
-    pitch_mm = parsed("--pitch", pitch, parse_length_mm)
-    if not pitch_mm > 0:
-        raise InputError(f"--pitch {pitch!r}: must be more than 0")
-    return PointGrid(columns, rows, pitch_mm)
