@@ -73,7 +73,7 @@ COMMAND = command_of(copy, _folder)
 def carried_out(folder: Path, monkeypatch: pytest.MonkeyPatch, **given: object) -> Summary:
     """The command, in a folder."""
     monkeypatch.chdir(folder)
-    monkeypatch.setattr("designer.base.command.command_line", lambda: "copy it")
+    monkeypatch.setattr("designer.base.answer.command_line", lambda: "copy it")
     return COMMAND(**{"page": True, "verbose": False, **given})
 
 
