@@ -356,8 +356,9 @@ def _photographing(
     from calib.cameras.camera import Camera
     from calib.studies.tolerance.photographing import Photographing
 
+    known = camera_of(camera)
     name = camera.model if isinstance(camera, Camera) else fspath(camera)
-    return Photographing(views, camera_of(camera), name, model, weighted, seed, aim_offset_mm)
+    return Photographing(views, known, name, model, weighted, seed, aim_offset_mm)
 
 
 def _check_against(

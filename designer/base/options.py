@@ -95,6 +95,7 @@ class Parameter:
     option: CommandOption
     kind: object  # the type, None aside; a text where it is not loaded
     default: object  # `inspect.Parameter.empty`: it has to be given
+    others: tuple[object, ...] = ()  # types that Python may give as well
 
     @property
     def unit(self) -> Unit:
@@ -166,7 +167,7 @@ class Parameter:
                 raise InputError(f"{self.label} {shown(value)} is unknown{hint}")
         elif self._is_number:
             several = value if isinstance(value, tuple | list) else (value,)
-            wanted = get_args(self.kind)
+            wanted = () if float in self.others and several == (value,) else get_args(self.kind)
             if wanted and ... not in wanted and len(several) != len(wanted):
                 raise InputError(f"{self.label} {told or shown(value)}: must be {len(wanted)} numbers")
             for one in several:
@@ -219,15 +220,16 @@ def parameters_of(function: Callable[..., object]) -> dict[str, Parameter]:
             kind, *marks = get_args(one.annotation)
             said = next((mark for mark in marks if isinstance(mark, CommandOption)), None)
             if said is not None:
-                found[name] = Parameter(name, said, _without_none(kind), one.default)
+                first, *others = _kinds(kind)
+                found[name] = Parameter(name, said, first, one.default, tuple(others))
     return found
 
 
-def _without_none(kind: object) -> object:
-    """The first type of several; a path for what is not loaded."""
+def _kinds(kind: object) -> tuple[object, ...]:
+    """The types of a union, None aside; a path for what is not loaded."""
     if get_origin(kind) in (Union, UnionType):
-        return next(one for one in get_args(kind) if one is not NoneType)
-    return kind if isinstance(kind, type) or get_origin(kind) is not None else Path
+        return tuple(one for one in get_args(kind) if one is not NoneType)
+    return (kind if isinstance(kind, type) or get_origin(kind) is not None else Path,)
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:

@@ -172,7 +172,7 @@ def _sort_value(cell: Cell) -> str | None:
     """The number to sort by as JavaScript reads it, where there is one."""
     if cell.value is None or math.isnan(cell.value):
         return None
-    return repr(float(cell.value)).replace("inf", "Infinity")
+    return repr(float(cell.value))
 
 
 def file_size(size_bytes: int) -> str:

@@ -113,7 +113,7 @@ WRONG = {
     calib.measure: ("target", "observed", "lengths", "model", "rings", "made", "reject_sigma", "fix", "share",
                     "shrink_compensation_percent", "skew_compensation_rad", "bed_turn_rad"),
     calib.rescale: ("target", "length", "made"),
-    calib.bootstrap: ("observed", "truth", "sizes", "samples", "model", "seed", "jobs", "out"),
+    calib.bootstrap: ("detections", "truth", "sizes", "samples", "model", "seed", "jobs", "out"),
     calib.tolerance: ("target", "errors", "changes", "views", "distance_mm", "camera", "model", "draws", "require",
                       "by", "seed", "jobs", "out"),
     calib.render: ("target", "camera", "views", "region", "options", "seed", "file_format"),
@@ -126,8 +126,9 @@ WRONG = {
 @cache
 def valid() -> dict[str, object]:
     """Values that an option takes."""
+    seen = example(BOARD, np.random.default_rng(1), views=6).observations
     return {
-        "target": BOARD, "observed": example(BOARD, np.random.default_rng(1), views=6).observations, "photos": "*.png",
+        "target": BOARD, "photos": "*.png", **dict.fromkeys(("observed", "detections"), seen),
         "errors": "fdm-dual", "camera": CAMERA, "image": np.zeros((120, 160), np.uint8), "to": "ros",
         "length": "edge:1mm", "calibration": "cal",
     }  # fmt: skip

@@ -93,7 +93,7 @@ def test_a_robots_camera_is_where_distances_in_the_image_put_it() -> None:
 
 def test_what_cannot_be_minimised_is_refused_before_any_work_is_done() -> None:
     """A word that is no cost, in Python as on the screen; and planes of points that lie on none."""
-    with pytest.raises(InputError, match=r"^minimise 'rays': nothing that is minimised; did you mean 'ray'"):
+    with pytest.raises(InputError, match=r"^minimise 'rays' is unknown; did you mean 'ray'"):
         calib.rig(scene().observations, minimise="rays")
     with pytest.raises(InputError, match=r"^minimise 'rays'"):
         calib.turntable(None, table="none.csv", minimise="rays")
@@ -125,4 +125,4 @@ def test_halves_and_the_record_know_what_was_minimised(monkeypatch: pytest.Monke
     monkeypatch.setattr("calib.rigs.halves.solve_rig", solved)
     found = calib.rig(scene().observations, model="opencv", minimise="ray", loss="huber")
     assert set(asked) == {"ray"}
-    assert (found.provenance.options.minimise, found.provenance.options.loss) == ("ray", "huber")
+    assert (found.run.provenance.options.minimise, found.run.provenance.options.loss) == ("ray", "huber")
