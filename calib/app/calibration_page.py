@@ -195,9 +195,9 @@ def accuracy_section(run: JudgedRun, found: "SigmaMap", halves: HalvesApart | No
     from calib.draw.histograms import distribution_drawing
     from calib.draw.run_figures import (
         coverage_figure,
-        figure_of,
         halves_words,
         residuals_figure,
+        run_figure,
         sizes_figure,
         systematic_figure,
     )
@@ -213,7 +213,7 @@ def accuracy_section(run: JudgedRun, found: "SigmaMap", halves: HalvesApart | No
         systematic_figure(
             systematic_drawing(cells_of_residuals(residuals), residuals.image_size), checked.get("systematic", "")
         ),
-        figure_of(distribution_drawing(best.evaluated)),
+        run_figure(distribution_drawing(best.evaluated)),
         *(sizes_figure(e.metric, e.size[e.is_counted], e.unit) for e in best.evaluated.errors),
         errors_table(best.metrics),
         *(() if best.held_out is None else (errors_table(best.held_out),)),

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 COLOURS = dict(zip((*MODELS, ALL_PHOTOS), (BLUE, ORANGE, GREEN, VERMILION), strict=True))
 WIDTH = 0.24
 PAPER_LABEL, PAPER_LINE = "the paper's median", (0, (3, 1.5))
-FIGURES = ("objects", "lens", "alone")
 BOXES_PX, ALONE_PX = 860, 1150
 PLATE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1}
 ROOM = 1.37

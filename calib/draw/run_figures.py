@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,9 +20,8 @@ from calib.draw.style import (
     PALE,
     VERMILION,
     AxesDrawing,
+    figure_of,
     image_axes,
-    panel_height_in,
-    svg_panel,
 )
 from calib.metrics.residual_cells import Residuals
 from calib.solver.accuracy import share_px
@@ -35,7 +35,6 @@ from calib.verdict.next_views import NextView
 from designer.base.number_text import figure as digits
 from designer.base.words import capital
 from designer.page.blocks import Figure
-from designer.page.pictures import drawing_of_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,20 +48,8 @@ NOTICEABLE = 1.5
 """The covered area is told apart if the whole image is so many times as uncertain."""
 HISTOGRAM_IN = 3.2
 """How high the panel of a histogram is."""
-
-
-def figure_of(drawing: AxesDrawing, said: str = "", alt: str = "") -> Figure:
-    """A drawing as a figure of a page.
-
-    Args:
-        drawing: its words are the caption.
-        said: more of the caption.
-        alt: in place of the picture; "": the words.
-    """
-    size, has_bar = drawing.image_size, drawing.has_bar
-    height_in = HISTOGRAM_IN if size is None else panel_height_in(size, has_bar=has_bar)
-    svg = svg_panel(drawing.draw, height_in=height_in, has_bar=has_bar)
-    return Figure(drawing.title, drawing_of_svg(svg), alt or drawing.words, f"{drawing.words}. {said}".rstrip())
+run_figure = partial(figure_of, height_in=HISTOGRAM_IN)
+"""A drawing as the page of a run shows it."""
 
 
 def uncertainty_figure(
@@ -90,7 +77,7 @@ def uncertainty_figure(
     elif found.known_share < 1:
         share = f", in {100 * (1 - found.known_share):.0f} % of the image" if math.isfinite(found.most_px) else ""
         caption += f". Grey: the model has no directions there{share}"
-    return figure_of(drawing, f"{caption}. {halves_words(halves)}", f"{drawing.title}: {drawing.words}")
+    return run_figure(drawing, f"{caption}. {halves_words(halves)}", f"{drawing.title}: {drawing.words}")
 
 
 def covered_words(calibration: Calibration, coverage: Coverage, found: SigmaMap) -> str:
@@ -120,19 +107,19 @@ def coverage_figure(coverage: Coverage, checked: str = "") -> Figure:
     said = "" if coverage.share == 1 else hatched
     if not coverage.is_lit.all():
         said = f"{said} Black: not asked for. {coverage.remark}".lstrip()
-    return figure_of(coverage_drawing(coverage, checked), said)
+    return run_figure(coverage_drawing(coverage, checked), said)
 
 
 def residuals_figure(residuals: Residuals, rmse_px: float) -> Figure:
     """The residual of each observation."""
     drawing = residuals_drawing(residuals, rmse_px, MOST_ARROWS)
-    return figure_of(drawing, "The arrow at the lower right gives the scale.")
+    return run_figure(drawing, "The arrow at the lower right gives the scale.")
 
 
 def systematic_figure(drawing: AxesDrawing, checked: str = "") -> Figure:
     """The mean residuals, cell by cell, and what the verdict's check says of them; "" where nobody judged."""
     words = f"{drawing.words}{f': {checked}' if checked else ''}"
-    return figure_of(replace(drawing, words=words), "Arrows are the mean residual of a cell, enlarged.")
+    return run_figure(replace(drawing, words=words), "Arrows are the mean residual of a cell, enlarged.")
 
 
 SUBJECTS = {
@@ -149,7 +136,7 @@ SUBJECTS = {
 def sizes_figure(metric: str, sizes: Array, unit: str) -> Figure:
     """A histogram of one metric's errors."""
     what = SUBJECTS.get(metric)
-    return figure_of(sizes_drawing(metric, sizes, unit), f"An error is {what}." if what else "")
+    return run_figure(sizes_drawing(metric, sizes, unit), f"An error is {what}." if what else "")
 
 
 def apart_figure(title: str, found: Apart | HalvesApart, image_size: tuple[int, int], words: str) -> Figure:
@@ -166,7 +153,7 @@ def apart_figure(title: str, found: Apart | HalvesApart, image_size: tuple[int, 
         image_axes(axes, image_size)
         draw_map(axes, found.pixel, found.length_px, "px")
 
-    return figure_of(AxesDrawing(title, words, draw, image_size, has_bar=True))
+    return run_figure(AxesDrawing(title, words, draw, image_size, has_bar=True))
 
 
 def apart_words(found: Apart | HalvesApart) -> str:
@@ -240,7 +227,7 @@ def next_views_figure(seen: Observations, proposed: Sequence[NextView], area: st
     if last.covered_after > proposed[0].covered_before:
         words += f" and the coverage to {100 * last.covered_after:.0f} %"
     words += ", if the lens is as estimated"
-    return figure_of(
+    return run_figure(
         AxesDrawing(
             "Where to hold the target next", words,
             lambda axes: draw_next_views(axes, seen.image_size, proposed, seen.center_px), seen.image_size,

@@ -143,15 +143,24 @@ def svg_panel(draw: "Callable[[Axes], None]", *, height_in: float = PANEL_HEIGHT
     return stream.getvalue()
 
 
-def figure_of(drawing: "AxesDrawing") -> "FigureBlock":
-    """A drawing as a page shows it."""
+def figure_of(
+    drawing: "AxesDrawing", said: str = "", alt: str = "", *, height_in: float = PANEL_HEIGHT_IN
+) -> "FigureBlock":
+    """A drawing as a page shows it.
+
+    Args:
+        drawing: its words are the caption.
+        said: more of the caption.
+        alt: in place of the picture; "": the words.
+        height_in: of a drawing that is no image.
+    """
     from designer.page.blocks import Figure
     from designer.page.pictures import drawing_of_svg
 
     has_bar, size = drawing.has_bar, drawing.image_size
-    height_in = PANEL_HEIGHT_IN if size is None else panel_height_in(size, has_bar=True)
+    height_in = height_in if size is None else panel_height_in(size, has_bar=has_bar)
     svg = drawing_of_svg(svg_panel(drawing.draw, has_bar=has_bar, height_in=height_in))
-    return Figure(drawing.title, svg, drawing.words, f"{drawing.words}.")
+    return Figure(drawing.title, svg, alt or drawing.words, f"{drawing.words}. {said}".rstrip())
 
 
 def panel_height_in(image_size: tuple[int, int], *, has_bar: bool = False) -> float:

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 Place: TypeAlias = str | PathLike[str]
 USUAL_TOLERANCE_S = 0.02
-LONGEST_TOLERANCE_S = 3600.0
 ALONE = "camera"
 """The name of one camera that is solved as a rig is."""
 TRIED_MIRRORED = 3

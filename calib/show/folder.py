@@ -57,7 +57,6 @@ def write_folder_page(
     folder: Path,
     kind: str,
     command: str,
-    build: Callable[[Origin], Page] | None = None,
     *,
     keep: Callable[[], tuple[Path, ...]] = tuple,
 ) -> tuple[tuple[Path, ...], str]:
@@ -69,7 +68,6 @@ def write_folder_page(
         folder: with all that the page is built from.
         kind: a key of `KINDS`.
         command: that made the results; "" if it is not known.
-        build: makes the page of a folder that is read already, the same as if it were read again.
         keep: writes what else the page is built from, and returns it.
 
     Raises:
@@ -79,8 +77,7 @@ def write_folder_page(
         if remark := why_no_page(folder, kind):
             return (), remark
         kept, origin = keep(), origin_of(kind, command, program())
-        page = build_page(folder, origin) if build is None else build(origin)
-        return (*kept, *write_page(folder, origin, page)), ""
+        return (*kept, *write_page(folder, origin, build_page(folder, origin))), ""
     except NotWrittenError:
         raise
     except InputError as error:

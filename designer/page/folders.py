@@ -14,7 +14,6 @@ from designer.page.blocks import (
     Cell,
     Column,
     Command,
-    Facts,
     FileList,
     FileRow,
     Finding,
@@ -51,17 +50,6 @@ def whole(value: int) -> Cell:
     return Cell(str(value), float(value))
 
 
-def read_small_bytes(path: Path, most: int) -> bytes | None:
-    """The content of a regular file of at most so many bytes; None if it is none."""
-    # Asked before it is opened: a pipe would wait, a device would never end.
-    if (size := size_bytes(path)) is None or size > most:
-        return None
-    try:
-        return path.read_bytes()
-    except OSError:
-        return None
-
-
 def size_bytes(path: Path) -> int | None:
     """Of a regular file; None if it is none."""
     try:
@@ -69,12 +57,6 @@ def size_bytes(path: Path) -> int | None:
     except (OSError, ValueError):
         return None
     return found.st_size if stat.S_ISREG(found.st_mode) else None
-
-
-def question_section(question: str, setting: Sequence[tuple[str, str]], *more: Block) -> Section:
-    """What a study asks, and of what."""
-    facts: tuple[Block, ...] = (Facts(tuple(setting)),) if setting else ()
-    return Section("Question", (*facts, *more), lead=question)
 
 
 def warnings(title: str, lines: Sequence[str]) -> tuple[Block, ...]:

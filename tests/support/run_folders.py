@@ -94,7 +94,7 @@ def section(page: Page, title: str) -> Section:
 
 BLANK = b'<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9" viewBox="0 0 9 9"><path d="M0 0"/></svg>'
 """In place of figures: most of the time goes into them, and most tests are of something else."""
-PANEL = "calib.draw.run_figures.svg_panel"
+PANEL = "calib.draw.style.svg_panel"
 
 
 @pytest.fixture(autouse=True)
