@@ -44,12 +44,12 @@ if TYPE_CHECKING:
     from calib.capture.live_rig import live_rig
     from calib.core.compile_ahead import warm_up
     from calib.core.types import Detections, Observations, RigObservations
-    from calib.guide.guide import Guide
-    from calib.guide.rig_guide import RigGuide
+    from calib.judge.guide import Guide
+    from calib.judge.hand_eye_file import HandEye
+    from calib.judge.rig_guide import RigGuide
     from calib.renderer.options import RenderOptions
     from calib.solver.calibration import Calibration
     from calib.space.sightings import PointSightings
-    from calib.verdict.hand_eye_file import HandEye
     from designer.base.errors import InputError
 
 __all__ = [
@@ -237,9 +237,9 @@ _HOMES = {
         "Observations",
         "RigObservations",
     ),
-    "calib.guide.guide": ("Guide",),
-    "calib.guide.rig_guide": ("RigGuide",),
-    "calib.verdict.hand_eye_file": ("HandEye",),
+    "calib.judge.guide": ("Guide",),
+    "calib.judge.rig_guide": ("RigGuide",),
+    "calib.judge.hand_eye_file": ("HandEye",),
     "calib.renderer.options": ("RenderOptions",),
     "calib.solver.calibration": ("Calibration",),
     "calib.space.sightings": ("PointSightings",),

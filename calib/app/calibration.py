@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from calib.app.calibration_folder import RunFolder
     from calib.app.inputs import Place
     from calib.core.types import Observations
+    from calib.judge.judged_run import JudgedRun
+    from calib.judge.next_views import NextView
+    from calib.judge.solutions import Solution, SolveTask
+    from calib.judge.verdict import Criteria, Verdict
     from calib.observe.photos import Search
     from calib.solver.plan import SolvePlan
-    from calib.verdict.judged_run import JudgedRun
-    from calib.verdict.next_views import NextView
-    from calib.verdict.solutions import Solution, SolveTask
-    from calib.verdict.verdict import Criteria, Verdict
-    from calib.virtual.solve_virtual import Reference
+    from calib.solver.solve_virtual import Reference
     from designer.base.answer import Value
     from designer.page.blocks import Page
     from designer.target import TargetGeometry
@@ -164,7 +164,7 @@ class Run(Result, kind="calibration", title="Calibration", sought="camera is det
         """All models, the one to go on with, the verdict, and what was found in photos."""
         found: dict[str, Value] = {} if self.search is None else {"detections": detections_answer(self.search)}
         from calib.app.calibration_folder import solutions_answer
-        from calib.verdict.verdict import Verdict
+        from calib.judge.verdict import Verdict
         from designer.base.codec import encode
 
         judged = self.judged_run.judged
@@ -212,10 +212,10 @@ def solved(
         UndeterminedError: the photos tell too little.
         InputError: something else was wrong, or a file is somebody else's.
     """
-    from calib.verdict.halves import half_split
-    from calib.verdict.judge import inputs_of, judge_cameras
-    from calib.verdict.judged_run import JudgedRun
-    from calib.verdict.solutions import best_of, solve_models
+    from calib.judge.halves import half_split
+    from calib.judge.judge import inputs_of, judge_cameras
+    from calib.judge.judged_run import JudgedRun
+    from calib.judge.solutions import best_of, solve_models
 
     solutions: list[Solution] = []
     total = len(task.plan.models)
@@ -260,8 +260,8 @@ def criteria_of(criteria: "Criteria | Place") -> "Criteria":
     Raises:
         InputError: neither.
     """
-    from calib.verdict.criteria import read_criteria
-    from calib.verdict.verdict import Criteria
+    from calib.judge.criteria import read_criteria
+    from calib.judge.verdict import Criteria
     from designer.base.small_file import place_of
 
     return criteria if isinstance(criteria, Criteria) else read_criteria(str(place_of(criteria, "limits")))
@@ -302,7 +302,7 @@ def view_of_reference(reference: "Reference | None", plan: "SolvePlan", photos: 
         InputError: no model learns a map, or none of the photos is meant.
     """
     from calib.cameras import learned_models
-    from calib.virtual.calibrate import ALL_VIEWS
+    from calib.solver.calibrate import ALL_VIEWS
     from designer.base.words import suggestion
 
     if reference is None:

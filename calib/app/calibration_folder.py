@@ -11,8 +11,10 @@ from calib.app.detect import DETECTIONS_FILE, detections_answer
 from calib.cameras import MODELS
 from calib.draw import CALIBRATION_PICTURE
 from calib.draw.gallery import OVERLAYS
-from calib.metrics.evaluation import Evaluation
-from calib.metrics.evaluation_files import METRICS_FILE, METRICS_FILES, Metrics, evaluation_files, metrics_of
+from calib.judge.judge import VERDICT, VERDICT_FILE
+from calib.judge.judged_run import RECORDS_FILE, JudgedRun, records_in
+from calib.judge.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextViews
+from calib.judge.solutions import Solution, best_of
 from calib.observe.calibration_file import (
     CALIBRATION,
     CALIBRATION_FILE,
@@ -22,10 +24,8 @@ from calib.observe.calibration_file import (
 )
 from calib.observe.records import Records, records_path
 from calib.show.parts.kept_target import keep_target
-from calib.verdict.judge import VERDICT, VERDICT_FILE
-from calib.verdict.judged_run import RECORDS_FILE, JudgedRun, records_in
-from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextViews
-from calib.verdict.solutions import Solution, best_of
+from calib.solver.metrics.evaluation import Evaluation
+from calib.solver.metrics.evaluation_files import METRICS_FILE, METRICS_FILES, Metrics, evaluation_files, metrics_of
 from designer.base.codec import encode
 from designer.base.errors import InputError, NotWrittenError
 from designer.base.files import check_folder

@@ -22,15 +22,15 @@ from calib.draw.run_tables import (
     models_table,
     parameters_table,
 )
-from calib.metrics.residual_cells import cells_of, cells_of_residuals, columns_rows, residuals_of
+from calib.judge.apart import Known, apart
+from calib.judge.check_kind import LEAST_PX, px
+from calib.judge.halves import HalvesApart, NoHalves, half_split, halves_apart
+from calib.judge.judged_run import JudgedRun
+from calib.judge.lit_part import lit_part
+from calib.judge.next_views import why_no_next_views
+from calib.judge.solutions import Solution
 from calib.observe.records import ImageRecord
-from calib.verdict.apart import Known, apart
-from calib.verdict.check_kind import LEAST_PX, px
-from calib.verdict.halves import HalvesApart, NoHalves, half_split, halves_apart
-from calib.verdict.judged_run import JudgedRun
-from calib.verdict.lit_part import lit_part
-from calib.verdict.next_views import why_no_next_views
-from calib.verdict.solutions import Solution
+from calib.solver.metrics.residual_cells import cells_of, cells_of_residuals, columns_rows, residuals_of
 from designer.base.number_text import figure as digits
 from designer.base.words import printable
 from designer.page.blocks import (

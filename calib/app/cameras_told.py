@@ -7,8 +7,8 @@ from designer.base.words import printable
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera
+    from calib.cameras.formats.format import ReadCamera
     from calib.cameras.refit import Refit
-    from calib.interop.format import ReadCamera
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 from calib.app.cameras_told import numbers_of, refit_numbers
 from calib.cameras import fitted_models
-from calib.interop import FORMATS
-from calib.interop.rigs import RIG_FORMATS
+from calib.cameras.formats import FORMATS
+from calib.cameras.formats.rigs import RIG_FORMATS
 from designer.base.codec import encode_written
 from designer.base.errors import InputError
 from designer.base.options import argument, option
@@ -23,13 +23,13 @@ from designer.page.result import Result
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
+    from calib.cameras.formats.format import CameraFormat
+    from calib.cameras.formats.holding import Held
+    from calib.cameras.formats.reading import OpenedCamera
+    from calib.cameras.formats.rigs.format import RigFormat
+    from calib.cameras.formats.rigs.reading import OpenedRig
     from calib.cameras.refit import Refit
     from calib.cameras.rig import Rig
-    from calib.interop.format import CameraFormat
-    from calib.interop.holding import Held
-    from calib.interop.reading import OpenedCamera
-    from calib.interop.rigs.format import RigFormat
-    from calib.interop.rigs.reading import OpenedRig
     from designer.base.small_file import JsonValue
     from designer.page.blocks import Page
     from designer.page.output import Output
@@ -61,8 +61,8 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
         Raises:
             InputError: it is one camera.
         """
-        from calib.interop.rigs.held import rig_as_held
-        from calib.interop.rigs.reading import OpenedRig
+        from calib.cameras.formats.rigs.held import rig_as_held
+        from calib.cameras.formats.rigs.reading import OpenedRig
 
         if not isinstance(self.opened, OpenedRig):
             raise InputError("one camera is no rig: take camera")
@@ -71,7 +71,7 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
     @property
     def each(self) -> "tuple[tuple[str, Camera, Refit | None, Held], ...]":
         """Name, camera as it was read, what that took, and camera as it is held; a camera alone has no name."""
-        from calib.interop.rigs.reading import OpenedRig
+        from calib.cameras.formats.rigs.reading import OpenedRig
 
         if not isinstance(self.opened, OpenedRig):
             return (("", self.opened.read.camera, self.opened.read.refit, self.held[0]),)
@@ -81,8 +81,8 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
     @property
     def texts(self) -> dict[str, str]:
         """What the files hold, by name; of a format of one file, one."""
-        from calib.interop.format import CameraFormat
-        from calib.interop.rigs.format import WrittenRig
+        from calib.cameras.formats.format import CameraFormat
+        from calib.cameras.formats.rigs.format import WrittenRig
 
         if isinstance(self.format, CameraFormat):
             return {self.format.file_name: self.format.write(self.camera, self.held[0].lens)}
@@ -117,17 +117,17 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
     @property
     def is_far(self) -> bool:
         """Whether the difference is worth a warning."""
-        from calib.interop.choosing import LARGE_PX
+        from calib.cameras.formats.choosing import LARGE_PX
 
         return self.max_px > LARGE_PX
 
     @property
     def lost(self) -> tuple[str, ...]:
         """What the files do not say that the camera or the rig knew, a line each."""
-        from calib.interop.format import CameraFormat
-        from calib.interop.holding import lost_of
-        from calib.interop.rigs.held import lost_of_rig
-        from calib.interop.rigs.reading import OpenedRig
+        from calib.cameras.formats.format import CameraFormat
+        from calib.cameras.formats.holding import lost_of
+        from calib.cameras.formats.rigs.held import lost_of_rig
+        from calib.cameras.formats.rigs.reading import OpenedRig
 
         if isinstance(self.opened, OpenedRig):
             return lost_of_rig(self.opened.read.rig, self.held, cast("RigFormat", self.format))
@@ -285,11 +285,11 @@ def convert(
     """
     from calib.app.inputs import opened_camera, opened_rig, rig_named
     from calib.cameras.camera import Camera
+    from calib.cameras.formats.choosing import ACCEPTED_PX
+    from calib.cameras.formats.holding import fit_to_format
+    from calib.cameras.formats.reading import find_format
+    from calib.cameras.formats.rigs.reading import find_rig_format, require_unit
     from calib.cameras.rig import Rig
-    from calib.interop.choosing import ACCEPTED_PX
-    from calib.interop.holding import fit_to_format
-    from calib.interop.reading import find_format
-    from calib.interop.rigs.reading import find_rig_format, require_unit
     from designer.page.output import asked_output
 
     zero, names = _lens_parameters(several("--without", without)), several("--cameras", cameras)
@@ -338,7 +338,7 @@ def _name(key: str, name: str) -> dict[str, str]:
 
 def _is_folder(target: "CameraFormat | RigFormat") -> bool:
     """Whether a format has several files."""
-    from calib.interop.rigs.format import RigFormat
+    from calib.cameras.formats.rigs.format import RigFormat
 
     return isinstance(target, RigFormat) and target.is_folder
 

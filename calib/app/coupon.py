@@ -18,10 +18,10 @@ from designer.page.result import Result
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
-    from calib.as_built.lengths import CaliperLength
-    from calib.coupons.pictures import ReadPicture
-    from calib.coupons.result import CouponMadeWith, NextPrint, PrinterFaults
+    from calib.coupon_reading.pictures import ReadPicture
+    from calib.coupon_reading.result import CouponMadeWith, NextPrint, PrinterFaults
     from calib.draw.print_errors import NextOption
+    from calib.measure_target.lengths import CaliperLength
     from designer.page.blocks import Headline, Page, Table
     from designer.page.output import Output
     from designer.target import TargetGeometry
@@ -161,10 +161,10 @@ def coupon(
     from dataclasses import replace
 
     from calib.app.inputs import photos_of
-    from calib.as_built.deviations import Compensation
-    from calib.as_built.lengths import asked_lengths
-    from calib.coupons.pictures import read_pictures
-    from calib.coupons.result import CouponMadeWith, next_of
+    from calib.coupon_reading.pictures import read_pictures
+    from calib.coupon_reading.result import CouponMadeWith, next_of
+    from calib.measure_target.deviations import Compensation
+    from calib.measure_target.lengths import asked_lengths
     from designer.base.units import format_mm, format_skew
     from designer.page.output import output_of
 
@@ -272,8 +272,8 @@ def _label(setting: str) -> str:
 
 def _headline(told: CouponReading) -> "Headline":
     """Bleed, shape, and how sure it is."""
-    from calib.as_built.deviations import Estimate
     from calib.draw.print_errors import degrees, millimetres, percent
+    from calib.measure_target.deviations import Estimate
     from designer.page.blocks import Headline
 
     found, noise = told.found, ", which may be noise"
@@ -329,7 +329,7 @@ def _advice(told: CouponReading, options: "tuple[NextOption, ...]", typed: str) 
 
 def _widths_table(told: CouponReading) -> "Table":
     """Strokes and lines as they came out."""
-    from calib.coupons.result import Width
+    from calib.coupon_reading.result import Width
     from calib.draw.print_errors import told as words
     from designer.page.blocks import Cell
     from designer.page.folders import Shown, table_of
@@ -350,7 +350,7 @@ def _widths_table(told: CouponReading) -> "Table":
 
 def _pictures_table(told: CouponReading) -> "Table":
     """Each photo, and what it is worth."""
-    from calib.coupons.pictures import ReadPicture
+    from calib.coupon_reading.pictures import ReadPicture
     from designer.page.blocks import Cell
     from designer.page.folders import Shown, table_of
 

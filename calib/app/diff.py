@@ -17,11 +17,11 @@ from designer.page.result import Result
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
+    from calib.cameras.formats.reading import OpenedCamera
+    from calib.cameras.formats.rigs.reading import OpenedRig
     from calib.cameras.refit import CameraDifference
     from calib.cameras.rig import Rig
     from calib.cameras.zones import ZoneDifference
-    from calib.interop.reading import OpenedCamera
-    from calib.interop.rigs.reading import OpenedRig
     from calib.rigs.compared import CameraApart, PairDifference, RigDifference
     from designer.base.small_file import JsonValue
     from designer.page.blocks import Cell, Headline, Page, Table
@@ -209,7 +209,7 @@ def _check_picture(picture: Path, opened: "tuple[OpenedCamera, ...]") -> None:
 
 def _words(opened: "OpenedCamera | OpenedRig") -> str:
     """What a file holds."""
-    from calib.interop.rigs.reading import OpenedRig
+    from calib.cameras.formats.rigs.reading import OpenedRig
 
     if isinstance(opened, OpenedRig):
         return f"{len(opened.read.rig.names)} cameras"

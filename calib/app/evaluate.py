@@ -17,9 +17,9 @@ from designer.page.terminal import quoted
 if TYPE_CHECKING:
     from calib.app.inputs import Observed, Place
     from calib.core.types import Observations
-    from calib.metrics.evaluation import Evaluation
     from calib.renderer.truth import Truth
     from calib.solver.calibration import Calibration
+    from calib.solver.metrics.evaluation import Evaluation
     from calib.solver.options import SolveOptions
     from designer.base.answer import Value
     from designer.page.blocks import Headline, Page
@@ -67,7 +67,7 @@ class CameraErrors(
         """The errors, what was left out of them, and tables."""
         from calib.draw.run_photos import photo_rows, views_table
         from calib.draw.run_tables import errors_table, faces_table, parameters_table
-        from calib.metrics.evaluation_files import metrics_of
+        from calib.solver.metrics.evaluation_files import metrics_of
         from designer.base.words import printable
         from designer.page.blocks import Command, Facts, Finding, Findings, Page, Section
 
@@ -131,7 +131,7 @@ class CameraErrors(
             InputError: the folder takes no files, or holds somebody else's.
         """
         from calib.app.inputs import folder_of
-        from calib.metrics.evaluation_files import evaluation_files
+        from calib.solver.metrics.evaluation_files import evaluation_files
         from designer.base.files import write_files
 
         place = folder_of(folder)
@@ -161,7 +161,7 @@ class CameraErrors(
 
 def _errors_headline(evaluation: "Evaluation") -> "Headline":
     """The root mean square of each error, and of which photos."""
-    from calib.metrics.evaluation_files import metrics_of
+    from calib.solver.metrics.evaluation_files import metrics_of
     from designer.base.number_text import figure
     from designer.page.blocks import Headline
 
@@ -227,9 +227,9 @@ def evaluate(
             of another camera.
     """
     from calib.app.inputs import file_or_observations, truth_from
-    from calib.metrics.evaluation import evaluate as evaluate_all
-    from calib.metrics.evaluation import evaluate_on
     from calib.observe.calibration_file import read_calibration
+    from calib.solver.metrics.evaluation import evaluate as evaluate_all
+    from calib.solver.metrics.evaluation import evaluate_on
     from designer.base.small_file import place_of
 
     told = {"--target": target, "--image-size": image_size, "--grid": grid, "--pitch": pitch_mm}
@@ -282,8 +282,8 @@ def calibration_in(place: Path) -> Path:
 def _held_out(
     calibration: "Calibration", options: "SolveOptions", folds: int, truth: "Truth | None", *, has_reference: bool
 ) -> "Evaluation":
-    from calib.metrics.evaluation import LEAST_FOLDS, evaluate_held_out
-    from calib.virtual.calibrate import calibrate
+    from calib.solver.calibrate import calibrate
+    from calib.solver.metrics.evaluation import LEAST_FOLDS, evaluate_held_out
 
     views = calibration.observations.view_count
     if not LEAST_FOLDS <= folds <= views:

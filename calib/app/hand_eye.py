@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
     from calib.core.types import Observations
-    from calib.robot.poses import RobotPoses
-    from calib.verdict.rig_lenses import CameraWishes
-    from calib.verdict.rig_solution import RigSeen
+    from calib.judge.rig_lenses import CameraWishes
+    from calib.judge.rig_solution import RigSeen
+    from calib.observe.robot_poses import RobotPoses
     from designer.page.output import Output
     from designer.target import TargetGeometry
 
@@ -116,8 +116,8 @@ def hand_eye(
         InputError: files or options that break a rule, or poses that look inverted or in another unit.
     """
     from calib.app.inputs import points_of
-    from calib.robot.poses import RobotPoses, read_robot_poses
-    from calib.verdict.carried_camera import RobotSetting, judged_on_robot
+    from calib.judge.carried_camera import RobotSetting, judged_on_robot
+    from calib.observe.robot_poses import RobotPoses, read_robot_poses
     from designer.base.small_file import place_of
 
     to = begun(out)
@@ -145,9 +145,9 @@ def wishes_of_one(
         InputError: what it cannot have.
     """
     from calib.app.inputs import camera_of
+    from calib.judge.rig_lenses import require_wishes, wishes_of
     from calib.observe.rig_search import ALONE
     from calib.solver.plan import ALL, plan_from_words
-    from calib.verdict.rig_lenses import require_wishes, wishes_of
 
     if refine and camera is None:
         raise InputError("--refine: there is no lens to solve on from; give --camera, or leave it out")
@@ -171,9 +171,9 @@ def seen_by_one(
     """
     from calib.app.inputs import photos_of, require_photos_for_jobs, target_of
     from calib.core.types import Observations
+    from calib.judge.rig_solution import RigSeen
     from calib.observe.rig_observations import alone_as_rig
     from calib.observe.rig_search import ALONE, search_one
-    from calib.verdict.rig_solution import RigSeen
 
     if kind != (None, None) and (table is None or isinstance(table, Observations)):
         raise InputError("--points: says what the points of a table are; leave it out")

@@ -8,18 +8,18 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+from calib.cameras.formats import FORMATS, OWN
+from calib.cameras.formats.rigs import OWN_RIG, RIG_FORMATS
 from calib.core.types import Detections, Observations, RigObservations
-from calib.interop import FORMATS, OWN
-from calib.interop.rigs import OWN_RIG, RIG_FORMATS
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
 from designer.base.words import printable, shown
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera
+    from calib.cameras.formats.reading import OpenedCamera
+    from calib.cameras.formats.rigs.reading import OpenedRig
     from calib.cameras.rig import Rig
-    from calib.interop.reading import OpenedCamera
-    from calib.interop.rigs.reading import OpenedRig
     from calib.observe.corners_vnl import PointGrid
     from calib.observe.photos import FoundPhotos
     from calib.renderer.truth import Truth
@@ -225,8 +225,8 @@ def opened_camera(camera: "Camera | Place", kind: str | None = None) -> "OpenedC
         InputError: neither a camera, nor a file that can be read.
     """
     from calib.cameras.camera import Camera
-    from calib.interop.format import ReadCamera
-    from calib.interop.reading import OpenedCamera, open_camera
+    from calib.cameras.formats.format import ReadCamera
+    from calib.cameras.formats.reading import OpenedCamera, open_camera
 
     if isinstance(camera, Camera):
         return OpenedCamera(FORMATS[OWN], ReadCamera(camera))
@@ -256,7 +256,7 @@ def load_rig(name: Place, *, unit: str | None = None) -> "Rig":
     Raises:
         InputError: no such file, of no known kind, or not valid.
     """
-    from calib.interop.rigs.reading import open_rig
+    from calib.cameras.formats.rigs.reading import open_rig
 
     return open_rig(place_of(name, "a rig.json"), unit=unit).read.rig
 
@@ -291,8 +291,8 @@ def rig_of(rig: "Rig | Place") -> "Rig":
 
 def opened_rig(rig: "Rig") -> "OpenedRig":
     """A rig that comes from no file, with the kind that is ours."""
-    from calib.interop.rigs.format import ReadRig
-    from calib.interop.rigs.reading import OpenedRig
+    from calib.cameras.formats.rigs.format import ReadRig
+    from calib.cameras.formats.rigs.reading import OpenedRig
 
     return OpenedRig(RIG_FORMATS[OWN_RIG], ReadRig(rig, (None,) * len(rig.cameras)))
 
@@ -303,7 +303,7 @@ def rig_named(name: Place, kind: str | None = None, unit: str | None = None) -> 
     Raises:
         InputError: a rig's file that cannot be read.
     """
-    from calib.interop.rigs.reading import open_rig, rig_format_of
+    from calib.cameras.formats.rigs.reading import open_rig, rig_format_of
 
     place = place_of(name, "a camera, a rig, or the file of one")
     if place.is_dir() and (place / FORMATS[OWN].file_name).exists():

@@ -21,10 +21,10 @@ from designer.page.progress import Progress, unheard
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.app.measured_from import Several
-    from calib.as_built.deviations import Compensation
-    from calib.as_built.lengths import CaliperLength
-    from calib.as_built.options import AsBuiltOptions
     from calib.core.types import Observations
+    from calib.measure_target.deviations import Compensation
+    from calib.measure_target.lengths import CaliperLength
+    from calib.measure_target.options import AsBuiltOptions
     from calib.rigs.result import RigCalibration
     from calib.solver.options import SolveOptions
     from calib.solver.plan import SolvePlan
@@ -182,11 +182,11 @@ def measure(
         solved,
         way_of,
     )
-    from calib.as_built.cross_validation import cross_validate
-    from calib.as_built.deviations import Compensation
-    from calib.as_built.lengths import asked_lengths
-    from calib.as_built.record import record_of
-    from calib.coupons.ink_of_rings import ink_of_cameras
+    from calib.coupon_reading.ink_of_rings import ink_of_cameras
+    from calib.measure_target.cross_validation import cross_validate
+    from calib.measure_target.deviations import Compensation
+    from calib.measure_target.lengths import asked_lengths
+    from calib.measure_target.record import record_of
     from designer.base.units import format_skew
     from designer.base.words import several
     from designer.page.output import output_of
@@ -287,8 +287,8 @@ def _options(
     solve: "SolveOptions", way: "Made", bow: bool | None, sets: "Sequence[Observations]", *, is_rigid: bool
 ) -> "AsBuiltOptions":
     """How the target is."""
-    from calib.as_built.options import AsBuiltOptions
-    from calib.as_built.solve import with_known_weights
+    from calib.measure_target.options import AsBuiltOptions
+    from calib.measure_target.solve import with_known_weights
 
     options = AsBuiltOptions(made=way, bow=bow, solve=solve)
     return with_known_weights(replace(options, ring_sigma_mm=None) if is_rigid else options, sets)
@@ -344,9 +344,9 @@ def rescale(
         InputError: a file that cannot be read, or a length that the target does not have.
     """
     from calib.app.measured_from import doubts_about, nominal_of, way_of
-    from calib.as_built.back import tells_thickness, with_thickness
-    from calib.as_built.deviations import Compensation
-    from calib.as_built.lengths import asked_length, rescaled
+    from calib.measure_target.back import tells_thickness, with_thickness
+    from calib.measure_target.deviations import Compensation
+    from calib.measure_target.lengths import asked_length, rescaled
 
     nominal = nominal_of(target)
     way = way_of(nominal, made)

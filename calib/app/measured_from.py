@@ -11,25 +11,25 @@ from typing import TypeAlias
 import numpy as np
 
 from calib.app.inputs import Place, load_observations, observations_of, photos_of, target_of
-from calib.as_built.earlier_lens import is_another_lens, seen_through, with_shared_error
-from calib.as_built.lengths import CaliperLength, doubt_about, usual_sigmas
-from calib.as_built.options import AsBuiltOptions
-from calib.as_built.result import AsBuilt
-from calib.as_built.solve import measure, measure_rig
 from calib.cameras import COMMON, fitted_models
 from calib.core.types import Detections, Observations
-from calib.coupons.ink_of_rings import InkBleed, ink_of_rings
-from calib.metrics.evaluation import evaluate
+from calib.coupon_reading.ink_of_rings import InkBleed, ink_of_rings
+from calib.judge.judge import VERDICT, VERDICT_FILE
+from calib.judge.rig_folder import read_rig_run
+from calib.measure_target.earlier_lens import is_another_lens, seen_through, with_shared_error
+from calib.measure_target.lengths import CaliperLength, doubt_about, usual_sigmas
+from calib.measure_target.options import AsBuiltOptions
+from calib.measure_target.result import AsBuilt
+from calib.measure_target.solve import measure, measure_rig
 from calib.observe.correspondences import is_detections
 from calib.observe.dataset import read_detections
 from calib.observe.observations import known_points
 from calib.observe.photos import FoundPhotos, named_photos
 from calib.observe.search import PhotoSearch
 from calib.rigs.result import RigCalibration
+from calib.solver.metrics.evaluation import evaluate
 from calib.solver.plan import SolvePlan
 from calib.solver.solve import solve
-from calib.verdict.judge import VERDICT, VERDICT_FILE
-from calib.verdict.rig_folder import read_rig_run
 from designer.base.errors import InputError
 from designer.base.words import several, shown
 from designer.page.progress import Progress

@@ -15,12 +15,12 @@ from designer.base.words import NAME
 from designer.page.result import Result
 
 if TYPE_CHECKING:
-    from calib.as_built.deviations import Compensation, Estimate
-    from calib.as_built.lengths import CaliperLength
-    from calib.as_built.record import AsBuiltRecord
-    from calib.as_built.result import AsBuilt
-    from calib.as_built.seats import Seat
-    from calib.coupons.ink_of_rings import InkBleed
+    from calib.coupon_reading.ink_of_rings import InkBleed
+    from calib.measure_target.deviations import Compensation, Estimate
+    from calib.measure_target.lengths import CaliperLength
+    from calib.measure_target.record import AsBuiltRecord
+    from calib.measure_target.result import AsBuilt
+    from calib.measure_target.seats import Seat
     from designer.base.answer import Value
     from designer.page.blocks import Page
     from designer.target import TargetGeometry
@@ -45,7 +45,7 @@ def checked_place(path: str | PathLike[str], nominal: Path | None) -> Path:
         InputError: another name, or a place that is the target's own, or of another target that is not a measured one,
             or not to be written.
     """
-    from calib.as_built.table import TABLE_FORMAT
+    from calib.measure_target.table import TABLE_FORMAT
     from designer.target import FORMAT, load_target
 
     out = place_of(path, "a name, such as as_built.target.json")
@@ -146,7 +146,7 @@ class MeasuredPrint(Result, kind="as_built", title="Measured print"):
         Raises:
             InputError: another name, a file of somebody else's, or the target it was measured against.
         """
-        from calib.as_built.table import table_to_csv
+        from calib.measure_target.table import table_to_csv
         from designer.target import target_to_json
 
         place = checked_place(path, self.measured_against)
@@ -179,15 +179,15 @@ class RescaledTarget(Result, kind="rescaled", title="Rescaled target"):
     @property
     def factor(self) -> float:
         """How many times as large it is."""
-        from calib.as_built.lengths import length_in
+        from calib.measure_target.lengths import length_in
 
         return self.length.value_mm / length_in(self.nominal, self.length.name)
 
     @property
     def size(self) -> "Estimate | None":
         """How much larger than designed, as a share; None: the length is a thickness, which says nothing of it."""
-        from calib.as_built.back import tells_thickness
-        from calib.as_built.deviations import Estimate
+        from calib.measure_target.back import tells_thickness
+        from calib.measure_target.deviations import Estimate
 
         if tells_thickness(self.nominal, self.length.name):
             return None
@@ -201,7 +201,7 @@ class RescaledTarget(Result, kind="rescaled", title="Rescaled target"):
 
     def answer(self) -> "dict[str, Value]":
         """Ids, size, and what to dial in."""
-        from calib.as_built.deviations import compensation_percent
+        from calib.measure_target.deviations import compensation_percent
 
         size, made = self.size, self.made_with.shrink_percent
         return {

@@ -17,9 +17,9 @@ from designer.kinds.presets import camera_templates, criteria_templates, error_t
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
+    from calib.judge.verdict import Criteria
     from calib.observe.corners_vnl import PointGrid
-    from calib.verdict.verdict import Criteria
-    from calib.virtual.solve_virtual import Reference as ReferenceView
+    from calib.solver.solve_virtual import Reference as ReferenceView
     from designer.target import TargetGeometry
 
 MOST_JOBS = 1024

@@ -22,10 +22,10 @@ from designer.page.result import Result
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
-    from calib.verdict.hand_eye_file import HandEye
-    from calib.verdict.next_views import NextView
-    from calib.verdict.plan_tried import TriedPlan
-    from calib.verdict.planned_views import PlannedViews
+    from calib.judge.hand_eye_file import HandEye
+    from calib.judge.next_views import NextView
+    from calib.judge.plan_tried import TriedPlan
+    from calib.judge.planned_views import PlannedViews
     from designer.base.arrays import Array
     from designer.base.small_file import JsonValue
     from designer.page.blocks import Page
@@ -133,8 +133,8 @@ class PhotoPlan(
         """
         import numpy as np
 
-        from calib.robot.poses import poses_to_csv
-        from calib.robot.rotations import to_quaternion
+        from calib.observe.robot_poses import poses_to_csv
+        from calib.observe.rotations import to_quaternion
 
         if self.base_from_flange is not None:
             head = _FIRST_LINE, "# base_from_flange of each photo"
@@ -216,12 +216,12 @@ def plan(
     import numpy as np
 
     from calib.app.inputs import camera_of, target_of
-    from calib.guide.settings import settings_of
+    from calib.judge.before_photos import calibration_before, front_of, planned_camera, usual_hold
+    from calib.judge.plan_search import PlanWish, plan_that_holds
+    from calib.judge.settings import settings_of
+    from calib.judge.verdict import Criteria
+    from calib.judge.views import shape_of
     from calib.show.parts.kept_target import target_words
-    from calib.verdict.before_photos import calibration_before, front_of, planned_camera, usual_hold
-    from calib.verdict.plan_search import PlanWish, plan_that_holds
-    from calib.verdict.verdict import Criteria
-    from calib.verdict.views import shape_of
 
     geometry, given = target_of(target, "rings"), camera_of(camera)
     settings = settings_of(geometry, criteria if isinstance(criteria, Criteria) else fspath(criteria), made=made)
@@ -277,7 +277,7 @@ def plan(
 
 def _hand_of(hand_eye: "HandEye | Place | None") -> "HandEye | None":
     """What holds camera or target, or that of a file or a folder; None: a person does."""
-    from calib.verdict.hand_eye_file import HAND_EYE, HAND_EYE_FILE, HandEye
+    from calib.judge.hand_eye_file import HAND_EYE, HAND_EYE_FILE, HandEye
 
     if hand_eye is None or isinstance(hand_eye, HandEye):
         return hand_eye
@@ -302,7 +302,7 @@ def _why_nothing(distance_mm: tuple[float, float], *, is_on_table: bool) -> str:
 
 def _worded(found: "PlannedViews", table_deg: "Array | None", *, is_by_hand: bool) -> "tuple[NextView, ...]":
     """The photos as they are told: of a turntable by its angle, and no two with the same words."""
-    from calib.verdict.next_view_words import gain_words
+    from calib.judge.next_view_words import gain_words
 
     if table_deg is not None:
         return tuple(

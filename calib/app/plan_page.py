@@ -148,7 +148,7 @@ def _scene(found: "PhotoPlan") -> View3d:
 
     from calib.draw.camera_scene import BODY, INK, NEXT, first_look
     from calib.draw.rig_scene import body_words, view_of
-    from calib.metrics.errors import centers_mm
+    from calib.solver.metrics.errors import centers_mm
     from designer.page.scene import Scene
     from designer.target_scene import camera_layer, camera_size_mm, target_layers
 

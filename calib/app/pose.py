@@ -220,9 +220,9 @@ def _drawn(made: TargetPoses, folder: Path) -> tuple[TargetPoses, tuple[Path, ..
     """Draw the photos that have a pose, of a rig in a folder a camera; and where the pictures are."""
     from calib.app.rig_poses import posed_alone
     from calib.draw.pose_overlay import draw_poses
+    from calib.judge.rig_folder import folder_names
     from calib.observe.overlays import keep_pictures, no_empty_folders, staging_folder
     from calib.observe.target_poses import PoseResult
-    from calib.verdict.rig_folder import folder_names
 
     if isinstance(made.found, PoseResult):
         each = [("", "", made.found)]

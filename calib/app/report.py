@@ -93,8 +93,8 @@ def report(
     Raises:
         InputError: nothing to report, limits of what is no calibration, or a page that stays; the message says why.
     """
-    from calib.verdict.judged_run import is_run_folder
-    from calib.verdict.rig_folder import is_rig_folder
+    from calib.judge.judged_run import is_run_folder
+    from calib.judge.rig_folder import is_rig_folder
     from designer.page.page_file import BLOCKS_FILE, PAGE, why_no_page
 
     folder = Path(folder)
@@ -122,9 +122,9 @@ def _judged(folder: Path, kind: str, criteria: str | None, command: str) -> Repo
     """Of cameras, which are read again: what lies beside them may have changed."""
     from calib.app.calibration import Run
     from calib.app.solved_rig import SolvedRig
-    from calib.verdict.criteria import read_criteria, read_rig_criteria
-    from calib.verdict.judged_run import judge_again, read_run
-    from calib.verdict.rig_folder import judge_rig_again, read_rig_run
+    from calib.judge.criteria import read_criteria, read_rig_criteria
+    from calib.judge.judged_run import judge_again, read_run
+    from calib.judge.rig_folder import judge_rig_again, read_rig_run
 
     if criteria is not None and kind == RIG:
         judge_rig_again(folder, read_rig_criteria(criteria))

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
     from calib.core.types import RigObservations
+    from calib.judge.rig_lenses import CameraWishes
+    from calib.judge.rig_solution import RigSeen
     from calib.observe.rig_search import RigInput
     from calib.rigs.options import RigOptions
     from calib.solver.options import SolveOptions
-    from calib.verdict.rig_lenses import CameraWishes
-    from calib.verdict.rig_solution import RigSeen
     from designer.page.output import Output
     from designer.target import TargetGeometry
 
@@ -128,11 +128,11 @@ def rig(
         InputError: files or options that break a rule, or cameras that no frames tie together.
     """
     from calib.app.inputs import camera_of, points_of
+    from calib.judge.rig_lenses import wishes_of
+    from calib.judge.rig_solution import judged_rig
     from calib.observe.rig_observations import swapped_cameras, with_remarks
     from calib.observe.rig_search import rig_input
     from calib.solver.plan import ALL, plan_from_words
-    from calib.verdict.rig_lenses import wishes_of
-    from calib.verdict.rig_solution import judged_rig
 
     plan = plan_from_words(
         ALL, fix=(), share=(), focal_px=None, loss=loss, reject=reject_sigma, weighted=weighted, minimise=minimise
@@ -183,10 +183,10 @@ def _seen(
     """What was seen, of which target, and in which photos."""
     from calib.app.inputs import require_photos_for_jobs, target_of
     from calib.core.types import RigObservations
+    from calib.judge.rig_lenses import require_wishes
+    from calib.judge.rig_solution import RigSeen
     from calib.observe.rig_search import photos_of_rig, search_rig
     from calib.observe.rig_sightings import read_rig_sightings
-    from calib.verdict.rig_lenses import require_wishes
-    from calib.verdict.rig_solution import RigSeen
 
     if kind != (None, None) and not given.has_sightings:
         raise InputError("--points: says what the points of a table of sightings are; leave it out")

@@ -87,10 +87,10 @@ def rig_bootstrap(
         InputError: a folder that cannot be read, a rig that is not determined or that a robot or a table carried, or
             too few frames.
     """
+    from calib.judge.rig_folder import read_rig
     from calib.rigs.result import RigCalibration
     from calib.solver.options import SolveOptions
     from calib.studies.rig_bootstrap import rig_spread
-    from calib.verdict.rig_folder import read_rig
 
     options = SolveOptions()
     if isinstance(rig, RigCalibration):

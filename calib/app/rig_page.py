@@ -10,10 +10,10 @@ from calib.draw.carrier_tables import carrier_section, next_poses_table, next_po
 from calib.draw.checks import check_findings, headline_by
 from calib.draw.rig_pictures import pictures_section
 from calib.draw.rig_tables import cameras_table, frame_name, halves_table, pairs_table, places_table, ties_table
+from calib.judge.next_robot_poses import photo_names
+from calib.judge.rig_folder import CAMERAS, RIG_FILE, RigRun, folder_names
 from calib.rigs.halves import NoRigHalves, RigHalves, SplitKind, enlarged
 from calib.rigs.relative import center_sigma_mm
-from calib.verdict.next_robot_poses import photo_names
-from calib.verdict.rig_folder import CAMERAS, RIG_FILE, RigRun, folder_names
 from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable
 from designer.page.blocks import Block, Command, Facts, Finding, Findings, Headline, Page, Paragraph, Section, Steps
@@ -261,8 +261,8 @@ def next_steps(run: RigRun, folder: str = "") -> tuple[Command, ...]:
 
 def rig_answer(found: "SolvedRig") -> "dict[str, Value]":
     """The rig as programs are told of it."""
+    from calib.judge.verdict import Verdict
     from calib.observe.calibration_file import CAMERA_FILE
-    from calib.verdict.verdict import Verdict
     from designer.base.codec import encode
 
     solved, rig, evidence, folder = found.calibration, found.rig, found.run.evidence, found.folder or Path()

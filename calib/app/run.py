@@ -95,13 +95,13 @@ def run(
     from calib.app.calibration_folder import RunFolder
     from calib.app.inputs import photos_of, target_of
     from calib.draw.gallery import OVERLAYS
+    from calib.judge.judged_run import is_run_folder
+    from calib.judge.solutions import SolveTask
     from calib.observe.observations import observations_from_detections
     from calib.observe.photos import named_photos
     from calib.observe.search import PhotoSearch, truth_beside, with_truth
     from calib.solver.capture_error import capture_of
     from calib.solver.plan import plan_from_words
-    from calib.verdict.judged_run import is_run_folder
-    from calib.verdict.solutions import SolveTask
     from designer.base.files import named_in_files
     from designer.base.small_file import place_of
     from designer.page.output import output_of

@@ -90,9 +90,9 @@ def solve(
     from calib.app.calibration import criteria_of, reference_of, solved, view_of_reference
     from calib.app.calibration_folder import RunFolder
     from calib.app.inputs import file_or_observations, rendered_id_of, target_of, truth_from
+    from calib.judge.solutions import SolveTask
     from calib.solver.capture_error import capture_of
     from calib.solver.plan import plan_from_words
-    from calib.verdict.solutions import SolveTask
     from designer.base.files import named_in_files
     from designer.page.output import output_of
     from designer.tolerance.made import how_made

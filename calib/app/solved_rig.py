@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.rig import Rig
     from calib.core.types import RigObservations
+    from calib.judge.hand_eye_file import HandEye
+    from calib.judge.next_robot_poses import NextPose
+    from calib.judge.rig_folder import RigRun
+    from calib.judge.rig_judge import JudgedRig
+    from calib.judge.rig_solution import RigSeen
+    from calib.judge.verdict import Criteria, Verdict
     from calib.rigs.result import RigCalibration
-    from calib.verdict.hand_eye_file import HandEye
-    from calib.verdict.next_robot_poses import NextPose
-    from calib.verdict.rig_folder import RigRun
-    from calib.verdict.rig_judge import JudgedRig
-    from calib.verdict.rig_solution import RigSeen
-    from calib.verdict.verdict import Criteria, Verdict
     from designer.base.answer import Value
     from designer.page.blocks import Page
     from designer.page.output import Output
@@ -95,7 +95,7 @@ class SolvedRig(
         Raises:
             ValueError: nothing carried the rig.
         """
-        from calib.verdict.hand_eye_file import hand_eye_of
+        from calib.judge.hand_eye_file import hand_eye_of
 
         return hand_eye_of(self.calibration, self.rig.covariance, self.next_poses)
 
@@ -156,7 +156,7 @@ class SolvedRig(
 
     def purposes(self, folder: Path) -> tuple[tuple[str, str], ...]:
         """Those of the rig, and the lens of each camera."""
-        from calib.verdict.rig_folder import CAMERAS, folder_names
+        from calib.judge.rig_folder import CAMERAS, folder_names
 
         names = self.calibration.observations.camera_names
         lenses = (
@@ -179,11 +179,11 @@ class SolvedRig(
             InputError: the message names the file.
         """
         from calib.cameras.rig import RIG
+        from calib.judge.hand_eye_file import HAND_EYE, HAND_EYE_FILE
+        from calib.judge.rig_folder import RIG_CALIBRATION, RIG_CALIBRATION_FILE, RIG_FILE
+        from calib.judge.rig_judge import RIG_VERDICT, RIG_VERDICT_FILE
         from calib.observe.rig_sightings import KIND as SIGHTINGS
-        from calib.robot.poses import KIND as ROBOT_POSES
-        from calib.verdict.hand_eye_file import HAND_EYE, HAND_EYE_FILE
-        from calib.verdict.rig_folder import RIG_CALIBRATION, RIG_CALIBRATION_FILE, RIG_FILE
-        from calib.verdict.rig_judge import RIG_VERDICT, RIG_VERDICT_FILE
+        from calib.observe.robot_poses import KIND as ROBOT_POSES
         from designer.base.files import check_folder
         from designer.base.own_files import require_ours
 
@@ -219,12 +219,12 @@ class SolvedRig(
         import numpy as np
 
         from calib.draw.rig_pictures import remove_rig_pictures
+        from calib.judge.hand_eye_file import HAND_EYE, HAND_EYE_FILE
+        from calib.judge.next_robot_poses import photo_names
+        from calib.judge.rig_folder import is_rig_folder, write_rig
         from calib.observe.rig_sightings import rig_sightings_to_csv
-        from calib.robot.poses import robot_poses_to_csv
+        from calib.observe.robot_poses import robot_poses_to_csv
         from calib.show.parts.kept_target import keep_target
-        from calib.verdict.hand_eye_file import HAND_EYE, HAND_EYE_FILE
-        from calib.verdict.next_robot_poses import photo_names
-        from calib.verdict.rig_folder import is_rig_folder, write_rig
         from designer.page.page_file import why_no_page
 
         folder, run = out.place, self.run
@@ -259,8 +259,8 @@ def rig_criteria_of(criteria: "Criteria | Place") -> "Criteria":
     Raises:
         InputError: neither.
     """
-    from calib.verdict.criteria import read_rig_criteria
-    from calib.verdict.verdict import Criteria
+    from calib.judge.criteria import read_rig_criteria
+    from calib.judge.verdict import Criteria
     from designer.base.small_file import place_of
 
     if isinstance(criteria, Criteria):

@@ -391,7 +391,7 @@ def _residual_figures(found: Triangulation) -> "tuple[Figure, ...]":
     """The residuals of the first cameras that have some, as arrows over their images."""
     from calib.draw.fields import residuals_drawing
     from calib.draw.style import figure_of
-    from calib.metrics.residual_cells import Residuals
+    from calib.solver.metrics.residual_cells import Residuals
 
     figures, points = list["Figure"](), found.points
     for row, one in enumerate(found.cameras):

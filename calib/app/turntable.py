@@ -78,9 +78,9 @@ def turntable(
     import numpy as np
 
     from calib.app.inputs import points_of
+    from calib.judge.rig_solution import judged_rig
     from calib.rigs.options import Carrier, RigOptions
     from calib.rigs.turntable import turned_by
-    from calib.verdict.rig_solution import judged_rig
 
     if step_deg == 0:
         raise InputError("--step 0deg: a table that does not turn tells nothing; leave it out, or give its turn")

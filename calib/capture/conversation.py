@@ -20,7 +20,7 @@ from calib.capture.messages import (
 )
 from calib.capture.photo_folder import PhotoFolder
 from calib.capture.sources.source import Frame, Source
-from calib.guide.told import Guidance, TakenPhoto
+from calib.judge.guide_told import Guidance, TakenPhoto
 from designer.base.errors import NotWrittenError
 from designer.page.scene import scene_json
 from designer.target import TargetGeometry

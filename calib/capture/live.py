@@ -15,9 +15,9 @@ from calib.capture.session import Session
 from calib.capture.sources.opencv_camera import OpenCVCamera
 from calib.capture.sources.source import BrowserCamera, Source
 from calib.capture.sources.watched_folder import WatchedFolder, require_apart
-from calib.guide.guide import Guide
+from calib.judge.criteria import STANDARD
+from calib.judge.guide import Guide
 from calib.solver.plan import models_of
-from calib.verdict.criteria import STANDARD
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
 from designer.page.output import Output, output_of

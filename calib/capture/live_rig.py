@@ -16,9 +16,9 @@ from calib.capture.serving import Heard, Serving
 from calib.capture.sources.opencv_camera import OpenCVCamera, is_video
 from calib.capture.sources.source import Source
 from calib.capture.sources.watched_folder import WatchedFolder, require_apart
-from calib.guide.rig_guide import RigGuide
+from calib.judge.criteria import STANDARD
+from calib.judge.rig_guide import RigGuide
 from calib.observe.rig_photos import camera_names_of
-from calib.verdict.criteria import STANDARD
 from designer.base.errors import InputError
 from designer.base.files import write_files
 from designer.base.small_file import place_of

@@ -17,7 +17,7 @@ import json
 from dataclasses import dataclass
 from typing import Literal, TypeVar, cast
 
-from calib.guide.told import Guidance, Line, Look, TakenPhoto
+from calib.judge.guide_told import Guidance, Line, Look, TakenPhoto
 from designer.base.codec import decode, encode
 from designer.base.small_file import JsonValue
 

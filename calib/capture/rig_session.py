@@ -18,11 +18,11 @@ from calib.capture.messages import TakenMessage
 from calib.capture.photo_folder import PhotoFolder
 from calib.capture.sources.source import Frame, Source
 from calib.core.types import LEAST_POINTS, Detections
-from calib.guide.rig_guide import RigGuide
-from calib.guide.rig_standing import moment_of
-from calib.guide.shutter import Shutter
-from calib.guide.told import Look, TakenPhoto
 from calib.images.photo import Grey, read_image
+from calib.judge.guide_told import Look, TakenPhoto
+from calib.judge.rig_guide import RigGuide
+from calib.judge.rig_standing import moment_of
+from calib.judge.shutter import Shutter
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 

@@ -15,8 +15,8 @@ from calib.capture.messages import FrameHeader, Message, NoticeMessage, PageComm
 from calib.capture.server import LOOPBACK, Pages, application
 from calib.capture.sources.source import Frame
 from calib.capture.worker import Worker
+from calib.judge.verdict import Verdict
 from calib.show.folder import PAGE_FILE
-from calib.verdict.verdict import Verdict
 from designer.base.errors import InputError
 
 PREVIEW_PX, PREVIEW_QUALITY = 1280, 70

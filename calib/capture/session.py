@@ -13,10 +13,10 @@ from calib.capture.messages import TakenMessage
 from calib.capture.photo_folder import PhotoFolder
 from calib.capture.sources.source import Frame, Source
 from calib.core.types import Detections
-from calib.guide.guide import Guide
-from calib.guide.shutter import Shutter
-from calib.guide.told import TakenPhoto
 from calib.images.photo import Grey, read_image
+from calib.judge.guide import Guide
+from calib.judge.guide_told import TakenPhoto
+from calib.judge.shutter import Shutter
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 

@@ -22,7 +22,7 @@ def read_camera(name: str) -> NamedCamera:
         InputError: neither a template nor a valid file.
     """
     from calib.app.cameras_told import remarks_on
-    from calib.interop.reading import open_camera
+    from calib.cameras.formats.reading import open_camera
 
     read = open_camera(name).read
     lines = remarks_on(name, read)

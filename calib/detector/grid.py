@@ -12,8 +12,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core import homography
 from calib.core.jit import jit
-from calib.detector import homography
 from calib.detector.candidates import Candidates
 from designer.target import TargetGeometry
 

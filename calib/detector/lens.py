@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import slopes
+from calib.core import homography
+from calib.core.homography import determines, equations, fit_entries
 from calib.core.jit import jit
 from calib.core.se3 import rotation_between
 from calib.core.small_solve import cholesky_factor, substitute
-from calib.detector import homography
-from calib.detector.homography import determines, equations, fit_entries
 from designer.base.errors import InputError
 
 Floats: TypeAlias = NDArray[np.float64]

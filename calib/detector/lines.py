@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core import homography
 from calib.core.linear_algebra import least_squares
-from calib.detector import homography
 from calib.detector.candidates import semi_axes_px
 from calib.detector.lens import Lens, local_form, scale_to_weigh_with
 from calib.detector.place import Placement

@@ -12,8 +12,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core import homography
 from calib.core.jit import jit
-from calib.detector import homography
 from calib.detector.alignment import DISAGREEMENT, Alignment, GridReader, agreement, alignments
 from calib.detector.candidates import Candidates
 from calib.detector.grid import Grid, planar_parts

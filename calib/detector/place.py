@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core import homography
 from calib.core.linear_algebra import solve_square
-from calib.detector import homography
 from calib.detector.candidates import Candidates, nearest_candidates
 from calib.detector.lens import Lens, local_form, scale_to_weigh_with
 from calib.detector.plan import TargetPlan

@@ -12,8 +12,8 @@ import numpy as np
 from calib.cameras import linearise, project
 from calib.cameras.camera import Camera
 from calib.cameras.plain import even_camera
+from calib.core import homography
 from calib.core.linear_algebra import least_squares, symmetric_inverse
-from calib.detector import homography
 from calib.detector.lens import (
     FLOOR_PX,
     CameraLens,

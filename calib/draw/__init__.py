@@ -15,10 +15,10 @@ from calib.draw.style import (
     note,
     picture,
 )
-from calib.metrics.errors import summarise
-from calib.metrics.evaluation import Evaluation
-from calib.metrics.residual_cells import cells_of_residuals, residuals_of
-from calib.verdict.coverage import coverage_of
+from calib.judge.coverage import coverage_of
+from calib.solver.metrics.errors import summarise
+from calib.solver.metrics.evaluation import Evaluation
+from calib.solver.metrics.residual_cells import cells_of_residuals, residuals_of
 from designer.base.number_text import figure as digits
 
 if TYPE_CHECKING:

@@ -5,11 +5,11 @@ from numpy.typing import NDArray
 
 from calib.core.types import KnownPoints
 from calib.draw.rig_scene import body_words, view_of
-from calib.metrics.errors import centers_mm
-from calib.metrics.evaluation import by_view
-from calib.verdict.next_views import NextView
-from calib.verdict.solutions import Solution
-from calib.verdict.views import view_facts
+from calib.judge.next_views import NextView
+from calib.judge.solutions import Solution
+from calib.judge.views import view_facts
+from calib.solver.metrics.errors import centers_mm
+from calib.solver.metrics.evaluation import by_view
 from designer.base.number_text import figure as digits
 from designer.base.words import printable
 from designer.page.blocks import View3d

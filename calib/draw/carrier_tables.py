@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib.judge.next_robot_poses import NextPose, gain_words, photo_names
+from calib.observe.rotations import to_quaternion
 from calib.rigs.result import CarrierFit, RigCalibration
-from calib.robot.rotations import to_quaternion
-from calib.verdict.next_robot_poses import NextPose, gain_words, photo_names
 from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable
 from designer.page.blocks import Block, Cell, Column, Facts, Finding, Findings, Section, Table

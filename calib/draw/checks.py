@@ -1,6 +1,6 @@
 """A verdict and its checks as blocks of a page."""
 
-from calib.verdict.verdict import Check, Grade, Verdict
+from calib.judge.verdict import Check, Grade, Verdict
 from designer.base.words import capital, printable
 from designer.page.blocks import Finding, Headline, Level
 

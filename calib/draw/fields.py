@@ -21,8 +21,8 @@ from calib.draw.style import (
     image_axes,
     round_length,
 )
-from calib.metrics.residual_cells import ResidualCells, Residuals
-from calib.verdict.coverage import Coverage
+from calib.judge.coverage import Coverage
+from calib.solver.metrics.residual_cells import ResidualCells, Residuals
 from designer.base.number_text import figure as digits
 from designer.base.words import capital
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.draw.style import BLUE, ORANGE, VERMILION, AxesDrawing, nothing, open_axes
-from calib.metrics.evaluation import Evaluation
+from calib.solver.metrics.evaluation import Evaluation
 from calib.solver.outliers import whitened
 from calib.solver.problem import whiteners
 from designer.base.number_text import figure as digits

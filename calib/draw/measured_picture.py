@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.as_built.deviations import Verdict, bent_mm
-from calib.as_built.record import AsBuiltRecord, deviations_of
 from calib.draw.measured_scene import nice
 from calib.draw.style import EMPTY, GREY, INK, VERMILION, WIDTH_PX, note, picture, round_length
+from calib.measure_target.deviations import Verdict, bent_mm
+from calib.measure_target.record import AsBuiltRecord, deviations_of
 from designer.base.arrays import Array
 from designer.target import TargetGeometry
 

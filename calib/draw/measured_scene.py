@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from calib.as_built.record import AsBuiltRecord, Deviations, deviations_of, told_motion
 from calib.core.se3 import exp_rotation
+from calib.measure_target.record import AsBuiltRecord, Deviations, deviations_of, told_motion
 from designer.base.arrays import Array
 from designer.base.number_text import figure
 from designer.page.blocks import View3d

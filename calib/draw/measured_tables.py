@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
-from calib.as_built.cross_validation import Gain
-from calib.as_built.deviations import FREE_PARAMETERS, Estimate
-from calib.as_built.record import AsBuiltRecord, SolvedCamera, deviations_of
 from calib.draw.measured_scene import datum_words
 from calib.draw.print_errors import is_plastic, told
 from calib.draw.seats import seats_table
+from calib.measure_target.cross_validation import Gain
+from calib.measure_target.deviations import FREE_PARAMETERS, Estimate
+from calib.measure_target.record import AsBuiltRecord, SolvedCamera, deviations_of
 from designer.base.number_text import figure
 from designer.page.blocks import Cell, Column, Level, Table
 from designer.page.folders import Shown, table_of

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-from calib.as_built.deviations import (
+from calib.measure_target.deviations import (
     Compensation,
     Estimate,
     WholePrint,

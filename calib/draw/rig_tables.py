@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.draw.run_tables import focal_length
+from calib.judge.rig_folder import RigRun
 from calib.rigs.camera_alone import camera_alone
 from calib.rigs.figures import PairFigures
 from calib.rigs.halves import RigHalves, enlarged
 from calib.rigs.relative import center_covariance, worst
 from calib.rigs.result import RigCalibration
-from calib.verdict.rig_folder import RigRun
 from designer.base.number_text import figure as digits
 from designer.base.number_text import with_digits
 from designer.base.words import printable

@@ -23,15 +23,15 @@ from calib.draw.style import (
     figure_of,
     image_axes,
 )
-from calib.metrics.residual_cells import Residuals
+from calib.judge.apart import Apart, Known, sigma_over
+from calib.judge.check_kind import LEAST_PX, px
+from calib.judge.checks import made_words
+from calib.judge.coverage import Coverage
+from calib.judge.halves import HalvesApart, NoHalves
+from calib.judge.next_views import NextView
 from calib.solver.accuracy import share_px
 from calib.solver.calibration import Calibration
-from calib.verdict.apart import Apart, Known, sigma_over
-from calib.verdict.check_kind import LEAST_PX, px
-from calib.verdict.checks import made_words
-from calib.verdict.coverage import Coverage
-from calib.verdict.halves import HalvesApart, NoHalves
-from calib.verdict.next_views import NextView
+from calib.solver.metrics.residual_cells import Residuals
 from designer.base.number_text import figure as digits
 from designer.base.words import capital
 from designer.page.blocks import Figure

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from calib.core.types import UNMEASURABLE_WORDS
 from calib.draw.gallery import OVERLAYS, STANDS_OUT, Shot, gallery, shortened
-from calib.metrics.evaluation import Evaluation, by_view
+from calib.judge.views import view_facts
 from calib.observe.photos import OVERLAY_MARK
 from calib.observe.records import ImageRecord, Records, common_remarks
-from calib.verdict.views import view_facts
+from calib.solver.metrics.evaluation import Evaluation, by_view
 from designer.base.number_text import figure as digits
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Finding, Findings, Leaf, Level, Section, Table

@@ -11,11 +11,11 @@ from calib.cameras.field_of_view import field_of_view
 from calib.cameras.linear_part import focal_px
 from calib.cameras.surface import surface_model
 from calib.core.types import UNMEASURABLE_WORDS
-from calib.metrics.evaluation import Evaluation, by_face
-from calib.metrics.evaluation_files import FoundParameter, Metrics
+from calib.judge.solutions import Solution
 from calib.observe.records import Records
 from calib.solver.calibration import Calibration
-from calib.verdict.solutions import Solution
+from calib.solver.metrics.evaluation import Evaluation, by_face
+from calib.solver.metrics.evaluation_files import FoundParameter, Metrics
 from designer.base.number_text import figure as digits
 from designer.base.number_text import with_digits
 from designer.base.words import printable

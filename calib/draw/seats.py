@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 
-from calib.as_built.deviations import Estimate
-from calib.as_built.seats import PARTS, Fault, Seat, Seats
 from calib.draw.print_errors import told
+from calib.measure_target.deviations import Estimate
+from calib.measure_target.seats import PARTS, Fault, Seat, Seats
 from designer.base.number_text import figure, with_digits
 from designer.base.words import capital
 from designer.page.blocks import Cell, Column, Finding, Level, Table

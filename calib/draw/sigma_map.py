@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.cameras.refit import image_grid
+from calib.judge.lit_part import lit_part, sigma_over_lit_px
 from calib.solver.accuracy import projected_sigma_px
 from calib.solver.calibration import Calibration
-from calib.verdict.lit_part import lit_part, sigma_over_lit_px
 from designer.base.number_text import figure as digits
 from designer.base.words import capital
 

@@ -8,11 +8,11 @@ from calib.core.types import KnownPoints
 from calib.draw.camera_scene import first_look, points_layers
 from calib.draw.rig_scene import view_of
 from calib.draw.rig_tables import frame_name
+from calib.judge.next_robot_poses import rig_from_target_at
+from calib.judge.rig_folder import RigRun
 from calib.rigs.halves import enlarged
 from calib.rigs.relative import center_covariance
 from calib.rigs.result import RigCalibration
-from calib.verdict.next_robot_poses import rig_from_target_at
-from calib.verdict.rig_folder import RigRun
 from designer.base.number_text import figure as digits
 from designer.base.words import printable
 from designer.page.blocks import View3d

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
+from calib.cameras.formats.reading import open_camera
+from calib.cameras.formats.rigs.reading import open_rig, rig_format_of
 from calib.cameras.rig import MOST_CAMERAS, Rig
 from calib.core.se3 import invert, look_at
-from calib.interop.reading import open_camera
-from calib.interop.rigs.reading import open_rig, rig_format_of
 from calib.renderer.quantities import bounded, length_range, parse_degrees, parsed
 from designer.base.codec import BadValueError, decode
 from designer.base.errors import InputError

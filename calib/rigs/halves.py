@@ -92,7 +92,7 @@ class RigHalves:
 
     @property
     def factor(self) -> float:
-        """What stated standard deviations are to be multiplied with, as in `calib.verdict.halves`."""
+        """What stated standard deviations are to be multiplied with, as in `calib.judge.halves`."""
         return self.ratio if self.ratio > self.by_chance else 1.0
 
     @property

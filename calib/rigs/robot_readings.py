@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.se3 import invert, log_rotation
-from calib.robot.poses import ANGLES, LENGTHS, MOST_TURNS_RAD, RobotPoses
-from calib.robot.rotations import RotationReading, angle_readings, quaternion_readings
+from calib.observe.robot_poses import ANGLES, LENGTHS, MOST_TURNS_RAD, RobotPoses
+from calib.observe.rotations import RotationReading, angle_readings, quaternion_readings
 from designer.base.number_text import figure
 
 Array = NDArray[np.float64]

@@ -10,22 +10,22 @@ from calib.cameras import fitted_models
 from calib.core.parallel import one_thread
 from calib.core.se3 import make_pose
 from calib.core.types import Observations, keep_sightings
-from calib.metrics.errors import Errors, centers_mm, predict, summarise
-from calib.metrics.evaluation import truth_remarks
-from calib.metrics.intersection import intersection
-from calib.metrics.pose import pose
-from calib.metrics.reconstruction import reconstruction
-from calib.metrics.reprojection import reprojection
 from calib.renderer.truth import Truth
 from calib.solver.accuracy import NO_FIT
+from calib.solver.calibrate import calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.descend import is_robust
+from calib.solver.metrics.errors import Errors, centers_mm, predict, summarise
+from calib.solver.metrics.evaluation import truth_remarks
+from calib.solver.metrics.intersection import intersection
+from calib.solver.metrics.pose import pose
+from calib.solver.metrics.reconstruction import reconstruction
+from calib.solver.metrics.reprojection import reprojection
 from calib.solver.options import SolveOptions, Tie, tie_parameters
 from calib.solver.problem import Problem, pack
 from calib.studies.near import Expansion, expand, find_near
 from calib.studies.sample import SampleResult, draw_counts, failed_sample
 from calib.studies.sample_metrics import Sample, sample_errors
-from calib.virtual.calibrate import calibrate
 from designer.base.errors import InputError
 
 Array = NDArray[np.float64]

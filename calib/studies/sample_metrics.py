@@ -1,7 +1,7 @@
-"""The metrics of `calib.metrics` as root mean squares over a sample, in one pass over its distinct views.
+"""The metrics of `calib.solver.metrics` as root mean squares over a sample, in one pass over its distinct views.
 
 A view drawn twice counts twice: errors are summed with the view's weight. What an error is, and when there is none, is
-as in `calib.metrics`; only `rays` and `project` of the camera enter.
+as in `calib.solver.metrics`; only `rays` and `project` of the camera enter.
 """
 
 import math
@@ -15,9 +15,9 @@ from calib.cameras.camera import Camera
 from calib.core.jit import jit
 from calib.core.small_solve import cholesky_factor, substitute
 from calib.core.types import Observations
-from calib.metrics.errors import centers_mm
-from calib.metrics.intersection import LEAST_SINE
-from calib.metrics.reconstruction import LEAST_SPREAD_RAD
+from calib.solver.metrics.errors import centers_mm
+from calib.solver.metrics.intersection import LEAST_SINE
+from calib.solver.metrics.reconstruction import LEAST_SPREAD_RAD
 from calib.solver.problem import Problem
 from calib.studies.gradients import chunks_of
 

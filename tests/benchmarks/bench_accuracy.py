@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from calib.core.types import Observations, keep_views
-from calib.metrics.errors import summarise
-from calib.metrics.evaluation import evaluate
 from calib.renderer.truth import TRUTH, Truth
+from calib.solver.metrics.errors import summarise
+from calib.solver.metrics.evaluation import evaluate
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.studies.paper_study import (

@@ -9,15 +9,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.datum import best_motion
-from calib.as_built.lengths import scaled
-from calib.as_built.options import AsBuiltOptions
-from calib.as_built.solve import measure
 from calib.cameras.camera import Camera
 from calib.core.se3 import make_pose, transform
 from calib.core.types import Observations, keep_views
-from calib.metrics.evaluation import evaluate
+from calib.measure_target.datum import best_motion
+from calib.measure_target.lengths import scaled
+from calib.measure_target.options import AsBuiltOptions
+from calib.measure_target.solve import measure
 from calib.observe.observations import known_points
+from calib.solver.metrics.evaluation import evaluate
 from calib.solver.solve import solve
 from calib.solver.start import solve_poses
 from designer.target import TargetGeometry

@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import calib
-from calib.as_built.datum import best_motion
-from calib.as_built.options import AsBuiltOptions
-from calib.as_built.seats import seats_of
-from calib.as_built.solve import measure
 from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations, keep_views
+from calib.measure_target.datum import best_motion
+from calib.measure_target.options import AsBuiltOptions
+from calib.measure_target.seats import seats_of
+from calib.measure_target.solve import measure
 from calib.observe.observations import known_points, observations_from_detections
 from calib.solver.solve import solve
 from designer.kinds.cube import CubeSpec

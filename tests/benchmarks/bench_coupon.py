@@ -22,10 +22,10 @@ from functools import partial
 
 import numpy as np
 
-from calib.coupons.edges import edges_of
-from calib.coupons.place import KnownLength, PlacedPictures, Sighting, place
-from calib.coupons.reading import read_edges
-from calib.coupons.result import PrinterFaults, found_in
+from calib.coupon_reading.edges import edges_of
+from calib.coupon_reading.place import KnownLength, PlacedPictures, Sighting, place
+from calib.coupon_reading.reading import read_edges
+from calib.coupon_reading.result import PrinterFaults, found_in
 from calib.detector.pipeline import detect
 from designer.kinds.coupon import COUPON
 from tests.support.coupon_photos import Printed, Taken, coupon_photo, scan_of

@@ -27,12 +27,12 @@ from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, invert, log_rotation, look_at, make_pose, skew, transform
 from calib.core.types import KnownPoints, Observations, RigObservations, keep_frames
+from calib.observe.robot_poses import read_robot_poses
 from calib.rigs.bent import bent_alone
 from calib.rigs.middle import carried_error
 from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
-from calib.robot.poses import read_robot_poses
 from calib.solver.solve import solve
 from calib.solver.start import solve_poses
 from tests.benchmarks.hand_eye_peers import PEERS, carrier_from_target, pairs

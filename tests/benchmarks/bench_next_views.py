@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from calib.cameras.refit import image_grid
 from calib.core.types import KnownPoints, Observations, without_empty_views
+from calib.judge.next_views import next_views
 from calib.solver.accuracy import projected_sigma_px, share_px
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
-from calib.verdict.next_views import next_views
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, observe, poses_around
 
 Array = NDArray[np.float64]

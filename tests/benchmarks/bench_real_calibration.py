@@ -19,10 +19,10 @@ from calib.app.detect import Detector
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
 from calib.core.types import Observations, keep_views
-from calib.metrics.evaluation import evaluate
 from calib.observe.observations import observations_from_detections
 from calib.observe.photos import named_photos, searched_photos
 from calib.solver.calibration import Calibration
+from calib.solver.metrics.evaluation import evaluate
 from calib.solver.solve import solve
 from tests.benchmarks.bench_real_photos import plain_grid
 

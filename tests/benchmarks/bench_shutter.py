@@ -23,9 +23,9 @@ from calib.core.se3 import exp_rotation, look_at
 from calib.core.types import Detections
 from calib.detector import pipeline
 from calib.detector.frame_quality import frame_quality
-from calib.guide.frame_notes import MOST_MOTION_PX, notes_of
-from calib.guide.shutter import Shutter
-from calib.guide.told import Look
+from calib.judge.frame_notes import MOST_MOTION_PX, notes_of
+from calib.judge.guide_told import Look
+from calib.judge.shutter import Shutter
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import scene_from_target
 from designer.target import TargetGeometry

@@ -30,16 +30,16 @@ from numpy.typing import NDArray  # noqa: E402
 
 from calib.cameras.camera import Camera  # noqa: E402
 from calib.cameras.refit import camera_difference  # noqa: E402
+from calib.judge.coverage import coverage_of  # noqa: E402
+from calib.judge.criteria import read_criteria  # noqa: E402
+from calib.judge.halves import half_split  # noqa: E402
+from calib.judge.judge import Judged  # noqa: E402
+from calib.judge.verdict import Criteria, Grade, Limits  # noqa: E402
+from calib.solver.calibrate import calibrate  # noqa: E402
 from calib.solver.calibration import Calibration  # noqa: E402
 from calib.solver.capture_error import with_capture_error  # noqa: E402
 from calib.solver.options import SolveOptions  # noqa: E402
 from calib.solver.target_error import with_target_error  # noqa: E402
-from calib.verdict.coverage import coverage_of  # noqa: E402
-from calib.verdict.criteria import read_criteria  # noqa: E402
-from calib.verdict.halves import half_split  # noqa: E402
-from calib.verdict.judge import Judged  # noqa: E402
-from calib.verdict.verdict import Criteria, Grade, Limits  # noqa: E402
-from calib.virtual.calibrate import calibrate  # noqa: E402
 from designer.base.errors import InputError  # noqa: E402
 from designer.tolerance.made import EXACT, how_made  # noqa: E402
 from tests.benchmarks.verdict_scenes import FAULTS, Case, case_of, lens_of, sightings_of, target_of  # noqa: E402

@@ -20,8 +20,8 @@ import numpy as np
 from calib.app.inputs import load_observations
 from calib.cameras import fitted_models
 from calib.core.types import Observations, keep_views
-from calib.metrics.errors import Errors, summarise
-from calib.metrics.evaluation import evaluate_on
+from calib.solver.metrics.errors import Errors, summarise
+from calib.solver.metrics.evaluation import evaluate_on
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from designer.base.errors import InputError

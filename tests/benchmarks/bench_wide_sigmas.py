@@ -21,11 +21,11 @@ from calib.cameras.camera import Camera, camera_or_preset
 from calib.cameras.refit import image_grid
 from calib.core.linear_algebra import least_squares, worse_sigma
 from calib.core.types import KnownPoints
+from calib.judge.apart import in_sigmas
 from calib.observe.observations import known_points
 from calib.solver.accuracy import GRID, projected_covariance_px2
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
-from calib.verdict.apart import in_sigmas
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry

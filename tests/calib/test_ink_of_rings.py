@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from calib.api.rendering import render
 from calib.app.detect import Detector
 from calib.app.measure_page import ink_finding
-from calib.as_built.deviations import Estimate
 from calib.core.types import Detections
-from calib.coupons.ink_of_rings import InkBleed, ink_of_cameras, ink_of_rings
+from calib.coupon_reading.ink_of_rings import InkBleed, ink_of_cameras, ink_of_rings
+from calib.measure_target.deviations import Estimate
 from calib.renderer.options import RenderOptions
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out

@@ -17,9 +17,9 @@ import pytest
 from playwright.sync_api import Browser
 from shapely import MultiPoint
 
-from calib.as_built.lengths import asked_length, length_in
 from calib.commands.camera_argument import read_camera
 from calib.commands.render import render
+from calib.measure_target.lengths import asked_length, length_in
 from calib.renderer.faces import ring_truth
 from calib.renderer.poses import PoseGrid, grid_poses
 from calib.renderer.scene import scene_from_target

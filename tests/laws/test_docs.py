@@ -20,13 +20,13 @@ import designer.kinds.spec_file
 import designer.spec.kind
 from calib.app import calibration_page
 from calib.cameras.camera import Camera
+from calib.cameras.formats import FORMATS
 from calib.cli import app as calib_app
 from calib.detector.pipeline import detect
-from calib.interop import FORMATS
-from calib.verdict.checks import CHECKS
-from calib.verdict.criteria import read_criteria
-from calib.verdict.halves import NoHalves
-from calib.verdict.judged_run import read_run
+from calib.judge.checks import CHECKS
+from calib.judge.criteria import read_criteria
+from calib.judge.halves import NoHalves
+from calib.judge.judged_run import read_run
 from designer.base.errors import InputError
 from designer.cli import app as design_app
 from designer.kinds.layout import lay_out
@@ -93,7 +93,7 @@ def test_camera_format_of_a_file_and_a_line_reads_what_it_writes(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """A camera is written and read by `convert`, another model is fitted; a broken line is bad input."""
-    monkeypatch.setitem(sys.modules, "calib.interop.six", example("FORMAT"))
+    monkeypatch.setitem(sys.modules, "calib.cameras.formats.six", example("FORMAT"))
     monkeypatch.setattr(FORMATS, "_names", [*FORMATS, "six"])
     camera = Camera("pinhole", np.array([1400.1, 1390.2, 640.3, 481.4]), (1280, 960))
     (place,) = calib.convert(camera, "six").save(tmp_path / "camera.six")

@@ -227,12 +227,12 @@ def test_an_empty_word_is_no_folder(program: Callable[..., Answer], app: typer.T
     ("words", "patched"),
     [
         (("run", "board.target.json", "photos", "-o", "out"), "calib.observe.search.write_search"),
-        ((*SOLVE, "detections.csv"), "calib.verdict.solutions.calibrate"),
+        ((*SOLVE, "detections.csv"), "calib.judge.solutions.calibrate"),
         (("study", "paper", "--quick", "-o", "out"), "calib.studies.paper_study.missing_targets"),
         (("study", "compare", "--quick", "-o", "out"), "calib.studies.compare.cases.comparison"),
         (("study", "cost", "--quick", "-o", "out"), "calib.studies.cost.cases.groups_of"),
         (BOOTSTRAP, "calib.studies.bootstrap.make_pool"),
-        (("convert", "camera.json", "--to", "ros", "-o", "c.yaml"), "calib.interop.holding.fit_to_format"),
+        (("convert", "camera.json", "--to", "ros", "-o", "c.yaml"), "calib.cameras.formats.holding.fit_to_format"),
     ],
 )
 def test_a_stopped_command_ends_with_130(words: tuple[str, ...], patched: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -278,7 +278,7 @@ def test_a_program_takes_ctrl_c_before_it_loads_anything() -> None:
 
 def test_a_model_that_was_finished_before_ctrl_c_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """The document of a stopped run holds the answer so far, and the files."""
-    from calib.verdict import solutions as solving
+    from calib.judge import solutions as solving
 
     original = solving.calibrate
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from calib.cameras.formats import FORMATS
 from calib.core.parallel import interrupts_held
-from calib.interop import FORMATS
 from calib.studies.store import LONGEST_VALUE_BYTES, read_study
 from designer.base.errors import InputError
 from designer.base.small_file import parse_json
@@ -116,7 +116,7 @@ def test_what_would_not_be_read_again_is_not_written(monkeypatch: pytest.MonkeyP
     """A solution that makes no sense is refused before a file of it is there."""
     from dataclasses import replace
 
-    from calib.verdict import solutions as solving
+    from calib.judge import solutions as solving
 
     original = solving.calibrate
 

@@ -55,7 +55,7 @@ LABELS = {
     "calib/studies/cost/cases.py": {"board"},  # what a scene is called
     "calib/studies/paper_table.py": {"board"},  # what the paper calls its targets
     "calib/studies/paper_study.py": {"board", "ico"},  # their specs, as target files have them
-    "calib/verdict/next_view_words.py": {"board"},  # what people call a thing that is flat
+    "calib/judge/next_view_words.py": {"board"},  # what people call a thing that is flat
 }
 
 

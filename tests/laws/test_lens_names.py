@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from calib.cameras import ABILITIES
-from calib.interop import FORMATS
-from calib.interop.lens_names import model_named, names_lens
-from calib.interop.reading import open_camera
-from calib.interop.rigs import RIG_FORMATS
-from calib.interop.rigs.format import RigFiles
+from calib.cameras.formats import FORMATS
+from calib.cameras.formats.lens_names import model_named, names_lens
+from calib.cameras.formats.reading import open_camera
+from calib.cameras.formats.rigs import RIG_FORMATS
+from calib.cameras.formats.rigs.format import RigFiles
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import lens_camera, text_of
 

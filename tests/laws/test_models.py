@@ -24,8 +24,8 @@ from calib.cameras import (
     rays,
 )
 from calib.cameras.camera import Camera, load_camera
+from calib.cameras.formats import FORMATS
 from calib.cameras.refit import refit
-from calib.interop import FORMATS
 from calib.solver.solve import solve
 from designer.base.errors import InputError
 from tests.support.lenses import LENSES, pixels, slight
@@ -137,7 +137,7 @@ def test_defaults_and_choices_are_models() -> None:
     assert models_of_all()
 
 
-PLACES = ("calib/cameras/", "calib/interop/")
+PLACES = ("calib/cameras/", "calib/cameras/formats/")
 OF_THE_PAPER = {
     "calib/studies/compare/objects.py": {"luhmann", "opencv", "virtual"},  # what the paper compares
     "calib/studies/compare/cases.py": {"spline"},  # a part of the comparison

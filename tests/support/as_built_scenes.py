@@ -6,14 +6,14 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.datum import laid_over, what_is_seen
-from calib.as_built.options import AsBuiltOptions
-from calib.as_built.problem import State
-from calib.as_built.result import AsBuilt, target_of
-from calib.as_built.unknowns import TargetUnknowns, nominal_shape, place_rings, unknowns_of
 from calib.cameras.camera import Camera
 from calib.core.se3 import invert, log_rotation
 from calib.core.types import Observations
+from calib.measure_target.datum import laid_over, what_is_seen
+from calib.measure_target.options import AsBuiltOptions
+from calib.measure_target.problem import State
+from calib.measure_target.result import AsBuilt, target_of
+from calib.measure_target.unknowns import TargetUnknowns, nominal_shape, place_rings, unknowns_of
 from calib.observe.observations import known_points
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec

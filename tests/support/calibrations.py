@@ -9,10 +9,10 @@ from calib.cameras import MODELS, project
 from calib.cameras.camera import Camera
 from calib.core.se3 import look_at, transform
 from calib.core.types import KnownPoints, Observations
-from calib.metrics.errors import centers_mm
 from calib.observe.observations import known_points
 from calib.renderer.poses import fibonacci_cap
 from calib.solver.calibration import Calibration
+from calib.solver.metrics.errors import centers_mm
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry

@@ -10,8 +10,15 @@ from calib.cameras.camera import Camera, CameraDocument, LearnedMap
 from calib.cameras.rig import Rig
 from calib.capture.photo_folder import SessionRecord
 from calib.core.types import FaceRecord
-from calib.metrics.errors import ErrorSummary
-from calib.metrics.evaluation_files import FoundParameter, Metrics, MetricSummary
+from calib.judge.apart import Known
+from calib.judge.halves import Half
+from calib.judge.judge import Judged
+from calib.judge.next_robot_poses import NextPose
+from calib.judge.next_views import NextView, NextViews
+from calib.judge.rig_folder import HeldCamera, RigRecord, SolvedFrame
+from calib.judge.rig_judge import JudgedRig
+from calib.judge.rig_next_frames import NextFrame
+from calib.judge.verdict import Check, Criteria, Limits, Verdict
 from calib.observe.calibration_file import CalibrationRecord, Provenance, SolvedView
 from calib.observe.records import ImageRecord, Records
 from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
@@ -23,17 +30,10 @@ from calib.rigs.rig_poses_file import CameraResidual, FrameWithoutPose, RigPoses
 from calib.show.parts.origin import Origin
 from calib.show.photos.photos_file import ToldPhoto, ToldPhotos, ToldSection
 from calib.solver.calibration import ImageField, MadeWith, TargetError
+from calib.solver.metrics.errors import ErrorSummary
+from calib.solver.metrics.evaluation_files import FoundParameter, Metrics, MetricSummary
 from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import PlaneBend
-from calib.verdict.apart import Known
-from calib.verdict.halves import Half
-from calib.verdict.judge import Judged
-from calib.verdict.next_robot_poses import NextPose
-from calib.verdict.next_views import NextView, NextViews
-from calib.verdict.rig_folder import HeldCamera, RigRecord, SolvedFrame
-from calib.verdict.rig_judge import JudgedRig
-from calib.verdict.rig_next_frames import NextFrame
-from calib.verdict.verdict import Check, Criteria, Limits, Verdict
 from designer.page.blocks import (
     Cell,
     Column,
@@ -182,7 +182,7 @@ def _page() -> StoredPage:
 
 
 def _hand_eye() -> object:
-    from calib.verdict.hand_eye_file import HandEye
+    from calib.judge.hand_eye_file import HandEye
 
     pose = np.eye(4)
     pose[:3, 3] = 1 / 3, 20.0, -7.5

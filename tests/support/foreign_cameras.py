@@ -9,9 +9,9 @@ import pytest
 
 from calib.cameras import neutral, parameter_names, rays
 from calib.cameras.camera import Camera
+from calib.cameras.formats import FORMATS
+from calib.cameras.formats.holding import fit_to_format
 from calib.cameras.refit import image_grid
-from calib.interop import FORMATS
-from calib.interop.holding import fit_to_format
 from tests.support.programs import run
 
 SIZE = (1024, 768)

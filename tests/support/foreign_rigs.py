@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
+from calib.cameras.formats.format import FileLens
+from calib.cameras.formats.holding import fit_to_format
+from calib.cameras.formats.rigs import RIG_FORMATS
+from calib.cameras.formats.rigs.format import RigFiles, WrittenRig
 from calib.cameras.rig import Rig
 from calib.core.se3 import exp_rotation, look_at, make_pose, transform
-from calib.interop.format import FileLens
-from calib.interop.holding import fit_to_format
-from calib.interop.rigs import RIG_FORMATS
-from calib.interop.rigs.format import RigFiles, WrittenRig
 from tests.support.foreign_cameras import CAMERAS, MODELS, WIDE_SIZE
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
+from calib.core import homography
 from calib.core.types import Detections
-from calib.detector import homography
 from calib.renderer import RenderOptions, View, render_view
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose
 from calib.core.types import LEAST_POINTS, Detections
-from calib.guide.rig_guide import RigGuide
+from calib.judge.rig_guide import RigGuide
 from designer.target import TargetGeometry
 from tests.support.guided_scenes import WEBCAM, found_at, held_by_person
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from calib.capture.sources.source import Frame
 from calib.core.se3 import exp_rotation
-from calib.guide.guide import Guide
+from calib.judge.guide import Guide
 from calib.renderer import RenderOptions, render_view
 from calib.renderer.scene import RenderScene, scene_from_target
 from designer.target import TargetGeometry

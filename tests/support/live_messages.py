@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.cameras import project
 from calib.capture.messages import GuidanceMessage, LookMessage, SourceKind, SourceState, StateMessage
 from calib.core.se3 import transform
-from calib.guide.told import Bar, CameraGuidance, Ghost, Guidance, Look, SensorMap, Stage, TakenPhoto
+from calib.judge.guide_told import Bar, CameraGuidance, Ghost, Guidance, Look, SensorMap, Stage, TakenPhoto
 from designer.page.scene import scene_json
 from designer.target_scene import target_scene
 from tests.support.calibrations import board, camera

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from calib.app.measured_print import MeasuredPrint
-from calib.as_built.cross_validation import cross_validate
-from calib.as_built.deviations import Compensation
-from calib.as_built.lengths import CaliperLength, length_in
-from calib.as_built.options import AsBuiltOptions
-from calib.as_built.record import record_of
-from calib.as_built.solve import measure
+from calib.measure_target.cross_validation import cross_validate
+from calib.measure_target.deviations import Compensation
+from calib.measure_target.lengths import CaliperLength, length_in
+from calib.measure_target.options import AsBuiltOptions
+from calib.measure_target.record import record_of
+from calib.measure_target.solve import measure
 from tests.support.as_built_scenes import photos, printed, random_shape, solid
 
 

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from calib.as_built.unknowns import TargetUnknowns
+from calib.measure_target.unknowns import TargetUnknowns
 from calib.observe.observations import known_points
 from calib.rigs.options import CameraChoice
 from calib.rigs.result import RigCalibration

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose
-from calib.robot.poses import RobotPoses, read_robot_poses
+from calib.observe.robot_poses import RobotPoses, read_robot_poses
 
 Array = NDArray[np.float64]
 Written = tuple[str, Array, Array]  # columns of the rotation, positions in mm, rotations

@@ -11,15 +11,15 @@ from PIL import Image
 
 from calib.app.calibration import Run
 from calib.core.types import FaceRecord
-from calib.metrics.evaluation import evaluate
-from calib.metrics.evaluation_files import evaluation_files
+from calib.judge.judged_run import read_run
 from calib.observe.calibration_file import Provenance, write_calibration
 from calib.observe.records import RECORDS, ImageRecord, Records
 from calib.renderer.truth import Truth
 from calib.solver.calibration import Calibration
+from calib.solver.metrics.evaluation import evaluate
+from calib.solver.metrics.evaluation_files import evaluation_files
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.verdict.judged_run import read_run
 from designer.base.files import distinct_stems, write_files
 from designer.page.blocks import Block, Finding, Findings, Fold, Page, Section, Table
 from designer.target import TargetGeometry

@@ -14,8 +14,8 @@ from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, make_pose, rotation_between, transform
 from calib.core.types import Detections
-from calib.guide.guide import Guide
-from calib.verdict.views import px_per_mm
+from calib.judge.guide import Guide
+from calib.judge.views import px_per_mm
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import perturb

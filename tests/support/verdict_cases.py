@@ -8,16 +8,16 @@ from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation, look_at
 from calib.core.types import KnownPoints, Observations
+from calib.judge.criteria import read_criteria
+from calib.judge.evidence import evidence_of
+from calib.judge.halves import HalfSplit, HalvesApart, half_split
+from calib.judge.judge import Judged, judged_by
+from calib.judge.next_views import NextView
+from calib.judge.verdict import Check, Criteria
 from calib.renderer.poses import fibonacci_cap
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.verdict.criteria import read_criteria
-from calib.verdict.evidence import evidence_of
-from calib.verdict.halves import HalfSplit, HalvesApart, half_split
-from calib.verdict.judge import Judged, judged_by
-from calib.verdict.next_views import NextView
-from calib.verdict.verdict import Check, Criteria
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, noisy, observe
 
 Array = NDArray[np.float64]

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.cameras.camera import Camera, LearnedMap
+from calib.cameras.learn_map import MapSamples, learn_map
 from calib.core.types import KnownPoints, Observations
-from calib.virtual.learn_map import MapSamples, learn_map
 from tests.support.solver_scenes import SIZE, board
 
 Array = NDArray[np.float64]

@@ -36,7 +36,7 @@ def place_view(
     """
     from calib.draw.camera_scene import BODY, INK, first_look
     from calib.draw.rig_scene import body_words, view_of
-    from calib.metrics.errors import centers_mm
+    from calib.solver.metrics.errors import centers_mm
     from designer.page.blocks import View3d
     from designer.page.scene import Scene
     from designer.target_scene import camera_layer, camera_size_mm, target_layers
@@ -59,7 +59,7 @@ def place_view(
 
 def place_words(target: TargetGeometry | None, cam_from_target: Array) -> str:
     """From where photos were taken, as a sentence."""
-    from calib.metrics.errors import centers_mm
+    from calib.solver.metrics.errors import centers_mm
 
     centre = centers_mm(cam_from_target)
     photos = "1 photo" if len(centre) == 1 else f"{len(centre)} photos"

@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 from calib.cameras import COMMON, rays
 from calib.cameras.refit import image_grid
 from calib.core.types import Observations, keep_sightings, keep_views, without_empty_views
-from calib.metrics import errors
-from calib.metrics.evaluation import errors_of
+from calib.solver.calibrate import ALL_VIEWS, calibrate
 from calib.solver.calibration import Calibration
+from calib.solver.metrics import errors
+from calib.solver.metrics.evaluation import errors_of
 from calib.solver.options import AS_THE_PAPER
 from calib.solver.start import solve_poses
 from calib.studies.compare.objects import VIRTUAL
 from calib.studies.compare.scene import ComparedScene, ScenePool, stream, take_photos
 from calib.studies.sample import SampleResult, failed_sample
-from calib.virtual.calibrate import ALL_VIEWS, calibrate
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced_shape, draw_values
 from designer.tolerance.shape import centers_mm
@@ -122,7 +122,7 @@ def metrics_of(solved: Calibration) -> MetricRow:
 def _held_out(solved: Calibration, held: Observations) -> tuple[float, float, float, float]:
     """The errors in photos that were not solved, and the share of their sightings that has rays and poses.
 
-    Each photo's pose comes from its own rings, with the camera as it is; as in `calib.metrics.evaluation`.
+    Each photo's pose comes from its own rings, with the camera as it is; as in `calib.solver.metrics.evaluation`.
     """
     has_ray = errors.is_known(rays(solved.camera, held.center_px))
     enough = np.bincount(held.view[has_ray], minlength=held.view_count) >= LEAST_SIGHTINGS

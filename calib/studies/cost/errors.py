@@ -10,11 +10,11 @@ from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.core.se3 import transform
 from calib.core.types import Observations, keep_sightings, keep_views, sightings_per_view
-from calib.metrics.errors import centers_mm, is_known
 from calib.solver.blocks import RobustLoss
 from calib.solver.costs import COSTS, IMAGE
 from calib.solver.in_space import in_space
 from calib.solver.levenberg import minimise_poses
+from calib.solver.metrics.errors import centers_mm, is_known
 from calib.solver.problem import origin_poses, pack, target_poses
 from calib.solver.start import solve_poses
 from designer.base.errors import InputError

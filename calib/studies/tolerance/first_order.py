@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import linearise
 from calib.core.se3 import skew
-from calib.metrics.reconstruction import LEAST_SPREAD_RAD
+from calib.solver.metrics.reconstruction import LEAST_SPREAD_RAD
 from calib.studies.tolerance.map_error import turn_jacobian
 from calib.studies.tolerance.setting import Setting
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from calib.core.se3 import invert, make_pose, transform
 from calib.core.types import KnownPoints
-from calib.metrics.errors import centers_mm as camera_centers_mm
-from calib.metrics.rotation import turns_of_views
+from calib.solver.metrics.errors import centers_mm as camera_centers_mm
+from calib.solver.metrics.rotation import turns_of_views
 from calib.studies.sample_metrics import Sample, sample_errors
 from calib.studies.tolerance.anchor import AnchoredMinimum
 from calib.studies.tolerance.map_error import map_error_px

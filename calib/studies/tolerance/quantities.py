@@ -31,7 +31,7 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity("distortion_map", "px", "error of the camera where the target was seen"),
 )
 """In the order of all arrays. The first three need no truth; reprojection, intersection, reconstruction, pose and
-rotation are those of `calib.metrics`.
+rotation are those of `calib.solver.metrics`.
 
 Focal length: root mean square of fx and fy; principal point: distance; both against the camera of the model that fits
 the noise-free views of the nominal target best, which is the true camera if the model is its own. Camera

@@ -9,8 +9,8 @@ import pytest
 import calib
 from calib.cameras import project
 from calib.cameras.camera import Camera, camera_to_json, load_camera
-from calib.interop import FORMATS
-from calib.interop.reading import open_camera
+from calib.cameras.formats import FORMATS
+from calib.cameras.formats.reading import open_camera
 from designer.base.answer import Summary
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE, lens_camera, whole_image

@@ -12,9 +12,9 @@ import pytest
 import calib
 from calib.app.inputs import load_camera, load_rig
 from calib.cameras.camera import Camera
+from calib.cameras.formats.rigs import RIG_FORMATS
 from calib.cameras.rig import Rig
 from calib.core.se3 import transform
-from calib.interop.rigs import RIG_FORMATS
 from designer.base.answer import Summary
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, MODELS, WIDE_SIZE

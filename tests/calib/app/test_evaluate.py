@@ -17,17 +17,17 @@ import calib
 from calib.app import evaluate as capability
 from calib.core.types import Observations
 from calib.draw.run_tables import models_table
-from calib.metrics.errors import summarise
-from calib.metrics.evaluation import by_point, by_view, evaluate
-from calib.metrics.evaluation_files import evaluation_files
+from calib.judge.judged_run import read_run
+from calib.judge.solutions import Solution
 from calib.observe.calibration_file import Provenance, write_calibration
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
 from calib.solver.calibration import Calibration
+from calib.solver.metrics.errors import summarise
+from calib.solver.metrics.evaluation import by_point, by_view, evaluate
+from calib.solver.metrics.evaluation_files import evaluation_files
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.verdict.judged_run import read_run
-from calib.verdict.solutions import Solution
 from designer.base.errors import InputError
 from designer.base.number_text import figure, with_digits
 from tests.support.calibrations import board, example, icosahedron

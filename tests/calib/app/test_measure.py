@@ -13,8 +13,13 @@ from numpy.typing import NDArray
 
 from calib.app.measure import measure as measure_from_python
 from calib.app.measure import rescale
-from calib.as_built.cross_validation import cross_validate, laid_over
-from calib.as_built.deviations import (
+from calib.cameras.camera import Camera
+from calib.core.se3 import exp_rotation
+from calib.core.types import Observations, keep_sightings
+from calib.draw import measured_picture
+from calib.draw.print_errors import next_print
+from calib.measure_target.cross_validation import cross_validate, laid_over
+from calib.measure_target.deviations import (
     Compensation,
     Estimate,
     WholePrint,
@@ -23,15 +28,10 @@ from calib.as_built.deviations import (
     next_skew_rad,
     whole_print,
 )
-from calib.as_built.earlier_lens import EARLIER_LENS
-from calib.as_built.lengths import CALIPER_SIGMA_MM, CaliperLength, asked_length, length_in
-from calib.as_built.options import AsBuiltOptions
-from calib.as_built.solve import measure as measure_print
-from calib.cameras.camera import Camera
-from calib.core.se3 import exp_rotation
-from calib.core.types import Observations, keep_sightings
-from calib.draw import measured_picture
-from calib.draw.print_errors import next_print
+from calib.measure_target.earlier_lens import EARLIER_LENS
+from calib.measure_target.lengths import CALIPER_SIGMA_MM, CaliperLength, asked_length, length_in
+from calib.measure_target.options import AsBuiltOptions
+from calib.measure_target.solve import measure as measure_print
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
 from calib.observe.photos import PhotoFile, PhotoResult, Search

@@ -8,9 +8,9 @@ import pytest
 
 from calib.app.measure_page import face_sentence
 from calib.app.measured_print import MeasuredPrint
-from calib.as_built.deviations import Estimate, Verdict
-from calib.as_built.record import deviations_of
 from calib.draw.measured_scene import COLOURS, colour, nice
+from calib.measure_target.deviations import Estimate, Verdict
+from calib.measure_target.record import deviations_of
 from designer.page.blocks import FileList, View3d
 from designer.page.shell import page_html
 from tests.support.command_line import PICTURE

@@ -9,8 +9,8 @@ import pytest
 
 from calib.app.measure import measure
 from calib.core.types import keep_frames
+from calib.judge.rig_folder import write_rig
 from calib.observe.calibration_file import Provenance
-from calib.verdict.rig_folder import write_rig
 from designer.base.errors import InputError
 from designer.target import load_target, target_to_json
 from tests.support.as_built_scenes import plate, solid

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from calib.app.calibration import Run
+from calib.judge.judge import VERDICT, VERDICT_FILE
+from calib.judge.judged_run import read_run
 from calib.show.folder import KINDS, build_page
 from calib.show.parts.origin import LONGEST_COMMAND, ORIGIN, ORIGIN_FILE, Origin, origin_of, read_origin
-from calib.verdict.judge import VERDICT, VERDICT_FILE
-from calib.verdict.judged_run import read_run
 from designer.base.errors import InputError
 from designer.page.page_file import BLOCKS_FILE, PAGE
 from designer.target import target_to_json
@@ -85,8 +85,8 @@ def test_criteria_judge_it(run: Path) -> None:
 def test_halves_are_not_solved_again_for_other_limits(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A verdict stores them; those of another camera are not believed."""
     calls: list[int] = []
-    from calib.verdict import judged_run
-    from calib.verdict.halves import NoHalves
+    from calib.judge import judged_run
+    from calib.judge.halves import NoHalves
 
     calib("report", run, "--criteria", "standard")
     monkeypatch.setattr(judged_run, "half_split", lambda *_: calls.append(1) or NoHalves("asked for"))

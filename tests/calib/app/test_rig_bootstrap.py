@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from calib.app.rig_bootstrap import rig_bootstrap
+from calib.judge.rig_folder import write_rig
 from calib.observe.calibration_file import Provenance
 from calib.rigs.options import CameraChoice
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error
 from calib.studies.rig_bootstrap import drawn_frames
-from calib.verdict.rig_folder import write_rig
 from designer.base.errors import InputError
 from designer.tolerance.made import how_made
 from tests.support.as_built_scenes import solid

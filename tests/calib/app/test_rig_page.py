@@ -11,12 +11,12 @@ from calib.app.report import report
 from calib.app.rig_page import limits_of, rig_page
 from calib.app.solved_rig import SolvedRig
 from calib.draw.rig_pictures import WORST, pictured
+from calib.judge.criteria import read_rig_criteria
+from calib.judge.rig_folder import RigRun, read_rig_run, write_rig
+from calib.judge.rig_judge import JudgedRig, judge_rig
 from calib.observe.calibration_file import Provenance
 from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
 from calib.rigs.result import CarrierFit, RigCalibration
-from calib.verdict.criteria import read_rig_criteria
-from calib.verdict.rig_folder import RigRun, read_rig_run, write_rig
-from calib.verdict.rig_judge import JudgedRig, judge_rig
 from designer.base.errors import InputError
 from designer.page.blocks import Figure, Page, Steps, View3d
 from designer.page.scene import Segments

@@ -21,8 +21,8 @@ from calib.observe.dataset import read_detections
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
 from calib.renderer.view import render_view
+from calib.solver.calibrate import calibrate
 from calib.solver.calibration import Calibration
-from calib.virtual.calibrate import calibrate
 from designer.target import TargetGeometry, target_to_json
 from tests.support import programs
 from tests.support.calibrations import board, camera, poses_around
@@ -302,7 +302,7 @@ def test_ctrl_c_keeps_what_is_finished(detector: Detector, monkeypatch: pytest.M
         assert (answer.code, answer.err) == (130, "stopped; nothing was written\n")
         assert files_in(folder) == before
     with monkeypatch.context() as patch:
-        patch.setattr("calib.verdict.solutions.calibrate", stopped)
+        patch.setattr("calib.judge.solutions.calibrate", stopped)
         answer = calib("run", "board.target.json", "photos", "-o", "out")
         assert (answer.code, answer.err) == (130, "stopped; finished and kept: out/detections.csv, out/luhmann\n")
     with monkeypatch.context() as patch:

@@ -18,8 +18,8 @@ from calib.core.types import Detections, Observations
 from calib.images.photo import Photo
 from calib.observe.calibration_file import read_calibration
 from calib.observe.dataset import write_detections
+from calib.solver.calibrate import calibrate
 from calib.solver.calibration import Calibration
-from calib.virtual.calibrate import calibrate
 from designer.base.errors import InputError
 from designer.base.files import named_in_files
 from designer.target import load_target, target_to_json
@@ -256,7 +256,7 @@ def test_a_model_that_fails_does_not_stop_the_others(monkeypatch: pytest.MonkeyP
 
     common = ALL_MODELS
     assert calib(*common).code == 0
-    monkeypatch.setattr("calib.verdict.solutions.calibrate", fail)
+    monkeypatch.setattr("calib.judge.solutions.calibrate", fail)
     answer = calib(*common)
     assert answer.code == 0
     assert "luhmann was not solved: no light" in answer.out
@@ -392,7 +392,7 @@ def test_ctrl_c_keeps_what_is_finished_and_says_so(monkeypatch: pytest.MonkeyPat
             raise KeyboardInterrupt
         return calibrate(seen, model, *rest)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("calib.verdict.solutions.calibrate", stopped)
+    monkeypatch.setattr("calib.judge.solutions.calibrate", stopped)
     answer = calib("solve", "detections.csv", "--target", "board.target.json", "-o", "out")
     assert answer.code == 130
     assert answer.err == "stopped; finished and kept: out/luhmann\n"

@@ -6,10 +6,10 @@ from scipy.optimize import least_squares
 
 from calib.cameras import LINEAR, fitted_models, neutral, parameter_names, project, rays
 from calib.cameras.camera import Camera, LearnedMap
+from calib.cameras.formats import FORMATS
+from calib.cameras.formats.holding import fit_to_format
 from calib.cameras.refit import fit_rays, image_grid, refit
 from calib.core.se3 import exp_rotation
-from calib.interop import FORMATS
-from calib.interop.holding import fit_to_format
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE
 from tests.support.lenses import slight

@@ -21,8 +21,8 @@ from calib.capture.photo_folder import SESSION, PhotoFolder
 from calib.capture.sources.source import Frame
 from calib.capture.worker import Worker
 from calib.commands import live_said
-from calib.guide.guide import Guide
-from calib.verdict.judged_run import JudgedRun
+from calib.judge.guide import Guide
+from calib.judge.judged_run import JudgedRun
 from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError, NotWrittenError
 from designer.page.output import Output

@@ -14,8 +14,8 @@ from calib.capture.photo_folder import PhotoFolder
 from calib.capture.rig_session import RigSession, own_moment
 from calib.capture.sources.source import BrowserCamera, Frame
 from calib.core.se3 import look_at, make_pose
-from calib.guide.rig_guide import RigGuide
 from calib.images.photo import read_image
+from calib.judge.rig_guide import RigGuide
 from designer.base.errors import InputError
 from tests.support.live_frames import image_at, target
 

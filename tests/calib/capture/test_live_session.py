@@ -12,7 +12,7 @@ from calib.capture.messages import GuidanceMessage, LookMessage, Message, Notice
 from calib.capture.photo_folder import SESSION_FILE, PhotoFolder
 from calib.capture.session import Session
 from calib.capture.sources.source import BrowserCamera, Frame
-from calib.guide.guide import Guide
+from calib.judge.guide import Guide
 from designer.base.errors import InputError, NotWrittenError
 from tests.support import ring_views
 from tests.support.live_frames import SIZE, frames_of, held, image_at, target

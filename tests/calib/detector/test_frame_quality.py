@@ -8,7 +8,7 @@ from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.detector import pipeline
 from calib.detector.frame_quality import FrameQuality, frame_quality
-from calib.guide.frame_notes import notes_of
+from calib.judge.frame_notes import notes_of
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import scene_from_target
 from designer.target import TargetGeometry

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from calib.detector import homography
+from calib.core import homography
 from calib.detector.ring_model import M0
 from tests.support.ring_images import Ring
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import camera_or_preset
-from calib.detector import homography
+from calib.core import homography
 from calib.detector.lens import CameraLens, Lens, NoLens, RadialLens, estimate_lens, local_form
 from tests.support.ring_images import Ring
 

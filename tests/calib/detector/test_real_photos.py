@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from calib.core import homography
 from calib.core.types import Detections
-from calib.detector import homography
 from calib.detector.lens import estimate_lens
 from calib.detector.pipeline import detect
 from designer.target import TargetGeometry

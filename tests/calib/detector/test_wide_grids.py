@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera, camera_or_preset
+from calib.core import homography
 from calib.core.se3 import exp_rotation, make_pose, rotation_between, transform
-from calib.detector import homography
 from calib.detector.lens import CameraLens, NoLens, RadialLens, local_form, radial_lens
 from calib.detector.pipeline import detect
 from calib.detector.wide_guess import guess_lens

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.as_built.options import AsBuiltOptions
-from calib.as_built.solve import measure
 from calib.cameras import project
 from calib.cameras.camera import load_camera
 from calib.core.se3 import exp_rotation, look_at, transform
+from calib.measure_target.options import AsBuiltOptions
+from calib.measure_target.solve import measure
 from calib.observe.correspondences import read_observations
 from calib.observe.point_target import Plane, PointTable, target_from_points
 from designer.base.errors import InputError

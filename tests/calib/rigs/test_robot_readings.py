@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from calib.core.se3 import invert
+from calib.observe.robot_poses import RobotPoses
 from calib.rigs.robot_readings import why_size, why_wrong
-from calib.robot.poses import RobotPoses
 from tests.support.robot_files import (
     QUATERNION,
     Array,

@@ -16,11 +16,11 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation
 from calib.draw import calibration_figures
 from calib.draw.style import picture, round_length
-from calib.metrics.evaluation import Evaluation, evaluate
-from calib.metrics.residual_cells import LEAST_PER_CELL, cells_of, columns_rows, residuals_of
 from calib.observe.observations import known_points
 from calib.renderer.truth import Truth, true_views
 from calib.solver.calibration import Calibration
+from calib.solver.metrics.evaluation import Evaluation, evaluate
+from calib.solver.metrics.residual_cells import LEAST_PER_CELL, cells_of, columns_rows, residuals_of
 from tests.support.calibrations import board, calibration_of, camera, example, icosahedron, poses_around, seen_by
 
 BOARD = board()

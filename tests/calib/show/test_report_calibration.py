@@ -16,13 +16,13 @@ from calib.draw.checks import as_sentence, finding_of, headline_by
 from calib.draw.rig_scene import view_of
 from calib.draw.run_tables import field_of_view_words
 from calib.draw.sigma_map import place_in_image
-from calib.metrics.errors import centers_mm
+from calib.judge.criteria import read_criteria
+from calib.judge.judged_run import judge_again, read_run
+from calib.judge.verdict import Check, Verdict
 from calib.observe.observations import known_points
 from calib.renderer.truth import Truth, true_views
 from calib.show.parts.origin import Origin
-from calib.verdict.criteria import read_criteria
-from calib.verdict.judged_run import judge_again, read_run
-from calib.verdict.verdict import Check, Verdict
+from calib.solver.metrics.errors import centers_mm
 from designer.base.errors import InputError
 from designer.page.blocks import (
     Figure,
@@ -284,8 +284,8 @@ def test_a_target_without_planes_is_drawn_by_its_points(target: object) -> None:
         points=replace(points, face=np.full(len(points.face), -1), plane=np.zeros((0, 4))),
         point=one.observations.point % len(points.face),
     )
-    from calib.metrics.evaluation import evaluate
-    from calib.verdict.solutions import Solution
+    from calib.judge.solutions import Solution
+    from calib.solver.metrics.evaluation import evaluate
 
     solution = Solution("opencv", evaluate(replace(one, observations=seen)))
     view = camera_view(solution, None, ())

@@ -15,13 +15,13 @@ from calib.core.types import Detections
 from calib.detector.why_nothing import explained, why_nothing
 from calib.draw.run_photos import photo_rows
 from calib.draw.study_tables import fall_in_words
+from calib.judge.criteria import read_criteria
+from calib.judge.judge import Judged
+from calib.judge.judged_run import read_run
+from calib.judge.verdict import Verdict
 from calib.observe.photos import Search
 from calib.observe.records import Records, image_record
 from calib.show.folder import origin_in
-from calib.verdict.criteria import read_criteria
-from calib.verdict.judge import Judged
-from calib.verdict.judged_run import read_run
-from calib.verdict.verdict import Verdict
 from designer.base.errors import InputError
 from designer.kinds.presets import criteria_templates
 from designer.page.page_file import why_no_page

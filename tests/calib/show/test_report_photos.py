@@ -12,8 +12,8 @@ import pytest
 from calib.app.calibration import Run
 from calib.draw.gallery import MOST_PICTURES
 from calib.draw.run_photos import photo_rows, photos_section
+from calib.judge.judged_run import read_run
 from calib.show.parts.origin import Origin
-from calib.verdict.judged_run import read_run
 from designer.page.blocks import Findings, Gallery, Page, Table
 from designer.page.shell import page_html
 from tests.support.run_folders import (

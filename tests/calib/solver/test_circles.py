@@ -11,7 +11,9 @@ from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.se3 import transform
 from calib.core.types import KnownPoints, Observations, RigObservations
-from calib.metrics.evaluation import evaluate_on
+from calib.judge.criteria import read_rig_criteria
+from calib.judge.rig_checks import rig_checks
+from calib.judge.rig_evidence import rig_evidence
 from calib.rigs.circle_doubt import with_circle_doubt as with_rig_circle_doubt
 from calib.rigs.halves import NoRigHalves
 from calib.rigs.options import CameraChoice
@@ -21,10 +23,8 @@ from calib.solver.accuracy import projected_change
 from calib.solver.calibration import Calibration
 from calib.solver.capture_error import with_capture_error
 from calib.solver.circles import circle_shift_px, with_circle_doubt
+from calib.solver.metrics.evaluation import evaluate_on
 from calib.solver.solve import solve
-from calib.verdict.criteria import read_rig_criteria
-from calib.verdict.rig_checks import rig_checks
-from calib.verdict.rig_evidence import rig_evidence
 from designer.base.errors import InputError
 from tests.support.solver_scenes import board, icosahedron, noisy, observe, poses_around
 

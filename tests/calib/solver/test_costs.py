@@ -10,13 +10,13 @@ from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.core.se3 import transform
 from calib.core.types import Observations
-from calib.metrics.errors import predict
-from calib.metrics.intersection import intersection
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
 from calib.solver.costs import COSTS, IMAGE
 from calib.solver.in_space import in_space
 from calib.solver.levenberg import move_poses
+from calib.solver.metrics.errors import predict
+from calib.solver.metrics.intersection import intersection
 from calib.solver.options import SolveOptions
 from calib.solver.problem import Problem, origin_poses, pack
 from calib.solver.solve import solve

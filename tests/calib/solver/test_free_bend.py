@@ -11,11 +11,11 @@ import calib
 from calib.cameras import project
 from calib.core.se3 import exp_rotation
 from calib.core.types import KnownPoints, Observations
-from calib.metrics.errors import summarise
-from calib.metrics.evaluation import evaluate_held_out, evaluate_on
 from calib.observe.calibration_file import Provenance, read_calibration, write_calibration
 from calib.solver.accuracy import UndeterminedError
 from calib.solver.calibration import Calibration
+from calib.solver.metrics.errors import summarise
+from calib.solver.metrics.evaluation import evaluate_held_out, evaluate_on
 from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import plane_bend
 from calib.solver.solve import solve

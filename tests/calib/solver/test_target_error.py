@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.as_built.options import AsBuiltOptions
-from calib.as_built.solve import measure
 from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
 from calib.core.se3 import exp_rotation
+from calib.judge.criteria import read_criteria
+from calib.judge.evidence import evidence_of
+from calib.judge.halves import half_split
+from calib.judge.next_views import next_views
+from calib.measure_target.options import AsBuiltOptions
+from calib.measure_target.solve import measure
 from calib.observe.calibration_file import Provenance, read_calibration, write_calibration
 from calib.observe.observations import known_points
 from calib.solver.accuracy import sigma_over_image_px
@@ -20,10 +24,6 @@ from calib.solver.free_shape import ShapeEquations, free_directions, shape_equat
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.solver.target_error import extended, left_open, stated_prior, with_target_error
-from calib.verdict.criteria import read_criteria
-from calib.verdict.evidence import evidence_of
-from calib.verdict.halves import half_split
-from calib.verdict.next_views import next_views
 from designer.base.errors import InputError
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out

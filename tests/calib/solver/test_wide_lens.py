@@ -13,17 +13,17 @@ from calib.cameras import MODELS, project, rays, wide_models
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, look_at, make_pose, rotation_between, transform
 from calib.core.types import Observations
-from calib.metrics.evaluation import evaluate
+from calib.judge import solutions as solving
+from calib.judge.solutions import Solution, SolveTask, best_of, solve_models
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration, ImageField
+from calib.solver.metrics.evaluation import evaluate
 from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.plan import ALL, SolvePlan, plan_from_words
 from calib.solver.problem import pack
 from calib.solver.schur import damped_step
 from calib.solver.solve import solve
 from calib.solver.suited import lens_kind, ruled_out
-from calib.verdict import solutions as solving
-from calib.verdict.solutions import Solution, SolveTask, best_of, solve_models
 from designer.base.errors import InputError
 from tests.support.lenses import conventional
 from tests.support.solver_scenes import CAMERAS, board, observe, poses_around, rows_of

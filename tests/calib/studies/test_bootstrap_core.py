@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 from calib.cameras import rays
 from calib.core.se3 import exp_rotation
 from calib.core.types import KnownPoints, Observations, keep_views
-from calib.metrics.errors import Errors, predict, summarise
-from calib.metrics.intersection import intersection
-from calib.metrics.pose import pose
-from calib.metrics.reconstruction import reconstruction
-from calib.metrics.reprojection import reprojection
 from calib.renderer.truth import Truth, true_views
 from calib.solver.accuracy import accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
 from calib.solver.levenberg import move_poses, turn_of_centre
+from calib.solver.metrics.errors import Errors, predict, summarise
+from calib.solver.metrics.intersection import intersection
+from calib.solver.metrics.pose import pose
+from calib.solver.metrics.reconstruction import reconstruction
+from calib.solver.metrics.reprojection import reprojection
 from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.problem import pack
 from calib.solver.schur import damped_step
@@ -151,7 +151,7 @@ def test_the_whole_pool_is_a_sample() -> None:
 
 
 def metrics_by_definition(pool: Pool, counts: NDArray[np.int64], camera_from: Pool) -> SampleErrors:
-    """`calib.metrics` on the views as often as drawn, with the pool's own poses and any camera."""
+    """`calib.solver.metrics` on the views as often as drawn, with the pool's own poses and any camera."""
     rows = drawn(counts)
     seen = expanded(pool.observations, rows)
     base = pool.calibration
@@ -202,7 +202,7 @@ def test_metrics_in_one_pass_are_those_of_the_views_as_often_as_drawn(target: st
 
 
 def test_what_has_no_error_is_left_out_of_one_pass_too() -> None:
-    """Points on no plane, pixels without a ray, and points seen from one place only, as in `calib.metrics`."""
+    """Points on no plane, pixels without a ray, and points seen from one place only, as in `calib.solver.metrics`."""
     pool = pool_of("board", "opencv")
     points = pool.observations.points
     face = np.array(points.face)

@@ -11,8 +11,8 @@ import pytest
 
 from calib.app.study_compare import ComparedObjects
 from calib.cameras.camera import Camera, camera_or_preset
-from calib.metrics.errors import summarise
-from calib.metrics.evaluation import evaluate
+from calib.solver.metrics.errors import summarise
+from calib.solver.metrics.evaluation import evaluate
 from calib.studies.compare import cases
 from calib.studies.compare.cases import FIGURE, Comparison, Plan, comparison, identity
 from calib.studies.compare.objects import OBJECTS, make_target, object_named

@@ -11,15 +11,15 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
 from calib.core.se3 import exp_rotation, invert, make_pose, transform
 from calib.core.types import KnownPoints
-from calib.metrics.errors import predict, summarise
-from calib.metrics.intersection import intersection
-from calib.metrics.pose import pose
-from calib.metrics.reconstruction import reconstruction
-from calib.metrics.reprojection import reprojection
-from calib.metrics.rotation import rotation
 from calib.renderer.faces import ring_truth
 from calib.renderer.scene import scene_from_target
 from calib.solver.blocks import RobustLoss, view_blocks
+from calib.solver.metrics.errors import predict, summarise
+from calib.solver.metrics.intersection import intersection
+from calib.solver.metrics.pose import pose
+from calib.solver.metrics.reconstruction import reconstruction
+from calib.solver.metrics.reprojection import reprojection
+from calib.solver.metrics.rotation import rotation
 from calib.solver.options import SolveOptions
 from calib.solver.schur import damped_step
 from calib.solver.solve import solve
@@ -120,7 +120,7 @@ def test_another_frame_changes_no_quantity() -> None:
 
 
 def oracle(setting: Setting, found: AnchoredMinimum, pixel: Array, true: TrueShape) -> list[float]:
-    """The quantities that `calib.metrics` has, by it."""
+    """The quantities that `calib.solver.metrics` has, by it."""
     seen = replace(setting.observations, center_px=pixel)
     poses = np.array(found.cam_from_target)
     poses[:, :3, 3] -= poses[:, :3, :3] @ setting.anchor.problem.origin_mm
@@ -139,7 +139,7 @@ def oracle(setting: Setting, found: AnchoredMinimum, pixel: Array, true: TrueSha
 
 
 def test_quantities_are_those_of_the_metrics() -> None:
-    """Reprojection, intersection, reconstruction, pose and rotation are what `calib.metrics` says of the solution."""
+    """Reprojection, intersection, reconstruction, pose and rotation are what `solver.metrics` says of the solution."""
     setting = ico_setting()
     shape = drawn_shape(setting, errors("fdm-dual"), 1)
     true = true_shape(shape, setting.seen)

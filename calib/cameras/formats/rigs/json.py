@@ -1,0 +1,62 @@
+"""This program's own `rig.json`."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.formats import FORMATS, OWN
+from calib.cameras.formats.rigs.format import ReadRig, RigFiles, RigFormat, WrittenRig
+from calib.cameras.rig import RIG
+from designer.base.errors import InputError
+from designer.base.small_file import parse_json
+
+LARGEST_VARIANCE = 1e100
+_ROUNDING = 1e-6  # of a covariance, in its standard deviations
+
+
+def write(written: WrittenRig) -> Mapping[str, str]:
+    """The text for a rig with cameras of any model."""
+    return {"rig.json": RIG.text(written.rig).decode()}
+
+
+def read(files: RigFiles) -> ReadRig:
+    """The rig in a text."""
+    (text,) = files.texts.values()
+    rig = RIG.of(parse_json(text, Path(files.origin), RIG.what), files.origin)
+    fault = None if rig.covariance is None else covariance_fault(rig.covariance)
+    if fault is not None:
+        raise InputError(f"{files.origin}: covariance {fault}; {RIG.remedy}")
+    return ReadRig(rig, (None,) * len(rig.cameras), "mm")
+
+
+def covariance_fault(matrix: NDArray[np.float64]) -> str | None:
+    """Why a finite matrix (N, N) is no covariance, as its single rows and pairs of them tell; None: it may be one."""
+    variance = np.diagonal(matrix)
+    if (variance < 0).any():
+        return f"has a variance of {variance.min():g}; it must be 0 or more"
+    if (variance > LARGEST_VARIANCE).any():
+        return f"has a variance of {variance.max():g}; it must be {LARGEST_VARIANCE:g} or less"
+    sigma = np.sqrt(variance)
+    most = np.outer(sigma, sigma)
+    if (np.abs(matrix - matrix.T) > _ROUNDING * most).any():
+        return "is not symmetric"
+    if (np.abs(matrix) > (1 + _ROUNDING) * most).any():
+        return "has a correlation beyond 1"
+    return None
+
+
+FORMAT = RigFormat(
+    name="json",
+    title="rig.json",
+    file_name="rig.json",
+    opens_with='in Python: calib.load_rig("{file}").cam_from_rig',
+    cameras=FORMATS[OWN],
+    unit="mm",
+    write=write,
+    read=read,
+    recognised=re.compile(rf'\A\s*\{{\s*"format"\s*:\s*"{re.escape(RIG.format)}"'),
+    has_own_unit=True,
+)

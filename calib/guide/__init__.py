@@ -1,1 +1,0 @@
-"""What to photograph next, while photos are taken: from what a frame shows to whether it is worth taking."""

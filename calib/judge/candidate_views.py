@@ -1,0 +1,302 @@
+"""Photos that could be taken next: where a target may be held, as the photos taken so far show to be possible.
+
+A place is given by two numbers from -1 to 1: the target's box in the image at the left (top) end, in the middle, at the
+right (bottom) end of where it has room.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import project, rays
+from calib.cameras.camera import Camera
+from calib.core.se3 import exp_rotation, make_pose, rotation_between, transform, transform_each
+from calib.judge.lit_part import LitPart, lit_part
+from calib.judge.views import Habits, TargetShape, facing, pitch_px, px_per_mm
+from calib.solver.calibration import Calibration
+
+Array = NDArray[np.float64]
+
+PLACES = (
+    (0, 0), (-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1), (-0.5, -0.5), (0.5, -0.5),
+    (-0.5, 0.5), (0.5, 0.5),
+)  # fmt: skip
+TILTS_DEG = (20.0, 40.0)
+SIDES = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+CORNERS = ((1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))
+NEARER, FARTHER, DISTANCES = 0.7, 1.4, 4
+"""Of the distances to a face that were used; much beyond them a fixed lens is not sharp."""
+LONG = 1.15
+"""A target this much longer than wide is worth turning upright."""
+MOST_LIKE = 6
+"""So many of the used views are tried with a solid at another place."""
+TURNS_ALL_ROUND = 8
+"""Of a solid of which there is no photo yet."""
+LARGEST_INCIDENCE_DEG = 70.0
+MARGIN_PITCHES = 0.75
+"""Between the outermost ring's centre and the image's border."""
+PLACED_WITHIN = 0.8
+"""Of the margin: what the placing may miss it by."""
+OVERSHOOT = 0.3
+"""Of a solid's size in the image: so much of it may lie outside, where single faces are read."""
+LITTLE_ROOM = 0.1
+"""Of the image: a target with less room than this is nowhere else than in the middle."""
+PLACING_STEPS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateViews:
+    """C photos that could be taken."""
+
+    cam_from_target: Array  # (C, 4, 4)
+    place: Array  # (C, 2) right and down, -1 to 1
+    distance_mm: Array  # (C,) from the camera to the target's middle
+    tilt_deg: Array  # (C,) of a flat target against the sensor; nan: a solid
+    away: Array  # (C, 2) to the right and down: where a flat target's far side is in the image; 0: none is
+    is_upright: NDArray[np.bool_]  # (C,) a flat target's long side is vertical
+    like_view: NDArray[np.int64]  # (C,) the used view that shows a solid from the same side; -1: none, or a flat target
+
+    def __getitem__(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> "CandidateViews":
+        return CandidateViews(
+            self.cam_from_target[rows], self.place[rows], self.distance_mm[rows], self.tilt_deg[rows],
+            self.away[rows], self.is_upright[rows], self.like_view[rows],
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Turns:
+    """T ways to turn a target, seen in the middle of the image or along a line of sight."""
+
+    rotation: Array  # (T, 3, 3)
+    sight: Array  # (T, 3) the line of sight it was seen along; z for flat targets, which keep their tilt anywhere
+    tilt_deg: Array  # (T,)
+    away: Array  # (T, 2)
+    is_upright: NDArray[np.bool_]  # (T,)
+    like_view: NDArray[np.int64]  # (T,)
+
+
+def tilt_rotation(tilt_rad: float, away: Array) -> Array:
+    """The turn of a target that faces the camera which moves the side at `away` (right, down) away from the camera.
+
+    About the axis `away x z`, which turns `away` towards z.
+    """
+    length = float(np.hypot(*away))
+    if not length > 0:
+        return np.eye(3)
+    return exp_rotation(tilt_rad * np.array([away[1], -away[0], 0.0]) / length)
+
+
+def candidates_of(
+    calibration: Calibration, shape: TargetShape, habits: Habits, reach: tuple[float, float] = (NEARER, FARTHER)
+) -> CandidateViews:
+    """All photos that are tried: each turn at each place and distance, as far as it can be held there.
+
+    Args:
+        calibration: what is known so far; it may have no photos yet.
+        shape: the target.
+        habits: how it was held, or may be held.
+        reach: how much nearer and farther than that it may be.
+    """
+    turns = _flat_turns(shape) if shape.is_flat else _turns_of_views(calibration, shape)
+    near, far = habits.distance_mm
+    depth = min(_depth_mm(shape), 0.9 * near)  # a solution may place the camera inside of a solid
+    distances = depth + np.geomspace(reach[0] * (near - depth), reach[1] * (far - depth), DISTANCES)
+    overshoots = (0.0, OVERSHOOT) if not shape.is_flat else tuple({0.0, round(0.7 * (1 - habits.face_share), 2)})
+    places = np.array([(*place, over) for over in overshoots for place in PLACES if not over or 1 in np.abs(place)])
+    t, d, p = (x.ravel() for x in np.indices((len(turns.rotation), DISTANCES, len(places))))
+    pose, ok = _placed(lit_part(calibration), shape, turns.rotation[t], turns.sight[t], places[p], distances[d])
+    t, d, p = t[ok], d[ok], p[ok]
+    return CandidateViews(
+        pose[ok], places[p, :2], distances[d], turns.tilt_deg[t], turns.away[t], turns.is_upright[t],
+        turns.like_view[t],
+    )  # fmt: skip
+
+
+def candidates_at(shape: TargetShape, cam_from_target: Array) -> CandidateViews:
+    """Photos of poses that are given (C, 4, 4), as a turntable has them, and no others."""
+    count = len(cam_from_target)
+    place = transform(cam_from_target, shape.center_mm)
+    tilt = np.full(count, np.nan)
+    if shape.is_flat:
+        tilt = np.degrees(np.arccos(np.abs(cam_from_target[:, 2, :3] @ shape.axes[2]).clip(max=1.0)))
+    none = np.zeros((count, 2))
+    return CandidateViews(
+        cam_from_target, none, np.linalg.norm(place, axis=1), tilt, none, np.zeros(count, dtype=np.bool_),
+        np.full(count, -1),
+    )  # fmt: skip
+
+
+def _depth_mm(shape: TargetShape) -> float:
+    """How far the faces of a solid lie before its middle; 0 of a flat target."""
+    before = ((shape.middle_mm - shape.center_mm) * shape.normal).sum(axis=1)
+    return 0.0 if shape.is_flat else max(float(np.nanmax(before)), 0.0)
+
+
+def _flat_turns(shape: TargetShape) -> _Turns:
+    """Straight on and tilted to sides and corners, with the long side level and, if it is long, upright."""
+    tilts = [(0.0, (0.0, 0.0))]
+    tilts += [(tilt, side) for tilt in TILTS_DEG for side in SIDES]
+    tilts += [(TILTS_DEG[-1], corner) for corner in CORNERS]
+    level = np.stack([shape.axes[0], shape.axes[1], -shape.axes[2]])
+    upright = np.stack([-shape.axes[1], shape.axes[0], -shape.axes[2]])
+    faces = [(level, False)] + ([(upright, True)] if shape.aspect > LONG else [])
+    rows = [(tilt, away, face, turned) for face, turned in faces for tilt, away in tilts]
+    return _Turns(
+        np.stack([tilt_rotation(np.radians(tilt), np.array(away)) @ face for tilt, away, face, _ in rows]),
+        np.tile([0.0, 0.0, 1.0], (len(rows), 1)),
+        np.array([tilt for tilt, *_ in rows]),
+        np.array([away for _, away, *_ in rows]),
+        np.array([turned for *_, turned in rows]),
+        np.full(len(rows), -1),
+    )
+
+
+def _turns_of_views(calibration: Calibration, shape: TargetShape) -> _Turns:
+    """As a solid was turned in some of the used views, evenly spread over their order; without any all ways."""
+    count = len(calibration.cam_from_target)
+    if not count:
+        return _turns_all_round()
+    views = np.unique(np.linspace(0, count - 1, min(count, MOST_LIKE)).round().astype(np.int64))
+    pose = calibration.cam_from_target[views]
+    sight = transform(pose, shape.center_mm)
+    return _Turns(
+        pose[:, :3, :3],
+        sight / np.linalg.norm(sight, axis=1, keepdims=True),
+        np.full(len(views), np.nan),
+        np.zeros((len(views), 2)),
+        np.zeros(len(views), dtype=bool),
+        views,
+    )
+
+
+def _turns_all_round() -> _Turns:
+    """A solid turned to the camera with one side after the other."""
+    number = np.arange(TURNS_ALL_ROUND)
+    vectors = np.stack([0.6 + 0.7 * number, 0.4 + 0.9 * number, 0.0 * number], axis=1)
+    return _Turns(
+        np.stack([exp_rotation(vector) for vector in vectors]),
+        np.tile([0.0, 0.0, 1.0], (len(number), 1)),
+        np.full(len(number), np.nan),
+        np.zeros((len(number), 2)),
+        np.zeros(len(number), dtype=bool),
+        np.full(len(number), -1),
+    )
+
+
+def _placed(
+    lit: LitPart, shape: TargetShape, rotation: Array, sight: Array, wanted: Array, distance_mm: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Poses whose box in the image is where it is wanted, and which of them there are.
+
+    The target is aimed at, its box looked at and the aim moved by what is missing, a few times. What is wanted are a
+    place and an overshoot, (C, 3).
+    """
+    camera, (first, last) = lit.camera, lit.box_px
+    place, overshoot = _within_rim(lit, wanted[:, :2]), wanted[:, 2:]
+    size = last - first + 1
+    aim = np.tile(0.5 * (first + last), (len(rotation), 1))
+    pose = np.tile(np.eye(4), (len(rotation), 1, 1))
+    ok = np.ones(len(rotation), dtype=bool)
+    span = np.zeros_like(aim)
+    for step in range(PLACING_STEPS):
+        ray = rays(camera, aim)
+        ok &= np.isfinite(ray).all(axis=1)
+        ray = np.where(ok[:, None], ray, [0.0, 0.0, 1.0])
+        turned = rotation if shape.is_flat else rotation_between(sight, ray) @ rotation
+        middle = distance_mm[:, None] * ray
+        pose = make_pose(turned, middle - turned @ shape.center_mm)
+        if step == PLACING_STEPS - 1:
+            break
+        low, high = _box(camera, shape, pose)
+        ok &= np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1)
+        low, high = (np.where(ok[:, None], x, aim) for x in (low, high))
+        span = high - low
+        margin = np.nan_to_num(MARGIN_PITCHES * shape.pitch_mm * px_per_mm(camera, middle))
+        room = 0.5 * np.maximum(size - 1 - span - 2 * margin[:, None], 0.0) + overshoot * span
+        aim += 0.5 * (first + last) + place * room - 0.5 * (low + high)
+    has_room = (size - span > LITTLE_ROOM * size) | (overshoot > 0) | (place == 0)
+    is_in_front = np.isfinite(project(camera, pose[:, :3, 3])).all(axis=1)
+    return pose, ok & has_room.all(axis=1) & is_in_front
+
+
+def _within_rim(lit: LitPart, place: Array) -> Array:
+    """Places (C, 2) in the box around what is lit; corners that are dark are moved in to the rim of its ellipse."""
+    first, last = lit.box_px
+    corner = np.where(np.array(CORNERS) > 0, last, first)
+    if lit.is_lit(corner).all():
+        return place
+    length = np.linalg.norm(place, axis=1, keepdims=True)
+    moved: Array = place / np.maximum(length, 1.0)
+    return moved
+
+
+def faces_seen(shape: TargetShape, pose: Array) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Which faces look at the camera (C, F), and their middles and normals in its frame (C, F, 3)."""
+    normal = (pose[:, None, :3, :3] @ shape.normal[:, :, None])[..., 0]
+    place = transform_each(pose, shape.middle_mm)
+    with np.errstate(invalid="ignore"):
+        seen: NDArray[np.bool_] = facing(place, normal) > np.cos(np.radians(LARGEST_INCIDENCE_DEG))
+    return seen, place, normal
+
+
+def _box(camera: Camera, shape: TargetShape, pose: Array) -> tuple[Array, Array]:
+    """The corners (C, 2) of the box in the image around the faces that look at the camera; nan without any."""
+    rows = np.concatenate(shape.corner)
+    pixel = project(camera, transform_each(pose, shape.position_mm[rows]))
+    shown = faces_seen(shape, pose)[0][:, shape.face[rows]]
+    known = shown & np.isfinite(pixel[..., 0]) & np.isfinite(pixel[..., 1])
+    ok = known.any(axis=1) & (known == shown).all(axis=1)
+    low = np.where(known[..., None], pixel, np.inf).min(axis=1)
+    high = np.where(known[..., None], pixel, -np.inf).max(axis=1)
+    return np.where(ok[:, None], low, np.nan), np.where(ok[:, None], high, np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class ShownPoints:
+    """What C photos show of N points."""
+
+    is_read: NDArray[np.bool_]  # (C, N)
+    weight: Array  # (C, N) of information, of that of a large ring; 0: not read
+    pixel: Array  # (C, N, 2)
+
+
+def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, rows: NDArray[np.int64]) -> ShownPoints:
+    """Where photos show a target's points, and which would be read.
+
+    Those on a face that looks at the camera and is not too fine, inside the image, and of which as much is inside as
+    the photos taken so far show to be needed.
+
+    Args:
+        camera: that takes the photos.
+        shape: the target.
+        habits: what the photos taken so far show to be readable.
+        pose: of the photos (C, 4, 4).
+        rows: the points asked for (N,); the share of a face is that of its rows.
+    """
+    turned, place, normal = faces_seen(shape, pose)
+    with np.errstate(invalid="ignore"):
+        pitch = pitch_px(camera, shape, place, normal)
+        turned &= pitch >= habits.pitch_px * (1 - 1e-9)
+        margin = PLACED_WITHIN * MARGIN_PITCHES * shape.pitch_mm * px_per_mm(camera, place)
+    face = shape.face[rows]
+    pixel = project(camera, transform_each(pose, shape.position_mm[rows]))
+    last = np.array(camera.image_size, dtype=np.float64) - 1
+    edge = margin[:, face, None]
+    with np.errstate(invalid="ignore"):
+        within = (pixel >= edge) & (pixel <= last - edge)
+    inside = within[..., 0] & within[..., 1] & turned[:, face]
+    of_face = (face[:, None] == np.arange(len(shape.normal))).astype(np.float64)
+    share = inside @ of_face / np.maximum(of_face.sum(axis=0), 1.0)
+    is_read = inside & (share >= habits.face_share - 1e-9)[:, face]
+    return ShownPoints(is_read, is_read * _fine(pitch, habits)[:, face], pixel)
+
+
+def _fine(pitch: Array, habits: Habits) -> Array:
+    """How much a ring tells whose neighbours are so far away in the image (C, F).
+
+    A centre's variance falls with the number of pixels at the ring's edge.
+    """
+    if not habits.fine_pitch_px > 0:
+        return np.ones_like(pitch)
+    return np.nan_to_num(pitch / habits.fine_pitch_px).clip(0.0, 1.0)

@@ -1,0 +1,262 @@
+"""What is measured of a run before anything is judged: no limits here."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import rays
+from calib.cameras.refit import image_grid
+from calib.core.linear_algebra import sums_by
+from calib.judge.apart import Known, apart, sigma_over
+from calib.judge.coverage import Coverage, coverage_of
+from calib.judge.halves import HalfSplit, HalvesApart, NoHalves, halves_apart
+from calib.judge.lit_part import lit_part, sigma_over_lit_px
+from calib.judge.reading import reading_of
+from calib.judge.target_shape import ShapeEffect, shape_effect
+from calib.solver.accuracy import share_px
+from calib.solver.calibration import (
+    Calibration,
+    CaptureError,
+    CircleDoubt,
+    ImageField,
+    PhotoError,
+    Status,
+    TargetError,
+)
+from calib.solver.metrics.errors import Errors, summarise
+from calib.solver.metrics.evaluation import Evaluation, evaluate
+from calib.solver.metrics.residual_cells import LEAST_PER_CELL, cells_of_residuals, residuals_of
+from calib.solver.outliers import deviations
+
+Array = NDArray[np.float64]
+
+LEAST_SHARE = 0.25
+"""Of the residuals: a smaller systematic part blames nobody."""
+FAR_OFF = 4.0
+"""Robust standard deviations beyond which a sighting is far off; normal noise has 1 of 3000 there."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Standard deviation of the camera's pixels, along its worse axis: by noise, target, and a field over the image."""
+
+    image_px: float | None  # 95 % of the image's lit part is at most so uncertain; None: of less is anything known
+    covered_px: float | None  # 95 % of what the sightings cover
+    noise_px: float | None  # of the image, by noise alone as the solution states it
+    target_px: float  # of the image, by the target alone
+    target_error: TargetError | None  # how the target is taken to be made; None: nobody knows
+    known: float  # of the image, 0 to 1: where the model has rays
+    is_estimated: bool  # at least one parameter was
+    is_map_exact: bool  # the error of a learned map is not in it
+    factor: float = 1.0  # by which halves of the photos enlarge the part of the noise
+    image_field: ImageField | None = None  # None: nothing shows that there is one
+    field_px: float = 0.0  # of the image, by that field alone
+    capture_error: CaptureError | None = None  # what is alike in all photos; None: not asked, or not told
+    capture_px: float = 0.0  # of the image, by that alone
+    photo_error: PhotoError | None = None  # what the centres of a photo share; it stands for the factor of the halves
+    circle_doubt: CircleDoubt | None = None  # None: what the points are is known
+    circle_px: float = 0.0  # of the image, by that doubt alone
+
+    @property
+    def by_target(self) -> bool:
+        """Whether most of it is the target's."""
+        return self.image_px is not None and 2 * self.target_px**2 > self.image_px**2
+
+    @property
+    def by_field(self) -> bool:
+        """Whether more of it is the field's than the noise's."""
+        return self.noise_px is None or self.field_px > self.factor * self.noise_px
+
+    @property
+    def by_circles(self) -> bool:
+        """Whether more of it is by the doubt about what the points are than by the noise."""
+        return self.circle_doubt is not None and self.circle_px > self.factor * (self.noise_px or 0.0)
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """What the solution leaves over."""
+
+    rmse_px: float
+    count: int  # of sightings
+    stated_sigma_px: float | None  # of a coordinate, as the detector states it
+    sigma_px: float  # of a coordinate, as the residuals show it
+    far_share: float  # of sightings that count and are beyond `FAR_OFF`, 0 to 1
+    left_out_share: float
+    image_px: float | None  # root mean square of the cells' means less what noise gives; None: too few sightings
+    target_px: float | None  # the same of the rings' means, moved to the target and back to pixels
+
+
+@dataclass(frozen=True)
+class ModelApart:
+    """How another model, solved from the same photos, differs over the covered area."""
+
+    model: str
+    percentile_95_px: float | None  # None: nothing to compare, `reason` says why
+    reason: str
+    shared: float  # of the covered area, 0 to 1: where both are known
+    is_learned: bool
+    rmse_px: float = math.nan  # what it leaves over
+
+
+@dataclass(frozen=True, eq=False)
+class CameraEvidence:
+    """All that a verdict on one camera rests on."""
+
+    model: str
+    status: Status
+    status_reason: str  # of a status other than converged
+    view_count: int
+    uncertainty: Uncertainty
+    coverage: Coverage
+    halves: HalvesApart | NoHalves
+    leftover: Leftover
+    shape: ShapeEffect | None  # what a target of another shape would change; None: cannot be told
+    models: tuple[ModelApart, ...]
+    reading: str = ""  # what else the observations are, as a sentence, if that explains all
+
+    @property
+    def may_be_lens(self) -> bool:
+        """Whether the lens is to blame as likely as the target for what is systematic.
+
+        A target that bends also explains a part of what a model leaves over that does not fit the lens. But if it were
+        the cause, bending would explain at least what is the same at a place in the image in all photos.
+        """
+        over_image, on_target = self.leftover.image_px or 0.0, self.leftover.target_px or 0.0
+        if self.shape is None or over_image <= max(on_target, LEAST_SHARE * self.leftover.rmse_px):
+            return False
+        return self.shape.explained < (over_image / self.leftover.rmse_px) ** 2
+
+
+def evidence_of(calibrations: Sequence[Calibration], best: int, halves: HalfSplit) -> CameraEvidence:
+    """Measure.
+
+    Args:
+        calibrations: of the same photos by different models.
+        best: row of the one that is judged.
+        halves: of that one.
+    """
+    judged = calibrations[best]
+    covered = coverage_of(judged)
+    others = [one for row, one in enumerate(calibrations) if row != best]
+    reason = judged.remarks[0] if judged.status != "converged" and judged.remarks else ""
+    found = halves_apart(halves, covered)
+    factor = found.factor if isinstance(found, HalvesApart) else 1.0
+    return CameraEvidence(
+        judged.camera.model, judged.status, reason, judged.observations.view_count,
+        uncertainty_of(judged, covered, factor), covered, found, _leftover(evaluate(judged)),
+        shape_effect(judged, covered),
+        tuple(_model_apart(judged, other, covered) for other in others), reading_of(judged),
+    )  # fmt: skip
+
+
+def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -> Uncertainty:
+    """How uncertain a camera is.
+
+    Args:
+        calibration: of it, with what its target may be off and what is fixed in the image if that is known.
+        covered: by its sightings.
+        factor: that halves of the photos enlarge the standard deviations of the noise by.
+    """
+    by_photo = calibration.photo_error
+    if by_photo is not None:
+        factor = 1.0  # both tell what differs between photos
+    lit = lit_part(calibration)
+    pixel = image_grid(calibration.camera.image_size).reshape(-1, 2)
+    is_estimated = bool((np.diagonal(calibration.param_covariance) > 0).any())
+    known = float(np.isfinite(rays(lit.camera, pixel[lit.is_lit(pixel)])).all(axis=1).mean())
+    image = inside = noise = math.nan
+    camera = calibration.camera
+    by = dict.fromkeys(("target_error", "image_field", "capture_error", "photo_error", "circle_doubt"), 0.0)
+    if is_estimated and np.isfinite(calibration.param_covariance).all():
+        # Halves show what differs between photos; what target and lens are off is the same in all.
+        covariance = factor**2 * calibration.param_covariance
+        for name, part in calibration.errors.items():
+            covariance = covariance + part.param_covariance
+            by[name] = _if_known(sigma_over_lit_px(lit, part.param_covariance)) or 0.0
+        image, noise = (sigma_over_lit_px(lit, one) for one in (covariance, calibration.param_covariance))
+        inside = share_px(sigma_over(Known(camera, covariance), covered))
+    is_exact = camera.learned is not None
+    return Uncertainty(
+        _if_known(image), _if_known(inside), _if_known(noise), by["target_error"], calibration.target_error, known,
+        is_estimated, is_exact, factor, calibration.image_field, by["image_field"], calibration.capture_error,
+        by["capture_error"], by_photo, calibration.circle_doubt, by["circle_doubt"],
+    )  # fmt: skip
+
+
+def _if_known(share: float) -> float | None:
+    """What 95 % of a part of the image stays within; None if less of it is known."""
+    return share if math.isfinite(share) else None
+
+
+def _leftover(evaluation: Evaluation) -> Leftover:
+    calibration = evaluation.calibration
+    seen, errors = calibration.observations, evaluation.of("reprojection")
+    if errors is None:
+        raise ValueError("a calibration without reprojection errors cannot be judged")
+    cells = cells_of_residuals(residuals_of(evaluation))
+    summary = summarise(errors)
+    far = deviations(calibration.residual_px.T, seen.cov_px2) > FAR_OFF
+    stated = None
+    if seen.cov_px2 is not None and len(seen.cov_px2):
+        stated = math.sqrt(float(np.trace(seen.cov_px2, axis1=1, axis2=2).mean()) / 2)
+    count = max(len(far), 1)
+    freedom = 1 - (6 * seen.view_count + len(calibration.camera.params)) / max(2 * summary.count, 1)
+    return Leftover(
+        rmse_px=summary.rmse,
+        count=summary.count,
+        stated_sigma_px=stated,
+        sigma_px=summary.rmse / math.sqrt(2 * freedom) if freedom > 0 else math.nan,
+        far_share=float((far & ~calibration.is_outlier).sum()) / count,
+        left_out_share=float(calibration.is_outlier.sum()) / count,
+        image_px=_beyond_noise(cells.rms_of_means_px, cells.rms_by_noise_px),
+        target_px=_on_target(evaluation.of("intersection"), summary.rmse),
+    )
+
+
+def _beyond_noise(rms: float, by_noise: float) -> float | None:
+    """The part of a root mean square that noise does not explain; None if it is not known."""
+    if not math.isfinite(rms) or not math.isfinite(by_noise):
+        return None
+    return math.sqrt(max(rms**2 - by_noise**2, 0.0))
+
+
+def _on_target(errors: Errors | None, rmse_px: float) -> float | None:
+    """Root mean square of what each ring is off on the target in all views, less what noise gives, in px."""
+    if errors is None or errors.point is None:
+        return None
+    counted = errors.is_counted
+    vector, point = errors.vector[counted], errors.point[counted]
+    count = np.bincount(point)
+    total = sums_by(point, vector, len(count))
+    enough = count >= LEAST_PER_CELL
+    freedom = len(point) - int((count > 0).sum())
+    if not enough.any() or freedom <= 0:
+        return None
+    mean = total / np.maximum(count, 1)[:, None]
+    variance = float(((vector - mean[point]) ** 2).sum()) / freedom
+    rms = math.sqrt(float((mean[enough] ** 2).sum(axis=1).mean()))
+    by_noise = math.sqrt(variance * float((1 / count[enough]).mean()))
+    rmse_mm = math.sqrt(float((vector**2).sum(axis=1).mean()))
+    beyond = _beyond_noise(rms, by_noise)
+    return None if beyond is None else beyond * rmse_px / rmse_mm if rmse_mm > 0 else 0.0
+
+
+def _model_apart(judged: Calibration, other: Calibration, covered: Coverage) -> ModelApart:
+    model, is_learned = other.camera.model, other.camera.learned is not None
+    if other.status != "converged":
+        return ModelApart(model, None, f"is {other.status}", 0.0, is_learned)
+    found = apart(Known.exactly(judged.camera), Known.exactly(other.camera), covered)
+    if found is None:
+        return ModelApart(model, None, "is known nowhere in the covered area", 0.0, is_learned)
+    shared = float(found.is_known.sum()) / max(int(found.is_covered.sum()), 1)
+    return ModelApart(model, found.percentile_95_px, "", shared, is_learned, _rmse_px(other))
+
+
+def _rmse_px(calibration: Calibration) -> float:
+    """Root mean square length of the residuals that count."""
+    residual = calibration.residual_px[~calibration.is_outlier]
+    return math.sqrt(float((residual**2).sum(axis=1).mean())) if len(residual) else math.nan

@@ -1,0 +1,197 @@
+"""A camera solved from halves of its views: whether the stated standard deviations can be believed.
+
+If what is left over is noise, two halves differ by what their covariances say. If it is not (a target that is not as
+its file says, a model that does not fit the lens, a focus that moved), each half takes up another part of it and they
+lie farther apart. What all views have in common no halves show. One split is a single throw of dice, so several are
+made.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.surface import surface_model
+from calib.core.linear_algebra import sums_by
+from calib.core.parallel import one_thread
+from calib.core.types import Observations, keep_sightings, keep_views
+from calib.judge.apart import Known, apart
+from calib.judge.coverage import Coverage
+from calib.solver.accuracy import SHARE_PERCENT
+from calib.solver.calibrate import calibrate
+from calib.solver.calibration import Calibration
+from calib.solver.options import SolveOptions
+from designer.base.errors import InputError
+from designer.base.marks import INLINE, Key, Length
+
+Array = NDArray[np.float64]
+
+LEAST_VIEWS = 4
+BY_CHANCE_APART = 1.35
+"""A ratio of halves that honest standard deviations exceed in 1 of 20 runs with 6 to 20 photos (simulated)."""
+MOST_VIEWS = 100_000
+LARGEST_COVARIANCE = 1e100
+"""Squares of what is larger overflow further on."""
+ASYMMETRY = 1e-6
+FileName = Annotated[str, Length(0, 4000)]
+
+
+@dataclass(frozen=True, eq=False)
+class Half:
+    """What one half of the views gives."""
+
+    known: Annotated[Known, INLINE]
+    view_names: Annotated[tuple[FileName, ...], Length(0, MOST_VIEWS), Key("views")]
+
+    def __post_init__(self) -> None:
+        covariance, largest = self.known.param_covariance, float(np.abs(self.known.param_covariance).max())
+        if len(covariance) != len(self.known.camera.params):
+            raise ValueError(f"param_covariance must be of {len(self.known.camera.params)} parameters")
+        if not largest <= LARGEST_COVARIANCE or (np.diagonal(covariance) < 0).any():
+            rule = f"variances of 0 or more, and no number beyond {LARGEST_COVARIANCE:g}"
+            raise ValueError(f"param_covariance must have {rule}")
+        if np.abs(covariance - covariance.T).max() > ASYMMETRY * largest:
+            raise ValueError("param_covariance must be symmetric")
+
+
+@dataclass(frozen=True, eq=False)
+class Halves:
+    """Pairs of solutions of the same model and options, each of two halves of the views."""
+
+    pairs: tuple[tuple[Half, Half], ...]  # one or more
+
+    def __post_init__(self) -> None:
+        cameras = [half.known.camera for pair in self.pairs for half in pair]
+        if len({(camera.image_size, camera.model) for camera in cameras}) != 1:
+            raise ValueError("halves must have cameras of one model and image size")
+
+
+@dataclass(frozen=True)
+class NoHalves:
+    """Why there are none."""
+
+    reason: str  # "3 photos cannot be halved; take 4 or more"
+
+
+HalfSplit = Halves | NoHalves
+
+
+@dataclass(frozen=True, eq=False)
+class HalvesApart:
+    """How far halves of the views lie apart over the covered image, as root mean squares over all splits."""
+
+    ratio: float  # in stated standard deviations, 1 on average if they are honest
+    rms_px: float
+    stated_px: float  # the root mean square that the standard deviations let expect
+    percentile_95_px: float  # what 95 % of the covered area differ by at most
+    pixel: Array  # (R, C, 2) a grid
+    length_px: Array  # (R, C) differences, nan where none is known
+
+    @property
+    def factor(self) -> float:
+        """What stated standard deviations are to be multiplied with: the ratio, where chance does not explain it.
+
+        Data that scatter more than their standard deviations say have these enlarged by as much (Birge 1932, The
+        calculation of errors by the method of least squares, Phys. Rev. 40; the scale factor of the Particle Data
+        Group).
+        """
+        return self.ratio if self.ratio > BY_CHANCE_APART else 1.0
+
+
+@one_thread
+def half_split(calibration: Calibration, options: SolveOptions) -> HalfSplit:
+    """Solve the model of a calibration from halves of its views, with the options it was solved with.
+
+    Sightings that the calibration left out as outliers stay out. Halves that do not determine the camera are skipped.
+    """
+    seen, views = calibration.observations, calibration.observations.view_count
+    if calibration.status == "degenerate":
+        return NoHalves("the photos do not determine the camera, so neither does half of them")
+    if calibration.camera.learned is not None:
+        return NoHalves("a learned map states no standard deviation that a difference could be compared with")
+    if views < LEAST_VIEWS:
+        return NoHalves(f"{views} photo{'s' if views > 1 else ''} cannot be halved; take {LEAST_VIEWS} or more")
+    if not np.bincount(seen.view[~calibration.is_outlier], minlength=views).all():
+        return NoHalves("a photo has no sighting that counts; leave it out and solve again")
+    used = keep_sightings(seen, ~calibration.is_outlier)
+    pairs, reasons = [], []
+    for is_first in splits(calibration):
+        halves = [_solved(keep_views(used, rows), calibration.camera.model, options) for rows in (is_first, ~is_first)]
+        first, second = halves
+        if isinstance(first, Half) and isinstance(second, Half):
+            pairs.append((first, second))
+        else:
+            reasons += [half.reason for half in halves if isinstance(half, NoHalves)]
+    return Halves(tuple(pairs)) if pairs else NoHalves(reasons[0])
+
+
+def _solved(half: Observations, model: str, options: SolveOptions) -> Half | NoHalves:
+    """The camera of one half."""
+    try:
+        solved = calibrate(half, model, options)
+    except InputError as error:
+        return NoHalves(f"half of the photos do not do: {error}")
+    if solved.status != "converged":
+        why = solved.remarks[0] if solved.remarks else solved.status
+        return NoHalves(f"half of the photos do not determine the camera: {why}")
+    return Half(Known(solved.camera, solved.param_covariance), solved.observations.view_names)
+
+
+def halves_apart(halves: HalfSplit, coverage: Coverage) -> HalvesApart | NoHalves:
+    """How far halves lie apart where the image is covered, or why that is not known."""
+    if isinstance(halves, NoHalves):
+        return halves
+    found = [one for first, second in halves.pairs if (one := apart(first.known, second.known, coverage)) is not None]
+    if not found:
+        return NoHalves("the cameras of the two halves share no part of the covered image")
+    length = np.sqrt((np.stack([one.length_px for one in found]) ** 2).mean(axis=0))
+    ratio, rms, stated = (
+        float(np.sqrt(np.mean([getattr(one, name) ** 2 for one in found]))) for name in ("ratio", "rms_px", "stated_px")
+    )
+    known = length[np.isfinite(length)]
+    within = float(np.percentile(known, SHARE_PERCENT)) if len(known) else rms
+    return HalvesApart(ratio, rms, stated, within, found[0].pixel, length)
+
+
+MOST_SPLITS = 4
+PER_RIGHT_ANGLE = 0.35
+"""A turn of the target by a right angle counts as much as a shift by about half of the image."""
+
+
+def splits(calibration: Calibration) -> tuple[NDArray[np.bool_], ...]:
+    """Up to four ways, one of a camera with a surface: which views (V,) belong to the first half.
+
+    Each orders the views along another direction in which they differ (where in the image, how large, from which side,
+    how rolled; the principal axes of these) and takes them in turns: first, second, second, first. So the halves are
+    alike in that direction, and in the others not on purpose: halves with the same poses would make the same errors.
+    The order in which the views are given does not matter but for ties.
+    """
+    feature = _features(calibration)
+    feature -= feature.mean(axis=0)
+    axes = np.linalg.svd(feature, full_matrices=False)[2]
+    # An axis may point either way; which one must not depend on the order of the views.
+    axes *= np.sign(np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1))
+    found: dict[bytes, NDArray[np.bool_]] = {}
+    # Of hundreds of parameters a split takes megabytes to keep, and tells much by itself.
+    most = MOST_SPLITS if surface_model(calibration.camera.model) is None else 1
+    for axis in axes[:most]:
+        rank = np.argsort(np.argsort(feature @ axis, kind="stable"))
+        is_first = np.isin(rank % 4, (0, 3))
+        # A half and its complement are the same split.
+        found.setdefault((is_first == is_first[0]).tobytes(), is_first)
+    return tuple(found.values())
+
+
+def _features(calibration: Calibration) -> Array:
+    """Where each view sees the target in the image and how large, from which side, and how rolled.  # (V, 8)"""
+    seen = calibration.observations
+    count = np.maximum(np.bincount(seen.view, minlength=seen.view_count), 1)[:, None]
+    place = seen.center_px / max(seen.image_size) - 0.5
+    middle = sums_by(seen.view, place, seen.view_count) / count
+    square = sums_by(seen.view, place**2, seen.view_count) / count
+    size = np.sqrt(np.maximum(square - middle**2, 0.0)).mean(axis=1, keepdims=True)
+    rotation = calibration.cam_from_target[:, :3, :3]
+    # The viewing direction in the target's frame, and the direction of its x axis in the image.
+    turn = np.concatenate([rotation[:, 2], rotation[:, :2, 0]], axis=1)
+    return np.concatenate([middle, size, PER_RIGHT_ANGLE * turn], axis=1)

@@ -1,0 +1,238 @@
+"""What photos tell of a camera, before they are taken: Fisher information with the pose of each photo eliminated.
+
+The camera's parameters are written `p = p0 + basis q` with q of unit covariance, so that what is known now is the
+identity and a photo adds `A - B C^-1 B'` to it: A of q with itself, C of the pose with itself, B of both (Schur
+complement; Triggs et al. 2000, section 6). What a photo does not tell stays as well known as it was.
+
+In the directions q of `calib.judge.information`, in which the solution's noise is the identity, a camera's error e is
+the noise, enlarged by what halves of the photos show, and what the target is off. Photos with the information X on q,
+and Y between q and the numbers s of the target's shape, move the solution; its error is then
+
+    e' = (1 + X)^-1 (e - Y s + noise of the photos).
+
+What of the target's error the photos share with those before stays, however many they are, and what the camera took of
+a field that is fixed in the image stays whole.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import linearise
+from calib.cameras.camera import Camera
+from calib.cameras.refit import COLUMNS, image_grid
+from calib.core.linear_algebra import covariance_with_prior, pseudo_inverse, symmetric_inverse
+from calib.core.se3 import transform
+from calib.core.types import keep_views, sightings_per_view
+from calib.judge.lit_part import lit_part
+from calib.solver.accuracy import projected_change
+from calib.solver.blocks import RobustLoss, view_blocks
+from calib.solver.calibration import Calibration
+from calib.solver.options import SolveOptions, tie_parameters
+from calib.solver.problem import pack
+from calib.solver.schur import reduced_normal
+from calib.solver.target_error import LeftOpen
+
+Array = NDArray[np.float64]
+
+TIED = 1e-12
+"""Directions of the parameters with less of their variance are fixed or shared, not estimated."""
+CHUNK = 400_000
+"""Points at a time."""
+UNDETERMINED = 1e-12
+"""Of a pose's normal matrix with a diagonal of ones: smaller eigenvalues, as parts of the largest, are rounding."""
+LENS_UNSURE = 1.0
+"""Standard deviation of a lens coefficient of which nothing is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Knowledge:
+    """What is known of a camera from the photos that were taken."""
+
+    camera: Camera  # without rays where nothing is asked of it
+    basis: Array  # (P, Q) `basis @ basis.T` is the covariance of the parameters
+    noise_px: float  # standard deviation of a coordinate of an observation
+    is_determined: bool  # without: the covariance holds a guess of what a camera is like
+
+
+def knowledge_of(calibration: Calibration) -> Knowledge:
+    """What a calibration knows of its camera; it must state a scale."""
+    noise_px = _noise_px(calibration)
+    covariance = calibration.param_covariance
+    is_determined = bool(np.isfinite(covariance).all()) and calibration.status != "degenerate"
+    if not is_determined:
+        covariance = _covariance_with_guess(calibration)
+    deviation = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
+    scale = np.where(deviation > 0, deviation, 1.0)
+    value, vector = np.linalg.eigh(covariance / (scale[:, None] * scale))
+    free = value > TIED * max(float(value[-1]), 1e-300)
+    basis = scale[:, None] * vector[:, free] * np.sqrt(value[free])
+    return Knowledge(lit_part(calibration).camera, basis, noise_px, is_determined)
+
+
+def _noise_px(calibration: Calibration) -> float:
+    """What a coordinate of an observation is off by; weighted ones by their mean weight."""
+    covariance = calibration.observations.cov_px2
+    if not calibration.weighted or covariance is None:
+        return calibration.scale
+    variance = 0.5 * np.trace(covariance[~calibration.is_outlier], axis1=1, axis2=2)
+    return calibration.scale / math.sqrt(float((1 / variance).mean()))
+
+
+def _covariance_with_guess(calibration: Calibration) -> Array:
+    """The parameters' covariance where the photos leave some open: with a guess of what cameras are like.
+
+    The focal lengths by half, the centre by a quarter of the image, lens coefficients by one.
+    """
+    camera = calibration.camera
+    tie = tie_parameters(camera.model, SolveOptions(fixed=tuple((name, None) for name in calibration.fixed)))
+    has_some = sightings_per_view(calibration.observations) > 0
+    problem = pack(keep_views(calibration.observations, has_some), weighted=calibration.weighted)
+    pose = np.array(calibration.cam_from_target[has_some])
+    pose[:, :3, 3] += pose[:, :3, :3] @ problem.origin_mm
+    try:
+        normal, _ = reduced_normal(view_blocks(problem, camera, pose, RobustLoss()).products, tie.row)
+    except np.linalg.LinAlgError:  # not even a pose is determined
+        normal = np.zeros((int(tie.row.max(initial=-1)) + 1,) * 2)
+    longer = max(camera.image_size)
+    guess = [LENS_UNSURE] * len(camera.params)
+    guess[:4] = [0.5 * float(camera.params[0]), 0.5 * float(camera.params[1]), 0.25 * longer, 0.25 * longer]
+    free = np.flatnonzero(tie.row >= 0)
+    deviation = np.array(guess)[free]
+    told = normal * deviation[:, None] * deviation / calibration.scale**2
+    covariance = np.zeros((len(guess), len(guess)))
+    covariance[np.ix_(free, free)] = covariance_with_prior(told) * deviation[:, None] * deviation
+    return covariance
+
+
+def view_information(
+    known: Knowledge, cam_from_target: Array, position_mm: Array, weight: Array, modes_mm: Array | None = None
+) -> Array:
+    """What each of C photos would add (C, Q + S, Q + S), if their poses must be found too.
+
+    Args:
+        known: the camera, and the noise of observations.
+        cam_from_target: poses (C, 4, 4).
+        position_mm: points of the target (N, 3).
+        weight: how many observations each point stands for in each photo (C, N); 0: not seen.
+        modes_mm: displacements of the points by numbers of the target's shape (S, N, 3); None: of the camera only.
+    """
+    modes_mm = np.zeros((0, *position_mm.shape)) if modes_mm is None else modes_mm
+    size = known.basis.shape[1] + len(modes_mm)
+    result = np.empty((len(cam_from_target), size, size))
+    step = max(1, CHUNK // max(len(position_mm), 1))
+    for begin in range(0, len(cam_from_target), step):
+        part = slice(begin, begin + step)
+        result[part] = _information(known, cam_from_target[part], position_mm, weight[part], modes_mm)
+    return result
+
+
+def _information(known: Knowledge, pose: Array, position_mm: Array, weight: Array, modes_mm: Array) -> Array:
+    photos, count = weight.shape
+    photo, row = np.nonzero(weight > 0)
+    origin = position_mm.mean(axis=0)
+    turned = (pose[photo, :3, :3] @ (position_mm[row] - origin)[:, :, None])[:, :, 0]
+    middle = transform(pose, origin)
+    seen = linearise(known.camera, np.ascontiguousarray((turned + middle[photo]).T))
+    by_point = seen.by_point.transpose(2, 0, 1)
+    by_shape = by_point @ pose[photo, :3, :3] @ modes_mm[:, row].transpose(1, 2, 0)
+    by_turn = np.cross(turned[:, None, :], by_point)
+    columns = np.concatenate([seen.by_params.transpose(2, 0, 1) @ known.basis, by_shape, by_turn, by_point], axis=2)
+    columns *= (np.sqrt(weight[photo, row]) / known.noise_px)[:, None, None]
+    columns[~np.isfinite(columns).all(axis=(1, 2))] = 0.0
+    # As many rows for each photo: those of points that are not seen stay zero.
+    spread = np.zeros((photos, count, 2, columns.shape[2]))
+    spread[photo, row] = columns
+    rows = spread.reshape(photos, 2 * count, -1)
+    return eliminated(rows.transpose(0, 2, 1) @ rows)
+
+
+def eliminated(products: Array) -> Array:
+    """`A - B C^-1 B'` of products (C, Q + 6, Q + 6) whose last six unknowns are a pose.
+
+    A photo that does not determine its whole pose tells nothing: what an unknown motion would take away is not known
+    where the inverse is cut off, and none may be called surer than it is.
+    """
+    size = products.shape[1] - 6
+    mixed = products[:, size:, :size]
+    pose = symmetric_inverse(products[:, size:, size:], UNDETERMINED)
+    left: Array = products[:, :size, :size] - mixed.transpose(0, 2, 1) @ (pose.inverse @ mixed)
+    return np.where((pose.rank == 6)[:, None, None], 0.5 * (left + left.transpose(0, 2, 1)), 0.0)
+
+
+def image_change(known: Knowledge, columns: int = COLUMNS, rows: int | None = None) -> Array:
+    """How q moves what is seen at a grid of pixels (N, 2, Q), without the rotation that best explains it.
+
+    Pixels without a ray are left out.
+    """
+    pixel = image_grid(known.camera.image_size, columns, rows).reshape(-1, 2)
+    change: Array = projected_change(known.camera, pixel) @ known.basis
+    return change[np.isfinite(change).all(axis=(1, 2))]
+
+
+def sigma_px(change: Array, covariance: Array) -> Array:
+    """Standard deviations (..., N) along the worse axis of what is seen at N pixels.
+
+    Args:
+        change: of `image_change` (N, 2, Q).
+        covariance: of q (..., Q, Q).
+    """
+    size = change.shape[2]
+    flat = change.reshape(-1, size)
+    spread = (flat @ covariance).reshape(*covariance.shape[:-2], -1, 2, size)
+    uu = (spread[..., 0, :] * change[:, 0]).sum(axis=-1)
+    vv = (spread[..., 1, :] * change[:, 1]).sum(axis=-1)
+    uv = (spread[..., 0, :] * change[:, 1]).sum(axis=-1)
+    largest: Array = 0.5 * (uu + vv) + np.hypot(0.5 * (uu - vv), uv)
+    return np.sqrt(np.maximum(largest, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class StatedError:
+    """The mean squares of e and s, the noise's part of e as a factor of its own."""
+
+    noise: float  # of the variance: what halves of the photos enlarge it by
+    by_target: Array  # (Q, Q) of e, by the target
+    modes_mm: Array | None  # (S, K, 3) of the target's shape; None: not known, so no photo takes anything from its part
+    mixed: Array  # (Q, S) of e with s
+    shape: Array  # (S, S) of s
+    by_field: Array  # (Q, Q) of e, by what is fixed in the image
+
+    def after(self, told: Array) -> Array:
+        """Mean squares (Q, Q) of e after photos with the information (Q + S, Q + S) on q and s."""
+        size = len(self.by_target)
+        inverse, by_shape = covariance_with_prior(told[:size, :size]), told[:size, size:]
+        if self.modes_mm is None:
+            return self.noise * inverse + self.by_target + self.by_field
+        across = self.mixed @ by_shape.T
+        target = self.by_target - across - across.T + by_shape @ self.shape @ by_shape.T
+        found: Array = self.noise * inverse + inverse @ target @ inverse + self.by_field
+        return found
+
+
+def stated_error(known: Knowledge, calibration: Calibration, factor: float, opened: LeftOpen | None) -> StatedError:
+    """The error of a calibration as the verdict states it.
+
+    Args:
+        known: of the calibration.
+        calibration: with what its target may be off, if that is known.
+        factor: that halves of the photos enlarge the standard deviations of the noise by.
+        opened: what photos so far leave open of the target's shape; None: not known, or no matter.
+    """
+    size, error = known.basis.shape[1], calibration.target_error
+    none, to_q = np.zeros((size, 0)), pseudo_inverse(known.basis)
+    by_field = np.zeros((size, size))
+    parts = (calibration.image_field, calibration.capture_error, calibration.photo_error, calibration.circle_doubt)
+    for part in parts:
+        if known.is_determined and part is not None:
+            by_field = by_field + to_q @ part.param_covariance @ to_q.T
+    if error is None or not known.is_determined or not error.param_covariance.any():
+        return StatedError(factor**2, np.zeros((size, size)), None, none, none.T @ none, by_field)
+    by_target = to_q @ error.param_covariance @ to_q.T
+    if opened is None:
+        return StatedError(factor**2, by_target, None, none, none.T @ none, by_field)
+    camera, square = opened.basis.shape[1], opened.mean_square
+    mixed, shape = square[:camera, camera:], square[camera:, camera:]
+    return StatedError(factor**2, by_target, opened.modes_mm, to_q @ opened.basis @ mixed, shape, by_field)

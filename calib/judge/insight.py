@@ -1,0 +1,220 @@
+"""What the photos so far tell of a camera: as many of its parameters as they determine, and how sure they are.
+
+Each solution starts from the photos alone, so that what was first believed of a camera does no harm later. Where the
+photos do not determine all of a model, a part of its parameters is solved with the others as of a camera without
+distortion, and what is open of all of them is told by a guess of what cameras are like
+(`calib.judge.information.knowledge_of`).
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.cameras import WIDE, told_parameters
+from calib.core.parallel import one_thread
+from calib.core.types import LEAST_POINTS, Detections, Observations, keep_views
+from calib.judge.information import knowledge_of
+from calib.judge.lit_part import lit_part, sigma_over_lit_px
+from calib.judge.settings import GuideSettings
+from calib.observe.observations import observations_from_detections
+from calib.solver.accuracy import NO_FIT, UNSURE_FOCAL
+from calib.solver.blocks import RobustLoss, view_blocks
+from calib.solver.calibration import Calibration
+from calib.solver.options import SolveOptions, tie_parameters
+from calib.solver.outliers import shift_of_photo
+from calib.solver.problem import origin_poses, pack
+from calib.solver.solve import solve
+from calib.solver.suited import lens_kind
+from calib.solver.target_error import LeftOpen, target_told
+from designer.base.errors import InputError
+
+FOCAL_CENTRE = ("fx_px", "fy_px", "cx_px", "cy_px")
+ROUGH_SHARE = 0.02
+"""Of the image's longer side: a camera that is less sure than that over its image is solved with fewer parameters."""
+UNSURE = 2 * UNSURE_FOCAL
+"""Standard deviation of a focal length, as a part of it, with which there is no camera yet."""
+NOISY = 2.0
+"""Times the stated noise that are left over, beyond which another kind of lens is thought of."""
+MOST_OF_LENS = 1.5
+"""A coefficient of a lens of which a part is solved."""
+CONTRADICTS, LEAST_FAR_PX = 5.0, 0.3
+"""Times the others' residuals that a photo leaves, and pixels, if something is wrong with it."""
+FEWEST_OTHERS = 3
+"""Photos that must agree before another one is said to contradict them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Insight:
+    """What is known."""
+
+    observations: Observations | None  # of the photos that count; None: there are none
+    left_out: tuple[tuple[str, str], ...]  # photos that do not count, and why
+    calibration: Calibration | None  # "converged": the whole model; else what is open is a guess; None: no camera yet
+    opened: LeftOpen | None = None  # of the target's shape, beside the camera; None: nothing, or no camera
+
+    @property
+    def whole(self) -> Calibration | None:
+        """The calibration, if the photos determine all of it."""
+        found = self.calibration
+        return found if found is not None and found.status == "converged" else None
+
+
+@one_thread
+def insight_of(photos: Sequence[Detections], settings: GuideSettings) -> Insight:
+    """Solve what can be solved."""
+    used, left_out = _usable(photos, settings)
+    seen = None
+    if used:
+        try:
+            seen = observations_from_detections(used, settings.target, origin="the photos")
+        except InputError as error:
+            return Insight(None, (*left_out, *((one.image, str(error)) for one in used)), None)
+        kept = set(seen.view_names)
+        why = "its rings are mirrored, all on a line, or those of another photo once more"
+        left_out += [(one.image, why) for one in used if one.image not in kept]
+    if seen is None or not seen.view_count:
+        return Insight(None, tuple(left_out), None)
+    return _without_odd(seen, tuple(left_out), settings)
+
+
+def _without_odd(seen: Observations, left_out: tuple[tuple[str, str], ...], settings: GuideSettings) -> Insight:
+    """What is known without the photos that do not go with the others."""
+    found, opened = _camera(seen, settings)
+    if found is None:
+        return Insight(seen, left_out, None)
+    lost = set(seen.view_names) - set(found.observations.view_names)
+    left_out += tuple((name, "nowhere could the target show its rings so") for name in seen.view_names if name in lost)
+    odd = odd_photo(found)
+    if odd is None or len(left_out) > seen.view_count:
+        return Insight(found.observations, left_out, found, opened)
+    others = keep_views(found.observations, np.array(found.observations.view_names) != odd[0])
+    return _without_odd(others, (*left_out, odd), settings)
+
+
+def _usable(photos: Sequence[Detections], settings: GuideSettings) -> tuple[list[Detections], list[tuple[str, str]]]:
+    """Photos of the target with points enough, of the size that most have, the first of them if there is a tie."""
+    left_out: list[tuple[str, str]] = []
+    named = []
+    for one in photos:
+        if one.layout_id != settings.target.layout_id:
+            left_out.append((one.image, "shows another target"))
+        elif len(one.ring) < LEAST_POINTS:
+            why = "; ".join(one.remarks) if not len(one.ring) else f"only {len(one.ring)} rings"
+            left_out.append((one.image, why or "nothing was named in it"))
+        else:
+            named.append(one)
+    sizes = [one.image_size for one in named]
+    size = max(sizes, key=sizes.count, default=(0, 0))  # the first of those with the most
+    left_out += [
+        (one.image, f"is of {one.image_size[0]} x {one.image_size[1]} px, the others of {size[0]} x {size[1]}")
+        for one in named
+        if one.image_size != size
+    ]
+    return [one for one in named if one.image_size == size], left_out
+
+
+def _camera(seen: Observations, settings: GuideSettings) -> tuple[Calibration | None, LeftOpen | None]:
+    """The camera that the observations determine as far as they do, None if not even its focal length; what is open."""
+    found = _solved(seen, settings.model)
+    # The whole of a model that leaves no more over than the noise that is stated suits the lens.
+    is_of_noise = found is not None and found.status == "converged" and found.weighted and found.scale < NOISY
+    if settings.may_be_wide and not is_of_noise and lens_kind(seen).is_wide:
+        found = _solved(seen, WIDE)
+    if found is None or not _fits(found):
+        return None, None
+    if found.status == "converged":
+        return target_told(found, settings.made)
+    basis = knowledge_of(found).basis
+    focal = math.sqrt(float(basis[0] @ basis[0])) / float(found.camera.params[0])
+    return (found if focal < UNSURE else None), None
+
+
+def _fits(found: Calibration) -> bool:
+    """Whether a solution shows the points about where they were seen, and states by how much it does not."""
+    return math.isfinite(found.scale) and found.scale > 0 and _rms_px(found) < NO_FIT * max(found.camera.image_size)
+
+
+def _solved(seen: Observations, model: str) -> Calibration | None:
+    """The model with as many parameters as the photos determine; with a part of them its status is "degenerate"."""
+    for options in _fewer_and_fewer(model):
+        with suppress(InputError):
+            found = solve(seen, model, options)
+            rough_px = ROUGH_SHARE * max(seen.image_size)
+            if found.status == "converged" and sigma_over_lit_px(lit_part(found), found.param_covariance) < rough_px:
+                if not options.fixed:
+                    return found
+                if _is_usual(found):
+                    return _opened(found)
+    return None
+
+
+def _is_usual(found: Calibration) -> bool:
+    """Whether the lens is one of those that the guess of what is open is of.
+
+    With the centre held where it is not, boards that face the camera seem to be far away and tilted, and the lens
+    bends what remains.
+    """
+    parameters = told_parameters(found.camera.model)
+    off = [
+        abs(value - parameter.neutral)
+        for parameter, value in zip(parameters, found.camera.params.tolist(), strict=True)
+        if parameter.name not in FOCAL_CENTRE
+    ]
+    return max(off, default=0.0) < MOST_OF_LENS
+
+
+def _opened(found: Calibration) -> Calibration:
+    """A camera of which a part was solved: that the rest is not known is told by a covariance that is not."""
+    open_covariance = np.full_like(found.param_covariance, np.nan)
+    return replace(found, status="degenerate", fixed=(), param_covariance=open_covariance)
+
+
+def _fewer_and_fewer(model: str) -> Iterator[SolveOptions]:
+    """All parameters; without the centre and with ever fewer of the lens; at last the focal length alone."""
+    lens = tuple(parameter.name for parameter in told_parameters(model) if parameter.name not in FOCAL_CENTRE)
+    square = (FOCAL_CENTRE[:2],)
+    yield SolveOptions()
+    for kept, centre in ((2, ()), (1, FOCAL_CENTRE[2:]), (0, FOCAL_CENTRE[2:])):
+        if len(lens) >= kept:
+            yield SolveOptions(fixed=tuple((name, None) for name in (*centre, *lens[kept:])), shared=square)
+
+
+def _rms_px(calibration: Calibration) -> float:
+    """Root mean square length of the residuals that count."""
+    square = (calibration.residual_px[~calibration.is_outlier] ** 2).sum(axis=1)
+    return math.sqrt(float(square.mean())) if len(square) else math.inf
+
+
+def odd_photo(found: Calibration) -> tuple[str, str] | None:
+    """The photo that does not go with the others, and why: damaged, or of a target that moved, or with another zoom."""
+    if found.observations.view_count <= FEWEST_OTHERS:
+        return None
+    return _far_off(found) or _shifted(found)
+
+
+def _far_off(found: Calibration) -> tuple[str, str] | None:
+    """The photo whose residuals are far beyond those of all others."""
+    seen = found.observations
+    count = np.bincount(seen.view, minlength=seen.view_count)
+    square = np.bincount(seen.view, (found.residual_px**2).sum(axis=1), seen.view_count) / np.maximum(count, 1)
+    worst = int(square.argmax())
+    usual = float(np.median(np.delete(square, worst)))
+    if not square[worst] > max(CONTRADICTS**2 * usual, LEAST_FAR_PX**2):
+        return None
+    return seen.view_names[worst], "contradicts the other photos: damaged, or the target moved or bent"
+
+
+def _shifted(found: Calibration) -> tuple[str, str] | None:
+    """The photo whose picture is shifted against the others'."""
+    if found.status != "converged":
+        return None
+    problem = pack(found.observations, weighted=found.weighted)
+    products = view_blocks(problem, found.camera, origin_poses(problem, found.cam_from_target), RobustLoss()).products
+    shift = shift_of_photo(products, tie_parameters(found.camera.model, SolveOptions()))
+    if shift is None:
+        return None
+    why = f"is shifted by about {np.hypot(shift.right_px, shift.down_px):.2g} px: another zoom, focus or stabiliser"
+    return found.observations.view_names[shift.view], why

@@ -1,0 +1,287 @@
+"""Each check of a rig: what was measured against its limits, and what that means in one sentence."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from calib.judge.check_kind import CheckKind, Found, at_least, at_most, px
+from calib.judge.checks import circle_words
+from calib.judge.verdict import Check, Criteria, Grade, measured_text
+from designer.base.number_text import figure
+from designer.base.words import printable
+
+if TYPE_CHECKING:
+    from calib.judge.rig_evidence import RigEvidence
+
+NOISY = 2.0
+"""Residuals of a camera this many times the noise that is stated for it are said to be something else."""
+
+OF_ROBOTS = 2.0
+"""Times the limit of residuals up to which a camera on a robot is judged by its error in mm alone."""
+
+NOT_KNOWN = "the covariance of the cameras' poses is not known"
+
+
+def _solution(evidence: "RigEvidence", _: Criteria) -> Found | None:
+    if evidence.status == "converged":
+        return None
+    fault = {"degenerate": "the frames do not determine the rig", "stopped": "the solution is not at its end"}
+    reason = f": {evidence.status_reason}" if evidence.status_reason else ""
+    return Found("bad", None, f"{fault.get(evidence.status, '')}{reason}")
+
+
+def _frames(evidence: "RigEvidence", criteria: Criteria) -> Found:
+    """The weakest link of the best chain between cameras; of a single camera, its frames."""
+    limits = criteria["frames"]
+    if not evidence.ties:
+        return Found(
+            at_least(evidence.frames, limits),
+            float(evidence.frames),
+            f"the target was seen in {evidence.frames} frames",
+        )
+    weakest = min(evidence.ties, key=lambda tie: tie.joining_frames)
+    count, name = weakest.joining_frames, printable(evidence.names[weakest.camera])
+    sentence = f"each camera shares {count} frames or more with another"
+    if count < max(tie.joining_frames for tie in evidence.ties):
+        sentence += f", {name} the fewest"
+    return Found(at_least(count, limits), float(count), sentence)
+
+
+def _lenses(evidence: "RigEvidence", _: Criteria) -> Found | None:
+    """Lenses that were given and kept: residuals of a rig hardly show what they are off by, its places do."""
+    kept = [printable(name) for name, one in zip(evidence.names, evidence.coverages, strict=True) if one is None]
+    if not kept:
+        return None
+    whose = "all cameras" if len(kept) == len(evidence.names) > 1 else ", ".join(kept)
+    return Found("usable", None, f"the lens of {whose} is kept as it was given; what it is off by is in no number here")
+
+
+def _coverage(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+    """Of cameras whose lenses were solved here; a lens that was given was learned elsewhere.
+
+    It makes no rig unusable: where the cameras look at together they saw the target, and `space` judges that.
+    """
+    limits = criteria["coverage"]
+    solved = [
+        (name, coverage)
+        for name, coverage in zip(evidence.names, evidence.coverages, strict=True)
+        if coverage is not None
+    ]
+    if not solved:
+        return None
+    name, least = min(solved, key=lambda pair: pair[1].share)
+    percent = 100 * least.share
+    text = measured_text(percent, "%", (limits.good, limits.usable))
+    sentence = f"the sightings surround {text} % of the {least.area} of {printable(name)}"
+    sentence += ", the least of all cameras" if len(solved) > 1 else ""
+    if least.missing_words:
+        sentence += f"; mostly without: {least.missing_words}, where its lens is only continued"
+    return Found("good" if percent >= limits.good else "usable", percent, sentence, usable=0.0)
+
+
+def _halves(evidence: "RigEvidence", criteria: Criteria) -> Found:
+    from calib.rigs.halves import NoRigHalves
+
+    found, limits = evidence.halves, criteria["halves"]
+    if isinstance(found, NoRigHalves):
+        return Found("unknown", None, found.reason)
+    by_turns, in_order = (figure(found.ratio_of(kind), 2) for kind in ("by turns", "in order"))
+    sentence = f"rigs solved from alike halves of the frames differ by {by_turns} standard deviations"
+    if math.isfinite(found.ratio_of("in order")):
+        sentence += f", from the first and the last half of them by {in_order}"
+    if found.has_moved:
+        sentence += (
+            f"; these leave over {figure(found.noise_of('in order'), 2)} times as much as all frames together, so "
+            "something changed while the frames were taken, such as a camera that was pushed"
+        )
+    elif found.factor > 1:
+        sentence += f": take the noise's part of standard deviations {figure(found.factor, 2)} times as large"
+    grade = at_most(found.ratio, limits)
+    if grade == "bad" and _is_in_mm(evidence) and at_most(found.target_factor, limits) != "bad":
+        return Found("usable", found.ratio, sentence, usable=found.ratio)
+    return Found(grade, found.ratio, sentence)
+
+
+def _is_in_mm(evidence: "RigEvidence") -> bool:
+    """Whether `space` says what everything does at the target."""
+    return evidence.carried is not None and math.isfinite(evidence.carried.sigma_mm)
+
+
+def _residuals(evidence: "RigEvidence", criteria: Criteria) -> Found:
+    """Of the worst camera. Those of one on a robot spoil it later: what they do at the target `space` tells in mm."""
+    limits = criteria["residuals"]
+    worst = max(evidence.cameras, key=lambda one: one.rms_px if math.isfinite(one.rms_px) else math.inf)
+    if not math.isfinite(worst.rms_px):
+        return Found("bad", None, f"no sighting of {printable(worst.name)} counts")
+    sentence = f"the residuals of {printable(worst.name)}"
+    sentence += ", the largest of all cameras," if len(evidence.cameras) > 1 else ""
+    sentence += f" are {px(worst.rms_px)} (RMS of {worst.sightings} sightings)"
+    if worst.times_stated is not None and worst.times_stated > NOISY:
+        times = figure(worst.times_stated, 2)
+        sentence += f", {times} times the noise that is stated: most of it is not noise, but target, lens or motion"
+    grade = at_most(worst.rms_px, limits)
+    if grade == "bad" and _is_in_mm(evidence) and worst.rms_px <= OF_ROBOTS * limits.usable:
+        return Found("usable", worst.rms_px, sentence, usable=worst.rms_px)
+    return Found(grade, worst.rms_px, sentence)
+
+
+def _outliers(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+    """Sightings that were left out, of the camera that has most of them."""
+    shares = [(one.left_out / max(one.sightings + one.left_out, 1), one.name) for one in evidence.cameras]
+    share, name = max(shares)
+    if share == 0:
+        return None
+    sentence = (
+        f"{figure(100 * share, 2)} % of the sightings of {printable(name)} were left out, the most of all cameras"
+    )
+    return Found(at_most(100 * share, criteria["outliers"]), 100 * share, sentence)
+
+
+def _delays(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+    if not evidence.delay_px:
+        return None
+    known = [
+        (value, name) for value, name in zip(evidence.delay_px, evidence.names, strict=True) if math.isfinite(value)
+    ]
+    if not known:
+        return Found("unknown", None, "the target's speed is not known")
+    value, name = max(known)
+    sentence = f"what is not known of the delay of {printable(name)} moves its sightings by {px(value)} (1 sigma)"
+    return Found(at_most(value, criteria["delays"]), value, sentence)
+
+
+def _baselines(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+    """The pair whose distance is known worst, in relation to itself."""
+    if not evidence.pairs:
+        return None
+    parts = [(pair.relative.baseline_sigma_mm / max(pair.relative.baseline_mm, 1e-9), pair) for pair in evidence.pairs]
+    if not all(math.isfinite(share) for share, _ in parts):
+        return Found("unknown", None, NOT_KNOWN)
+    share, pair = max(parts, key=lambda part: part[0])
+    names = " and ".join(map(printable, pair.names))
+    sigma = figure(pair.relative.baseline_sigma_mm, 2)
+    sentence = f"the distance of {names}, {figure(pair.relative.baseline_mm, 4)} mm, is known to {sigma} mm (1 sigma)"
+    sentence += ", in relation the least of all pairs" if len(parts) > 1 else ""
+    return Found(at_most(100 * share, criteria["baselines"]), 100 * share, sentence)
+
+
+def _carrier(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+    """How far the carrier's own turns are off those that photos show: what is not a robot's, or table's, to be."""
+    carrier = evidence.carrier
+    if carrier is None or not math.isfinite(carrier.sigma_rad):
+        return None
+    degrees, limits = math.degrees(carrier.sigma_rad), criteria["carrier"]
+    sentence = (
+        f"the {printable(carrier.kind.partition(',')[0])}'s own errors are {figure(degrees, 2)} deg and "
+        f"{figure(carrier.sigma_mm, 2)} mm a coordinate"
+    )
+    grade = at_most(degrees, limits)
+    if grade == "bad":
+        sentence += ": its poses are not those of these photos, or their order, unit or sense is another"
+    return Found(grade, degrees, sentence)
+
+
+def _carried(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+    """What the lens and the pose of one camera on its carrier do to what it sees there, as a share of its distance."""
+    found = evidence.carried
+    if found is None:
+        return None
+    if not math.isfinite(found.sigma_mm):
+        return Found("unknown", None, NOT_KNOWN)
+    share = 100 * found.sigma_mm / found.away_mm
+    sentence = (
+        f"the target, seen from {figure(found.away_mm, 3)} mm away through this lens, is placed to "
+        f"{figure(found.sigma_mm, 2)} mm (1 sigma) in the frame of what holds the camera"
+    )
+    return Found(at_most(share, criteria["space"]), share, sentence)
+
+
+def _space(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+    """A point in the middle, as a share of how far away it is."""
+    found = evidence.middle
+    if evidence.carried is not None:
+        return _carried(evidence, criteria)
+    if found is None:
+        if len(evidence.cameras) < 2:
+            return None
+        if not all(math.isfinite(pair.relative.baseline_sigma_mm) for pair in evidence.pairs):
+            return Found("unknown", None, NOT_KNOWN)
+        return Found("unknown", None, "no two cameras see the middle of where the target was")
+    share = 100 * found.sigma_mm / found.away_mm
+    sentence = (
+        f"a point in the middle of where the target was, {figure(found.away_mm, 3)} mm from the nearest camera, is "
+        f"placed in the rig's frame to {figure(found.sigma_mm, 2)} mm (1 sigma): {figure(found.noise_mm, 2)} mm by the "
+        f"noise of one sighting a camera, {figure(found.rig_mm, 2)} mm by the rig"
+    )
+    return Found(at_most(share, criteria["space"]), share, sentence)
+
+
+def _points(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+    """Points that nobody said are corners or centres of circles, where that matters."""
+    found = evidence.by_circles
+    if found is None or found.sigma_mm <= found.noise_mm:
+        return None
+    sentence = circle_words(found.doubt, "a place in space", f"off by {figure(found.sigma_mm, 2)} mm")
+    share = 100 * found.sigma_mm / found.away_mm
+    return Found("unknown" if found.doubt.told_mm is None else at_most(share, criteria["space"]), None, sentence)
+
+
+RIG_CHECKS: "Mapping[str, CheckKind[RigEvidence]]" = {
+    kind.name: kind
+    for kind in (
+        CheckKind("solution", "Solution", "", _solution),
+        CheckKind("frames", "Frames that join the cameras", "frames", _frames, is_at_least=True, is_needed=True),
+        CheckKind("points", "What the points are", "", _points),
+        CheckKind("lenses", "Lenses that were kept", "", _lenses),
+        CheckKind("coverage", "Sensor coverage", "%", _coverage, most=100.0, is_at_least=True),
+        CheckKind("halves", "Cross-validation by halves", "sigma", _halves, is_needed=True),
+        CheckKind("residuals", "Residuals", "px", _residuals, is_needed=True),
+        CheckKind("outliers", "Outliers", "%", _outliers, most=100.0),
+        CheckKind("delays", "Delays", "px", _delays),
+        CheckKind("carrier", "Errors of what carries", "deg", _carrier, most=180.0),
+        CheckKind("baselines", "Distances of the cameras", "%", _baselines, most=100.0),
+        CheckKind("space", "Error in space", "%", _space, most=100.0),
+    )
+}
+"""All checks in the order of reading. Their limits are in `templates/criteria`, beside those of cameras."""
+FIRST = (
+    "carrier",
+    "solution",
+    "points",
+    "residuals",
+    "outliers",
+    "halves",
+    "frames",
+    "delays",
+    "baselines",
+    "space",
+    "lenses",
+    "coverage",
+)
+"""Of checks that are beyond their limits alike, the one that is named first: what spoils the data comes before what a
+few more frames mend."""
+
+
+def rig_checks(evidence: "RigEvidence", criteria: Criteria) -> tuple[Check, ...]:
+    """All checks that have something to say, in the order of reading."""
+    return tuple(check for kind in RIG_CHECKS.values() if (check := kind.check(evidence, criteria)) is not None)
+
+
+def rig_faults(checks: Sequence[Check], grade: Grade) -> tuple[Check, ...]:
+    """The checks of a grade, the one that is farthest beyond its limit first; coverage last, which no rig fails by.
+
+    A carrier that is lost is told before all: what it spoils may be beyond every limit.
+    """
+    order = list(dict.fromkeys((*FIRST, *RIG_CHECKS)))
+    faults = (check for check in checks if check.grade == grade)
+    return tuple(
+        sorted(
+            faults,
+            key=lambda check: (
+                check.name == "coverage",
+                check.name != "carrier" or grade != "bad",
+                -check.times_beyond,
+                order.index(check.name),
+            ),
+        )
+    )

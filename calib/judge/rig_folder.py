@@ -1,0 +1,366 @@
+"""`rig_calibration.json`, with a folder of each camera: a whole solved rig, to report and to go on from.
+
+    rig_calibration.json        what ties the cameras together: poses, frames, the joint covariance
+    rig.json                    what programs need of it
+    rig_verdict.json            the verdict on it
+    cameras/left/               calibration.json, observations.csv and camera.json, as of a single camera
+
+Each camera's folder is one that `calib evaluate`, `calib diff` and the others take. In memory and read from its folder
+a rig is the same value, so that both are told alike.
+"""
+
+import hashlib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+
+from calib.cameras.rig import LONGEST_DELAY_S, MOST_CAMERAS, POSE, RIG
+from calib.core.se3 import rigid_fault
+from calib.core.types import KnownPoints, RigObservations
+from calib.judge.judged_run import TARGET_FILE
+from calib.judge.rig_evidence import RigEvidence, rig_evidence
+from calib.judge.rig_judge import NOT_COMPARED, RIG_VERDICT, RIG_VERDICT_FILE, JudgedRig, judge_rig
+from calib.judge.verdict import Criteria, Verdict
+from calib.observe.calibration_file import CALIBRATION_FILE, Provenance, calibration_files, read_calibration
+from calib.rigs.camera_alone import camera_alone
+from calib.rigs.halves import enlarged
+from calib.rigs.result import CarrierFit, RigCalibration
+from calib.solver.calibration import Calibration, CircleDoubt, Status
+from designer.base.arrays import Array, Rows
+from designer.base.errors import InputError
+from designer.base.file_kind import FileKind
+from designer.base.files import write_files
+from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Count, Length, Line, Shape, Word
+from designer.base.words import printable, shown
+from designer.target import TargetGeometry, load_target
+
+RIG_FILE, RIG_CALIBRATION_FILE, CAMERAS = "rig.json", "rig_calibration.json", "cameras"
+MOST_FRAMES = 1_000_000
+LARGEST_COVARIANCE = 1e100
+LONGEST_TIME_S = 1e12
+_SAFE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,59}")
+_Covariance = Annotated[
+    Array, Shape("N", "N"), PACKED, OR_NULL, AtLeast(-LARGEST_COVARIANCE), AtMost(LARGEST_COVARIANCE)
+]
+_Rows = Annotated[Rows, Shape("V"), AtLeast(0)]
+_Times = Annotated[Array, Shape("V"), AtLeast(-LONGEST_TIME_S), AtMost(LONGEST_TIME_S)]
+
+_Delay = Annotated[float, AtLeast(-LONGEST_DELAY_S), AtMost(LONGEST_DELAY_S)]
+_Sigma = Annotated[float, AtLeast(0), AtMost(LONGEST_TIME_S)]
+
+
+@dataclass(frozen=True, eq=False)
+class HeldCamera:
+    """A camera of a rig, but for what its own folder says."""
+
+    name: Annotated[str, Length(1, 100)]
+    folder: Word  # in `cameras/`
+    cam_from_rig: Annotated[Array, Shape(4, 4)]
+    is_refined: bool
+    observations_sha256: Word  # of its table
+    frame: _Rows  # of each of its views
+    time_s: Annotated[_Times | None, LEFT_OUT] = None
+    delay_s: Annotated[_Delay | None, LEFT_OUT] = None
+    delay_sigma_s: Annotated[_Sigma | None, LEFT_OUT] = None
+
+    def __post_init__(self) -> None:
+        if not _SAFE.fullmatch(self.folder):
+            raise ValueError(f"folder {shown(self.folder)}: must be a plain name")
+        if fault := rigid_fault(self.cam_from_rig[None]):
+            raise ValueError(f"cam_from_rig {fault[1]}")
+        if (np.diff(self.frame) <= 0).any():
+            raise ValueError("frame must ascend")
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedFrame:
+    """Where the target was in a frame."""
+
+    name: str
+    rig_from_target: Annotated[Array, Shape(4, 4)]
+    covariance: Annotated[Array, Shape(6, 6), OR_NULL]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RigRecord:
+    """The keys of the file."""
+
+    provenance: Provenance
+    status: Status
+    remarks: tuple[Line, ...]
+    observed: tuple[Line, ...] = ()  # remarks on the observations
+    iterations: Count
+    seconds: Annotated[float, AtLeast(0)]
+    weighted: bool
+    reference: Annotated[int, AtLeast(-1)]
+    rig_frame: Word
+    cameras: Annotated[tuple[HeldCamera, ...], Length(1, MOST_CAMERAS)]
+    frames: Annotated[tuple[SolvedFrame, ...], Length(1, MOST_FRAMES)]
+    covariance: _Covariance
+    target_covariance: Annotated[_Covariance | None, LEFT_OUT] = None
+    circle_doubt: Annotated[CircleDoubt | None, LEFT_OUT] = None
+    capture_covariance: Annotated[_Covariance | None, LEFT_OUT] = None
+    photo_covariance: Annotated[_Covariance | None, LEFT_OUT] = None
+    slack: Annotated[_Sigma | None, LEFT_OUT] = None  # see `RigCalibration`
+    carrier: Annotated[CarrierFit | None, LEFT_OUT] = None
+
+    def __post_init__(self) -> None:
+        count = len(self.cameras)
+        if len({one.name for one in self.cameras}) < count or len({one.folder for one in self.cameras}) < count:
+            raise ValueError("cameras must each have another name and folder")
+        if self.reference >= count:
+            raise ValueError(f"reference {self.reference}: there are {count} cameras, counted from 0")
+        if any((one.frame >= len(self.frames)).any() for one in self.cameras):
+            raise ValueError(f"a camera has a frame beyond the {len(self.frames)} there are")
+        for name in ("time_s", "delay_s", "delay_sigma_s"):
+            if len({getattr(one, name) is None for one in self.cameras}) > 1:
+                raise ValueError(f"either all cameras have {name}, or none")
+        if (np.diagonal(self.covariance) < 0).any():
+            raise ValueError("covariance has a variance below 0")
+        if fault := rigid_fault(np.stack([one.rig_from_target for one in self.frames])):
+            raise ValueError(f"frames.{fault[0]}.rig_from_target {fault[1]}")
+        if self.carrier is not None and len(self.carrier.error) != len(self.frames):
+            raise ValueError("carrier.error must have a row a frame")
+
+
+RIG_CALIBRATION = FileKind(
+    RigRecord, "rig_calibration", "a rig_calibration.json", "solve the rig again", largest_bytes=512 * 2**20
+)
+
+
+def write_rig(
+    folder: Path, found: RigCalibration, provenance: Provenance, judged: JudgedRig | None = None
+) -> tuple[Path, ...]:
+    """Write a solved rig's files, all or none; their places.
+
+    Args:
+        folder: of the rig.
+        found: the rig.
+        provenance: where it comes from.
+        judged: the verdict on it, whose halves may enlarge what `rig.json` states; None: there is none.
+
+    Raises:
+        InputError: they cannot be written, or hold what `read_rig` refuses.
+    """
+    files: dict[Path, bytes] = {}
+    digests = []
+    names = folder_names(found.observations.camera_names)
+    for camera, name in enumerate(names):
+        own, told = calibration_files(folder / CAMERAS / name, camera_alone(found, camera), provenance)
+        files |= own
+        digests.append(told.observations_sha256)
+    text = RIG_CALIBRATION.text(_record(found, provenance, names, digests))
+    files[folder / RIG_CALIBRATION_FILE] = text
+    if judged is not None:
+        written = replace(judged, solution_sha256=hashlib.sha256(text).hexdigest())
+        files[folder / RIG_VERDICT_FILE] = RIG_VERDICT.text(written)
+    stated = found if judged is None else enlarged(found, judged.compared)
+    files[folder / RIG_FILE] = RIG.text(stated.rig)
+    write_files(files)
+    return tuple(files)
+
+
+def folder_names(camera_names: Sequence[str]) -> tuple[str, ...]:
+    """A folder of each camera: its name where that is a plain one, else its number; no two alike in any letters."""
+    found: list[str] = []
+    for number, name in enumerate(camera_names):
+        short = name if _SAFE.fullmatch(name) and not name.endswith(".") else f"camera_{number}"
+        while short.lower() in map(str.lower, found):
+            short += f"_{number}"
+        found.append(short)
+    return tuple(found)
+
+
+def _record(found: RigCalibration, provenance: Provenance, folders: Sequence[str], digests: Sequence[str]) -> RigRecord:
+    seen = found.observations
+    return RigRecord(
+        provenance=provenance,
+        status=found.status,
+        remarks=found.remarks,
+        observed=seen.remarks,
+        iterations=found.iterations,
+        seconds=found.seconds,
+        weighted=found.weighted,
+        reference=found.reference,
+        rig_frame=found.rig_frame,
+        cameras=tuple(
+            HeldCamera(
+                name,
+                folders[k],
+                found.cam_from_rig[k],
+                found.is_refined[k],
+                digests[k],
+                seen.frame[k],
+                None if seen.time_s is None else seen.time_s[k],
+                None if found.delay_s is None else float(found.delay_s[k]),
+                None if found.delay_sigma_s is None else float(found.delay_sigma_s[k]),
+            )
+            for k, name in enumerate(seen.camera_names)
+        ),
+        frames=tuple(
+            SolvedFrame(*frame)
+            for frame in zip(seen.frame_names, found.rig_from_target, found.frame_covariance, strict=True)
+        ),
+        covariance=found.covariance,
+        target_covariance=found.target_covariance,
+        circle_doubt=found.circle_doubt,
+        capture_covariance=found.capture_covariance,
+        photo_covariance=found.photo_covariance,
+        slack=found.slack,
+        carrier=found.carrier,
+    )
+
+
+def is_rig_folder(folder: Path) -> bool:
+    """Whether a folder holds a solved rig, readable or not."""
+    return (folder / RIG_CALIBRATION_FILE).is_file()
+
+
+def read_rig(folder: Path) -> tuple[RigCalibration, Provenance]:
+    """Read what `write_rig` wrote.
+
+    Raises:
+        InputError: a file cannot be read, breaks a rule, or does not belong to the others; the message names it.
+    """
+    path = folder / RIG_CALIBRATION_FILE
+    record = RIG_CALIBRATION.read(path)
+    alone = [_read_camera(folder, one) for one in record.cameras]
+    points = alone[0].observations.points
+    for one, held in zip(alone, record.cameras, strict=True):
+        if not _same_points(one.observations.points, points):
+            raise InputError(f"{path}: {shown(held.name)} saw another target than the others; solve the rig again")
+    size = sum(len(one.camera.params) + POSE for one in alone)
+    if len(record.covariance) != size:
+        raise InputError(f"{path}: a covariance of {len(record.covariance)} rows for {size} unknowns; solve again")
+    return _rig_of(record, alone, points), record.provenance
+
+
+def _read_camera(folder: Path, held: HeldCamera) -> Calibration:
+    """A camera's own folder, if it is the one that was solved with the others."""
+    path = folder / CAMERAS / held.folder / CALIBRATION_FILE
+    one, provenance = read_calibration(path)
+    if provenance.observations_sha256 != held.observations_sha256 or one.observations.view_count != len(held.frame):
+        raise InputError(f"{path}: does not belong to {folder / RIG_CALIBRATION_FILE}; solve the rig again")
+    return one
+
+
+def _same_points(one: KnownPoints, other: KnownPoints) -> bool:
+    return all(
+        np.array_equal(getattr(one, name), getattr(other, name)) for name in ("position_mm", "face", "plane")
+    ) and (one.geometry_id == other.geometry_id)
+
+
+def _rig_of(record: RigRecord, alone: Sequence[Calibration], points: KnownPoints) -> RigCalibration:
+    """A rig of its parts."""
+    cameras = record.cameras
+    seen = RigObservations(
+        tuple(one.name for one in cameras),
+        tuple(one.name for one in record.frames),
+        tuple(replace(one.observations, points=points) for one in alone),
+        tuple(one.frame for one in cameras),
+        tuple(np.asarray(one.time_s) for one in cameras) if cameras[0].time_s is not None else None,
+        record.observed,
+    )
+    delays = [one.delay_s for one in cameras if one.delay_s is not None]
+    sigmas = [one.delay_sigma_s for one in cameras if one.delay_sigma_s is not None]
+    return RigCalibration(
+        observations=seen,
+        cameras=tuple(one.camera for one in alone),
+        cam_from_rig=np.stack([one.cam_from_rig for one in cameras]),
+        rig_from_target=np.stack([one.rig_from_target for one in record.frames]),
+        residual_px=tuple(one.residual_px for one in alone),
+        is_outlier=tuple(one.is_outlier for one in alone),
+        scale=np.array([one.scale for one in alone]),
+        covariance=record.covariance,
+        frame_covariance=np.stack([one.covariance for one in record.frames]),
+        reference=record.reference,
+        rig_frame=record.rig_frame,
+        is_refined=tuple(one.is_refined for one in cameras),
+        weighted=record.weighted,
+        status=record.status,
+        remarks=record.remarks,
+        iterations=record.iterations,
+        seconds=record.seconds,
+        delay_s=np.array(delays) if delays else None,
+        delay_sigma_s=np.array(sigmas) if len(sigmas) == len(cameras) else None,
+        carrier=record.carrier,
+        target_covariance=record.target_covariance,
+        circle_doubt=record.circle_doubt,
+        capture_covariance=record.capture_covariance,
+        photo_covariance=record.photo_covariance,
+        slack=record.slack,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class RigRun:
+    """A solved rig, and what is known of it."""
+
+    found: RigCalibration
+    provenance: Provenance
+    judged: JudgedRig | None = None  # None: nobody judged
+    target: TargetGeometry | None = None  # as it was used
+    faults: tuple[str, ...] = ()  # what is there and could not be read or written, one line each
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """On the rig."""
+        return None if self.judged is None else self.judged.verdict
+
+    @cached_property
+    def evidence(self) -> RigEvidence:
+        """What it was, or would be, judged by."""
+        return rig_evidence(self.found, NOT_COMPARED if self.judged is None else self.judged.compared)
+
+
+def read_rig_run(folder: Path) -> RigRun:
+    """Read a rig's folder; a verdict or a target that cannot be read is left out, and said.
+
+    Raises:
+        InputError: the rig cannot be read; the message names the file.
+    """
+    found, provenance = read_rig(folder)
+    faults: list[str] = []
+    judged: JudgedRig | None = None
+    target: TargetGeometry | None = None
+    try:
+        judged = RIG_VERDICT.read_if_there(folder / RIG_VERDICT_FILE)
+    except InputError as error:
+        faults.append(_within(folder, error))
+    if judged is not None and judged.solution_sha256 != _digest(folder):
+        faults.append(f"{RIG_VERDICT_FILE}: on another solution; calib report with --criteria judges again")
+        judged = None
+    try:
+        target = load_target(folder / TARGET_FILE) if (folder / TARGET_FILE).exists() else None
+    except InputError as error:
+        faults.append(_within(folder, error))
+    if target is not None and target.geometry_id != found.observations.points.geometry_id:
+        faults.append(f"{TARGET_FILE}: not the target that the rig was solved with, so it is not drawn")
+        target = None
+    return RigRun(found, provenance, judged, target, tuple(faults))
+
+
+def judge_rig_again(folder: Path, criteria: Criteria) -> JudgedRig:
+    """Judge a folder's rig by other limits, and write `rig_verdict.json`; halves are those of the verdict there.
+
+    Raises:
+        InputError: the folder holds no rig that can be read, or takes no files; the message names it.
+    """
+    run = read_rig_run(folder)
+    judged = replace(judge_rig(run.found, run.evidence.halves, criteria), solution_sha256=_digest(folder))
+    write_files({folder / RIG_VERDICT_FILE: RIG_VERDICT.text(judged)})
+    return judged
+
+
+def _digest(folder: Path) -> str:
+    return hashlib.sha256((folder / RIG_CALIBRATION_FILE).read_bytes()).hexdigest()
+
+
+def _within(folder: Path, error: InputError) -> str:
+    """What is wrong, with paths as they are from the page."""
+    return printable(str(error).replace(f"{folder}/", ""))

@@ -1,0 +1,207 @@
+"""What is known after a photo, as it is told: headline, bars, map, ghost, photos."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib.cameras.camera import Camera
+from calib.cameras.refit import image_grid
+from calib.core.types import Detections
+from calib.judge.check_kind import px
+from calib.judge.coverage import Coverage
+from calib.judge.guide_held import held_at
+from calib.judge.guide_told import Bar, Ghost, Line, SensorMap, Stage, TakenPhoto
+from calib.judge.hints import short_of, side_words
+from calib.judge.information import knowledge_of
+from calib.judge.insight import Insight
+from calib.judge.lit_part import lit_part
+from calib.judge.next_view_words import place_of, place_words, thing_word, tilt_words
+from calib.judge.next_views import NextView, outline_px
+from calib.judge.settings import GuideSettings
+from calib.judge.standing import FEWEST_PHOTOS, Proposal, Standing
+from calib.judge.verdict import Check, Grade
+from calib.judge.views import TargetShape
+from calib.solver.accuracy import projected_sigma_px, share_px
+from calib.solver.calibration import Calibration
+from designer.base.arrays import Array, Rows
+from designer.base.number_text import figure
+
+MAP = (24, 16)
+"""Columns and rows of the sensor map."""
+ALWAYS = {"uncertainty": "uncertainty", "coverage": "coverage", "halves": "halves agree"}
+"""Checks that have a bar from the first photo on; others only where they are not good."""
+FEW_RINGS = 0.5
+"""Of what the other photos show."""
+LEAST_OF_FACE = 3
+
+
+def covariance_of(calibration: Calibration, standing: Standing | None) -> Array:
+    """The parameters' covariance as it is told; where the photos leave some open, with a guess of those.  # (P, P)"""
+    if standing is None:
+        basis = knowledge_of(calibration).basis
+        return np.asarray(basis @ basis.T)
+    more = standing.evidence.uncertainty.factor**2 - 1
+    return calibration.stated_covariance + more * calibration.param_covariance
+
+
+def map_of(calibration: Calibration, standing: Standing | None, covered: Coverage, wanted_px: float) -> SensorMap:
+    """What is known of each part of the image."""
+    pixel = image_grid(calibration.camera.image_size, *MAP)
+    flat, cells = pixel.reshape(-1, 2), covered.is_covered
+    sigma = projected_sigma_px(lit_part(calibration).camera, covariance_of(calibration, standing), flat)
+    place = (flat + 0.5) / calibration.camera.image_size * cells.shape[::-1]
+    column, row = np.clip(place.astype(np.int64), 0, np.array(cells.shape[::-1]) - 1).T
+    shape = pixel.shape[:2]
+    return SensorMap(sigma.reshape(shape), cells[row, column].reshape(shape), wanted_px)
+
+
+def told_sigma_px(calibration: Calibration, standing: Standing | None) -> float:
+    """What 95 % of the image stays within; infinite if less is known."""
+    if standing is not None:
+        known = standing.evidence.uncertainty.image_px
+        return math.inf if known is None else known
+    lit = lit_part(calibration)
+    pixel = image_grid(calibration.camera.image_size, *MAP).reshape(-1, 2)
+    return share_px(projected_sigma_px(lit.camera, covariance_of(calibration, None), pixel[lit.is_lit(pixel)]))
+
+
+def count_words(photos: int) -> str:
+    """How many photos."""
+    return "no photo yet" if photos == 0 else f"{photos} photo{'s' * (photos > 1)}"
+
+
+def headline_of(
+    stage: Stage, sigma_px: float, covered: float, standing: Standing | None, settings: GuideSettings, photos: int
+) -> str:
+    """The state in a line."""
+    wanted, percent = settings.criteria["uncertainty"].good, settings.criteria["coverage"].good
+    if stage == "first":
+        return f"no camera yet; {count_words(photos)}"
+    if standing is None:
+        known = f"about {figure(sigma_px, 1)} px in 95 % of the image" if math.isfinite(sigma_px) else "hardly anything"
+        more = "; no view is found that would help" if stage == "exhausted" else ""
+        return f"{known} by a first camera, {wanted:g} px wanted; {count_words(photos)}{more}"
+    known = f"{px(sigma_px)} in 95 % of the image" if math.isfinite(sigma_px) else "part of the image is not known"
+    if stage == "good":
+        return f"good: {known}, {100 * covered:.0f} % covered; {count_words(photos)} are enough"
+    if stage == "exhausted":
+        return f"{standing.verdict.grade}: {known}; {count_words(photos)}; {why_exhausted(standing)}"
+    missing = [] if sigma_px <= wanted else [f"{wanted:g} px wanted"]
+    if 100 * covered < percent:
+        missing.append(f"{100 * covered:.0f} % covered, {percent:.0f} % wanted")
+    missing = missing or [f"to be checked: {check.title.lower()}" for check in not_good(standing)[:1]]
+    missing = missing or [f"at least {FEWEST_PHOTOS} photos wanted"]
+    return "; ".join([", ".join([known, *missing]), count_words(photos)])
+
+
+def not_good(standing: Standing) -> list[Check]:
+    """The checks of a verdict that are not good, that of other models aside: only one model is solved."""
+    return [check for check in standing.verdict.checks if check.grade != "good" and check.name != "models"]
+
+
+def why_exhausted(standing: Standing) -> str:
+    """Why more photos would help little: where the target limits it, four times as many halve its part."""
+    uncertain = standing.evidence.uncertainty
+    if uncertain.by_target:
+        part = px(uncertain.target_px)
+        return f"more would help little: what the target may be off limits it ({part}); measure it with calib measure"
+    if uncertain.field_px and uncertain.by_field:
+        return "more would not help: the lens does things that no formula follows; calib run tries a model that does"
+    return f"more would help little: {standing.verdict.sentence}"
+
+
+def bars_of(covered: float, sigma_px: float, standing: Standing | None, settings: GuideSettings) -> tuple[Bar, ...]:
+    """How far the checks are."""
+    criteria = settings.criteria
+    if standing is None:
+        limit, part = criteria["uncertainty"].good, criteria["coverage"].good
+        known = f"about {figure(sigma_px, 1)} px" if math.isfinite(sigma_px) else "not known yet"
+        share = min(limit / sigma_px, 1.0) if sigma_px > 0 else 0.0
+        area = min(100 * covered / part, 1.0) if part > 0 else 1.0
+        grade: Grade = "good" if area >= 1 else "bad"
+        return (
+            Bar("uncertainty", ALWAYS["uncertainty"], f"{known}, {limit:g} px wanted", share, "unknown"),
+            Bar("coverage", ALWAYS["coverage"], f"{100 * covered:.0f} %, {part:.0f} % wanted", area, grade),
+            Bar("halves", ALWAYS["halves"], "not to be told yet", 0.0, "unknown"),
+        )
+    some = [check for check in standing.verdict.checks if check.name in ALWAYS]
+    return tuple(bar_of(check) for check in [*some, *(one for one in not_good(standing) if one.name not in ALWAYS)])
+
+
+def bar_of(check: Check) -> Bar:
+    """How far a check is."""
+    limit, value, share = check.good, check.value, float(check.grade == "good")
+    if value and limit and not share:
+        share = value / limit if check.is_at_least else limit / value
+    wanted = f"{check.good:g} {check.unit}".rstrip()
+    text = f"{check.measured}, {wanted} wanted" if check.measured else "not to be told yet"
+    return Bar(check.name, ALWAYS.get(check.name, check.title.lower()), text, min(max(share, 0.0), 1.0), check.grade)
+
+
+def ghost_of(proposal: Proposal, camera: Camera, shape: TargetShape, *, is_rough: bool) -> Ghost:
+    """A proposed view in words."""
+    pose, view = proposal.cam_from_target, proposal.view
+    if view is None:
+        return ghost_at(pose, camera, shape, "", "", is_rough=is_rough)
+    gain = _gain(view, is_for_accuracy=proposal.is_for_accuracy)
+    return ghost_at(pose, camera, shape, view.sentence, gain, is_rough=is_rough)
+
+
+def ghost_at(pose: Array, camera: Camera, shape: TargetShape, sentence: str, gain: str, *, is_rough: bool) -> Ghost:
+    """A target held at a pose (4, 4) in words, if none are given."""
+    held = held_at(camera, shape, pose)
+    outline = outline_px(camera, shape, pose)
+    place = place_of(outline, camera.image_size, (0, 0)) if outline else (0.0, 0.0)
+    if not sentence:
+        how = "any side to the camera"
+        if shape.is_flat:
+            how = tilt_words(5 * round(held.tilt_deg / 5), _sides(held.away))
+        thing = thing_word(is_flat=shape.is_flat)
+        sentence = f"hold the {thing} {place_words(place)}, {how}, so that it fills most of it"
+    tilt = held.tilt_deg if shape.is_flat else math.nan
+    return Ghost(pose, sentence, short_of(held, place, is_flat=shape.is_flat), held.distance_mm, tilt, gain, is_rough)
+
+
+def _sides(away: Array) -> tuple[float, float]:
+    """A direction, right and down, by the nearest of eight."""
+    words = side_words(away)
+    return float(("right" in words) - ("left" in words)), float(("bottom" in words) - ("top" in words))
+
+
+def _gain(view: NextView, *, is_for_accuracy: bool) -> str:
+    """What a view gives: "0.21 -> 0.13 px", "40 -> 55 % covered"."""
+    if is_for_accuracy:
+        before = f"{figure(view.sigma_px_before, 2)} -> " if math.isfinite(view.sigma_px_before) else ""
+        return f"{before}{figure(view.sigma_px_after, 2)} px"
+    return f"{100 * view.covered_before:.0f} -> {100 * view.covered_after:.0f} % covered"
+
+
+def photos_of(photos: Sequence[Detections], insight: Insight, face: Rows) -> tuple[TakenPhoto, ...]:
+    """The photos with what is to be known of each."""
+    left_out = dict(insight.left_out)
+    rings = np.array([len(one.ring) for one in photos])
+    told = []
+    for number, one in enumerate(photos):
+        others = np.delete(rings, number)
+        usual = float(np.median(others)) if len(others) else 0.0
+        remark = left_out.get(one.image, "")
+        if not remark and rings[number] < FEW_RINGS * usual:
+            remark = f"only {rings[number]} rings, usually {usual:.0f}"
+        is_counted = one.image not in left_out
+        told.append(TakenPhoto(one.image, int(rings[number]), is_counted, remark, outlines_of(one, face)))
+    return tuple(told)
+
+
+def outlines_of(found: Detections, face: Rows) -> tuple[Line, ...]:
+    """Closed lines around what was found of each face."""
+    import cv2
+
+    lines = []
+    of_ring = face[np.minimum(found.ring, len(face) - 1)]
+    for one in np.unique(of_ring).tolist():
+        place = found.center_px[of_ring == one]
+        if len(place) >= LEAST_OF_FACE:
+            hull = cv2.convexHull(place.astype(np.float32))[:, 0].astype(np.float64)
+            lines.append(np.concatenate([hull, hull[:1]]).round(1))
+    return tuple(lines)

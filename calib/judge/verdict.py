@@ -1,0 +1,91 @@
+"""What a verdict is, and the limits it is given by."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from designer.base.marks import AtLeast, AtMost, Length, Line, Word
+from designer.base.number_text import figure
+
+Grade = Literal["good", "usable", "bad", "unknown"]
+"""`bad`: do not use; `unknown`: could not be checked, which is said and worsens nothing but leaves no praise."""
+
+COUNTED = "frames"
+"""The unit of what is a whole number."""
+MOST_DIGITS = 9
+Number = Annotated[float, AtLeast(-1e15), AtMost(1e15)]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Within which value a check is good, and within which usable."""
+
+    good: Annotated[float, AtLeast(0)]
+    usable: Annotated[float, AtLeast(0)]
+    source: Line = ""  # where the numbers come from
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """The limits of all checks: `criteria["uncertainty"].good`."""
+
+    name: Word  # of the template, or of the file
+    title: Word
+    limits: Mapping[str, Limits]  # of each check by its name, in its unit
+
+    def __getitem__(self, check: str) -> Limits:
+        return self.limits[check]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was checked of a calibration."""
+
+    name: Word  # a key of `calib.judge.checks.CHECKS`
+    title: Word  # "Uncertainty of the camera over the image"
+    grade: Grade
+    value: Number | None  # None: not known
+    unit: Word  # "px", "%", "sigma", "" for ratios
+    good: Number  # the limit within which it is good
+    usable: Number  # the limit within which it is usable
+    is_at_least: bool  # the value must be at least the limits, not at most
+    sentence: Line  # what was found and what it means, in one sentence
+
+    @property
+    def measured(self) -> str:
+        """The value with its unit; "" if it is not known."""
+        if self.value is None:
+            return ""
+        return f"{measured_text(self.value, self.unit, (self.good, self.usable))} {self.unit}".rstrip()
+
+    @property
+    def times_beyond(self) -> float:
+        """How many times the value is worse than the limit of the grade that it misses; without a value, no bound."""
+        limit = self.usable if self.grade == "bad" else self.good
+        if self.value is None:
+            return math.inf
+        worse, better = (limit, self.value) if self.is_at_least else (self.value, limit)
+        return worse / better if better > 0 else math.inf
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether to use the camera of a run."""
+
+    grade: Grade  # the worst of the checks that are known
+    model: Word  # of the camera it is about
+    sentence: Line  # the main reason of the grade
+    checks: Annotated[tuple[Check, ...], Length(0, 50)]  # in order of reading
+    advice: Annotated[tuple[Line, ...], Length(0, 50)]  # what to do better next time, the most useful first
+    leads_with: Word = ""  # the check whose sentence is the main reason; "": it is none's
+
+
+def measured_text(value: float, unit: str, limits: tuple[float, ...]) -> str:
+    """A measured number, as short as is useful: rounded, it must not stand on another side of a limit."""
+    if not math.isfinite(value):
+        return figure(value)
+    texts = [f"{value:.0f}"] if unit == COUNTED or (unit == "%" and value >= 10) else []
+    texts += [figure(value, digits) for digits in range(2, MOST_DIGITS)]
+    beside = [[(value > limit) - (value < limit) for limit in limits] for value in (value, *map(float, texts))]
+    return next((text for text, sides in zip(texts, beside[1:], strict=True) if sides == beside[0]), texts[-1])

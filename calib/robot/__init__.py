@@ -1,1 +1,0 @@
-"""Where a robot held the camera or the target: its poses, in the ways that controllers write them."""

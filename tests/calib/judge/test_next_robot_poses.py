@@ -1,0 +1,189 @@
+"""The robot's next poses: what they promise is what a solution with photos from them gives."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from calib.core.linear_algebra import symmetric_inverse
+from calib.core.se3 import exp_rotation, invert, look_at, make_pose
+from calib.core.types import keep_frames
+from calib.judge.next_robot_poses import next_robot_poses
+from calib.observe.robot_poses import read_robot_poses, robot_poses_to_csv
+from calib.rigs.carried_information import expected_information, frame_information
+from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
+from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
+from calib.rigs.relative import center_sigma_mm
+from calib.rigs.result import RigCalibration
+from calib.rigs.solve import solve_rig
+from calib.solver.free_shape import free_directions
+from tests.support import rig_views, solver_scenes
+
+Array = NDArray[np.float64]
+
+ALONE = NoRigHalves("not compared")
+HAND, TARGET = "robot, camera in hand", "robot, target in hand"
+NOISE = 1e-3, 0.1
+"""Of the robot: rad, mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot before a board, as it truly is."""
+
+    kind: str
+    cam_from_rig: Array
+    carrier_from_target: Array
+    base_from_flange: Array  # (V, 4, 4) where it was sent
+
+    def solved(
+        self, more: Array | None = None, *, seed: int = 0, is_free: bool = False, allows_slack: bool = False
+    ) -> RigCalibration:
+        """By photos from its poses, and from some more."""
+        rng = np.random.default_rng(seed)
+        sent = self.base_from_flange if more is None else np.concatenate([self.base_from_flange, more])
+        told = invert(sent) if self.kind == HAND else sent
+        size = (len(sent), 3)
+        wobble = make_pose(exp_rotation(rng.normal(0, NOISE[0], size)), rng.normal(0, NOISE[1], size))
+        true = wobble @ told if self.kind == HAND else told @ wobble
+        poses, lens = self.cam_from_rig @ true @ self.carrier_from_target, rig_views.camera()
+        points = solver_scenes.board(9, 7, 20.0)
+        scene = rig_views.scene_of(("cam",), (lens,), np.eye(4)[None], poses, points, rng, 0.05)
+        rows = scene.observations.frame[0]
+        seen = keep_frames(scene.observations, np.isin(np.arange(len(sent)), rows))
+        carrier = Carrier(
+            self.kind, told[rows], is_camera_in_hand=self.kind == HAND, sigma_rad=NOISE[0], sigma_mm=NOISE[1],
+            size_sigma=FREE_SIZE if is_free else 0.0,
+        )  # fmt: skip
+        choice = CameraChoice("opencv", given=lens, is_refined=is_free)
+        return solve_rig(seen, [choice], RigOptions(carrier=carrier, allows_slack=allows_slack))
+
+
+def robot(kind: str, *, turns: Array | None = None, seed: int = 4) -> Robot:
+    """A robot that turns the camera, or the target, in ten poses; by given rotation vectors (10, 3)."""
+    rng = np.random.default_rng(seed)
+    x = make_pose(exp_rotation(rng.normal(0, 0.5, 3)), rng.uniform(-60, 60, 3))
+    z = make_pose(exp_rotation(rng.normal(0, 0.5, 3)), rng.uniform(-300, 300, 3))
+    first = look_at(np.array([0.0, -500.0, 0.0]), np.zeros(3)) @ make_pose(
+        exp_rotation(np.array([1.9, 0.2, 0.0])), np.zeros(3)
+    )
+    turned = rng.uniform(-0.4, 0.4, (10, 3)) if turns is None else turns
+    carried = invert(x) @ make_pose(exp_rotation(turned), rng.uniform(-60, 60, (10, 3))) @ first @ invert(z)
+    return Robot(kind, x, z, invert(carried) if kind == HAND else carried)
+
+
+ONE = robot(HAND)
+
+
+@pytest.fixture(scope="module")
+def by_one() -> RigCalibration:
+    """What the photos of one robot tell."""
+    return ONE.solved()
+
+
+def place_sigma_mm(found: RigCalibration) -> float:
+    return float(center_sigma_mm(found.rig)[0].max())
+
+
+def turn_sigma_rad(found: RigCalibration) -> float:
+    return float(np.sqrt(np.diagonal(found.covariance)[found.rig.pose_rows(0)][:3].max()))
+
+
+def test_frames_tell_what_the_solution_knows() -> None:
+    """The information of all frames together is the inverse of the covariance that the adjustment states.
+
+    With the lens and the target's size as unknowns, and with errors that all of a photo share.
+    """
+    found = robot(TARGET).solved(is_free=True, allows_slack=True)
+    assert found.slack
+    assert found.carrier is not None
+    basis = free_directions(found.covariance)
+    count = basis.shape[1]
+    told = frame_information(found, basis).sum(axis=0) + expected_information(found, count)
+    covariance = symmetric_inverse(told).inverse
+    stated = np.sqrt(np.diagonal(found.covariance))
+    assert np.sqrt(np.diagonal(basis @ covariance[:count, :count] @ basis.T)) == pytest.approx(stated, rel=1e-3)
+    assert np.sqrt(covariance[count, count]) == pytest.approx(found.carrier.size_sigma, rel=0.01)
+
+
+@pytest.mark.parametrize("kind", [HAND, TARGET])
+def test_poses_give_what_they_promise_and_more_than_others_in_reach(kind: str) -> None:
+    """Solved with photos from there, direction and place are as sure as was said, and surer than by as many others.
+
+    The others are the poses used so far, turned by up to 40 degrees about random axes.
+    """
+    one = robot(kind)
+    found = one.solved()
+    poses = next_robot_poses(found, ALONE)
+    assert len(poses) >= 3
+    assert poses[0].place_sigma_mm_before == pytest.approx(place_sigma_mm(found), rel=1e-3)
+    again = one.solved(np.stack([pose.base_from_flange for pose in poses]))
+    assert len(again.rig_from_target) == 10 + len(poses)
+    assert place_sigma_mm(again) == pytest.approx(poses[-1].place_sigma_mm_after, rel=0.15)
+    assert turn_sigma_rad(again) == pytest.approx(poses[-1].turn_sigma_rad_after, rel=0.15)
+    rng = np.random.default_rng(1)
+    like = one.base_from_flange[rng.choice(10, len(poses), replace=False)].copy()
+    like[:, :3, :3] = like[:, :3, :3] @ exp_rotation(rng.uniform(-0.4, 0.4, (len(poses), 3)))
+    assert place_sigma_mm(again) < 0.9 * place_sigma_mm(one.solved(like))
+
+
+@pytest.mark.parametrize("kind", [HAND, TARGET])
+def test_what_turns_about_one_axis_leave_open_the_first_pose_ends(kind: str) -> None:
+    """A robot that only turned about one axis is sent to turn about another; the camera still sees the target there."""
+    turns = np.linspace(-0.6, 0.6, 10)[:, None] * np.array([0.3, 0.2, 1.0])
+    one = robot(kind, turns=turns)
+    found = one.solved()
+    assert found.carrier is not None
+    assert found.carrier.undetermined
+    pose = next_robot_poses(found, ALONE)[0]
+    assert not pose.place_sigma_mm_before < 10
+    assert pose.place_sigma_mm_after < 1
+    again = one.solved(pose.base_from_flange[None])
+    assert len(again.rig_from_target) == 11
+    assert place_sigma_mm(again) < 1.15 * pose.place_sigma_mm_after
+
+
+def test_each_pose_is_in_reach_and_says_how_to_get_there(by_one: RigCalibration) -> None:
+    """It is a used pose turned about one axis of the flange, not far beside where that has been; none comes twice."""
+    poses = next_robot_poses(by_one, ALONE)
+    assert len({pose.base_from_flange.tobytes() for pose in poses}) == len(poses)
+    low, high = (end(ONE.base_from_flange[:, :3, 3], axis=0) for end in (np.min, np.max))
+    for pose in poses:
+        where = pose.base_from_flange[:3, 3]
+        assert (low - 250 < where).all()
+        assert (where < high + 250).all()
+        assert pose.sentence.startswith("from the pose of frame0")
+        assert f"{where[0]:.1f}, {where[1]:.1f}, {where[2]:.1f} mm in the base" in pose.sentence
+        start = ONE.base_from_flange[int(pose.sentence.split()[4].removeprefix("frame"))]
+        turn = start[:3, :3].T @ pose.base_from_flange[:3, :3]
+        if "rotate" in pose.sentence:
+            word = pose.sentence.split("rotate the flange ")[1].split()
+            axis = np.eye(3)["xyz".index(word[4])]
+            assert np.abs(turn - exp_rotation(np.deg2rad(float(word[0])) * axis)).max() < 0.01
+
+
+def test_deviations_are_told_as_halves_enlarge_them_and_nothing_where_no_robot_is(by_one: RigCalibration) -> None:
+    """What a pose gives is told in the sigmas that the page tells; a rig that nothing carries has no poses."""
+    wide = RigHalves((RigSplit("by turns", 2.0, 600, 1.0, ()),))
+    once, twice = next_robot_poses(by_one, ALONE)[0], next_robot_poses(by_one, wide)[0]
+    assert twice.place_sigma_mm_after == pytest.approx(2 * once.place_sigma_mm_after)
+    assert next_robot_poses(replace(by_one, carrier=None), ALONE) == ()
+    assert next_robot_poses(replace(by_one, rig_frame="table"), ALONE) == ()
+    assert next_robot_poses(replace(by_one, status="stopped"), ALONE) == ()
+
+
+def test_lenses_of_hundreds_of_numbers_are_left_alone(by_one: RigCalibration, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What would take minutes and gigabytes proposes nothing."""
+    monkeypatch.setattr("calib.judge.next_robot_poses.MOST_UNKNOWNS", 5)
+    assert next_robot_poses(by_one, ALONE) == ()
+
+
+def test_poses_are_read_as_they_were_written(tmp_path: Path) -> None:
+    """The robot's table is one that its own reader takes."""
+    poses = ONE.base_from_flange
+    (tmp_path / "next.csv").write_bytes(robot_poses_to_csv([f"a, {k}" for k in range(10)], poses))
+    read = read_robot_poses(tmp_path / "next.csv")
+    assert read.images[3] == "a, 3"
+    assert np.allclose(read.base_from_flange, poses, atol=1e-6)
