@@ -19,7 +19,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 PLATFORM = "manylinux_2_28_x86_64"
 COMPILE = """
 from calib.core.compile_ahead import Teller, warm_up
-from calib.core.kernel_list import kernel_list, missing
+from calib.core.compile_ahead import kernel_list, missing
 warm_up(None, Teller())
 left = missing(line for lines in kernel_list().values() for line in lines)
 raise SystemExit("".join(f"{line.line} could not be compiled\\n" for line in left) or 0)

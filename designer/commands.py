@@ -142,7 +142,7 @@ def _saved(target: "DesignedTarget", out: Path | None) -> Summary:
 @command(app)
 def templates() -> Summary:
     """List the templates for targets, printers and manufacturing errors."""
-    from designer.base.small_file import read_spec_file
+    from designer.base.files import read_spec_file
     from designer.kinds.layout import lay_out
     from designer.kinds.presets import preset_names, preset_or_file
     from designer.kinds.sizing import printer_of, size_job
@@ -169,7 +169,7 @@ def check(
 
     The exit code is 1 if a rule is violated.
     """
-    from designer.base.small_file import read_spec_file
+    from designer.base.files import read_spec_file
     from designer.kinds.layout import lay_out
     from designer.kinds.presets import preset_or_file
     from designer.kinds.sizing import size_job, size_printing

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from designer.base.errors import InputError
-from designer.base.small_file import place_of, read_spec_file
+from designer.base.files import place_of, read_spec_file
 from designer.base.words import shown
 from designer.formats.folder import OutputFile, files_left, replaced_target, write_folder
 from designer.kinds.presets import preset_or_file

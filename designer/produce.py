@@ -21,13 +21,12 @@ from designer.kinds.board_cuts import ring_pieces
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec, spec_to_toml
-from designer.make.bed import against_skew, bed_from_target, mapped
+from designer.make.bed import Plate, against_skew, bed_from_target, mapped
 from designer.make.cutting import Cutting, cuttings
 from designer.make.estimate import PrintEstimate, estimate
 from designer.make.mesh import Mesh, Part, inlaid, plain_plate, plain_solid, plate_hull, solid_hull
 from designer.make.pages import SheetPage
 from designer.make.pattern import Pattern, make_pattern
-from designer.make.plate import Plate
 from designer.make.sheets import lay_out_sheets
 from designer.page.blocks import Section
 from designer.spec.build import BUILDS, CircuitInk, Format

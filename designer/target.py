@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
-from designer.base.small_file import once_each, place_of, read_small_text
+from designer.base.files import once_each, place_of, read_small_text
 from designer.base.solid import CODES
 from designer.spec.build import BUILDS, Form, build_name
 from designer.spec.kind import spec_from_mapping, spec_to_mapping

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.app.inputs import (
     DISTANCES_MM,
@@ -32,6 +31,7 @@ from calib.renderer.quantities import choice, real, whole
 from calib.renderer.scene import RenderScene, scene_from_target
 from calib.renderer.truth import TRUTH_FILE, FileFormat
 from calib.renderer.view import render_view
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import shown
 from designer.page.progress import Progress, unheard
@@ -49,7 +49,7 @@ class RenderedPhotos:
     looks_aside: bool = False  # a target that reaches beyond the image was asked for
 
     @property
-    def cam_from_target(self) -> NDArray[np.float64]:
+    def cam_from_target(self) -> Array:
         """Where the camera stands in each.  # (V, 4, 4)"""
         return self.job.cam_from_target
 
@@ -108,7 +108,7 @@ def render(
     random_roll: bool = False,
     aim_offset_mm: float = 0.0,
     aside_rad: float | None = None,
-    poses: NDArray[np.float64] | Place | None = None,
+    poses: Array | Place | None = None,
     options: RenderOptions | None = None,
     seed: int = 0,
     file_format: FileFormat = "png",
@@ -206,7 +206,7 @@ def _grid(
     )
 
 
-def _checked_poses(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+def _checked_poses(poses: Array) -> Array:
     """Poses (V, 4, 4) of an array.
 
     Raises:

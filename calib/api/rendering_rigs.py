@@ -9,7 +9,6 @@ from os import PathLike, fspath
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.api.rendering import RenderedPhotos, check_light
 from calib.app.inputs import (
@@ -30,6 +29,7 @@ from calib.renderer.quantities import real, whole
 from calib.renderer.rig_template import HeldTarget, SimulatedRig, read_simulated_rig, with_folder_names
 from calib.renderer.scene import scene_from_target
 from calib.renderer.truth import RIG_TRUTH, TRUTH_FILE, FileFormat, RigTruth, TrueFrame
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.files import write_files
 from designer.base.words import shown
@@ -48,10 +48,10 @@ JITTER = 0.1
 class _Motion:
     """How the target is held in V frames, of which C cameras take photos."""
 
-    rig_from_target: NDArray[np.float64]  # (V, 4, 4) at each frame's time
-    as_seen: NDArray[np.float64]  # (C, V, 4, 4) when each photo was taken
-    time_s: NDArray[np.float64] | None = None  # (V,) of each frame; None: the target stands still in each
-    stamp_s: NDArray[np.float64] | None = None  # (C, V) of each photo
+    rig_from_target: Array  # (V, 4, 4) at each frame's time
+    as_seen: Array  # (C, V, 4, 4) when each photo was taken
+    time_s: Array | None = None  # (V,) of each frame; None: the target stands still in each
+    stamp_s: Array | None = None  # (C, V) of each photo
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +60,9 @@ class RenderedRig:
 
     simulated: SimulatedRig  # `simulated.rig` is the truth, with the cameras' delays where they are not synchronous
     jobs: tuple[RenderJob, ...]  # (C,) all that determines the photos of each camera
-    rig_from_target: NDArray[np.float64]  # (V, 4, 4) at each frame's time
-    time_s: NDArray[np.float64] | None = None  # (V,) of each frame; None: the target stands still in each
-    stamp_s: NDArray[np.float64] | None = None  # (C, V) of each photo
+    rig_from_target: Array  # (V, 4, 4) at each frame's time
+    time_s: Array | None = None  # (V,) of each frame; None: the target stands still in each
+    stamp_s: Array | None = None  # (C, V) of each photo
 
     @property
     def rig(self) -> Rig:
@@ -77,7 +77,7 @@ class RenderedRig:
         }
 
     @cached_property
-    def sees(self) -> NDArray[np.bool_]:
+    def sees(self) -> Flags:
         """Whether each camera has a ring that is large enough for the detector, in each frame.  # (C, V)"""
         scene = scene_from_target(self.jobs[0].target)
         rows = []

@@ -18,11 +18,10 @@ from designer.page.result import Result
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.rig import Rig
-    from calib.space.budget import Expected, KnownExactly
+    from calib.space.budget import ChangedRig, Expected, KnownExactly
     from calib.space.budget_views import DepthCurve, ErrorSlice
-    from calib.space.error_size import PointErrors
+    from calib.space.linear import PointErrors
     from calib.space.volume import WorkingVolume
-    from calib.space.what_if import ChangedRig
     from designer.base.arrays import Array
     from designer.page.blocks import Page, Table
 
@@ -156,11 +155,11 @@ def budget(
 
     from calib.app.inputs import rig_of
     from calib.space import budget as space
+    from calib.space.budget import what_ifs
     from calib.space.budget_views import depth_curve, slices
-    from calib.space.error_size import errors_of, rms_errors
+    from calib.space.linear import errors_of, rms_errors
     from calib.space.triangulate import noise_of, noise_of_each
     from calib.space.volume import box_volume, default_volume, volume_between
-    from calib.space.what_if import what_ifs
 
     known = rig_of(rig)
     if not 2 <= seen_by <= max(len(known.names), 2) or len(known.names) < 2:
@@ -200,7 +199,7 @@ def _lengths(
     import numpy as np
 
     from calib.space.budget import length_errors
-    from calib.space.error_size import errors_of
+    from calib.space.linear import errors_of
 
     noise, shared = length_errors(rig, expected.point_mm, volume.rig_from_volume[:3, :3], length_mm, noise_px)
     total = noise if expected.by_calibration is None else noise + shared
@@ -230,7 +229,7 @@ def _page(found: Budget) -> "Page":
     from calib.draw.rig_scene import rig_and_errors
     from calib.draw.space import depth_drawing, slice_drawing
     from calib.draw.style import figure_of
-    from designer.base.number_text import figure as digits
+    from designer.base.words import figure as digits
     from designer.page.blocks import Facts, Headline, Page, Section
     from designer.page.folders import Shown, notes, table_of
 
@@ -278,7 +277,7 @@ def _page(found: Budget) -> "Page":
 
 def _because(found: Budget) -> str:
     """What makes the error, in the volume's median point."""
-    from designer.base.number_text import figure as digits
+    from designer.base.words import figure as digits
 
     noise, rig, total = (one.median_mm for one in (found.by_noise, found.by_calibration, found.position))
     if math.isnan(rig):

@@ -262,7 +262,7 @@ def criteria_of(criteria: "Criteria | Place") -> "Criteria":
     """
     from calib.judge.criteria import read_criteria
     from calib.judge.verdict import Criteria
-    from designer.base.small_file import place_of
+    from designer.base.files import place_of
 
     return criteria if isinstance(criteria, Criteria) else read_criteria(str(place_of(criteria, "limits")))
 
@@ -302,7 +302,7 @@ def view_of_reference(reference: "Reference | None", plan: "SolvePlan", photos: 
         InputError: no model learns a map, or none of the photos is meant.
     """
     from calib.cameras import learned_models
-    from calib.solver.calibrate import ALL_VIEWS
+    from calib.solver.solve_virtual import ALL_VIEWS
     from designer.base.words import suggestion
 
     if reference is None:

@@ -91,7 +91,7 @@ class RunFolder:
         Raises:
             InputError: a file is somebody else's, or the best camera makes no sense.
         """
-        from calib.observe.overlays import with_overlays
+        from calib.observe.photos import with_overlays
 
         self.require_room()
         if search is not None:
@@ -114,7 +114,7 @@ class RunFolder:
     @contextmanager
     def drawing(self) -> Iterator[Path]:
         """A folder for overlays until all are drawn; nothing is left if that does not come to its end."""
-        from calib.observe.overlays import no_empty_folders, staging_folder
+        from calib.observe.photos import no_empty_folders, staging_folder
 
         self._require_room_for_tables()
         place = self.folder / OVERLAYS
@@ -123,8 +123,7 @@ class RunFolder:
 
     def write_search(self, search: "Search", staging: Path) -> None:
         """Write what was found in the photos, and keep the overlays that were drawn instead of earlier ones."""
-        from calib.observe.overlays import keep_pictures, remove_ours
-        from calib.observe.photos import OVERLAY_MARK
+        from calib.observe.photos import OVERLAY_MARK, keep_pictures, remove_ours
         from calib.observe.search import write_search
 
         table, place = self.folder / DETECTIONS_FILE, self.folder / OVERLAYS
@@ -190,7 +189,7 @@ class RunFolder:
 
     def _remove_earlier(self) -> None:
         """Remove the cameras of earlier runs from the folder, which are not of this one; other runs' folders stay."""
-        from calib.observe.overlays import remove_ours
+        from calib.observe.photos import remove_ours
 
         here = {self.place_of(one.model) for one in self.solutions if one.evaluation is not None}
         for place in (self.folder, *(self.folder / model for model in MODELS)):

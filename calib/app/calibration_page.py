@@ -9,29 +9,31 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.draw.checks import as_sentence, check_findings, headline_by
 from calib.draw.gallery import OVERLAYS
 from calib.draw.run_photos import photo_rows, photos_section, remarks_of_all, views_table
 from calib.draw.run_tables import (
+    as_sentence,
+    check_findings,
     errors_table,
     faces_table,
     faces_words,
     field_of_view_words,
     focal_length,
     focal_title,
+    headline_by,
     models_table,
     parameters_table,
 )
 from calib.judge.apart import Known, apart
-from calib.judge.check_kind import LEAST_PX, px
+from calib.judge.coverage import lit_part
 from calib.judge.halves import HalvesApart, NoHalves, half_split, halves_apart
 from calib.judge.judged_run import JudgedRun
-from calib.judge.lit_part import lit_part
 from calib.judge.next_views import why_no_next_views
 from calib.judge.solutions import Solution
+from calib.judge.verdict import LEAST_PX, px
 from calib.observe.records import ImageRecord
 from calib.solver.metrics.residual_cells import cells_of, cells_of_residuals, columns_rows, residuals_of
-from designer.base.number_text import figure as digits
+from designer.base.words import figure as digits
 from designer.base.words import printable
 from designer.page.blocks import (
     Block,

@@ -8,14 +8,23 @@ from typing import TYPE_CHECKING
 
 from calib.app.study_result import computed
 from calib.cameras import COMMON
-from calib.draw.compare_figures import ALONE_PX, BOXES_PX, draw_alone, draw_boxes, draw_lens
-from calib.draw.compare_tables import OBJECT_OF, alone_table, explains, lens_table, objects_table
+from calib.draw.compare_figures import (
+    ALONE_PX,
+    BOXES_PX,
+    OBJECT_OF,
+    alone_table,
+    draw_alone,
+    draw_boxes,
+    draw_lens,
+    explains,
+    lens_table,
+    objects_table,
+)
 from calib.draw.sheet import FigureSheet
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, LENS_OBJECTS, PLAIN_DRAWN, WITHOUT_EFFECT
-from calib.studies.compare.objects import MODELS, REPROJECTION_RATIO
 from calib.studies.compare.results import ComparisonTable, Explanation, Results, short
-from calib.studies.compare.scene import CAP_RAD
-from designer.base.number_text import figure
+from calib.studies.compare.scene import CAP_RAD, MODELS, REPROJECTION_RATIO
+from designer.base.words import figure
 from designer.page.blocks import Command, Facts, Finding, Findings, Headline, Page, Paragraph, Section
 
 if TYPE_CHECKING:

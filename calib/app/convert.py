@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from calib.cameras.formats.rigs.reading import OpenedRig
     from calib.cameras.refit import Refit
     from calib.cameras.rig import Rig
-    from designer.base.small_file import JsonValue
+    from designer.base.files import JsonValue
     from designer.page.blocks import Page
     from designer.page.output import Output
 
@@ -117,7 +117,7 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
     @property
     def is_far(self) -> bool:
         """Whether the difference is worth a warning."""
-        from calib.cameras.formats.choosing import LARGE_PX
+        from calib.cameras.formats.holding import LARGE_PX
 
         return self.max_px > LARGE_PX
 
@@ -173,9 +173,8 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
             InputError: a file where a folder has to be, or the other way round, a file that was read, or somebody
                 else's.
         """
-        from designer.base.files import write_files
+        from designer.base.files import place_of, write_files
         from designer.base.own_files import signed
-        from designer.base.small_file import place_of
 
         path = place_of(place, "a file or a folder to write")
         _check_out(path, self.format, self.opened)
@@ -285,8 +284,7 @@ def convert(
     """
     from calib.app.inputs import opened_camera, opened_rig, rig_named
     from calib.cameras.camera import Camera
-    from calib.cameras.formats.choosing import ACCEPTED_PX
-    from calib.cameras.formats.holding import fit_to_format
+    from calib.cameras.formats.holding import ACCEPTED_PX, fit_to_format
     from calib.cameras.formats.reading import find_format
     from calib.cameras.formats.rigs.reading import find_rig_format, require_unit
     from calib.cameras.rig import Rig

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def conversion_page(made: "Conversion") -> Page:
     """What was read and written, what it cost, and how the files are opened."""
-    from calib.cameras.formats.choosing import LARGE_PX
+    from calib.cameras.formats.holding import LARGE_PX
 
     out, target, held, is_rig = made.place or Path(made.format.file_name), made.format, made.held[0], bool(made.unit)
     url = "" if is_rig else out.absolute().as_uri()

@@ -11,7 +11,7 @@ from calib.studies.cost.cases import CONTRAST_TO_NOISE, FARTHEST, SETTINGS, VIEW
 from calib.studies.cost.errors import WEIGHTED
 from calib.studies.cost.photographed import OUTLIER_PX, OUTLIER_SHARE
 from calib.studies.cost.results import CostRatio, CostTable, StartRow
-from designer.base.number_text import figure
+from designer.base.words import figure
 from designer.page.blocks import Command, Facts, Finding, Findings, Headline, Page, Paragraph, Section
 
 if TYPE_CHECKING:

@@ -92,7 +92,7 @@ class DetectedPhotos(Result, kind="detections", title="Detections"):
         from calib.observe.dataset import check_output
         from calib.observe.records import records_path
         from calib.observe.search import write_search
-        from designer.base.small_file import place_of
+        from designer.base.files import place_of
 
         table = place_of(place, "a .csv file")
         check_output(table)
@@ -171,9 +171,9 @@ def detect_photos(
 
     from calib.app.inputs import opened_camera, photos_of, target_of
     from calib.observe.dataset import check_output
-    from calib.observe.overlays import keep_pictures, staging_folder
+    from calib.observe.photos import keep_pictures, staging_folder
     from calib.observe.search import PhotoSearch, with_truth
-    from designer.base.small_file import place_of
+    from designer.base.files import place_of
     from designer.page.output import output_of
 
     geometry = target_of(target, "rings")

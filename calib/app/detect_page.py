@@ -15,8 +15,8 @@ from calib.observe.photos import PhotoResult, Search
 from calib.observe.records import ImageRecord, common_remarks, median_sigma_px
 from calib.show.photos.photos_file import SHARE_RULE, level_of_share, worst_level
 from designer.base.answer import program
-from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable
+from designer.base.words import figure as digits
 from designer.page.blocks import Cell, Command, Facts, Finding, Findings, Headline, Level, Page, Section, Steps, Table
 from designer.page.folders import Shown, some_of, table_of, whole
 

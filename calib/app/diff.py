@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from calib.cameras.formats.rigs.reading import OpenedRig
     from calib.cameras.refit import CameraDifference
     from calib.cameras.rig import Rig
-    from calib.cameras.zones import ZoneDifference
+    from calib.cameras.undistortion import ZoneDifference
     from calib.rigs.compared import CameraApart, PairDifference, RigDifference
-    from designer.base.small_file import JsonValue
+    from designer.base.files import JsonValue
     from designer.page.blocks import Cell, Headline, Page, Table
     from designer.page.output import Output
 
@@ -49,7 +49,7 @@ class Difference(Result, kind="difference", title="Difference", doing="comparing
     @property
     def zones(self) -> "dict[str, ZoneDifference]":
         """Of two cameras: the whole image, and from its centre to its corners."""
-        from calib.cameras.zones import zones_of
+        from calib.cameras.undistortion import zones_of
 
         return {} if self.cameras is None else dict(zones_of(self.cameras))
 
@@ -103,7 +103,7 @@ class Difference(Result, kind="difference", title="Difference", doing="comparing
         """
         import numpy as np
 
-        from calib.draw.difference_picture import difference_picture
+        from calib.draw.fields import difference_picture
 
         if self.cameras is None:
             raise InputError("two rigs: a map is of two cameras")

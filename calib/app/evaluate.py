@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from calib.renderer.truth import Truth
     from calib.solver.calibration import Calibration
     from calib.solver.metrics.evaluation import Evaluation
-    from calib.solver.options import SolveOptions
+    from calib.solver.problem import SolveOptions
     from designer.base.answer import Value
     from designer.page.blocks import Headline, Page
     from designer.target import TargetGeometry
@@ -162,7 +162,7 @@ class CameraErrors(
 def _errors_headline(evaluation: "Evaluation") -> "Headline":
     """The root mean square of each error, and of which photos."""
     from calib.solver.metrics.evaluation_files import metrics_of
-    from designer.base.number_text import figure
+    from designer.base.words import figure
     from designer.page.blocks import Headline
 
     if evaluation.calibration.status == "degenerate":
@@ -230,7 +230,7 @@ def evaluate(
     from calib.observe.calibration_file import read_calibration
     from calib.solver.metrics.evaluation import evaluate as evaluate_all
     from calib.solver.metrics.evaluation import evaluate_on
-    from designer.base.small_file import place_of
+    from designer.base.files import place_of
 
     told = {"--target": target, "--image-size": image_size, "--grid": grid, "--pitch": pitch_mm}
     _check(held_out, on, truth, [name for name, value in told.items() if value is not None])
@@ -282,8 +282,8 @@ def calibration_in(place: Path) -> Path:
 def _held_out(
     calibration: "Calibration", options: "SolveOptions", folds: int, truth: "Truth | None", *, has_reference: bool
 ) -> "Evaluation":
-    from calib.solver.calibrate import calibrate
     from calib.solver.metrics.evaluation import LEAST_FOLDS, evaluate_held_out
+    from calib.solver.solve_virtual import calibrate
 
     views = calibration.observations.view_count
     if not LEAST_FOLDS <= folds <= views:

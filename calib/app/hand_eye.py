@@ -116,9 +116,9 @@ def hand_eye(
         InputError: files or options that break a rule, or poses that look inverted or in another unit.
     """
     from calib.app.inputs import points_of
-    from calib.judge.carried_camera import RobotSetting, judged_on_robot
+    from calib.judge.hand_eye_file import RobotSetting, judged_on_robot
     from calib.observe.robot_poses import RobotPoses, read_robot_poses
-    from designer.base.small_file import place_of
+    from designer.base.files import place_of
 
     to = begun(out)
     if robot_noise is not None and min(robot_noise) <= 0:
@@ -203,7 +203,7 @@ def _of_table(
     from calib.app.inputs import load_observations
     from calib.observe.rig_photos import tells_cameras
     from calib.observe.rig_sightings import read_rig_sightings
-    from designer.base.small_file import place_of
+    from designer.base.files import place_of
 
     path = place_of(table, "a table of observations")
     if not (path.is_file() and tells_cameras(path)):

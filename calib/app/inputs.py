@@ -12,7 +12,7 @@ from calib.cameras.formats import FORMATS, OWN
 from calib.cameras.formats.rigs import OWN_RIG, RIG_FORMATS
 from calib.core.types import Detections, Observations, RigObservations
 from designer.base.errors import InputError
-from designer.base.small_file import place_of
+from designer.base.files import place_of
 from designer.base.words import printable, shown
 
 if TYPE_CHECKING:

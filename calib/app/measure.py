@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from calib.core.types import Observations
     from calib.measure_target.deviations import Compensation
     from calib.measure_target.lengths import CaliperLength
-    from calib.measure_target.options import AsBuiltOptions
+    from calib.measure_target.unknowns import AsBuiltOptions
     from calib.rigs.result import RigCalibration
-    from calib.solver.options import SolveOptions
     from calib.solver.plan import SolvePlan
+    from calib.solver.problem import SolveOptions
     from designer.page.output import Output
     from designer.target import TargetGeometry
     from designer.tolerance.made import Made
@@ -287,8 +287,8 @@ def _options(
     solve: "SolveOptions", way: "Made", bow: bool | None, sets: "Sequence[Observations]", *, is_rigid: bool
 ) -> "AsBuiltOptions":
     """How the target is."""
-    from calib.measure_target.options import AsBuiltOptions
     from calib.measure_target.solve import with_known_weights
+    from calib.measure_target.unknowns import AsBuiltOptions
 
     options = AsBuiltOptions(made=way, bow=bow, solve=solve)
     return with_known_weights(replace(options, ring_sigma_mm=None) if is_rigid else options, sets)

@@ -18,9 +18,9 @@ from calib.judge.judge import VERDICT, VERDICT_FILE
 from calib.judge.rig_folder import read_rig_run
 from calib.measure_target.earlier_lens import is_another_lens, seen_through, with_shared_error
 from calib.measure_target.lengths import CaliperLength, doubt_about, usual_sigmas
-from calib.measure_target.options import AsBuiltOptions
 from calib.measure_target.result import AsBuilt
 from calib.measure_target.solve import measure, measure_rig
+from calib.measure_target.unknowns import AsBuiltOptions
 from calib.observe.correspondences import is_detections
 from calib.observe.dataset import read_detections
 from calib.observe.observations import known_points

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from designer.base.errors import InputError
-from designer.base.files import check_folder, write_files
+from designer.base.files import check_folder, place_of, write_files
 from designer.base.marks import INLINE, NOT_IN_FILE
 from designer.base.own_files import require_ours
-from designer.base.small_file import place_of
 from designer.base.words import NAME
 from designer.page.result import Result
 

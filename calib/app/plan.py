@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Annotated, cast
 from calib.app.options import Limits, Made, Target, exports_folder
 from designer.base.answer import program
 from designer.base.errors import InputError
-from designer.base.files import named_in_files
+from designer.base.files import named_in_files, place_of
 from designer.base.marks import NOT_IN_FILE
 from designer.base.options import option
-from designer.base.small_file import place_of
 from designer.base.words import capital, printable
 from designer.kinds.presets import camera_templates
 from designer.page.capability import capability
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from calib.judge.plan_tried import TriedPlan
     from calib.judge.planned_views import PlannedViews
     from designer.base.arrays import Array
-    from designer.base.small_file import JsonValue
+    from designer.base.files import JsonValue
     from designer.page.blocks import Page
     from designer.target import TargetGeometry
 
@@ -216,9 +215,9 @@ def plan(
     import numpy as np
 
     from calib.app.inputs import camera_of, target_of
-    from calib.judge.before_photos import calibration_before, front_of, planned_camera, usual_hold
-    from calib.judge.plan_search import PlanWish, plan_that_holds
-    from calib.judge.settings import settings_of
+    from calib.judge.guide_told import settings_of
+    from calib.judge.plan_tried import PlanWish, plan_that_holds
+    from calib.judge.planned_views import calibration_before, front_of, planned_camera, usual_hold
     from calib.judge.verdict import Criteria
     from calib.judge.views import shape_of
     from calib.show.parts.kept_target import target_words
@@ -286,7 +285,7 @@ def _hand_of(hand_eye: "HandEye | Place | None") -> "HandEye | None":
 
 
 def _why_nothing(distance_mm: tuple[float, float], *, is_on_table: bool) -> str:
-    from designer.base.number_text import figure as digits
+    from designer.base.words import figure as digits
 
     near, far = (digits(one, 3) for one in distance_mm)
     if is_on_table:

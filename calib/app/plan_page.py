@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from designer.base.number_text import figure as digits
+from designer.base.words import figure as digits
 from designer.base.words import printable
 from designer.page.blocks import (
     Command,
@@ -29,9 +29,8 @@ BY_HAND = "hand, within 5° and 20 mm or 10 % of the distance of what is said (1
 
 def plan_page(found: "PhotoPlan") -> Page:
     """Photos to take, each as it will look, and what they are worth."""
-    from calib.draw.plan_curve import plan_curve
     from calib.draw.style import figure_of
-    from calib.draw.target_sketch import sketch
+    from calib.draw.target_sketch import plan_curve, sketch
 
     pictures = tuple(
         Picture(sketch(found.camera, found.geometry, photo.cam_from_target), name, text)

@@ -11,8 +11,8 @@ from calib.app.cameras_told import remarks_on
 from calib.app.options import PhotoJobs, Target, Weighted
 from designer.base.codec import encode_written
 from designer.base.errors import InputError
+from designer.base.files import place_of
 from designer.base.options import argument, option
-from designer.base.small_file import place_of
 from designer.kinds.presets import camera_templates
 from designer.page.capability import OUTPUT, capability
 from designer.page.progress import Progress, unheard
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from calib.cameras.rig import Rig
     from calib.observe.target_poses import PhotoWithoutPose, PoseResult, TargetPose
     from calib.rigs.rig_poses_file import FrameWithoutPose, RigPoseResult, RigTargetPose
-    from designer.base.small_file import JsonValue
+    from designer.base.files import JsonValue
     from designer.page.blocks import Page
     from designer.page.output import Output
 
@@ -221,7 +221,7 @@ def _drawn(made: TargetPoses, folder: Path) -> tuple[TargetPoses, tuple[Path, ..
     from calib.app.rig_poses import posed_alone
     from calib.draw.pose_overlay import draw_poses
     from calib.judge.rig_folder import folder_names
-    from calib.observe.overlays import keep_pictures, no_empty_folders, staging_folder
+    from calib.observe.photos import keep_pictures, no_empty_folders, staging_folder
     from calib.observe.target_poses import PoseResult
 
     if isinstance(made.found, PoseResult):

@@ -20,8 +20,8 @@ from calib.show.photos.photos_file import (
     worst_level,
 )
 from calib.show.photos.place_scene import distance_words
-from designer.base.number_text import figure as digits
-from designer.base.number_text import with_digits
+from designer.base.words import figure as digits
+from designer.base.words import with_digits
 from designer.page.blocks import Cell, Column, Finding, Findings, Headline, Level
 from designer.page.folders import number, some_of, whole
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from calib.judge.rig_lenses import CameraWishes
     from calib.judge.rig_solution import RigSeen
     from calib.observe.rig_search import RigInput
-    from calib.rigs.options import RigOptions
-    from calib.solver.options import SolveOptions
+    from calib.rigs.problem import RigOptions
+    from calib.solver.problem import SolveOptions
     from designer.page.output import Output
     from designer.target import TargetGeometry
 
@@ -221,7 +221,7 @@ def _options(
     options: "SolveOptions", observations: "RigObservations", reference: str | None, *, delays: bool
 ) -> "RigOptions":
     """How the cameras are solved together."""
-    from calib.rigs.options import RigOptions
+    from calib.rigs.problem import RigOptions
 
     names = observations.camera_names
     if reference is not None and reference not in names:

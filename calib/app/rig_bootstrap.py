@@ -89,7 +89,7 @@ def rig_bootstrap(
     """
     from calib.judge.rig_folder import read_rig
     from calib.rigs.result import RigCalibration
-    from calib.solver.options import SolveOptions
+    from calib.solver.problem import SolveOptions
     from calib.studies.rig_bootstrap import rig_spread
 
     options = SolveOptions()
@@ -144,7 +144,7 @@ def _page(found: RigBootstrap) -> "Page":
 
 def _headline(found: RigBootstrap) -> "Headline":
     """Whether the stated sigmas hold."""
-    from designer.base.number_text import figure
+    from designer.base.words import figure
     from designer.page.blocks import Headline
 
     ratio = found.ratio

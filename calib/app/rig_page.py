@@ -6,16 +6,25 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from calib.draw.carrier_tables import carrier_section, next_poses_table, next_poses_words
-from calib.draw.checks import check_findings, headline_by
 from calib.draw.rig_pictures import pictures_section
-from calib.draw.rig_tables import cameras_table, frame_name, halves_table, pairs_table, places_table, ties_table
+from calib.draw.rig_tables import (
+    cameras_table,
+    carrier_section,
+    frame_name,
+    halves_table,
+    next_poses_table,
+    next_poses_words,
+    pairs_table,
+    places_table,
+    ties_table,
+)
+from calib.draw.run_tables import check_findings, headline_by
 from calib.judge.next_robot_poses import photo_names
 from calib.judge.rig_folder import CAMERAS, RIG_FILE, RigRun, folder_names
 from calib.rigs.halves import NoRigHalves, RigHalves, SplitKind, enlarged
 from calib.rigs.relative import center_sigma_mm
-from designer.base.number_text import figure as digits
 from designer.base.words import capital, printable
+from designer.base.words import figure as digits
 from designer.page.blocks import Block, Command, Facts, Finding, Findings, Headline, Page, Paragraph, Section, Steps
 from designer.page.folders import some_of
 
@@ -62,7 +71,7 @@ def rig_page(run: RigRun, folder: Path | None = None, *, is_drawn: bool = True) 
     if evidence.pairs:
         sections.append(Section("Distances and angles", (pairs_table(evidence.pairs),), lead=OF_PAIRS))
     if len(seen.camera_names) > 1:
-        from calib.draw.rig_graph import sharing_figure, sharing_words
+        from calib.draw.rig_tables import sharing_figure, sharing_words
 
         graph = (sharing_figure(seen.camera_names, seen.shared),) if is_drawn else ()
         lead = sharing_words(seen.camera_names, seen.shared)

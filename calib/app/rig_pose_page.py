@@ -19,9 +19,8 @@ from calib.show.photos.photos_file import (
     level_of_share,
     worst_level,
 )
-from designer.base.number_text import figure as digits
-from designer.base.number_text import with_digits
-from designer.base.words import printable
+from designer.base.words import figure as digits
+from designer.base.words import printable, with_digits
 from designer.page.blocks import Cell, Column, Finding, Findings, Headline, Level, Table
 from designer.page.folders import number, some_of, whole
 

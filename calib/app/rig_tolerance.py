@@ -121,7 +121,7 @@ def rig_tolerance(
     from calib.api.rendering_rigs import held_before, simulated_rig
     from calib.app.inputs import target_of
     from calib.renderer.held_target import held_poses
-    from calib.rigs.middle import middle_error
+    from calib.rigs.relative import middle_error
     from calib.studies.tolerance.rig_costs import LENGTH_MM, SimulatedFrames, drawn_cost, predicted_costs
     from designer.target import TargetGeometry
     from designer.tolerance.error_file import error_model
@@ -230,6 +230,6 @@ def _findings(found: RigTolerance) -> "Iterator[Finding]":
 
 
 def _mm(value: float) -> str:
-    from designer.base.number_text import figure
+    from designer.base.words import figure
 
     return f"{figure(value, 2)} mm"

@@ -102,8 +102,7 @@ def run(
     from calib.observe.search import PhotoSearch, truth_beside, with_truth
     from calib.solver.capture_error import capture_of
     from calib.solver.plan import plan_from_words
-    from designer.base.files import named_in_files
-    from designer.base.small_file import place_of
+    from designer.base.files import named_in_files, place_of
     from designer.page.output import output_of
     from designer.tolerance.made import how_made
 

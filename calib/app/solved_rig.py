@@ -261,7 +261,7 @@ def rig_criteria_of(criteria: "Criteria | Place") -> "Criteria":
     """
     from calib.judge.criteria import read_rig_criteria
     from calib.judge.verdict import Criteria
-    from designer.base.small_file import place_of
+    from designer.base.files import place_of
 
     if isinstance(criteria, Criteria):
         return criteria

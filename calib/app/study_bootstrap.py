@@ -12,10 +12,9 @@ from calib.app.rig_bootstrap import rig_bootstrap
 from calib.app.study_result import FORMATS, STUDY_OUT, TABLES, StudyResult, rows_to_csv
 from calib.cameras import DEFAULT, learned_models, solved_models
 from designer.base.errors import InputError
-from designer.base.files import write_files
+from designer.base.files import place_of, write_files
 from designer.base.marks import INLINE, NOT_IN_FILE
 from designer.base.options import option, whole_number
-from designer.base.small_file import place_of
 from designer.base.words import cut, printable, several
 from designer.page.capability import capability, instead
 from designer.page.output import Output, output_of
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from calib.renderer.truth import Truth
     from calib.solver.plan import SolvePlan
     from calib.studies.identity import StudyIdentity
-    from calib.studies.sampling import DrawCount
+    from calib.studies.runner import DrawCount
     from calib.studies.statistics import CaseSummary
     from calib.studies.study_table import StudyCases, StudyTable
     from designer.page.blocks import Page
@@ -97,7 +96,7 @@ class Bootstrap(
 
         from calib.studies.statistics import CaseSummary, Distribution
         from designer.base.codec import encode
-        from designer.base.small_file import JsonValue
+        from designer.base.files import JsonValue
 
         heads = []
         for one in self.table.cases:
@@ -191,7 +190,7 @@ def bootstrap(
     from calib.renderer.truth import Truth
     from calib.solver.plan import plan_from_words
     from calib.studies import bootstrap as pools
-    from calib.studies.sampling import STUDY_FILE, Sampling
+    from calib.studies.runner import STUDY_FILE, Sampling
     from calib.studies.statistics import Case
     from calib.studies.workers import CaseSpec
 

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.draw.sheet import FigureSheet
     from calib.studies.compare.results import Results
-    from calib.studies.sampling import DrawCount
-    from designer.base.small_file import JsonValue
+    from calib.studies.runner import DrawCount
+    from designer.base.files import JsonValue
     from designer.page.blocks import Page
 
 MOST_PRINTS, MOST_SETS = 10_000, 1000
@@ -105,9 +105,9 @@ def study_compare(
 
     from calib.app.inputs import processes_of
     from calib.studies.compare import cases
-    from calib.studies.compare.objects import SETS
     from calib.studies.compare.results import results_of
-    from calib.studies.sampling import STUDY_FILE, Sampling
+    from calib.studies.compare.scene import SETS
+    from calib.studies.runner import STUDY_FILE, Sampling
     from calib.studies.store import read_study
 
     usual = cases.QUICK if quick else SETS

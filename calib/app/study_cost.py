@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from calib.observe.corners_vnl import PointGrid
     from calib.studies.cost.cases import RealPhotos
     from calib.studies.cost.results import CostTable
-    from calib.studies.sampling import DrawCount
+    from calib.studies.runner import DrawCount
     from designer.page.blocks import Page
     from designer.target import TargetGeometry
 
@@ -60,7 +60,7 @@ class CostStudy(
     def sheets(self) -> "tuple[FigureSheet, ...]":
         """Errors over the image's."""
         from calib.app.cost_page import counts_sentence
-        from calib.draw.cost_figures import draw_costs, height_px
+        from calib.draw.cost_tables import draw_costs, height_px
         from calib.draw.sheet import FigureSheet
 
         draw = partial(draw_costs, table=self.table)
@@ -130,7 +130,7 @@ def study_cost(
     from calib.app.inputs import processes_of
     from calib.studies.cost import cases
     from calib.studies.cost.results import table_of
-    from calib.studies.sampling import STUDY_FILE, Sampling
+    from calib.studies.runner import STUDY_FILE, Sampling
     from calib.studies.store import read_study
 
     usual, corners = QUICK if quick else USUAL, grid_of(grid, pitch_mm)

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 from calib.app.options import Dask, Jobs, Resume, Seed
 from calib.app.study_bootstrap import Bootstrap, sampled_study
 from calib.app.study_result import STUDY_OUT
-from designer.base.files import write_files
+from designer.base.files import place_of, write_files
 from designer.base.options import argument, option
-from designer.base.small_file import place_of
 from designer.page.capability import OUTPUT, capability
 from designer.page.output import Output, output_of
 from designer.page.progress import Progress, unheard
@@ -52,7 +51,7 @@ def study_paper(
     """
     from calib.app.inputs import processes_of
     from calib.studies import paper_study
-    from calib.studies.sampling import STUDY_FILE, Sampling
+    from calib.studies.runner import STUDY_FILE, Sampling
 
     output, processes = output_of(out), processes_of(jobs)
     Bootstrap.check(output.place)
@@ -95,7 +94,7 @@ def study_plot(
     Raises:
         InputError: there is no study, it has no samples, or the folder takes no files.
     """
-    from calib.studies.sampling import STUDY_FILE, DrawCount
+    from calib.studies.runner import STUDY_FILE, DrawCount
 
     path = place_of(study, "a study's folder")
     path = path / STUDY_FILE if path.is_dir() else path

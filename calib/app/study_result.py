@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self, TypeVar, cast
 
 from designer.base.codec import encode
-from designer.base.files import check_folder, write_files
+from designer.base.files import check_folder, place_of, write_files
 from designer.base.options import option
 from designer.base.own_files import require_ours
-from designer.base.small_file import place_of
 from designer.base.words import NAME
 from designer.page.capability import OUTPUT
 from designer.page.output import Output
@@ -22,8 +21,8 @@ from designer.page.result import Result
 
 if TYPE_CHECKING:
     from calib.draw.sheet import FigureSheet
-    from calib.studies.sampling import DrawCount
-    from designer.base.small_file import JsonValue
+    from calib.studies.runner import DrawCount
+    from designer.base.files import JsonValue
     from designer.page.blocks import Figure
 
 Row = TypeVar("Row")

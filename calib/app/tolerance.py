@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
     from calib.draw.sheet import FigureSheet
-    from calib.studies.sampling import DrawCount
+    from calib.studies.runner import DrawCount
     from calib.studies.tolerance.explore import PhotographedTarget
     from calib.studies.tolerance.photographing import Photographing
     from calib.studies.tolerance.record import ToleranceStudy
@@ -237,7 +237,7 @@ def tolerance(
         StudyStoppedError: interrupted; so they are.
     """
     from calib.app.inputs import camera_remarks, processes_of
-    from calib.studies.sampling import ask_cluster
+    from calib.studies.runner import ask_cluster
     from calib.studies.tolerance.explore import TolerancePlan, compared, explore
     from calib.studies.tolerance.quantities import parse_requirements, quantity_named
     from calib.studies.tolerance.stored import Keeping
@@ -395,7 +395,7 @@ def _photographed(
 
 
 def _path_of(target: "TargetGeometry | Place") -> Path:
-    from designer.base.small_file import place_of
+    from designer.base.files import place_of
     from designer.target import TargetGeometry
 
     return Path("target") if isinstance(target, TargetGeometry) else place_of(target, "a target geometry, or its file")

@@ -22,8 +22,7 @@ from calib.draw.tolerance_words import (
     tolerance_headline,
 )
 from calib.studies.tolerance.quantities import quantity_named
-from designer.base.number_text import figure
-from designer.base.words import printable
+from designer.base.words import figure, printable
 from designer.page.blocks import Block, Command, Facts, Finding, Findings, Fold, Headline, Page, Paragraph, Section
 from designer.page.folders import notes, warnings
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 from calib.app.options import PhotoJobs
 from designer.base.answer import program
 from designer.base.errors import InputError
+from designer.base.files import place_of
 from designer.base.marks import NOT_IN_FILE, Gap, Key
 from designer.base.options import argument, option
-from designer.base.small_file import place_of
 from designer.base.words import printable
 from designer.page.capability import capability
 from designer.page.progress import Progress, unheard
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.rig import Rig
     from calib.core.types import RigObservations
-    from calib.space.error_size import PointErrors
     from calib.space.known_lengths import LengthBin, LengthCheck
+    from calib.space.linear import PointErrors
     from calib.space.sightings import PointSightings
     from calib.space.tables import GrossSighting, SeenByCamera
     from calib.space.triangulate import TriangulatedPoints
@@ -226,7 +226,7 @@ def _all_are_given(name: str) -> NoReturn:
 def _told(points: "TriangulatedPoints", settings: dict[str, str], lengths: "LengthCheck | None") -> Triangulation:
     import numpy as np
 
-    from calib.space.error_size import rms_errors
+    from calib.space.linear import rms_errors
     from calib.space.tables import gross_sightings, seen_by_cameras
     from calib.space.triangulate import REASONS
 
@@ -306,7 +306,7 @@ def _page(found: Triangulation, *, is_drawn: bool) -> "Page":
 
 def _headline(found: Triangulation, levels: "list[Level]") -> "Headline":
     """The answer: the worst of what was checked."""
-    from designer.base.number_text import figure as digits
+    from designer.base.words import figure as digits
     from designer.page.blocks import Headline
 
     once = found.seen_once
@@ -327,7 +327,7 @@ def _headline(found: Triangulation, levels: "list[Level]") -> "Headline":
 def _checks(found: Triangulation) -> "list[Finding]":
     """How many points have a position, how large residuals are, and what a check object says."""
     from calib.space.triangulate import ONE_CAMERA, REASONS
-    from designer.base.number_text import figure as digits
+    from designer.base.words import figure as digits
     from designer.page.blocks import Finding
 
     once, judged, check = found.seen_once, found.count - found.seen_once, found.lengths
@@ -373,7 +373,7 @@ def _level(value: float, good: float, usable: float) -> "Level":
 
 def _lengths_table(bins: "tuple[LengthBin, ...]") -> "Table":
     """Errors of known distances, by distance."""
-    from designer.base.number_text import figure as digits
+    from designer.base.words import figure as digits
     from designer.page.blocks import Cell
     from designer.page.folders import Shown, table_of
 

@@ -79,8 +79,8 @@ def turntable(
 
     from calib.app.inputs import points_of
     from calib.judge.rig_solution import judged_rig
-    from calib.rigs.options import Carrier, RigOptions
-    from calib.rigs.turntable import turned_by
+    from calib.rigs.carrier import turned_by
+    from calib.rigs.problem import Carrier, RigOptions
 
     if step_deg == 0:
         raise InputError("--step 0deg: a table that does not turn tells nothing; leave it out, or give its turn")

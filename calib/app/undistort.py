@@ -343,7 +343,7 @@ def _direction_in(folder: Path) -> "Array":
     """Where the new camera of an earlier run looked, as far as that is known."""
     import numpy as np
 
-    from designer.base.small_file import parse_json, read_small_text
+    from designer.base.files import parse_json, read_small_text
 
     path = folder / RESULT_FILE
     try:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calib.cameras import LINEAR, pictures
-from designer.base.number_text import figure as digits
+from designer.base.words import figure as digits
 from designer.base.words import printable
 from designer.page.blocks import Block, Command, Facts, Finding, Findings, Headline, Page, Section
 from designer.page.folders import Shown, notes, some_of, table_of
@@ -21,9 +21,9 @@ WIDE_DEG = 60.0
 
 def undistorted_page(made: "UndistortedPhotos", *, is_drawn: bool) -> Page:
     """The page, or what a screen says."""
+    from calib.draw.fields import undistortion_drawing
     from calib.draw.gallery import Shot, gallery, spread
     from calib.draw.style import figure_of
-    from calib.draw.undistortion import undistortion_drawing
 
     findings = [Finding("usable", "Not undistorted", line) for line in some_of(made.failures)]
     if made.left_out:
@@ -91,7 +91,7 @@ def _direction_words(cam_from_new: "Array") -> str:
 
 
 def _facts(made: "UndistortedPhotos") -> Facts:
-    from calib.cameras.linear_part import linear_part
+    from calib.cameras.camera import linear_part
     from calib.draw.run_tables import field_of_view_words
 
     taken, new, change, turn = made.taken_by, made.new_camera, made.change, _turn(made)

@@ -70,8 +70,8 @@ def warm_up(
         InputError: no such part, or compiling is switched off.
         StoppedError: by a person; it says what is finished and stays.
     """
+    from calib.core.compile_ahead import kernel_list, missing
     from calib.core.compile_ahead import warm_up as compile_ahead
-    from calib.core.kernel_list import kernel_list, missing
     from calib.core.kernel_store import store
 
     if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":

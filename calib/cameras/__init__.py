@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from calib.core.registry import Registry
+from calib.core.types import Registry
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera

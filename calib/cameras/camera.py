@@ -1,25 +1,26 @@
 """A camera: a model's name, its parameters, and the image it belongs to; and the files that hold one.
 
 These are `camera.json`, and templates or a person's own TOML with the same keys.
+
+What a camera is in the middle of its image: the pinhole with the same scale there, and how sure that is.
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.cameras import ABILITIES, MODELS, CameraModel, parameter_names, project, rays
+from calib.cameras import ABILITIES, LINEAR, MODELS, CameraModel, linearise, parameter_names, project, rays
 from calib.core.types import freeze
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind, laid_out
-from designer.base.files import write_files
+from designer.base.files import JsonValue, parse_json, place_of, read_small_text, read_spec_file, write_files
 from designer.base.marks import LEFT_OUT, Above, AtLeast, AtMost, Length, Shape
-from designer.base.small_file import JsonValue, parse_json, place_of, read_small_text, read_spec_file
 from designer.base.words import shown, suggestion
 from designer.kinds.presets import preset_or_file
 
@@ -30,7 +31,7 @@ MAX_LENGTHS = 40.0
 LARGEST = 1e15
 LEAST_NOISE = 1e-12
 """Less leaves the equations of the process singular in floating point."""
-_Bounded = Annotated[NDArray[np.float64], AtLeast(-LARGEST), AtMost(LARGEST)]
+_Bounded = Annotated[Array, AtLeast(-LARGEST), AtMost(LARGEST)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,7 @@ class Camera:
     """A model, its parameters, and the image they belong to: `camera.project(x_cam)`, `camera.rays(u_px)`."""
 
     model: str
-    params: NDArray[np.float64]  # (P,) in the model's order and units
+    params: Array  # (P,) in the model's order and units
     image_size: tuple[int, int]  # width, height in px
     learned: LearnedMap | None = None  # of models that learn a map
     field_rad: float | None = None  # angle across the image circle; None: light as far as the model has an image
@@ -83,13 +84,13 @@ class Camera:
         return ABILITIES[self.model].is_wide or self.field_rad is not None
 
     @property
-    def matrix(self) -> NDArray[np.float64]:
+    def matrix(self) -> Array:
         """The linear part as OpenCV has it: `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]` in px.  # (3, 3)"""
         fx, fy, cx, cy = self.params[:4]
         return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
     @property
-    def distortion(self) -> NDArray[np.float64]:
+    def distortion(self) -> Array:
         """The lens as OpenCV's functions take it: k1 k2 p1 p2 k3, of rational lenses k4 k5 k6 (s1 s2 s3 s4), too.
 
         There are 5, 8 or 12 numbers; of model fisheye the 4 that the functions of `cv2.fisheye` take, k1 k2 k3 k4.
@@ -104,11 +105,11 @@ class Camera:
             )
         return np.array([self.parameters[name] for name in names] or [0.0] * 5)
 
-    def project(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
+    def project(self, point: Array) -> Array:
         """Pixels (..., 2) of points (..., 3) in the camera's frame; nan where it does not see: `camera.project(x)`."""
         return project(self, _rows_of(point, 3, "points"))
 
-    def rays(self, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rays(self, pixel: Array) -> Array:
         """Unit directions (..., 3) of the light that reaches pixels (..., 2); nan where none does: `camera.rays(u)`."""
         return rays(self, _rows_of(pixel, 2, "pixels"))
 
@@ -132,7 +133,7 @@ class Camera:
         return place
 
 
-def _rows_of(value: object, columns: int, what: str) -> NDArray[np.float64]:
+def _rows_of(value: object, columns: int, what: str) -> Array:
     """An array (..., columns) of numbers.
 
     Raises:
@@ -229,9 +230,7 @@ def _require_plausible(camera: Camera, origin: str) -> None:
         )
 
 
-def _parameters(
-    file: CameraDocument, model: CameraModel, origin: str, required: tuple[str, ...]
-) -> NDArray[np.float64]:
+def _parameters(file: CameraDocument, model: CameraModel, origin: str, required: tuple[str, ...]) -> Array:
     """The parameters in the model's order, each within its bounds."""
     given = file.parameters
     names = parameter_names(model.name)
@@ -297,3 +296,39 @@ def camera_or_preset(name: str) -> Camera:
     if Path(name).suffix.lower() == ".json":
         return load_camera(Path(name))
     return load_camera(preset_or_file("cameras", name))
+
+
+AXIS = np.array([[0.0], [0.0], [1.0]])
+RELATIVE_STEP = 1e-6
+
+
+def linear_part(camera: Camera) -> Camera:
+    """The pinhole that shows the middle of the photos in their size: `linear_part(camera).params[0]`.
+
+    The focal parameter of a wide model need not tell it: where a lens has a `xi`, light off the axis moves by less.
+    """
+    params = camera.params[:4].copy()
+    if ABILITIES[camera.model].is_wide:
+        scale = np.diagonal(linearise(camera, AXIS).by_point[:, :2, 0])
+        params[:2] = np.where(scale > 0, scale, params[:2])
+    return Camera(LINEAR, params, camera.image_size)
+
+
+def focal_px(camera: Camera, param_covariance: Array) -> tuple[float, float]:
+    """The focal length along u in the middle of the image and its standard deviation, nan if that is not known.
+
+    Args:
+        camera: of any model.
+        param_covariance: of its parameters.  # (P, P)
+    """
+    value, count = float(linear_part(camera).params[0]), len(camera.params)
+    if value == camera.params[0]:
+        variance = float(param_covariance[0, 0])
+    else:
+        step = RELATIVE_STEP * np.maximum(np.abs(camera.params), 1.0)
+        ends = camera.params + np.stack([np.diag(step), -np.diag(step)])  # (2, P, P)
+        up, down = ([float(linear_part(replace(camera, params=end)).params[0]) for end in side] for side in ends)
+        slope = (np.array(up) - np.array(down)) / (2 * step)
+        covariance = param_covariance[:count, :count]
+        variance = float(slope @ covariance @ slope)
+    return value, float(np.sqrt(variance)) if variance > 0 else np.nan

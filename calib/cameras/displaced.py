@@ -13,15 +13,12 @@ in each direction up to where its Jacobian J ceases to have `det J > 0` and `tra
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, CompiledModel, LensParameter
 from calib.cameras.polynomial import first_change, value_at
 from calib.core.jit import jit, jit_sums
-from designer.base.arrays import Array
-
-Terms = NDArray[np.int64]
+from designer.base.arrays import Array, Rows
 
 TERMS = ("a1", "a2", "a3", "a4", "b1", "b2", "b3", "p1", "p2", "s1", "s2", "s3", "s4")
 """What a lens's parameters stand for."""
@@ -50,7 +47,7 @@ def displaced_model(
     names, stands_for = zip(*lens, strict=True)
     term = np.array([TERMS.index(one) for one in stands_for])
 
-    def limited(camera: Camera) -> tuple[Array, float, float, Terms, bool]:
+    def limited(camera: Camera) -> tuple[Array, float, float, Rows, bool]:
         coefficients = np.zeros(len(TERMS))
         coefficients[term] = camera.params[len(FOCAL_AND_CENTRE) :]
         return coefficients, *limits(coefficients, math.pi**2 if is_angular else np.inf), term, is_angular
@@ -208,7 +205,7 @@ def _scale(is_angular: bool, x: float, y: float, z: float) -> tuple[float, float
 
 @jit
 def _rays(
-    params: Array, c: Array, sure: float, limit: float, term: Terms, is_angular: bool, pixel: Array, ray: Array
+    params: Array, c: Array, sure: float, limit: float, term: Rows, is_angular: bool, pixel: Array, ray: Array
 ) -> None:
     for n in range(len(pixel)):
         x, y = _restored(c, sure, limit, (pixel[n, 0] - params[2]) / params[0], (pixel[n, 1] - params[3]) / params[1])
@@ -222,7 +219,7 @@ def _rays(
 
 @jit
 def _project(
-    params: Array, c: Array, sure: float, limit: float, term: Terms, is_angular: bool, point: Array, pixel: Array
+    params: Array, c: Array, sure: float, limit: float, term: Rows, is_angular: bool, point: Array, pixel: Array
 ) -> None:
     for n in range(len(point)):
         scale, _, _ = _scale(is_angular, point[n, 0], point[n, 1], point[n, 2])
@@ -242,7 +239,7 @@ PLACE, POWERS, BY_OVER, BY_UNDER = 10, 12, 16, 18
 
 @jit
 def _linearise(
-    params: Array, c: Array, sure: float, limit: float, term: Terms, is_angular: bool, point: Array, kept: Array
+    params: Array, c: Array, sure: float, limit: float, term: Rows, is_angular: bool, point: Array, kept: Array
 ) -> None:
     work, every = np.zeros(ROWS * AT_ONCE), len(params)
     f = params[0], params[1], params[2], params[3]

@@ -14,13 +14,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import MAX_LENGTHS, LearnedMap
 from calib.cameras.learned import correlation, jacobian_with, square_distances, to_sensor, trend_at
 from calib.core.homography import fit
 from calib.core.parallel import one_thread_with_scipy
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 
 MAX_CELLS = 600
@@ -53,13 +52,13 @@ IMPROVED_ROUND = 2
 class Cells:
     """The image in N cells: which of them M sightings lie in, and where on average."""
 
-    of_sighting: NDArray[np.int64]  # (M,)
+    of_sighting: Rows  # (M,)
     share: Array  # (M,) of a sighting in its cell's mean
     pixel: Array  # (N, 2)
     variance: Array  # (N,) of the mean, in units of the sightings' variances
-    measurements: NDArray[np.int64]  # (N,) how many sightings it holds
+    measurements: Rows  # (N,) how many sightings it holds
 
-    def mean(self, values: Array, used: NDArray[np.bool_] | None = None) -> Array:
+    def mean(self, values: Array, used: Flags | None = None) -> Array:
         """Means (N, 2) of the values (M, 2) of the sightings used; 0 in cells without any."""
         count = len(self.pixel)
         share = self.share if used is None else self.share * used
@@ -83,10 +82,10 @@ def cells_of(pixel: Array, variance: Array, most: int = MAX_CELLS) -> Cells:
     return Cells(of_sighting, share, mean, 1 / total, np.bincount(of_sighting))
 
 
-def _cell_numbers(offset: Array, side: float) -> NDArray[np.int64]:
+def _cell_numbers(offset: Array, side: float) -> Rows:
     """Number of the cell of each offset (M, 2), without gaps."""
     column, row = np.floor(offset / side).astype(np.int64).T
-    numbers: NDArray[np.int64] = np.unique(row * (column.max() + 1) + column, return_inverse=True)[1]
+    numbers: Rows = np.unique(row * (column.max() + 1) + column, return_inverse=True)[1]
     return numbers
 
 
@@ -166,9 +165,9 @@ class MapSamples:
     pixel: Array  # (N, 2)
     point: Array  # (N, 2) in units of the sensor, about a pixel each
     variance: Array  # (N,) of a coordinate of the pixel, up to a common factor
-    measurements: NDArray[np.int64]  # (N,) how many each is the mean of
+    measurements: Rows  # (N,) how many each is the mean of
 
-    def part(self, kept: NDArray[np.bool_]) -> "MapSamples":
+    def part(self, kept: Flags) -> "MapSamples":
         """Some of the samples.  # (N,)"""
         return MapSamples(self.pixel[kept], self.point[kept], self.variance[kept], self.measurements[kept])
 

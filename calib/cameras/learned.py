@@ -14,12 +14,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import LearnedMap
 from calib.core.jit import jit
 from calib.core.parallel import one_thread, one_thread_with_scipy
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags, Rows
 
 STEPS_PER_LENGTH = 8.0
 """Nodes of the first table along a length of the kernel; doubled until `TABLE_ERROR` is met."""
@@ -182,18 +181,18 @@ def _edges(image_size: tuple[int, int]) -> tuple[Array, Array]:
     return np.array([-0.5, -0.5]), np.array(image_size, dtype=np.float64) - 0.5
 
 
-def _node_count(first: Array, last: Array, step: float) -> NDArray[np.int64]:
+def _node_count(first: Array, last: Array, step: float) -> Rows:
     """How many nodes along u and v cover the image."""
-    count: NDArray[np.int64] = np.maximum(np.ceil((last - first) / step - 1e-9), 1).astype(np.int64) + 1
+    count: Rows = np.maximum(np.ceil((last - first) / step - 1e-9), 1).astype(np.int64) + 1
     return count
 
 
-def _grid(first: Array, step: float, count: NDArray[np.int64]) -> Array:
+def _grid(first: Array, step: float, count: Rows) -> Array:
     """The nodes' pixels.  # (H, W, 2)"""
     return np.stack(np.meshgrid(*(first[k] + step * np.arange(count[k]) for k in range(2))), axis=-1)
 
 
-def _nodes(learned: LearnedMap, first: Array, step: float, count: NDArray[np.int64]) -> Array:
+def _nodes(learned: LearnedMap, first: Array, step: float, count: Rows) -> Array:
     """The sum and its derivatives at nodes; the kernel is a product of one factor an axis.  # (H, W, 8)"""
     factors = []
     for axis in range(2):
@@ -223,7 +222,7 @@ def _table_error(learned: LearnedMap, node: Array, first: Array, step: float) ->
     return float(np.abs(read - middle).max(initial=0.0))
 
 
-def _starts(spline: SplineNodes, pixel: Array, known: NDArray[np.bool_]) -> Starts:
+def _starts(spline: SplineNodes, pixel: Array, known: Flags) -> Starts:
     """Sort known pixels (H, W, 2), and those beside them, into cells of the sensor."""
     rows, columns = known.shape
     point = np.empty((rows * columns, 2))
@@ -350,7 +349,7 @@ def _points(spline: SplineNodes, pixel: Array, point: Array, jacobian: Array) ->
 
 
 @jit
-def _known(region: MapRegion, pixel: Array, known: NDArray[np.bool_]) -> None:
+def _known(region: MapRegion, pixel: Array, known: Flags) -> None:
     for n in range(len(pixel)):
         known[n] = is_known(region, pixel[n, 0], pixel[n, 1])
 
@@ -375,7 +374,7 @@ def to_sensor(learned: LearnedMap, image_size: tuple[int, int], pixel: Array) ->
     return result
 
 
-def known_at(learned: LearnedMap, image_size: tuple[int, int], pixel: Array) -> NDArray[np.bool_]:
+def known_at(learned: LearnedMap, image_size: tuple[int, int], pixel: Array) -> Flags:
     """Whether the map is known at pixels (N, 2).  # (N,)"""
     known = np.empty(len(pixel), dtype=np.bool_)
     _known(table_of(learned, image_size).region, np.ascontiguousarray(pixel, dtype=np.float64), known)

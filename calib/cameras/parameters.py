@@ -6,10 +6,10 @@ from functools import lru_cache
 from math import inf, prod
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.jit import jit, jit_sums
+from designer.base.arrays import Array
 
 AT_ONCE = 128
 """Points whose pixels and derivatives are worked out together, in one flat array of rows of this length: the compiler
@@ -41,10 +41,10 @@ FOCAL_AND_CENTRE = (
 class Linearised:
     """Pixels and their derivatives, stored coordinate by coordinate so that a processor takes many points at once."""
 
-    rows: NDArray[np.float64]  # (2 + 6 + 2 P, N) the three below, one after the other
+    rows: Array  # (2 + 6 + 2 P, N) the three below, one after the other
 
     @staticmethod
-    def of(pixel: NDArray[np.float64], by_point: NDArray[np.float64], by_params: NDArray[np.float64]) -> "Linearised":
+    def of(pixel: Array, by_point: Array, by_params: Array) -> "Linearised":
         """From the three.  # (2, N), (2, 3, N), (2, P, N)"""
         count = pixel.shape[-1]
         return Linearised(
@@ -52,17 +52,17 @@ class Linearised:
         )
 
     @property
-    def pixel(self) -> NDArray[np.float64]:
+    def pixel(self) -> Array:
         """The pixels.  # (2, N)"""
         return self.rows[:2]
 
     @property
-    def by_point(self) -> NDArray[np.float64]:
+    def by_point(self) -> Array:
         """Derivative by the point in the camera frame.  # (2, 3, N)"""
         return self.rows[2:8].reshape(2, 3, -1)
 
     @property
-    def by_params(self) -> NDArray[np.float64]:
+    def by_params(self) -> Array:
         """Derivative by the parameters.  # (2, P, N)"""
         return self.rows[8:].reshape(2, len(self.rows) // 2 - 4, -1)
 
@@ -85,7 +85,7 @@ class CompiledModel:
     lens: Callable[[Camera], tuple[object, ...]]
     opencv_lens: tuple[str, ...] | None = None
 
-    def rays(self, camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rays(self, camera: Camera, pixel: Array) -> Array:
         """Unit directions (..., 3) at pixels (..., 2); nan where there is none."""
         flat = _read_only(np.ascontiguousarray(pixel, dtype=np.float64).reshape(-1, 2))
         ray = np.empty((len(flat), 3))
@@ -93,14 +93,14 @@ class CompiledModel:
         to_unit(ray)
         return ray.reshape(*np.shape(pixel)[:-1], 3)
 
-    def project(self, camera: Camera, point: NDArray[np.float64]) -> NDArray[np.float64]:
+    def project(self, camera: Camera, point: Array) -> Array:
         """Pixels (..., 2) of points (..., 3); nan behind the camera and where there is none."""
         flat = _read_only(np.ascontiguousarray(point, dtype=np.float64).reshape(-1, 3))
         pixel = np.empty((len(flat), 2))
         self.fill_pixels(camera.params, *_seen_through(self.lens, camera), flat, pixel)
         return pixel.reshape(*np.shape(point)[:-1], 2)
 
-    def linearise(self, camera: Camera, point: NDArray[np.float64]) -> Linearised:
+    def linearise(self, camera: Camera, point: Array) -> Linearised:
         """Pixels of points (3, N) with their derivatives."""
         rows = np.empty((8 + 2 * len(self.parameters), point.shape[1]))
         self.fill_linear(
@@ -115,7 +115,7 @@ def _seen_through(lens: Callable[[Camera], tuple[object, ...]], camera: Camera) 
     return lens(camera)
 
 
-def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
+def _read_only(array: Array) -> Array:
     """A view that is read-only, whatever the array is: kernels are compiled again for the other kind."""
     view = array.view()
     view.flags.writeable = False
@@ -123,7 +123,7 @@ def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @jit
-def to_unit(ray: NDArray[np.float64]) -> None:
+def to_unit(ray: Array) -> None:
     """Bring directions (N, 3) to a length of one."""
     for n in range(len(ray)):
         x, y, z = ray[n, 0], ray[n, 1], ray[n, 2]
@@ -131,15 +131,15 @@ def to_unit(ray: NDArray[np.float64]) -> None:
         ray[n, 0], ray[n, 1], ray[n, 2] = x * inverse, y * inverse, z * inverse
 
 
-def slopes(ray: NDArray[np.float64]) -> NDArray[np.float64]:
+def slopes(ray: Array) -> Array:
     """Where directions (..., 3) meet the plane z = 1 (..., 2); nan of those that do not, or are not known."""
     depth = ray[..., 2:]
-    slope: NDArray[np.float64] = ray[..., :2] / np.where(depth > 0, depth, np.nan)
+    slope: Array = ray[..., :2] / np.where(depth > 0, depth, np.nan)
     return slope
 
 
 @jit_sums
-def keep_rows(rows: NDArray[np.float64], begin: int, count: int, kept: NDArray[np.float64]) -> None:
+def keep_rows(rows: Array, begin: int, count: int, kept: Array) -> None:
     """Put the first numbers of each row of `AT_ONCE` where they belong.  # (R AT_ONCE,) into (R, N)"""
     for row in range(len(kept)):
         source, target = rows[row * AT_ONCE : row * AT_ONCE + count], kept[row, begin : begin + count]

@@ -10,8 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.cameras import LINEAR, pictures, rays
-from calib.cameras.camera import MAX_SIDE_PX, Camera
-from calib.cameras.linear_part import linear_part
+from calib.cameras.camera import MAX_SIDE_PX, Camera, linear_part
 from calib.cameras.refit import image_grid
 from calib.cameras.undistortion import pinhole_of
 from calib.core.se3 import exp_rotation

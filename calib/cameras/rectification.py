@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.cameras import rays
-from calib.cameras.camera import Camera
-from calib.cameras.linear_part import linear_part
+from calib.cameras.camera import Camera, linear_part
 from calib.core.se3 import exp_rotation, log_rotation
 from calib.core.types import freeze
 from designer.base.arrays import Array

@@ -13,7 +13,6 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import (
     ABILITIES,
@@ -30,7 +29,7 @@ from calib.cameras.camera import Camera
 from calib.core.linear_algebra import least_squares
 from calib.core.se3 import angles_between, exp_rotation, log_rotation
 from calib.core.types import freeze
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 
 COLUMNS = 60
@@ -179,7 +178,7 @@ def _off_centre(pixel: Array, image_size: tuple[int, int]) -> Array:
     return distance
 
 
-def _nearest_to_centre(pixel: Array, image_size: tuple[int, int]) -> NDArray[np.int64]:
+def _nearest_to_centre(pixel: Array, image_size: tuple[int, int]) -> Rows:
     """Rows of the quarter of the pixels nearest to the image's centre."""
     return np.argsort(_off_centre(pixel, image_size), kind="stable")[: max(MIN_PIXELS, len(pixel) // 4)]
 
@@ -224,7 +223,7 @@ def _unfolded(camera: Camera, pixel: Array, ray: Array) -> Camera:
 def _adjust(
     camera: Camera,
     rotation: Array,
-    is_free: NDArray[np.bool_],
+    is_free: Flags,
     turn: bool,
     pixel: Array,
     ray: Array,
@@ -269,7 +268,7 @@ def _cost(camera: Camera, rotation: Array, pixel: Array, ray: Array) -> float:
 
 
 def _equations(
-    camera: Camera, rotation: Array, is_free: NDArray[np.bool_], turn: bool, pixel: Array, ray: Array
+    camera: Camera, rotation: Array, is_free: Flags, turn: bool, pixel: Array, ray: Array
 ) -> tuple[Array, Array]:
     """Jacobian (2N, free + 3) by parameters and a small turn, and residuals (2N,)."""
     point = np.ascontiguousarray((ray @ rotation.T).T)

@@ -14,9 +14,8 @@ from calib.core.types import freeze
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
-from designer.base.files import write_files
+from designer.base.files import place_of, write_files
 from designer.base.marks import LEFT_OUT, PACKED, AtLeast, AtMost, Length, Shape
-from designer.base.small_file import place_of
 from designer.base.words import shown, suggestion
 
 MOST_CAMERAS = 256

@@ -8,13 +8,12 @@ Guide to Splines, 1978), whose domain is the image and a margin around it. Each 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import MODELS, CameraModel, linearise
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import LensParameter, Linearised
 from calib.core.jit import jit
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Rows
 
 DEGREE = 3
 MARGIN = 0.1
@@ -98,7 +97,7 @@ def _take_back(control: Array, scale: Array, pixel: Array) -> None:
 
 
 @jit
-def _chain(control: Array, scale: Array, rows: Array, first: NDArray[np.int64], weight: Array) -> None:
+def _chain(control: Array, scale: Array, rows: Array, first: Rows, weight: Array) -> None:
     """Turn the base's rows of `Linearised` into those of the displaced image; where and how control points count."""
     work, out = np.empty((4, 4)), np.empty(6)
     others = rows.shape[0] // 2 - 4
@@ -114,7 +113,7 @@ def _chain(control: Array, scale: Array, rows: Array, first: NDArray[np.int64], 
 
 
 @jit
-def _scatter(first: NDArray[np.int64], weight: Array, by_control: Array) -> None:
+def _scatter(first: Rows, weight: Array, by_control: Array) -> None:
     """Derivatives by all control points (2, 2, R, C, N), zero before."""
     for n in range(first.shape[1]):
         row, column = first[0, n], first[1, n]
@@ -131,7 +130,7 @@ class LocalLinearised:
     """Pixels of points and their derivatives, without the zeros of the control points that do not count."""
 
     rows: Array  # (2 + 6 + 2 B, N) see `Linearised`, by the B parameters of the base alone
-    first: NDArray[np.int64]  # (2, N) row and column of the first of 4 x 4 control points; -1: no image
+    first: Rows  # (2, N) row and column of the first of 4 x 4 control points; -1: no image
     weight: Array  # (8, N) of four rows, then of four columns; the products are the derivatives of u by u's, v by v's
 
 

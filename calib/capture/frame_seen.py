@@ -8,8 +8,8 @@ from calib.capture.sources.source import Frame
 from calib.core.types import Detections
 from calib.detector.frame_quality import frame_quality
 from calib.images.photo import Grey
-from calib.judge.frame_notes import notes_of
 from calib.judge.guide_told import FrameNote, Look
+from calib.judge.shutter import notes_of
 from calib.solver.calibration import Calibration
 from designer.target import TargetGeometry
 

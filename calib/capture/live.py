@@ -19,7 +19,7 @@ from calib.judge.criteria import STANDARD
 from calib.judge.guide import Guide
 from calib.solver.plan import models_of
 from designer.base.errors import InputError
-from designer.base.small_file import place_of
+from designer.base.files import place_of
 from designer.page.output import Output, output_of
 from designer.target import TargetGeometry
 

@@ -20,8 +20,7 @@ from calib.judge.criteria import STANDARD
 from calib.judge.rig_guide import RigGuide
 from calib.observe.rig_photos import camera_names_of
 from designer.base.errors import InputError
-from designer.base.files import write_files
-from designer.base.small_file import place_of
+from designer.base.files import place_of, write_files
 from designer.base.words import shown
 from designer.page.output import Output, output_of
 from designer.page.page_file import why_no_page

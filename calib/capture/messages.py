@@ -19,7 +19,7 @@ from typing import Literal, TypeVar, cast
 
 from calib.judge.guide_told import Guidance, Line, Look, TakenPhoto
 from designer.base.codec import decode, encode
-from designer.base.small_file import JsonValue
+from designer.base.files import JsonValue
 
 MOST_HEADER_BYTES = 1000
 

@@ -1,17 +1,20 @@
-"""Tables in text files: read whole, column by column, with the line named where a value breaks a rule."""
+"""Tables in text files: read whole, column by column, with the line named where a value breaks a rule.
+
+Names that are the time of a photo, or of a robot's pose: as ROS and cameras write them.
+"""
 
 import csv
 import io
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
-from designer.base.small_file import read_small_text
+from designer.base.files import read_small_text
 from designer.base.words import shown, suggestion
 
 MAX_FILE_BYTES = 512 * 2**20
@@ -32,24 +35,24 @@ class CsvTable:
     lines: list[int]
     cells: dict[str, tuple[str, ...]]
 
-    def require(self, ok: NDArray[np.bool_], rule: str) -> None:
+    def require(self, ok: Flags, rule: str) -> None:
         """Refuse the first row that is not ok, by its line."""
         if not ok.all():
             raise InputError(f"{self.path}: line {self.lines[int(np.argmin(ok))]}: {rule}")
 
-    def whole_numbers(self, name: str) -> NDArray[np.int64]:
+    def whole_numbers(self, name: str) -> Rows:
         """A column of whole numbers."""
         self._require_pattern(name, _WHOLE, "a whole number")
         return np.array(list(map(int, self.cells[name])), dtype=np.int64)
 
-    def reals(self, name: str) -> NDArray[np.float64]:
+    def reals(self, name: str) -> Array:
         """A column of finite numbers."""
         self._require_pattern(name, _REAL, "a finite number")
         numbers = np.array(list(map(float, self.cells[name])), dtype=np.float64)
         self.require(np.abs(numbers) < np.inf, f"{name} must be a finite number")
         return numbers
 
-    def columns(self, names: Iterable[str]) -> NDArray[np.float64]:
+    def columns(self, names: Iterable[str]) -> Array:
         """Columns of finite numbers side by side.  # (M, N)"""
         return np.stack([self.reals(name) for name in names], axis=1) + 0.0  # no negative zeros
 
@@ -58,21 +61,21 @@ class CsvTable:
         for name in names:
             self.require(np.array(list(map(bool, self.cells[name])), dtype=bool), f"{name} must not be empty")
 
-    def variances(self, sigma: str) -> NDArray[np.float64]:
+    def variances(self, sigma: str) -> Array:
         """A column of standard deviations in px as matrices.  # (M, 2, 2)"""
         sigma_px, least = self.reals(sigma), 1 / MAX_SIGMA_PX**2
         ok = (sigma_px >= least) & (sigma_px <= MAX_SIGMA_PX)
         self.require(ok, f"{sigma} must be from {least:g} to {MAX_SIGMA_PX:g} px")
         return np.asarray(sigma_px[:, None, None] ** 2 * np.eye(2))
 
-    def covariances(self) -> NDArray[np.float64]:
+    def covariances(self) -> Array:
         """The columns suu, suv, svv as matrices.  # (M, 2, 2)"""
         suu, suv, svv = (self.reals(name) for name in COVARIANCE)
         matrices = np.stack([suu, suv, suv, svv], axis=1).reshape(-1, 2, 2)
         self.require(is_covariance(matrices), "suu, suv, svv must be a covariance, which is positive definite")
         return matrices
 
-    def sorted_once(self, first: NDArray[np.int64], then: NDArray[np.int64], rule: str) -> NDArray[np.int64]:
+    def sorted_once(self, first: Rows, then: Rows, rule: str) -> Rows:
         """The order (M,) of the rows by two numbers, which no two rows share."""
         order = np.lexsort((then, first))
         again = np.zeros(len(order), dtype=bool)
@@ -90,11 +93,11 @@ class CsvTable:
         self.require(ok, f"{name} must be {what}")
 
 
-def is_covariance(cov: NDArray[np.float64]) -> NDArray[np.bool_]:
+def is_covariance(cov: Array) -> Flags:
     """Which matrices are positive definite.  # (N, 2, 2) -> (N,)"""
     with np.errstate(over="ignore", invalid="ignore"):
         determinant = cov[:, 0, 0] * cov[:, 1, 1] - cov[:, 0, 1] ** 2
-    ok: NDArray[np.bool_] = (cov[:, 0, 0] > 0) & (determinant > 0) & np.isfinite(determinant)
+    ok: Flags = (cov[:, 0, 0] > 0) & (determinant > 0) & np.isfinite(determinant)
     return ok
 
 
@@ -199,3 +202,27 @@ def read_table(
         raise InputError(f"{path}: holds no {holds}")
     values = zip(*rows, strict=True) if rows else ((),) * len(columns)
     return CsvTable(path, lines, dict(zip(columns, values, strict=True)))
+
+
+SECONDS_DIGITS, LAST_DIGITS = 10, 19
+"""Of the seconds since 1970, from 2001 to 2286; and of nanoseconds."""
+_STAMP = re.compile(r"([0-9]{10})[._]?([0-9]{6,9})")
+
+
+def stamps_s(*names: Sequence[str]) -> list[Array] | None:
+    """The times of some rows of names, in seconds from the first of all; None if a name is no time.
+
+    A time has 16 to 19 digits: seconds since 1970 of ten, and a fraction.
+    """
+    found = [[_nanoseconds(name) for name in row] for row in names]
+    known = [stamp for row in found for stamp in row if stamp is not None]
+    if not known or len(known) < sum(map(len, found)):
+        return None
+    first = min(known)
+    return [np.array([1e-9 * (stamp - first) for stamp in row if stamp is not None]) for row in found]
+
+
+def _nanoseconds(name: str) -> int | None:
+    """Of a name with or without a file's ending."""
+    match = _STAMP.fullmatch(name) or _STAMP.fullmatch(PurePath(name).stem)
+    return None if match is None else int((match[1] + match[2]).ljust(LAST_DIGITS, "0"))

@@ -10,12 +10,12 @@ is seen has a positive depth there.
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.jit import jit
 from calib.core.small_solve import cholesky_invert, cholesky_solve, eigenvalues
+from designer.base.arrays import Array, Flags
 
-Floats: TypeAlias = NDArray[np.float64]
+Floats: TypeAlias = Array
 
 LEAST_DETERMINED = 1e-6
 """Least share of the second smallest eigenvalue: two rows of a hundred points have more, a bent row less."""
@@ -211,7 +211,7 @@ def fit(plane: Floats, image: Floats, weight: Floats, rounds: int = 4) -> tuple[
 @jit
 def _fit_near(
     plane: Floats, image: Floats, weight: Floats, slack: float, least: int
-) -> tuple[Floats, Floats, Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Floats, Floats, Flags]:
     keep = np.ones(len(plane), dtype=np.bool_)
     rounds = np.int64(4)  # a bare 4 would be a type of its own, and all of this compiled for it
     matrix, covariance, residual = _fit(plane, image, weight, rounds)
@@ -232,7 +232,7 @@ def _fit_near(
 
 def fit_near(
     plane: Floats, image: Floats, weight: Floats, *, slack: float, least: int
-) -> tuple[Floats, Floats, Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Floats, Floats, Flags]:
     """`fit`, and again without what lies far off, by more than `slack` sigmas, as long as `least` points stay.
 
     Returns:

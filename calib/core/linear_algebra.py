@@ -12,9 +12,8 @@ the diagonal scaled to one, so that it does not depend on units (van der Sluis 1
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags, Rows
 
 ROUNDING = 1e-13
 """Part of the largest eigenvalue, the diagonal scaled to one, that sums of products are uncertain by."""
@@ -27,8 +26,8 @@ class SymmetricInverse:
     """The inverse of positive semidefinite matrices on what they determine."""
 
     inverse: Array  # (..., N, N) zero along what is not determined
-    rank: NDArray[np.int64]  # (...) how many directions are determined
-    is_determined: NDArray[np.bool_]  # (..., N) unknowns without a part in what is not
+    rank: Rows  # (...) how many directions are determined
+    is_determined: Flags  # (..., N) unknowns without a part in what is not
 
     @property
     def covariance(self) -> Array:
@@ -121,7 +120,7 @@ def pseudo_inverse(design: Array) -> Array:
     return inverse
 
 
-def sums_by(group: NDArray[np.int64], rows: Array, count: int) -> Array:
+def sums_by(group: Rows, rows: Array, count: int) -> Array:
     """Sums (count, D) of the rows (N, D) of each group (N,)."""
     return np.stack([np.bincount(group, column, count) for column in rows.T], axis=1)
 

@@ -4,7 +4,6 @@ A pose is a 4 x 4 matrix that reads right to left: `p_cam = cam_from_target @ p_
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from designer.base.arrays import Array
 
@@ -162,7 +161,7 @@ def _unit(vector: Array) -> Array:
     return unit
 
 
-def rigid_fault(poses: NDArray[np.float64]) -> tuple[int, str] | None:
+def rigid_fault(poses: Array) -> tuple[int, str] | None:
     """The first of poses (V, 4, 4) that is no rigid motion, and what is wrong with it; None if all are."""
     rotation, shift = poses[:, :3, :3], poses[:, :3, 3]
     with np.errstate(invalid="ignore", over="ignore"):

@@ -3,13 +3,13 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.jit import jit
+from designer.base.arrays import Array
 
 
 @jit
-def cholesky_factor(a: NDArray[np.float64]) -> bool:
+def cholesky_factor(a: Array) -> bool:
     """Replace the lower triangle of a symmetric matrix by its factor L; false if it is not positive definite."""
     n = a.shape[0]
     for j in range(n):
@@ -29,7 +29,7 @@ def cholesky_factor(a: NDArray[np.float64]) -> bool:
 
 
 @jit
-def substitute(lower: NDArray[np.float64], x: NDArray[np.float64]) -> None:
+def substitute(lower: Array, x: Array) -> None:
     """Solve L L' x = b in place, b in `x`, with the factor L in the lower triangle."""
     n = lower.shape[0]
     for i in range(n):
@@ -45,7 +45,7 @@ def substitute(lower: NDArray[np.float64], x: NDArray[np.float64]) -> None:
 
 
 @jit
-def cholesky_solve(a: NDArray[np.float64], b: NDArray[np.float64], x: NDArray[np.float64]) -> bool:
+def cholesky_solve(a: Array, b: Array, x: Array) -> bool:
     """Solve a x = b for symmetric positive definite `a` (its lower triangle is used and destroyed)."""
     if not cholesky_factor(a):
         return False
@@ -55,7 +55,7 @@ def cholesky_solve(a: NDArray[np.float64], b: NDArray[np.float64], x: NDArray[np
 
 
 @jit
-def cholesky_invert(a: NDArray[np.float64], work: NDArray[np.float64], inverse: NDArray[np.float64]) -> bool:
+def cholesky_invert(a: Array, work: Array, inverse: Array) -> bool:
     """The inverse of a symmetric positive definite matrix, from its lower triangle; `a` is kept."""
     work[:] = a
     if not cholesky_factor(work):
@@ -69,14 +69,14 @@ def cholesky_invert(a: NDArray[np.float64], work: NDArray[np.float64], inverse: 
 
 
 @jit
-def eigenvalues(a: NDArray[np.float64]) -> NDArray[np.float64]:
+def eigenvalues(a: Array) -> Array:
     """Of a symmetric matrix, which is destroyed, the smallest first.  # (N,)"""
     diagonalise(a, np.empty((0, a.shape[0])))
     return np.sort(np.diag(a))
 
 
 @jit
-def diagonalise(a: NDArray[np.float64], rows: NDArray[np.float64]) -> None:
+def diagonalise(a: Array, rows: Array) -> None:
     """Turn a symmetric matrix until it is diagonal, and rows (K, N) with it: Jacobi's method, sweep by sweep.
 
     Rows of the unit matrix become those of the matrix whose columns are the eigenvectors.

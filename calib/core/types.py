@@ -1,14 +1,21 @@
-"""What is seen in photos, and of what; and parts of it."""
+"""What is seen in photos, and of what; and parts of it.
 
+Registries: things of one kind, a file each, by their names.
+"""
+
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from importlib import import_module
+from typing import Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Flags
+
 SUREST = 0.25
 """Of the median standard deviation; what states a smaller one, such as 1e-6 px, would own the pose of its photo."""
-Rows = NDArray[np.bool_] | NDArray[np.int64]
+Rows = Flags | NDArray[np.int64]
 
 
 def frozen_array(values: object, dtype: type[np.generic] = np.float64) -> NDArray[np.generic]:
@@ -83,15 +90,15 @@ class Detections:
     layout_id: str  # of the target they were named with
     geometry_id: str
     ring: NDArray[np.int64]  # (N,) rows of the target's arrays, ascending
-    position_mm: NDArray[np.float64]  # (N, 3) X Y Z in the target that they were named with
-    center_px: NDArray[np.float64]  # (N, 2) projected centres, u v
-    cov_px2: NDArray[np.float64]  # (N, 2, 2)
-    ellipse_px: NDArray[np.float64]  # (N, 5) outer contour: centre u v, semi-axes major minor, angle of the major (rad)
+    position_mm: Array  # (N, 3) X Y Z in the target that they were named with
+    center_px: Array  # (N, 2) projected centres, u v
+    cov_px2: Array  # (N, 2, 2)
+    ellipse_px: Array  # (N, 5) outer contour: centre u v, semi-axes major minor, angle of the major (rad)
     faces: tuple[FaceRecord, ...]
     remarks: tuple[str, ...] = ()  # what a person must know of this image: why nothing was found, mirrored, ambiguous
-    rejected_px: NDArray[np.float64] | None = None  # (K, 2) ring-like things that got no name
-    ratio: NDArray[np.float64] | None = None  # (N,) inner over outer radius, 0 of a dot; nan or None: not known
-    blur_px: NDArray[np.float64] | None = None  # (N,) standard deviation of the edges' blur; likewise
+    rejected_px: Array | None = None  # (K, 2) ring-like things that got no name
+    ratio: Array | None = None  # (N,) inner over outer radius, 0 of a dot; nan or None: not known
+    blur_px: Array | None = None  # (N,) standard deviation of the edges' blur; likewise
     motion_px: float = 0.0  # by which a motion smeared all edges while the photo was exposed; 0: none noticed
 
     def __post_init__(self) -> None:
@@ -108,7 +115,7 @@ class Detections:
         return f"<Detections of {self.image}: {'; '.join((f'{len(self.ring)} features', *self.remarks))}>"
 
     @property
-    def edges(self) -> NDArray[np.float64]:
+    def edges(self) -> Array:
         """Semi-axes (px) and angle of the outer contour, ratio of radii, blur (px); nan: not known.  # (N, 5)"""
         return np.column_stack([self.ellipse_px[:, 2:], np.asarray(self.ratio), np.asarray(self.blur_px)])
 
@@ -122,7 +129,7 @@ class Detections:
         """Centres in px likewise, (0, 0) at the centre of the top-left pixel as OpenCV has it.  # (N, 1, 2)"""
         return self.center_px.astype(np.float32)[:, None]
 
-    def keep(self, which: NDArray[np.int64] | NDArray[np.bool_] | slice) -> "Detections":
+    def keep(self, which: NDArray[np.int64] | Flags | slice) -> "Detections":
         """Some of the features, by row or by flag."""
         names = ("ring", "position_mm", "center_px", "cov_px2", "ellipse_px", "ratio", "blur_px")
         return replace(self, **{name: getattr(self, name)[which] for name in names})
@@ -132,11 +139,11 @@ class Detections:
 class KnownPoints:
     """The K points of a target whose sightings a camera is solved from, and the planes they lie in."""
 
-    position_mm: NDArray[np.float64]  # (K, 3) in the target's frame
+    position_mm: Array  # (K, 3) in the target's frame
     face: NDArray[np.int64]  # (K,) row of `plane`; -1: on no known plane
-    plane: NDArray[np.float64]  # (F, 4) unit normal n and offset d (mm) of the plane n X = d
+    plane: Array  # (F, 4) unit normal n and offset d (mm) of the plane n X = d
     geometry_id: str = ""  # of the target file they come from; "" for points from elsewhere
-    circle_mm: NDArray[np.float64] | None = None
+    circle_mm: Array | None = None
     """(K,) diameters of the circles whose images' centres were measured; 0: the point itself was, nan: nobody said;
     None: the points themselves."""
 
@@ -145,9 +152,9 @@ class KnownPoints:
         freeze(self, "position_mm", "plane", "circle_mm")
 
     @property
-    def middle_mm(self) -> NDArray[np.float64]:
+    def middle_mm(self) -> Array:
         """Of the box around them.  # (3,)"""
-        middle: NDArray[np.float64] = 0.5 * (self.position_mm.min(axis=0) + self.position_mm.max(axis=0))
+        middle: Array = 0.5 * (self.position_mm.min(axis=0) + self.position_mm.max(axis=0))
         return middle
 
 
@@ -159,8 +166,8 @@ class Observations:
     view_names: tuple[str, ...]  # (V,)
     view: NDArray[np.int64]  # (M,) ascending
     point: NDArray[np.int64]  # (M,) rows of `points`
-    center_px: NDArray[np.float64]  # (M, 2)
-    cov_px2: NDArray[np.float64] | None  # (M, 2, 2); None: not known, all alike
+    center_px: Array  # (M, 2)
+    cov_px2: Array | None  # (M, 2, 2); None: not known, all alike
     points: KnownPoints
     remarks: tuple[str, ...] = ()  # what was left out of them, or should be known, one line each
     smeared: tuple[str, ...] = ()  # names of views that a motion blurred
@@ -183,7 +190,7 @@ class RigObservations:
     frame_names: tuple[str, ...]  # (V,)
     sightings: tuple[Observations, ...]  # (C,) of each camera, of the same points; its views are frames
     frame: tuple[NDArray[np.int64], ...]  # (C,) of (V_c,): the frame of each view of a camera, ascending
-    time_s: tuple[NDArray[np.float64], ...] | None = None  # (C,) of (V_c,): time stamps; None: taken at once
+    time_s: tuple[Array, ...] | None = None  # (C,) of (V_c,): time stamps; None: taken at once
     remarks: tuple[str, ...] = ()  # what was left out, or should be known, one line each
 
     def __post_init__(self) -> None:
@@ -220,7 +227,7 @@ class RigObservations:
         return together
 
 
-def keep_frames(observations: RigObservations, keep: NDArray[np.bool_]) -> RigObservations:
+def keep_frames(observations: RigObservations, keep: Flags) -> RigObservations:
     """The sightings of some frames (V,), which are numbered anew."""
     if keep.all():
         return observations
@@ -247,7 +254,7 @@ def keep_sightings(observations: Observations, rows: Rows) -> Observations:
     )
 
 
-def keep_views(observations: Observations, keep: NDArray[np.bool_]) -> Observations:
+def keep_views(observations: Observations, keep: Flags) -> Observations:
     """The sightings of some views (V,), which are numbered anew."""
     if keep.all():
         return observations
@@ -287,3 +294,34 @@ def with_sound_covariances(observations: Observations) -> tuple[Observations, in
     sound = covariance.copy()
     sound[rows] = (axis[rows] * value[rows, None].clip(min=least)) @ axis[rows].transpose(0, 2, 1)
     return replace(observations, cov_px2=sound), len(rows)
+
+
+Entry = TypeVar("Entry")
+
+
+class Registry(Mapping[str, Entry]):
+    """What the files of a package hold, by the files' names; a file is loaded when its entry is used.
+
+    So a command can offer the names without waiting for compiled kernels.
+    """
+
+    def __init__(self, package: str, word: str, names: Collection[str]) -> None:
+        """Remember the names, in the order in which they are offered, and the word by which a file calls its entry."""
+        self._package, self._word, self._names = package, word, names
+        self._used: dict[str, Entry] = {}
+
+    def __getitem__(self, name: str) -> Entry:
+        if name not in self._used:
+            if name not in self._names:
+                raise KeyError(name)
+            self._used[name] = cast("Entry", getattr(import_module(f"{self._package}.{name}"), self._word))
+        return self._used[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)

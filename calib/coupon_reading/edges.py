@@ -9,10 +9,9 @@ from dataclasses import dataclass, fields
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.coupon_reading.place import Placed
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags
 from designer.target import TargetGeometry
 
 Feature = Literal["ring", "black line", "white line"]
@@ -51,11 +50,11 @@ class Edge:
         length = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
         return self.to_white * (length - self.radius_mm), self.to_white * offset / length[:, None]
 
-    def is_beside(self, place: Array) -> NDArray[np.bool_]:
+    def is_beside(self, place: Array) -> Flags:
         """Whether places lie where the edge is, not beyond a line's ends."""
         if self.axis < 0:
             return np.ones(len(place), dtype=bool)
-        along: NDArray[np.bool_] = np.abs((place - self.middle_mm)[:, 1 - self.axis]) < self.radius_mm - END_MM
+        along: Flags = np.abs((place - self.middle_mm)[:, 1 - self.axis]) < self.radius_mm - END_MM
         return along
 
     def moves(self, place: Array, normal: Array) -> Array:
@@ -130,7 +129,7 @@ class Pixels:
     bend_px: Array  # (N,) curvature of the edge, 1 / px; above 0: the ink is convex
     room_px: tuple[float, float]  # into the ink and into the white as drawn
 
-    def within(self, rows: NDArray[np.bool_]) -> "Pixels":
+    def within(self, rows: Flags) -> "Pixels":
         """Some of them."""
         arrays = {one.name: getattr(self, one.name)[rows] for one in fields(self) if one.name != "room_px"}
         return Pixels(**arrays, room_px=self.room_px)

@@ -20,12 +20,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.types import Detections
 from calib.coupon_reading.result import LEAST_OFFSET_MM, STEP_MM, UNSEEN_BLURS
 from calib.measure_target.deviations import Estimate
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Rows
 from designer.base.marks import Count, Number
 from designer.target import TargetGeometry
 
@@ -65,8 +64,8 @@ class _Rows:
 
     seen_mm: Array  # (N,) seeming bleed
     by_unknown: Array  # (N, 3) derivatives by b, c, e
-    view: NDArray[np.int64]  # (N,)
-    ring: NDArray[np.int64]  # (N,)
+    view: Rows  # (N,)
+    ring: Rows  # (N,)
 
 
 def ink_of_rings(seen: Sequence[Detections], target: TargetGeometry) -> InkBleed | None:

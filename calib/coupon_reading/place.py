@@ -18,10 +18,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Rows
 from designer.target import TargetGeometry
 
 SIZE, STRETCH, SKEW = range(3)
@@ -55,7 +54,7 @@ class Sighting:
     """The rings of one picture."""
 
     image_size: tuple[int, int]  # width, height in px
-    ring: NDArray[np.int64]  # (N,) rows of the target
+    ring: Rows  # (N,) rows of the target
     center_px: Array  # (N, 2)
     cov_px2: Array  # (N, 2, 2)
     focal_px: float | None = None  # as the file states it

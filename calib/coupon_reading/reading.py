@@ -11,13 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.jit import jit, jit_inside
 from calib.coupon_reading.edges import LEAST_PIXELS, MOST_REACH_PX, Edge, Pixels, pixels_of
 from calib.coupon_reading.place import Placed
 from calib.coupon_reading.tone import COUNT, LEAST, MOST, PRIOR, PRIOR_SIGMA, STEP, Profile, Tone, risen
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags
 
 LEVELS = 6
 """Of an edge: white and ink, each with a gradient."""
@@ -146,7 +145,7 @@ class _EdgeEquations:
     left: Array  # (N,) measured - model
     distance_px: Array  # (N,) into the white of the edge where it is
     contrast: Array  # (N,)
-    is_seen: NDArray[np.bool_]  # (N,) whether the file can hold the level
+    is_seen: Flags  # (N,) whether the file can hold the level
 
 
 def read_edges(image: Array, placed: Placed, edges: Sequence[Edge], full: float = 255.0) -> Reading | None:
@@ -313,7 +312,7 @@ def _cut_off(level: float, full: float, noise: float) -> tuple[float, float]:
 def _model(
     value: Array, distance_px: Array, per_mm: Array, bend_px: Array, direction: Array, place: Array, offset: Array,
     moves: Array, own: Array, numbers: Array, levels: Array, full: float, noise: float,
-) -> tuple[Array, Array, Array, Array, Array, NDArray[np.bool_]]:  # fmt: skip
+) -> tuple[Array, Array, Array, Array, Array, Flags]:  # fmt: skip
     """The fields of an edge's equations; numbers and levels are those of the shape, and of shapes a step away."""
     count, free, shared = len(value), moves.shape[1], len(numbers) - 1
     by_own, by_shape = np.zeros((count, LEVELS + free)), np.zeros((count, shared))

@@ -12,7 +12,7 @@ from calib.detector.candidates import Candidates
 from calib.detector.grid import Grid
 from calib.detector.marks import DOT, RING, UNREADABLE, read_marks, usual_contrast
 from calib.detector.plan import TargetPlan
-from designer.base.arrays import Array, Rows
+from designer.base.arrays import Array, Flags, Rows
 
 DISAGREEMENT = 2
 """A mark that contradicts weighs as much as so many that agree."""
@@ -101,7 +101,7 @@ class GridReader:
         return np.concatenate([np.mean(places, axis=0), ellipse[grid.row[near], 2:].mean(axis=0)])
 
 
-def alignments(plan: TargetPlan, face: int, grid: Grid, sure: NDArray[np.bool_], turns: Rows) -> list[Alignment]:
+def alignments(plan: TargetPlan, face: int, grid: Grid, sure: Flags, turns: Rows) -> list[Alignment]:
     """All ways to lay a grid on a face so that its sure members (N,) fall on features, by turns (S, 2, 2)."""
     table = plan.row_table[face] >= 0
     found = []
@@ -140,7 +140,7 @@ def largest_overlap(plan: TargetPlan, index: Rows, turns: Rows) -> int:
     return round(best)
 
 
-def agreement(expected_dot: NDArray[np.bool_], mark: Rows, weight: int = DISAGREEMENT) -> Rows:
+def agreement(expected_dot: Flags, mark: Rows, weight: int = DISAGREEMENT) -> Rows:
     """Marks that agree, less `weight` times those that do not.  # (..., P), (P,) -> (...,)"""
     agrees = np.where(expected_dot, mark == DOT, mark == RING)
     denies = np.where(expected_dot, mark == RING, mark == DOT)

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from calib.core.jit import jit
 from calib.detector.ring_model import upright
+from designer.base.arrays import Array, Flags, Rows
 
 COARSE_PIXELS = 8_000_000
 """Candidates are looked for in images reduced to about this size; centres are always measured in the full image."""
-Floats: TypeAlias = NDArray[np.float64]
-Integers: TypeAlias = NDArray[np.int64]
+Floats: TypeAlias = Array
+Integers: TypeAlias = Rows
 
 MIN_POINTS = 6
 MIN_AREA_PX2 = 4.0
@@ -124,7 +125,7 @@ class Borders:
     point: NDArray[np.int32]  # (P, 2) u v, border after border
     first: Integers  # (B + 1,) where a border's points begin
     parent: Integers  # (B,) the border around, -1: none
-    is_hole: NDArray[np.bool_]  # (B,)
+    is_hole: Flags  # (B,)
     ellipse: Floats  # (B, 5) centre u v, then E (3): the ellipse with the region's area and second moments
     misfit_px: Floats  # (B,) root-mean-square distance of the border's points from that ellipse; inf: no ellipse
 
@@ -201,9 +202,7 @@ def _misfit(point: NDArray[np.int32], start: int, stop: int, e: Floats, grow: fl
 
 
 @jit
-def _ellipses(
-    point: NDArray[np.int32], first: Integers, is_hole: NDArray[np.bool_], ellipse: Floats, misfit: Floats
-) -> None:
+def _ellipses(point: NDArray[np.int32], first: Integers, is_hole: Flags, ellipse: Floats, misfit: Floats) -> None:
     """Each border's ellipse, and how well the border fits it."""
     moment = np.empty(5)
     for b in range(len(first) - 1):
@@ -244,7 +243,7 @@ def find_borders(binary: NDArray[np.uint8]) -> Borders:
 
 
 @jit
-def _hole_flags(parent: Integers) -> NDArray[np.bool_]:
+def _hole_flags(parent: Integers) -> Flags:
     """Whether a border lies at odd depth. A parent always comes before or after; walk up to the top."""
     count = len(parent)
     depth = np.full(count, -1, dtype=np.int64)
@@ -260,7 +259,7 @@ def _hole_flags(parent: Integers) -> NDArray[np.bool_]:
             depth[at] = value
             value -= 1
             at = parent[at]
-    is_hole: NDArray[np.bool_] = depth % 2 == 1
+    is_hole: Flags = depth % 2 == 1
     return is_hole
 
 
@@ -306,12 +305,12 @@ def midpoint_on_line(a: float, b: float, c: float, d: float) -> float:
 @jit
 def refine_seeds(
     point: NDArray[np.int32],
-    first: NDArray[np.int64],
-    outer: NDArray[np.int64],
-    inner: NDArray[np.int64],
+    first: Rows,
+    outer: Rows,
+    inner: Rows,
     ellipse: Floats,
     seed: Floats,
-) -> NDArray[np.bool_]:
+) -> Flags:
     """Move each seed (N, 2) to the projected centre of its two borders; false where the lines miss them.
 
     The mean of the last half of the steps is taken, because borders run in whole pixels. A step goes along two lines at

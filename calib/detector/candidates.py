@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from calib.core.jit import jit
 from calib.detector.borders import Borders, Threshold, binarise, find_borders, is_speckle, refine_seeds
+from designer.base.arrays import Array, Rows
 
-Floats: TypeAlias = NDArray[np.float64]
+Floats: TypeAlias = Array
 
 MIN_RADIUS_PX = 2.2
 """Smaller blobs hold no position worth having."""
@@ -25,7 +26,7 @@ class Candidates:
 
     ellipse: Floats  # (N, 5) centre u v (for rings: the projected centre), then E of the outer border (3)
     ratio: Floats  # (N,) inner over outer radius; 0: no white centre was seen
-    region: NDArray[np.int64]  # (N,) the white region around, a number unique in the image
+    region: Rows  # (N,) the white region around, a number unique in the image
     misfit_px: Floats  # (N,)
 
     @property
@@ -72,7 +73,7 @@ def find_candidates(
     )
 
 
-def _dark_ellipses(borders: Borders) -> NDArray[np.int64]:
+def _dark_ellipses(borders: Borders) -> Rows:
     """Holes that are ellipses.  # (N,)"""
     large, small = semi_axes_px(borders.ellipse[:, 2:])
     fits = borders.misfit_px < 0.35 + 0.06 * small
@@ -83,7 +84,7 @@ def _dark_ellipses(borders: Borders) -> NDArray[np.int64]:
     return rows
 
 
-def _white_centres(borders: Borders, outer: NDArray[np.int64], ratio: float) -> NDArray[np.int64]:
+def _white_centres(borders: Borders, outer: Rows, ratio: float) -> Rows:
     """The white blob inside each dark ellipse that can be a ring's centre; -1: none.  # (N,)"""
     slot = np.full(len(borders.parent), -1, dtype=np.int64)
     slot[outer] = np.arange(len(outer))
@@ -139,14 +140,14 @@ def merged(first: Candidates, second: Candidates) -> Candidates:
 @jit
 def _nearest(
     at: Floats,
-    order: NDArray[np.int64],
+    order: Rows,
     ellipse: Floats,
     place: Floats,
     shape: Floats,
     reach: float,
     size_ratio: float,
     distance: Floats,
-) -> NDArray[np.int64]:
+) -> Rows:
     """See `nearest_candidates`; `at` are the candidates' u in ascending `order`."""
     nearest = np.full(len(place), -1, dtype=np.int64)
     for n in range(len(place)):
@@ -167,7 +168,7 @@ def _nearest(
 
 def nearest_candidates(
     candidates: Candidates, place: Floats, shape: Floats, *, reach: float, size_ratio: float
-) -> tuple[NDArray[np.int64], Floats]:
+) -> tuple[Rows, Floats]:
     """The candidate nearest to each place (N, 2) in the plane around it, where a circle looks like E (N, 3).
 
     Rows, -1 where there is none within reach and of like area (N,), and distances in radii (N,).

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from designer.base.arrays import Array
+
 Colour = tuple[int, int, int]  # red, green, blue
 Point = tuple[float, float]  # u, v in px of the photo
 Box = tuple[int, int, int, int]  # left, top, right, bottom in cells of the map of what is taken
@@ -33,7 +35,7 @@ class Canvas:
         """A place on the canvas. The centre of pixel (0, 0) of the photo is not the canvas's."""
         return (point[0] + 0.5) * self.scale - 0.5, (point[1] + 0.5) * self.scale - 0.5
 
-    def ellipse(self, ellipse: NDArray[np.float64], colour: Colour, width: float, dashes: int = 0) -> None:
+    def ellipse(self, ellipse: Array, colour: Colour, width: float, dashes: int = 0) -> None:
         """The outlines of ellipses (centre u v, semi-axes, angle in rad), or as many dashes.  # (5,) or (N, 5)"""
         points = ellipse_points(np.atleast_2d(ellipse), max(48, 8 * dashes))
         if not dashes:
@@ -42,19 +44,19 @@ class Canvas:
         for dash in np.array_split(points, 2 * dashes, axis=1)[::2]:
             self.line(dash, colour, width)
 
-    def line(self, points: NDArray[np.float64], colour: Colour, width: float, *, closed: bool = False) -> None:
+    def line(self, points: Array, colour: Colour, width: float, *, closed: bool = False) -> None:
         """A line through points, or several in one colour.  # (K, 2) or (N, K, 2)"""
         on_canvas = (points.reshape(-1, *points.shape[-2:]) + 0.5) * self.scale - 0.5
         fixed = np.rint(_drawable(on_canvas) * 2**_SHIFT).astype(np.int32)
         cv2.polylines(self.pixels, list(fixed), closed, colour, max(1, round(width)), cv2.LINE_AA, _SHIFT)
 
-    def take(self, ellipse: NDArray[np.float64]) -> None:
+    def take(self, ellipse: Array) -> None:
         """Keep text away from ellipses.  # (N, 5)"""
         points = ((ellipse_points(ellipse, 24) + 0.5) * self.scale - 0.5) / _TAKEN_PX
         for outline in np.rint(_drawable(points)).astype(np.int32):
             cv2.fillConvexPoly(self.taken, outline, 1)
 
-    def take_line(self, points: NDArray[np.float64], width: float) -> None:
+    def take_line(self, points: Array, width: float) -> None:
         """Keep text away from a line.  # (N, 2)"""
         places = ((points[None] + 0.5) * self.scale - 0.5) / _TAKEN_PX
         outlines, thickness = list(np.rint(_drawable(places)).astype(np.int32)), max(1, round(width / _TAKEN_PX))
@@ -120,14 +122,14 @@ def canvas_between(
     return sheet, Canvas(pixels, np.zeros((rows // _TAKEN_PX + 1, columns // _TAKEN_PX + 1), np.uint8), scale)
 
 
-def _drawable(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _drawable(points: Array) -> Array:
     """Lines that OpenCV's whole numbers hold; what is beyond them is not in the picture.  # (N, K, 2)"""
     with np.errstate(invalid="ignore"):
-        inside: NDArray[np.float64] = points[(np.abs(points) <= _FARTHEST).all(axis=(1, 2))]  # false if not finite
+        inside: Array = points[(np.abs(points) <= _FARTHEST).all(axis=(1, 2))]  # false if not finite
     return inside
 
 
-def ellipse_points(ellipse: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+def ellipse_points(ellipse: Array, count: int) -> Array:
     """Points of the outlines of ellipses.  # (..., 5) -> (..., count, 2)"""
     turn = np.linspace(0, 2 * np.pi, count, endpoint=False)
     u, v, large, small, angle = np.moveaxis(ellipse[..., None], -2, 0)

@@ -34,7 +34,7 @@ from calib.detector.place import Naming, Placement, Places, complete, predict, w
 from calib.detector.plan import TargetPlan
 from calib.detector.verify import gather, refusal
 from calib.detector.wide_guess import guess_lens
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Rows
 
 Grey: TypeAlias = NDArray[np.generic]
 Size: TypeAlias = tuple[int, int]
@@ -155,9 +155,7 @@ def _glimpse(
     )
 
 
-def _seen(
-    plan: TargetPlan, candidates: Candidates, naming: Naming, places: Places, read: NDArray[np.int64]
-) -> Measured:
+def _seen(plan: TargetPlan, candidates: Candidates, naming: Naming, places: Places, read: Rows) -> Measured:
     """Candidates that are what their names say, at the centres that their faces give them, on faces that were read.
 
     The few that other faces name on a face that hardly shows are not believed without a measured edge.
@@ -186,7 +184,7 @@ def _seen(
     )
 
 
-def _sigma_px(face: NDArray[np.int64], off_px: Array) -> Array:
+def _sigma_px(face: Rows, off_px: Array) -> Array:
     """What centres of a face are off by, per axis: N borders fix eight numbers of its homography.  # (N,)"""
     count = np.maximum(np.bincount(face), 1)
     variance = np.bincount(face, off_px**2) / (2 * count)

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from calib.core import homography
 from calib.core.jit import jit
 from calib.detector.candidates import Candidates
+from designer.base.arrays import Array, Flags, Rows
 from designer.target import TargetGeometry
 
-Floats: TypeAlias = NDArray[np.float64]
-Integers: TypeAlias = NDArray[np.int64]
+Floats: TypeAlias = Array
+Integers: TypeAlias = Rows
 
 STEP_TOLERANCE = 0.25
 """How far a neighbour may lie from where it is predicted, as a share of the step."""
@@ -334,7 +335,7 @@ def planar_parts(candidates: Candidates, grid: Grid, pitch_radii: float) -> tupl
     return tuple(parts)
 
 
-def _largest_part(index: Floats, point: Floats, reach_px: Floats) -> NDArray[np.bool_]:
+def _largest_part(index: Floats, point: Floats, reach_px: Floats) -> Flags:
     """Members that one homography places within their reach, for the neighbourhood that has most of them.  # (N,)"""
     best = np.zeros(len(index), dtype=np.bool_)
     for middle in index:

@@ -5,7 +5,6 @@ from functools import cached_property
 from typing import ClassVar, Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
@@ -15,10 +14,11 @@ from calib.core.homography import determines, equations, fit_entries
 from calib.core.jit import jit
 from calib.core.se3 import rotation_between
 from calib.core.small_solve import cholesky_factor, substitute
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 
-Floats: TypeAlias = NDArray[np.float64]
-Integers: TypeAlias = NDArray[np.int64]
+Floats: TypeAlias = Array
+Integers: TypeAlias = Rows
 
 STEPS = 5
 DAMPING = 1e-10

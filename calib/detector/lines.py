@@ -11,7 +11,6 @@ by alike amounts on all faces that lean alike, which a camera takes for another 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core import homography
 from calib.core.linear_algebra import least_squares
@@ -20,7 +19,7 @@ from calib.detector.lens import Lens, local_form, scale_to_weigh_with
 from calib.detector.place import Placement
 from calib.detector.plan import TargetPlan
 from calib.detector.wide_guess import guess_lens
-from designer.base.arrays import Array, Rows
+from designer.base.arrays import Array, Flags, Rows
 
 LEAST_FOR_SLOPE, LEAST_FOR_QUADRATIC = 6, 12
 ROUNDS = 4
@@ -41,7 +40,7 @@ OFF_ROW = 3
 """So many of them must stand off any one row: what hangs on a single point shows no misfit when that point is wrong."""
 
 
-def blur_growth(center_px: Array, blur_px: Array, is_known: NDArray[np.bool_], face: Rows) -> Array:
+def blur_growth(center_px: Array, blur_px: Array, is_known: Flags, face: Rows) -> Array:
     """The gradient (N, 2) of the blur's logarithm at each feature, per px; 0 on faces with few whose blur is known."""
     growth = np.zeros_like(center_px)
     for f in np.unique(face[is_known]):
@@ -98,7 +97,7 @@ class Seen:
 
     center_px: Array  # (N, 2)
     sigma_px: Array  # (N,) per axis
-    use: NDArray[np.bool_]  # (N,) whether to trust it
+    use: Flags  # (N,) whether to trust it
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +109,7 @@ class Lines:
     residual_px: Array  # (N, 2) from where the grid puts the feature
 
     @property
-    def known(self) -> NDArray[np.bool_]:
+    def known(self) -> Flags:
         """Whether a feature has a line.  # (N,)"""
         return np.asarray(self.information[:, 0, 0] > 0)
 
@@ -178,7 +177,7 @@ def _spans_plane(index: Rows, plan: TargetPlan) -> bool:
     return True
 
 
-def _weighted_homography(plane: Array, straight: Array, sigma: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _weighted_homography(plane: Array, straight: Array, sigma: Array) -> tuple[Array, Array, Flags]:
     """Homography and covariance, scaled by the misfit if that is more than the noise; far points left out."""
     weight = 1 / (sigma**2 + 0.003**2)
     matrix, covariance, residual, keep = homography.fit_near(plane, straight, weight, slack=1e-9, least=MIN_FOR_LINE)

@@ -12,8 +12,9 @@ from calib.detector.place import Places, usual_nearby
 from calib.detector.plan import TargetPlan
 from calib.detector.ring_fit import RingFits
 from calib.detector.ring_model import E00, E11, RATIO, upright
+from designer.base.arrays import Array, Rows
 
-Floats: TypeAlias = NDArray[np.float64]
+Floats: TypeAlias = Array
 
 RING: Final = 1
 DOT: Final = 2
@@ -73,9 +74,7 @@ def _sample_marks(image: NDArray[np.generic], ellipse: Floats, ratio: float, aro
         level[n, 4] = np.mean((white < middle).astype(np.float64))
 
 
-def read_marks(
-    image: NDArray[np.generic], ellipse: Floats, *, ratio: float, around: float, contrast: float
-) -> NDArray[np.int64]:
+def read_marks(image: NDArray[np.generic], ellipse: Floats, *, ratio: float, around: float, contrast: float) -> Rows:
     """RING, DOT or UNREADABLE at ellipses (N, 5): centre u v and E of the outer border, seen or predicted.
 
     White is looked for `around` outer radii from the centre. Where it is brighter than ink by less than a third of
@@ -84,7 +83,7 @@ def read_marks(
     return marks_of(zone_levels(image, ellipse, ratio=ratio, around=around), contrast)
 
 
-def marks_of(level: Floats, contrast: float | Floats) -> NDArray[np.int64]:
+def marks_of(level: Floats, contrast: float | Floats) -> Rows:
     """RING, DOT or UNREADABLE from what `zone_levels` gives, where the rings nearby have that contrast.  # (N, 5)"""
     step = level[:, 2] - level[:, 1]
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -19,9 +19,9 @@ from calib.detector.candidates import Candidates
 from calib.detector.grid import Grid, planar_parts
 from calib.detector.marks import DOT
 from calib.detector.plan import TargetPlan
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags, Rows
 
-Integers: TypeAlias = NDArray[np.int64]
+Integers: TypeAlias = Rows
 
 UNNAMED = -1
 
@@ -74,7 +74,7 @@ def follow(
     corner: Integers,
     score: Integers,
     options: Integers,
-    touch: NDArray[np.bool_],
+    touch: Flags,
     corner_vertex: Integers,
     corners: int,
     anchor: int,
@@ -385,7 +385,7 @@ def name_board(
     return reason
 
 
-def _by_dots(plan: TargetPlan, grid: Grid, sure: NDArray[np.bool_], reader: GridReader) -> BoardName:
+def _by_dots(plan: TargetPlan, grid: Grid, sure: Flags, reader: GridReader) -> BoardName:
     """Every face, turn and shift that puts a seen dot on a dot of the target; the best one, if by a margin."""
     dots = reader.discs
     if not len(dots):
@@ -406,7 +406,7 @@ def _by_dots(plan: TargetPlan, grid: Grid, sure: NDArray[np.bool_], reader: Grid
 
 
 def _best(
-    plan: TargetPlan, grid: Grid, sure: NDArray[np.bool_], reader: GridReader, dots: Integers, turns: Integers
+    plan: TargetPlan, grid: Grid, sure: Flags, reader: GridReader, dots: Integers, turns: Integers
 ) -> tuple[int, int, int, Alignment] | None:
     """Score, margin, face and alignment of the best way to explain the dots seen; None: nothing speaks for any.
 
@@ -446,7 +446,7 @@ def _ways(plan: TargetPlan, dots: Integers, turns: Integers) -> Iterator[tuple[i
                 yield face, Alignment(turn, shift)
 
 
-def _by_outline(plan: TargetPlan, candidates: Candidates, grid: Grid, sure: NDArray[np.bool_]) -> BoardName:
+def _by_outline(plan: TargetPlan, candidates: Candidates, grid: Grid, sure: Flags) -> BoardName:
     """A board without dots: the grid must fill it; of the ways left, the most upright is taken and said to be so."""
     options = alignments(plan, 0, grid, sure, plan.lattice.turns)
     if not options:

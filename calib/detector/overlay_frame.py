@@ -10,6 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from calib.core.types import Detections
 from calib.detector.canvas import Canvas, Colour
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 
 SIGMA_RANGE_PX = (0.001, 0.3)
@@ -103,7 +104,7 @@ def _legend(width: int, height: int) -> NDArray[np.uint8]:
     return strip
 
 
-def _draw_icon(canvas: Canvas, icon: int, middle: NDArray[np.float64], radius: float, pen: float) -> None:
+def _draw_icon(canvas: Canvas, icon: int, middle: Array, radius: float, pen: float) -> None:
     """A mark as it stands in the picture: ring, dot, missing, rejected."""
     circle = np.array([*middle, radius, radius, 0.0])
     reach = np.array([[1.0, 0.0], [0.0, 1.0]]) * 0.45 * radius

@@ -32,8 +32,9 @@ from calib.detector.ring_model import (
     parameters_of,
     plane_distance,
 )
+from designer.base.arrays import Array
 
-Floats: TypeAlias = NDArray[np.float64]
+Floats: TypeAlias = Array
 
 RAYS = 40
 MAX_STEPS = 33

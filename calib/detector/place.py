@@ -11,7 +11,7 @@ from calib.detector.candidates import Candidates, nearest_candidates
 from calib.detector.lens import Lens, local_form, scale_to_weigh_with
 from calib.detector.plan import TargetPlan
 from calib.detector.wide_guess import guess_lens
-from designer.base.arrays import Array, Rows
+from designer.base.arrays import Array, Flags, Rows
 
 REACH = 0.22
 """A candidate nearer than this share of the pitch to where a feature must be is that feature ..."""
@@ -71,7 +71,7 @@ class Places:
         """Some of them."""
         return Places(self.ring[rows], self.center_px[rows], self.shape[rows])
 
-    def are_whole(self, image_size: tuple[int, int]) -> NDArray[np.bool_]:
+    def are_whole(self, image_size: tuple[int, int]) -> Flags:
         """Whether the image's edge leaves all of a feature in the image, and a pixel around it.  # (N,)"""
         across = np.stack([np.hypot(self.shape[:, 1], self.shape[:, 2]), self.shape[:, 0]], axis=1)
         half = across / (self.shape[:, :1] * self.shape[:, 2:]) + 1
@@ -161,7 +161,7 @@ def direct_projection(point: Array, image: Array) -> Array:
     return np.asarray(projection * np.sign(np.median(depth)))
 
 
-def _shows_front(mapped: Array, outline_mm: Array) -> NDArray[np.bool_]:
+def _shows_front(mapped: Array, outline_mm: Array) -> Flags:
     """Whether faces turn their front to the camera: their outline runs clockwise in the image (v points down)."""
     depth = np.einsum("fkc,fc->fk", outline_mm, mapped[:, 2, :2]) + mapped[:, 2, 2:]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -304,9 +304,7 @@ def _worst_misfit(plan: TargetPlan, candidates: Candidates, naming: Naming, lens
     return max(float(np.median(share[face == f])) for f in faces)
 
 
-def usual_nearby(
-    plan: TargetPlan, places: Places, wanted: NDArray[np.bool_], value: Array, is_known: NDArray[np.bool_]
-) -> Array:
+def usual_nearby(plan: TargetPlan, places: Places, wanted: Flags, value: Array, is_known: Flags) -> Array:
     """Median of a value over the nearest places of a face that have a known one; nan: too few or not wanted.  # (N,)"""
     usual, face = np.full(len(value), np.nan), plan.target.ring_face[places.ring]
     for f in np.unique(face[wanted]):

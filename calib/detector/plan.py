@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.detector.grid import Lattice, lattice_of
-from designer.base.arrays import Array, Rows
+from designer.base.arrays import Array, Flags, Rows
 from designer.target import TargetGeometry
 
 
@@ -26,7 +25,7 @@ class TargetPlan:
     beyond_face: Rows  # (B,) of the places one step outside the target, on its lattice
     beyond_mm: Array  # (B, 2) these places in the face's plane
     mark_index: Rows  # (P, 2) candidate positions of marks on a face
-    mark_is_dot: NDArray[np.bool_]  # (F, P) which of them carry a dot
+    mark_is_dot: Flags  # (F, P) which of them carry a dot
 
     @property
     def is_coded(self) -> bool:
@@ -149,7 +148,7 @@ def _shared_corners(target: TargetGeometry) -> Rows:
     return np.asarray(np.argmax(distance < tolerance, axis=1).reshape(corner.shape[:2]))
 
 
-def _marks(target: TargetGeometry) -> tuple[Rows, NDArray[np.bool_]]:
+def _marks(target: TargetGeometry) -> tuple[Rows, Flags]:
     """Where marks may be, and where they are: of coded faces wherever one has a dot, row by row from the corner on."""
     face, index = target.ring_face[target.is_dot], target.ring_index[target.is_dot]
     place, row = np.unique(np.column_stack([index.sum(axis=1), index[:, ::-1]]), axis=0, return_inverse=True)

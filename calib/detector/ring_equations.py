@@ -3,7 +3,6 @@
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.jit import jit, jit_inside, jit_sums
 from calib.detector.ring_model import (
@@ -26,8 +25,9 @@ from calib.detector.ring_model import (
     parameters_of,
     plane_distance,
 )
+from designer.base.arrays import Array
 
-Floats: TypeAlias = NDArray[np.float64]
+Floats: TypeAlias = Array
 Equation: TypeAlias = tuple[
     float, float, float, float, float, float, float, float, float, float, float, float, float, float, float, float
 ]

@@ -32,8 +32,9 @@ from calib.detector.ring_model import (
     choose_pixels,
 )
 from calib.detector.ring_scores import SCORES_ROOM, Scores, score_ring
+from designer.base.arrays import Array, Flags, Rows
 
-Floats: TypeAlias = NDArray[np.float64]
+Floats: TypeAlias = Array
 
 MAX_ITERATIONS = 25
 CONVERGED_PX = 1e-3
@@ -56,8 +57,8 @@ class RingFits:
     cov_px2: Floats  # (N, 2, 2) of the centre
     noise: Floats  # (N,) residual standard deviation in grey levels
     scores: Scores
-    pixels: NDArray[np.int64]  # (N,) how many pixels were used
-    ok: NDArray[np.bool_]  # (N,)
+    pixels: Rows  # (N,) how many pixels were used
+    ok: Flags  # (N,)
 
     @property
     def center_px(self) -> Floats:
@@ -187,8 +188,8 @@ def _fit_range(
     score: Floats,
     alone: Floats,
     tone: Floats,
-    has_tone: NDArray[np.bool_],
-    used: NDArray[np.int64],
+    has_tone: Flags,
+    used: Rows,
 ) -> None:
     """Fit rings first..last-1; `used` stays 0 where a fit failed."""
     work = np.empty((5, PARAMETERS, PARAMETERS))
@@ -232,7 +233,7 @@ def fit_rings(
     line_information: Floats | None = None,
     bend: Floats | None = None,
     growth: Floats | None = None,
-    tone_asked: NDArray[np.bool_] | None = None,
+    tone_asked: Flags | None = None,
 ) -> RingFits:
     """Fit the ring model to the pixels of an image.
 

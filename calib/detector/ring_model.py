@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.jit import jit, jit_inside, jit_sums
+from designer.base.arrays import Array, Flags
 
 CENTER_U: Final = 0
 CENTER_V: Final = 1
@@ -49,7 +50,7 @@ INK_LIGHT_V: Final = 14
 PARAMETERS: Final = 15
 GEOMETRY_PARAMETERS: Final = 8
 
-Floats: TypeAlias = NDArray[np.float64]
+Floats: TypeAlias = Array
 Numbers: TypeAlias = Floats | tuple[float, ...]
 """Where a loop runs over pixels: a tuple, which stays in registers, so that several pixels are worked out at once."""
 LENS_NUMBERS: Final = 8
@@ -174,7 +175,7 @@ def _sample_pixels(image: NDArray[np.generic], p: Floats, q: Floats, reach: floa
 
 
 @jit_sums
-def _mark_near(p: Numbers, q: Numbers, reach: float, limit: float, u: int, v: int, near: NDArray[np.bool_]) -> None:
+def _mark_near(p: Numbers, q: Numbers, reach: float, limit: float, u: int, v: int, near: Flags) -> None:
     """Whether pixels from (u, v) on to the right are near the ring's edges, into `near`."""
     has_hole = p[RATIO] > 0.0
     for k in range(len(near)):

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.jit import jit, jit_inside, jit_sums
 from calib.core.small_solve import cholesky_solve
@@ -41,9 +40,9 @@ from calib.detector.ring_model import (
     bend_of,
     parameters_of,
 )
-from designer.base.arrays import Rows
+from designer.base.arrays import Array, Rows
 
-Floats: TypeAlias = NDArray[np.float64]
+Floats: TypeAlias = Array
 
 REACH_PX = 4.0
 """Residuals no farther apart along an edge may go together; twice that changes no ratio of the benchmark by 10 %."""

@@ -4,10 +4,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.types import Detections
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Rows
 from designer.target import TargetGeometry
 
 _NEAREST = 4
@@ -44,8 +43,8 @@ class ImagedFace:
     """A face with N found features."""
 
     face: int
-    rows: NDArray[np.int64]  # (N,) of the detections
-    ring: NDArray[np.int64]  # (N,) of the target
+    rows: Rows  # (N,) of the detections
+    ring: Rows  # (N,) of the target
     in_face_mm: Array  # (N, 2)
     map: _FaceMap
     center_px: Array  # (N, 2)

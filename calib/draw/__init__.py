@@ -19,7 +19,7 @@ from calib.judge.coverage import coverage_of
 from calib.solver.metrics.errors import summarise
 from calib.solver.metrics.evaluation import Evaluation
 from calib.solver.metrics.residual_cells import cells_of_residuals, residuals_of
-from designer.base.number_text import figure as digits
+from designer.base.words import figure as digits
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,7 +1,6 @@
 """Where photos were taken from, around their target, in 3D."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.types import KnownPoints
 from calib.draw.rig_scene import body_words, view_of
@@ -10,14 +9,13 @@ from calib.judge.solutions import Solution
 from calib.judge.views import view_facts
 from calib.solver.metrics.errors import centers_mm
 from calib.solver.metrics.evaluation import by_view
-from designer.base.number_text import figure as digits
+from designer.base.arrays import Array
+from designer.base.words import figure as digits
 from designer.base.words import printable
 from designer.page.blocks import View3d
 from designer.page.scene import Layer, Rings, Scene, Segments, Surface
 from designer.target import TargetGeometry
 from designer.target_scene import camera_layer, camera_size_mm, target_layers
-
-Array = NDArray[np.float64]
 
 BODY, INK = "#f4f4f2", "#2b2b2b"
 NEXT = "#D55E00"

@@ -1,11 +1,18 @@
-"""Fields over the image: residuals and their means, values as bands of colour, what is covered."""
+"""Fields over the image: residuals and their means, values as bands of colour, what is covered.
+
+The picture of a difference of two cameras: a map with contours and arrows.
+
+What undistortion moves.
+"""
 
 import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.cameras.camera import Camera
+from calib.cameras.refit import CameraDifference, image_centre
+from calib.cameras.undistortion import UndistortionChange, moved
 from calib.draw.sigma_map import SigmaMap, scale_end
 from calib.draw.style import (
     BLUE,
@@ -19,15 +26,19 @@ from calib.draw.style import (
     AxesDrawing,
     bar_beside,
     image_axes,
+    note,
+    picture,
     round_length,
 )
 from calib.judge.coverage import Coverage
 from calib.solver.metrics.residual_cells import ResidualCells, Residuals
-from designer.base.number_text import figure as digits
-from designer.base.words import capital
+from designer.base.arrays import Array, Rows
+from designer.base.words import NAME, capital
+from designer.base.words import figure as digits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MOST_ARROWS = 4000
 ARROW_SHARE = 0.04
@@ -129,8 +140,6 @@ def systematic_drawing(
     return AxesDrawing(title, words, lambda axes: _draw_means(axes, cells, image_size, end), image_size, has_bar=True)
 
 
-Array = NDArray[np.float64]
-
 ROUND = tuple(round(step * 10.0**power, 9) for power in range(-6, 5) for step in (1, 2, 5))
 BANDS = 25
 """Flat bands of colour make small files."""
@@ -224,3 +233,127 @@ def _draw_uncertainty(axes: "Axes", found: SigmaMap) -> None:
     axes.set_facecolor(EMPTY)
     if found.is_known:
         draw_map(axes, found.pixel, found.sigma_px, "px", may_be_wide=True)
+
+
+MAP_WIDTH_PX = 1300
+ARROWS = 15
+"""Arrows side by side."""
+LEAST_PX = 1e-6
+"""Smaller differences are rounding, and have no arrows."""
+TITLE = f"{NAME} camera difference"
+LONGEST = 0.9
+"""Length of the longest arrow, in distances between arrows."""
+
+
+def difference_picture(difference: CameraDifference, title: str, text: str) -> bytes:
+    """A PNG: lengths as colours and contours in px, directions as arrows; grey where a camera knows no light.
+
+    Args:
+        difference: of two cameras, known at one pixel at least.
+        title: of the picture.
+        text: below the title.
+    """
+    width, height = difference.image_size
+    length = difference.length_px
+
+    def draw(page: "Figure") -> None:
+        axes = page.add_subplot()
+        image_axes(axes, difference.image_size)
+        axes.set_title(title)
+        draw_map(axes, difference.pixel, length, "px")
+        longest, is_cut = _arrows(axes, difference)
+        _fitted_region(axes, difference)
+        cut = f"; arrows cut at {longest:.2g} px" if is_cut else ""
+        note(axes, f"{text}{cut}" + ("" if np.isfinite(length).all() else "; grey: not known by both"))
+
+    return picture(round(min(max(MAP_WIDTH_PX * height / width, 500), 2600)) + 180, draw, title=TITLE)
+
+
+def _arrows(axes: "Axes", difference: CameraDifference) -> tuple[float, bool]:
+    """Where the second camera sees what the first sees at an arrow, drawn far too long; a key tells the scale.
+
+    Returns:
+        The longest that is drawn, and whether others were cut to it: else those of most places would be dots.
+    """
+    step = max(1, difference.pixel.shape[1] // ARROWS)
+    rows, columns = (_spread(count, step) for count in difference.pixel.shape[:2])
+    foot = difference.pixel[np.ix_(rows, columns)].reshape(-1, 2)
+    arrow = difference.difference_px[np.ix_(rows, columns)].reshape(-1, 2)
+    known = np.isfinite(arrow).all(axis=1)
+    foot, arrow = foot[known], arrow[known]
+    length = np.hypot(*arrow.T)
+    end, is_cut = scale_end(difference.length_px[np.isfinite(difference.length_px)])
+    longest = min(float(length.max(initial=0.0)), end)
+    if longest <= LEAST_PX:
+        return longest, False
+    arrow = arrow * np.minimum(1.0, longest / np.maximum(length, LEAST_PX))[:, None]
+    spacing = step * float(difference.pixel[0, 1, 0] - difference.pixel[0, 0, 0])
+    quiver = axes.quiver(
+        *foot.T, *arrow.T, angles="xy", scale_units="xy", scale=longest / (LONGEST * spacing), color=PALE,
+        edgecolor=DEEP, linewidth=0.6, pivot="mid", width=0.022, units="inches", minlength=0.3,
+    )  # fmt: skip
+    key = round_length(longest)
+    axes.quiverkey(quiver, 0.94, 1.025, key, f"{key:g} px", labelpos="E", coordinates="axes")
+    return longest, is_cut
+
+
+def _spread(count: int, step: int) -> Rows:
+    """About every `step`-th of `count` places, none of them at an end."""
+    parts = max(1, count // step)
+    return np.round(np.linspace(0, count - 1, 2 * parts + 1)[1::2]).astype(np.int64)
+
+
+def _fitted_region(axes: "Axes", difference: CameraDifference) -> None:
+    """The circle that the rotation was fitted in, if it is not the whole image."""
+    from matplotlib.patches import Circle
+
+    if 0 < difference.radius_px < np.hypot(*difference.image_size) / 2:
+        u, v = image_centre(difference.image_size).tolist()
+        axes.add_patch(Circle((u, v), difference.radius_px, fill=False, edgecolor=PALE, linestyle="--", linewidth=2))
+
+
+LINES, POINTS = 13, 101
+"""Drawn along each side, and points of each."""
+MOST_BEYOND = 0.5
+"""Of the frame's width or height: what a figure shows beyond it."""
+
+
+def undistortion_drawing(
+    taken: Camera, new_camera: Camera, change: UndistortionChange, cam_from_new: Array | None = None
+) -> AxesDrawing:
+    """Lines that were straight and level in the photo, in the undistorted frame."""
+    last_u, last_v = (side - 1 for side in taken.image_size)
+    u, v = np.linspace(0, last_u, POINTS), np.linspace(0, last_v, POINTS)
+    across = [np.column_stack([u, np.full(POINTS, y)]) for y in np.linspace(0, last_v, LINES)]
+    down = [np.column_stack([np.full(POINTS, x), v]) for x in np.linspace(0, last_u, LINES)]
+    lines = [_unbroken(moved(taken, new_camera, cam_from_new, line), new_camera) for line in (*across, *down)]
+    width, height = new_camera.image_size
+
+    def draw(axes: "Axes") -> None:
+        image_axes(axes, new_camera.image_size)
+        for line in lines:
+            axes.plot(*line.T, color="#0072b2", linewidth=0.8)
+        axes.plot([0, width, width, 0, 0], [0, 0, height, height, 0], color="#1a1a1a", linewidth=2)
+        (left, right), (top, bottom) = (_span(lines, axis, side) for axis, side in enumerate(new_camera.image_size))
+        axes.set(xlim=(left, right), ylim=(bottom, top))
+
+    words = "Rows and columns of the photo when they are undistorted"
+    if np.isfinite(change.shift_px):
+        words += f": pixels move by up to {change.shift_words}"
+    words += "; the thick frame is the new image: lines outside are cut off, and where none reaches it is black"
+    return AxesDrawing("What undistortion moves", words, draw, new_camera.image_size)
+
+
+def _unbroken(line: Array, new_camera: Camera) -> Array:
+    """A line (N, 2) with a gap where it goes on at the other side of the picture."""
+    jumps = np.abs(np.diff(line[:, 0], prepend=line[0, 0])) > new_camera.image_size[0] / 2
+    return np.where(jumps[:, None], np.nan, line)
+
+
+def _span(lines: list[Array], axis: int, side: int) -> tuple[float, float]:
+    """What a figure shows along an axis: the frame, and lines that go beyond it, but not too far."""
+    values = np.concatenate([line[:, axis] for line in lines])
+    values = values[np.isfinite(values)]
+    margin, most = 0.03 * side, MOST_BEYOND * side
+    low, high = min(0.0, *values), max(float(side), *values)
+    return max(low, -most) - margin, min(high, side + most) + margin

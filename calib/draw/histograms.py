@@ -3,18 +3,17 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.draw.style import BLUE, ORANGE, VERMILION, AxesDrawing, nothing, open_axes
 from calib.solver.metrics.evaluation import Evaluation
 from calib.solver.outliers import whitened
 from calib.solver.problem import whiteners
-from designer.base.number_text import figure as digits
+from designer.base.arrays import Array
+from designer.base.words import figure as digits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 
 FEWEST_BINS, MOST_BINS = 10, 40
 FEWEST_OF_RESIDUALS, MOST_OF_RESIDUALS = 15, 61

@@ -5,7 +5,7 @@ import numpy as np
 from calib.core.se3 import exp_rotation
 from calib.measure_target.record import AsBuiltRecord, Deviations, deviations_of, told_motion
 from designer.base.arrays import Array
-from designer.base.number_text import figure
+from designer.base.words import figure
 from designer.page.blocks import View3d
 from designer.page.scene import Layer, Segments, Surface
 from designer.target import TargetGeometry

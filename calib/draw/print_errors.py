@@ -12,8 +12,8 @@ from calib.measure_target.deviations import (
     next_shrink_percent,
     next_skew_rad,
 )
-from designer.base.number_text import figure, with_digits
 from designer.base.units import MOST_SKEW_DEG, SKEW_NAMES, Skew
+from designer.base.words import figure, with_digits
 from designer.page.blocks import Cell, Command, Paragraph, Table
 from designer.page.folders import Shown, table_of
 from designer.spec.build import BUILDS, builds_of

@@ -11,11 +11,16 @@ from calib.draw.gallery import OVERLAYS, STANDS_OUT, Shot, gallery
 from calib.draw.run_photos import PhotoRow, caption_of, overlay_paths
 from calib.judge.rig_folder import CAMERAS, folder_names
 from calib.judge.views import ViewFacts, view_facts
-from calib.observe.overlays import keep_pictures, no_empty_folders, remove_ours, staging_folder, with_overlays
-from calib.observe.photos import OVERLAY_MARK
+from calib.observe.photos import (
+    OVERLAY_MARK,
+    keep_pictures,
+    no_empty_folders,
+    remove_ours,
+    staging_folder,
+    with_overlays,
+)
 from calib.observe.rig_search import RigSearch
-from calib.rigs.camera_alone import camera_alone
-from calib.rigs.result import RigCalibration
+from calib.rigs.result import RigCalibration, camera_alone
 from calib.solver.calibration import Calibration
 from designer.page.blocks import Section
 

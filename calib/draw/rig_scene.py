@@ -1,7 +1,6 @@
 """A rig and points in 3D: each camera with what it sees, and each point with the axes of its error, enlarged."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import ABILITIES, rays
 from calib.cameras.camera import Camera
@@ -9,11 +8,10 @@ from calib.cameras.field_of_view import spokes
 from calib.cameras.parameters import slopes
 from calib.cameras.rig import Rig
 from calib.draw.style import round_length
+from designer.base.arrays import Array
 from designer.base.words import printable
 from designer.page.blocks import View3d
 from designer.page.scene import Cameras, Layer, Scene, Segments
-
-Array = NDArray[np.float64]
 
 CAMERA, POINT, EDGE = "#0072B2", "#D55E00", "#8a9099"
 """Okabe and Ito's blue and vermilion, and a grey, seen on light and dark."""

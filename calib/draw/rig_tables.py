@@ -1,25 +1,36 @@
-"""Tables of a rig, for its page and for the terminal: cameras, pairs, what each hangs on, halves of the frames."""
+"""Tables of a rig, for its page and for the terminal: cameras, pairs, what each hangs on, halves of the frames.
+
+What moved the target or the cameras of a rig: a robot or a turntable, as the photos show it.
+
+Who shares how many frames: cameras on a circle, and a line between two that saw the target together.
+"""
 
 import math
 from collections.abc import Sequence
+from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.draw.run_tables import focal_length
+from calib.draw.style import BLUE, GREY, INK, PALE, svg_panel
+from calib.judge.next_robot_poses import NextPose, gain_words, photo_names
 from calib.judge.rig_folder import RigRun
-from calib.rigs.camera_alone import camera_alone
+from calib.observe.rotations import to_quaternion
 from calib.rigs.figures import PairFigures
 from calib.rigs.halves import RigHalves, enlarged
 from calib.rigs.relative import center_covariance, worst
-from calib.rigs.result import RigCalibration
-from designer.base.number_text import figure as digits
-from designer.base.number_text import with_digits
-from designer.base.words import printable
-from designer.page.blocks import Cell, Column, Table
+from calib.rigs.result import CarrierFit, RigCalibration, camera_alone
+from designer.base.arrays import Array, Rows
+from designer.base.words import capital, cut, printable, with_digits
+from designer.base.words import figure as digits
+from designer.page.blocks import Block, Cell, Column, Facts, Figure, Finding, Findings, Section, Table
 from designer.page.folders import number, whole
+from designer.page.pictures import drawing_of_svg
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 ALONG = 0.9
 """Of a unit vector, along one axis beyond which it is said to lie along that alone."""
@@ -174,3 +185,152 @@ def _with_sigma(value: float, sigma: float) -> Cell:
     if not math.isfinite(sigma) or sigma == 0:
         return number(value, 5)
     return Cell(f"{with_digits(value, sigma)} ± {digits(sigma, 2)}", value)
+
+
+MOST_ROWS = 12
+"""Frames that are shown, the worst."""
+
+
+def carrier_section(carrier: CarrierFit, found: RigCalibration) -> Section:
+    """Its own errors, frame by frame, and what its motions do not tell."""
+    rows: list[tuple[str, str]] = [("carried by", printable(carrier.kind))]
+    if math.isfinite(carrier.sigma_mm) and math.isfinite(carrier.sigma_rad):
+        rows.append((
+            "its own errors", f"{digits(carrier.sigma_mm, 2)} mm and {digits(1e3 * carrier.sigma_rad, 2)} mrad, "
+            "the standard deviations of a coordinate"
+        ))  # fmt: skip
+    if carrier.size_sigma > 0:
+        size = f"{100 * carrier.size:.2f} +- {digits(100 * carrier.size_sigma, 2)} % of what its file says"
+        rows.append(("the target's size", f"{size}, by the robot's ways"))
+    if found.slack is not None:
+        less = math.sqrt(1 + found.slack)
+        rows.append((
+            "photos", f"each tells its pose {digits(less, 2)} times less surely than the noise of its sightings alone "
+            "would let it: errors that all of a photo share"
+        ))  # fmt: skip
+    blocks: list[Block] = [Facts(tuple(rows))]
+    if carrier.undetermined:
+        findings = (Finding("usable", "Not determined", capital(printable(line))) for line in carrier.undetermined)
+        blocks.append(Findings(tuple(findings)))
+    blocks.append(_errors_table(carrier, found.observations.frame_names))
+    lead = "Where the photos show it, against what it said of itself; one adjustment of all sightings."
+    return Section("What carries", tuple(blocks), lead=lead)
+
+
+def next_poses_table(poses: Sequence[NextPose]) -> Table:
+    """What to tell the robot: a row a pose, as in `next_poses.csv`."""
+    columns = (
+        Column("pose", is_number=False, note="as the photo from there is to be called"),
+        *(Column(f"{axis} mm", note="of the flange in the base") for axis in "xyz"),
+        *(Column(f"q{axis}") for axis in "xyzw"),
+        Column("direction deg", note="of the camera, its standard deviation with this pose and those above"),
+        Column("place mm", note="likewise"),
+    )
+    rows = tuple(
+        (
+            Cell(name),
+            *(Cell(f"{value + 0.0:.2f}", value) for value in one.base_from_flange[:3, 3].tolist()),
+            *(Cell(f"{value + 0.0:.5f}", value) for value in to_quaternion(one.base_from_flange[:3, :3]).tolist()),
+            number(math.degrees(one.turn_sigma_rad_after), 2), number(one.place_sigma_mm_after, 2),
+        )
+        for name, one in zip(photo_names(poses), poses, strict=True)
+    )  # fmt: skip
+    return Table("The robot's next poses, base_from_flange", columns, rows)
+
+
+def next_poses_words(poses: Sequence[NextPose]) -> str:
+    """What all of them together would give."""
+    first, last = poses[0], poses[-1]
+    turn = gain_words(math.degrees(first.turn_sigma_rad_before), math.degrees(last.turn_sigma_rad_after), "deg")
+    place = gain_words(first.place_sigma_mm_before, last.place_sigma_mm_after, "mm")
+    count = "1 more, in" if len(poses) == 1 else f"{len(poses)} more, in"
+    return f"{count} next_poses.csv: the camera's direction, 1 sigma, {turn}, its place {place}"
+
+
+def _errors_table(carrier: CarrierFit, names: tuple[str, ...]) -> Table:
+    """The frames in which it is farthest off, by its own standard deviations."""
+    turn, shift = (np.linalg.norm(part, axis=1) for part in (carrier.error[:, :3], carrier.error[:, 3:]))
+    known = carrier.sigma_rad > 0 and carrier.sigma_mm > 0
+    off = np.hypot(turn / carrier.sigma_rad, shift / carrier.sigma_mm) / math.sqrt(6) if known else turn
+    columns = (
+        Column("frame", is_number=False), Column("shift mm"), Column("turn mrad"),
+        Column("x its own errors", note="root mean square of the six coordinates, in their standard deviations"),
+    )  # fmt: skip
+    order = np.argsort(-np.nan_to_num(off, nan=-1.0), kind="stable")[:MOST_ROWS].tolist()
+    rows = tuple(
+        (
+            Cell(printable(names[row])), number(float(shift[row])), number(1e3 * float(turn[row])),
+            number(float(off[row]) if known else math.nan, 2),
+        )
+        for row in order
+    )  # fmt: skip
+    return Table(f"The {len(rows)} frames that are farthest off", columns, rows)
+
+
+MOST_NUMBERED = 5
+"""Cameras, of more of which the lines have no numbers: they would cover each other."""
+LONGEST_NAME = 14
+WIDEST, THINNEST = 7.0, 0.8
+"""Of lines, in points."""
+HEIGHT_IN = 4.7
+
+
+def sharing_figure(names: tuple[str, ...], shared: Rows) -> Figure:
+    """The graph of a rig, and what it shows in words.
+
+    Args:
+        names: of the cameras (C,).
+        shared: in how many frames two see the target together, on the diagonal at all (C, C).
+    """
+    image = drawing_of_svg(svg_panel(lambda axes: _draw(axes, names, shared), height_in=HEIGHT_IN))
+    return Figure("Frames that two cameras share", image, sharing_words(names, shared), _caption(len(names)))
+
+
+def sharing_words(names: tuple[str, ...], shared: Rows) -> str:
+    """Who shares most and who least, as a sentence."""
+    pairs = [(int(shared[a, b]), a, b) for a, b in combinations(range(len(names)), 2)]
+    joined = [pair for pair in pairs if pair[0]]
+    if not joined:
+        return "No two cameras see the target in one frame."
+    (least, a, b), (most, c, d) = min(joined), max(joined)
+    none = len(pairs) - len(joined)
+    apart = f"; {none} of {len(pairs)} pairs share none" if none else ""
+    if least == most:
+        return f"Each pair that shares frames shares {most}{apart}."
+    few, many = (f"{printable(names[x])} and {printable(names[y])}" for x, y in ((a, b), (c, d)))
+    return f"{many} share most frames, {most}; {few} fewest, {least}{apart}."
+
+
+def _caption(count: int) -> str:
+    numbers = "the number beside it" if count <= MOST_NUMBERED else "the table of pairs has the numbers"
+    return f"A line is as thick as the frames that both see: {numbers}. Under a name: the frames that this camera sees."
+
+
+def _draw(axes: "Axes", names: tuple[str, ...], shared: Rows) -> None:
+    """Nodes, lines and numbers."""
+    start = np.pi if len(names) == 2 else np.pi / 2
+    angle = start - 2 * np.pi * np.arange(len(names)) / len(names)
+    place = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    pairs = list(combinations(range(len(names)), 2))
+    most = max((int(shared[a, b]) for a, b in pairs), default=1) or 1
+    for line, (a, b) in enumerate(pairs):
+        count = int(shared[a, b])
+        if not count:
+            continue
+        width = THINNEST + (WIDEST - THINNEST) * count / most
+        axes.plot(*place[[a, b]].T, color=BLUE, linewidth=width, alpha=0.45, solid_capstyle="round", zorder=1)
+        if len(names) <= MOST_NUMBERED:
+            share = 0.5 if len(names) < 4 else 0.35 + 0.05 * (line % 2)  # where lines cross, numbers would, too
+            x, y = ((1 - share) * place[a] + share * place[b]).tolist()
+            box = {"boxstyle": "round,pad=0.15", "facecolor": PALE, "edgecolor": "none"}
+            axes.text(x, y, str(count), ha="center", va="center", fontsize=11, color=INK, bbox=box, zorder=2)
+    axes.scatter(place[:, 0], place[:, 1], s=420, color=BLUE, zorder=3)
+    for row, (x, y) in enumerate(place.tolist()):
+        axes.text(x, y, str(row + 1), ha="center", va="center", color=PALE, fontsize=11, zorder=4)
+        side = "center" if abs(x) < 0.3 else "left" if x > 0 else "right"
+        text = f"{cut(printable(names[row]), LONGEST_NAME)}\n{int(shared[row, row])}"
+        axes.text(1.14 * x, 1.25 * y, text, ha=side, va="center", fontsize=11, color=GREY, zorder=4)
+    axes.set_xlim(-1.75, 1.75)
+    axes.set_ylim(-1.45, 1.45)
+    axes.set_aspect("equal")
+    axes.set_axis_off()

@@ -7,7 +7,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.types import Observations
 from calib.draw.fields import coverage_drawing, draw_map, residuals_drawing, uncertainty_drawing
@@ -24,22 +23,22 @@ from calib.draw.style import (
     image_axes,
 )
 from calib.judge.apart import Apart, Known, sigma_over
-from calib.judge.check_kind import LEAST_PX, px
 from calib.judge.checks import made_words
 from calib.judge.coverage import Coverage
 from calib.judge.halves import HalvesApart, NoHalves
 from calib.judge.next_views import NextView
+from calib.judge.verdict import LEAST_PX, px
 from calib.solver.accuracy import share_px
 from calib.solver.calibration import Calibration
 from calib.solver.metrics.residual_cells import Residuals
-from designer.base.number_text import figure as digits
+from designer.base.arrays import Array
 from designer.base.words import capital
+from designer.base.words import figure as digits
 from designer.page.blocks import Figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 
 MOST_ARROWS = 1500
 CONTRADICTED = 2.0
@@ -177,7 +176,7 @@ LABEL_APART = 0.05
 
 
 def draw_next_views(
-    axes: "Axes", image_size: tuple[int, int], views: Sequence[NextView], covered_pixels: NDArray[np.float64]
+    axes: "Axes", image_size: tuple[int, int], views: Sequence[NextView], covered_pixels: Array
 ) -> None:
     """The outlines of the proposed views, numbered from 1, over the sightings so far.
 
@@ -195,12 +194,12 @@ def draw_next_views(
         *covered_pixels[rows].T, "o", color=SEEN, markersize=4 if count < MANY_DOTS else 2.5, markeredgewidth=0,
         zorder=1, rasterized=True,
     )  # fmt: skip
-    labels: list[NDArray[np.float64]] = []
+    labels: list[Array] = []
     for number, view in enumerate(views, start=1):
         _draw_one(axes, number, view, labels, LABEL_APART * image_size[0])
 
 
-def _draw_one(axes: "Axes", number: int, view: NextView, labels: list[NDArray[np.float64]], apart_px: float) -> None:
+def _draw_one(axes: "Axes", number: int, view: NextView, labels: list[Array], apart_px: float) -> None:
     """One target's faces in one colour, and its number in their middle, beside the numbers that are there already."""
     colour = COLOURS[(number - 1) % len(COLOURS)]
     for line in view.outline_px:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.types import UNMEASURABLE_WORDS
 from calib.draw.gallery import OVERLAYS, STANDS_OUT, Shot, gallery, shortened
@@ -16,12 +15,10 @@ from calib.judge.views import view_facts
 from calib.observe.photos import OVERLAY_MARK
 from calib.observe.records import ImageRecord, Records, common_remarks
 from calib.solver.metrics.evaluation import Evaluation, by_view
-from designer.base.number_text import figure as digits
+from designer.base.words import figure as digits
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Finding, Findings, Leaf, Level, Section, Table
 from designer.page.folders import number, whole
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

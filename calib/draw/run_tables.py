@@ -1,4 +1,7 @@
-"""Tables of a run, for its page and for the terminal: parameters, errors, models side by side, faces of the target."""
+"""Tables of a run, for its page and for the terminal: parameters, errors, models side by side, faces of the target.
+
+A verdict and its checks as blocks of a page.
+"""
 
 import math
 from collections.abc import Sequence
@@ -6,20 +9,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib.cameras import MODELS
-from calib.cameras.camera import Camera
+from calib.cameras.camera import Camera, focal_px
 from calib.cameras.field_of_view import field_of_view
-from calib.cameras.linear_part import focal_px
 from calib.cameras.surface import surface_model
 from calib.core.types import UNMEASURABLE_WORDS
 from calib.judge.solutions import Solution
+from calib.judge.verdict import Check, Grade, Verdict
 from calib.observe.records import Records
 from calib.solver.calibration import Calibration
 from calib.solver.metrics.evaluation import Evaluation, by_face
 from calib.solver.metrics.evaluation_files import FoundParameter, Metrics
-from designer.base.number_text import figure as digits
-from designer.base.number_text import with_digits
-from designer.base.words import printable
-from designer.page.blocks import Cell, Column, Table
+from designer.base.words import capital, printable, with_digits
+from designer.base.words import figure as digits
+from designer.page.blocks import Cell, Column, Finding, Headline, Level, Table
 from designer.page.folders import number, whole
 
 OF_ITS_OWN_SENSOR = (
@@ -195,3 +197,36 @@ def field_of_view_words(camera: Camera, end: str = "") -> str:
     if found.ends_inside:
         return f"{words}; {end} {off_axis:.1f}° off the axis, inside the image"
     return f"{words}, diagonal {diagonal:.1f}°" if diagonal > max(across, down) > WIDE_DEG else words
+
+
+LEVELS: dict[Grade, Level] = {"good": "good", "usable": "usable", "bad": "bad", "unknown": "note"}
+WORDS: dict[Grade, str] = {"good": "good", "usable": "usable", "bad": "do not use", "unknown": "not checked"}
+
+
+def headline_by(verdict: Verdict) -> Headline:
+    """The answer of a verdict."""
+    return Headline(LEVELS[verdict.grade], WORDS[verdict.grade], as_sentence(printable(verdict.sentence)))
+
+
+def as_sentence(text: str) -> str:
+    """A text with a capital and a full stop."""
+    return f"{capital(text)}{'' if text.endswith(('.', '!', '?')) else '.'}"
+
+
+def check_findings(verdict: Verdict) -> tuple[Finding, ...]:
+    """The checks, a line each; the one that is the headline says only its numbers."""
+    return tuple(finding_of(check, is_said=check.name == verdict.leads_with) for check in verdict.checks)
+
+
+def finding_of(check: Check, *, is_said: bool = False) -> Finding:
+    """A check as a line of findings.
+
+    Args:
+        check: the check.
+        is_said: the headline says its sentence already, so that it says its numbers only.
+    """
+    sign = "≥" if check.is_at_least else "≤"
+    rule = f"good {sign} {check.good:.4g}, usable {sign} {check.usable:.4g} {check.unit}" if check.unit else ""
+    sentence = f"{WORDS[check.grade]}: {check.sentence}" if check.grade == "unknown" else check.sentence
+    text = "" if is_said else as_sentence(printable(sentence))
+    return Finding(LEVELS[check.grade], printable(check.title), capital(text), printable(check.measured), rule)

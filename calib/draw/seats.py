@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from calib.draw.print_errors import told
 from calib.measure_target.deviations import Estimate
 from calib.measure_target.seats import PARTS, Fault, Seat, Seats
-from designer.base.number_text import figure, with_digits
-from designer.base.words import capital
+from designer.base.words import capital, figure, with_digits
 from designer.page.blocks import Cell, Column, Finding, Level, Table
 
 MOST_NAMED = 3

@@ -4,17 +4,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.cameras.refit import image_grid
-from calib.judge.lit_part import lit_part, sigma_over_lit_px
+from calib.judge.coverage import lit_part, sigma_over_lit_px
 from calib.solver.accuracy import projected_sigma_px
 from calib.solver.calibration import Calibration
-from designer.base.number_text import figure as digits
+from designer.base.arrays import Array, Flags
 from designer.base.words import capital
-
-Array = NDArray[np.float64]
+from designer.base.words import figure as digits
 
 MAP = (49, 37)
 """Columns and rows: both odd, so that one pixel is the middle."""
@@ -96,7 +94,7 @@ def scale_end(values: Array) -> tuple[float, bool]:
     return (usual, True) if largest > MOST_BEYOND * usual > 0 else (largest, False)
 
 
-def place_on_map(pixel: Array, is_known: NDArray[np.bool_], at: tuple[int, int], image_size: tuple[int, int]) -> str:
+def place_on_map(pixel: Array, is_known: Flags, at: tuple[int, int], image_size: tuple[int, int]) -> str:
     """A place of a map over the image in words; what is known there may end short of the corner or edge.
 
     Args:

@@ -1,7 +1,6 @@
 """A rig in 3D: its cameras with their views and names, where the target was, and how surely each camera stands."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import compose, make_pose, transform
 from calib.core.types import KnownPoints
@@ -13,13 +12,12 @@ from calib.judge.rig_folder import RigRun
 from calib.rigs.halves import enlarged
 from calib.rigs.relative import center_covariance
 from calib.rigs.result import RigCalibration
-from designer.base.number_text import figure as digits
+from designer.base.arrays import Array
+from designer.base.words import figure as digits
 from designer.base.words import printable
 from designer.page.blocks import View3d
 from designer.page.scene import Cameras, Labels, Layer, Scene, Segments
 from designer.target_scene import AXES, CAMERA_SHARE
-
-Array = NDArray[np.float64]
 
 CAMERA, ERROR, NEXT, HELD = "#0072B2", "#D55E00", "#009E73", "#8a9099"
 """Okabe and Ito's blue, vermilion and green, and a grey: seen on light and dark."""

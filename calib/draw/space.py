@@ -7,7 +7,7 @@ import numpy as np
 from calib.draw.fields import draw_map
 from calib.draw.style import BLUE, GREY, INK, VERMILION, AxesDrawing, nothing, open_axes
 from calib.space.budget_views import DepthCurve, ErrorSlice
-from designer.base.number_text import figure as digits
+from designer.base.words import figure as digits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -27,7 +27,6 @@ from calib.draw.style import note as remark
 from calib.studies.paper_table import paper_value
 from calib.studies.statistics import (
     METRICS,
-    Array,
     Case,
     CaseSummary,
     Correlations,
@@ -37,8 +36,8 @@ from calib.studies.statistics import (
     predicted_correlations,
 )
 from calib.studies.study_table import StudyCases
-from designer.base.number_text import figure
-from designer.base.words import printable
+from designer.base.arrays import Array
+from designer.base.words import figure, printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from calib.studies.findings import ABOUT, ROOT, SIGNIFICANT, HeldClaim
 from calib.studies.statistics import CaseSummary, Distribution, Metric, Setting
 from calib.studies.study_table import StudyTable
-from designer.base.number_text import figure, with_digits
-from designer.base.words import printable
+from designer.base.words import figure, printable, with_digits
 from designer.page.blocks import Cell, Column, Level, Table
 
 PAPER = "paper"

@@ -9,8 +9,7 @@ from calib.studies.findings import HeldClaim
 from calib.studies.paper_table import BOARD, CORRECTION, ICOSAHEDRON, INTERVALS, TARGETS, paper_value
 from calib.studies.statistics import LEAST_P, METRICS, SMALL_SKEWNESS, CaseSummary, Distribution, Setting
 from calib.studies.study_table import StudyTable
-from designer.base.number_text import figure, with_digits
-from designer.base.words import printable
+from designer.base.words import figure, printable, with_digits
 from designer.page.blocks import Finding, Headline, Level
 
 MANY_LOST, SOME_LOST = 0.05, 0.01

@@ -25,8 +25,7 @@ from calib.studies.tolerance.draw import TOGETHER
 from calib.studies.tolerance.quantities import MAIN, quantity_named
 from calib.studies.tolerance.record import NEVER, BudgetRow, CostRow, CrossoverRow, Crossovers, SweepRow, ToleranceStudy
 from calib.studies.tolerance.sizes import FACTORS
-from designer.base.number_text import figure
-from designer.base.words import capital, printable
+from designer.base.words import capital, figure, printable
 from designer.tolerance.sources import SOURCES
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from calib.draw.tolerance_words import HUMAN, source_title
 from calib.studies.tolerance.quantities import MAIN, NAMES, quantity_named, quantity_row
 from calib.studies.tolerance.record import ToleranceStudy, nine_digits
 from calib.studies.tolerance.what_if import SetError, Way, WhatIf, WhatIfTable
-from designer.base.number_text import figure
+from designer.base.words import figure
 from designer.page import blocks
 from designer.page.blocks import Cell, Column, Level, Section, Table
 from designer.page.what_if import Choice, Measure, SetSize, Slider, WhatIfModel, WhatIfSide

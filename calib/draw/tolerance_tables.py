@@ -17,8 +17,7 @@ from calib.studies.tolerance.draw import TOGETHER
 from calib.studies.tolerance.quantities import MAIN, Quantity, other_reference, quantity_named
 from calib.studies.tolerance.record import NEVER, AllowedRow, BudgetRow, CostRow, Crossovers, Together, ToleranceStudy
 from calib.studies.tolerance.what_if import RankedWay
-from designer.base.number_text import figure
-from designer.base.words import capital
+from designer.base.words import capital, figure
 from designer.page.blocks import Cell, Column, Level, Table
 from designer.tolerance.sources import SOURCES
 

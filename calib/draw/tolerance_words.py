@@ -18,8 +18,7 @@ from calib.studies.tolerance.record import (
 )
 from calib.studies.tolerance.sizes import FACTORS
 from calib.studies.tolerance.what_if import RankedWay
-from designer.base.number_text import figure, with_digits
-from designer.base.words import capital
+from designer.base.words import capital, figure, with_digits
 from designer.page.blocks import Finding, Headline
 from designer.tolerance.sources import SOURCES
 

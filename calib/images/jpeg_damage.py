@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 
 from calib.core.jit import jit
 from calib.images.headers import FRAMES, SOS, DamagedError, jpeg_segments
+from designer.base.arrays import Rows
 
 Bytes: TypeAlias = NDArray[np.uint8]
 Bits: TypeAlias = NDArray[np.uint64]
 Codes: TypeAlias = NDArray[np.uint16]
-Whole: TypeAlias = NDArray[np.int64]
+Whole: TypeAlias = Rows
 
 SOF_PROGRESSIVE, HUFFMAN_FRAMES, DHT, DRI = 0xC2, (0xC0, 0xC1, 0xC2), 0xC4, 0xDD
 PEEK = 16

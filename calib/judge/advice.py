@@ -10,23 +10,22 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import ANY_LENS, free_form_models
-from calib.judge.check_kind import px
 from calib.judge.checks import BY_CHANCE, SURE, checks_of, diameter_words, faults_of, made_words, missing_of
 from calib.judge.evidence import FAR_OFF, CameraEvidence
 from calib.judge.halves import HalvesApart
 from calib.judge.next_view_words import distance_words, short
 from calib.judge.next_views import NextView
 from calib.judge.photo_advice import is_sure, photo_advice
-from calib.judge.verdict import Check, Criteria
+from calib.judge.verdict import Check, Criteria, px
 from calib.judge.views import ViewFacts, shape_of, view_facts
 from calib.solver.accuracy import is_parallel
 from calib.solver.calibration import Calibration
 from calib.solver.outliers import deviations
 from calib.solver.plane_bend import is_flat
-from designer.base.number_text import figure
+from designer.base.arrays import Rows
+from designer.base.words import figure
 
 SMALL_TILT_DEG, GOOD_TILT_DEG = 15.0, 20.0
 """Tilts below the first hardly tell focal length from distance; those from the second on do."""
@@ -175,7 +174,7 @@ def _points(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> str
     )
 
 
-def _names(facts: ViewFacts, rows: NDArray[np.int64]) -> str:
+def _names(facts: ViewFacts, rows: Rows) -> str:
     """Names of photos, the first few."""
     shown = [short(facts.name[row]) for row in rows[:MOST_NAMES].tolist()]
     more = len(rows) - len(shown)
@@ -289,7 +288,7 @@ def _odd_photos(facts: ViewFacts, criteria: Criteria) -> str:
     )
 
 
-def _them(rows: NDArray[np.int64]) -> str:
+def _them(rows: Rows) -> str:
     return "it" if len(rows) == 1 else "them"
 
 
@@ -393,8 +392,6 @@ def _map(evidence: CameraEvidence) -> str:
         "photo in which the target fills more of it, or use another model elsewhere"
     )
 
-
-Array = NDArray[np.float64]
 
 ONE_AXIS = 0.1
 """Ratio of the mean squares of tilts along two axes below which they are about one."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise, project, rays
 from calib.cameras.camera import Camera
@@ -17,10 +16,9 @@ from calib.core.linear_algebra import least_squares, moved_covariance, worse_sig
 from calib.core.types import frozen_array
 from calib.judge.coverage import Coverage
 from calib.solver.accuracy import SHARE_PERCENT
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.marks import PACKED, Shape
-
-Array = NDArray[np.float64]
 
 EVERY = 2
 """Of the cells of the coverage, along both axes."""
@@ -52,7 +50,7 @@ class Apart:
     pixel: Array  # (R, C, 2)
     difference_px: Array  # (R, C, 2)
     covariance_px2: Array  # (R, C, 2, 2) of the difference, as the solutions state it
-    is_covered: NDArray[np.bool_]  # (R, C) where something was seen
+    is_covered: Flags  # (R, C) where something was seen
 
     def __post_init__(self) -> None:
         for name in ("pixel", "difference_px", "covariance_px2"):
@@ -66,9 +64,9 @@ class Apart:
         return length
 
     @property
-    def is_known(self) -> NDArray[np.bool_]:
+    def is_known(self) -> Flags:
         """Where both cameras are known.  # (R, C)"""
-        known: NDArray[np.bool_] = np.isfinite(self.length_px)
+        known: Flags = np.isfinite(self.length_px)
         return known
 
     @property

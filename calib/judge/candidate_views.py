@@ -7,16 +7,14 @@ right (bottom) end of where it has room.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, make_pose, rotation_between, transform, transform_each
-from calib.judge.lit_part import LitPart, lit_part
+from calib.judge.coverage import LitPart, lit_part
 from calib.judge.views import Habits, TargetShape, facing, pitch_px, px_per_mm
 from calib.solver.calibration import Calibration
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array, Flags, Rows
 
 PLACES = (
     (0, 0), (-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1), (-0.5, -0.5), (0.5, -0.5),
@@ -54,10 +52,10 @@ class CandidateViews:
     distance_mm: Array  # (C,) from the camera to the target's middle
     tilt_deg: Array  # (C,) of a flat target against the sensor; nan: a solid
     away: Array  # (C, 2) to the right and down: where a flat target's far side is in the image; 0: none is
-    is_upright: NDArray[np.bool_]  # (C,) a flat target's long side is vertical
-    like_view: NDArray[np.int64]  # (C,) the used view that shows a solid from the same side; -1: none, or a flat target
+    is_upright: Flags  # (C,) a flat target's long side is vertical
+    like_view: Rows  # (C,) the used view that shows a solid from the same side; -1: none, or a flat target
 
-    def __getitem__(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> "CandidateViews":
+    def __getitem__(self, rows: Rows | Flags) -> "CandidateViews":
         return CandidateViews(
             self.cam_from_target[rows], self.place[rows], self.distance_mm[rows], self.tilt_deg[rows],
             self.away[rows], self.is_upright[rows], self.like_view[rows],
@@ -72,8 +70,8 @@ class _Turns:
     sight: Array  # (T, 3) the line of sight it was seen along; z for flat targets, which keep their tilt anywhere
     tilt_deg: Array  # (T,)
     away: Array  # (T, 2)
-    is_upright: NDArray[np.bool_]  # (T,)
-    like_view: NDArray[np.int64]  # (T,)
+    is_upright: Flags  # (T,)
+    like_view: Rows  # (T,)
 
 
 def tilt_rotation(tilt_rad: float, away: Array) -> Array:
@@ -186,7 +184,7 @@ def _turns_all_round() -> _Turns:
 
 def _placed(
     lit: LitPart, shape: TargetShape, rotation: Array, sight: Array, wanted: Array, distance_mm: Array
-) -> tuple[Array, NDArray[np.bool_]]:
+) -> tuple[Array, Flags]:
     """Poses whose box in the image is where it is wanted, and which of them there are.
 
     The target is aimed at, its box looked at and the aim moved by what is missing, a few times. What is wanted are a
@@ -231,12 +229,12 @@ def _within_rim(lit: LitPart, place: Array) -> Array:
     return moved
 
 
-def faces_seen(shape: TargetShape, pose: Array) -> tuple[NDArray[np.bool_], Array, Array]:
+def faces_seen(shape: TargetShape, pose: Array) -> tuple[Flags, Array, Array]:
     """Which faces look at the camera (C, F), and their middles and normals in its frame (C, F, 3)."""
     normal = (pose[:, None, :3, :3] @ shape.normal[:, :, None])[..., 0]
     place = transform_each(pose, shape.middle_mm)
     with np.errstate(invalid="ignore"):
-        seen: NDArray[np.bool_] = facing(place, normal) > np.cos(np.radians(LARGEST_INCIDENCE_DEG))
+        seen: Flags = facing(place, normal) > np.cos(np.radians(LARGEST_INCIDENCE_DEG))
     return seen, place, normal
 
 
@@ -256,12 +254,12 @@ def _box(camera: Camera, shape: TargetShape, pose: Array) -> tuple[Array, Array]
 class ShownPoints:
     """What C photos show of N points."""
 
-    is_read: NDArray[np.bool_]  # (C, N)
+    is_read: Flags  # (C, N)
     weight: Array  # (C, N) of information, of that of a large ring; 0: not read
     pixel: Array  # (C, N, 2)
 
 
-def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, rows: NDArray[np.int64]) -> ShownPoints:
+def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, rows: Rows) -> ShownPoints:
     """Where photos show a target's points, and which would be read.
 
     Those on a face that looks at the camera and is not too fine, inside the image, and of which as much is inside as

@@ -1,10 +1,9 @@
 """Whether something moved, breathed or leaned alike in all photos, which halves of them cannot show."""
 
-from calib.judge.check_kind import Found, at_most, px
 from calib.judge.evidence import CameraEvidence
-from calib.judge.verdict import Criteria, Limits
+from calib.judge.verdict import Criteria, Found, Limits, at_most, px
 from calib.solver.calibration import CaptureError
-from designer.base.number_text import figure
+from designer.base.words import figure
 
 LIMITS = Limits(0.1, 0.3)
 

@@ -3,13 +3,24 @@
 from collections.abc import Mapping, Sequence
 
 from calib.judge.capture_check import LIMITS, judge_capture
-from calib.judge.check_kind import LEAST_PX, CheckKind, Found, at_least, at_most, px
 from calib.judge.evidence import FAR_OFF, CameraEvidence, ModelApart
 from calib.judge.halves import HalvesApart, NoHalves
 from calib.judge.target_shape import ShapeEffect
-from calib.judge.verdict import Check, Criteria, Grade, Limits, measured_text
+from calib.judge.verdict import (
+    LEAST_PX,
+    Check,
+    CheckKind,
+    Criteria,
+    Found,
+    Grade,
+    Limits,
+    at_least,
+    at_most,
+    measured_text,
+    px,
+)
 from calib.solver.calibration import CircleDoubt, TargetError
-from designer.base.number_text import figure
+from designer.base.words import figure
 from designer.tolerance.made import EXACT, MEASURED
 
 NOISY = 3.0

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import covariance_with_prior
@@ -21,7 +20,7 @@ from calib.judge.candidate_views import (
     candidates_of,
     shown_in,
 )
-from calib.judge.coverage import coverage, coverage_of
+from calib.judge.coverage import coverage, coverage_of, lit_part
 from calib.judge.information import (
     Knowledge,
     StatedError,
@@ -31,13 +30,11 @@ from calib.judge.information import (
     stated_error,
     view_information,
 )
-from calib.judge.lit_part import lit_part
 from calib.judge.views import Habits, TargetShape, habits_of, shape_of
 from calib.solver.accuracy import SHARE_PERCENT
 from calib.solver.calibration import Calibration
 from calib.solver.target_error import LeftOpen
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array, Flags, Rows
 
 COARSE_MAP = (16, 12)
 """Pixels of the map that candidates are compared by; the deviation that is stated is over the usual grid."""
@@ -74,7 +71,7 @@ class ViewChoice:
     habits: Habits
     candidates: CandidateViews
     information: Array  # (C, Q, Q) of each, from some of the points
-    covers: NDArray[np.bool_]  # (C, K) cells of the image that each shows a point in
+    covers: Flags  # (C, K) cells of the image that each shows a point in
     change: Array  # (N, 2, Q) how q moves the coarse map
 
 
@@ -83,8 +80,8 @@ class SoFar:
     """What the photos chosen so far tell, and what is covered with them."""
 
     told: Array  # (Q + S, Q + S) information of the photos chosen so far, beside what was known
-    is_covered: NDArray[np.bool_]  # (R, C) cells of a coverage
-    is_lit: NDArray[np.bool_]  # (R, C) cells that are asked for
+    is_covered: Flags  # (R, C) cells of a coverage
+    is_lit: Flags  # (R, C) cells that are asked for
     chosen: tuple[int, ...]  # rows of the candidates
 
     @property
@@ -99,7 +96,7 @@ class CandidatePhoto:
 
     row: int
     information: Array  # (Q + S, Q + S) on the camera, and on the target's shape
-    area: NDArray[np.bool_]  # (R, C) cells of a coverage
+    area: Flags  # (R, C) cells of a coverage
 
 
 def scene_of(
@@ -146,7 +143,7 @@ def scene_of(
     )  # fmt: skip
 
 
-def of_candidates(scene: ViewChoice, which: NDArray[np.bool_]) -> ViewChoice:
+def of_candidates(scene: ViewChoice, which: Flags) -> ViewChoice:
     """The same of some of its candidates (C,)."""
     return replace(
         scene, candidates=scene.candidates[which], information=scene.information[which], covers=scene.covers[which]
@@ -167,7 +164,7 @@ def with_photo(so_far: SoFar, photo: CandidatePhoto) -> SoFar:
     )
 
 
-def new_area(so_far: SoFar, area: NDArray[np.bool_]) -> float:
+def new_area(so_far: SoFar, area: Flags) -> float:
     """Of what is asked for, what a photo's area adds to what is covered."""
     return float((area & ~so_far.is_covered)[so_far.is_lit].mean())
 
@@ -220,7 +217,7 @@ def _shown(scene: ViewChoice, row: int) -> ShownPoints:
     return shown_in(scene.known.camera, scene.shape, scene.habits, pose, points)
 
 
-def _area(scene: ViewChoice, shown: ShownPoints) -> NDArray[np.bool_]:
+def _area(scene: ViewChoice, shown: ShownPoints) -> Flags:
     """Cells of a coverage that one photo surrounds.  # (R, C)"""
     read = shown.is_read[0]
     one_view = np.zeros(int(read.sum()), dtype=np.int64)
@@ -229,8 +226,8 @@ def _area(scene: ViewChoice, shown: ShownPoints) -> NDArray[np.bool_]:
 
 
 def _read(
-    camera: Camera, shape: TargetShape, habits: Habits, candidates: CandidateViews, rows: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], Array, NDArray[np.bool_]]:
+    camera: Camera, shape: TargetShape, habits: Habits, candidates: CandidateViews, rows: Rows
+) -> tuple[Rows, Array, Flags]:
     """How many points candidates show (C,), what some of them weigh (C, R), and in which cells of the image (C, K)."""
     count, points = len(candidates.distance_mm), np.arange(len(shape.face))
     read, weight = np.zeros(count, dtype=np.int64), np.zeros((count, len(rows)))
@@ -244,7 +241,7 @@ def _read(
     return read, weight, covers
 
 
-def _cells(camera: Camera, pixel: Array, is_read: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _cells(camera: Camera, pixel: Array, is_read: Flags) -> Flags:
     """Which cells of the image photos show a point in (C, K)."""
     columns, rows = CELLS
     covers = np.zeros((len(pixel), columns * rows), dtype=bool)
@@ -271,14 +268,14 @@ def _effort(scene: ViewChoice, so_far: SoFar) -> Array:
     near, far = scene.habits.distance_mm
     distance, place = scene.candidates.distance_mm, scene.candidates.place
     beyond = np.maximum(np.log2(near / distance), np.log2(distance / far)).clip(min=0.0)
-    again: NDArray[np.bool_] = np.asarray((place[:, None] == place[list(so_far.chosen)]).all(axis=2).any(axis=1))
+    again: Flags = np.asarray((place[:, None] == place[list(so_far.chosen)]).all(axis=2).any(axis=1))
     effort: Array = np.asarray((1 + STRANGE * beyond) * (1 + AGAIN * again))
     # The very same photo once more averages the noise, and none of what is wrong in each photo.
     effort[list(so_far.chosen)] = np.inf
     return effort
 
 
-def _some_points(shape: TargetShape) -> NDArray[np.int64]:
+def _some_points(shape: TargetShape) -> Rows:
     """Rows of a few points a face: its corners, and others evenly over their order."""
     faces = np.unique(shape.face)
     each = max(FEWEST_ON_FACE, POINTS_COMPARED // len(faces)) if len(faces) > 1 else POINTS_COMPARED // 3

@@ -2,22 +2,115 @@
 
 A view covers the convex hull of its sightings of a face. Of a grid of cells that does not depend on the resolution
 those whose middles lie in a hull are counted, so the share is right to about the hulls' outline times a cell.
+
+The part of the image that a camera is judged over: all of it, or what a wide lens shows: `lit_part(calibration)`.
+
+The image circle of a wide lens may end inside the frame, while its model runs on over the dark. Where the light ends
+photos tell (`field_rad` of the camera). Without them the sightings say how far it reaches at least: beyond the farthest
+one nothing is asked, and that is said. Nor is anything asked where a wide model has no ray.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import rays
+from calib.cameras.camera import Camera
+from calib.cameras.refit import image_grid
 from calib.core.jit import jit
+from calib.core.se3 import transform
 from calib.core.types import frozen_array
-from calib.judge.lit_part import LitPart, lit_part
+from calib.solver.accuracy import projected_sigma_px, share_px
 from calib.solver.calibration import Calibration
+from designer.base.arrays import Array, Flags, Rows
 
-Array = NDArray[np.float64]
+UNSEEN_RAD = math.radians(5)
+"""Where the light ends so far beyond the farthest sighting, the angle is a guess of the lens model."""
+
+
+@dataclass(frozen=True, eq=False)
+class LitPart:
+    """What is asked of a camera."""
+
+    camera: Camera  # without rays beyond
+    off_axis_rad: float | None  # where it ends; None: all of the image is asked for
+    is_measured: bool = True  # where the light ends; else that is where the farthest sighting is
+    farthest_rad: float = 0.0  # sighting off the axis
+
+    def is_lit(self, pixel: Array) -> Flags:
+        """Whether pixels (..., 2) are in it."""
+        if self.off_axis_rad is None:
+            return np.ones(pixel.shape[:-1], dtype=np.bool_)
+        return np.asarray(np.isfinite(rays(self.camera, pixel)).all(axis=-1))
+
+    @property
+    def name(self) -> str:
+        """What it is called: "95 % of the image circle"."""
+        if self.off_axis_rad is None:
+            return "image"
+        return "image circle" if self.is_measured else f"image up to {self.end_words}"
+
+    @property
+    def end_words(self) -> str:
+        """Where it ends, "97° off the axis"; "" if that is the image's border."""
+        return "" if self.off_axis_rad is None else f"{math.degrees(self.off_axis_rad):.0f}° off the axis"
+
+    @property
+    def remark(self) -> str:
+        """Why it ends there, as a sentence; "" if it is all of the image."""
+        if self.off_axis_rad is None:
+            return ""
+        if self.is_measured:
+            known = ""
+            if self.farthest_rad < self.off_axis_rad - UNSEEN_RAD:
+                known = (
+                    f" by the lens model, which no observation beyond {math.degrees(self.farthest_rad):.0f}° confirms"
+                )
+            return f"The light ends {self.end_words}{known}; nothing is asked of the camera beyond."
+        return (
+            f"The farthest observation is {self.end_words}; nothing is asked of the camera beyond, as only photos tell "
+            "whether light arrives there."
+        )
+
+    @property
+    def box_px(self) -> tuple[Array, Array]:
+        """First and last pixel of the box around it (2,), (2,)."""
+        last = np.array(self.camera.image_size, dtype=np.float64) - 1
+        if self.off_axis_rad is None:
+            return np.zeros(2), last
+        pixel = image_grid(self.camera.image_size).reshape(-1, 2)
+        lit = pixel[self.is_lit(pixel)]
+        return (lit.min(axis=0), lit.max(axis=0)) if len(lit) else (np.zeros(2), last)
+
+
+def lit_part(calibration: Calibration) -> LitPart:
+    """The part of the image that a calibration is judged over."""
+    camera = calibration.camera
+    if not camera.has_dark_corners:
+        return LitPart(camera, None)
+    seen, counted = calibration.observations, ~calibration.is_outlier
+    is_measured = camera.field_rad is not None
+    pose = calibration.cam_from_target[seen.view[counted]]
+    point = transform(pose, seen.points.position_mm[seen.point[counted]])
+    farthest = float(np.arctan2(np.hypot(point[:, 0], point[:, 1]), point[:, 2]).max(initial=0.0))
+    reach = farthest if camera.field_rad is None else camera.field_rad / 2
+    if not 0 < reach <= math.pi:  # nothing was seen, or nothing is known of poses
+        return LitPart(camera, None)
+    limited = replace(camera, field_rad=2 * reach)
+    pixel = image_grid(camera.image_size)
+    has_ray = np.isfinite(rays(limited, pixel)).all(axis=-1)
+    return (
+        LitPart(camera, None) if has_ray.all() or not has_ray.any() else LitPart(limited, reach, is_measured, farthest)
+    )
+
+
+def sigma_over_lit_px(lit: LitPart, param_covariance: Array) -> float:
+    """What 95 % of it stays within (1 sigma); infinite if less is known."""
+    pixel = image_grid(lit.camera.image_size).reshape(-1, 2)
+    return share_px(projected_sigma_px(lit.camera, param_covariance, pixel[lit.is_lit(pixel)]))
+
 
 COLUMNS = 160
 """Of the grid of cells; as many rows as make the cells about square."""
@@ -49,9 +142,9 @@ class Coverage:
     """The cells of the image that sightings surround."""
 
     image_size: tuple[int, int]
-    views: NDArray[np.int64]  # (R, C) how many views cover each cell
+    views: Rows  # (R, C) how many views cover each cell
     regions: tuple[Region, ...]  # row by row, the upper left corner first
-    is_lit: NDArray[np.bool_]  # (R, C) cells that are asked for
+    is_lit: Flags  # (R, C) cells that are asked for
     bands: tuple[Region, ...] = ()  # of angles off the axis, where not all of the image is lit
     area: str = "image"  # what is asked for, in words
     remark: str = ""  # why it is no more
@@ -61,9 +154,9 @@ class Coverage:
         object.__setattr__(self, "is_lit", frozen_array(self.is_lit, np.bool_))
 
     @property
-    def is_covered(self) -> NDArray[np.bool_]:
+    def is_covered(self) -> Flags:
         """Which cells are covered.  # (R, C)"""
-        covered: NDArray[np.bool_] = self.views > 0
+        covered: Flags = self.views > 0
         return covered
 
     @property
@@ -71,7 +164,7 @@ class Coverage:
         """How much of what is lit is covered, 0 to 1."""
         return self.share_of(self.is_covered)
 
-    def share_of(self, cells: NDArray[np.bool_]) -> float:
+    def share_of(self, cells: Flags) -> float:
         """How much of what is lit some cells (R, C) are."""
         return float(cells[self.is_lit].mean()) if self.is_lit.any() else 0.0
 
@@ -107,8 +200,8 @@ def coverage_of(calibration: Calibration) -> Coverage:
 def coverage(
     image_size: tuple[int, int],
     center_px: Array,
-    view: NDArray[np.int64],
-    face: NDArray[np.int64],
+    view: Rows,
+    face: Rows,
     lit: LitPart | None = None,
 ) -> Coverage:
     """What sightings cover.
@@ -152,7 +245,7 @@ def _middles(image_size: tuple[int, int], shape: tuple[int, int]) -> Array:
     return np.stack(np.meshgrid(u, v), axis=-1)
 
 
-def _bands_of(lit: LitPart, middle_px: Array, is_covered: NDArray[np.bool_]) -> tuple[Region, ...]:
+def _bands_of(lit: LitPart, middle_px: Array, is_covered: Flags) -> tuple[Region, ...]:
     """Bands of angles off the axis; names are their limits in degrees."""
     cosine = rays(lit.camera, middle_px)[..., 2]
     end = math.degrees(lit.off_axis_rad or 0.0)
@@ -186,7 +279,7 @@ def _hull_of(points: Array) -> Array:
 
 
 @jit
-def _add_hull(outline: Array, covered: NDArray[np.bool_]) -> None:
+def _add_hull(outline: Array, covered: Flags) -> None:
     """Mark the integer places (row, column) within a convex outline (K, 2) of column and row.
 
     A row of the grid cuts the outline in two points; what lies between them is inside.
@@ -205,7 +298,7 @@ def _add_hull(outline: Array, covered: NDArray[np.bool_]) -> None:
                 covered[row, column] = True
 
 
-def _regions(is_covered: NDArray[np.bool_], is_lit: NDArray[np.bool_]) -> tuple[Region, ...]:
+def _regions(is_covered: Flags, is_lit: Flags) -> tuple[Region, ...]:
     """Corners, edges and centre of the box around what is lit, whose corners may be dark."""
     part = slice(*_span(is_lit, 0)), slice(*_span(is_lit, 1))
     is_covered, is_lit, all_lit = is_covered[part], is_lit[part], bool(is_lit.all())
@@ -221,7 +314,7 @@ def _regions(is_covered: NDArray[np.bool_], is_lit: NDArray[np.bool_]) -> tuple[
     return tuple(found)
 
 
-def _span(is_lit: NDArray[np.bool_], axis: int) -> tuple[int, int]:
+def _span(is_lit: Flags, axis: int) -> tuple[int, int]:
     """The first row or column of which some is lit, and the one after the last."""
     rows = np.flatnonzero(is_lit.any(axis=1 - axis))
     return (int(rows[0]), int(rows[-1]) + 1) if len(rows) else (0, is_lit.shape[axis])

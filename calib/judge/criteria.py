@@ -6,12 +6,11 @@ A file of one's own needs to hold only what differs from the template `standard`
 import re
 from collections.abc import Mapping
 
-from calib.judge.check_kind import CheckKind, Evidence
 from calib.judge.checks import CHECKS
 from calib.judge.rig_checks import RIG_CHECKS
-from calib.judge.verdict import Criteria, Limits
+from calib.judge.verdict import CheckKind, Criteria, Evidence, Limits
 from designer.base.errors import InputError
-from designer.base.small_file import read_spec_file
+from designer.base.files import read_spec_file
 from designer.base.words import shown, suggestion
 from designer.kinds.presets import preset_or_file
 

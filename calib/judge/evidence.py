@@ -5,15 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.cameras.refit import image_grid
 from calib.core.linear_algebra import sums_by
 from calib.judge.apart import Known, apart, sigma_over
-from calib.judge.coverage import Coverage, coverage_of
+from calib.judge.coverage import Coverage, coverage_of, lit_part, sigma_over_lit_px
 from calib.judge.halves import HalfSplit, HalvesApart, NoHalves, halves_apart
-from calib.judge.lit_part import lit_part, sigma_over_lit_px
 from calib.judge.reading import reading_of
 from calib.judge.target_shape import ShapeEffect, shape_effect
 from calib.solver.accuracy import share_px
@@ -30,8 +28,6 @@ from calib.solver.metrics.errors import Errors, summarise
 from calib.solver.metrics.evaluation import Evaluation, evaluate
 from calib.solver.metrics.residual_cells import LEAST_PER_CELL, cells_of_residuals, residuals_of
 from calib.solver.outliers import deviations
-
-Array = NDArray[np.float64]
 
 LEAST_SHARE = 0.25
 """Of the residuals: a smaller systematic part blames nobody."""

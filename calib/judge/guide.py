@@ -11,16 +11,25 @@ from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations
 from calib.judge.coverage import Coverage, coverage, coverage_of
 from calib.judge.criteria import STANDARD
-from calib.judge.first_views import first_pose, guessed_camera
 from calib.judge.guide_held import ghost_lines, held_at
-from calib.judge.guide_told import CameraGuidance, FrameNote, Ghost, Guidance, Line, Look, SensorMap, Stage
+from calib.judge.guide_told import (
+    ALL,
+    CameraGuidance,
+    FrameNote,
+    Ghost,
+    Guidance,
+    Line,
+    Look,
+    SensorMap,
+    Stage,
+    settings_of,
+)
 from calib.judge.insight import Insight, insight_of
 from calib.judge.looking import LookedFor, frame_pose, look_at_frame
-from calib.judge.settings import ALL, settings_of
 from calib.judge.standing import Proposal, Standing, proposal_of, standing_of
 from calib.judge.telling import bars_of, ghost_of, headline_of, map_of, photos_of, told_sigma_px
 from calib.judge.verdict import Criteria, Verdict
-from calib.judge.view_worth import ViewGains, gains_of
+from calib.judge.view_worth import ViewGains, first_pose, gains_of, guessed_camera
 from calib.judge.views import TargetShape
 from calib.solver.calibration import Calibration
 from designer.base.arrays import Array

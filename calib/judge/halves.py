@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import sums_by
@@ -19,13 +18,12 @@ from calib.core.types import Observations, keep_sightings, keep_views
 from calib.judge.apart import Known, apart
 from calib.judge.coverage import Coverage
 from calib.solver.accuracy import SHARE_PERCENT
-from calib.solver.calibrate import calibrate
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
+from calib.solver.solve_virtual import calibrate
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.marks import INLINE, Key, Length
-
-Array = NDArray[np.float64]
 
 LEAST_VIEWS = 4
 BY_CHANCE_APART = 1.35
@@ -159,7 +157,7 @@ PER_RIGHT_ANGLE = 0.35
 """A turn of the target by a right angle counts as much as a shift by about half of the image."""
 
 
-def splits(calibration: Calibration) -> tuple[NDArray[np.bool_], ...]:
+def splits(calibration: Calibration) -> tuple[Flags, ...]:
     """Up to four ways, one of a camera with a surface: which views (V,) belong to the first half.
 
     Each orders the views along another direction in which they differ (where in the image, how large, from which side,
@@ -172,7 +170,7 @@ def splits(calibration: Calibration) -> tuple[NDArray[np.bool_], ...]:
     axes = np.linalg.svd(feature, full_matrices=False)[2]
     # An axis may point either way; which one must not depend on the order of the views.
     axes *= np.sign(np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1))
-    found: dict[bytes, NDArray[np.bool_]] = {}
+    found: dict[bytes, Flags] = {}
     # Of hundreds of parameters a split takes megabytes to keep, and tells much by itself.
     most = MOST_SPLITS if surface_model(calibration.camera.model) is None else 1
     for axis in axes[:most]:

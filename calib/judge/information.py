@@ -18,7 +18,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise
 from calib.cameras.camera import Camera
@@ -26,16 +25,14 @@ from calib.cameras.refit import COLUMNS, image_grid
 from calib.core.linear_algebra import covariance_with_prior, pseudo_inverse, symmetric_inverse
 from calib.core.se3 import transform
 from calib.core.types import keep_views, sightings_per_view
-from calib.judge.lit_part import lit_part
+from calib.judge.coverage import lit_part
 from calib.solver.accuracy import projected_change
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions, tie_parameters
-from calib.solver.problem import pack
+from calib.solver.problem import SolveOptions, pack, tie_parameters
 from calib.solver.schur import reduced_normal
 from calib.solver.target_error import LeftOpen
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 TIED = 1e-12
 """Directions of the parameters with less of their variance are fixed or shared, not estimated."""

@@ -16,16 +16,15 @@ import numpy as np
 from calib.cameras import WIDE, told_parameters
 from calib.core.parallel import one_thread
 from calib.core.types import LEAST_POINTS, Detections, Observations, keep_views
+from calib.judge.coverage import lit_part, sigma_over_lit_px
+from calib.judge.guide_told import GuideSettings
 from calib.judge.information import knowledge_of
-from calib.judge.lit_part import lit_part, sigma_over_lit_px
-from calib.judge.settings import GuideSettings
 from calib.observe.observations import observations_from_detections
 from calib.solver.accuracy import NO_FIT, UNSURE_FOCAL
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.outliers import shift_of_photo
-from calib.solver.problem import origin_poses, pack
+from calib.solver.problem import SolveOptions, origin_poses, pack, tie_parameters
 from calib.solver.solve import solve
 from calib.solver.suited import lens_kind
 from calib.solver.target_error import LeftOpen, target_told

@@ -7,12 +7,11 @@ from typing import Annotated
 
 from calib.core.parallel import one_thread
 from calib.judge.advice import DETECTED, Inputs, advice_of, is_hopeless
-from calib.judge.check_kind import px
 from calib.judge.checks import OWN_ROTATION, checks_of, faults_of, missing_of
 from calib.judge.evidence import CameraEvidence, evidence_of
 from calib.judge.halves import Half, HalfSplit, Halves, NoHalves
 from calib.judge.next_views import NextView, next_views
-from calib.judge.verdict import Check, Criteria, Grade, Verdict
+from calib.judge.verdict import Check, Criteria, Grade, Verdict, px
 from calib.solver.calibration import Calibration, without_surface
 from calib.solver.target_error import left_open, stated_prior
 from designer.base.file_kind import FileKind

@@ -7,12 +7,11 @@ import numpy as np
 
 from calib.cameras.camera import Camera
 from calib.core.types import LEAST_POINTS, Detections, KnownPoints, Observations
-from calib.judge.first_views import novelty
 from calib.judge.guide_held import HeldView, held_at, is_same
 from calib.judge.guide_told import FrameNote, Look
 from calib.judge.hints import hint_of
 from calib.judge.telling import outlines_of
-from calib.judge.view_worth import ViewGains, worth_of
+from calib.judge.view_worth import ViewGains, novelty, worth_of
 from calib.judge.views import TargetShape
 from calib.solver.accuracy import NO_FIT
 from calib.solver.start import solve_poses

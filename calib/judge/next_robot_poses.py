@@ -9,6 +9,10 @@ target at places of the image and distances like those that were used. What one 
 is least, of the covariances of the camera's direction and of its centre, d being the usual distance of the target:
 about how badly what the camera sees there is placed on the robot. What the motions so far leave open has a wide prior,
 by which a pose that ends that comes first.
+
+Which of a target's points a camera of a rig would see of it, held anywhere.
+
+A few of many candidates that stand in order, without a rhythm that would meet that of the order.
 """
 
 import math
@@ -17,7 +21,6 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.rig import POSE
@@ -25,19 +28,71 @@ from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.core.se3 import exp_rotation, invert, make_pose, rigid_fault, transform
 from calib.core.types import KnownPoints, Observations, RigObservations, frozen_array
-from calib.judge.few_of_many import few_of_many
 from calib.judge.next_view_words import short
-from calib.judge.points_seen import is_new, some_points, that_look
 from calib.rigs.carried_information import expected_information, frame_information
 from calib.rigs.halves import NoRigHalves, RigHalves
 from calib.rigs.relative import center_covariance
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.rigs.target_error import carrier_prior
 from calib.solver.free_shape import free_directions
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.marks import ONE_LINE, Gap, Length, Shape
-from designer.base.number_text import figure
+from designer.base.words import figure
 
-Array = NDArray[np.float64]
+POINTS = 150
+"""Of the target, by which candidates are compared."""
+LEAST_SEEN_FACING = 0.34
+"""Cosine of the largest angle from which rings are read."""
+NEW_SHARE = 0.1
+"""Of the target, seen where a camera has seen nothing: what it then tells is not known well."""
+
+
+def some_points(found: RigCalibration) -> KnownPoints:
+    """A few of the points, spread over their order, on planes whose normals point to where they were seen from."""
+    points, faces = found.observations.points, len(found.observations.points.plane)
+    seen_from = np.zeros(faces)
+    for pose, seen, frames in zip(
+        found.cam_from_rig, found.observations.sightings, found.observations.frame, strict=True
+    ):
+        center = invert(pose @ found.rig_from_target[frames])[:, :3, 3]
+        above = np.sign(center @ points.plane[:, :3].T - points.plane[:, 3])  # (V, F)
+        face = points.face[seen.point]
+        rows = np.flatnonzero(face >= 0)
+        np.add.at(seen_from, face[rows], above[seen.view[rows], face[rows]])
+    points = replace(points, plane=np.where(seen_from < 0, -1.0, 1.0)[:, None] * points.plane)
+    rows = np.unique(np.linspace(0, len(points.face) - 1, POINTS).astype(np.int64))
+    return replace(points, position_mm=points.position_mm[rows], face=points.face[rows])
+
+
+def that_look(in_camera: Array, cam_from_target: Array, points: KnownPoints, least: float = LEAST_SEEN_FACING) -> Flags:
+    """Which points (K, S) lie on planes that look at the camera, or on none."""
+    if not len(points.plane):
+        return np.ones(in_camera.shape[:2], dtype=bool)
+    normal = points.plane[points.face, :3] @ cam_from_target[:, :3, :3].transpose(0, 2, 1)
+    cosine = -(in_camera * normal).sum(axis=2) / np.maximum(np.linalg.norm(in_camera, axis=2), 1e-9)
+    looks: Flags = (cosine > least) | (points.face < 0)
+    return looks
+
+
+def is_new(found: RigCalibration, camera: int, pose: Array) -> bool:
+    """Whether a camera would see much of the target where it has seen none of it so far, and knows its lens badly."""
+    pixel = found.cameras[camera].project(
+        transform(found.cam_from_rig[camera] @ pose, found.observations.points.position_mm)
+    )
+    seen = found.observations.sightings[camera].center_px
+    with np.errstate(invalid="ignore"):
+        beyond = ((pixel < seen.min(axis=0)) | (pixel > seen.max(axis=0))).any(axis=1)
+    return bool(found.is_refined[camera] and beyond.mean() > NEW_SHARE)
+
+
+GOLDEN = 0.6180339887498949
+"""Its multiples, less their whole parts, fill a circle evenly whatever number of them is taken."""
+
+
+def few_of_many(count: int, most: int) -> Rows:
+    """So many rows of `count` at most, ascending: every so many-th of nested loops would share the inner value."""
+    return np.sort(np.argsort((np.arange(count) * GOLDEN) % 1.0, kind="stable")[:most])
+
 
 MOST_POSES = 5
 """A robot takes a few more in a minute; what is known after them is to be solved before more are chosen by it."""
@@ -93,9 +148,9 @@ class _TriedPoses:
 
     base_from_flange: Array  # (K, 4, 4)
     rig_from_target: Array  # (K, 4, 4)
-    like_frame: NDArray[np.int64]  # (K,) that it is turned as in
+    like_frame: Rows  # (K,) that it is turned as in
     tilt_rad: Array  # (K, 3) by which it is turned more, about the flange's axes
-    shown: NDArray[np.bool_]  # (K, S) of some points
+    shown: Flags  # (K, S) of some points
 
 
 @one_thread
@@ -257,14 +312,14 @@ def _places(found: RigCalibration, across: float) -> Array:
     return places
 
 
-def _in_reach(found: RigCalibration, goal: Array, used: Array) -> NDArray[np.bool_]:
+def _in_reach(found: RigCalibration, goal: Array, used: Array) -> Flags:
     """Which places of the flange are among those where it has been, or not far beside."""
     beside = REACH * _usual_mm(found)
     low, high = used[:, :3, 3].min(axis=0) - beside, used[:, :3, 3].max(axis=0) + beside
     return np.asarray(((goal[:, :3, 3] >= low) & (goal[:, :3, 3] <= high)).all(axis=1))
 
 
-def _shown(found: RigCalibration, held: Array, points: KnownPoints) -> NDArray[np.bool_]:
+def _shown(found: RigCalibration, held: Array, points: KnownPoints) -> Flags:
     """Which of some points a photo would show.  # (K, S)"""
     size = 1.0 if found.carrier is None else found.carrier.size
     cam_from_target = found.cam_from_rig[0] @ held

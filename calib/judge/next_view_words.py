@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from designer.base.number_text import figure
-from designer.base.words import printable
+from designer.base.arrays import Array
+from designer.base.words import figure, printable
 
-Array = NDArray[np.float64]
 LongSide = Literal["", "level", "upright"]
 
 MOST_NAME = 40

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import learned_models, project
 from calib.cameras.camera import Camera
@@ -33,17 +32,16 @@ from calib.judge.choose_views import (
     start_of,
     with_photo,
 )
+from calib.judge.coverage import LitPart, lit_part
 from calib.judge.information import image_change, sigma_px
-from calib.judge.lit_part import LitPart, lit_part
 from calib.judge.next_view_words import Hold, ViewGain, place_of, sentence_of
 from calib.judge.views import TargetShape
 from calib.solver.accuracy import NO_FIT, SHARE_PERCENT, share_px
 from calib.solver.calibration import Calibration, without_surface
 from calib.solver.target_error import LeftOpen
+from designer.base.arrays import Array, Flags
 from designer.base.file_kind import FileKind
 from designer.base.marks import ONE_LINE, AtLeast, AtMost, Length, NullIs, Shape
-
-Array = NDArray[np.float64]
 
 MOST_VIEWS = 8
 MOST_FOR_ACCURACY = 4
@@ -124,7 +122,7 @@ def next_views(
     factor: float = 1.0,
     opened: LeftOpen | None = None,
     little_gain: float = LITTLE_GAIN,
-    is_avoided: Callable[[Array], NDArray[np.bool_]] | None = None,
+    is_avoided: Callable[[Array], Flags] | None = None,
     shape: TargetShape | None = None,
 ) -> tuple[NextView, ...]:
     """The photos to take next, the most useful first; none if both goals are reached, or `why_no_next_views` says why.

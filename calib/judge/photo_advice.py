@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 
-from calib.judge.check_kind import px
 from calib.judge.checks import SURE
 from calib.judge.evidence import CameraEvidence
 from calib.judge.next_views import NextView, photos_needed, why_no_next_views
-from calib.judge.verdict import Criteria
+from calib.judge.verdict import Criteria, px
 from calib.solver.calibration import Calibration
 from calib.solver.plane_bend import is_flat
-from designer.base.number_text import figure
+from designer.base.words import figure
 
 MANY_TIMES = 5
 """So many times as many photos as there are will not be taken."""

@@ -1,6 +1,8 @@
 """A plan of photos, tried: photos are simulated as somebody takes them after it, and the camera is solved from them.
 
 That says what a plan is worth where nobody holds a target quite as it says, and what the target's making adds.
+
+The shortest plan of photos that reaches what is wanted each time it is tried: `plan_that_holds(PlanWish(...))`.
 """
 
 import math
@@ -8,9 +10,9 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
+from calib.core.parallel import one_thread
 from calib.core.se3 import exp_rotation, make_pose, rotation_of_quaternion, transform
 from calib.core.types import KnownPoints, Observations, keep_views
 from calib.judge.candidate_views import shown_in
@@ -18,16 +20,16 @@ from calib.judge.coverage import coverage_of
 from calib.judge.evidence import uncertainty_of
 from calib.judge.halves import HalvesApart, half_split, halves_apart
 from calib.judge.next_views import MAX_PX
+from calib.judge.planned_views import PlannedViews, planned_views
 from calib.judge.views import Habits, TargetShape
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from calib.solver.target_error import with_target_error
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.marks import AtLeast, AtMost, NullIs
 from designer.tolerance.made import Made
-
-Array = NDArray[np.float64]
 
 TURNED_RAD, SHIFTED_MM, OF_DISTANCE = math.radians(5), 20.0, 0.1
 """Standard deviations of how a person holds a target who was told where, whichever shift is less; twice at most."""
@@ -119,3 +121,72 @@ def _photographed(
     covariance = sigma_px[:, None, None] ** 2 * np.eye(2)
     seen = Observations(camera.image_size, names, view, point, pixel, covariance, points)
     return keep_views(seen, is_read.any(axis=1))
+
+
+TRIES = 5
+ROUNDS = 5
+"""Of planning for less noise, where photos that were tried did not reach the goal."""
+TIGHTER, SPARE = 0.5, 0.97
+
+
+@dataclass(frozen=True, eq=False)
+class PlanWish:
+    """What is asked for."""
+
+    before: Calibration  # of `calib.judge.planned_views.calibration_before`
+    shape: TargetShape
+    held: Habits
+    goal_px: float  # what 95 % of the image is to stay within, 1 sigma
+    goal_covered: float  # of the image, 0 to 1
+    most: int  # photos
+    made: Made | None  # how the target was; None: nobody knows
+    at: Array | None = None  # (C, 4, 4) the only poses that the target can have; None: any
+    is_held_exactly: bool = False  # by a robot or a turntable
+
+
+@one_thread
+def plan_that_holds(wish: PlanWish) -> tuple[PlannedViews, tuple[TriedPlan, ...]] | None:
+    """The shortest of a few plans that reach the goal each time they are tried; the last one if none does.
+
+    Plans are made for goals between one that was too easy and one that was hard enough. None: the target is read in no
+    pose that it can have.
+    """
+    goal_px, passed_px, failed_px = wish.goal_px, 0.0, 0.0
+    for _ in range(ROUNDS):
+        found = planned_views(
+            wish.before, wish.held, goal_px=goal_px, goal_covered=wish.goal_covered, most=wish.most, at=wish.at
+        )
+        if found is None or not found.views:
+            return None
+        tried = _tried(wish, np.stack([one.cam_from_target for one in found.views]))
+        if max(one.stated_px for one in tried) <= wish.goal_px:
+            best, passed_px = (found, tried), goal_px
+            if not failed_px:
+                break
+        else:
+            failed_px = goal_px
+            if not passed_px:
+                best = found, tried
+                if not found.is_accurate:
+                    break
+        goal_px = math.sqrt(passed_px * failed_px) if passed_px else _tighter(wish, found, tried, goal_px)
+    return best
+
+
+def _tighter(wish: PlanWish, found: PlannedViews, tried: tuple[TriedPlan, ...], goal_px: float) -> float:
+    """By the noise alone, what leaves as much for the target's making as it took."""
+    by_target_px = max(one.by_target_px for one in tried)
+    room_px = math.sqrt(max(wish.goal_px**2 - by_target_px**2, 0.0))
+    done_px = min(goal_px, found.views[-1].sigma_px_after)
+    return done_px * max(TIGHTER, SPARE * room_px / max(one.by_noise_px for one in tried))
+
+
+def _tried(wish: PlanWish, poses: Array) -> tuple[TriedPlan, ...]:
+    before = wish.before
+    return tuple(
+        tried_plan(
+            before.camera, before.observations.points, wish.shape, wish.held, poses, before.scale, wish.made,
+            np.random.default_rng(number), is_held_exactly=wish.is_held_exactly,
+        )
+        for number in range(TRIES)
+    )  # fmt: skip

@@ -2,16 +2,25 @@
 
 They are chosen one after the other as `calib.judge.next_views` chooses; then each is left out, or exchanged for a
 better one, as long as that helps (Fedorov 1972).
+
+What is known of a camera before any photo: `calibration_before(camera, points, 0.05)`.
+
+It is told as a calibration from no photos, so that what chooses photos after photos chooses the first ones, too.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.cameras.refit import image_grid
+from calib.cameras import COMMON, WIDE, fitted_models, project
+from calib.cameras.camera import Camera
+from calib.cameras.refit import image_grid, refit
+from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import symmetric_inverse
+from calib.core.se3 import make_pose, transform
+from calib.core.types import KnownPoints, Observations
 from calib.judge.choose_views import (
     CandidatePhoto,
     SoFar,
@@ -23,15 +32,16 @@ from calib.judge.choose_views import (
     start_of,
     with_photo,
 )
-from calib.judge.information import image_change, sigma_px
-from calib.judge.lit_part import LitPart, lit_part
+from calib.judge.coverage import LitPart, lit_part
+from calib.judge.information import LENS_UNSURE, image_change, sigma_px
 from calib.judge.next_view_words import ViewGain
 from calib.judge.next_views import NextView, proposed_view
-from calib.judge.views import Habits
+from calib.judge.views import READABLE_PITCH_PX, Habits, TargetShape
 from calib.solver.accuracy import share_px
 from calib.solver.calibration import Calibration
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
+from designer.base.words import figure
+from designer.target import TargetGeometry
 
 FEWEST = 6
 """So that halves of three photos each tell whether the stated deviations hold."""
@@ -101,7 +111,7 @@ def planned_views(
     """The fewest photos that reach both goals, or the best `most` of them; None if the target cannot be held so.
 
     Args:
-        before: of `calib.judge.before_photos.calibration_before`.
+        before: of `calib.judge.planned_views.calibration_before`.
         held: how the target may be held.
         goal_px: 95 % of the image is to be known so well (1 sigma), by the noise of the photos.
         goal_covered: so much of the image is to be surrounded by sightings, 0 to 1.
@@ -184,3 +194,87 @@ def _without_spare(goal: _Goal, photos: tuple[CandidatePhoto, ...]) -> tuple[Can
             break
         photos = min(met, key=lambda some: goal.within_px(goal.after(some)))
     return photos
+
+
+FOCAL_UNSURE = 0.3
+CENTRE_UNSURE = 0.05
+"""Of the focal length, and of the image's longer side: what a person knows of a camera beforehand."""
+FACE_SHARE = 0.5
+FEWEST_RINGS = 12
+FINE_PITCH_PX = 24.0
+"""Between rings of 8 px radius or so."""
+FILLS = (0.3, 0.9)
+"""Of the image's width or height, in the direction that the target fills more of: farthest and nearest."""
+SIZING_STEPS = 12
+
+
+def planned_camera(camera: Camera, goal_px: float) -> tuple[Camera, str]:
+    """The camera in a model that few photos determine, and what is to be said of the lens."""
+    if camera.model in fitted_models():
+        return camera, "the lens is taken to be one that its model follows, and photos to be sharp; calib run tells"
+    surface = surface_model(camera.model)
+    plain = {COMMON, WIDE} if surface is None else {COMMON, WIDE, surface.base.name}
+    found = min((refit(camera, model) for model in sorted(plain)), key=lambda one: one.max_px)
+    near, model = figure(found.max_px, 2), found.camera.model
+    said = f"planned for a camera of the model {model}, from which this one, {camera.model}, differs by up to {near} px"
+    if found.max_px > goal_px:
+        said += ", more than is wanted: what is promised is of that model, not of this camera"
+    return found.camera, said
+
+
+def front_of(target: TargetGeometry, points: KnownPoints) -> KnownPoints:
+    """The points of what is photographed: of a board with two sides those of the front; the others lie on no face."""
+    if not target.is_plate or target.is_planar:
+        return points
+    return replace(points, face=np.where(points.face == 0, 0, -1))
+
+
+def calibration_before(camera: Camera, points: KnownPoints, noise_px: float) -> Calibration:
+    """A calibration from no photos: the camera as a person takes it to be.
+
+    Args:
+        camera: about as it is.
+        points: of the target.
+        noise_px: standard deviation of a coordinate of an observation to come.
+    """
+    none = np.zeros(0, dtype=np.int64)
+    deviation = np.full(len(camera.params), LENS_UNSURE)
+    deviation[:2] = FOCAL_UNSURE * camera.params[:2]
+    deviation[2:4] = CENTRE_UNSURE * max(camera.image_size)
+    return Calibration(
+        camera, Observations(camera.image_size, (), none, none, np.zeros((0, 2)), None, points), np.zeros((0, 4, 4)),
+        np.zeros((0, 2)), np.zeros(0, dtype=np.bool_), noise_px, np.diag(deviation**2), np.zeros((0, 6, 6)), (),
+        weighted=False, status="converged", remarks=(), iterations=0, seconds=0.0,
+    )  # fmt: skip
+
+
+def usual_hold(before: Calibration, shape: TargetShape, distance_mm: tuple[float, float] | None = None) -> Habits:
+    """How a target may be held: so that it fills a good part of the lit image, or between two distances.
+
+    Args:
+        before: of `calibration_before`.
+        shape: of the target.
+        distance_mm: nearest and farthest; None: by what it fills.
+    """
+    first, last = lit_part(before).box_px
+    size_px = last - first + 1
+    fills = (_distance_mm(before.camera, shape, fill, size_px) for fill in FILLS[::-1])
+    near, far = fills if distance_mm is None else distance_mm
+    return Habits((near, far), FACE_SHARE, READABLE_PITCH_PX, FEWEST_RINGS, FINE_PITCH_PX)
+
+
+def _distance_mm(camera: Camera, shape: TargetShape, fill: float, size_px: Array) -> float:
+    """From where a target that faces the camera fills so much of the image."""
+    turn = np.stack([shape.axes[0], shape.axes[1], -shape.axes[2]]) if shape.is_flat else np.eye(3)
+    extent = float(np.ptp(shape.position_mm, axis=0).max())
+    near, far = 0.6 * extent, 1000.0 * extent
+    for _ in range(SIZING_STEPS):
+        middle = math.sqrt(near * far)
+        pose = make_pose(turn, np.array([0.0, 0.0, middle]) - turn @ shape.center_mm)
+        pixel = project(camera, transform(pose, shape.position_mm))
+        is_all = bool(np.isfinite(pixel).all())
+        if is_all and float((np.ptp(pixel, axis=0) / size_px).max()) < fill:
+            far = middle
+        else:
+            near = middle
+    return far

@@ -6,20 +6,17 @@ A table may be wrong as a whole and yet fit, or fit in part. Each reading is tri
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import COMMON, fitted_models, parameter_names
 from calib.core.se3 import transform
 from calib.core.types import Observations, keep_sightings
 from calib.solver.calibration import Calibration
 from calib.solver.free_shape import POSE, whitened_views
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
-from designer.base.number_text import figure
-from designer.base.words import first_few
-
-Array = NDArray[np.float64]
+from designer.base.words import figure, first_few
 
 FEWEST_PHOTOS = 4
 BY_CENTRE = 0.2
@@ -127,7 +124,7 @@ def _turns(seen: Observations) -> tuple[int, ...]:
     return (0, 1, 2, 3) if width == height else (0, 2)
 
 
-def _turned_back(used: Observations, model: str, turns: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array] | None:
+def _turned_back(used: Observations, model: str, turns: Rows) -> tuple[Rows, Array] | None:
     """By how many quarter turns each view is to be turned to fit best, most not at all, and what is then left over.
 
     None: it does not settle.
@@ -148,7 +145,7 @@ def _turned_back(used: Observations, model: str, turns: NDArray[np.int64]) -> tu
     return None
 
 
-def _turned_names(seen: Observations, turns: NDArray[np.int64]) -> str:
+def _turned_names(seen: Observations, turns: Rows) -> str:
     """The views that are to be turned; with how, if not upside down alone."""
     parts = []
     for quarter in (1, 2, 3):
@@ -159,7 +156,7 @@ def _turned_names(seen: Observations, turns: NDArray[np.int64]) -> str:
     return "; ".join(parts)
 
 
-def turned(seen: Observations, turns: NDArray[np.int64]) -> Observations:
+def turned(seen: Observations, turns: Rows) -> Observations:
     """The observations with the picture of each view turned clockwise by so many quarters (V,)."""
     middle, quarter = 0.5 * (np.array(seen.image_size) - 1), np.array([[0, -1], [1, 0]])
     turn = np.stack([np.linalg.matrix_power(quarter, k) for k in range(4)])[turns % 4][seen.view].astype(np.float64)
@@ -192,7 +189,7 @@ def _own_centres(calibration: Calibration) -> tuple[Array, float]:
     return np.array(shifts), taken / whole if whole > 0 else 0.0
 
 
-def _second_group(shift_px: Array) -> NDArray[np.bool_]:
+def _second_group(shift_px: Array) -> Flags:
     """Which of two groups each of N shifts (N, 2) belongs to, along their longest axis, split where that is widest."""
     off = shift_px - np.median(shift_px, axis=0)
     along = off @ np.linalg.svd(off, full_matrices=False)[2][0]

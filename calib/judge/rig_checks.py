@@ -4,11 +4,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from calib.judge.check_kind import CheckKind, Found, at_least, at_most, px
 from calib.judge.checks import circle_words
-from calib.judge.verdict import Check, Criteria, Grade, measured_text
-from designer.base.number_text import figure
-from designer.base.words import printable
+from calib.judge.verdict import Check, CheckKind, Criteria, Found, Grade, at_least, at_most, measured_text, px
+from designer.base.words import figure, printable
 
 if TYPE_CHECKING:
     from calib.judge.rig_evidence import RigEvidence

@@ -4,19 +4,15 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.core.se3 import transform
 from calib.judge.coverage import Coverage, coverage_of
-from calib.rigs.camera_alone import camera_alone
 from calib.rigs.figures import CameraFigures, CameraTie, PairFigures, camera_figures, pair_figures, ties_of
 from calib.rigs.halves import NoRigHalves, RigHalves, enlarged
-from calib.rigs.middle import CarriedError, MiddleError, carried_error, middle_error
-from calib.rigs.result import CarrierFit, RigCalibration
+from calib.rigs.relative import CarriedError, MiddleError, carried_error, middle_error
+from calib.rigs.result import CarrierFit, RigCalibration, camera_alone
 from calib.solver.calibration import CircleDoubt, Status
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,8 @@ from calib.judge.rig_evidence import RigEvidence, rig_evidence
 from calib.judge.rig_judge import NOT_COMPARED, RIG_VERDICT, RIG_VERDICT_FILE, JudgedRig, judge_rig
 from calib.judge.verdict import Criteria, Verdict
 from calib.observe.calibration_file import CALIBRATION_FILE, Provenance, calibration_files, read_calibration
-from calib.rigs.camera_alone import camera_alone
 from calib.rigs.halves import enlarged
-from calib.rigs.result import CarrierFit, RigCalibration
+from calib.rigs.result import CarrierFit, RigCalibration, camera_alone
 from calib.solver.calibration import Calibration, CircleDoubt, Status
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError

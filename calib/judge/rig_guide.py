@@ -12,17 +12,15 @@ from calib.core.types import Detections
 from calib.judge.criteria import STANDARD, read_rig_criteria
 from calib.judge.guide import Guide
 from calib.judge.guide_held import are_near, ghost_lines, held_at
-from calib.judge.guide_told import Bar, CameraGuidance, FrameNote, Ghost, Guidance, Look, Stage, TakenPhoto
+from calib.judge.guide_told import ALL, Bar, CameraGuidance, FrameNote, Ghost, Guidance, Look, Stage, TakenPhoto
 from calib.judge.looking import LookedFor, look_at_frame
 from calib.judge.rig_next_frames import NextFrame
 from calib.judge.rig_standing import RigStanding, join_bars, moment_of, rig_standing_of, shared_moments
-from calib.judge.settings import ALL
 from calib.judge.telling import ghost_at
 from calib.observe.rig_observations import require_names
 from designer.base.arrays import Array
 from designer.base.errors import InputError
-from designer.base.number_text import figure
-from designer.base.words import shown
+from designer.base.words import figure, shown
 from designer.target import TargetGeometry, load_target
 
 TOGETHER = 2

@@ -14,8 +14,7 @@ from calib.rigs.halves import NoRigHalves, RigHalves
 from calib.rigs.result import RigCalibration
 from designer.base.file_kind import FileKind
 from designer.base.marks import LEFT_OUT, Hash, Length, Line
-from designer.base.number_text import figure
-from designer.base.words import printable
+from designer.base.words import figure, printable
 
 MENDED_BY_FRAMES = ("frames", "baselines", "space", "halves")
 """Checks that more frames may make good."""

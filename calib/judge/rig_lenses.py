@@ -7,9 +7,9 @@ from calib.cameras import COMMON, MODELS, free_form_models, learned_models, para
 from calib.cameras.camera import Camera
 from calib.core.types import Observations, RigObservations
 from calib.judge.solutions import SolveTask, best_of, compared, solve_models
-from calib.rigs.options import CameraChoice
-from calib.solver.options import SolveOptions
+from calib.rigs.problem import CameraChoice
 from calib.solver.plan import ALL, SolvePlan, models_of, plan_from_words
+from calib.solver.problem import SolveOptions
 from designer.base.errors import InputError
 from designer.base.words import several, shown, suggestion
 from designer.page.progress import Progress

@@ -11,7 +11,6 @@ from itertools import combinations
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise
 from calib.cameras.camera import Camera
@@ -19,17 +18,14 @@ from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.core.se3 import make_pose, rigid_fault, skew, transform
 from calib.core.types import KnownPoints, frozen_array
-from calib.judge.few_of_many import few_of_many
+from calib.judge.next_robot_poses import few_of_many, is_new, some_points, that_look
 from calib.judge.next_view_words import distance_words, place_of, place_words, short
-from calib.judge.points_seen import is_new, some_points, that_look
 from calib.rigs.halves import NoRigHalves, RigHalves, enlarged
 from calib.rigs.relative import relative
 from calib.rigs.result import RigCalibration
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.marks import ONE_LINE, AtLeast, AtMost, Length, Shape, Word
-from designer.base.number_text import figure
-from designer.base.words import printable
-
-Array = NDArray[np.float64]
+from designer.base.words import figure, printable
 
 MOST_FRAMES = 3
 """What is known after so many is to be solved before more are chosen by it."""
@@ -79,8 +75,8 @@ class _Held:
     """K places to hold a target at, and what each camera would see of it."""
 
     rig_from_target: Array  # (K, 4, 4)
-    like_frame: NDArray[np.int64]  # (K,) that it is turned as in
-    sees: NDArray[np.bool_]  # (C, K)
+    like_frame: Rows  # (K,) that it is turned as in
+    sees: Flags  # (C, K)
     own: tuple[Array, ...]  # (C,) of (K, Q, Q) products by a camera's unknowns
     cross: tuple[Array, ...]  # (C,) of (K, Q, 6) by these and by the frame's pose
     frame: Array  # (C, K, 6, 6) by the frame's pose
@@ -141,7 +137,7 @@ def _badness(covariance: Array) -> float:
 class _Root:
     """G of what a frame tells, its information being `G G'`, of the unknowns of the cameras that see the target."""
 
-    rows: NDArray[np.int64]  # (S,)
+    rows: Rows  # (S,)
     root: Array  # (S, R)
 
 
@@ -187,7 +183,7 @@ def _candidates(found: RigCalibration, factor: float) -> _Held:
     )  # fmt: skip
 
 
-def _held_poses(found: RigCalibration) -> tuple[Array, NDArray[np.int64]]:
+def _held_poses(found: RigCalibration) -> tuple[Array, Rows]:
     """Poses of the target (K, 4, 4), and the frame each is turned as in (K,)."""
     middle = found.observations.points.middle_mm
     frames = np.unique(np.linspace(0, len(found.rig_from_target) - 1, TURNS).astype(np.int64))
@@ -210,7 +206,7 @@ def _held_poses(found: RigCalibration) -> tuple[Array, NDArray[np.int64]]:
 
 def _seen(
     camera: Camera, cam_from_rig: Array, poses: Array, points: KnownPoints, noise_px: float, of: int
-) -> tuple[NDArray[np.bool_], Array, Array, Array]:
+) -> tuple[Flags, Array, Array, Array]:
     """Whether a camera sees the target at each place (K,), and the products of its derivatives, of all points.
 
     Args:

@@ -10,10 +10,10 @@ from calib.judge.verdict import Criteria
 from calib.observe.calibration_file import Provenance
 from calib.observe.rig_observations import with_remarks
 from calib.observe.rig_search import RigSearch
+from calib.rigs.accuracy import with_circle_doubt
 from calib.rigs.bent import with_bend_error
-from calib.rigs.circle_doubt import with_circle_doubt
 from calib.rigs.halves import RigHalves, half_solver, rig_halves
-from calib.rigs.options import RigOptions
+from calib.rigs.problem import RigOptions
 from calib.rigs.shared_errors import with_shared_errors
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error

@@ -9,22 +9,21 @@ from typing import Literal
 
 from calib.cameras.rig import Rig
 from calib.core.parallel import one_thread_with_scipy
-from calib.judge.check_kind import at_most
 from calib.judge.guide import Guide
 from calib.judge.guide_told import Bar
 from calib.judge.rig_judge import JudgedRig, judge_rig
 from calib.judge.telling import bar_of
-from calib.judge.verdict import Criteria, Grade, Limits, measured_text
+from calib.judge.verdict import Criteria, Grade, Limits, at_most, measured_text
 from calib.observe.rig_observations import RigSightings, rig_observations
 from calib.rigs.halves import enlarged, half_solver, rig_halves
-from calib.rigs.options import CameraChoice, RigOptions
+from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.relative import relative
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error
 from designer.base.arrays import Array
 from designer.base.errors import InputError
-from designer.base.number_text import figure
+from designer.base.words import figure
 
 MOST_PAIRS = 8
 """That are listed, of a rig with many cameras those that are known worst."""

@@ -7,18 +7,13 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from calib.cameras import ABILITIES, ANY_LENS
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
-from calib.judge.coverage import Coverage, coverage_of
-from calib.judge.lit_part import lit_part
+from calib.judge.coverage import Coverage, coverage_of, lit_part
 from calib.judge.reading import unit_doubt
 from calib.observe.calibration_file import Provenance
 from calib.solver.accuracy import UndeterminedError
-from calib.solver.calibrate import calibrate
 from calib.solver.calibration import Calibration, Capture
 from calib.solver.capture_error import with_capture_error
 from calib.solver.circles import with_circle_doubt
@@ -26,9 +21,11 @@ from calib.solver.metrics.errors import summarise
 from calib.solver.metrics.evaluation import Evaluation, evaluate, held_out_px
 from calib.solver.metrics.evaluation_files import Metrics, metrics_of
 from calib.solver.plan import SolvePlan
+from calib.solver.solve_virtual import calibrate
 from calib.solver.suited import ruled_out
 from calib.solver.target_error import with_target_error
 from designer.base.answer import program
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 
 if TYPE_CHECKING:
@@ -134,11 +131,11 @@ class SolveTask:
     photos: tuple[Path, ...] = ()  # that show where the light of a wide lens ends; none: nobody knows
 
     @cached_property
-    def brightest(self) -> NDArray[np.float64] | None:
+    def brightest(self) -> Array | None:
         """The most light of each part of the image in the photos; None without any."""
         if not self.photos:
             return None
-        from calib.observe.image_circle import brightest_of
+        from calib.observe.search import brightest_of
 
         return brightest_of(self.photos, self.observations.image_size)
 
@@ -219,7 +216,7 @@ def _with_image_circle(calibration: Calibration, task: SolveTask) -> Calibration
     """With the end of the light, if the lens may be a wide one and there are photos that show it."""
     if not any(ABILITIES[model].is_wide for model in task.plan.models) or task.brightest is None:
         return calibration
-    from calib.observe.image_circle import with_image_circle
+    from calib.observe.search import with_image_circle
 
     found = with_image_circle(calibration.camera, task.brightest)
     camera = found.camera

@@ -8,16 +8,16 @@ import numpy as np
 from calib.core.parallel import one_thread
 from calib.judge.evidence import CameraEvidence, evidence_of, uncertainty_of
 from calib.judge.guide_held import are_near
+from calib.judge.guide_told import GuideSettings
 from calib.judge.halves import half_split
 from calib.judge.insight import Insight
 from calib.judge.judge import judge
 from calib.judge.next_views import LITTLE_GAIN, NextView, next_views
-from calib.judge.settings import GuideSettings
 from calib.judge.verdict import Verdict
 from calib.judge.views import TargetShape
 from calib.solver.calibration import Calibration
 from calib.solver.capture_error import with_capture_error
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.target_error import LeftOpen
 from designer.base.arrays import Array, Flags
 

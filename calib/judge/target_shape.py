@@ -12,7 +12,6 @@ difference of the two has the covariance of the first less that of the second, w
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import worse_sigma
 from calib.core.parallel import one_thread
@@ -24,8 +23,7 @@ from calib.solver.accuracy import SHARE_PERCENT
 from calib.solver.calibration import Calibration
 from calib.solver.free_shape import camera_directions, shape_equations
 from calib.solver.target_error import extended
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array, Rows
 
 
 @dataclass(frozen=True)
@@ -82,7 +80,7 @@ class Deformation:
     """Shifts of K points by the B unknowns of their faces, and where these stand among all S unknowns."""
 
     shift_mm: Array  # (K, B, 3)
-    first: NDArray[np.int64]  # (K,) the first unknown of the point's face
+    first: Rows  # (K,) the first unknown of the point's face
     extent_mm: Array  # (F,) of each face that was seen: from its middle to its farthest ring
 
     @property
@@ -112,7 +110,7 @@ class Deformation:
         return float((AMPLITUDE * self.extent_mm * largest).max())
 
 
-def deformation_of(points: KnownPoints, used: NDArray[np.int64]) -> Deformation:
+def deformation_of(points: KnownPoints, used: Rows) -> Deformation:
     """The deformations of the faces of some points: bows `x^2, xy, y^2`, a stretch and a shear in the plane.
 
     Faces of a target with several also change in size, shift and turn against each other; for a single one that is

@@ -8,24 +8,21 @@ import numpy as np
 from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
 from calib.core.types import Detections
-from calib.judge.check_kind import px
-from calib.judge.coverage import Coverage
+from calib.judge.coverage import Coverage, lit_part
 from calib.judge.guide_held import held_at
-from calib.judge.guide_told import Bar, Ghost, Line, SensorMap, Stage, TakenPhoto
+from calib.judge.guide_told import Bar, Ghost, GuideSettings, Line, SensorMap, Stage, TakenPhoto
 from calib.judge.hints import short_of, side_words
 from calib.judge.information import knowledge_of
 from calib.judge.insight import Insight
-from calib.judge.lit_part import lit_part
 from calib.judge.next_view_words import place_of, place_words, thing_word, tilt_words
 from calib.judge.next_views import NextView, outline_px
-from calib.judge.settings import GuideSettings
 from calib.judge.standing import FEWEST_PHOTOS, Proposal, Standing
-from calib.judge.verdict import Check, Grade
+from calib.judge.verdict import Check, Grade, px
 from calib.judge.views import TargetShape
 from calib.solver.accuracy import projected_sigma_px, share_px
 from calib.solver.calibration import Calibration
 from designer.base.arrays import Array, Rows
-from designer.base.number_text import figure
+from designer.base.words import figure
 
 MAP = (24, 16)
 """Columns and rows of the sensor map."""

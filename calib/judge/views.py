@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise
 from calib.cameras.camera import Camera
@@ -13,8 +12,7 @@ from calib.core.se3 import invert, transform
 from calib.core.types import KnownPoints
 from calib.solver.calibration import Calibration
 from calib.solver.linear_pose import FLAT
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array, Rows
 
 USUAL_SHARE = 0.1
 """Of the faces in the used photos, so many were seen less completely than counts as readable."""
@@ -29,10 +27,10 @@ class TargetShape:
     """The K points of a target that lie on its F planes."""
 
     position_mm: Array  # (K, 3)
-    face: NDArray[np.int64]  # (K,)
+    face: Rows  # (K,)
     normal: Array  # (F, 3) unit, to the side that is photographed
     middle_mm: Array  # (F, 3) of each face's points; nan without points
-    corner: tuple[NDArray[np.int64], ...]  # per face the rows of its outermost points, in order around it
+    corner: tuple[Rows, ...]  # per face the rows of its outermost points, in order around it
     center_mm: Array  # (3,) the middle of the points' box
     axes: Array  # (3, 3) rows: of a flat target the long side, the other side, and the normal to the camera
     aspect: float  # long side over the other
@@ -123,7 +121,7 @@ def _axes(position: Array, normal: Array, towards: Array) -> tuple[Array, float]
     return np.stack([right, down, normal]), float(longer / max(shorter, 1e-9))
 
 
-def _outermost(position: Array, face: NDArray[np.int64], number: int, normal: Array) -> NDArray[np.int64]:
+def _outermost(position: Array, face: Rows, number: int, normal: Array) -> Rows:
     """Rows of a face's points on its convex hull, in order around it; all rows of fewer than three points."""
     rows = np.flatnonzero(face == number)
     if len(rows) < 3:
@@ -139,7 +137,7 @@ def in_plane(normal: Array) -> Array:
     return np.stack([first, np.cross(normal, first)])
 
 
-def _convex_hull(point: Array) -> NDArray[np.int64]:
+def _convex_hull(point: Array) -> Rows:
     """Rows of the corners of the convex hull of points (N, 2), in order around it (Andrew 1979)."""
     order = np.lexsort((point[:, 1], point[:, 0])).tolist()
     least = 1e-9 * float(np.abs(point).max(initial=0.0)) ** 2
@@ -160,7 +158,7 @@ def _turn(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def _pitch_mm(position: Array, face: NDArray[np.int64]) -> float:
+def _pitch_mm(position: Array, face: Rows) -> float:
     """The median distance from a point to its nearest neighbour on the same face."""
     nearest = []
     for number in np.unique(face).tolist():
@@ -231,8 +229,8 @@ class ViewFacts:
     """Facts of V views; nan where a view tells none."""
 
     name: tuple[str, ...]  # (V,)
-    rings: NDArray[np.int64]  # (V,) sightings that count
-    left_out: NDArray[np.int64]  # (V,) sightings left out as outliers
+    rings: Rows  # (V,) sightings that count
+    left_out: Rows  # (V,) sightings left out as outliers
     tilt_deg: Array  # (V, 3) of the seen faces against the image plane: least, median by rings, largest
     distance_mm: Array  # (V,) from the camera to the target's middle
     place_px: Array  # (V, 2) mean of the sightings

@@ -1,24 +1,77 @@
-"""How well the parts of a measured target are known, in the datum of `calib.measure_target.datum`."""
+"""How well the parts of a measured target are known, in the datum of `calib.measure_target.datum`.
+
+Faces that lie unlike all others: they are told as such, and take no part in saying where the target is.
+
+A datum in least squares shares one face's displacement out among all, as if each had moved a little. So the motion of
+the whole, and how far all faces stand out alike, is fitted with the least sum of distances, not of squares (the
+iterative weighted similarity transformation of deformation analysis, Chen 1983), and what then stands out is left out.
+
+What photos do not tell of a print, in words.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.core.linear_algebra import least_squares
+from calib.core.se3 import skew
+from calib.core.types import Observations
 from calib.measure_target.datum import (
+    FEW_VIEWS,
     SeenParts,
     by_shared_dense,
     datum_rings,
+    few_views,
     fit_rings,
     rigid_design,
     rigid_fit,
     scale_fit,
 )
-from calib.measure_target.outlying import motions_of_whole
 from calib.measure_target.problem import Joint
 from calib.measure_target.unknowns import RingPlaces, TargetUnknowns, Unknowns, place_rings, strain_matrix
 from calib.solver.eliminate import Factor, Normal, covariance_factor
-from designer.base.arrays import Array
+from calib.solver.outliers import deviations
+from designer.base.arrays import Array, Flags, Rows
+from designer.target import TargetGeometry
+
+FAR = 3.0
+"""Times the median distance. Of six normal numbers that are alike, one in 10^8 faces is so far off."""
+LEAST_FACES = 5
+"""Fewer do not tell which of them is the odd one."""
+ROUNDS = 30
+CLOSE = 1e-3
+"""Least distance to weigh by, in expected deviations."""
+
+
+def motions_of_whole(target: TargetGeometry) -> Array:
+    """Motions of faces (rotation vector, shift, in their frames) by a small one of the whole target.  # (F, 6, 6)"""
+    frame = target.target_from_face
+    turn = frame[:, :3, :3].transpose(0, 2, 1)
+    motion = np.zeros((len(frame), 6, 6))
+    motion[:, :3, :3] = turn
+    motion[:, 3:, 3:] = turn
+    motion[:, 3:, :3] = -turn @ skew(frame[:, :3, 3])
+    return motion
+
+
+def outlying_faces(unknowns: Unknowns, seen: SeenParts, shape: TargetUnknowns) -> Flags:
+    """The faces of the datum that lie far off while the others agree.  # (F,)"""
+    outlying = np.zeros(unknowns.target.face_count, dtype=bool)
+    which = np.flatnonzero(seen.datum)
+    if not unknowns.has_motion or len(which) < LEAST_FACES:
+        return outlying
+    sigma = unknowns.sigma[unknowns.column[which, 6:12]]  # (N, 6)
+    lift = np.tile([[0.0], [0.0], [0.0], [0.0], [0.0], [1.0]], (len(which), 1, 1))
+    design = np.concatenate([motions_of_whole(unknowns.target)[which], lift], axis=2) / sigma[:, :, None]
+    value = shape.motion[which] / sigma
+    distance = np.ones(len(which))
+    for _ in range(ROUNDS):
+        root = np.sqrt(1 / np.maximum(distance, CLOSE))
+        common = least_squares((root[:, None, None] * design).reshape(-1, 7), (root[:, None] * value).ravel())
+        distance = np.linalg.norm(value - design @ common, axis=1)
+    outlying[which] = distance > FAR * max(float(np.median(distance)), CLOSE)
+    return outlying
+
 
 ISOTROPIC = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 
@@ -99,7 +152,7 @@ def accuracy_of(joint: Joint, shape: TargetUnknowns, seen: SeenParts, normal: No
     return TargetAccuracy(params @ params.T, strain, motion, face, bow, sigma, joint.param_count + effective, by_scale)
 
 
-def _through(inverse: Array, which: NDArray[np.int64], common: Array, own: Array) -> _Wide:
+def _through(inverse: Array, which: Rows, common: Array, own: Array) -> _Wide:
     """Functions (N, 3 n) of some rings' displacements, times the factors (R, 3, K) and (R, 3, 3) of all rings'."""
     spread = np.zeros((len(inverse), len(own), 3))
     blocks = inverse.reshape(len(inverse), -1, 3)
@@ -107,7 +160,7 @@ def _through(inverse: Array, which: NDArray[np.int64], common: Array, own: Array
     return _Wide(inverse @ common[which].reshape(-1, common.shape[2]), spread.reshape(len(inverse), -1))
 
 
-def _face_designs(unknowns: Unknowns, seen: SeenParts) -> list[tuple[NDArray[np.int64], Array]]:
+def _face_designs(unknowns: Unknowns, seen: SeenParts) -> list[tuple[Rows, Array]]:
     """Of each face the rings that tell where it is, and what turns their displacements into its motion (6, 3 n)."""
     center = unknowns.target.center_in_face_mm
     found = []
@@ -120,7 +173,7 @@ def _faces(
     unknowns: Unknowns,
     shape: TargetUnknowns,
     rings: RingPlaces,
-    design: list[tuple[NDArray[np.int64], Array]],
+    design: list[tuple[Rows, Array]],
     moves: tuple[Array, Array],
     datum: tuple[_Wide, _Wide],
 ) -> tuple[Array, Array]:
@@ -138,7 +191,7 @@ def _faces(
 
 
 def _rings(
-    joint: Joint, factor: Factor, design: list[tuple[NDArray[np.int64], Array]], offset: Array, own: Array
+    joint: Joint, factor: Factor, design: list[tuple[Rows, Array]], offset: Array, own: Array
 ) -> tuple[Array, float]:
     """Deviations of the offsets without their faces' motion (R, 3), and effective unknowns."""
     unknowns = joint.unknowns
@@ -166,3 +219,55 @@ def _rings(
         single[:, :, place] -= np.einsum("airj,rjk->airk", spread.reshape(len(mine), 3, len(rows), 3), own[rows])
         sigma[mine] = np.sqrt(square + (single**2).sum(axis=(2, 3)))
     return sigma, effective
+
+
+FAR_OFF = 6.0
+
+
+def remarks_of(seen: SeenParts, is_determined: Flags, target: TargetGeometry) -> tuple[str, ...]:
+    """One line on each thing that the photos do not tell."""
+    said = []
+    unseen = ~seen.face
+    if unseen.any():
+        said.append(f"no view shows {faces_words(unseen)}: kept as designed")
+    apart = seen.face & ~seen.main
+    if apart.any():
+        said.append(
+            f"no view joins {faces_words(apart)} with the others: where they are is not known; take photos that show "
+            "faces of both"
+        )
+    unsure = ~is_determined & seen.main
+    if unsure.any():
+        said.append(f"too few views of {faces_words(unsure)} to tell where they are; take more")
+    few = is_determined & few_views(seen.views)
+    if few.any():
+        said.append(
+            f"fewer than {FEW_VIEWS} views show {faces_words(few)}: a mistake in one of them would not be seen, so "
+            "whether they moved is not judged"
+        )
+    rings = ~seen.ring & is_determined[target.ring_face]
+    if rings.any():
+        said.append(
+            f"{int(rings.sum())} rings of measured faces were never seen: kept where they were designed on them"
+        )
+    return tuple(said)
+
+
+def far_off(seen: Observations, residual_px: Array) -> list[str]:
+    """A word on observations that noise does not explain.  # (2, M)"""
+    deviation = deviations(residual_px, seen.cov_px2)
+    far = np.flatnonzero(deviation > FAR_OFF)
+    if not len(far):
+        return []
+    worst = int(far[np.argmax(deviation[far])])
+    off = float(np.hypot(*residual_px[:, worst]))
+    return [
+        f"{len(far)} of {len(deviation)} observations are off by more than {FAR_OFF:g} robust standard deviations, the "
+        f"worst by {off:.3g} px in {seen.view_names[seen.view[worst]]}; look at them, or reject them"
+    ]
+
+
+def faces_words(which: Flags) -> str:
+    """The numbers of faces, in words."""
+    numbers = np.flatnonzero(which).tolist()
+    return f"face{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"

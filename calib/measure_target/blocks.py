@@ -5,24 +5,20 @@ unknowns. Blocks that stand on the diagonal are kept apart; all else is dense.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise
 from calib.core.jit import jit
-from calib.measure_target.held import chains_of, over_frames
-from calib.measure_target.problem import CameraSightings, Joint, State
+from calib.measure_target.problem import CameraSightings, Joint, State, chains_of, over_frames
 from calib.measure_target.unknowns import RingPlaces, place_rings, shared_values
 from calib.solver.eliminate import Normal
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags, Rows
 
 CHUNK = 4000
 """Observations at a time."""
 
 
 @jit
-def _to_camera(
-    view: NDArray[np.int64], ring: NDArray[np.int64], pose: Array, position: Array, turned: Array, point: Array
-) -> None:
+def _to_camera(view: Rows, ring: Rows, pose: Array, position: Array, turned: Array, point: Array) -> None:
     """R x and R x + t of the sightings of rings."""
     for n in range(len(view)):
         r, x = pose[view[n]], position[ring[n]]
@@ -40,10 +36,10 @@ def _derivatives(
     by_point: Array,
     by_params: Array,
     whiten: tuple[float, float, float],
-    tie: NDArray[np.int64],
-    column: NDArray[np.int64],
+    tie: Rows,
+    column: Rows,
     moves: Array,
-    index: NDArray[np.int64],
+    index: Rows,
     g: Array,
     p: Array,
     by_ring: Array,
@@ -85,9 +81,7 @@ def _derivatives(
 
 
 @jit
-def _add_row(
-    left: Array, g: Array, index: NDArray[np.int64], count: int, r: Array, block: Array, row: Array, first: int
-) -> None:
+def _add_row(left: Array, g: Array, index: Rows, count: int, r: Array, block: Array, row: Array, first: int) -> None:
     """Add the products of a block's derivatives with themselves, with the others and with the residuals."""
     size, last = left.shape[1], row.shape[1] - 1
     for i in range(size):
@@ -101,9 +95,9 @@ def _add_row(
 
 @jit
 def _add(
-    view: NDArray[np.int64],
-    ring: NDArray[np.int64],
-    face: NDArray[np.int64],
+    view: Rows,
+    ring: Rows,
+    face: Rows,
     pose: Array,
     turned: Array,
     pixel: Array,
@@ -111,10 +105,10 @@ def _add(
     by_params: Array,
     measured: Array,
     whitener: Array,
-    is_used: NDArray[np.bool_],
-    tie: NDArray[np.int64],
+    is_used: Flags,
+    tie: Rows,
     first_view: int,
-    column: NDArray[np.int64],
+    column: Rows,
     by_shared: Array,
     by_offset: Array,
     residual: Array,
@@ -195,7 +189,7 @@ def _add_set(
     number: int,
     rings: RingPlaces,
     joint: Joint,
-    column: NDArray[np.int64],
+    column: Rows,
     into: tuple[Array, Array, Array, Array, Array],
 ) -> tuple[Array, float]:
     """Add one camera's sightings; returns residuals (2, M) in px and the sum of squares."""

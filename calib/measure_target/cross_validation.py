@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Annotated, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import make_pose, transform
 from calib.core.types import (
@@ -18,16 +17,15 @@ from calib.core.types import (
     keep_views,
     sightings_per_view,
 )
+from calib.measure_target.accuracy import faces_words
 from calib.measure_target.datum import best_motion
 from calib.measure_target.lengths import scaled
-from calib.measure_target.options import AsBuiltOptions
-from calib.measure_target.remarks import faces_words
 from calib.measure_target.result import AsBuilt
 from calib.measure_target.solve import measure, measure_rig, with_known_weights
+from calib.measure_target.unknowns import AsBuiltOptions
 from calib.observe.observations import known_points
-from calib.rigs.camera_alone import camera_alone
-from calib.rigs.options import CameraChoice, RigOptions
-from calib.rigs.result import RigCalibration
+from calib.rigs.problem import CameraChoice, RigOptions
+from calib.rigs.result import RigCalibration, camera_alone
 from calib.rigs.solve import solve_rig
 from calib.solver.calibration import Calibration
 from calib.solver.metrics import METRICS
@@ -35,7 +33,7 @@ from calib.solver.metrics.errors import Errors
 from calib.solver.metrics.evaluation import errors_of
 from calib.solver.solve import solve
 from calib.solver.start import solve_poses
-from designer.base.arrays import Array, Flags
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 from designer.base.marks import Count, FewLines, Length, Number, Word
 from designer.target import TargetGeometry
@@ -242,7 +240,7 @@ def _sums(errors: Errors, names: Sequence[str]) -> dict[str, _ErrorSum]:
     return {name: both for name, *both in zip(names, square, count, strict=True) if both[1]}
 
 
-def laid_over(truth: TargetGeometry, target: TargetGeometry, rings: NDArray[np.int64]) -> TargetGeometry:
+def laid_over(truth: TargetGeometry, target: TargetGeometry, rings: Rows) -> TargetGeometry:
     """The true geometry, laid over another by the similarity that brings these rings nearest."""
     scale, rotation, shift = best_motion(truth.center_mm[rings], target.center_mm[rings], with_scale=True)
     change, sized = make_pose(rotation, shift), scaled(truth, scale)

@@ -12,13 +12,11 @@ seen.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import pseudo_inverse
 from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose, skew, transform
 from calib.core.types import Observations
-from calib.measure_target.held import HeldPoses
-from calib.measure_target.problem import State
+from calib.measure_target.problem import HeldPoses, State
 from calib.measure_target.unknowns import (
     RingPlaces,
     TargetUnknowns,
@@ -29,7 +27,7 @@ from calib.measure_target.unknowns import (
     strain_matrix,
     strain_numbers,
 )
-from designer.base.arrays import Array, Flags
+from designer.base.arrays import Array, Flags, Rows
 
 LEAST_RINGS = 3
 """Of a face in a view that tell its pose."""
@@ -54,9 +52,9 @@ class SeenParts:
 
     ring: Flags  # (R,)
     face: Flags  # (F,) enough of it for a pose in some view
-    group: NDArray[np.int64]  # (F,) faces with one number are joined by views; -1: not seen
-    views: NDArray[np.int64]  # (F,) in how many views
-    outlying: Flags  # (F,) lie unlike all others, see `calib.measure_target.outlying`
+    group: Rows  # (F,) faces with one number are joined by views; -1: not seen
+    views: Rows  # (F,) in how many views
+    outlying: Flags  # (F,) lie unlike all others, see `calib.measure_target.accuracy`
 
     @property
     def main(self) -> Flags:
@@ -72,13 +70,13 @@ class SeenParts:
         return often if often.any() else self.main
 
 
-def few_views(views: NDArray[np.int64]) -> Flags:
+def few_views(views: Rows) -> Flags:
     """The faces of several that few views show, from how many show each.  # (F,)"""
     return (views < FEW_VIEWS) & (len(views) > 1)
 
 
 def what_is_seen(
-    unknowns: Unknowns, sets: list[tuple[Observations, Flags]], frame: tuple[NDArray[np.int64], ...] | None = None
+    unknowns: Unknowns, sets: list[tuple[Observations, Flags]], frame: tuple[Rows, ...] | None = None
 ) -> SeenParts:
     """Which rings and faces the used observations (M,) of some sets show; photos of one frame join their faces."""
     target = unknowns.target
@@ -100,7 +98,7 @@ def what_is_seen(
     return SeenParts(ring, views > 0, group, views, np.zeros_like(views, dtype=bool))
 
 
-def _groups(shown: Flags) -> NDArray[np.int64]:
+def _groups(shown: Flags) -> Rows:
     """Numbers of the groups of faces that views join, from what each view shows (V, F)."""
     linked = shown.T.astype(np.int64) @ shown.astype(np.int64) > 0
     group = np.full(shown.shape[1], -1)
@@ -225,7 +223,7 @@ def moved_target(unknowns: Unknowns, state: State, scale: float, rotation: Array
     return State(state.cameras, tuple(map(follow, state.poses)), moved, held)
 
 
-def fit_rings(unknowns: Unknowns, seen: SeenParts) -> list[NDArray[np.int64]]:
+def fit_rings(unknowns: Unknowns, seen: SeenParts) -> list[Rows]:
     """Of each face the rings that tell where it is: the seen ones, or all where these are few or on a line."""
     target = unknowns.target
     rows = []

@@ -6,8 +6,7 @@ import numpy as np
 
 from calib.cameras import is_allowed
 from calib.measure_target.blocks import normal_equations
-from calib.measure_target.held import moved_poses
-from calib.measure_target.problem import Joint, State
+from calib.measure_target.problem import Joint, State, moved_poses
 from calib.measure_target.unknowns import moved_shape
 from calib.solver.descent import FIRST_DAMPING, PERFECT_PX, SMALL_DECREASE, levenberg_marquardt
 from calib.solver.eliminate import JointStep, Normal, damped_step

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
@@ -20,7 +19,7 @@ from calib.core.types import Observations
 from calib.detector.lens import CameraLens
 from calib.measure_target.result import AsBuilt
 from calib.measure_target.unknowns import strain_numbers
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Rows
 from designer.target import TargetGeometry
 
 ANOTHER = 3.0
@@ -70,7 +69,7 @@ def _shifts_px(seen: Observations, found: AsBuilt, poses: Array, camera: Camera,
     return shifts
 
 
-def _circles(target: TargetGeometry, ring: NDArray[np.int64]) -> tuple[Array, Array]:
+def _circles(target: TargetGeometry, ring: Rows) -> tuple[Array, Array]:
     """Circles as large as rings' two edges are in the mean, and their centres.  # (N, K, 3), (N, 3)"""
     angle = np.arange(AROUND) * (2 * np.pi / AROUND)
     way = np.column_stack([np.cos(angle), np.sin(angle)]) @ target.target_from_face[target.ring_face[ring], :3, :2].mT

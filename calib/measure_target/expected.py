@@ -13,8 +13,14 @@ import numpy as np
 
 from calib.core.linear_algebra import pseudo_inverse
 from calib.measure_target.datum import SeenParts, by_shared_dense, rigid_design
-from calib.measure_target.options import AsBuiltOptions
-from calib.measure_target.unknowns import TargetUnknowns, Unknowns, nominal_shape, place_rings, shared_values
+from calib.measure_target.unknowns import (
+    AsBuiltOptions,
+    TargetUnknowns,
+    Unknowns,
+    nominal_shape,
+    place_rings,
+    shared_values,
+)
 from calib.solver.eliminate import Normal
 from designer.base.arrays import Array
 from designer.target import bounding_radius_mm

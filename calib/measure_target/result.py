@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation
@@ -12,7 +11,7 @@ from calib.measure_target.datum import LEAST_RINGS, SeenParts, best_motion, fit_
 from calib.measure_target.lengths import FittedLength
 from calib.measure_target.unknowns import TargetUnknowns, Unknowns, place_rings, strain_matrix
 from calib.solver.calibration import Status
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags, Rows
 from designer.target import TargetGeometry
 
 DIGITS = 9
@@ -34,7 +33,7 @@ class AsBuilt:
     param_covariance: tuple[Array, ...]  # (P, P) of each camera, zero for fixed parameters
     poses: tuple[Array, ...]  # (V, 4, 4) cam_from_target of the measured target, of each camera
     residual_px: tuple[Array, ...]  # (M, 2) of each camera, predicted - measured
-    is_outlier: tuple[NDArray[np.bool_], ...]  # (M,) of each camera, left out of the solution
+    is_outlier: tuple[Flags, ...]  # (M,) of each camera, left out of the solution
     scale: float  # posterior standard deviation of an observation, in px or in units of its stated covariance
     strain: Array  # (3, 3) of the whole print, in the target's axes, about its origin; 0.01: 1 % too large
     strain_covariance: Array  # (6, 6) of its xx, yy, zz, yz, xz, xy
@@ -48,11 +47,11 @@ class AsBuilt:
     scale_known: bool  # from lengths; else the measured target is as large as the nominal one
     scale_sigma: float  # relative, of the whole target; nan if not known
     lengths: tuple[FittedLength, ...]  # that told the scale
-    is_determined: NDArray[np.bool_]  # (F,) the photos tell where the face is
-    is_outlying: NDArray[np.bool_]  # (F,) lies unlike all others, and took no part in laying the target over
-    face_views: NDArray[np.int64]  # (F,) how many views show the face
+    is_determined: Flags  # (F,) the photos tell where the face is
+    is_outlying: Flags  # (F,) lies unlike all others, and took no part in laying the target over
+    face_views: Rows  # (F,) how many views show the face
     centre_noise_mm: Array  # (F,) what the noise of one centre along an axis is on the face, at the photos' scale
-    is_ring_seen: NDArray[np.bool_]  # (R,)
+    is_ring_seen: Flags  # (R,)
     remarks: tuple[str, ...]  # what the photos do not tell, one line each
     status: Status
     iterations: int

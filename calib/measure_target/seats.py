@@ -8,9 +8,9 @@ import numpy as np
 
 from calib.core.linear_algebra import least_squares, symmetric_inverse
 from calib.core.se3 import skew
+from calib.measure_target.accuracy import motions_of_whole
 from calib.measure_target.datum import NO_STRAIN, SHAPE, few_views
 from calib.measure_target.deviations import Estimate
-from calib.measure_target.outlying import motions_of_whole
 from calib.measure_target.result import AsBuilt
 from calib.measure_target.unknowns import strain_matrix
 from designer.base.arrays import Array, Flags

@@ -5,12 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise
 from calib.core.parallel import one_thread
 from calib.core.types import Observations
-from calib.measure_target.accuracy import TargetAccuracy, accuracy_of
+from calib.measure_target.accuracy import TargetAccuracy, accuracy_of, far_off, outlying_faces, remarks_of
 from calib.measure_target.back import tells_thickness, with_back
 from calib.measure_target.datum import (
     SeenParts,
@@ -26,22 +25,17 @@ from calib.measure_target.expected import (
     with_seen_deviations,
     with_seen_spread,
 )
-from calib.measure_target.held import HeldPoses
 from calib.measure_target.lengths import CaliperLength, Scale, scale_from
-from calib.measure_target.options import AsBuiltOptions
-from calib.measure_target.outlying import outlying_faces
-from calib.measure_target.problem import Joint, State, joint_problem, without
-from calib.measure_target.remarks import far_off, remarks_of
+from calib.measure_target.problem import HeldPoses, Joint, State, joint_problem, without
 from calib.measure_target.result import AsBuilt, face_shift_mm, left_open_mm, target_of
-from calib.measure_target.unknowns import nominal_shape, place_rings, strain_matrix, unknowns_of
+from calib.measure_target.unknowns import AsBuiltOptions, nominal_shape, place_rings, strain_matrix, unknowns_of
 from calib.observe.observations import known_points
-from calib.rigs.camera_alone import camera_alone
-from calib.rigs.result import RigCalibration
+from calib.rigs.result import RigCalibration, camera_alone
 from calib.solver.calibration import Calibration, Status
-from calib.solver.options import Tie, tie_parameters
 from calib.solver.outliers import deviations
+from calib.solver.problem import Tie, tie_parameters
 from calib.solver.solve import solve
-from designer.base.arrays import Array, Flags
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 from designer.target import TargetGeometry, bounding_radius_mm
 
@@ -150,7 +144,7 @@ class _Start:
 
     cameras: Sequence[Calibration]
     ties: Sequence[Tie]
-    frame: tuple[NDArray[np.int64], ...] | None = None  # of each camera's views, if cameras are held together
+    frame: tuple[Rows, ...] | None = None  # of each camera's views, if cameras are held together
     held: HeldPoses | None = None
     reference: int = -1
 

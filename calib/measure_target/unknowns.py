@@ -7,19 +7,47 @@ A ring that was designed at c, in its face's frame, is at
 in the target's frame: its own offset o and the face's bow b move it in the face, the rigid motion (w, t) moves the
 face in its own frame, T = target_from_face brings it to the target's frame, and the symmetric strain e of the print
 acts about the target's origin. Of a target put together from pieces e is a size: no printer's axes strain all alike.
+
+What a person may choose about measuring a print.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import least_squares
 from calib.core.se3 import exp_rotation, skew
-from calib.measure_target.options import AsBuiltOptions
-from designer.base.arrays import Array
+from calib.solver.problem import SolveOptions
+from designer.base.arrays import Array, Flags, Rows
 from designer.target import TargetGeometry, bounding_radius_mm
-from designer.tolerance.made import how_made
+from designer.tolerance.made import Made, how_made
+
+
+@dataclass(frozen=True)
+class AsBuiltOptions:
+    """Which deviations from the nominal target are allowed, and how large they are expected to be.
+
+    The expectations are standard deviations of normal priors with mean zero. None: what the way of making gives, and
+    more where the photos show more; of a target that is no design, so wide that only what the photos do not tell is
+    held.
+    """
+
+    made: Made | None = None  # the way of making; None: the usual one of how the target was built
+    ring_sigma_mm: tuple[float, float] | None = (0.05, 0.02)  # of a ring's centre in its plane, normal to it; None: 0
+    ring_sigma_from_photos: bool = True  # start from these, then take what the rings' offsets turn out to be
+    face_sigma_rad: float | None = None
+    face_sigma_mm: float | None = None
+    bow: bool | None = None  # each face may be bent; None: only if there is one face
+    bow_sigma_mm: float | None = None  # at the face's rim
+    affine: bool = True  # the whole print may be scaled and skewed
+    strain_sigma: float | None = None
+    solve: SolveOptions = field(default_factory=SolveOptions)  # weights, fixed and shared parameters of the cameras
+
+    @property
+    def has_free_rings(self) -> bool:
+        """Whether each ring has its own offset."""
+        return self.ring_sigma_mm is not None and max(self.ring_sigma_mm) > 0
+
 
 STRAIN_INDEX = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Of a strain's six numbers: xx, yy, zz, yz, xz, xy."""
@@ -52,21 +80,21 @@ class Unknowns:
 
     target: TargetGeometry
     basis: Array  # (R, 3) the bow's functions at each ring
-    strain: NDArray[np.int64]  # (first_motion,) which of the strain's six numbers are free
+    strain: Rows  # (first_motion,) which of the strain's six numbers are free
     first_motion: int
     first_bow: int
     count: int  # of shared unknowns
-    column: NDArray[np.int64]  # (F, 15) of each face's unknowns; -1: not free
-    kind: NDArray[np.int64]  # (count,) of `KINDS`
-    is_given: NDArray[np.bool_]  # (count,) the standard deviation was chosen by a person
+    column: Rows  # (F, 15) of each face's unknowns; -1: not free
+    kind: Rows  # (count,) of `KINDS`
+    is_given: Flags  # (count,) the standard deviation was chosen by a person
     sigma: Array  # (count,)
     ring_sigma_mm: Array | None  # (3,) None: rings stay where they are on their face
     is_assembled: bool = False  # from pieces: of what strains a print as a whole, only the size
 
     @property
-    def is_length(self) -> NDArray[np.bool_]:
+    def is_length(self) -> Flags:
         """Which unknowns are mm; the others are rad, or parts.  # (count,)"""
-        length: NDArray[np.bool_] = self.kind >= KINDS.index("shift")
+        length: Flags = self.kind >= KINDS.index("shift")
         return length
 
     @property
@@ -122,7 +150,7 @@ def unknowns_of(target: TargetGeometry, options: AsBuiltOptions) -> Unknowns:
     )  # fmt: skip
 
 
-def _free_strain(target: TargetGeometry) -> NDArray[np.int64]:
+def _free_strain(target: TargetGeometry) -> Rows:
     """The strain's numbers that photos can tell: of a plate in the plane z = const only xx, yy and xy.
 
     The others would tilt it, as poses do.

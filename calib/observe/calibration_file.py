@@ -27,8 +27,8 @@ from calib.solver.calibration import (
     Status,
     TargetError,
 )
-from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import PlaneBend
+from calib.solver.problem import SolveOptions
 from designer.base.arrays import Array
 from designer.base.codec import decode, encode
 from designer.base.errors import InputError

@@ -15,14 +15,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.csv_table import COVARIANCE, CsvTable, column_fault, read_table, read_text
 from calib.core.types import KnownPoints, Observations
 from calib.observe.dataset import FIRST_LINE, MAX_SIDE_PX, read_detections
 from calib.observe.observations import known_points, knows_fronts, observations_from_detections, prepare
 from calib.observe.point_target import MAX_FACE
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 from designer.base.words import shown
 from designer.target import TargetGeometry, load_target
@@ -246,7 +245,7 @@ def _positions(table: CsvTable) -> Array:
     return position
 
 
-def _own_points(table: CsvTable) -> tuple[NDArray[np.int64], KnownPoints, tuple[str, ...]]:
+def _own_points(table: CsvTable) -> tuple[Rows, KnownPoints, tuple[str, ...]]:
     """The point of each row (M,), the points of a table that shows no target, and remarks on them."""
     from calib.observe.point_target import points_with_planes
 
@@ -261,7 +260,7 @@ def _own_points(table: CsvTable) -> tuple[NDArray[np.int64], KnownPoints, tuple[
     return point, *points_with_planes(unique, face)
 
 
-def _points_of(table: CsvTable, target: TargetGeometry) -> NDArray[np.int64]:
+def _points_of(table: CsvTable, target: TargetGeometry) -> Rows:
     """The row of the target's point that each row shows.  # (M,)"""
     from scipy.spatial import cKDTree
 
@@ -285,7 +284,7 @@ def _points_of(table: CsvTable, target: TargetGeometry) -> NDArray[np.int64]:
 
 
 def _circles(
-    table: CsvTable, point: NDArray[np.int64], points: KnownPoints, target: TargetGeometry | None,
+    table: CsvTable, point: Rows, points: KnownPoints, target: TargetGeometry | None,
     kind: str | None, diameter_mm: float | None,
 ) -> Array:  # fmt: skip
     """The diameters (K,) of the circles whose images' centres were measured: 0 of points, nan where nobody says it.
@@ -338,7 +337,7 @@ def _covariance(table: CsvTable) -> Array | None:
     return table.covariances() if COVARIANCE[0] in table.cells else None
 
 
-def is_far_outside(center_px: Array, size: NDArray[np.int64]) -> NDArray[np.bool_]:
+def is_far_outside(center_px: Array, size: Rows) -> Flags:
     """Which pixels lie far outside an image: its size is then another one.  # (M, 2), (2,) or (M, 2) -> (M,)"""
     outside = np.maximum(-0.5 - center_px, center_px - size + 0.5) > OUTSIDE * size
     return np.asarray(outside.any(axis=1))

@@ -15,12 +15,12 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.csv_table import ANY_NAME, CsvTable, csv_cell, is_covariance, read_table, read_text, require_version
 from calib.core.types import Detections
 from calib.observe.records import RECORDS, ImageRecord, Records, image_record, read_records, records_path
 from designer.base.answer import program
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.files import write_files
 from designer.base.own_files import require_ours
@@ -110,7 +110,7 @@ def detections_to_csv(seen: Sequence[Detections], target: TargetGeometry) -> str
     return stream.getvalue()
 
 
-def _checked_edges(table: CsvTable, center_px: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _checked_edges(table: CsvTable, center_px: Array) -> tuple[Array, Array]:
     """Ellipses (N, 5), ratio and blur (N, 2); nan where a file has no such columns."""
     if EDGE_COLUMNS[0] not in table.cells:
         return np.full((len(center_px), 5), np.nan), np.full((len(center_px), 2), np.nan)

@@ -7,10 +7,9 @@ because no lens turns an image inside out.
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.types import KnownPoints, Observations
-from designer.base.arrays import Array, Rows
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 
 CLEAR_SHARE = 0.5
@@ -25,7 +24,7 @@ _LEAST_POINTS = 12
 """A view of fewer points does not tell its handedness: seven numbers and four more are fitted to it."""
 
 
-def mirrored_views(seen: Observations, *, has_fronts: bool, origin: str) -> NDArray[np.bool_]:
+def mirrored_views(seen: Observations, *, has_fronts: bool, origin: str) -> Flags:
     """Which views show the points in a mirror.  # (V,)
 
     Args:
@@ -50,7 +49,7 @@ def mirrored_views(seen: Observations, *, has_fronts: bool, origin: str) -> NDAr
         side = side * np.sign(balance)
     else:
         side = _clear(handedness(seen), SURE)
-    mirrored: NDArray[np.bool_] = side < 0
+    mirrored: Flags = side < 0
     if mirrored.any() and not (side > 0).any():
         raise InputError(
             f"{origin}: the points are mirrored: the photos were flipped, u and v are exchanged, v is counted from "
@@ -60,7 +59,7 @@ def mirrored_views(seen: Observations, *, has_fronts: bool, origin: str) -> NDAr
     return mirrored
 
 
-def _clear(evidence: Array, limit: float) -> NDArray[np.int64]:
+def _clear(evidence: Array, limit: float) -> Rows:
     """1 or -1 where the evidence is clear, else 0."""
     return np.where(np.abs(np.nan_to_num(evidence)) > limit, np.sign(np.nan_to_num(evidence)), 0).astype(np.int64)
 

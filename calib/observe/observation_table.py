@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.csv_table import ANY_NAME, COVARIANCE, MAX_FILE_BYTES, csv_cell, is_covariance, require_version
 from calib.core.types import KnownPoints
 from calib.observe.dataset import MAX_SIDE_PX
 from calib.solver.calibration import Calibration
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 
 VERSION = 1
@@ -34,12 +34,12 @@ EXPLAINED = (
 class TableSightings:
     """What the table holds of M sightings."""
 
-    view: NDArray[np.int64]  # (M,) ascending
-    point: NDArray[np.int64]  # (M,)
-    center_px: NDArray[np.float64]  # (M, 2)
-    residual_px: NDArray[np.float64]  # (M, 2) nan where the camera has no pixel
-    is_outlier: NDArray[np.bool_]  # (M,)
-    cov_px2: NDArray[np.float64] | None  # (M, 2, 2)
+    view: Rows  # (M,) ascending
+    point: Rows  # (M,)
+    center_px: Array  # (M, 2)
+    residual_px: Array  # (M, 2) nan where the camera has no pixel
+    is_outlier: Flags  # (M,)
+    cov_px2: Array | None  # (M, 2, 2)
 
 
 def observations_to_csv(calibration: Calibration) -> bytes:
@@ -94,7 +94,7 @@ def read_sightings(path: Path, view_names: Sequence[str], points: KnownPoints) -
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}; a calibration.json needs it beside it") from None
 
-    def require(ok: NDArray[np.bool_], rule: str) -> None:
+    def require(ok: Flags, rule: str) -> None:
         if not ok.all():
             raise InputError(f"{path}: line {_line_of(path, int(np.argmin(ok)))}: {rule}")
 
@@ -122,7 +122,7 @@ def read_sightings(path: Path, view_names: Sequence[str], points: KnownPoints) -
     )
 
 
-def _whole(values: NDArray[np.float64], least: int, most: int) -> NDArray[np.int64]:
+def _whole(values: Array, least: int, most: int) -> Rows:
     """Whole numbers within bounds; -1 for what is none."""
     is_whole = (values >= least) & (values <= most) & (values == np.floor(values))
     return np.where(is_whole, values, -1).astype(np.int64)
@@ -147,7 +147,7 @@ def _opened(path: Path) -> Iterator[tuple[TextIO, tuple[str, ...], int]]:
         yield stream, columns, number
 
 
-def _read_values(path: Path, view_names: Sequence[str]) -> tuple[NDArray[np.float64], bool]:
+def _read_values(path: Path, view_names: Sequence[str]) -> tuple[Array, bool]:
     """All cells as numbers, the image as the number of its view or -1, and whether covariances are among them."""
     row_of = {name: float(number) for number, name in enumerate(view_names)}
     with _opened(path) as (stream, columns, _):

@@ -6,7 +6,6 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import solve_square
 from calib.core.types import (
@@ -19,7 +18,7 @@ from calib.core.types import (
     with_sound_covariances,
 )
 from calib.observe.mirrored import mirrored_views
-from designer.base.arrays import Array, Flags
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 from designer.base.words import first_few
 from designer.target import TargetGeometry
@@ -189,9 +188,7 @@ def prepare(
     return replace(keep_views(seen, ~mirrored), remarks=tuple(said))
 
 
-def _say(
-    said: list[str], names: Sequence[str], which: Flags, reason: str, *, of: NDArray[np.int64] | None = None
-) -> None:
+def _say(said: list[str], names: Sequence[str], which: Flags, reason: str, *, of: Rows | None = None) -> None:
     """Add a line on the views that are left out for one reason."""
     views = np.flatnonzero(which).tolist()
     if not views:
@@ -246,7 +243,7 @@ def _is_lined(position: Array) -> bool:
     return not bool((minors > ON_A_LINE**2 * trace**2).all())
 
 
-def _copies(seen: Observations) -> NDArray[np.int64]:
+def _copies(seen: Observations) -> Rows:
     """For each view the earlier view that it is a copy of, or -1.  # (V,)
 
     Candidates are views that see any one point at the same place; they are then compared in full.
@@ -268,7 +265,7 @@ def _copies(seen: Observations) -> NDArray[np.int64]:
     return copy_of
 
 
-def _is_copy(seen: Observations, first: NDArray[np.int64], second: NDArray[np.int64]) -> bool:
+def _is_copy(seen: Observations, first: Rows, second: Rows) -> bool:
     """Whether two views agree better than two photos would, even from a tripod: their noise would differ."""
     _, in_first, in_second = np.intersect1d(seen.point[first], seen.point[second], return_indices=True)
     if len(in_first) < 0.9 * max(len(first), len(second)):

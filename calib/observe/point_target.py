@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.csv_table import CsvTable, column_fault, read_table, read_text
 from calib.core.types import KnownPoints
@@ -252,7 +251,7 @@ def _face(plane: Plane, position: Array, diameter_mm: float) -> tuple[Array, Arr
     return frame, outline, step
 
 
-def points_with_planes(position_mm: Array, face: NDArray[np.int64] | None) -> tuple[KnownPoints, tuple[str, ...]]:
+def points_with_planes(position_mm: Array, face: Rows | None) -> tuple[KnownPoints, tuple[str, ...]]:
     """The points with the one plane that they all lie in, else with the planes of their faces.
 
     Args:

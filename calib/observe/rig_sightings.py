@@ -11,7 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.rig import Rig
 from calib.core.csv_table import (
@@ -40,6 +39,7 @@ from calib.observe.observations import knows_fronts, prepare
 from calib.observe.photos import in_order
 from calib.observe.rig_observations import RigSightings, rig_observations
 from calib.space.sightings import PointSightings, of_rows
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import shown, suggestion
 from designer.target import TargetGeometry
@@ -179,7 +179,7 @@ def rig_sightings_to_csv(observations: RigObservations) -> bytes:
     return csv_bytes(head, columns, rows)
 
 
-def _circles_mm(seen: Observations) -> NDArray[np.float64]:
+def _circles_mm(seen: Observations) -> Array:
     """The diameter of the circle whose image's centre each sighting is: 0 of a point, nan where nobody says it.  # (M,)
 
     What a detector of ours found is the image of a ring's centre itself.

@@ -13,16 +13,14 @@ from pathlib import Path, PureWindowsPath
 import numpy as np
 
 from calib.cameras.formats.parsing import number, parse_yaml, shown_plain
-from calib.core.csv_table import csv_bytes, csv_cell, read_table, read_text
+from calib.core.csv_table import csv_bytes, csv_cell, read_table, read_text, stamps_s
 from calib.core.se3 import MAX_DISTANCE_MM, invert, make_pose
-from calib.core.time_stamps import stamps_s
 from calib.core.types import freeze
 from calib.observe.rotations import RotationColumns, RowError, of_quaternion, rotation_columns, to_quaternion
 from designer.base.arrays import Array
 from designer.base.errors import InputError
-from designer.base.number_text import figure
-from designer.base.small_file import parse_json
-from designer.base.words import shown, suggestion
+from designer.base.files import parse_json
+from designer.base.words import figure, shown, suggestion
 
 Entry = Mapping[str, object]
 

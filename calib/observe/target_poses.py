@@ -18,10 +18,9 @@ from calib.solver.start import solve_poses
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
-from designer.base.files import write_files
+from designer.base.files import place_of, write_files
 from designer.base.marks import Hash, Key, Shape
 from designer.base.own_files import require_ours
-from designer.base.small_file import place_of
 from designer.target import TargetGeometry
 
 POSES_VERSION = 1

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
@@ -12,10 +11,8 @@ from calib.renderer.light import in_full_light
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import Face, RenderScene
 from calib.renderer.trace import FaceArrays
+from designer.base.arrays import Array, Flags
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 RIM_POINTS = 32
 CLEAN_MARGIN_PX = 2.0

@@ -8,7 +8,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
@@ -18,11 +17,9 @@ from calib.core.se3 import exp_rotation, make_pose, rotation_between, transform
 from calib.core.types import LEAST_RADIUS_PX
 from calib.renderer.poses import directions_over_image
 from calib.renderer.rig_template import HeldTarget
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.target import TargetGeometry, bounding_radius_mm
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 TRIES = 40
 SAMPLED_RINGS = 60

@@ -12,7 +12,6 @@ from typing import TypeAlias
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.parallel import interrupts_held, serve
@@ -20,6 +19,7 @@ from calib.renderer.light import Levels
 from calib.renderer.options import RenderOptions
 from calib.renderer.truth import TRUTH, TRUTH_FILE, FileFormat, FileOptions, Truth, true_views
 from calib.renderer.view import render_view
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours, signed
 from designer.target import TargetGeometry
@@ -33,7 +33,7 @@ class RenderJob:
 
     target: TargetGeometry
     camera: Camera
-    cam_from_target: NDArray[np.float64]  # (V, 4, 4)
+    cam_from_target: Array  # (V, 4, 4)
     options: RenderOptions
     seed: int
     file_format: FileFormat = "png"

@@ -13,8 +13,8 @@ from calib.core.jit import jit
 from calib.core.se3 import transform
 from calib.renderer.options import RenderOptions
 from calib.renderer.trace import polygon_distance
+from designer.base.arrays import Array
 
-Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 BAND_ROWS = 256
 TAIL = 4.0

@@ -6,16 +6,15 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.cameras.camera import Camera
 from calib.core.csv_table import read_table
 from calib.core.se3 import exp_rotation, look_at, make_pose, rigid_fault, rotation_between
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-from designer.base.small_file import JsonValue, parse_json, read_small_text
+from designer.base.files import JsonValue, parse_json, read_small_text
 
-Array = NDArray[np.float64]
 Region = Literal["hemisphere", "sphere", "cap"]
 
 MAX_VIEWS = 100_000

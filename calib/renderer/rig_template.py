@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Annotated, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.cameras.formats.reading import open_camera
@@ -21,15 +20,14 @@ from calib.cameras.formats.rigs.reading import open_rig, rig_format_of
 from calib.cameras.rig import MOST_CAMERAS, Rig
 from calib.core.se3 import invert, look_at
 from calib.renderer.quantities import bounded, length_range, parse_degrees, parsed
+from designer.base.arrays import Array
 from designer.base.codec import BadValueError, decode
 from designer.base.errors import InputError
+from designer.base.files import JsonValue, read_spec_file
 from designer.base.marks import AtLeast, AtMost, Length, Line, Word
-from designer.base.small_file import JsonValue, read_spec_file
 from designer.base.units import parse_length_mm, parse_lengths_mm, parse_quantity
 from designer.base.words import shown
 from designer.kinds.presets import preset_names, preset_or_file
-
-Array = NDArray[np.float64]
 
 DISTANCE_MM = (1.0, 10_000.0)
 MOST_TILT_DEG = 80.0

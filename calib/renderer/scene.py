@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from calib.core.jit import jit
 from calib.renderer.trace import FaceArrays
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 CELLS_PER_RADIUS, CELLS_PER_GAP = 4, 3
 MAX_CELLS = 1_000_000  # a face
@@ -35,7 +34,7 @@ class RenderScene:
     faces: tuple[Face, ...]
     is_convex: bool  # a face seen from behind is then hidden by others
     ring: Array  # (R, 5) x, y, z of the centre in the face frame, outer and inner radius; all in mm
-    ring_face: NDArray[np.int64]  # (R,)
+    ring_face: Rows  # (R,)
     center_mm: Array  # (R, 3) in the target frame
     normal: Array  # (R, 3) outward, in the target frame
 
@@ -131,7 +130,7 @@ def _is_convex(target: TargetGeometry) -> bool:
 
 
 @jit
-def _paint_nearest(ring: Array, rows: NDArray[np.int64], origin: Array, cell: float, raster: NDArray[np.int32]) -> None:
+def _paint_nearest(ring: Array, rows: Rows, origin: Array, cell: float, raster: NDArray[np.int32]) -> None:
     """Give each cell the ring with the least `distance to the centre - outer radius`."""
     for row in rows:
         x, y, radius = ring[row, 0], ring[row, 1], ring[row, 3]

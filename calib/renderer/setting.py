@@ -24,8 +24,8 @@ from calib.renderer.light import (
 )
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import RenderScene
+from designer.base.arrays import Array, Flags, Rows
 
-Array = NDArray[np.float64]
 Grey = NDArray[np.uint8]
 SHIFT = 4  # bits of sub-pixel places in OpenCV's drawing
 BLOB_CORNERS = 48
@@ -35,7 +35,6 @@ OVERSHOOT = 0.02
 RING_RADIUS = (0.003, 0.02)  # of the image's width
 SHAPE_SIZE = (0.01, 0.12)
 
-Flags = NDArray[np.bool_]
 
 TOUCH_MARGIN_PX = 2.0
 BLUR_REACH = 3.0
@@ -242,7 +241,7 @@ def _unsaturated(
     scene: RenderScene,
     face: SeenFace,
     camera: Camera,
-    rows: NDArray[np.int64],
+    rows: Rows,
     truth: RingTruth,
     setting: Surroundings,
     options: RenderOptions,

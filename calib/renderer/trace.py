@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.jit import jit
+from designer.base.arrays import Array
 
-Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 CELLS, CELLS_SMALL_RING, CELLS_CORNER = 4, 8, 16

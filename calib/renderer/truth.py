@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.cameras.rig import MOST_CAMERAS
 from calib.core.se3 import rigid_fault
 from calib.core.types import freeze
 from calib.renderer.options import RenderOptions
+from designer.base.arrays import Array
 from designer.base.file_kind import FileKind
 from designer.base.marks import LEFT_OUT, Hash, Length, Shape, Word
 from designer.base.words import shown
@@ -38,7 +38,7 @@ class TrueView:
     """A photo, and where the camera stood."""
 
     file: str
-    cam_from_target: Annotated[NDArray[np.float64], Shape(4, 4)]
+    cam_from_target: Annotated[Array, Shape(4, 4)]
 
     def __post_init__(self) -> None:
         freeze(self, "cam_from_target")
@@ -46,7 +46,7 @@ class TrueView:
             raise ValueError(f"cam_from_target {fault[1]}; it must be a rigid motion")
 
 
-def true_views(files: Sequence[str], cam_from_target: NDArray[np.float64]) -> tuple[TrueView, ...]:
+def true_views(files: Sequence[str], cam_from_target: Array) -> tuple[TrueView, ...]:
     """Photos by their names, and their poses (V, 4, 4)."""
     return tuple(TrueView(*view) for view in zip(files, cam_from_target, strict=True))
 
@@ -76,7 +76,7 @@ class Truth:
         """The geometry that photos of these names show; "" if one of them was not rendered."""
         return self.geometry_id if {Path(name).name for name in photos} <= set(self.files) else ""
 
-    def poses_of(self, view_names: Sequence[str]) -> NDArray[np.float64]:
+    def poses_of(self, view_names: Sequence[str]) -> Array:
         """The true poses of views by their file names, nan for views that it does not hold.  # (V, 4, 4)"""
         known = {view.file: view.cam_from_target for view in self.views}
         unknown = np.full((4, 4), np.nan)
@@ -91,7 +91,7 @@ class TrueFrame:
     """A moment, and how the target was held then."""
 
     name: str  # of the photos, without suffix
-    rig_from_target: Annotated[NDArray[np.float64], Shape(4, 4)]
+    rig_from_target: Annotated[Array, Shape(4, 4)]
     time_s: Annotated[float | None, LEFT_OUT] = None  # None: the target stood still
 
     def __post_init__(self) -> None:

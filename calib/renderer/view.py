@@ -25,11 +25,10 @@ from calib.renderer.options import RenderOptions
 from calib.renderer.scene import RenderScene, scene_from_target
 from calib.renderer.setting import Surroundings, clean_rings, make_setting, shaded
 from calib.renderer.trace import set_depth, trace_face
+from designer.base.arrays import Array, Flags
 from designer.target import TargetGeometry
 
-Array = NDArray[np.float64]
 Image = NDArray[np.float32]
-Flags = NDArray[np.bool_]
 
 BLOCK_ROWS = 64
 RANDOM_STREAMS = 5

@@ -1,23 +1,78 @@
-"""How sure a rig is: the joint covariance of all unknowns, and what the observations of each camera are worth."""
+"""How sure a rig is: the joint covariance of all unknowns, and what the observations of each camera are worth.
+
+Points of a table of which nobody said whether they are centres of circles: what a rig may be off by that.
+
+What a rig's unknowns are off by because frames tell the target's motion between them only so well.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
 from calib.rigs.carrier import carrier_errors, error_derivatives
 from calib.rigs.descend import RigEquations, params_of
-from calib.rigs.motion_error import motion_covariance
-from calib.rigs.problem import RigProblem, RigState
+from calib.rigs.problem import RigProblem, RigState, seen_poses
+from calib.rigs.result import RigCalibration, camera_alone
 from calib.rigs.slack import slack_evidence
+from calib.rigs.target_error import posed_unknowns
 from calib.solver.blocks import RobustLoss
+from calib.solver.chain import through_camera
+from calib.solver.circles import circle_shift_px, doubt_of, unsaid_mm
 from calib.solver.descent import Descent
 from calib.solver.eliminate import Normal
+from calib.solver.extra_parameters import extra_of
 from calib.solver.outliers import robust_covariance_factor, whitened
+from designer.base.arrays import Array, Flags
 
-Array = NDArray[np.float64]
+
+def motion_covariance(
+    problem: RigProblem, found: Descent[RigState, RigEquations], shared: Array, coupling: Array
+) -> Array:
+    """Of the shared unknowns, by the errors of the target's speed.  # (G, G)
+
+    A photo that was taken g from the frame's time, of a target e faster than thought, shows it g e away; the normal
+    equations tell what follows. Errors e are those of the process, and as far as frames leave speeds open, all speeds
+    together by as large a part of themselves: what the process itself is, is a guess there.
+
+    Args:
+        problem: what was seen.
+        found: the minimum.
+        shared: the inverse normal matrix of the shared unknowns (G, G).
+        coupling: what frames take from them (V, 6, G), see `calib.rigs.accuracy`.
+    """
+    count, state, motion = problem.shared_count, found.state, problem.motion
+    total = np.zeros((count, count))
+    if motion is None:
+        return total
+    slope = np.zeros((problem.frame_count, count, 6))  # of the gradient by the speeds
+    for number, (one, chain) in enumerate(zip(problem.seen, found.equations.chains, strict=True)):
+        blocks = (found.equations.slack if problem.slack else found.equations.blocks)[number].products
+        turned, _ = through_camera(state.cam_from_rig[number], seen_poses(problem, state, number)[0])
+        gap_s = one.gap_s - state.delay_s[number]
+        by_speed = blocks[:, :-1, -7:-1] @ turned * gap_s[:, None, None]  # (V_c, P + 6, 6)
+        columns = np.concatenate([params_of(problem, number), chain.column])
+        own = np.concatenate(
+            [by_speed[:, :-6], chain.by_shared.transpose(0, 2, 1) @ by_speed[:, -6:]], axis=1
+        )  # fmt: skip
+        part = np.zeros((len(own), count + 1, 6))  # what is fixed takes the last
+        for place, column in enumerate(columns.tolist()):  # parameters that share a value add up
+            part[:, column] += own[:, place]
+        by_frame = chain.by_frame.transpose(0, 2, 1) @ by_speed[:, -6:]
+        slope[one.frame] += part[:, :-1] - coupling[one.frame].transpose(0, 2, 1) @ by_frame
+    follows = shared @ slope
+    unknown, speed = np.zeros(6), motion.derivative[0]
+    for rows, covariance in motion.speed_covariance():
+        total += np.einsum("vga,avw,wha->gh", follows[rows], covariance, follows[rows], optimize=True)
+        unknown += np.trace(covariance, axis1=1, axis2=2)
+    known = (speed**2).sum(axis=0)
+    share = np.divide(unknown, known, out=np.zeros(6), where=known > 0)
+    alike = np.einsum("vga,a,va->g", follows, share, speed)
+    total += alike[:, None] * alike
+    return total
+
+
 Found = Descent[RigState, RigEquations]
 
 SINGULAR = 1e-13
@@ -48,7 +103,7 @@ class SharedInverse:
     frame: Array  # (V, 6, 6) covariances of the frames
     coupling: Array  # (V, 6, G) C^-1 B' of each frame: a frame's part that follows the shared unknowns, sign turned
     weakest: Array  # (G,) the least determined direction, each unknown in units of its conditional deviation
-    is_lost: NDArray[np.bool_]  # (G,) unknowns with a part in what is not determined; the inverse is without it
+    is_lost: Flags  # (G,) unknowns with a part in what is not determined; the inverse is without it
 
 
 def shared_inverse(normal: Normal) -> SharedInverse:
@@ -226,3 +281,25 @@ def _robust_factor(problem: RigProblem, found: Found) -> float:
         length = np.hypot(*standard)[one.problem.is_used]
         lengths.append(length[np.isfinite(length)])
     return robust_covariance_factor(np.concatenate(lengths), RobustLoss(problem.loss))
+
+
+def with_circle_doubt(found: RigCalibration) -> RigCalibration:
+    """The rig with the doubt, as `calib.solver.circles` has it for one camera; as it was where all is said."""
+    units = [unsaid_mm(seen) for seen in found.observations.sightings]
+    known = [float(one.max()) for one in units if one is not None]
+    if not known or not np.isfinite(found.covariance).all():
+        return found
+    unit_mm = float(np.median(known))
+    shift = [
+        np.zeros_like(seen.center_px) if own is None
+        else circle_shift_px(camera_alone(found, row), np.where(own > 0, unit_mm, 0.0))
+        for row, (seen, own) in enumerate(zip(found.observations.sightings, units, strict=True))
+    ]  # fmt: skip
+    off = tuple(left + by for left, by in zip(found.residual_px, shift, strict=True))
+    frames = np.arange(found.observations.frame_count)
+    (basis, plain), (_, moved) = (posed_unknowns(one, frames) for one in (found, replace(found, residual_px=off)))
+    pairs = ((one, other.residual - one.residual) for one, other in zip(plain, moved, strict=True))
+    told = extra_of(pairs, basis, 1)
+    if told is None:
+        return found
+    return replace(found, circle_doubt=doubt_of(told, unit_mm, len(found.covariance)))

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import parameter_names
 from calib.core.types import RigObservations
@@ -14,8 +13,7 @@ from calib.rigs.carrier import carrier_errors
 from calib.rigs.descend import descend_rig
 from calib.rigs.in_space import RigInSpace, rig_in_space, space_remark, with_step
 from calib.rigs.motion import motion_of
-from calib.rigs.options import FREE_SIZE, RigOptions
-from calib.rigs.problem import RigProblem, RigState, frame_times, without_params
+from calib.rigs.problem import FREE_SIZE, RigOptions, RigProblem, RigState, frame_times, without_params
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.rigs.rig_start import RigStart, start_rig, thinned
 from calib.rigs.start import Alone
@@ -24,8 +22,7 @@ from calib.solver.blocks import KNEE
 from calib.solver.calibration import Status
 from calib.solver.costs import IMAGE
 from calib.solver.problem import Problem, target_covariance, target_poses
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 SURELY, LEAST_OFF = 4.0, 2e-3
 """Standard deviations, and parts, from which on a target's size is said to be off."""

@@ -10,12 +10,12 @@ import numpy as np
 
 from calib.cameras import parameter_names
 from calib.core.types import Observations
-from calib.rigs.options import CameraChoice
+from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration
 from calib.rigs.target_error import unseen_errors
 from calib.solver.accuracy import UndeterminedError
-from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import PlaneBend
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.tolerance.prior import ShapePrior
 

@@ -7,15 +7,13 @@ its pose) first take `k / (1 + k) h W^-1 h'` from the sightings' part, W being i
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
 from calib.rigs.carrier import error_derivatives, weights
 from calib.rigs.result import RigCalibration
 from calib.rigs.target_error import carrier_prior, posed_frames, tells_size
 from calib.solver.free_shape import POSE
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 
 def frame_information(found: RigCalibration, basis: Array) -> Array:

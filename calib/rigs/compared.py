@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.rig import Rig, keep_cameras
 from calib.core.se3 import compose, invert, log_rotation, make_pose, transform
@@ -16,10 +15,9 @@ from calib.rigs.relative import relative
 from calib.space.sightings import PointSightings
 from calib.space.triangulate import triangulate_points
 from calib.space.volume import default_volume, seen_by_cameras
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.marks import Gap
-
-Array = NDArray[np.float64]
 
 LATTICE = (16, 12, 12)
 FEWEST = 10
@@ -130,7 +128,7 @@ def _placed(first: Rig, second: Rig) -> PlacedApart | None:
     )  # fmt: skip
 
 
-def _placed_by(first: Rig, second: Rig, point: Array, seen: NDArray[np.bool_]) -> Array:
+def _placed_by(first: Rig, second: Rig, point: Array, seen: Flags) -> Array:
     """Where the second rig sees points (N, 3) in the pixels of the first; nan where it does not.  # (N, 3)"""
     place, camera = np.nonzero(seen)
     pixel = np.empty((len(place), 2))
@@ -151,9 +149,7 @@ def _laid_over(point: Array, found: Array) -> Array:
     return make_pose(turn, other - turn @ middle)
 
 
-def _apart_px(
-    first: Rig, second: Rig, second_from_first: Array, point: Array, seen: NDArray[np.bool_]
-) -> tuple[CameraApart, ...]:
+def _apart_px(first: Rig, second: Rig, second_from_first: Array, point: Array, seen: Flags) -> tuple[CameraApart, ...]:
     """How far apart the rigs see points (N, 3) of the first's frame, camera by camera."""
     result = []
     for row, name in enumerate(first.names):

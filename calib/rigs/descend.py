@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import is_allowed
 from calib.core.se3 import exp_rotation
@@ -15,9 +14,8 @@ from calib.solver.chain import Chain, add_chained, no_equations, through_camera
 from calib.solver.descent import FIRST_DAMPING, PERFECT_PX, SMALL_DECREASE, Descent, levenberg_marquardt
 from calib.solver.eliminate import JointStep, Normal, damped_step
 from calib.solver.levenberg import SHORT, move_poses, moved_camera, turn_of_centre
-from calib.solver.options import Loss
-
-Array = NDArray[np.float64]
+from calib.solver.problem import Loss
+from designer.base.arrays import Array, Rows
 
 EXPECTED_DELAY_S = 10.0
 PATIENCE = 16
@@ -89,7 +87,7 @@ def assembled(
     return RigEquations(normal, blocks, chains, tuple(views))
 
 
-def params_of(problem: RigProblem, camera: int) -> NDArray[np.int64]:
+def params_of(problem: RigProblem, camera: int) -> Rows:
     """The shared unknowns that a camera's blocks have before the pose: the target's size, then its parameters."""
     own = problem.seen[camera].params
     if problem.size_column >= 0:

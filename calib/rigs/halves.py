@@ -13,21 +13,19 @@ from itertools import combinations
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import skew, steps_between
 from calib.core.types import RigObservations, keep_frames, keep_sightings, keep_views, sightings_per_view
-from calib.rigs.options import CameraChoice, RigOptions
+from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.relative import relative
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import carrier_prior
+from designer.base.arrays import Flags
 from designer.base.errors import InputError
 from designer.base.marks import LEFT_OUT, AtLeast, AtMost, Length, Line, Word
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 SplitKind = Literal["by turns", "in order"]
 KINDS: tuple[SplitKind, ...] = ("by turns", "in order")
 PLACE = 3

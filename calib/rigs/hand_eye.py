@@ -8,13 +8,11 @@ pixels, which weighs each sighting: poses have no noise of their own that would 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import least_squares
 from calib.core.se3 import exp_rotation, log_rotation, make_pose, rotation_between, skew
 from calib.core.types import freeze
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array, Flags, Rows
 
 MOST_PAIRS = 20_000
 LEAST_TURN_RAD = 0.01
@@ -44,7 +42,7 @@ class HandEyeStart:
     rotation_rms_rad: float  # of what is left between the camera's poses and the robot's, poses far off left out
     shift_rms_mm: float  # likewise, of the target's origin in the camera's frame
     error: Array  # (V, 6) of each frame: rotation vector (rad), shift (mm), in the camera's axes
-    is_far_off: NDArray[np.bool_]  # (V,) poses that do not follow the others
+    is_far_off: Flags  # (V,) poses that do not follow the others
     undetermined: tuple[str, ...] = ()  # what the motions do not tell, one line each
 
     def __post_init__(self) -> None:
@@ -74,7 +72,7 @@ def _badness(error: Array) -> float:
     return float(np.median(turn) / FLOOR_RAD + np.median(shift) / FLOOR_MM)
 
 
-def _pairs(count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _pairs(count: int) -> tuple[Rows, Rows]:
     """Pairs of frames: all, or of very many each with as many others."""
     if count * (count - 1) // 2 <= MOST_PAIRS:
         first, second = np.triu_indices(count, 1)
@@ -84,9 +82,7 @@ def _pairs(count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return first, (first + np.repeat(apart, count)) % count
 
 
-def relative_turns(
-    pose: Array, first: NDArray[np.int64] | None = None, second: NDArray[np.int64] | None = None
-) -> Array:
+def relative_turns(pose: Array, first: Rows | None = None, second: Rows | None = None) -> Array:
     """Rotation vectors (N, 3) that lead from second poses to first; of all pairs, if none are named."""
     if first is None or second is None:
         first, second = _pairs(len(pose))
@@ -94,7 +90,7 @@ def relative_turns(
     return log_rotation(rotation[first] @ rotation[second].transpose(0, 2, 1))
 
 
-def _agreeing(seen: Array, told: Array) -> NDArray[np.bool_]:
+def _agreeing(seen: Array, told: Array) -> Flags:
     """Poses that turn from most others by the angle that the robot turned: no rotation of axes changes an angle."""
     count = len(seen)
     if count < FEWEST_JUDGED:
@@ -164,7 +160,7 @@ def _about_one_axis(a: Array, b: Array, seen: Array, told: Array) -> list[Array]
     return [base @ exp_rotation(axis * (angle + more)) for more in (0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi)]
 
 
-def _refined(seen: Array, told: Array, turn: Array, keep: NDArray[np.bool_]) -> HandEyeStart:
+def _refined(seen: Array, told: Array, turn: Array, keep: Flags) -> HandEyeStart:
     """From the rotation in X to all of X and Z."""
     turn_z = _mean_rotation(((turn @ told[:, :3, :3]).transpose(0, 2, 1) @ seen[:, :3, :3])[keep])
     length = max(float(np.median(np.linalg.norm(seen[keep, :3, 3], axis=1))), FLOOR_MM)
@@ -221,7 +217,7 @@ def _equations(seen: Array, told: Array, x: Array, z: Array) -> tuple[Array, Arr
     return error, design
 
 
-def _weights(error: Array, keep: NDArray[np.bool_]) -> Array:
+def _weights(error: Array, keep: Flags) -> Array:
     """One over what most poses are off, and nothing for those much farther off (V, 6)."""
     length = np.linalg.norm(error.reshape(-1, 2, 3), axis=2)
     typical = np.maximum(np.median(length[keep], axis=0), [FLOOR_RAD, FLOOR_MM])

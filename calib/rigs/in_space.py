@@ -7,21 +7,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import invert, steps_between
 from calib.core.types import RigObservations
 from calib.rigs.accuracy import Found, RigAccuracy
 from calib.rigs.descend import descend_rig, rig_equations
-from calib.rigs.options import RigOptions
-from calib.rigs.problem import RigProblem, RigState
+from calib.rigs.problem import RigOptions, RigProblem, RigState
 from calib.rigs.start import Alone
 from calib.rigs.worth import camera_scales, scales_left, settled
 from calib.solver.accuracy import UNSURE_FOCAL, UndeterminedError
 from calib.solver.costs import COSTS
 from calib.solver.in_space import camera_change, in_space
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,19 +1,21 @@
-"""A solved rig, with what is known of its accuracy."""
+"""A solved rig, with what is known of its accuracy.
+
+One camera of a solved rig, as a calibration of its own: what is evaluated, judged and kept of single cameras.
+"""
 
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
 from calib.core.types import RigObservations, freeze, frozen_array
-from calib.rigs.options import FREE_SIZE
-from calib.solver.calibration import CircleDoubt, Status
+from calib.rigs.problem import FREE_SIZE
+from calib.solver.calibration import Calibration, CircleDoubt, Status
+from designer.base.arrays import Array, Flags
 from designer.base.marks import LEFT_OUT, OR_NULL, Gap, Shape
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +51,7 @@ class RigCalibration:
     cam_from_rig: Array  # (C, 4, 4)
     rig_from_target: Array  # (V, 4, 4)
     residual_px: tuple[Array, ...]  # (C,) of (M_c, 2): predicted - measured, of outliers too
-    is_outlier: tuple[NDArray[np.bool_], ...]  # (C,) of (M_c,): left out of the solution
+    is_outlier: tuple[Flags, ...]  # (C,) of (M_c,): left out of the solution
     scale: Array  # (C,) posterior standard deviation of an observation: px, or in units of the stated covariance
     covariance: Array  # (N, N) by the noise alone, rows as those of `Rig`
     frame_covariance: Array  # (V, 6, 6) of rig_from_target, in the rig's axes: rotation vector (rad), shift (mm)
@@ -108,3 +110,30 @@ class RigCalibration:
             stated if np.isfinite(stated).all() else None, self.noise_px,
             self.delay_s, self.rig_frame, self.observations.points.geometry_id,
         )  # fmt: skip
+
+
+def camera_alone(found: RigCalibration, camera: int) -> Calibration:
+    """A camera with its views: `calib.evaluate(camera_alone(found, 0))`.
+
+    Its poses are those of the joint solution. Their covariances are known of the camera whose frame the rig's is; of
+    others they would need those between camera and frame, and are nan.
+    """
+    rig, one = found.rig, found.cameras[camera]
+    frames, views = found.observations.frame[camera], found.observations.sightings[camera].view_count
+    rows = rig.params_rows(camera)
+    return Calibration(
+        camera=one,
+        observations=found.observations.sightings[camera],
+        cam_from_target=found.cam_from_rig[camera] @ found.rig_from_target[frames],
+        residual_px=found.residual_px[camera],
+        is_outlier=found.is_outlier[camera],
+        scale=float(found.scale[camera]),
+        param_covariance=found.stated_covariance[rows, rows],
+        pose_covariance=found.frame_covariance[frames] if camera == found.reference else np.full((views, 6, 6), np.nan),
+        fixed=() if found.is_refined[camera] else parameter_names(one.model),
+        weighted=found.weighted,
+        status=found.status,
+        remarks=(),
+        iterations=found.iterations,
+        seconds=found.seconds,
+    )

@@ -9,22 +9,19 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.rig import Rig
 from calib.core.se3 import log_rotation
 from calib.observe.photos import Search
 from calib.observe.rig_photos import RigPhotos
 from calib.observe.target_poses import SUFFIXES
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
-from designer.base.files import write_files
+from designer.base.files import place_of, write_files
 from designer.base.marks import Gap, Hash, Shape
 from designer.base.own_files import require_ours
-from designer.base.small_file import place_of
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 RIG_POSES_VERSION = 1
 COLUMNS = (

@@ -1,26 +1,111 @@
-"""Starting values of all unknowns of a rig: by the cameras' own poses, and by the carrier's where there is one."""
+"""Starting values of all unknowns of a rig: by the cameras' own poses, and by the carrier's where there is one.
+
+Photos of one camera that are counted from another frame on than those of the others: a list that lacks its first.
+
+Two cameras that are held together see the target from poses that differ alike in all frames. If they do not, but would
+with one camera's frames counted some further, the photos are paired wrongly, and no adjustment can make up for it.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import invert
 from calib.core.types import RigObservations, keep_frames
+from calib.rigs.carrier import start_turntable, turned_by
 from calib.rigs.hand_eye import HandEyeStart, start_hand_eye
 from calib.rigs.motion import motion_of
-from calib.rigs.options import Carrier, RigOptions
-from calib.rigs.problem import RigProblem, RigState, frame_times, pack_rig
-from calib.rigs.shifted import require_same_frames
-from calib.rigs.start import Alone, frame_candidates, joined, synchronised
-from calib.rigs.turntable import start_turntable, turned_by
+from calib.rigs.problem import Carrier, RigOptions, RigProblem, RigState, frame_times, pack_rig
+from calib.rigs.start import Alone, frame_candidates, joined, relative_poses, synchronised
 from calib.rigs.worth import LEAST_SCALE, LEAST_SIGMA
 from calib.solver.problem import few_per_view, select
-from designer.base.number_text import figure
-from designer.base.words import printable
+from designer.base.arrays import Flags
+from designer.base.errors import InputError
+from designer.base.words import figure, printable
 
-Array = NDArray[np.float64]
+FARTHEST = 5
+"""Frames by which photos are tried to be shifted."""
+LEAST_FRAMES = 6
+"""That two cameras share, from which is told whether they fit."""
+MOST_FRAMES = 40
+"""That are compared."""
+FITS = 0.05
+"""Scatter of the pose between two cameras, radians and parts of the distance, up to which nothing is tried."""
+BETTER = 0.2
+"""Of the scatter as the frames are, up to which frames that are shifted fit."""
+
+
+def require_same_frames(observations: RigObservations, alone: Sequence[Alone]) -> None:
+    """Refuse photos of which the frames would fit if those of some cameras were shifted.
+
+    Raises:
+        InputError: the message names the cameras, and how far.
+    """
+    late = [(number, by) for number, by in enumerate(_offsets(observations, alone)) if by]
+    if not late:
+        return
+    frames = observations.frame_names
+    number, by = late[0]
+    first = next(frame for frame in observations.frame[number].tolist() if 0 <= frame + by < len(frames))
+    told = ", ".join(
+        f"camera {printable(observations.camera_names[row])}: its frames fit if shifted by {shift}"
+        for row, shift in late
+    )
+    raise InputError(
+        f"{told}: what it shows in {printable(frames[first])} the others show in {printable(frames[first + by])}; "
+        "name or list the photos of one moment alike"
+        + ", or estimate the time offsets of the cameras"
+        * (observations.time_s is not None)
+    )
+
+
+def _offsets(observations: RigObservations, alone: Sequence[Alone]) -> list[int]:
+    """By how much each camera's frames are to be counted further to fit those of most cameras; 0 where none fit."""
+    count = len(alone)
+    shift: dict[tuple[int, int], int] = {}
+    for first in range(count):
+        for second in range(first + 1, count):
+            by = _shift(observations, alone, first, second)
+            if by is not None:
+                shift[first, second], shift[second, first] = by, -by
+    if not any(shift.values()):
+        return [0] * count
+    begin = max(range(count), key=lambda one: sum(pair[0] == one and not by for pair, by in shift.items()))
+    offset, open_ends = {begin: 0}, [begin]
+    while open_ends:
+        known = open_ends.pop()
+        for (one, other), by in shift.items():
+            if one == known and other not in offset:
+                offset[other] = offset[known] + by
+                open_ends.append(other)
+    return [offset.get(number, 0) for number in range(count)]
+
+
+def _shift(observations: RigObservations, alone: Sequence[Alone], first: int, second: int) -> int | None:
+    """By how much the second camera's frames are to be counted further to fit the first's; None: not to be told."""
+    as_they_are = _scatter(observations, alone, first, second, 0)
+    if not np.isfinite(as_they_are) or as_they_are <= FITS:
+        return 0 if np.isfinite(as_they_are) else None
+    tried = [by for by in range(-FARTHEST, FARTHEST + 1) if by]
+    scatter = [_scatter(observations, alone, first, second, by) for by in tried]
+    best = int(np.argmin(scatter))
+    return tried[best] if scatter[best] <= BETTER * as_they_are else None
+
+
+def _scatter(observations: RigObservations, alone: Sequence[Alone], first: int, second: int, by: int) -> float:
+    """Of the pose between two cameras, the second's frames counted further; infinite where they share few."""
+    _, at_first, at_second = np.intersect1d(
+        observations.frame[first], observations.frame[second] + by, return_indices=True
+    )
+    one, other = alone[first].cam_from_target[at_first], alone[second].cam_from_target[at_second]
+    rows = np.flatnonzero(np.isfinite(one[:, 0, 0]) & np.isfinite(other[:, 0, 0]))
+    if len(rows) < LEAST_FRAMES:
+        return np.inf
+    rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_FRAMES)).astype(int)]
+    apart = relative_poses(one[rows], other[rows])[1]
+    return float(np.median(apart, axis=1).min())
+
 
 FIRST_SIGMA = (2e-3, 1.0)
 """Of a carrier's errors, rad and mm, to begin with."""
@@ -111,7 +196,7 @@ def _placed(
 
 
 def _without(
-    observations: RigObservations, alone: Sequence[Alone], options: RigOptions, keep: NDArray[np.bool_]
+    observations: RigObservations, alone: Sequence[Alone], options: RigOptions, keep: Flags
 ) -> tuple[RigObservations, Sequence[Alone], RigOptions]:
     """Some of the frames."""
     kept = [

@@ -14,16 +14,13 @@ from functools import partial
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import invert, log_rotation
 from calib.observe.robot_poses import ANGLES, LENGTHS, MOST_TURNS_RAD, RobotPoses
 from calib.observe.rotations import RotationReading, angle_readings, quaternion_readings
-from designer.base.number_text import figure
+from designer.base.arrays import Array, Flags, Rows
+from designer.base.words import figure
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 _Rotation = tuple[RotationReading | None, bool, Array]
 """How rotations are read, None: as is said; whether their angles are in the other unit; and (V, 3, 3)."""
 

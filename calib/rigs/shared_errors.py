@@ -3,7 +3,7 @@
     found = with_shared_errors(found)
     found.stated_covariance, found.remarks
 
-As `calib.solver.capture_error` and `calib.solver.photo_error` have it for one camera. What is alike in all photos of a
+As `calib.solver.capture_error` and `calib.solver.image_field` have it for one camera. What is alike in all photos of a
 camera is a parameter more of that camera, beside the cameras' own, their places and the frames' poses. Those beyond
 chance are named if they explain all that frames share, and what leaving them out did is added. Then the scores of
 frames are compared, since the photos of a frame share the target's pose.
@@ -14,23 +14,19 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import pseudo_inverse
 from calib.core.parallel import one_thread
-from calib.rigs.camera_alone import camera_alone
-from calib.rigs.result import RigCalibration
+from calib.rigs.result import RigCalibration, camera_alone
 from calib.rigs.target_error import posed_frames, some_frames
 from calib.rigs.worth import DISAGREES
 from calib.solver.capture_error import KINDS, kinds_that_count, moved_px, weigh
 from calib.solver.extra_parameters import extra_of
 from calib.solver.free_shape import PosedSightings, free_directions
-from calib.solver.photo_error import shared_by_photos
-from designer.base.number_text import figure
-from designer.base.words import printable
-
-Array = NDArray[np.float64]
+from calib.solver.image_field import shared_by_photos
+from designer.base.arrays import Array
+from designer.base.words import figure, printable
 
 
 @one_thread

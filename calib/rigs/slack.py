@@ -11,11 +11,9 @@ view: with h the pose's columns of H, `H - h (W + W / k)^-1 h'` is left; what no
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

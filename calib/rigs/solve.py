@@ -10,28 +10,23 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import parameter_names
 from calib.core.parallel import one_thread_with_scipy
 from calib.core.types import Observations, RigObservations, keep_views
 from calib.rigs.adjust import adjusted
-from calib.rigs.camera_alone import camera_alone
-from calib.rigs.options import CameraChoice, RigOptions
-from calib.rigs.result import RigCalibration
+from calib.rigs.problem import CameraChoice, RigOptions
+from calib.rigs.result import RigCalibration, camera_alone
 from calib.rigs.start import Alone, solve_alone, view_rms
 from calib.rigs.worth import DISAGREES
 from calib.solver.calibration import Calibration
 from calib.solver.circles import through_circles
 from calib.solver.in_space import require_planes
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
-from designer.base.number_text import figure
-from designer.base.words import printable
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from designer.base.words import figure, printable
 
 FAR_OFF, MOST_OFF, FEWEST_LEFT = 3.5, 0.1, 4
 """Times what most photos of a camera leave over, from which on one is left out; the part of them that may be; and how

@@ -9,26 +9,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
 from calib.core.se3 import invert, log_rotation
 from calib.core.types import LEAST_POINTS, Observations, RigObservations, keep_views, sightings_per_view
-from calib.rigs.options import CameraChoice, RigOptions
-from calib.rigs.problem import RigProblem, RigState, frame_times, seen_poses, with_scale
-from calib.rigs.trajectory import LEAST_FRAMES, Trajectory, delay_between
+from calib.rigs.motion import LEAST_BETWEEN, Trajectory, delay_between
+from calib.rigs.problem import CameraChoice, RigOptions, RigProblem, RigState, frame_times, seen_poses, with_scale
 from calib.solver.accuracy import UndeterminedError
 from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions, Tie, tie_parameters
 from calib.solver.outliers import deviations
+from calib.solver.problem import SolveOptions, Tie, tie_parameters
 from calib.solver.solve import solve
 from calib.solver.start import solve_poses
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
 
 MOST_GUESSES = 200
 """Of the place of one camera against another's, that are compared."""
@@ -111,7 +107,7 @@ def synchronised(observations: RigObservations, alone: Sequence[Alone]) -> tuple
     known = [np.isfinite(one.cam_from_target[:, 0, 0]) for one in alone]
     stamp = [times[ok] for times, ok in zip(observations.time_s or (), known, strict=True)]
     pose = [one.cam_from_target[ok] for one, ok in zip(alone, known, strict=True)]
-    moves = [len(np.unique(times)) == len(times) >= 2 * LEAST_FRAMES for times in stamp]
+    moves = [len(np.unique(times)) == len(times) >= 2 * LEAST_BETWEEN for times in stamp]
     path = [Trajectory(stamp[c], pose[c]) if moves[c] else None for c in range(len(alone))]
     delay, shared = np.zeros(len(alone)), observations.shared
     placed = {0}
@@ -209,7 +205,7 @@ def _parts(observations: RigObservations, votes: Array) -> str:
 
 def frame_candidates(
     problem: RigProblem, observations: RigObservations, alone: Sequence[Alone], cam_from_rig: Array, origin_mm: Array
-) -> tuple[Array, NDArray[np.bool_]]:
+) -> tuple[Array, Flags]:
     """Each frame's pose by the camera whose own pose suits all cameras best, and which frames have one.
 
     Args:

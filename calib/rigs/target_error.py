@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise
 from calib.cameras.rig import POSE
@@ -20,15 +19,13 @@ from calib.core.parallel import one_thread
 from calib.core.se3 import exp_rotation, invert, make_pose
 from calib.rigs.carrier import error_derivatives
 from calib.rigs.carrier import weights as carrier_weights
-from calib.rigs.options import Carrier
-from calib.rigs.problem import CarrierPrior
+from calib.rigs.problem import Carrier, CarrierPrior
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.solver.free_shape import PosedSightings, ShapeEquations, equations_of, free_directions, weights
 from calib.solver.target_error import added_covariance
+from designer.base.arrays import Array, Rows
 from designer.tolerance.made import Made
 from designer.tolerance.prior import ShapePrior
-
-Array = NDArray[np.float64]
 
 MOST_SIGHTINGS = 120_000
 """That the equations are made of, which takes a few seconds."""
@@ -78,15 +75,13 @@ def unseen_errors(found: RigCalibration, priors: Sequence[ShapePrior]) -> tuple[
     return tuple(moved)
 
 
-def _used(found: RigCalibration) -> NDArray[np.int64]:
+def _used(found: RigCalibration) -> Rows:
     """The points that count somewhere."""
     seen = zip(found.observations.sightings, found.is_outlier, strict=True)
     return np.unique(np.concatenate([one.point[~outlier] for one, outlier in seen]))
 
 
-def _equations(
-    found: RigCalibration, basis: Array, used: NDArray[np.int64], modes_mm: Array, own_mm: Array
-) -> ShapeEquations:
+def _equations(found: RigCalibration, basis: Array, used: Rows, modes_mm: Array, own_mm: Array) -> ShapeEquations:
     """The equations of all that was solved for, and of displacements of the target's points."""
     frames = some_frames(found)
     wide, posed = posed_unknowns(found, frames, basis)
@@ -95,7 +90,7 @@ def _equations(
 
 
 def posed_unknowns(
-    found: RigCalibration, frames: NDArray[np.int64], basis: Array | None = None
+    found: RigCalibration, frames: Rows, basis: Array | None = None
 ) -> tuple[Array, Iterable[PosedSightings]]:
     """What is seen and said of each frame, by all unknowns: the rig's own directions, and behind these all others.
 
@@ -113,7 +108,7 @@ def posed_unknowns(
     return wide, posed if found.carrier is None else _carried(found, posed, frames, wide.shape[1])
 
 
-def some_frames(found: RigCalibration) -> NDArray[np.int64]:
+def some_frames(found: RigCalibration) -> Rows:
     """All frames, or evenly spread ones of very many sightings."""
     every = max(-(-sum(map(len, found.residual_px)) // MOST_SIGHTINGS), 1)
     return np.arange(0, found.observations.frame_count, every)
@@ -158,7 +153,7 @@ def _at_minimum(equations: ShapeEquations) -> ShapeEquations:
 
 
 def _carried(
-    found: RigCalibration, posed: Iterable[PosedSightings], frames: NDArray[np.int64], width: int
+    found: RigCalibration, posed: Iterable[PosedSightings], frames: Rows, width: int
 ) -> Iterator[PosedSightings]:
     """The sightings of each frame, and what a robot or a turntable says of its pose, by its own noise.
 
@@ -204,7 +199,7 @@ def carrier_prior(found: RigCalibration) -> tuple[CarrierPrior, CarrierFit]:
 class _Sightings:
     """The M sightings of one camera that count, to first order, times their weights, ordered by frame."""
 
-    frame: NDArray[np.int64]  # (M,) ascending
+    frame: Rows  # (M,) ascending
     posed: PosedSightings
 
     def of(self, frame: int) -> PosedSightings:
@@ -217,7 +212,7 @@ class _Sightings:
 
 
 def posed_frames(
-    found: RigCalibration, basis: Array, frames: NDArray[np.int64], moved_px: Sequence[Array] | None = None
+    found: RigCalibration, basis: Array, frames: Rows, moved_px: Sequence[Array] | None = None
 ) -> Iterator[PosedSightings]:
     """The sightings of frames by all cameras; what moves them together is the target's pose in the rig's frame.
 
@@ -236,9 +231,7 @@ def posed_frames(
         )
 
 
-def _sightings(
-    found: RigCalibration, camera: int, basis: Array, frames: NDArray[np.int64], moved_px: Array
-) -> _Sightings:
+def _sightings(found: RigCalibration, camera: int, basis: Array, frames: Rows, moved_px: Array) -> _Sightings:
     """Those of one camera, each camera's by its own noise."""
     seen, rig = found.observations.sightings[camera], found.rig
     is_wanted = np.isin(found.observations.frame[camera], frames)[seen.view]

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.rig import Rig
 from calib.core.linear_algebra import symmetric_inverse
@@ -19,9 +18,7 @@ from calib.core.se3 import exp_rotation, invert, make_pose, skew, transform
 from calib.core.types import Detections, freeze
 from calib.space.linear import LinearSight, calibration_factor, linear_sight
 from calib.space.propagate import whitening
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from designer.base.arrays import Array, Flags
 
 POSE = 6
 MOST_STEPS, MOST_HALVINGS = 30, 12
@@ -94,7 +91,7 @@ class _Part:
     point_mm: Array  # (M, 3) in the target's frame
     center_px: Array  # (M, 2)
     whiten: Array  # (M, 2, 2)
-    counts: Mask  # (M,)
+    counts: Flags  # (M,)
 
     def seen_from(self, rig: Rig, pose: Array) -> "_Part":
         """Without what the camera's model does not show from there."""

@@ -8,20 +8,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.types import RigObservations
 from calib.rigs.accuracy import Found, camera_redundancy, carrier_sigmas, slack_size
 from calib.rigs.descend import descend_rig, rig_equations
-from calib.rigs.options import RigOptions
-from calib.rigs.problem import RigProblem, RigState, seen_poses, with_scale
+from calib.rigs.problem import RigOptions, RigProblem, RigState, seen_poses, with_scale
 from calib.rigs.slack import SlackPrior
 from calib.rigs.start import Alone
 from calib.solver.blocks import RobustLoss, view_misfit
-from calib.solver.options import Loss
 from calib.solver.outliers import deviations, robust_sigma, whitened
-
-Array = NDArray[np.float64]
+from calib.solver.problem import Loss
+from designer.base.arrays import Array
 
 ROUNDS = 25
 """Of judging what observations are worth, and solving again."""

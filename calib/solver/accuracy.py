@@ -17,8 +17,8 @@ from calib.core.linear_algebra import least_squares, moved_covariance, worse_sig
 from calib.core.types import Observations
 from calib.solver.levenberg import Minimum
 from calib.solver.linear_pose import FLAT
-from calib.solver.options import Tie
 from calib.solver.outliers import MEDIAN_LENGTH
+from calib.solver.problem import Tie
 from calib.solver.schur import reduced_normal
 from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import NoAnswerError

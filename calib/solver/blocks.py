@@ -9,15 +9,13 @@ from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise, project
 from calib.cameras.camera import Camera
 from calib.cameras.surface import linearise_points
 from calib.core.jit import jit, jit_sums
-from calib.solver.options import Loss
-from calib.solver.problem import Problem
-from designer.base.arrays import Array
+from calib.solver.problem import Loss, Problem
+from designer.base.arrays import Array, Flags, Rows
 
 RUN = 2000
 """Observations at a time; their derivatives stay in the processor's cache."""
@@ -68,7 +66,7 @@ class RobustLoss:
 
 @jit_sums
 def _to_camera(
-    view_start: NDArray[np.int64], first: int, last: int, pose: Array, position: Array, turned: Array, point: Array
+    view_start: Rows, first: int, last: int, pose: Array, position: Array, turned: Array, point: Array
 ) -> None:
     """R p and R p + t for the observations of some views."""
     base = view_start[first]
@@ -146,7 +144,7 @@ def _whiten(
 
 @jit
 def _weigh(
-    begin: int, end: int, base: int, is_used: NDArray[np.bool_], kind: int, knee: float, seen: Array, factor: Array
+    begin: int, end: int, base: int, is_used: Flags, kind: int, knee: float, seen: Array, factor: Array
 ) -> float:
     """Weigh whiteners and residuals by the loss, which is returned.
 
@@ -285,14 +283,14 @@ def _add_gradient(begin: int, count: int, turned: Array, seen: Array, factor: Ar
 
 @jit
 def _view_products(
-    view_start: NDArray[np.int64],
+    view_start: Rows,
     first: int,
     last: int,
     turned: Array,
     seen: Array,
     measured: Array,
     whitener: Array,
-    is_used: NDArray[np.bool_],
+    is_used: Flags,
     kind: int,
     knee: float,
     residual: Array,
@@ -324,13 +322,13 @@ def _view_products(
 
 @jit
 def _view_costs(
-    view_start: NDArray[np.int64],
+    view_start: Rows,
     first: int,
     last: int,
     pixel: Array,
     measured: Array,
     whitener: Array,
-    is_used: NDArray[np.bool_],
+    is_used: Flags,
     kind: int,
     knee: float,
     residual: Array,
@@ -445,7 +443,7 @@ def _linearised(
     return rows, lever, np.zeros_like(problem.measured_px)
 
 
-def _runs(view_start: NDArray[np.int64]) -> list[tuple[int, int]]:
+def _runs(view_start: Rows) -> list[tuple[int, int]]:
     """Runs of whole views with about `RUN` observations."""
     starts: list[int] = view_start.tolist()
     result, first = [], 0

@@ -32,8 +32,7 @@ from calib.solver.accuracy import projected_change, share_px
 from calib.solver.calibration import Calibration, Capture, CaptureEffect, CaptureError
 from calib.solver.extra_parameters import ExtraParameters, extra_parameters
 from calib.solver.free_shape import free_directions
-from calib.solver.image_field import with_image_field
-from calib.solver.photo_error import with_photo_error
+from calib.solver.image_field import with_image_field, with_photo_error
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.words import shown, suggestion

@@ -17,9 +17,8 @@ from calib.core.types import LEAST_POINTS
 from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.descent import FIRST_DAMPING
 from calib.solver.levenberg import Minimum, minimise
-from calib.solver.options import Loss, SolveOptions, Tie
 from calib.solver.outliers import deviations, forgetful, robust_covariance_factor, robust_sigma, whitened
-from calib.solver.problem import Problem, few_per_view, select
+from calib.solver.problem import Loss, Problem, SolveOptions, Tie, few_per_view, select
 from designer.base.arrays import Array, Flags, Rows
 
 MOST_ROUNDS = 60

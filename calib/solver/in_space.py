@@ -13,9 +13,8 @@ from calib.solver.blocks import RobustLoss, view_blocks, view_misfit
 from calib.solver.costs import COSTS, DISTANCES, IMAGE
 from calib.solver.descend import ROUNDS, Descended, ShownMinimum, lost_views, minimise_shown
 from calib.solver.distance import InSpace
-from calib.solver.options import SolveOptions, Tie
 from calib.solver.outliers import deviations, robust_sigma, whitened
-from calib.solver.problem import Problem
+from calib.solver.problem import Problem, SolveOptions, Tie
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.base.words import shown

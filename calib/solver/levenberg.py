@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import is_allowed
 from calib.cameras.camera import Camera
@@ -19,7 +18,7 @@ from calib.solver.descent import (
 )
 from calib.solver.problem import Problem
 from calib.solver.schur import Step, damped_step
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags, Rows
 
 SHORT = 1e-4
 """Of the residuals, what a step moves the picture by: the normal matrix is then as it was, covariances to a millionth
@@ -42,14 +41,14 @@ class Minimum:
     blocks: Blocks  # there, see `SHORT`
     iterations: int
     converged: bool
-    in_the_way: NDArray[np.bool_] | None = None  # (M,) points that the model would have ceased to show, had it gone on
+    in_the_way: Flags | None = None  # (M,) points that the model would have ceased to show, had it gone on
 
 
 def minimise(
     problem: Problem,
     camera: Camera,
     cam_from_target: Array,
-    tie: NDArray[np.int64],
+    tie: Rows,
     loss: RobustLoss,
     *,
     max_iterations: int,
@@ -91,11 +90,11 @@ class _OneCamera:
     The steps to where a model no longer shows all points are counted, and the fewest that one would lose are kept.
     """
 
-    def __init__(self, problem: Problem, tie: NDArray[np.int64], loss: RobustLoss) -> None:
+    def __init__(self, problem: Problem, tie: Rows, loss: RobustLoss) -> None:
         self.problem, self.tie, self.loss = problem, tie, loss
         self.perfect = PERFECT_PX**2 * max(int(problem.is_used.sum()), 1)
         self.refused = 0
-        self.in_the_way: NDArray[np.bool_] | None = None
+        self.in_the_way: Flags | None = None
 
     def equations(self, state: _CameraState) -> Blocks:
         """As `Solvable`."""
@@ -215,7 +214,7 @@ def _rotate(pose: Array, vector: Array, columns: int) -> None:
         pose[2, column] = c + first * r + second * (x * q - y * p)
 
 
-def moved_camera(camera: Camera, tie: NDArray[np.int64], free: Array) -> Camera:
+def moved_camera(camera: Camera, tie: Rows, free: Array) -> Camera:
     """The camera after a step of its free parameters."""
     if not len(free):
         return camera
@@ -253,7 +252,7 @@ def _pose_steps(products: Array, damping: Array, step: Array, promised: Array) -
             promised[view] -= x[i] * row
 
 
-def _chosen(problem: Problem, old: Blocks, new: Blocks, better: NDArray[np.bool_]) -> Blocks:
+def _chosen(problem: Problem, old: Blocks, new: Blocks, better: Flags) -> Blocks:
     """The new blocks of the views that got better, and the old ones of the others."""
     per_point = np.repeat(better, np.diff(problem.view_start))
     return Blocks(

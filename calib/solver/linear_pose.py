@@ -7,11 +7,10 @@ one: the middle of what is seen lies in front of the camera, so that it is never
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.jit import jit
 from calib.core.small_solve import cholesky_solve, diagonalise
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags, Rows
 
 FLAT = 0.02
 """A view whose points are this much thinner than wide is taken for planar; a transform of it would be unsure."""
@@ -32,11 +31,11 @@ class LinearViews:
 
     projection: Array  # (V, 3, 4) from the plane's or the target's coordinates to the image; nan: not determined
     target_from_plane: Array  # (V, 4, 4) the frame of the points' plane
-    is_planar: NDArray[np.bool_]  # (V,) the projection's third column is then zero
+    is_planar: Flags  # (V,) the projection's third column is then zero
 
 
 def linear_views(
-    view_start: NDArray[np.int64],
+    view_start: Rows,
     position_mm: Array,
     image: Array,
     *,
@@ -60,7 +59,7 @@ def linear_views(
     return LinearViews(projection, frame, is_planar)
 
 
-def principal_frames(view_start: NDArray[np.int64], position_mm: Array) -> tuple[Array, Array]:
+def principal_frames(view_start: Rows, position_mm: Array) -> tuple[Array, Array]:
     """The frame of each view's points, z along their least extent, and their extents in ascending order."""
     frame, extent = np.zeros((len(view_start) - 1, 4, 4)), np.empty((len(view_start) - 1, 3))
     _principal_frames(view_start, np.ascontiguousarray(position_mm), frame, extent)
@@ -68,7 +67,7 @@ def principal_frames(view_start: NDArray[np.int64], position_mm: Array) -> tuple
 
 
 @jit
-def _principal_frames(view_start: NDArray[np.int64], position: Array, frame: Array, extent: Array) -> None:
+def _principal_frames(view_start: Rows, position: Array, frame: Array, extent: Array) -> None:
     """The mean of each view's points, and the eigenvectors of their mean products about it."""
     scatter, vectors = np.empty((3, 3)), np.empty((3, 3))
     for view in range(len(frame)):
@@ -97,11 +96,11 @@ def _principal_frames(view_start: NDArray[np.int64], position: Array, frame: Arr
 
 @jit
 def _fit_views(
-    view_start: NDArray[np.int64],
+    view_start: Rows,
     position: Array,
     image: Array,
     frame: Array,
-    is_planar: NDArray[np.bool_],
+    is_planar: Flags,
     projection: Array,
 ) -> None:
     for view in range(len(frame)):
@@ -111,11 +110,11 @@ def _fit_views(
 
 @jit
 def _fit_views_by_consensus(
-    view_start: NDArray[np.int64],
+    view_start: Rows,
     position: Array,
     image: Array,
     frame: Array,
-    is_planar: NDArray[np.bool_],
+    is_planar: Flags,
     share: Array,
     projection: Array,
 ) -> None:
@@ -229,7 +228,7 @@ def poses_of(views: LinearViews) -> Array:
 
 
 @jit
-def _poses_of(projection: Array, target_from_plane: Array, is_planar: NDArray[np.bool_], pose: Array) -> None:
+def _poses_of(projection: Array, target_from_plane: Array, is_planar: Flags, pose: Array) -> None:
     for view in range(len(pose)):
         frame, axes, origin = target_from_plane[view], projection[view, :, :3].copy(), projection[view, :, 3]
         known = 2 if is_planar[view] else 3
@@ -278,7 +277,7 @@ def _to_rotation(a: Array) -> None:
             return
 
 
-def weak_perspective_poses(view_start: NDArray[np.int64], position_mm: Array, ray: Array) -> Array:
+def weak_perspective_poses(view_start: Rows, position_mm: Array, ray: Array) -> Array:
     """Poses (V, 4, 4) as if all points were equally far: linear in the two first rows of the rotation.
 
     For views with too few points for a projection; nan where the points are in a plane. With m the mean of the points,

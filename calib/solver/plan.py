@@ -8,7 +8,7 @@ from numbers import Real
 from calib.cameras import ANY_LENS, MODELS, models_of_all, models_of_all_wide, solved_models, told_parameters
 from calib.core.types import Observations
 from calib.solver.costs import COSTS, IMAGE
-from calib.solver.options import SolveOptions, tie_parameters
+from calib.solver.problem import SolveOptions, tie_parameters
 from calib.solver.suited import lens_kind
 from designer.base.errors import InputError
 from designer.base.words import several, shown, suggestion

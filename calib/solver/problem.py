@@ -1,15 +1,21 @@
-"""Observations packed for the kernels: coordinate by coordinate, view after view."""
+"""Observations packed for the kernels: coordinate by coordinate, view after view.
+
+What a person may choose about a solution, and which parameters are free, fixed or shared by it.
+"""
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.cameras import MODELS, solved_models, told_parameters
 from calib.core.jit import jit
 from calib.core.se3 import skew
 from calib.core.types import Observations
+from calib.solver.costs import IMAGE
 from calib.solver.distance import InSpace
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags, Rows
+from designer.base.errors import InputError
 
 GOLDEN = 0.6180339887498949
 MANY = 2**62
@@ -23,11 +29,11 @@ class Problem:
     """M observations in V views; the observations of view v are those from `view_start[v]` to `view_start[v + 1]`."""
 
     image_size: tuple[int, int]
-    view_start: NDArray[np.int64]  # (V + 1,)
+    view_start: Rows  # (V + 1,)
     position_mm: Array  # (3, M) in the target's axes, from `origin_mm`
     measured_px: Array  # (2, M)
     whitener: Array  # (3, M) a, b, c of [[a, 0], [b, c]], which makes the covariance of an observation unity
-    is_used: NDArray[np.bool_]  # (M,)
+    is_used: Flags  # (M,)
     origin_mm: Array = field(default_factory=lambda: np.zeros(3))  # (3,) the points' middle: a far one costs digits
     space: InSpace | None = None  # distances in space are minimised; None: those in the image
 
@@ -37,7 +43,7 @@ class Problem:
         return len(self.view_start) - 1
 
     @property
-    def view(self) -> NDArray[np.int64]:
+    def view(self) -> Rows:
         """The view of each observation.  # (M,)"""
         return np.repeat(np.arange(self.view_count), np.diff(self.view_start))
 
@@ -109,7 +115,7 @@ def few_per_view(view_count: int) -> int:
     return max(ENOUGH // max(view_count, 1), FEWEST)
 
 
-def select(problem: Problem, views: NDArray[np.int64], per_view: int) -> Problem:
+def select(problem: Problem, views: Rows, per_view: int) -> Problem:
     """Some views, with at most so many used observations of each, evenly spread over their order."""
     if len(views) == problem.view_count and per_view >= len(problem.is_used) and problem.is_used.all():
         return problem
@@ -121,9 +127,7 @@ def select(problem: Problem, views: NDArray[np.int64], per_view: int) -> Problem
     )  # fmt: skip
 
 
-def select_rows(
-    problem: Problem, views: NDArray[np.int64], per_view: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def select_rows(problem: Problem, views: Rows, per_view: int) -> tuple[Rows, Rows]:
     """Where each view's begin among the observations of `select`, and which these are."""
     start = np.zeros(len(views) + 1, dtype=np.int64)
     rows = np.empty(min(len(problem.is_used), per_view * len(views)), dtype=np.int64)
@@ -133,12 +137,12 @@ def select_rows(
 
 @jit
 def _spread_rows(
-    view_start: NDArray[np.int64],
-    is_used: NDArray[np.bool_],
-    views: NDArray[np.int64],
+    view_start: Rows,
+    is_used: Flags,
+    views: Rows,
     per_view: int,
-    start: NDArray[np.int64],
-    rows: NDArray[np.int64],
+    start: Rows,
+    rows: Rows,
 ) -> None:
     """Of each view's used observations at most so many: where each view's begin among the rows, and the rows."""
     longest = 0
@@ -159,3 +163,91 @@ def _spread_rows(
             width = np.int64((place + 1) * step) - cell
             rows[start[slot] + place] = used[cell + np.int64((GOLDEN * place) % 1.0 * width)]
         start[slot + 1] = start[slot] + taken
+
+
+Loss = Literal["squares", "huber", "cauchy"]
+
+
+@dataclass(frozen=True)
+class SolveOptions:
+    """How to solve; the default is least squares of all observations, each counting by what it states of itself."""
+
+    weighted: bool = True  # by the covariances of the observations, where they are known; False: all alike
+    loss: Loss = "squares"
+    reject_sigma: float | None = None  # leave out observations farther off than so many robust standard deviations
+    fixed: tuple[tuple[str, float | None], ...] = ()  # parameter and value; None: the value it starts from
+    shared: tuple[tuple[str, ...], ...] = ()  # groups of parameters that have one value
+    focal_px: float | None = None  # first guess
+    max_iterations: int = 300
+    minimise: str = IMAGE  # of `calib.solver.costs.COSTS`
+    free_bend: bool = False  # of a flat target, which is then an unknown
+
+
+AS_THE_PAPER = SolveOptions(weighted=False)
+"""Plain least squares: every observation counts the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tie:
+    """The free parameter that each parameter of a model follows; the control points of a surface are none of these."""
+
+    row: Rows  # (P,) -1: fixed
+    value: Array  # (P,) where a parameter is to start, nan: anywhere
+    fixed: tuple[str, ...]
+
+
+def tie_parameters(model: str, options: SolveOptions) -> Tie:
+    """The free parameters of a model under a person's choices."""
+    if model not in solved_models():
+        raise InputError(
+            f"model {model}: photos are simulated with it, not solved; choose one of {', '.join(solved_models())}"
+        )
+    parameters = told_parameters(model)
+    names = tuple(parameter.name for parameter in parameters)
+    value = np.full(len(names), np.nan)
+    fixed: list[str] = []
+    for name, number in options.fixed:
+        k = _index(name, model, names)
+        bounds = parameters[k]
+        if number is not None and not bounds.lower < number < bounds.upper:
+            raise InputError(f"{name}={number:g}: must be more than {bounds.lower:g} and less than {bounds.upper:g}")
+        if name in fixed:
+            raise InputError(f"{name} is fixed twice; fix it once")
+        fixed.append(name)
+        value[k] = np.nan if number is None else number
+    row = np.full(len(names), -1)
+    follows = _followers(model, names, options, fixed)
+    count = 0
+    for k, name in enumerate(names):
+        if name in fixed:
+            continue
+        leader = follows.get(name, k)
+        if leader < k:
+            row[k] = row[leader]
+        else:
+            row[k], count = count, count + 1
+    return Tie(row, value, tuple(fixed))
+
+
+def _followers(model: str, names: tuple[str, ...], options: SolveOptions, fixed: list[str]) -> dict[str, int]:
+    """The first parameter of its group, for each parameter that shares its value."""
+    follows: dict[str, int] = {}
+    for group in options.shared:
+        if len(group) < 2:
+            raise InputError(f"{','.join(group)!r}: name two or more parameters that are to share a value")
+        rows = [_index(name, model, names) for name in group]
+        for name in group:
+            if name in fixed:
+                raise InputError(f"{name} is fixed and shared; choose one")
+            if name in follows or group.count(name) > 1:
+                raise InputError(f"{name} is shared twice; name it once")
+        if len({MODELS[model].parameters[k].unit for k in rows}) > 1:
+            raise InputError(f"{','.join(group)}: parameters of different units cannot share a value")
+        follows.update(dict.fromkeys(group, min(rows)))
+    return follows
+
+
+def _index(name: str, model: str, names: tuple[str, ...]) -> int:
+    if name not in names:
+        raise InputError(f"model {model} has no parameter {name!r}; it has {', '.join(names)}")
+    return names.index(name)

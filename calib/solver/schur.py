@@ -7,11 +7,10 @@ Of the normal equations `[A B; B' C]` over camera and poses, C is block diagonal
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.jit import jit
 from calib.core.small_solve import cholesky_factor, substitute
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +25,7 @@ class Step:
 
 @jit
 def _eliminate(
-    products: Array, tie: NDArray[np.int64], damping: float, normal: Array, gradient: Array, lower: Array, part: Array
+    products: Array, tie: Rows, damping: float, normal: Array, gradient: Array, lower: Array, part: Array
 ) -> bool:
     """Add each view's reduced block to `normal` and `gradient`.
 
@@ -80,7 +79,7 @@ def _substitute_back(lower: Array, x: Array) -> None:
 
 
 @jit
-def _add_camera(h: Array, tie: NDArray[np.int64], damping: float, normal: Array, gradient: Array) -> None:
+def _add_camera(h: Array, tie: Rows, damping: float, normal: Array, gradient: Array) -> None:
     """Add a view's A and its gradient, parameters that share a value together."""
     parameters = len(tie)
     for p in range(parameters):
@@ -115,7 +114,7 @@ def _solve_scaled(normal: Array, gradient: Array, step: Array) -> bool:
 
 
 @jit
-def _predicted(products: Array, tie: NDArray[np.int64], free: Array, pose: Array) -> float:
+def _predicted(products: Array, tie: Rows, free: Array, pose: Array) -> float:
     """Decrease `-(2 g x + x' H x)` of the undamped model by the step x."""
     views, size = products.shape[0], products.shape[1]
     x = np.zeros(size - 1)
@@ -135,9 +134,7 @@ def _predicted(products: Array, tie: NDArray[np.int64], free: Array, pose: Array
 
 
 @jit
-def _damped_step(
-    products: Array, tie: NDArray[np.int64], damping: float, step: Array, pose: Array
-) -> tuple[bool, float]:
+def _damped_step(products: Array, tie: Rows, damping: float, step: Array, pose: Array) -> tuple[bool, float]:
     free = len(step)
     normal, gradient = np.zeros((free, free)), np.zeros(free)
     lower, part = np.empty((len(products), 6, 6)), np.empty((len(products), 6, free + 1))
@@ -156,7 +153,7 @@ def _damped_step(
     return True, _predicted(products, tie, step, pose)
 
 
-def damped_step(products: Array, tie: NDArray[np.int64], damping: float) -> Step:
+def damped_step(products: Array, tie: Rows, damping: float) -> Step:
     """The step that `(H + damping diag H) x = -g` asks for, of blocks as `calib.solver.blocks` has them."""
     step = np.zeros(int(tie.max(initial=-1)) + 1)
     pose = np.zeros((len(products), 6))
@@ -164,7 +161,7 @@ def damped_step(products: Array, tie: NDArray[np.int64], damping: float) -> Step
     return Step(step, pose, predicted, solvable)
 
 
-def reduced_normal(products: Array, tie: NDArray[np.int64]) -> tuple[Array, Array]:
+def reduced_normal(products: Array, tie: Rows) -> tuple[Array, Array]:
     """The normal matrix (Q, Q) of the free parameters, the poses eliminated, and `C^-1 B'` of each view (V, 6, Q)."""
     free = int(tie.max(initial=-1)) + 1
     normal, inverse_times = np.zeros((free, free)), np.empty((len(products), 6, free + 1))
@@ -174,7 +171,7 @@ def reduced_normal(products: Array, tie: NDArray[np.int64]) -> tuple[Array, Arra
 
 
 @jit
-def _reduced_normal(products: Array, tie: NDArray[np.int64], normal: Array, inverse_times: Array) -> bool:
+def _reduced_normal(products: Array, tie: Rows, normal: Array, inverse_times: Array) -> bool:
     lower = np.empty((len(products), 6, 6))
     if not _eliminate(products, tie, 0.0, normal, np.zeros(len(normal)), lower, inverse_times):
         return False
@@ -193,7 +190,7 @@ def reduced_blocks(products: Array) -> Array:
 
 
 @jit
-def _reduce(products: Array, every: NDArray[np.int64], reduced: Array) -> bool:
+def _reduce(products: Array, every: Rows, reduced: Array) -> bool:
     """[A a; a' s] - W' W of each view, see `_eliminate`."""
     count = len(every)
     lower, part = np.empty((len(products), 6, 6)), np.empty((len(products), 6, count + 1))

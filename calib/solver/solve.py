@@ -15,11 +15,9 @@ from calib.solver.circles import with_circles
 from calib.solver.costs import IMAGE
 from calib.solver.descend import Descended, descend, descend_again, is_robust, without_lens
 from calib.solver.in_space import descend_in_space, require_planes
-from calib.solver.options import SolveOptions, Tie, tie_parameters
-from calib.solver.outliers import shifted_photo, whitened
-from calib.solver.problem import Problem, pack, target_covariance, target_poses
+from calib.solver.outliers import shifted_photo, variance_power, whitened
+from calib.solver.problem import Problem, SolveOptions, Tie, pack, target_covariance, target_poses, tie_parameters
 from calib.solver.start import FirstPoses, coarse_camera, first_poses, turned_over
-from calib.solver.variance_power import variance_power
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 

@@ -10,7 +10,7 @@ import numpy as np
 from calib.cameras import ABILITIES, MODELS, WIDE, neutral, rays
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import slopes
-from calib.cameras.plain import even_camera, plain_camera
+from calib.cameras.pinhole import even_camera, plain_camera
 from calib.cameras.refit import fit_rays, image_grid
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import compose, invert, make_pose, rotation_between

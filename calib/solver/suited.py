@@ -9,9 +9,8 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import angles_between
 from calib.core.types import Observations, keep_sightings
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions
 from calib.solver.outliers import deviations
-from calib.solver.problem import pack, select_rows
+from calib.solver.problem import SolveOptions, pack, select_rows
 from calib.solver.solve import solve
 from designer.base.errors import InputError
 

@@ -2,8 +2,8 @@
 
 The base, a model of few parameters, is solved first, from nothing; then all are solved together, Gauss-Newton on
 `sum loss(r) + d' Q d` with the precision Q of the control points d that makes the photos likeliest
-(`calib.solver.surface_prior`). What the base's parameters and a turn of the camera do as well is theirs: the surface
-has no part in those directions. Where nothing was seen the prior carries on, and the covariance, that of the
+(`calib.solver.surface_equations`). What the base's parameters and a turn of the camera do as well is theirs: the
+surface has no part in those directions. Where nothing was seen the prior carries on, and the covariance, that of the
 parameters given the photos, grows to its amplitude. It supposes that the control points can be the lens: what is too
 rough for them is no part of it, and outweighs it where photos of little noise tell the rest that well.
 """
@@ -23,11 +23,20 @@ from calib.solver.costs import IMAGE
 from calib.solver.descend import ROUNDS, Descended, is_robust, lost_views
 from calib.solver.descent import FIRST_DAMPING
 from calib.solver.levenberg import Minimum, move_poses, turn_of_centre
-from calib.solver.options import Loss, SolveOptions, Tie
 from calib.solver.outliers import deviations, robust_covariance_factor, robust_sigma, whitened
-from calib.solver.problem import Problem
-from calib.solver.surface_equations import POSE, SurfaceEquations, eliminated, free_motions, surface_equations
-from calib.solver.surface_prior import Smoothness, SurfaceProblem, likeliest, precision, roughness
+from calib.solver.problem import Loss, Problem, SolveOptions, Tie
+from calib.solver.surface_equations import (
+    POSE,
+    Smoothness,
+    SurfaceEquations,
+    SurfaceProblem,
+    eliminated,
+    free_motions,
+    likeliest,
+    precision,
+    roughness,
+    surface_equations,
+)
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 

@@ -18,7 +18,7 @@ from calib.space.sightings import PointSightings, keep_places, with_noise
 from calib.space.triangulate import TriangulatedPoints, triangulate_points
 from designer.base.arrays import Array, Rows
 from designer.base.marks import Count, Gap, Length
-from designer.base.number_text import figure
+from designer.base.words import figure
 
 NOTICEABLE = 1.05
 """Times as much scatter as stated, that is taken into account."""

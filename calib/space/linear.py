@@ -1,15 +1,18 @@
-"""What the pixels of a rig depend on: the points in space, and each camera's parameters and pose."""
+"""What the pixels of a rig depend on: the points in space, and each camera's parameters and pose.
+
+How large an error in space is: one number of a covariance, and three of many.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise
 from calib.cameras.rig import Rig
 from calib.core.se3 import skew, transform
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags
+from designer.base.marks import Gap
 
 ROUNDING = 1e-14
 """Part of a covariance's largest eigenvalue, its diagonal scaled to one, that is rounding."""
@@ -64,7 +67,7 @@ def calibration_factor(rig: Rig) -> Array | None:
     return factor
 
 
-def is_in_image(rig: Rig, camera: int, point_mm: Array) -> NDArray[np.bool_]:
+def is_in_image(rig: Rig, camera: int, point_mm: Array) -> Flags:
     """Which points (N, 3) of the rig's frame a camera shows within its image.  # (N,)"""
     pixel = rig.cameras[camera].project(transform(rig.cam_from_rig[camera], point_mm))
     width, height = rig.cameras[camera].image_size
@@ -76,3 +79,38 @@ def rays_in_rig(rig: Rig, camera: int, pixel: Array) -> Array:
     """Unit directions (N, 3), in the rig's axes, of what pixels (N, 2) of a camera see."""
     rays: Array = rig.cameras[camera].rays(pixel) @ rig.cam_from_rig[camera, :3, :3]
     return rays
+
+
+MOST = 95
+"""Per cent of the points that are better than what is told of most."""
+
+
+@dataclass(frozen=True)
+class PointErrors:
+    """Root mean square lengths of errors in space, of many points; nan where they are not known."""
+
+    median_mm: Gap
+    most_mm: Gap  # 95 % of the points are better
+    worst_mm: Gap
+
+
+NOT_KNOWN = PointErrors(float("nan"), float("nan"), float("nan"))
+
+
+def rms_error_mm(covariance_mm2: Array) -> Array:
+    """The root mean square of the length of an error (N,) with a covariance (N, 3, 3)."""
+    sigma: Array = np.sqrt(np.trace(covariance_mm2, axis1=1, axis2=2))
+    return sigma
+
+
+def errors_of(length_mm: Array) -> PointErrors:
+    """Three numbers of many (N,); nan of those that are not known, and of none."""
+    known = length_mm[np.isfinite(length_mm)]
+    if not len(known):
+        return NOT_KNOWN
+    return PointErrors(*(float(value) for value in (*np.percentile(known, [50, MOST]), known.max())))
+
+
+def rms_errors(covariance_mm2: Array | None) -> PointErrors:
+    """Three numbers of the errors of many points with covariances (N, 3, 3); nan if these are not known."""
+    return NOT_KNOWN if covariance_mm2 is None else errors_of(rms_error_mm(covariance_mm2))

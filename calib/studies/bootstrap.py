@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import fitted_models
 from calib.core.parallel import one_thread
@@ -12,7 +11,6 @@ from calib.core.se3 import make_pose
 from calib.core.types import Observations, keep_sightings
 from calib.renderer.truth import Truth
 from calib.solver.accuracy import NO_FIT
-from calib.solver.calibrate import calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.descend import is_robust
 from calib.solver.metrics.errors import Errors, centers_mm, predict, summarise
@@ -21,14 +19,12 @@ from calib.solver.metrics.intersection import intersection
 from calib.solver.metrics.pose import pose
 from calib.solver.metrics.reconstruction import reconstruction
 from calib.solver.metrics.reprojection import reprojection
-from calib.solver.options import SolveOptions, Tie, tie_parameters
-from calib.solver.problem import Problem, pack
+from calib.solver.problem import Problem, SolveOptions, Tie, pack, tie_parameters
+from calib.solver.solve_virtual import calibrate
 from calib.studies.near import Expansion, expand, find_near
-from calib.studies.sample import SampleResult, draw_counts, failed_sample
-from calib.studies.sample_metrics import Sample, sample_errors
+from calib.studies.sample_metrics import Sample, SampleResult, draw_counts, failed_sample, sample_errors
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +130,7 @@ def require_enough(pool: Pool, size: int) -> None:
         )
 
 
-def run_sample(pool: Pool, counts: NDArray[np.int64], number: int) -> SampleResult:
+def run_sample(pool: Pool, counts: Rows, number: int) -> SampleResult:
     """The camera and the errors of a sample; whatever becomes of it, there is a result.
 
     Args:
@@ -162,7 +158,7 @@ def run_sample(pool: Pool, counts: NDArray[np.int64], number: int) -> SampleResu
     )  # fmt: skip
 
 
-def solve_from_scratch(pool: Pool, counts: NDArray[np.int64], number: int) -> SampleResult:
+def solve_from_scratch(pool: Pool, counts: Rows, number: int) -> SampleResult:
     """A sample as anyone would solve it: each view as often as it was drawn, from the first guess, and all metrics.
 
     Args:
@@ -185,7 +181,7 @@ def solve_from_scratch(pool: Pool, counts: NDArray[np.int64], number: int) -> Sa
     )  # fmt: skip
 
 
-def expanded(observations: Observations, drawn: NDArray[np.int64]) -> Observations:
+def expanded(observations: Observations, drawn: Rows) -> Observations:
     """The observations of views (N,), one that is named twice as two views that look alike."""
     start = np.searchsorted(observations.view, np.arange(observations.view_count + 1))
     length = np.diff(start)[drawn]

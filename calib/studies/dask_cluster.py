@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from calib.studies.identity import Pairs, program_versions
-from calib.studies.sample import SampleResult
+from calib.studies.sample_metrics import SampleResult
 from calib.studies.workers import (
     Answer,
     Chunk,

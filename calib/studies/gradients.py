@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise
 from calib.cameras.camera import Camera
 from calib.core.jit import jit, jit_sums
 from calib.solver.problem import Problem
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array, Rows
 
 CHUNK = 3000
 """Observations at a time; their derivatives stay in the processor's cache."""
@@ -24,7 +22,7 @@ class Gradients:
     gradient: Array  # (D, P + 6) half of its derivative by the parameters and by the pose
 
 
-def gradients_of(problem: Problem, views: NDArray[np.int64], camera: Camera, cam_from_target: Array) -> Gradients:
+def gradients_of(problem: Problem, views: Rows, camera: Camera, cam_from_target: Array) -> Gradients:
     """Cost and gradient of views at a camera and their poses.
 
     Args:
@@ -47,7 +45,7 @@ def gradients_of(problem: Problem, views: NDArray[np.int64], camera: Camera, cam
     return result
 
 
-def chunks_of(view_start: NDArray[np.int64], views: NDArray[np.int64]) -> list[tuple[int, int]]:
+def chunks_of(view_start: Rows, views: Rows) -> list[tuple[int, int]]:
     """Runs of a list of views with about `CHUNK` observations."""
     end = np.cumsum(view_start[views + 1] - view_start[views])
     result, first, before = [], 0, 0
@@ -60,8 +58,8 @@ def chunks_of(view_start: NDArray[np.int64], views: NDArray[np.int64]) -> list[t
 
 @jit
 def _to_camera(
-    view_start: NDArray[np.int64],
-    views: NDArray[np.int64],
+    view_start: Rows,
+    views: Rows,
     pose: Array,
     position: Array,
     turned: Array,
@@ -83,8 +81,8 @@ def _to_camera(
 
 @jit_sums
 def _sum_gradients(
-    view_start: NDArray[np.int64],
-    views: NDArray[np.int64],
+    view_start: Rows,
+    views: Rows,
     turned: Array,
     pixel: Array,
     by_point: Array,

@@ -14,7 +14,6 @@ enough. Where these are too far off, as for few views and much noise, a few Gaus
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import is_allowed
 from calib.cameras.camera import Camera
@@ -24,13 +23,10 @@ from calib.solver.accuracy import SINGULAR, UNSURE_FOCAL, accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
 from calib.solver.levenberg import move_poses, turn_of_centre
-from calib.solver.options import Tie
-from calib.solver.problem import MANY, Problem, select
+from calib.solver.problem import MANY, Problem, Tie, select
 from calib.solver.schur import damped_step, reduced_normal
 from calib.studies.gradients import gradients_of
-
-Array = NDArray[np.float64]
-Count = NDArray[np.int64]
+from designer.base.arrays import Array, Rows
 
 STEP = 3.0
 """Of the differences, in standard deviations: samples of a tenth of the views are about that far off."""
@@ -58,7 +54,7 @@ class ExpansionPoint:
     problem: Problem
     camera: Camera
     scale: float  # of the residuals, in sigmas
-    row: Count  # (P,) of the free parameters, -1 for those that are fixed
+    row: Rows  # (P,) of the free parameters, -1 for those that are fixed
     cam_from_target: Array  # (V, 4, 4) from the problem's origin
     direction: Array  # (P, Q)
     extra: Array  # (V, P + 6, 6) second derivatives by all unknowns and the pose, less the normal matrix
@@ -193,7 +189,7 @@ class _GradientSum:
         return self.slope + self.bend @ y
 
 
-def find_near(expansion: Expansion, views: Count, weight: Count) -> NearMinimum | None:
+def find_near(expansion: Expansion, views: Rows, weight: Rows) -> NearMinimum | None:
     """The minimum of a sample; None if the expansion does not lead there, or if the sample may be degenerate.
 
     Args:
@@ -216,8 +212,8 @@ def find_near(expansion: Expansion, views: Count, weight: Count) -> NearMinimum 
 
 def _led_to_zero(
     at: ExpansionPoint,
-    views: Count,
-    weight: Count,
+    views: Rows,
+    weight: Rows,
     near: NearMinimum,
     second: Array,
     follow: Array,
@@ -258,7 +254,7 @@ def _led_to_zero(
 
 
 def _descended(
-    at: ExpansionPoint, views: Count, weight: Count, near: NearMinimum, before: float, bending: float
+    at: ExpansionPoint, views: Rows, weight: Rows, near: NearMinimum, before: float, bending: float
 ) -> NearMinimum | None:
     """The minimum by Gauss-Newton steps after a step of so many standard deviations; None if they do not shrink."""
     camera, poses = near.camera, near.cam_from_target
@@ -311,7 +307,7 @@ def _zero_of(total: _GradientSum) -> tuple[Array, float]:
     return np.full(len(y), np.nan), np.nan
 
 
-def _is_determined(expansion: Expansion, views: Count, weight: Count) -> bool:
+def _is_determined(expansion: Expansion, views: Rows, weight: Rows) -> bool:
     """Whether the sample is well clear of what `calib.solver.accuracy` calls degenerate."""
     at, free = expansion.at, expansion.normal.shape[1]
     points = np.diff(at.problem.view_start)[views]
@@ -332,7 +328,7 @@ def _is_determined(expansion: Expansion, views: Count, weight: Count) -> bool:
     return bool((MARGIN * sigma < UNSURE_FOCAL * at.camera.params[:2][follows >= 0]).all())
 
 
-def _weighted(expansion: Expansion, views: Count, weight: Count) -> _GradientSum:
+def _weighted(expansion: Expansion, views: Rows, weight: Rows) -> _GradientSum:
     free = expansion.at.direction.shape[1]
     total = _GradientSum(np.zeros(free), np.zeros((free, free)), np.zeros((free, free, free)))
     _add_gradients(
@@ -341,7 +337,7 @@ def _weighted(expansion: Expansion, views: Count, weight: Count) -> _GradientSum
     return total
 
 
-def _pose_steps(expansion: Expansion, views: Count, y: Array) -> tuple[Array, Array]:
+def _pose_steps(expansion: Expansion, views: Rows, y: Array) -> tuple[Array, Array]:
     """The steps of the poses at y (D, 6) and their derivatives by y (D, 6, Q)."""
     step, follow = np.empty((len(views), 6)), np.empty((len(views), 6, len(y)))
     _steps_at(expansion.value, expansion.slope, expansion.bend, views, y, step, follow)
@@ -349,7 +345,7 @@ def _pose_steps(expansion: Expansion, views: Count, y: Array) -> tuple[Array, Ar
 
 
 @jit
-def _add_normals(normals: Array, befores: Array, views: Count, weight: Count, normal: Array, before: Array) -> None:
+def _add_normals(normals: Array, befores: Array, views: Rows, weight: Rows, normal: Array, before: Array) -> None:
     for place in range(len(views)):
         view, w = views[place], weight[place]
         for i in range(len(before)):
@@ -360,7 +356,7 @@ def _add_normals(normals: Array, befores: Array, views: Count, weight: Count, no
 
 @jit
 def _add_gradients(
-    values: Array, slopes: Array, bends: Array, views: Count, weight: Count, value: Array, slope: Array, bend: Array
+    values: Array, slopes: Array, bends: Array, views: Rows, weight: Rows, value: Array, slope: Array, bend: Array
 ) -> None:
     """The first Q rows of the expansion, summed; in one order on every machine, as a library's product is not."""
     free = len(value)
@@ -375,7 +371,7 @@ def _add_gradients(
 
 
 @jit
-def _steps_at(values: Array, slopes: Array, bends: Array, views: Count, y: Array, step: Array, follow: Array) -> None:
+def _steps_at(values: Array, slopes: Array, bends: Array, views: Rows, y: Array, step: Array, follow: Array) -> None:
     free = len(y)
     for place in range(len(views)):
         view = views[place]
@@ -392,7 +388,7 @@ def _steps_at(values: Array, slopes: Array, bends: Array, views: Count, y: Array
 
 @jit
 def _reduced(
-    direction: Array, pose_inverse: Array, views: Count, weight: Count, gradient: Array, follow: Array
+    direction: Array, pose_inverse: Array, views: Rows, weight: Rows, gradient: Array, follow: Array
 ) -> tuple[Array, Array, float]:
     """The sample's gradient by y with the poses at their best (Q,), what these lack (D, 6), and what that promises."""
     parameters, free = direction.shape

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import COMMON
 from calib.cameras.camera import Camera, camera_or_preset
@@ -22,14 +21,15 @@ from calib.renderer.job import RenderJob, run_job
 from calib.renderer.options import RenderOptions
 from calib.renderer.poses import PoseGrid, grid_poses
 from calib.renderer.truth import TRUTH, TRUTH_FILE, Truth
-from calib.solver.options import AS_THE_PAPER
+from calib.solver.problem import AS_THE_PAPER
 from calib.solver.solve import solve
 from calib.studies.bootstrap import make_pool
 from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.paper_table import BOARD, ICOSAHEDRON, POOL, SAMPLES, SIZES, TARGETS
-from calib.studies.sampling import Tell, after
+from calib.studies.runner import Tell, after
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.spec.kind import spec_from_mapping
 from designer.spec.spec import SpecValue
@@ -161,7 +161,7 @@ def sightings(seen: Sequence[Detections], target: TargetGeometry, folder: Path) 
     return observations_from_detections(seen, target, origin=str(folder))
 
 
-def incidence_deg(seen: Observations, truth: Truth) -> NDArray[np.float64]:
+def incidence_deg(seen: Observations, truth: Truth) -> Array:
     """Angle between the line of sight and the face's normal, of each sighting by the true poses.  # (M,)"""
     pose = truth.poses_of(seen.view_names)[seen.view]
     position = seen.points.position_mm[seen.point]
@@ -169,11 +169,11 @@ def incidence_deg(seen: Observations, truth: Truth) -> NDArray[np.float64]:
     eye = -np.einsum("mji,mj->mi", pose[:, :3, :3], pose[:, :3, 3])
     sight = eye - position
     cosine = (sight * normal).sum(axis=1) / np.linalg.norm(sight, axis=1)
-    angle: NDArray[np.float64] = np.rad2deg(np.arccos(np.clip(cosine, -1, 1)))
+    angle: Array = np.rad2deg(np.arccos(np.clip(cosine, -1, 1)))
     return angle
 
 
-def only(seen: Observations, rows: NDArray[np.bool_]) -> Observations:
+def only(seen: Observations, rows: Flags) -> Observations:
     """Some of the sightings, without views that keep too few."""
     kept = keep_sightings(seen, rows)
     return keep_views(kept, sightings_per_view(kept) >= LEAST_SIGHTINGS)

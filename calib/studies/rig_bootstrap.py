@@ -9,24 +9,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import parameter_names
 from calib.cameras.rig import Rig
 from calib.core.se3 import invert, log_rotation
 from calib.core.types import RigObservations
 from calib.rigs.halves import without_outliers
-from calib.rigs.options import CameraChoice, RigOptions
+from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.relative import relative
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.studies.bootstrap import expanded
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.base.marks import Gap
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
 
 LEAST_SAMPLES = 2
 

@@ -2,27 +2,29 @@
 
 A view drawn twice counts twice: errors are summed with the view's weight. What an error is, and when there is none, is
 as in `calib.solver.metrics`; only `rays` and `project` of the camera enter.
+
+A bootstrap sample: the views that are drawn for it, by seed, case and number alone, and what is kept of it.
 """
 
+import hashlib
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.core.jit import jit
 from calib.core.small_solve import cholesky_factor, substitute
 from calib.core.types import Observations
+from calib.solver.calibration import Status
 from calib.solver.metrics.errors import centers_mm
 from calib.solver.metrics.intersection import LEAST_SINE
 from calib.solver.metrics.reconstruction import LEAST_SPREAD_RAD
 from calib.solver.problem import Problem
 from calib.studies.gradients import chunks_of
-
-Array = NDArray[np.float64]
-Count = NDArray[np.int64]
+from designer.base.arrays import Array, Rows
 
 
 @dataclass(frozen=True)
@@ -41,8 +43,8 @@ class Sample:
 
     observations: Observations  # of the pool
     problem: Problem  # of the same views
-    views: Count  # (D,) numbers in the pool
-    weight: Count  # (D,) how often drawn
+    views: Rows  # (D,) numbers in the pool
+    weight: Rows  # (D,) how often drawn
     camera: Camera
     cam_from_target: Array  # (D, 4, 4) from the problem's origin
 
@@ -96,7 +98,7 @@ def _pose_mm(sample: Sample, true_center_mm: Array | None) -> float:
 
 
 @jit
-def _gather(view_start: Count, views: Count, measured: Array, pixel: Array) -> None:
+def _gather(view_start: Rows, views: Rows, measured: Array, pixel: Array) -> None:
     """The measured pixels of some views, one view after the other."""
     k = 0
     for view in views:
@@ -106,7 +108,7 @@ def _gather(view_start: Count, views: Count, measured: Array, pixel: Array) -> N
 
 
 @jit
-def _place(view_start: Count, views: Count, pose: Array, position: Array, point: Array) -> None:
+def _place(view_start: Rows, views: Rows, pose: Array, position: Array, point: Array) -> None:
     """The known points of some views in their cameras' axes, a row each: a transposed copy would take longer."""
     k = 0
     for place in range(len(views)):
@@ -119,7 +121,7 @@ def _place(view_start: Count, views: Count, pose: Array, position: Array, point:
 
 
 @jit
-def _reproject(view_start: Count, views: Count, weight: Count, pixel: Array, measured: Array, sums: Array) -> None:
+def _reproject(view_start: Rows, views: Rows, weight: Rows, pixel: Array, measured: Array, sums: Array) -> None:
     k = 0
     for place in range(len(views)):
         for _ in range(view_start[views[place] + 1] - view_start[views[place]]):
@@ -132,14 +134,14 @@ def _reproject(view_start: Count, views: Count, weight: Count, pixel: Array, mea
 
 @jit
 def _intersect(
-    view_start: Count,
-    views: Count,
-    weight: Count,
+    view_start: Rows,
+    views: Rows,
+    weight: Rows,
     pose: Array,
     ray: Array,
     position: Array,
-    point: Count,
-    face: Count,
+    point: Rows,
+    face: Rows,
     face_normal: Array,
     sums: Array,
     normal: Array,
@@ -224,3 +226,52 @@ def _unpack(row: Array, less: float, matrix: Array) -> None:
             matrix[i, j] = matrix[j, i] = row[k]
             k += 1
         matrix[i, i] -= less
+
+
+SampleStatus = Status | Literal["failed"]
+"""`failed`: no camera came out at all, and the message says why."""
+
+
+@dataclass(frozen=True)
+class SampleResult:
+    """The camera of one sample and its errors: root mean squares over the sample's views, each as often as drawn."""
+
+    number: int
+    status: SampleStatus
+    distinct_views: int
+    reprojection_px: float  # nan, as the others, where it is not defined
+    intersection_mm: float
+    reconstruction_mm: float
+    pose_mm: float
+    params: tuple[float, ...]  # (P,) nan if there is no camera
+    iterations: int
+    message: str = ""  # why the camera is not to be trusted
+
+
+def failed_sample(number: int, distinct_views: int, values: int, reason: str) -> SampleResult:
+    """A sample without a camera, of which so many values are not known."""
+    nan = float("nan")
+    return SampleResult(number, "failed", distinct_views, nan, nan, nan, nan, (nan,) * values, 0, reason)
+
+
+def keyed_generator(name: str) -> np.random.Generator:
+    """The random numbers of what has this name: the same in whatever order, process or part of a run they are drawn.
+
+    They come from Philox (Salmon et al. 2011), a generator whose streams are told apart by a key: a digest of the name.
+    """
+    key = np.frombuffer(hashlib.sha256(name.encode()).digest()[:16], dtype="<u8")
+    return np.random.Generator(np.random.Philox(key=key))
+
+
+def draw_counts(seed: int, case: str, number: int, size: int, pool: int) -> Rows:
+    """How often each view is drawn, of `size` draws with replacement (Efron 1979).  # (V,)
+
+    Args:
+        seed: of the study.
+        case: the name of what is sampled.
+        number: of the sample.
+        size: how many views to draw.
+        pool: how many views there are.
+    """
+    drawn = keyed_generator(f"{seed}\n{number}\n{case}").integers(pool, size=size)
+    return np.bincount(drawn, minlength=pool).astype(np.int64, copy=False)

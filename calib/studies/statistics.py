@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.studies.paper_table import PaperValue, paper_value
-from calib.studies.sample import SampleStatus
+from calib.studies.sample_metrics import SampleStatus
+from designer.base.arrays import Array
 from designer.base.marks import INLINE, Count, Gap, Length, Word
-
-Array = NDArray[np.float64]
 
 SHARE = 0.95
 """Of the samples that an interval holds."""

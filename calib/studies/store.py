@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calib.studies.identity import StudyIdentity, program_versions
-from calib.studies.sample import SampleResult
+from calib.studies.sample_metrics import SampleResult
 from calib.studies.stored_samples import Samples, StoredCase, case_from_row, row_of, row_of_case, samples_from_rows
 from designer.base.errors import InputError
 from designer.base.words import printable

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.solver.calibration import Status
-from calib.studies.sample import SampleResult
+from calib.studies.sample_metrics import SampleResult
 from calib.studies.statistics import Case
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 
 STATUSES = (*get_args(Status), "failed")
@@ -31,7 +32,7 @@ class StoredCase:
     case: Case
     model: str
     params: int  # P, values of a sample: the camera's parameters, or what the study's kind has
-    covariance: NDArray[np.float64] = field(compare=False)  # (P, P) of them in the solution of all views, or (0, 0)
+    covariance: Array = field(compare=False)  # (P, P) of them in the solution of all views, or (0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +40,12 @@ class Samples:
     """S samples of a case, by number."""
 
     case: StoredCase
-    number: NDArray[np.int64]  # (S,)
+    number: Rows  # (S,)
     status: NDArray[np.str_]  # (S,)
-    distinct_views: NDArray[np.int64]  # (S,)
-    metrics: NDArray[np.float64]  # (S, 4) reprojection (px), intersection, reconstruction, pose (mm); nan: not defined
-    params: NDArray[np.float64]  # (S, P) nan if there is no camera
-    iterations: NDArray[np.int64]  # (S,)
+    distinct_views: Rows  # (S,)
+    metrics: Array  # (S, 4) reprojection (px), intersection, reconstruction, pose (mm); nan: not defined
+    params: Array  # (S, P) nan if there is no camera
+    iterations: Rows  # (S,)
     message: tuple[str, ...]  # (S,)
 
 

@@ -10,7 +10,6 @@ from calib.cameras import MODELS, told_parameters
 from calib.studies.findings import HeldClaim, findings
 from calib.studies.statistics import (
     METRICS,
-    Array,
     Case,
     CaseSummary,
     Correlations,
@@ -21,6 +20,7 @@ from calib.studies.statistics import (
     summarise,
 )
 from calib.studies.store import Study
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.marks import INLINE, Gap
 from designer.base.words import shown

@@ -13,12 +13,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from calib.core.parallel import interrupts_held, serve
-from calib.studies.sample import SampleResult
+from calib.studies.sample_metrics import SampleResult
 from calib.studies.statistics import Case
+from designer.base.arrays import Array
 
 if TYPE_CHECKING:
     from joblib.externals.loky import ProcessPoolExecutor
@@ -40,7 +38,7 @@ class SamplePool(Protocol):
         """How many values a sample has beside the four errors."""
 
     @property
-    def covariance(self) -> NDArray[np.float64]:
+    def covariance(self) -> Array:
         """(P, P) of the values in the solution of all views; (0, 0) if there is none."""
 
     def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:

@@ -29,6 +29,7 @@ from typing import (
 )  # fmt: skip
 
 from designer.base.errors import InputError
+from designer.base.files import JsonValue
 from designer.base.marks import (
     HEX,
     INLINE,
@@ -47,7 +48,6 @@ from designer.base.marks import (
     Tagged,
     Told,
 )
-from designer.base.small_file import JsonValue
 from designer.base.words import printable, shown, suggestion
 
 T = TypeVar("T")

@@ -13,7 +13,7 @@ from typing import Generic, TypeVar, cast
 
 from designer.base.codec import BadValueError, decode, encode
 from designer.base.errors import InputError
-from designer.base.small_file import JsonValue, parse_json, read_small_text
+from designer.base.files import JsonValue, parse_json, read_small_text
 from designer.base.words import NAME, shown
 
 T = TypeVar("T")

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from designer.base.arrays import Array
-from designer.base.small_file import JsonValue
+from designer.base.files import JsonValue
 
 LARGE = 100
 """Parameters; of fewer every number is written."""

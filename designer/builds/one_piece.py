@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 from designer.formats.folder import OutputFile
-from designer.make.bed import bed_from_target
-from designer.make.plate import Piece, Plate
+from designer.make.bed import Piece, Plate, bed_from_target
 from designer.page.blocks import Section
 from designer.produce import Design, Maker
 from designer.report.making import print_settings, slicer_folds

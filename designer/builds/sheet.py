@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from designer.formats.folder import OutputFile
-from designer.make.plate import Plate
+from designer.make.bed import Plate
 from designer.page.blocks import Section
 from designer.produce import Design, Maker
 from designer.report.making import sheet_blocks

@@ -10,12 +10,11 @@ from designer.builds.one_piece import printer_words
 from designer.formats.folder import OutputFile
 from designer.formats.project import MOST_PLATES
 from designer.make.assembly import Assembly, assemble, plates_of
+from designer.make.bed import Plate
 from designer.make.board_tiles import BoardInPieces, board_in_pieces, board_plates
-from designer.make.plate import Plate
 from designer.page.blocks import Section
 from designer.produce import Design, Maker
-from designer.report.assembling import assembling_section
-from designer.report.jointing import jointing_section
+from designer.report.assembling import assembling_section, jointing_section
 from designer.spec.spec import PrintSpec
 
 

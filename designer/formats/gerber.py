@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from designer.formats.zipped import zipped
+from designer.formats.threemf import zipped
 from designer.make.pattern import Contour, FacePattern, Pattern, Stamp, moved_in
 from designer.spec.build import CircuitInk
 from designer.target import TargetGeometry

@@ -25,7 +25,7 @@ from dataclasses import replace
 
 from designer.base.words import NAME
 from designer.formats.threemf import ObjectText, bambu_package, objects_of, quoted
-from designer.make.plate import Piece, Plate
+from designer.make.bed import Piece, Plate
 from designer.spec.machine import Presets
 from designer.spec.spec import PrintSpec
 

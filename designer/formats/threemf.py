@@ -5,8 +5,12 @@ PrusaSlicer wants one mesh and reads the filaments from triangle ranges; Bambu S
 one mesh a part, joined as components. Each layout falls apart in the other's slicer, hence two files.
 The packages are written with `zipfile` because lib3mf renames the prefix of `slic3rpe:Version3mf`, which
 PrusaSlicer knows by its text.
+
+ZIP packages that are the same for the same content.
 """
 
+import io
+import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -18,10 +22,25 @@ from numpy.typing import NDArray
 
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
-from designer.formats.zipped import zipped
+from designer.make.bed import Piece
 from designer.make.mesh import Mesh
-from designer.make.plate import Piece
 from designer.spec.spec import PrintSpec
+
+_FIRST_DATE = (1980, 1, 1, 0, 0, 0)
+_LEVEL = 1
+"""Level 6 takes three times as long for files a fifth smaller."""
+
+
+def zipped(members: Mapping[str, bytes]) -> bytes:
+    """A package of files by their paths, in the order given."""
+    package = io.BytesIO()
+    with zipfile.ZipFile(package, "w") as archive:
+        for path, content in members.items():
+            entry = zipfile.ZipInfo(path, _FIRST_DATE)
+            entry.create_system = 3  # Unix; else the byte depends on the system that writes
+            archive.writestr(entry, content, zipfile.ZIP_DEFLATED, _LEVEL)
+    return package.getvalue()
+
 
 _CONTENT_TYPES = """<?xml version="1.0" encoding="UTF-8"?>
 <Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">

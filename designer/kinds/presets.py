@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from designer.base.errors import InputError
-from designer.base.small_file import place_of
+from designer.base.files import place_of
 from designer.base.words import shown, suggestion
 
 PresetKind = Literal["targets", "printers", "cameras", "errors", "criteria", "rigs"]

@@ -12,9 +12,9 @@ from typing import Annotated, TypeVar, cast
 
 from designer.base.codec import BadValueError, decode, decode_written, encode
 from designer.base.errors import InputError
+from designer.base.files import MAX_TOML_BYTES, JsonValue, read_small_text, read_spec_file
 from designer.base.marks import Above, AtMost, Reads, Told
 from designer.base.marks import Length as ItemCount
-from designer.base.small_file import MAX_TOML_BYTES, JsonValue, read_small_text, read_spec_file
 from designer.base.units import (
     format_mm,
     format_skew,

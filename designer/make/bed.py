@@ -1,12 +1,26 @@
-"""How the target lies on the printer's bed: its last face down, in the middle or as near to it as the bed is free."""
+"""How the target lies on the printer's bed: its last face down, in the middle or as near to it as the bed is free.
+
+What lies on the printer's bed at a time.
+
+What changes of filament throw away: purge, and the tower that is printed of it beside the part.
+
+    >>> purged(estimate.changing, printer).volume_mm3
+
+The tower is PrusaSlicer's (`GCode/WipeTower.cpp`, of which those of Bambu Studio and OrcaSlicer descend): a box around
+lines of purge, from a solid foot with a brim up to the last change. The first three lines of a change are slow, since
+the filament has just been loaded. What other slicers do for towers that are high and thin is not in it.
+"""
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from designer.base.arrays import Array
 from designer.base.units import NO_SKEW, skew_matrix
 from designer.kinds.layout import corners_mm, face_down, is_turned
+from designer.make.mesh import Part
 from designer.spec.spec import PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
 
@@ -112,3 +126,95 @@ def _straight_corners_mm(target: TargetGeometry, printing: PrintSpec) -> Array:
         corners = corners * (1 - printing.sticker_thickness_mm / spec.solid.inradius_mm)
     printed: Array = corners.reshape(-1, 3) * (1 + printing.shrink_compensation_percent / 100)
     return printed
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A part and where it lies; slicers show it as one object."""
+
+    name: str
+    part: Part  # in a frame of its own
+    bed_from_part: Array  # (4, 4) a rigid motion; the bed's origin is a corner
+
+    @property
+    def as_it_lies(self) -> Part:
+        """The part on its bed, for files that say nothing of motions."""
+        motion = self.bed_from_part
+        return self.part.placed(lambda points: mapped(points, motion[:3, :3]) + motion[:3, 3])
+
+
+@dataclass(frozen=True)
+class Plate:
+    """The pieces of one print."""
+
+    name: str  # part of its files' names, such as "plate-1"; "" where there is but one plate
+    pieces: tuple[Piece, ...]
+    words: str = ""  # what it holds, such as "tiles 0 to 6"
+    tower_mm: tuple[float, float] | None = None  # front left corner of a prime tower in the place left free for it
+
+    @property
+    def title(self) -> str:
+        """`plate 1, tiles 0 to 6`: letters that a file's name may hold, as slicers ask of a plate's name."""
+        return ", ".join(part for part in (self.name.replace("-", " "), self.words) if part)
+
+    @property
+    def is_two_filament(self) -> bool:
+        """Whether there is ink on it."""
+        return any(piece.part.ink is not None for piece in self.pieces)
+
+
+TOWER_MM, TOWER_BRIM_MM = 60.0, 2.0
+"""Width of PrusaSlicer's wipe tower, and its brim; others are narrower and deeper."""
+_FIRST_LINES, _NEXT_LINE = (0.33, 0.375, 0.458), 0.875
+"""How fast the lines of a change are, as shares of the full speed; those that follow approach it."""
+_GAIN_MM_S = 50 / 60
+"""By how much a line is faster than the one before it."""
+_BOX = 2900 / 4800
+"""How fast the box is, as a share of the full speed."""
+
+
+@dataclass(frozen=True)
+class Purged:
+    """What all changes of a print purge."""
+
+    volume_mm3: float
+    time_s: float
+
+
+def purged(changing: Sequence[int], printer: PrinterProfile) -> Purged:
+    """By the layers that change filament: first to the ink, then back to the body, and so on."""
+    machine, change = printer.machine, printer.machine.change
+    flow_mm3_s = min(change.purge_flow_mm3_s, machine.flow_mm3_s)
+    volumes = [change.purge_to_body_mm3 if k % 2 else change.purge_to_ink_mm3 for k in range(len(changing))]
+    if not changing or not change.has_tower:
+        return Purged(sum(volumes), sum(volumes) / flow_mm3_s)
+    line_mm2 = printer.line_width_mm * printer.layer_height_mm
+    speed_mm_s, layers = flow_mm3_s / line_mm2, changing[-1] + 1
+    laid = [min(volume, change.most_on_tower_mm3) for volume in volumes]
+    most_mm3 = min(max(change.purge_to_ink_mm3, change.purge_to_body_mm3), change.most_on_tower_mm3)
+    deep_mm = most_mm3 / (TOWER_MM * printer.layer_height_mm)
+    # Purge fills the box line by line: it is rounded up to whole ones, half a line on the mean; the ends are walls.
+    walls_mm = (2 * deep_mm + TOWER_MM / 2) * layers
+    # The foot is solid; a change in the first layer is a part of it.
+    foot_mm = TOWER_MM * deep_mm * printer.layer_height_mm / line_mm2 - (laid[0] / line_mm2 if changing[0] == 0 else 0)
+    brim_mm = 2 * (TOWER_MM + deep_mm) * TOWER_BRIM_MM * printer.layer_height_mm / line_mm2
+    # Some of the purge is laid down as the box.
+    box_mm = 2 * (TOWER_MM + deep_mm) * layers
+    lines_mm = max(sum(laid) / line_mm2 + walls_mm - box_mm, 0.0) / len(changing)
+    first_mm_s = min(machine.speeds.first_layer_mm_s, speed_mm_s)
+    time_s = (
+        (sum(volumes) - sum(laid)) / flow_mm3_s
+        + len(changing) * _lines_s(lines_mm, speed_mm_s)
+        + box_mm / (_BOX * speed_mm_s)
+        + (foot_mm + brim_mm) / first_mm_s
+    )
+    return Purged(sum(volumes) + (walls_mm + foot_mm + brim_mm) * line_mm2, time_s)
+
+
+def _lines_s(length_mm: float, speed_mm_s: float) -> float:
+    """The lines of one change, as long together as told."""
+    after = max(math.ceil(length_mm / TOWER_MM) - len(_FIRST_LINES), 0)
+    speeds = [*(share * speed_mm_s for share in _FIRST_LINES)]
+    speeds += [min(_NEXT_LINE * speed_mm_s + k * _GAIN_MM_S, speed_mm_s) for k in range(after)]
+    lengths = np.clip(length_mm - TOWER_MM * np.arange(len(speeds)), 0, TOWER_MM)
+    return float((lengths / np.array(speeds)).sum())

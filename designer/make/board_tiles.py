@@ -19,12 +19,10 @@ from manifold3d import CrossSection, JoinType, Manifold
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.board_cuts import BoardCuts, Point, cut_board, room_mm, tower_mm
-from designer.make.bed import against_skew_along
-from designer.make.booleans import mesh_of, prism, solid_of, union
+from designer.make.bed import Piece, Plate, against_skew_along
 from designer.make.lettering import HEIGHT, ID_DIGITS, text_contours, text_width
-from designer.make.mesh import Mesh, Part, inlaid, plate_hull
+from designer.make.mesh import Mesh, Part, inlaid, mesh_of, plate_hull, prism, solid_of, union
 from designer.make.pattern import Contour, make_pattern
-from designer.make.plate import Piece, Plate
 from designer.spec.spec import PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
 from designer.target_scene import polygon_area_mm2

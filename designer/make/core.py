@@ -19,7 +19,7 @@ from manifold3d import CrossSection, JoinType, Manifold
 
 from designer.base.arrays import Array
 from designer.base.solid import Polyhedron, Solid
-from designer.make.booleans import cylinder, frame_along, placed, prism, union
+from designer.make.mesh import cylinder, frame_along, placed, prism, union
 from designer.make.pattern import moved_in
 from designer.make.tile import TileSizes, key_places, number_contours, pad_places
 

@@ -20,12 +20,10 @@ import numpy as np
 from manifold3d import CrossSection, JoinType
 
 from designer.base.arrays import Array, Flags, Rows
-from designer.make.bed import mapped
+from designer.make.bed import Piece, Plate, mapped, purged
 from designer.make.mesh import Part
 from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
-from designer.make.plate import Piece, Plate
 from designer.make.section import SIMPLE_MM, Sliced
-from designer.make.tower import purged
 from designer.spec.machine import Machine
 from designer.spec.spec import PrinterProfile, PrintSpec
 

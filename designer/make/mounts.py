@@ -15,8 +15,8 @@ from manifold3d import CrossSection, Manifold
 from designer.base.errors import InputError
 from designer.base.solid import Solid
 from designer.kinds.layout import corner_room_mm
-from designer.make.booleans import cone, cylinder, union
 from designer.make.core import SOCKET_WALL_MM, Socket, mount_vertex
+from designer.make.mesh import cone, cylinder, union
 from designer.make.tile import TileSizes, key_places, pad_places
 from designer.spec.build import STEM_MM, mount_room_mm
 from designer.target import TargetGeometry

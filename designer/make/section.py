@@ -7,8 +7,7 @@ from manifold3d import CrossSection, FillRule, Manifold
 from numpy.typing import NDArray
 
 from designer.base.arrays import Array, Flags, Rows
-from designer.make.booleans import solid_of
-from designer.make.mesh import Mesh, Part
+from designer.make.mesh import Mesh, Part, solid_of
 
 Polyline = Array  # (N, 2)
 SIMPLE_MM = 0.0125

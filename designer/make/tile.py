@@ -16,9 +16,8 @@ from manifold3d import triangulate
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.solid import CODES, Polyhedron, Solid, code_positions
-from designer.make.booleans import CIRCLE_SEGMENTS
 from designer.make.lettering import CHAMFER_LAYERS, HEIGHT, text_contours, text_width
-from designer.make.mesh import Hull, Ids, Part, inlaid, wall_strip
+from designer.make.mesh import CIRCLE_SEGMENTS, Hull, Ids, Part, inlaid, wall_strip
 from designer.make.pattern import Contour, Pattern, moved_in
 from designer.spec.build import InkSide
 from designer.spec.spec import PrinterProfile

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from designer.base.number_text import figure
-from designer.base.words import capital, printable
+from designer.base.words import capital, figure, printable
 from designer.page.blocks import (
     Block,
     Cell,

@@ -12,8 +12,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from designer.base.files import write_files
-from designer.base.small_file import place_of
+from designer.base.files import place_of, write_files
 
 if TYPE_CHECKING:
     from designer.base.answer import Value

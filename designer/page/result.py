@@ -17,14 +17,13 @@ from typing import TYPE_CHECKING, ClassVar, cast
 from designer.base.codec import encode_written
 from designer.base.errors import InputError, NotWrittenError
 from designer.base.file_kind import laid_out
-from designer.base.files import check_folder, write_files
+from designer.base.files import check_folder, place_of, write_files
 from designer.base.own_files import require_ours
-from designer.base.small_file import place_of
 from designer.base.words import NAME, printable
 
 if TYPE_CHECKING:
     from designer.base.answer import Value
-    from designer.base.small_file import JsonValue
+    from designer.base.files import JsonValue
     from designer.page.blocks import Page
 
 

@@ -1,17 +1,125 @@
-"""The page's section on a solid in parts: its plates, its pieces, and the steps from printer to measured target."""
+"""The page's section on a solid in parts: its plates, its pieces, and the steps from printer to measured target.
+
+A solid in parts, taken apart in 3D.
+
+The page's section on a board in pieces: what lies on which plate, how pieces are joined, and a plan from behind.
+"""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+import numpy as np
+from manifold3d import triangulate
+
+from designer.base.arrays import Array
 from designer.formats.folder import OutputFile
+from designer.formats.svg import decimal
 from designer.make.assembly import Assembly
+from designer.make.bed import Plate
+from designer.make.board_tiles import KEY_END_MM, KEY_REACH_MM, KEY_WAIST_MM, BoardInPieces, Seam
+from designer.make.mesh import mesh_of, wall_strip
 from designer.make.mounts import Mount
-from designer.page.blocks import Block, Command, Fold, Leaf, Section, Steps, Table, View3d, text_table
+from designer.page.blocks import (
+    Block,
+    Cell,
+    Column,
+    Command,
+    Figure,
+    Fold,
+    Leaf,
+    Section,
+    Steps,
+    Svg,
+    Table,
+    View3d,
+    text_table,
+)
+from designer.page.pictures import drawing_of_svg
+from designer.page.scene import Labels, Layer, Scene, Surface
 from designer.produce import Design
-from designer.report.assembly_pictures import exploded_scene
 from designer.report.costs import grams
-from designer.report.making import colour_words
+from designer.report.making import colour_words, print_settings
 from designer.report.measuring import example_length
 from designer.report.plates import plate_figures, plate_folds, plate_table
+from designer.target import TargetGeometry
+from designer.target_scene import target_layers
+
+TILES_OUT = 0.32
+"""How far tiles are drawn away from their seats, over the edge."""
+PARTS_OUT = 0.75
+"""The same of the core's upper part; a post goes as far."""
+INSIDE_OUT = 1.6
+"""The same of a socket, which goes in from inside: out through the open bowl, below the ring."""
+PLATE_COLOURS = ("#d55e00", "#009e73", "#0072b2", "#cc79a7", "#e69f00", "#56b4e9", "#f0e442")
+"""Okabe and Ito's (2008), which colour-blind people tell apart; more plates begin again."""
+CORE_COLOUR, POST_COLOUR = "#9aa1a9", "#5b636c"
+
+
+def exploded_scene(design: Design, assembly: Assembly) -> Scene:
+    """Tiles away from the core, the core taken apart; the sides of tiles tell the plate."""
+    target, printing, edge = design.target, design.job.printing, assembly.solid.edge_mm
+    lift = {part.name: (PARTS_OUT * edge if part.name in ("cap", "lid") else 0.0) * part.up for part in assembly.core}
+    lift["ring"] = 0.5 * lift.get("cap", np.zeros(3))
+    lift["socket"] = INSIDE_OUT * edge * -assembly.target_from_post[:3, 2]
+    step = np.zeros((target.face_count, 3))
+    for part in assembly.core:
+        for face in part.seats:
+            step[face] = lift[part.name] + TILES_OUT * edge * target.target_from_face[face, :3, 2]
+    apart = _moved(target, step)
+    tiles = target_layers(apart, body_colour=printing.body_colour, ink_colour=printing.ink_colour)
+    plate_of = {piece.name: row for row, plate in enumerate(design.plates) for piece in plate.pieces}
+    backs = tuple(
+        _tile_back(assembly, apart, face, _colour(plate_of[f"tile {face}"])) for face in range(target.face_count)
+    )
+    core = [
+        Surface(mesh.vertices_mm + lift[part.name], mesh.triangles.astype(np.int64), CORE_COLOUR)
+        for part in assembly.core
+        for mesh in (mesh_of(part.solid),)
+    ]
+    if assembly.post is not None:
+        mesh = mesh_of(assembly.post)
+        out = 0.5 * PARTS_OUT * edge * assembly.target_from_post[:3, 2]
+        core.append(Surface(mesh.vertices_mm + out, mesh.triangles.astype(np.int64), POST_COLOUR))
+    size = 0.09 * edge
+    normals = apart.target_from_face[:, :3, 2]
+    above = apart.target_from_face[:, :3, 3] + 0.06 * edge * normals
+    numbers = Labels(above, normals, tuple(map(str, range(target.face_count))), size)
+    legend = tuple(
+        (_colour(row), f"{plate.words}: {plate.name.replace('-', ' ')}")
+        for row, plate in enumerate(design.plates)
+        if plate.is_two_filament
+    )
+    post = () if assembly.post is None else ((POST_COLOUR, "post"),)
+    layers = (
+        Layer("tiles", (*tiles[0].shapes, *backs)), Layer("numbers", (numbers,)), Layer("core", tuple(core)),
+    )  # fmt: skip
+    return Scene(layers, (0.0, 0.0, 1.0), (1.0, 0.35, 0.5), (*legend, (CORE_COLOUR, "core"), *post))
+
+
+def _colour(plate: int) -> str:
+    return PLATE_COLOURS[plate % len(PLATE_COLOURS)]
+
+
+def _moved(target: TargetGeometry, step_mm: Array) -> TargetGeometry:
+    """The target with its faces moved.  # (F, 3)"""
+    frames = target.target_from_face.copy()
+    frames[:, :3, 3] += step_mm
+    return replace(target, target_from_face=frames, center_mm=target.center_mm + step_mm[target.ring_face])
+
+
+def _tile_back(assembly: Assembly, apart: TargetGeometry, face: int, colour: str) -> Surface:
+    """The sides and the back of a tile."""
+    sizes = assembly.sizes
+    top, back = sizes.outline_mm, sizes.outline_at(sizes.thickness_mm)
+    count = len(top)
+    points = np.concatenate([
+        np.column_stack([top, np.full(count, -0.05)]), np.column_stack([back, np.full(count, -sizes.thickness_mm)]),
+    ])  # fmt: skip
+    ids = np.arange(2 * count, dtype=np.int32).reshape(2, count)
+    triangles = np.concatenate([wall_strip(ids[0], ids[1]), triangulate([back])[:, ::-1].astype(np.int32) + count])
+    frame = apart.target_from_face[face]
+    return Surface(points @ frame[:3, :3].T + frame[:3, 3], triangles.astype(np.int64), colour)
+
 
 _LIES = {
     "cap": "open side down", "bowl": "open side down", "core": "open side down", "lid": "seat up", "ring": "flat",
@@ -188,3 +296,116 @@ def _measuring(design: Design) -> tuple[Leaf, ...]:
             "how each tile sits, and the target as built",
         ),
     )  # fmt: skip
+
+
+_PIECE, _LINE, _KEY, _INK, _PAPER = "#e4e4e4", "#6b6b6b", "#d55e00", "#1a1a1a", "#ffffff"
+
+
+def jointing_section(design: Design, board: BoardInPieces, files: Sequence[OutputFile]) -> Section:
+    """From plates to a board."""
+    keys, plates = 2 * len(board.seams), design.plates
+    inked = sum(plate.is_two_filament for plate in plates)
+    lead = (
+        f"{len(board.pieces)} flat pieces on {inked} plate{'s' * (inked > 1)} in two filaments, and {keys} keys in "
+        "one; the keys join the pieces from behind."
+    )
+    blocks: tuple[Block, ...] = (
+        _plan(design, board),
+        _pieces_table(board, plates),
+        plate_table(design),
+        Fold("Plates", plate_figures(design)),
+        *print_settings(design, design.job.printing.printer.machine.shells),
+        *plate_folds(design, [file.name for file in files]),
+        Fold("Join the pieces", (_joining_steps(design, board),), is_open=True),
+    )
+    return Section("Making it", blocks, lead)
+
+
+def _plan(design: Design, board: BoardInPieces) -> Figure:
+    """The assembled board from behind."""
+    width, height = design.job.target.size_words.split("x")[:2]
+    alt = f"The {len(board.pieces)} pieces seen from behind with their numbers, and the keys across their seams."
+    caption = (
+        f"From behind, the board's upper side up: so the pieces lie while they are joined, face down. {width} x "
+        f"{height} mm; orange: keys."
+    )
+    return Figure("The pieces from behind", plan_svg(board), alt, caption)
+
+
+def plan_svg(board: BoardInPieces) -> Svg:
+    """A drawing of the assembled board from behind, numbers as they are engraved."""
+    low = [min(piece.low_mm[k] for piece in board.pieces) for k in (0, 1)]
+    high = [max(piece.high_mm[k] for piece in board.pieces) for k in (0, 1)]
+    width, height = high[0] - low[0], high[1] - low[1]
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{decimal(width)}mm" height="{decimal(height)}mm" '
+        f'viewBox="0 0 {decimal(width)} {decimal(height)}">'
+    ]
+    for piece in board.pieces:
+        left, top = high[0] - piece.high_mm[0], high[1] - piece.high_mm[1]
+        wide, tall = piece.high_mm[0] - piece.low_mm[0], piece.high_mm[1] - piece.low_mm[1]
+        size = min(wide, tall) / 4
+        lines += [
+            f'<rect x="{decimal(left)}" y="{decimal(top)}" width="{decimal(wide)}" height="{decimal(tall)}" '
+            f'fill="{_PIECE}" stroke="{_LINE}" stroke-width="{decimal(width / 400)}"/>',
+            f'<text x="{decimal(left + wide / 2)}" y="{decimal(top + tall / 2 + size / 3)}" '
+            f'font-size="{decimal(size)}" text-anchor="middle" fill="{_INK}">{piece.number}</text>',
+        ]
+    lines += [_key_svg(seam, middle, high) for seam in board.seams for middle in seam.keys_mm.tolist()]
+    lines.append("</svg>\n")
+    return drawing_of_svg("\n".join(lines).encode())
+
+
+def _key_svg(seam: Seam, middle: list[float], high: list[float]) -> str:
+    """A bow tie across its seam."""
+    half, waist, end = KEY_REACH_MM, KEY_WAIST_MM / 2, KEY_END_MM / 2
+    corners = []
+    for across, along in ((-half, -end), (0.0, -waist), (half, -end), (half, end), (0.0, waist), (-half, end)):
+        x, y = (middle[k] + across * float(seam.across[k]) + along * float(seam.along[k]) for k in (0, 1))
+        corners.append(f"{decimal(high[0] - x)},{decimal(high[1] - y)}")
+    return f'<polygon points="{" ".join(corners)}" fill="{_KEY}"/>'
+
+
+def _pieces_table(board: BoardInPieces, plates: Sequence[Plate]) -> Table:
+    """Where each piece is printed, and which it joins."""
+    plate_of = {piece.name: plate.name.replace("-", " ") for plate in plates for piece in plate.pieces}
+    columns = (
+        Column("piece", note="as it is engraved on the back"),
+        Column("size, mm", is_number=False),
+        Column("plate", is_number=False),
+        Column("joins", is_number=False, note="engraved at the seams"),
+    )
+    rows = []
+    for row, piece in enumerate(board.pieces):
+        beside = sorted(board.pieces[other].number for s in board.seams for other in s.pieces if row in s.pieces)
+        joins = ", ".join(str(number) for number in beside if number != piece.number)
+        size = " x ".join(f"{high - low:.1f}" for low, high in zip(piece.low_mm, piece.high_mm, strict=True))
+        name = plate_of[f"piece {piece.number}"]
+        rows.append((Cell(str(piece.number), float(piece.number)), Cell(size), Cell(name), Cell(joins)))
+    keys = sorted({plate_of[name] for name in plate_of if name.startswith("key")})
+    return Table("Pieces", columns, tuple(rows), note=f"Keys, all alike: {', '.join(keys)}.", visible_rows=20)
+
+
+def _joining_steps(design: Design, board: BoardInPieces) -> Steps:
+    """Face down on something flat."""
+    printer = design.job.printing.printer
+    return Steps((
+        "Cut brims off flush and wipe the edges: what stands out of an edge opens the seam. A straight edge over each "
+        "piece shows whether it is flat; print one that rocks again.",
+        "Lay a flat surface, larger than the board: a pane of glass or a stone top, with a sheet of baking paper on it."
+        " What is joined on it becomes as flat as it is.",
+        "Lay the pieces face down as in the plan: their numbers up, readable, and at each seam the small numbers name "
+        "the piece beside. No two seams have their keys the same way apart, so pockets that do not meet show a piece "
+        "in the wrong place or the wrong way round.",
+        f"Push them together until the two pads of each seam touch. Between the pads the seam stays open by "
+        f"{printer.clearance_mm:g} mm; no glue goes in there.",
+        f"Try all keys dry. They have {printer.clearance_mm:g} mm on every side and end a layer below the back. Too "
+        "tight or loose: the printer's clearance is in its file (--printer), print the keys again.",
+        "Glue the keys: a drop of superglue or slow epoxy in each pocket, key in, a flat weight on it. Begin in the "
+        "middle and go outwards.",
+        "Keys hold pieces beside each other, not flat: glue the back on a stiff plate (aluminium composite of 6 mm, or "
+        "glass), all over and with the face still on the flat surface.",
+        "Straight edge over every seam, both ways: light under it is an error of the target. calib measure finds "
+        "where each ring lies by itself, and so how the pieces lie: it has no number for a piece. Calibrate with its "
+        "target file.",
+    ))  # fmt: skip

@@ -42,8 +42,7 @@ from designer.report.costs import Costs, cost_section, cost_sentence, costs_of, 
 from designer.report.making import colour_words, layers_of
 from designer.report.measuring import measure_blocks, photo_blocks
 from designer.report.pictures import Panels, preview_panels, printed_ink, printed_scene
-from designer.report.printer_trial import trial_sections
-from designer.report.stands import stand_section
+from designer.report.stands import stand_section, trial_sections
 from designer.spec.format import FORMATS
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry

@@ -8,9 +8,8 @@ from manifold3d import CrossSection, JoinType
 from designer.base.arrays import Array
 from designer.base.words import capital
 from designer.kinds.board_cuts import strip_mm
-from designer.make.booleans import solid_of
-from designer.make.plate import Piece, Plate
-from designer.make.tower import TOWER_MM
+from designer.make.bed import TOWER_MM, Piece, Plate
+from designer.make.mesh import solid_of
 from designer.page.blocks import Figure, Fold, Leaf, Link, Steps, Svg, Table, text_table
 from designer.produce import Design
 from designer.report.costs import grams

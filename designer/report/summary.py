@@ -14,7 +14,7 @@ from designer.produce import Design, maker_of
 from designer.report.costs import COSTS_TITLE, Costs, costs_summary
 from designer.report.design_page import PAGE_FILE, RULES_TITLE, Written, headline
 from designer.report.pictures import printed_ink
-from designer.report.printer_trial import photo_line
+from designer.report.stands import photo_line
 from designer.spec.kind import spec_to_mapping
 from designer.spec.spec import Job, PrinterProfile, PrintSpec
 from designer.target import TargetGeometry

@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import cast
 
 from designer.base.codec import decode, encode
-from designer.base.small_file import JsonValue
+from designer.base.files import JsonValue
 from designer.spec.options import Asked
 from designer.spec.spec import Spec
 

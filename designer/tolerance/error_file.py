@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 from designer.base.codec import BadValueError, decode
 from designer.base.errors import InputError
+from designer.base.files import read_spec_file
 from designer.base.marks import Length, Reads, Told
-from designer.base.small_file import read_spec_file
 from designer.base.units import parse_angle_rad, parse_length_mm, parse_percent, parse_quantity
 from designer.base.words import several, shown, suggestion
 from designer.kinds.presets import preset_or_file
@@ -21,7 +21,7 @@ from designer.tolerance.source import KINDS, Amount, ErrorSource, Unit
 from designer.tolerance.sources import SOURCES, source_named
 
 if TYPE_CHECKING:
-    from designer.base.small_file import JsonValue
+    from designer.base.files import JsonValue
 
 Text = Annotated[str, Length(1, 4000)]
 MAX_KELVIN = 1000.0

@@ -19,7 +19,7 @@ from calib.core.types import Observations, keep_views
 from calib.renderer.truth import TRUTH, Truth
 from calib.solver.metrics.errors import summarise
 from calib.solver.metrics.evaluation import evaluate
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from calib.studies.paper_study import (
     PhotoSet,

@@ -7,19 +7,19 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.se3 import make_pose, transform
 from calib.core.types import Observations, keep_views
 from calib.measure_target.datum import best_motion
 from calib.measure_target.lengths import scaled
-from calib.measure_target.options import AsBuiltOptions
 from calib.measure_target.solve import measure
+from calib.measure_target.unknowns import AsBuiltOptions
 from calib.observe.observations import known_points
 from calib.solver.metrics.evaluation import evaluate
 from calib.solver.solve import solve
 from calib.solver.start import solve_poses
+from designer.base.arrays import Array, Flags
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import perturb
@@ -36,9 +36,6 @@ from tests.support.as_built_scenes import (
     solid,
     truth_of,
 )
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 RINGS = (0.05, 0.02)
 TRIALS = 200

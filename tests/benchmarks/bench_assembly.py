@@ -16,17 +16,17 @@ from itertools import product
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 import calib
 from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations, keep_views
 from calib.measure_target.datum import best_motion
-from calib.measure_target.options import AsBuiltOptions
 from calib.measure_target.seats import seats_of
 from calib.measure_target.solve import measure
+from calib.measure_target.unknowns import AsBuiltOptions
 from calib.observe.observations import known_points, observations_from_detections
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from designer.kinds.cube import CubeSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
@@ -38,9 +38,6 @@ from designer.tolerance.prior import measured_prior
 from tests.benchmarks.bench_as_built import against_truth
 from tests.benchmarks.synthetic import row, wrong_names
 from tests.support.as_built_scenes import blocks_of, mahalanobis, photos, printed, random_shape, solid, truth_of
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 OFF_MM, OFF_DEG = 0.3, 0.3
 SEEN, HELD = 60, 20

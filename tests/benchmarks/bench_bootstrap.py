@@ -15,19 +15,19 @@ import time
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+from designer.base.arrays import Array
+
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[name] = "1"  # before NumPy is loaded
 
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
 
 from calib.renderer.truth import Truth, true_views  # noqa: E402
 from calib.solver.blocks import RobustLoss, view_blocks  # noqa: E402
 from calib.solver.calibration import Calibration  # noqa: E402
 from calib.solver.levenberg import move_poses, turn_of_centre  # noqa: E402
-from calib.solver.options import SolveOptions  # noqa: E402
-from calib.solver.problem import pack  # noqa: E402
+from calib.solver.problem import SolveOptions, pack  # noqa: E402
 from calib.solver.schur import damped_step  # noqa: E402
 from calib.solver.solve import solve  # noqa: E402
 from calib.studies.bootstrap import (  # noqa: E402
@@ -36,11 +36,9 @@ from calib.studies.bootstrap import (  # noqa: E402
     make_pool,
     run_sample,
 )
-from calib.studies.sample import draw_counts  # noqa: E402
+from calib.studies.sample_metrics import draw_counts  # noqa: E402
 from tests.benchmarks.synthetic import row  # noqa: E402
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around  # noqa: E402
-
-Array = NDArray[np.float64]
 
 VIEWS, SIZES = 200, (20, 50, 120)
 NOISE_PX = 0.05

@@ -15,22 +15,20 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 import calib
 from calib.cameras.rig import Rig
 from calib.core.se3 import log_rotation, transform
 from calib.core.types import RigObservations
-from calib.rigs.options import CameraChoice
+from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.space.budget import expected_errors, without_rigid_motion
-from calib.space.error_size import rms_error_mm
+from calib.space.linear import rms_error_mm
 from calib.space.triangulate import triangulate_points
+from designer.base.arrays import Array
 from tests.support.rig_views import RigScene, residuals_of, ring, stereo_pair
 from tests.support.space_scenes import points_before, row_of_cameras, sighted, without_errors
-
-Array = NDArray[np.float64]
 
 SCENES = {
     "stereo pair, 0.3 to 1.5 m": (lambda: stereo_pair(frames=20), {"distance_mm": (300, 1500)}),

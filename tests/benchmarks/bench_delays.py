@@ -7,14 +7,12 @@ import argparse
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation, look_at, make_pose
-from calib.rigs.options import CameraChoice, RigOptions
+from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.solve import solve_rig
+from designer.base.arrays import Array
 from tests.support import rig_views, solver_scenes
-
-Array = NDArray[np.float64]
 
 RATES_HZ = (3, 10, 30)
 FRAMES, MOST_S, JITTER_S, NOISE_PX = 60, 0.03, 1e-3, 0.05

@@ -23,13 +23,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 import calib
 from calib.cameras.camera import camera_or_preset
 from calib.core.types import Detections
 from calib.detector.pipeline import detect
 from calib.renderer import RenderOptions, View, render_view
+from designer.base.arrays import Flags
 from designer.target import TargetGeometry, bounding_radius_mm
 from tests.benchmarks.synthetic import (
     SPECS,
@@ -161,7 +161,7 @@ def compared(
     )
 
 
-def _sums(values: Array, parts: list[NDArray[np.bool_]]) -> tuple[float, float, float]:
+def _sums(values: Array, parts: list[Flags]) -> tuple[float, float, float]:
     return float(values[parts[0]].sum()), float(values[parts[1]].sum()), float(values[parts[2]].sum())
 
 

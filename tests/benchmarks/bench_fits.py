@@ -13,7 +13,7 @@ import numpy as np
 from manifold3d import Manifold
 
 from designer.make.assembly import Assembly
-from designer.make.booleans import placed, solid_of
+from designer.make.mesh import placed, solid_of
 from tests.designer.make.test_assembly import NOTHING_MM3, assembly_of, beside, in_place
 
 OUT_MM = (0.0, 0.05, 0.5, 2.0, 4.0, 8.0)

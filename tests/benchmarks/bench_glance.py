@@ -26,6 +26,7 @@ from calib.detector.glance import glance
 from calib.detector.pipeline import detect
 from calib.detector.plan import TargetPlan, plan_for
 from calib.renderer import RenderOptions, View, render_view
+from designer.base.arrays import Flags
 from designer.target import TargetGeometry
 from tests.benchmarks.bench_everyday import CORNERS, HD, charuco, charuco_corners
 from tests.benchmarks.synthetic import SPECS, Array, apply_homography, due_rings, row, target_of, wrong_names
@@ -58,8 +59,8 @@ class Frame:
     name: str
     other: str  # the target that is looked for; "": the one in view
     center_px: Array  # (R, 2)
-    is_shown: NDArray[np.bool_]  # (R,)
-    is_due: NDArray[np.bool_]  # (R,) well in view, and nothing before it
+    is_shown: Flags  # (R,)
+    is_due: Flags  # (R,) well in view, and nothing before it
     is_blurred: bool
 
 
@@ -115,7 +116,7 @@ def warp(rng: np.random.Generator, size: tuple[int, int]) -> Array:
     return np.asarray(there @ mapped @ back)
 
 
-def cover(image: Grey, rng: np.random.Generator) -> NDArray[np.bool_]:
+def cover(image: Grey, rng: np.random.Generator) -> Flags:
     """Draw hands and sleeves over an image; returns what they hide.  # (H, W)"""
     hidden = np.zeros(image.shape, dtype=np.uint8)
     for _ in range(int(rng.integers(1, 4))):
@@ -154,7 +155,7 @@ def frame_of(seed: int) -> Frame:
     levels = np.clip(soft * rng.uniform(0.4, 1.2) + rng.normal(0, rng.uniform(0.5, 4), image.shape), 0, 255)
     inside = ((center_px > 0) & (center_px < np.array(HD) - 1)).all(axis=1)
     pixel = np.where(inside[:, None], np.nan_to_num(center_px), 0).astype(int)
-    covered: NDArray[np.bool_] = np.asarray(hidden)
+    covered: Flags = np.asarray(hidden)
     free = inside & ~covered[pixel[:, 1], pixel[:, 0]]
     edge = ((center_px > 20) & (center_px < np.array(HD) - 21)).all(axis=1)
     return Frame(

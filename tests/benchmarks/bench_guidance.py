@@ -24,15 +24,12 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MK
     os.environ[name] = "1"  # before NumPy is loaded
 
 import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
 
 from calib.cameras.refit import camera_difference  # noqa: E402
 from calib.judge.guide import Guide  # noqa: E402
 from calib.solver.accuracy import SHARE_PERCENT  # noqa: E402
 from designer.base.errors import InputError  # noqa: E402
 from tests.support.simulated_person import PhotoScene, filling_bars, scene_of, taken_with, waved  # noqa: E402
-
-Array = NDArray[np.float64]
 
 SCENES, MOST_PHOTOS = 40, 42
 COLUMNS = 24

@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
@@ -29,16 +28,15 @@ from calib.core.se3 import exp_rotation, invert, log_rotation, look_at, make_pos
 from calib.core.types import KnownPoints, Observations, RigObservations, keep_frames
 from calib.observe.robot_poses import read_robot_poses
 from calib.rigs.bent import bent_alone
-from calib.rigs.middle import carried_error
-from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
+from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
+from calib.rigs.relative import carried_error
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.solver.solve import solve
 from calib.solver.start import solve_poses
+from designer.base.arrays import Array, Flags
 from tests.benchmarks.hand_eye_peers import PEERS, carrier_from_target, pairs
 from tests.support import rig_views, solver_scenes
-
-Array = NDArray[np.float64]
 
 FOLDER = Path(__file__).parents[2].parent / "shared" / "real" / "hand-eye-circles"
 SIZE = (640, 480)
@@ -57,7 +55,7 @@ class Photos:
     seen: RigObservations  # V frames
     rig_from_carrier: Array  # (V, 4, 4)
 
-    def of(self, keep: NDArray[np.bool_]) -> "Photos":
+    def of(self, keep: Flags) -> "Photos":
         """Some of them."""
         return Photos(keep_frames(self.seen, keep), self.rig_from_carrier[keep])
 

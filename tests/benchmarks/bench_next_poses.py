@@ -15,21 +15,19 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose, skew
 from calib.core.types import keep_frames
 from calib.judge.next_robot_poses import next_robot_poses, poses_in_reach
+from calib.rigs.carrier import turned_by
 from calib.rigs.halves import NoRigHalves
-from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
+from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.relative import center_sigma_mm
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
-from calib.rigs.turntable import turned_by
+from designer.base.arrays import Array
 from tests.benchmarks.bench_hand_eye import IN_HAND, ROBOTS
 from tests.support import rig_views, solver_scenes
-
-Array = NDArray[np.float64]
 
 PHOTOS, NOISE_PX = 12, 0.05
 

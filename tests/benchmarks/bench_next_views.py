@@ -11,7 +11,6 @@ import time
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.refit import image_grid
 from calib.core.types import KnownPoints, Observations, without_empty_views
@@ -19,9 +18,8 @@ from calib.judge.next_views import next_views
 from calib.solver.accuracy import projected_sigma_px, share_px
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, observe, poses_around
-
-Array = NDArray[np.float64]
 
 TARGETS: dict[str, tuple[KnownPoints, float]] = {
     "board 20 x 16": (board(20, 16, 10.0), 450.0),

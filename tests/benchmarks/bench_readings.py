@@ -15,15 +15,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.core.se3 import invert, make_pose
 from calib.rigs.robot_readings import why_wrong
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from tests.support.robot_files import Written, read, robot, wobbling
-
-Array = NDArray[np.float64]
 
 NAMES = {
     "ZYX": "zyx-intrinsic (kuka)", "xyz": "xyz-extrinsic (fanuc, rpy)", "XYZ": "xyz-intrinsic (staubli)",

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.app.detect import Detector
 from calib.cameras import parameter_names
@@ -24,6 +23,7 @@ from calib.observe.photos import named_photos, searched_photos
 from calib.solver.calibration import Calibration
 from calib.solver.metrics.evaluation import evaluate
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from tests.benchmarks.bench_real_photos import plain_grid
 
 FOLDER = Path(__file__).parents[2].parent / "shared" / "real" / "rings-10x7"
@@ -39,7 +39,7 @@ def observe(camera: Camera | None) -> Observations:
     return observations_from_detections([one.seen for one in results if one.seen], target)
 
 
-def rms_px(residual_px: NDArray[np.float64]) -> float:
+def rms_px(residual_px: Array) -> float:
     """Root mean square length."""
     return float(np.sqrt((residual_px**2).sum(axis=1).mean()))
 

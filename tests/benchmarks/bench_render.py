@@ -12,17 +12,15 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera, camera_or_preset
 from calib.renderer import RenderOptions, render_view
 from calib.renderer.poses import PoseGrid, grid_poses
+from designer.base.arrays import Array
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry
 from tests.support.designs import asked_for
-
-Array = NDArray[np.float64]
 
 SAMPLES = 24
 CROP = (408, 340)  # px: a sixth of the width and of the height

@@ -26,7 +26,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import calib
 import calib.rigs.adjust
@@ -39,9 +38,10 @@ from calib.observe.observations import known_points
 from calib.renderer.held_target import held_poses
 from calib.renderer.options import RenderOptions
 from calib.renderer.rig_template import HeldTarget, SimulatedRig, read_simulated_rig
-from calib.rigs.options import CameraChoice, RigOptions
+from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
@@ -49,8 +49,6 @@ from designer.target import TargetGeometry
 from tests.support import rig_views
 from tests.support.designs import asked_for
 from tests.support.rig_views import RigScene, scene_of
-
-Array = NDArray[np.float64]
 
 NOISE_PX = 0.04
 FRAMES = 30
@@ -314,7 +312,7 @@ def shuffled(observations: RigObservations, rng: np.random.Generator) -> tuple[R
     )  # fmt: skip
 
 
-def _reordered(seen: Observations, order: NDArray[np.int64]) -> Observations:
+def _reordered(seen: Observations, order: Rows) -> Observations:
     """Views in another order."""
     place = np.argsort(order)
     rows = np.argsort(place[seen.view], kind="stable")

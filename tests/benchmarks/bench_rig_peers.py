@@ -22,18 +22,19 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
+from designer.base.arrays import Array, Flags
+
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[name] = "1"  # before NumPy is loaded
 
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 import pycolmap  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
 
 from calib.cameras.rig import Rig  # noqa: E402
 from calib.core.se3 import exp_rotation, log_rotation, make_pose, transform  # noqa: E402
 from calib.core.types import Observations, RigObservations, keep_frames  # noqa: E402
-from calib.rigs.options import CameraChoice  # noqa: E402
+from calib.rigs.problem import CameraChoice  # noqa: E402
 from calib.rigs.solve import solve_rig  # noqa: E402
 from calib.space.sightings import PointSightings  # noqa: E402
 from calib.space.triangulate import triangulate_points  # noqa: E402
@@ -41,8 +42,6 @@ from tests.benchmarks.bench_solve import grid  # noqa: E402
 from tests.benchmarks.synthetic import row  # noqa: E402
 from tests.support.foreign_cameras import SYSTEM_PYTHON  # noqa: E402
 from tests.support.rig_views import RigScene, stereo_pair  # noqa: E402
-
-Array = NDArray[np.float64]
 
 COLUMNS, ROWS, PITCH_MM, FRAMES, AWAY_MM, NOISE_PX = 11, 8, 25.0, 30, 450.0, 0.1
 POINTS = 2000
@@ -68,7 +67,7 @@ def rounded(seen: RigObservations) -> RigObservations:
     )
 
 
-def whole_frames(seen: RigObservations) -> NDArray[np.bool_]:
+def whole_frames(seen: RigObservations) -> Flags:
     """The frames (V,) in which both cameras see every point."""
     count = len(seen.points.position_mm)
     whole = np.ones(seen.frame_count, dtype=bool)

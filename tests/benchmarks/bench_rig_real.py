@@ -21,7 +21,6 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import calib
 from calib.cameras.rig import Rig
@@ -30,9 +29,7 @@ from calib.observe.observations import prepare
 from calib.observe.rig_observations import RigSightings, rig_observations
 from calib.space.sightings import of_rows
 from calib.space.triangulate import triangulate_points
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
+from designer.base.arrays import Array, Flags, Rows
 
 FOLDER = Path(__file__).parents[2].parent / "shared" / "real" / "rig-4-cameras"
 SIZE = (1280, 720)
@@ -51,7 +48,7 @@ class Corners:
     pixel: Array  # (M, 2)
     board_mm: Array  # (K, 3)
 
-    def of(self, keep: NDArray[np.bool_]) -> "Corners":
+    def of(self, keep: Flags) -> "Corners":
         """Some of them."""
         return replace(
             self, frame=self.frame[keep], camera=self.camera[keep], corner=self.corner[keep], pixel=self.pixel[keep]

@@ -16,24 +16,21 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, look_at
 from calib.core.types import Detections
 from calib.detector import pipeline
 from calib.detector.frame_quality import frame_quality
-from calib.judge.frame_notes import MOST_MOTION_PX, notes_of
 from calib.judge.guide_told import Look
-from calib.judge.shutter import Shutter
+from calib.judge.shutter import MOST_MOTION_PX, Shutter, notes_of
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import scene_from_target
+from designer.base.arrays import Array, Flags
 from designer.target import TargetGeometry
 from tests.support import ring_views
 from tests.support.moving_frames import MovingFrame, moving_frame
 from tests.support.moving_frames import Shutter as Exposure
-
-Array = NDArray[np.float64]
 
 CAMERA = Camera("opencv", np.array([560.0, 560.0, 321.0, 238.0, 0.05, -0.1, 0.0, 0.0, 0.0]), (640, 480))
 FRAMES_PER_S = 8.0
@@ -153,7 +150,7 @@ def video(target: TargetGeometry, rng: np.random.Generator, distance_mm: float) 
             yield Shot(time_s, seen, exposure, focus_px, found, forbidding, motion, laplacian)
 
 
-def area_under(score: Array, is_bad: NDArray[np.bool_]) -> float:
+def area_under(score: Array, is_bad: Flags) -> float:
     """The chance that a bad frame has a higher score than a good one (Mann and Whitney 1947)."""
     if is_bad.all() or not is_bad.any():
         return float("nan")

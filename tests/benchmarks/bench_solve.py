@@ -22,12 +22,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from designer.base.arrays import Array
+
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[name] = "1"  # before NumPy is loaded
 
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
 
 from calib.cameras import project  # noqa: E402
 from calib.cameras.camera import Camera  # noqa: E402
@@ -37,8 +38,6 @@ from calib.solver.calibration import Calibration  # noqa: E402
 from calib.solver.solve import solve  # noqa: E402
 from tests.benchmarks.synthetic import row  # noqa: E402
 from tests.support.solver_scenes import poses_around  # noqa: E402
-
-Array = NDArray[np.float64]
 
 SIZE = (2448, 2048)
 CAMERA = Camera("opencv", np.array([2500.0, 2510, 1230, 1010, -0.12, 0.05, 4e-4, -3e-4, 0.01]), SIZE)

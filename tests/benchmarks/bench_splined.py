@@ -22,7 +22,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise, project, rays
 from calib.cameras.camera import Camera, camera_or_preset
@@ -33,14 +32,12 @@ from calib.observe.correspondences import read_observations
 from calib.solver.blocks import RobustLoss
 from calib.solver.calibration import Calibration
 from calib.solver.levenberg import minimise_poses
-from calib.solver.options import SolveOptions
-from calib.solver.problem import pack
+from calib.solver.problem import SolveOptions, pack
 from calib.solver.solve import solve
 from calib.solver.start import first_poses
+from designer.base.arrays import Array
 from tests.benchmarks.synthetic import row
 from tests.support.solver_scenes import board, observe, poses_around
-
-Array = NDArray[np.float64]
 
 LENS_MODELS = ("fisheye", "splined")
 NOISE_PX = 0.05

@@ -22,11 +22,12 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from designer.base.arrays import Array, Flags
+
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[name] = "1"  # before NumPy is loaded
 
 import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
 
 from calib.cameras.camera import Camera  # noqa: E402
 from calib.cameras.refit import camera_difference  # noqa: E402
@@ -35,17 +36,15 @@ from calib.judge.criteria import read_criteria  # noqa: E402
 from calib.judge.halves import half_split  # noqa: E402
 from calib.judge.judge import Judged  # noqa: E402
 from calib.judge.verdict import Criteria, Grade, Limits  # noqa: E402
-from calib.solver.calibrate import calibrate  # noqa: E402
 from calib.solver.calibration import Calibration  # noqa: E402
 from calib.solver.capture_error import with_capture_error  # noqa: E402
-from calib.solver.options import SolveOptions  # noqa: E402
+from calib.solver.problem import SolveOptions  # noqa: E402
+from calib.solver.solve_virtual import calibrate  # noqa: E402
 from calib.solver.target_error import with_target_error  # noqa: E402
 from designer.base.errors import InputError  # noqa: E402
 from designer.tolerance.made import EXACT, how_made  # noqa: E402
 from tests.benchmarks.verdict_scenes import FAULTS, Case, case_of, lens_of, sightings_of, target_of  # noqa: E402
 from tests.support.verdict_cases import judge_run  # noqa: E402
-
-Array = NDArray[np.float64]
 
 RUNS = 600
 PEER_RMSE_PX = 0.2
@@ -114,7 +113,7 @@ def _rmse(one: Calibration) -> float:
     return float(np.sqrt(square.mean())) if len(square) else np.inf
 
 
-def _true_errors(truth: Camera, solved: Camera, is_covered: NDArray[np.bool_]) -> tuple[float, float]:
+def _true_errors(truth: Camera, solved: Camera, is_covered: Flags) -> tuple[float, float]:
     """What 95 % of the image, and of its covered part, differ by; without bound where the camera knows nothing."""
     try:
         found = camera_difference(truth, solved)

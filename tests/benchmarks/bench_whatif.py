@@ -16,11 +16,12 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from designer.base.arrays import Array
+
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[name] = "1"  # before NumPy is loaded
 
 import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
 from playwright.sync_api import Page as Tab  # noqa: E402
 
 import calib  # noqa: E402
@@ -41,8 +42,6 @@ from designer.tolerance.source import format_quantity  # noqa: E402
 from designer.tolerance.sources import SOURCES  # noqa: E402
 from tests.support.browser import open_page, started_browser  # noqa: E402
 from tests.support.tolerance_settings import told as told_of  # noqa: E402
-
-Array = NDArray[np.float64]
 
 WIDEST = 8.0
 GOAL, FRAME_MS = 0.1, 16.0

@@ -22,7 +22,7 @@ from calib.cameras import fitted_models
 from calib.core.types import Observations, keep_views
 from calib.solver.metrics.errors import Errors, summarise
 from calib.solver.metrics.evaluation import evaluate_on
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.base.errors import InputError
 

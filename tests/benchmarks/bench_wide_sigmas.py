@@ -13,7 +13,6 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 import calib
 from calib.cameras import linearise, project, rays
@@ -26,13 +25,12 @@ from calib.observe.observations import known_points
 from calib.solver.accuracy import GRID, projected_covariance_px2
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry
 from tests.support.designs import asked_for
 from tests.support.solver_scenes import observe
-
-Array = NDArray[np.float64]
 
 NOISE_PX = 0.05
 BANDS_DEG = (0, 30, 60, 80, 90, 95)

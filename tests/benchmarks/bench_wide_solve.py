@@ -17,24 +17,27 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from designer.base.arrays import Array, Rows
+
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[name] = "1"  # before NumPy is loaded
 
 import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
 
 from calib.cameras import ABILITIES, fitted_models  # noqa: E402
 from calib.cameras.refit import fit_rays, image_grid  # noqa: E402
 from calib.core.se3 import exp_rotation, make_pose, rotation_between, transform  # noqa: E402
 from calib.core.types import KnownPoints, Observations  # noqa: E402
 from calib.solver.descend import descend  # noqa: E402
-from calib.solver.options import SolveOptions, tie_parameters  # noqa: E402
-from calib.solver.problem import pack  # noqa: E402
+from calib.solver.problem import (  # noqa: E402
+    SolveOptions,
+    pack,
+    tie_parameters,
+)
 from calib.solver.solve import solve  # noqa: E402
 from designer.base.errors import InputError  # noqa: E402
 from tests.support.solver_scenes import board, icosahedron  # noqa: E402
 
-Array = NDArray[np.float64]
 Radius = Callable[[Array], Array]
 
 CASES = 60
@@ -181,7 +184,7 @@ class _Lens:
     middle_px: Array
     size: tuple[int, int]
 
-    def shown(self, points: KnownPoints, pose: Array) -> tuple[Array, NDArray[np.int64]]:
+    def shown(self, points: KnownPoints, pose: Array) -> tuple[Array, Rows]:
         """Pixels of the points that are seen, and which these are."""
         place = transform(pose, points.position_mm)
         normal = points.plane[points.face, :3] @ pose[:3, :3].T

@@ -8,11 +8,9 @@ shift between two frames as the camera saw them, `T_i T_j^-1`, Q the same as the
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose, skew
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 MM = 1e3
 """In a metre."""

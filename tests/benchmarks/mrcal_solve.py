@@ -11,9 +11,8 @@ import time
 
 import mrcal
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 data = np.load(sys.argv[1])
 observations, size = data["observations"], data["image_size"]  # (V, H, W, 3) u v weight; (2,)

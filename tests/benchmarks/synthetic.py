@@ -16,15 +16,13 @@ from numpy.typing import NDArray
 
 from calib.core.types import Detections
 from calib.renderer import View
+from designer.base.arrays import Array, Flags
 from designer.base.solid import code_positions
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
 from designer.spec.spec import Spec
 from designer.target import MAX_INDEX, TargetGeometry
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LIGHT, DARK = 0.9, 0.1
 """Intensity of paper and ink, of full scale."""
@@ -218,7 +216,7 @@ def random_direction(rng: np.random.Generator, is_board: bool) -> Array:
     return np.array([radius * math.cos(turn), radius * math.sin(turn), z])
 
 
-def wrong_names(found: Detections, target: TargetGeometry, truth_px: Array, visible: NDArray[np.bool_]) -> Flags:
+def wrong_names(found: Detections, target: TargetGeometry, truth_px: Array, visible: Flags) -> Flags:
     """Which of the N found features are not the ring they are called.
 
     Farther from its true place than 0.3 of the distance to the nearest neighbour in the picture and 2 px, or not to be
@@ -234,7 +232,7 @@ def wrong_names(found: Detections, target: TargetGeometry, truth_px: Array, visi
     return is_wrong
 
 
-def due_rings(view: View) -> NDArray[np.bool_]:
+def due_rings(view: View) -> Flags:
     """Rings that must be found."""
     return np.asarray(view.clean & (view.incidence_rad <= RECALL_RAD) & (view.minor_radius_px >= RECALL_MINOR_PX))
 

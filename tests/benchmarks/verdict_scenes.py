@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera, camera_or_preset
@@ -12,14 +11,13 @@ from calib.core.se3 import exp_rotation, look_at, transform
 from calib.core.types import KnownPoints, Observations
 from calib.observe.observations import known_points
 from calib.renderer.poses import fibonacci_cap
+from designer.base.arrays import Array, Rows
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import perturb
-
-Array = NDArray[np.float64]
 
 LEAST_RINGS = 6
 """Of a view, fewer are not kept."""
@@ -184,7 +182,7 @@ def poses_of(case: Case, camera: Camera, radius_mm: float, count: int, rng: np.r
     return seen
 
 
-def _see(camera: Camera, points: KnownPoints, pose: Array) -> tuple[NDArray[np.int64], Array]:
+def _see(camera: Camera, points: KnownPoints, pose: Array) -> tuple[Rows, Array]:
     """Rows of the points that are seen in one photo, and where."""
     place = transform(pose, points.position_mm)
     normal = points.plane[points.face, :3]
@@ -214,7 +212,7 @@ def sightings_of(case: Case, camera: Camera, rng: np.random.Generator) -> Observ
     if case.fault == "bow":
         made = _bowed(made, case.amount, case.target)
     radius = float(np.abs(points.position_mm[:, :2]).max())
-    rows: list[NDArray[np.int64]] = []
+    rows: list[Rows] = []
     pixels: list[Array] = []
     poses: list[Array] = []
     for pose in poses_of(case, camera, radius, TRIES * case.views, rng):
@@ -249,7 +247,7 @@ def _zoomed(camera: Camera, share: float) -> Camera:
 
 
 def _alike(
-    case: Case, camera: Camera, points: KnownPoints, seen: tuple[NDArray[np.int64], NDArray[np.int64], Array],
+    case: Case, camera: Camera, points: KnownPoints, seen: tuple[Rows, Rows, Array],
     pixel: Array, rng: np.random.Generator,
 ) -> Array:  # fmt: skip
     """Where points are measured with a fault that all photos share, of views, rows and poses, without: `pixel`."""

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.api.rendering import render
 from calib.app.detect import Detector
@@ -13,13 +12,13 @@ from calib.core.types import Detections
 from calib.coupon_reading.ink_of_rings import InkBleed, ink_of_cameras, ink_of_rings
 from calib.measure_target.deviations import Estimate
 from calib.renderer.options import RenderOptions
+from designer.base.arrays import Array
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from designer.tolerance.shape import shape_of, target_of
 from designer.tolerance.sources.ink_bleed import INK_BLEED
 
-Array = NDArray[np.float64]
 BOARD = lay_out(BoardSpec((200.0, 150.0), 5.0, 13, 9, "triangular", 12.0, 0.45, 15.0, 1.0, 4.0, dots=True))
 RADIUS_MM, HOLE_MM = float(BOARD.radius_outer_mm[0]), float(BOARD.radius_inner_mm.max())
 

@@ -50,8 +50,7 @@ from designer.report.measuring import (
     skew_effect_mm,
     skew_per_mm_deg,
 )
-from designer.report.printer_trial import trial_sections
-from designer.report.stands import stand_section
+from designer.report.stands import stand_section, trial_sections
 from designer.spec.options import Asked
 from designer.target import bounding_radius_mm
 from tests.support.browser import open_page, overflow_px, unresolved

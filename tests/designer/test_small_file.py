@@ -10,7 +10,7 @@ from calib.cameras.camera import load_camera
 from calib.observe.records import read_records
 from calib.renderer.poses import load_poses
 from designer.base.errors import InputError
-from designer.base.small_file import read_small_text
+from designer.base.files import read_small_text
 from designer.kinds.spec_file import read_spec_file
 from designer.target import load_target
 

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from designer.base.errors import InputError
-from designer.base.small_file import MAX_TOML_BYTES
+from designer.base.files import MAX_TOML_BYTES
 from designer.kinds.board import AskedBoard
 from designer.kinds.ico import AskedIco
 from designer.kinds.presets import preset_names, preset_or_file

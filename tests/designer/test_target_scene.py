@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
@@ -25,7 +25,6 @@ from designer.target_scene import (
 from tests.support.perturbed_targets import made_by_others
 from tests.support.programs import modules_loaded_by
 
-Array = NDArray[np.float64]
 BODY, INK = "#eeeeee", "#111111"
 ICO = lay_out(IcoSpec(60.0, 5, 7.0, 0.45, 10.0, 1.0, 0.5))
 BOARD_SPEC = BoardSpec((90.0, 60.0), 5.0, 7, 5, "square", 7.0, 0.45, 10.0, 0.0, 4.0, dots=True)

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.marks import OR_NULL, AtLeast, Gap, Shape
@@ -183,9 +183,9 @@ class Sample:
     gap: Gap
     count: Annotated[int, AtLeast(0)]
     names: Annotated[tuple[str, ...], Shape("V")]
-    matrix: Annotated[NDArray[np.float64], Shape("V", 2), OR_NULL]
-    is_seen: Annotated[NDArray[np.bool_], Shape("V")]
-    row: Annotated[NDArray[np.int64], Shape("V"), AtLeast(0)]
+    matrix: Annotated[Array, Shape("V", 2), OR_NULL]
+    is_seen: Annotated[Flags, Shape("V")]
+    row: Annotated[Rows, Shape("V"), AtLeast(0)]
     word: Literal["a", "b"] | None = None
 
 

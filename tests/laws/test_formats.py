@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 import svgelements
 import trimesh
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.kinds.sizing import size_job
 from designer.produce import Design, make_files
@@ -30,13 +30,12 @@ from designer.spec.kind import kind_named
 from tests.support.designs import SMALL, asked_for
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*deprecated")  # in the readers of others
-Array = NDArray[np.float64]
 
 IN_PIECES = {"size": "150x100mm", "bed": "130x130x100mm"}
 """Of a board that is larger than the bed."""
 
 
-def rings_of_mesh(vertices: Array, triangles: NDArray[np.int64], most_mm: float) -> int:
+def rings_of_mesh(vertices: Array, triangles: Rows, most_mm: float) -> int:
     """How many closed parts have a hole and are no larger than the largest ring."""
     used, triangles = np.unique(triangles, return_inverse=True)
     vertices, triangles = vertices[used], triangles.reshape(-1, 3)
@@ -54,7 +53,7 @@ def rings_of_mesh(vertices: Array, triangles: NDArray[np.int64], most_mm: float)
     return int(((euler == 0) & (np.linalg.norm(high - low, axis=1) <= most_mm)).sum())
 
 
-def meshes_of_3mf(content: bytes) -> Iterator[tuple[Array, NDArray[np.int64]]]:
+def meshes_of_3mf(content: bytes) -> Iterator[tuple[Array, Rows]]:
     """Meshes, those of PrusaSlicer by their volumes: ranges of triangles that its own file names."""
     with zipfile.ZipFile(io.BytesIO(content)) as package:
         volumes = "Metadata/Slic3r_PE_model.config"

@@ -15,7 +15,7 @@ from calib.cameras.formats import FORMATS
 from calib.core.parallel import interrupts_held
 from calib.studies.store import LONGEST_VALUE_BYTES, read_study
 from designer.base.errors import InputError
-from designer.base.small_file import parse_json
+from designer.base.files import parse_json
 from tests.calib.studies.test_study_store import path as study_path
 from tests.laws.test_exit_codes import CASES, SOLVE, Case, folder
 from tests.support import programs

@@ -12,9 +12,8 @@ from types import ModuleType
 import pytest
 
 from calib.core import compile_ahead, kernel_cache, kernel_store
-from calib.core.compile_ahead import ALONE, FEWEST_KERNELS, Teller, warm_up
+from calib.core.compile_ahead import ALONE, FEWEST_KERNELS, Listed, Teller, kernel_list, parse_line, part_of, warm_up
 from calib.core.kernel_code import label, parsed_types, types_text
-from calib.core.kernel_list import Listed, kernel_list, parse_line, part_of
 from calib.core.kernel_store import SUFFIX, Store, read_entry, refusal
 from tests.support.kernel_parts import PARTS
 from tests.support.programs import PYTHON, run, start

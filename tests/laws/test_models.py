@@ -139,7 +139,7 @@ def test_defaults_and_choices_are_models() -> None:
 
 PLACES = ("calib/cameras/", "calib/cameras/formats/")
 OF_THE_PAPER = {
-    "calib/studies/compare/objects.py": {"luhmann", "opencv", "virtual"},  # what the paper compares
+    "calib/studies/compare/scene.py": {"luhmann", "opencv", "virtual"},  # what the paper compares
     "calib/studies/compare/cases.py": {"spline"},  # a part of the comparison
     "calib/studies/paper_study.py": {"luhmann"},  # the model of the paper's table
 }

@@ -11,7 +11,7 @@ from calib.app.run import run
 from calib.app.solve import solve
 from calib.app.study_bootstrap import bootstrap
 from calib.app.tolerance import tolerance
-from calib.solver.options import AS_THE_PAPER, SolveOptions
+from calib.solver.problem import AS_THE_PAPER, SolveOptions
 from calib.solver.start import solve_poses
 
 

@@ -4,24 +4,21 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.se3 import invert, log_rotation
 from calib.core.types import Observations
 from calib.measure_target.datum import laid_over, what_is_seen
-from calib.measure_target.options import AsBuiltOptions
 from calib.measure_target.problem import State
 from calib.measure_target.result import AsBuilt, target_of
-from calib.measure_target.unknowns import TargetUnknowns, nominal_shape, place_rings, unknowns_of
+from calib.measure_target.unknowns import AsBuiltOptions, TargetUnknowns, nominal_shape, place_rings, unknowns_of
 from calib.observe.observations import known_points
+from designer.base.arrays import Array
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, observe, poses_around
-
-Array = NDArray[np.float64]
 
 RIGID = AsBuiltOptions(ring_sigma_mm=None)
 

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import MODELS, project
 from calib.cameras.camera import Camera
@@ -13,6 +12,7 @@ from calib.observe.observations import known_points
 from calib.renderer.poses import fibonacci_cap
 from calib.solver.calibration import Calibration
 from calib.solver.metrics.errors import centers_mm
+from designer.base.arrays import Array
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry
@@ -43,16 +43,14 @@ def icosahedron(edge: str = "60mm") -> TargetGeometry:
 
 def poses_around(
     count: int, rng: np.random.Generator, *, half_angle_rad: float = 0.9, distance_mm: float = 300.0
-) -> NDArray[np.float64]:
+) -> Array:
     """Cameras around the z axis that look near the origin, rolled at random.  # (V, 4, 4)"""
     aim = rng.normal(0, 8, (count, 3))
     eye = aim + distance_mm * rng.uniform(0.9, 1.2, (count, 1)) * fibonacci_cap(count, half_angle_rad)
     return look_at(eye, aim, rng.uniform(-np.pi, np.pi, count))
 
 
-def seen_by(
-    one: Camera, points: KnownPoints, cam_from_target: NDArray[np.float64], *, names: tuple[str, ...] = ()
-) -> Observations:
+def seen_by(one: Camera, points: KnownPoints, cam_from_target: Array, *, names: tuple[str, ...] = ()) -> Observations:
     """What a camera sees without error: points within the image on planes that face it."""
     views, rows, pixels = [], [], []
     center = centers_mm(cam_from_target)
@@ -72,9 +70,7 @@ def seen_by(
     )  # fmt: skip
 
 
-def calibration_of(
-    one: Camera, seen: Observations, cam_from_target: NDArray[np.float64], **changes: object
-) -> Calibration:
+def calibration_of(one: Camera, seen: Observations, cam_from_target: Array, **changes: object) -> Calibration:
     """A calibration with this camera and these poses, as a solver would return it; its covariances are made up."""
     position = transform(cam_from_target[seen.view], seen.points.position_mm[seen.point])
     count, views = len(MODELS[one.model].parameters), seen.view_count

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cli import main
 from calib.core.types import Detections, Observations
 from calib.observe.dataset import write_detections
+from designer.base.arrays import Rows
 from designer.target import TargetGeometry, target_to_json
 
 SIGMA_PX = 0.02
@@ -115,7 +115,7 @@ def detections_of(seen: Observations, target: TargetGeometry) -> list[Detections
     ]
 
 
-def _detections(seen: Observations, target: TargetGeometry, name: str, row: NDArray[np.int64]) -> Detections:
+def _detections(seen: Observations, target: TargetGeometry, name: str, row: Rows) -> Detections:
     covariance = np.tile(SIGMA_PX**2 * np.eye(2), (len(row), 1, 1))
     return Detections(
         name, seen.image_size, target.layout_id, target.geometry_id, seen.point[row],

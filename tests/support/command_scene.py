@@ -18,8 +18,9 @@ from calib.observe.observations import known_points
 from calib.observe.rig_sightings import rig_sightings_to_csv
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from designer.target import TargetGeometry, target_to_json
 from tests.support.calibrations import board, camera, poses_around, seen_by
 from tests.support.command_line import PICTURE, detections_of
@@ -36,7 +37,7 @@ NOISE_PX, SHIFT_PX = 0.05, 0.75
 PHOTOS = tuple(f"view_{n:04d}.png" for n in range(8))
 
 
-def _poses() -> NDArray[np.float64]:
+def _poses() -> Array:
     return poses_around(len(PHOTOS), np.random.default_rng(5), distance_mm=150.0)
 
 

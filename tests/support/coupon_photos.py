@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from designer.base.arrays import Array
 from designer.kinds.coupon import COUPON
 from designer.target import TargetGeometry
 
-Array = NDArray[np.float64]
 ACROSS = 3
 """Points along a pixel's side at which light is taken."""
 MOST_SOFT_PX, SOFT_PX = 1.2, 0.8

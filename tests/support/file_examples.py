@@ -32,8 +32,8 @@ from calib.show.photos.photos_file import ToldPhoto, ToldPhotos, ToldSection
 from calib.solver.calibration import ImageField, MadeWith, TargetError
 from calib.solver.metrics.errors import ErrorSummary
 from calib.solver.metrics.evaluation_files import FoundParameter, Metrics, MetricSummary
-from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import PlaneBend
+from calib.solver.problem import SolveOptions
 from designer.page.blocks import (
     Cell,
     Column,

@@ -7,16 +7,14 @@ from pathlib import Path
 import ezdxf
 import numpy as np
 from ezdxf.document import Drawing as DxfDocument
-from numpy.typing import NDArray
 from pygerber.gerberx3.api.v2 import GerberFile, ParsedFile
 
+from designer.base.arrays import Array
 from designer.kinds.sizing import size_job
 from designer.make.cutting import ENGRAVE
 from designer.produce import Design, make_files
 from designer.spec.build import Format
 from tests.support.designs import SMALL, asked_for
-
-Array = NDArray[np.float64]
 
 
 def flat(kind: str, *formats: Format, **more: object) -> Design:

@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.cameras.formats.format import FileLens
@@ -13,9 +12,8 @@ from calib.cameras.formats.rigs import RIG_FORMATS
 from calib.cameras.formats.rigs.format import RigFiles, WrittenRig
 from calib.cameras.rig import Rig
 from calib.core.se3 import exp_rotation, look_at, make_pose, transform
+from designer.base.arrays import Array
 from tests.support.foreign_cameras import CAMERAS, MODELS, WIDE_SIZE
-
-Array = NDArray[np.float64]
 
 BROWN = Camera("opencv", np.array([620.0, 600, 508.2, 391.7, -0.3, 0.1, 0.002, -0.0004, 0]), (1024, 768))
 FISHEYE = Camera("fisheye", np.array([*MODELS["fisheye"][:6], 0, 0]), WIDE_SIZE)

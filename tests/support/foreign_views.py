@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core import homography
@@ -22,9 +21,6 @@ from designer.spec.spec import Spec
 from designer.target import TargetGeometry, bounding_radius_mm
 from tests.benchmarks.synthetic import look_at, random_direction, wrong_names
 from tests.support.sightings import pinhole
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 PLAIN = RenderOptions(blur_px=0.7, contrast_to_noise=50)
 PROPORTIONS_APART = 1.1

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Rows
 from designer.spec.spec import PrinterProfile
 from tests.support.programs import run
 
@@ -22,10 +22,10 @@ _WORD = re.compile(r"([XYZE])(-?\d*\.?\d+)")
 class Toolpaths:
     """All moves that lay down material, in the order of printing."""
 
-    tool: NDArray[np.int64]  # (N,)
-    start_mm: NDArray[np.float64]  # (N, 3) nozzle tip: z is the layer's top
-    end_mm: NDArray[np.float64]  # (N, 3)
-    filament_mm: NDArray[np.float64]  # (N,) length of filament
+    tool: Rows  # (N,)
+    start_mm: Array  # (N, 3) nozzle tip: z is the layer's top
+    end_mm: Array  # (N, 3)
+    filament_mm: Array  # (N,) length of filament
     tool_changes: int
 
     def of_tool(self, tool: int) -> "Toolpaths":

@@ -4,16 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose
 from calib.core.types import LEAST_POINTS, Detections
 from calib.judge.rig_guide import RigGuide
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 from tests.support.guided_scenes import WEBCAM, found_at, held_by_person
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

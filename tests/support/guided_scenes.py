@@ -1,18 +1,16 @@
 """Photos for the tests of guidance: targets, what is found of them, and a person who holds them about as told."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, transform
 from calib.core.types import Detections
+from designer.base.arrays import Array
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 WEBCAM = Camera("opencv", np.array([1000.0, 1002, 650, 350, -0.25, 0.08, 3e-4, -2e-4, 0.01]), (1280, 720))
 MARGIN_PX, INCIDENCE_DEG, FEW = 8.0, 72.0, 2.0

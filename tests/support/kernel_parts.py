@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from calib.cameras import ABILITIES, solved_models
-from calib.core.compile_ahead import ALONE
-from calib.core.kernel_list import LIST, parse_line
+from calib.core.compile_ahead import ALONE, LIST, parse_line
 from calib.core.kernel_store import SUFFIX, read_entry
 
 VIEWS = ("--views", "8", "--distance", "150mm..220mm", "--aim-offset", "30mm", "--random-roll")

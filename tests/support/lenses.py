@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import ABILITIES, MODELS
 from calib.cameras.camera import Camera
 from calib.cameras.spline import COLUMNS, ROWS
+from designer.base.arrays import Array
 from tests.support.solver_scenes import SIZE as LARGE
 from tests.support.virtual_scenes import fisheye_map, virtual_camera, wavy_map
 
@@ -70,6 +70,6 @@ LENSES: Mapping[str, Callable[[], Camera]] = {
 """Made by the tests that ask for them, as maps are learned by kernels whose compilation takes many seconds."""
 
 
-def pixels(camera: Camera, count: int = 2000, seed: int = 0) -> NDArray[np.float64]:
+def pixels(camera: Camera, count: int = 2000, seed: int = 0) -> Array:
     """Pixels all over the image and a little beyond."""
     return np.random.default_rng(seed).uniform([-2, -2], np.array(camera.image_size) + 2.0, (count, 2))

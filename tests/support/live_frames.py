@@ -10,11 +10,10 @@ from calib.core.se3 import exp_rotation
 from calib.judge.guide import Guide
 from calib.renderer import RenderOptions, render_view
 from calib.renderer.scene import RenderScene, scene_from_target
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 from tests.support import ring_views
 from tests.support.sightings import pinhole
-
-Array = NDArray[np.float64]
 
 SIZE = (480, 360)
 CAMERA = pinhole(*SIZE, 450.0)

@@ -4,17 +4,16 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.capture.messages import GuidanceMessage, LookMessage, SourceKind, SourceState, StateMessage
 from calib.core.se3 import transform
 from calib.judge.guide_told import Bar, CameraGuidance, Ghost, Guidance, Look, SensorMap, Stage, TakenPhoto
+from designer.base.arrays import Array
 from designer.page.scene import scene_json
 from designer.target_scene import target_scene
 from tests.support.calibrations import board, camera
 
-Array = NDArray[np.float64]
 SIZE = (1280, 720)
 BOARD = board(9, 7, "12mm")
 CAMERA = camera("opencv", SIZE, 1150.0)

@@ -9,9 +9,9 @@ from calib.app.measured_print import MeasuredPrint
 from calib.measure_target.cross_validation import cross_validate
 from calib.measure_target.deviations import Compensation
 from calib.measure_target.lengths import CaliperLength, length_in
-from calib.measure_target.options import AsBuiltOptions
 from calib.measure_target.record import record_of
 from calib.measure_target.solve import measure
+from calib.measure_target.unknowns import AsBuiltOptions
 from tests.support.as_built_scenes import photos, printed, random_shape, solid
 
 

@@ -16,8 +16,7 @@ from calib.core.se3 import transform
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import RenderScene
 from calib.renderer.view import render_view
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array, Flags
 
 FINEST_PX = 0.5
 MOST_MOMENTS = 16
@@ -74,7 +73,7 @@ def _shares(time: Array, step_s: float, begin: Array, exposure_s: float) -> Arra
 
 
 def _sensed(
-    light: Array, shown: Array, share: Array, visible: NDArray[np.bool_] | None, moved: Array, shutter: Shutter,
+    light: Array, shown: Array, share: Array, visible: Flags | None, moved: Array, shutter: Shutter,
     last_s: float, options: RenderOptions, rng: np.random.Generator,
 ) -> MovingFrame:  # fmt: skip
     """With noise and clipping; each ring's centre over the moments of the row it is on."""

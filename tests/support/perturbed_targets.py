@@ -5,9 +5,9 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from designer.base.arrays import Array
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
@@ -18,7 +18,6 @@ from designer.tolerance.prior import shape_prior
 from designer.tolerance.source import Amount
 from designer.tolerance.sources import SOURCES
 
-Array = NDArray[np.float64]
 Values = dict[str, Array]
 
 ICO = IcoSpec(60.0, 5, 7.0, 0.45, 10.0, 1.0, 0.5)

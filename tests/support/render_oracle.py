@@ -1,13 +1,11 @@
 """A slow renderer for tests: many jittered rays a pixel, each against every face and ring, in plain NumPy."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.cameras.camera import Camera
+from designer.base.arrays import Array, Flags
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 
 def texture(target: TargetGeometry, cam_from_target: Array, direction: Array) -> tuple[Array, Array]:
@@ -36,7 +34,7 @@ def texture(target: TargetGeometry, cam_from_target: Array, direction: Array) ->
     return np.isfinite(nearest).astype(float), white
 
 
-def _inside(polygon: Array, point: Array) -> NDArray[np.bool_]:
+def _inside(polygon: Array, point: Array) -> Flags:
     inside = np.ones(len(point), dtype=bool)
     for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         inside &= (b[0] - a[0]) * (point[:, 1] - a[1]) - (b[1] - a[1]) * (point[:, 0] - a[0]) > 0

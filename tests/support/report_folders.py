@@ -18,8 +18,8 @@ from calib.studies.compare.results import METRICS, CaseResult, Explanation, tabu
 from calib.studies.cost.cases import CostPlan
 from calib.studies.cost.results import CostRatio, CostTable, StartRow
 from calib.studies.identity import StudyIdentity
-from calib.studies.sample import SampleResult
-from calib.studies.sampling import DrawCount
+from calib.studies.runner import DrawCount
+from calib.studies.sample_metrics import SampleResult
 from calib.studies.statistics import Case
 from calib.studies.store import open_study
 from calib.studies.stored_samples import StoredCase

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.measure_target.unknowns import TargetUnknowns
 from calib.observe.observations import known_points
-from calib.rigs.options import CameraChoice
+from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from tests.support.as_built_scenes import printed, random_shape, solid

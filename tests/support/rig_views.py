@@ -4,16 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise, project
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose, transform
 from calib.core.types import KnownPoints, Observations, RigObservations, keep_views, sightings_per_view
 from calib.rigs.result import RigCalibration
+from designer.base.arrays import Array, Flags
 from tests.support import solver_scenes
-
-Array = NDArray[np.float64]
 
 SIZE = (1280, 960)
 LEAST_POINTS = 6
@@ -177,7 +175,7 @@ def residuals_of(one: Camera, cam_from_rig: Array, rig_from_target: Array, seen:
 def _equations(
     observations: RigObservations, cameras: Sequence[Camera], cam_from_rig: Array, rig_from_target: Array,
     refined: Sequence[bool],
-) -> tuple[Array, Array, NDArray[np.bool_]]:  # fmt: skip
+) -> tuple[Array, Array, Flags]:  # fmt: skip
     """Whitened derivatives (2 M, N) and residuals (2 M,) of all cameras, and which unknowns are free (N,)."""
     sizes = [len(one.params) + POSE for one in cameras]
     first = np.concatenate([[0], np.cumsum(sizes)])

@@ -5,7 +5,6 @@ from functools import cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
@@ -13,6 +12,7 @@ from calib.detector.candidates import Candidates
 from calib.renderer import RenderOptions, View, render_view
 from calib.renderer.faces import RingTruth, ring_truth
 from calib.renderer.scene import scene_from_target
+from designer.base.arrays import Array, Rows
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
@@ -21,9 +21,6 @@ from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import look_at, random_direction
 from tests.support.ring_images import triangle_of
 from tests.support.sightings import pinhole
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 CAMERA = pinhole(1000, 800, 1300.0)
 USUAL = RenderOptions(blur_px=0.6, contrast_to_noise=50)
@@ -74,7 +71,7 @@ class Scene:
     """Candidates with the target row of each (-1: clutter), and the truth."""
 
     candidates: Candidates
-    row: Integers  # (N,)
+    row: Rows  # (N,)
     truth: RingTruth
     camera: Camera
     cam_from_target: Array

@@ -4,13 +4,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose
 from calib.observe.robot_poses import RobotPoses, read_robot_poses
+from designer.base.arrays import Array
 
-Array = NDArray[np.float64]
 Written = tuple[str, Array, Array]  # columns of the rotation, positions in mm, rotations
 
 QUATERNION = "qx,qy,qz,qw"

@@ -18,7 +18,7 @@ from calib.renderer.truth import Truth
 from calib.solver.calibration import Calibration
 from calib.solver.metrics.evaluation import evaluate
 from calib.solver.metrics.evaluation_files import evaluation_files
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.base.files import distinct_stems, write_files
 from designer.page.blocks import Block, Finding, Findings, Fold, Page, Section, Table

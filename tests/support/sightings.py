@@ -10,6 +10,7 @@ from calib.core.types import Detections, FaceRecord
 from calib.renderer import RenderOptions, render_view
 from calib.renderer.faces import ring_truth
 from calib.renderer.scene import scene_from_target
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 
 
@@ -20,9 +21,7 @@ def pinhole(width: int, height: int, focal_px: float) -> Camera:
     )
 
 
-def view_from(
-    eye_mm: tuple[float, float, float], aim_mm: tuple[float, float, float] = (0, 0, 0)
-) -> NDArray[np.float64]:
+def view_from(eye_mm: tuple[float, float, float], aim_mm: tuple[float, float, float] = (0, 0, 0)) -> Array:
     """A camera's pose that looks from one point to another.  # (4, 4)"""
     return look_at(np.array([eye_mm], dtype=float), np.array([aim_mm], dtype=float), np.zeros(1))[0]
 
@@ -30,7 +29,7 @@ def view_from(
 def sighting(
     target: TargetGeometry,
     camera: Camera,
-    cam_from_target: NDArray[np.float64],
+    cam_from_target: Array,
     rng: np.random.Generator,
     *,
     found_share: float = 1.0,

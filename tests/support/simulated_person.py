@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
@@ -16,12 +15,11 @@ from calib.core.se3 import exp_rotation, make_pose, rotation_between, transform
 from calib.core.types import Detections
 from calib.judge.guide import Guide
 from calib.judge.views import px_per_mm
+from designer.base.arrays import Array, Rows
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import perturb
 from tests.support.guided_scenes import TREMOR_MM, board_target, held_by_person, ico_target
-
-Array = NDArray[np.float64]
 
 SIZES = ((640, 480), (1280, 720), (1920, 1080), (2448, 2048), (4000, 3000))
 BOARDS = ((9, 7), (12, 9), (16, 12), (20, 15))
@@ -206,7 +204,7 @@ def ros_sample(scene: PhotoScene, found: Detections) -> tuple[float, ...] | None
     return x, y, float(np.sqrt(area / (width * height))), float(min(1.0, 2 * abs(np.pi / 2 - angle)))
 
 
-def _corner_rings(target: TargetGeometry) -> NDArray[np.int64]:
+def _corner_rings(target: TargetGeometry) -> Rows:
     """Rings in the corners of a board, in order around it."""
     x, y = target.center_mm[:, 0], target.center_mm[:, 1]
     return np.array([np.argmin(x - y), np.argmax(x + y), np.argmax(x - y), np.argmin(x + y)])

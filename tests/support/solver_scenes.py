@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
@@ -11,11 +10,10 @@ from calib.core.se3 import look_at, transform
 from calib.core.types import KnownPoints, Observations
 from calib.observe.observations import known_points
 from calib.renderer.poses import fibonacci_cap
+from designer.base.arrays import Array, Flags, Rows
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
-
-Array = NDArray[np.float64]
 
 SIZE = (2448, 2048)
 CAMERAS = {
@@ -95,7 +93,7 @@ def noisy(seen: Observations, noise_px: float, rng: np.random.Generator) -> Obse
     return replace(seen, center_px=seen.center_px + noise_px * rng.standard_normal(seen.center_px.shape))
 
 
-def rows_of(seen: Observations, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Observations:
+def rows_of(seen: Observations, rows: Rows | Flags) -> Observations:
     """Some of the observations, all views kept."""
     return replace(
         seen,

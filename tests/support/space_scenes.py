@@ -3,15 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.cameras.rig import POSE, Rig
 from calib.core.se3 import exp_rotation, invert, make_pose, transform
 from calib.space.sightings import PointSightings
+from designer.base.arrays import Array
 from tests.support.rig_views import SIZE, camera
-
-Array = NDArray[np.float64]
 
 NOISE_PX = 0.1
 PARAMS_SIGMA = {

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from calib.studies.paper_table import POOL, SIZES, TARGETS, paper_value
 from calib.studies.statistics import METRICS, Case, CaseSummary, summarise
 from calib.studies.study_table import StudyCases, StudyTable, study_table
+from designer.base.arrays import Array
 
 NAMES = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2")
 SETTINGS = tuple((sampling, sightings) for sampling in ("binary", "area") for sightings in ("all", "<= 75 deg"))
@@ -18,11 +19,11 @@ class Made:
     """Samples as a study holds them."""
 
     status: NDArray[np.str_]  # (S,)
-    metrics: NDArray[np.float64]  # (S, 4)
-    params: NDArray[np.float64]  # (S, P)
+    metrics: Array  # (S, 4)
+    params: Array  # (S, P)
 
 
-def made(metrics: NDArray[np.float64], params: NDArray[np.float64] | None = None) -> Made:
+def made(metrics: Array, params: Array | None = None) -> Made:
     """Converged samples."""
     held = np.zeros((len(metrics), len(NAMES))) if params is None else params
     return Made(np.full(len(metrics), "converged", dtype="U10"), metrics, held)
@@ -40,7 +41,7 @@ def with_failures(samples: Made, rng: np.random.Generator, degenerate: int, fail
     return Made(status, metrics, params)
 
 
-def gamma(mu: float, sigma: float, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def gamma(mu: float, sigma: float, count: int, rng: np.random.Generator) -> Array:
     """Positive numbers with these moments, skewed to the right: by 2 sigma / mu.  # (count,)"""
     return rng.gamma((mu / sigma) ** 2, sigma**2 / mu, size=count)
 
@@ -55,7 +56,7 @@ def paper_samples(target: str, size: int, count: int, rng: np.random.Generator, 
     return made(metrics, rng.multivariate_normal(np.zeros(len(NAMES)), covariance(target), size=count) / size**0.5)
 
 
-def covariance(target: str) -> NDArray[np.float64]:
+def covariance(target: str) -> Array:
     """Of the parameters: focal lengths, and radial terms, go together, more so for a plane.  # (P, P)"""
     strength = 0.98 if target == TARGETS[0] else 0.6
     correlation = np.eye(len(NAMES))

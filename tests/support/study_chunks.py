@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.studies.bootstrap import Pool, make_pool
-from calib.studies.sample import SampleResult, draw_counts
+from calib.studies.sample_metrics import SampleResult, draw_counts
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec
 

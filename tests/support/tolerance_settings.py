@@ -6,11 +6,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.app.tolerance import Tolerance
-from calib.solver.options import SolveOptions
-from calib.studies.sampling import DrawCount
+from calib.solver.problem import SolveOptions
+from calib.studies.runner import DrawCount
 from calib.studies.tolerance.explore import PhotographedTarget, TolerancePlan, compared, explore
 from calib.studies.tolerance.quantities import parse_requirements
 from calib.studies.tolerance.record import PhotographedSetting, ToleranceStudy
@@ -18,6 +17,7 @@ from calib.studies.tolerance.result import ToleranceTable
 from calib.studies.tolerance.seen import aimed_at
 from calib.studies.tolerance.setting import Setting, make_setting
 from calib.studies.tolerance.stored import Keeping
+from designer.base.arrays import Array
 from designer.target import target_to_json
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
@@ -25,7 +25,6 @@ from designer.tolerance.source import Amount
 from tests.support.perturbed_targets import board, ico
 from tests.support.solver_scenes import CAMERAS
 
-Array = NDArray[np.float64]
 VIEWS, DISTANCE_MM = 24, 260.0
 
 
@@ -85,7 +84,7 @@ def tolerance_table() -> ToleranceTable:
 @cache
 def _explored(*, linear: bool) -> tuple[ToleranceStudy, ToleranceTable]:
     with TemporaryDirectory() as place, pytest.MonkeyPatch.context() as patch:
-        patch.setattr("calib.studies.tolerance.law.DRAWS", 1)  # the page's law is held to exact ones elsewhere
+        patch.setattr("calib.studies.tolerance.sizes.DRAWS", 1)  # the page's law is held to exact ones elsewhere
         file = Path(place) / "target.json"
         file.write_text(target_to_json(ico()))
         plan = TolerancePlan(

@@ -4,15 +4,13 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.cameras.camera import Camera, LearnedMap
 from calib.cameras.learn_map import MapSamples, learn_map
 from calib.core.types import KnownPoints, Observations
+from designer.base.arrays import Array
 from tests.support.solver_scenes import SIZE, board
-
-Array = NDArray[np.float64]
 
 FOCAL_PX, CENTRE_PX = 2500.0, np.array([1230.0, 1010.0])
 WAVES = ((0.8, 1.3, 0.7, 0.0), (0.5, -0.4, 1.9, 1.6), (0.6, 1.7, -0.5, 0.3), (0.7, 1.0, 1.1, 1.2))

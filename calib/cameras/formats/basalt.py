@@ -19,7 +19,7 @@ from calib.cameras.parameters import slopes
 from calib.cameras.refit import image_grid
 from designer.base.errors import InputError
 from designer.base.file_kind import laid_out
-from designer.base.small_file import JsonValue, parse_json
+from designer.base.files import JsonValue, parse_json
 from designer.base.words import NAME
 
 LENSES = (

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from calib.cameras.camera import CAMERA, Camera, camera_from_mapping, camera_to_json
 from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera
-from designer.base.small_file import parse_json
+from designer.base.files import parse_json
 
 
 def write(camera: Camera, _: FileLens) -> str:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import ABILITIES, COMMON, LINEAR, fitted_models, neutral, parameter_names
-from calib.cameras.formats.choosing import by_field, closest, try_fits
 from calib.cameras.formats.format import NOTHING, FileLens, ReadCamera
+from calib.cameras.formats.holding import by_field, closest, try_fits
 from calib.cameras.formats.parsing import make_camera
 from calib.cameras.refit import fit_rays, image_grid, in_other_words
 from designer.base.arrays import Array

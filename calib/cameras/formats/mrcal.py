@@ -8,8 +8,15 @@ from calib.cameras.camera import Camera
 from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera
 from calib.cameras.formats.lens import lens_camera, lens_named
 from calib.cameras.formats.lens_names import require_agreement
-from calib.cameras.formats.mrcal_cahvore import CAHVOR, CAHVORE, read_cahvore
-from calib.cameras.formats.mrcal_surface import SPLINED, nearest_surface, read_surface, surface_of
+from calib.cameras.formats.mrcal_surface import (
+    CAHVOR,
+    CAHVORE,
+    SPLINED,
+    nearest_surface,
+    read_cahvore,
+    read_surface,
+    surface_of,
+)
 from calib.cameras.formats.parsing import image_size, mapping, numbers, real, required, shown_plain
 from designer.base.errors import InputError
 from designer.base.words import shown

@@ -18,7 +18,7 @@ from calib.cameras import parameter_names
 from calib.cameras.camera import CAMERA, Camera, camera_from_mapping
 from calib.cameras.formats.format import MAX_FILE_BYTES
 from designer.base.errors import InputError
-from designer.base.small_file import parse_json
+from designer.base.files import parse_json
 from designer.base.words import shown
 
 Item = TypeVar("Item")

@@ -13,7 +13,7 @@ from calib.cameras.formats.rigs.format import RigFormat
 from calib.cameras.formats.rigs.reading import largest_bytes, open_rig, recognise_rig
 from calib.cameras.refit import FOCAL_AND_CENTRE
 from designer.base.errors import InputError
-from designer.base.small_file import parse_json, read_small, read_small_text, read_spec_file
+from designer.base.files import parse_json, read_small, read_small_text, read_spec_file
 from designer.base.words import shown, suggestion
 from designer.kinds.presets import preset_names
 

@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.se3 import rigid_fault
+from designer.base.arrays import Array
 from designer.base.file_kind import FileKind
-from designer.base.files import write_files
+from designer.base.files import JsonValue, write_files
 from designer.base.marks import Hash, Length, Shape
-from designer.base.small_file import JsonValue
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph, Steps, Table
 
@@ -53,7 +52,7 @@ class ToldPhoto:
     caption: str = ""
     level: Level | None = None  # None: like the others
     badness: float | None = None  # the worst are shown first; None of all: evenly from first to last
-    cam_from_target: Annotated[NDArray[np.float64], Shape(4, 4)] | None = None
+    cam_from_target: Annotated[Array, Shape(4, 4)] | None = None
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,7 @@ class ToldPhotos:
         return tuple(photo for photo in self.photos if photo.cam_from_target is not None)
 
     @property
-    def cam_from_target(self) -> NDArray[np.float64]:
+    def cam_from_target(self) -> Array:
         """Where these were taken.  # (V, 4, 4)"""
         return np.array([photo.cam_from_target for photo in self.posed], dtype=np.float64).reshape(-1, 4, 4)
 

@@ -3,17 +3,16 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from designer.base.number_text import figure as digits
+from designer.base.arrays import Array
+from designer.base.words import figure as digits
 from designer.target import TargetGeometry
 
 if TYPE_CHECKING:
     from designer.page.blocks import View3d
     from designer.page.scene import Layer
 
-Array = NDArray[np.float64]
 
 CAMERA = "#0072B2"
 """Okabe and Ito's blue, which is seen on light and dark."""

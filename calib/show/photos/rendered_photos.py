@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.types import LEAST_RADIUS_PX
 from calib.detector.candidates import MIN_RADIUS_PX
@@ -19,8 +18,9 @@ from calib.renderer.truth import TRUTH_FILE
 from calib.show.parts.kept_target import TARGET_FILE, target_words
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
 from calib.show.photos.place_scene import distance_words, tilts_deg
-from designer.base.number_text import figure as digits
+from designer.base.arrays import Array
 from designer.base.words import capital, printable
+from designer.base.words import figure as digits
 from designer.page.blocks import Cell, Column, Command, Finding, Headline
 from designer.page.folders import number, whole
 
@@ -106,7 +106,7 @@ def photos_of_job(job: RenderJob) -> list[RenderedPhoto]:
     return photos
 
 
-def _off_axis_deg(cam_from_target: NDArray[np.float64]) -> float:
+def _off_axis_deg(cam_from_target: Array) -> float:
     """The angle between the camera's axis and the way to the target's origin."""
     x, y, z = cam_from_target[:3, 3].tolist()
     return math.degrees(math.atan2(math.hypot(x, y), z))

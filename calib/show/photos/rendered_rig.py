@@ -4,9 +4,6 @@ import shlex
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from calib.renderer.job import RenderJob
 from calib.renderer.truth import TRUTH_FILE
 from calib.show.parts.kept_target import TARGET_FILE, target_words
@@ -20,6 +17,7 @@ from calib.show.photos.rendered_photos import (
     photo_columns,
     photos_of_job,
 )
+from designer.base.arrays import Flags, Rows
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Command, Finding, Headline, Table
 from designer.page.folders import number, whole
@@ -39,7 +37,7 @@ MOST_NAMED = 12
 def told_rendered_rig(
     jobs: Mapping[str, RenderJob],
     title: str,
-    sees: NDArray[np.bool_],
+    sees: Flags,
     delays_ms: Mapping[str, float],
     warnings: tuple[str, ...],
     command: Command,
@@ -117,7 +115,7 @@ def _facts(jobs: Mapping[str, RenderJob], title: str, delays_ms: Mapping[str, fl
 def _tables(
     jobs: Mapping[str, RenderJob],
     shows: Mapping[str, list[RenderedPhoto]],
-    sees: NDArray[np.int64],
+    sees: Rows,
     delays_ms: Mapping[str, float],
 ) -> list[Table]:
     """A row a camera; and how many frames two of them share."""

@@ -7,10 +7,9 @@ Least squares of the distances `|d_k x (s_k - X)|`, with unit directions, in clo
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.solver.metrics.errors import ErrorMetric, Errors, Prediction, first_reason, is_known
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Rows
 
 NAME, SUBJECT = "reconstruction", "a ring in all photos"
 UNIT, AXES = "mm", ("x", "y", "z")
@@ -49,15 +48,15 @@ def reconstruction(prediction: Prediction) -> Errors:
     return Errors(NAME, SUBJECT, UNIT, AXES, vector, reason, reasons, point=points)
 
 
-def _distinct_views(row: NDArray[np.int64], view: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def _distinct_views(row: Rows, view: Rows, count: int) -> Rows:
     """In how many views each of `count` points is seen."""
     width = int(view.max(initial=0)) + 1
     pairs = np.unique(row * width + view)
-    views: NDArray[np.int64] = np.bincount(pairs // width, minlength=count)
+    views: Rows = np.bincount(pairs // width, minlength=count)
     return views
 
 
-def _normal_equations(direction: Array, start: Array, row: NDArray[np.int64], count: int) -> tuple[Array, Array, Array]:
+def _normal_equations(direction: Array, start: Array, row: Rows, count: int) -> tuple[Array, Array, Array]:
     """Matrix (K, 3, 3), right-hand side (K, 3) and number of rays (K,) of each of `count` points."""
     rays = np.bincount(row, minlength=count).astype(np.float64)
     matrix, right = np.zeros((count, 3, 3)), np.zeros((count, 3))

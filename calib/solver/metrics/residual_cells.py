@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import sums_by
 from calib.solver.metrics.evaluation import Evaluation
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Rows
 
 MOST_COLUMNS, FEWEST_COLUMNS = 20, 4
 WANTED_PER_CELL = 12
@@ -24,7 +23,7 @@ class ResidualCells:
 
     edge_u: Array  # (C + 1,)
     edge_v: Array  # (R + 1,)
-    count: NDArray[np.int64]  # (R, C)
+    count: Rows  # (R, C)
     mean_px: Array  # (R, C, 2) nan where there are too few
     noise_px: float  # standard deviation of a residual's coordinate about the mean of its cell
 

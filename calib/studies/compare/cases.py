@@ -7,9 +7,18 @@ from typing import Annotated
 
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera, camera_or_preset
-from calib.studies.compare.objects import MODELS, OBJECTS, SETS, VIRTUAL, PaperObject, make_target, object_named
 from calib.studies.compare.photographed import ALL_PHOTOS, NOISE, TOGETHER, OneSource, SetsOfPhotos
-from calib.studies.compare.scene import ComparedScene, scene_of
+from calib.studies.compare.scene import (
+    MODELS,
+    OBJECTS,
+    SETS,
+    VIRTUAL,
+    ComparedScene,
+    PaperObject,
+    make_target,
+    object_named,
+    scene_of,
+)
 from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec

@@ -11,25 +11,22 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import COMMON, rays
 from calib.cameras.refit import image_grid
 from calib.core.types import Observations, keep_sightings, keep_views, without_empty_views
-from calib.solver.calibrate import ALL_VIEWS, calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.metrics import errors
 from calib.solver.metrics.evaluation import errors_of
-from calib.solver.options import AS_THE_PAPER
+from calib.solver.problem import AS_THE_PAPER
+from calib.solver.solve_virtual import ALL_VIEWS, calibrate
 from calib.solver.start import solve_poses
-from calib.studies.compare.objects import VIRTUAL
-from calib.studies.compare.scene import ComparedScene, ScenePool, stream, take_photos
-from calib.studies.sample import SampleResult, failed_sample
+from calib.studies.compare.scene import VIRTUAL, ComparedScene, ScenePool, stream, take_photos
+from calib.studies.sample_metrics import SampleResult, failed_sample
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced_shape, draw_values
 from designer.tolerance.shape import centers_mm
-
-Array = NDArray[np.float64]
 
 VALUES = ("held_reprojection_px", "held_intersection_mm", "held_reconstruction_mm", "held_share", "image_share")
 """What a sample has beside the errors: the same of photos that were not solved, what share of their sightings the

@@ -7,19 +7,17 @@ from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.studies.compare.cases import ALIKE, ALONE, FIGURE, Comparison, Plan
-from calib.studies.compare.objects import object_named
 from calib.studies.compare.photographed import ALONE_VALUES, NOISE, TOGETHER, VALUES, SetsOfPhotos, grouped
+from calib.studies.compare.scene import object_named
 from calib.studies.store import Study
 from calib.studies.stored_samples import Samples
+from designer.base.arrays import Array
 from designer.base.marks import Gap
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import format_quantity
 from designer.tolerance.sources import SOURCES
-
-Array = NDArray[np.float64]
 
 METRICS: Mapping[str, str] = MappingProxyType(
     {"intersection": "mm", "reconstruction": "mm", "reprojection": "px", "held_reprojection": "px",

@@ -4,10 +4,9 @@ from dataclasses import dataclass, replace
 
 from calib.cameras.camera import camera_or_preset
 from calib.core.types import Observations
-from calib.solver.options import Loss
+from calib.solver.problem import Loss
 from calib.studies.compare.cases import Group
-from calib.studies.compare.objects import make_target
-from calib.studies.compare.scene import ComparedScene, scene_of
+from calib.studies.compare.scene import ComparedScene, make_target, scene_of
 from calib.studies.cost.photographed import CONDITIONS, CostPool, RealPool, StartPool
 from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.statistics import Case

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
@@ -17,9 +16,8 @@ from calib.solver.levenberg import minimise_poses
 from calib.solver.metrics.errors import centers_mm, is_known
 from calib.solver.problem import origin_poses, pack, target_poses
 from calib.solver.start import solve_poses
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-
-Array = NDArray[np.float64]
 
 MOST_STEPS = 50
 LEAST_SIGHTINGS = 12

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import neutral
 from calib.cameras.camera import Camera
@@ -18,18 +17,16 @@ from calib.solver.calibration import Calibration
 from calib.solver.costs import COSTS, IMAGE
 from calib.solver.in_space import in_space, minimise_in_space
 from calib.solver.levenberg import Minimum, minimise
-from calib.solver.options import Loss, SolveOptions, Tie, tie_parameters
-from calib.solver.problem import Problem, origin_poses, pack, target_poses
+from calib.solver.problem import Loss, Problem, SolveOptions, Tie, origin_poses, pack, target_poses, tie_parameters
 from calib.solver.solve import solve
 from calib.studies.compare.photographed import made_mm
 from calib.studies.compare.scene import ComparedScene, ScenePool, photograph, stream
 from calib.studies.cost.errors import ESTIMATORS, Estimator, held_out, pose_error_mm
-from calib.studies.sample import SampleResult, failed_sample
+from calib.studies.sample_metrics import SampleResult, failed_sample
 from calib.studies.tolerance.map_error import grid_of, map_error_px
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
-
-Array = NDArray[np.float64]
 
 Condition = Literal["as drawn", "as made", "outliers", "outliers, Huber"]
 CONDITIONS: tuple[Condition, ...] = ("as drawn", "as made", "outliers", "outliers, Huber")

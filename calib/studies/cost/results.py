@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.solver.costs import COSTS, IMAGE
 from calib.studies.compare.cases import Group
@@ -19,9 +18,8 @@ from calib.studies.cost.errors import ESTIMATORS
 from calib.studies.cost.photographed import MEASURES
 from calib.studies.store import Study
 from calib.studies.stored_samples import Samples
+from designer.base.arrays import Array
 from designer.base.marks import Gap
-
-Array = NDArray[np.float64]
 
 UNITS: Mapping[str, str] = MappingProxyType({name: name.rpartition("_")[2] for name in MEASURES})
 SHARE = 0.99

@@ -3,19 +3,16 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import is_allowed
 from calib.cameras.camera import Camera
 from calib.core.jit import jit
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.levenberg import minimise, move_poses, turn_of_centre
-from calib.solver.options import Tie
-from calib.solver.problem import Problem
+from calib.solver.problem import Problem, Tie
 from calib.solver.schur import reduced_normal
 from calib.studies.gradients import gradients_of
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 CLOSE = 1e-5
 """Distance from the minimum, in standard deviations of all unknowns together, that is none."""

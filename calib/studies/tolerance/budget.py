@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.studies.sampling import Tell, after
+from calib.studies.runner import Tell, after
 from calib.studies.statistics import HALF_WIDTH
 from calib.studies.tolerance.draw import TOGETHER, BareDraw, bare_draw, drawn_noise, drawn_values, with_errors
 from calib.studies.tolerance.first_order import FirstOrder
@@ -19,11 +18,10 @@ from calib.studies.tolerance.record import NEVER, OFF, AllowedRow, BudgetRow, To
 from calib.studies.tolerance.result import Cost, ToleranceTable
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.sizes import Reach
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.sources import SOURCES
-
-Array = NDArray[np.float64]
 
 ROUNDS = 8
 CLOSE = 1e-3

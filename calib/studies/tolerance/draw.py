@@ -4,21 +4,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.core.jit import jit
 from calib.core.parallel import one_thread
-from calib.studies.sample import keyed_generator
+from calib.studies.sample_metrics import keyed_generator
 from calib.studies.tolerance.anchor import AnchoredMinimum, minimum_of
 from calib.studies.tolerance.measures import NONE, TrueShape, measures, true_shape
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.setting import Setting
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced_shape, draw_values
 from designer.tolerance.shape import centers_mm
-
-Array = NDArray[np.float64]
 
 BARE, TOGETHER = "none", "all"
 NO_ERRORS = ErrorModel("none", "", ())
@@ -127,7 +125,7 @@ def seen_px(setting: Setting, center_mm: Array) -> Array:
 
 
 @jit
-def _to_camera(view: NDArray[np.int64], ring: NDArray[np.int64], pose: Array, center: Array, point: Array) -> None:
+def _to_camera(view: Rows, ring: Rows, pose: Array, center: Array, point: Array) -> None:
     for m in range(len(view)):
         r = pose[view[m]]
         x, y, z = center[ring[m], 0], center[ring[m], 1], center[ring[m], 2]

@@ -14,23 +14,20 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise
 from calib.core.se3 import skew
 from calib.solver.metrics.reconstruction import LEAST_SPREAD_RAD
 from calib.studies.tolerance.map_error import turn_jacobian
 from calib.studies.tolerance.setting import Setting
-
-Array = NDArray[np.float64]
-Count = NDArray[np.int64]
+from designer.base.arrays import Array, Flags, Rows
 
 
 class ObservationDerivatives(NamedTuple):
     """The derivatives of M observations, the views one after the other."""
 
-    view_number: Count  # (M,)
-    ring_number: Count  # (M,)
+    view_number: Rows  # (M,)
+    ring_number: Rows  # (M,)
     jacobian: Array  # (M, 2, K) pixels by the unknowns of the view
     by_ring: Array  # (M, 2, 3) pixels by the ring's position in the target's frame
     weight: Array  # (M, 3) W' W of the whitener: uu, uv, vv
@@ -48,7 +45,7 @@ class Sums(NamedTuple):
     follow: Array  # (V, 6, F)
     free_inverse: Array  # (F, F)
     rebuilt_by_free: Array  # (R, 3, F)
-    is_rebuilt: NDArray[np.bool_]  # (R,) has rays from sides that are different enough
+    is_rebuilt: Flags  # (R,) has rays from sides that are different enough
     motion: Array  # (6, R, 3) the rigid motion (turn about the rings' middle, shift) that fits displacements best
     by_motion: Array  # (R, 3, 6) displacements by that motion
     pose_by_motion: Array  # (V, 6, 6) the change of the pose that shows the same
@@ -117,7 +114,7 @@ def first_order(setting: Setting) -> FirstOrder:
     return FirstOrder(setting, observations, _sums(setting, jacobian, gram @ jacobian, by_free, is_rebuilt))
 
 
-def _sums(setting: Setting, jacobian: Array, on_face: Array, by_free: Array, is_rebuilt: NDArray[np.bool_]) -> Sums:
+def _sums(setting: Setting, jacobian: Array, on_face: Array, by_free: Array, is_rebuilt: Flags) -> Sums:
     anchor = setting.anchor
     start = anchor.problem.view_start.tolist()
     views = list(map(slice, start[:-1], start[1:]))
@@ -142,7 +139,7 @@ def _sums(setting: Setting, jacobian: Array, on_face: Array, by_free: Array, is_
     )  # fmt: skip
 
 
-def _rebuilt_by_pixel(setting: Setting, by_ring: Array, ray: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _rebuilt_by_pixel(setting: Setting, by_ring: Array, ray: Array) -> tuple[Array, Flags]:
     """`N^-1 A` of each observation (M, 3, 2), and which rings have rays from different sides (R,).
 
     Args:

@@ -7,13 +7,11 @@ counts in which rings were seen, their convex hull: beyond it a lens polynomial 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise, rays
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 COLUMNS = 24
 STEPS = 5

@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import invert, make_pose, transform
 from calib.core.types import KnownPoints
@@ -20,9 +19,8 @@ from calib.studies.tolerance.anchor import AnchoredMinimum
 from calib.studies.tolerance.map_error import map_error_px
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.setting import Setting
+from designer.base.arrays import Array
 from designer.tolerance.shape import MadeShape, centers_mm
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

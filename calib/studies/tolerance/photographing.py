@@ -6,7 +6,7 @@ from os import fspath
 from pathlib import Path
 
 from calib.cameras.camera import Camera
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.studies.tolerance.explore import PhotographedTarget
 from calib.studies.tolerance.record import PhotographedSetting
 from calib.studies.tolerance.seen import view_fit

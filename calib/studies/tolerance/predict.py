@@ -3,7 +3,7 @@
 The square of a quantity is a sum over the errors, each independent of the others: with `e_j` its response to a unit of
 the number j (`calib.studies.tolerance.response`), cost^2 = sum sigma_j^2 |e_j|^2. Numbers that a source has fixed are
 no draws; their responses are added before they are squared. What noise costs is known without draws, too
-(`calib.studies.tolerance.noise_response`).
+(`calib.studies.tolerance.response`).
 
 A quantity's square y in a draw hardly differs from its prediction x for the same numbers and the same noise, whose mean
 over all draws is known without any. So `mean(y - x) + E x` has the mean of y, whatever the prediction misses, and only
@@ -14,20 +14,17 @@ Carlo theory, methods and examples*, 8.9).
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.parallel import one_thread
 from calib.studies.tolerance.draw import bare_draw, drawn_noise, drawn_values
 from calib.studies.tolerance.first_order import FirstOrder, first_order
-from calib.studies.tolerance.noise_response import noise_squares
 from calib.studies.tolerance.quantities import QUANTITIES
-from calib.studies.tolerance.response import responses
+from calib.studies.tolerance.response import noise_squares, responses
 from calib.studies.tolerance.result import Control, Cost, ToleranceTable
 from calib.studies.tolerance.setting import Setting
+from designer.base.arrays import Array
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.prior import directions, displacements
-
-Array = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-6
 """Of the largest response a unit can have, which differences and sums leave where there is none."""

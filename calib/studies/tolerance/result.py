@@ -5,16 +5,14 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.types import frozen_array
 from calib.studies.statistics import HALF_WIDTH
 from calib.studies.tolerance.draw import case_names
 from calib.studies.tolerance.quantities import quantity_row
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

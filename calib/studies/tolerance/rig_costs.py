@@ -11,15 +11,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.rig import Rig
 from calib.core.se3 import log_rotation, transform
 from calib.core.types import Observations, RigObservations, keep_frames
 from calib.observe.observations import known_points
-from calib.rigs.middle import middle_error
-from calib.rigs.options import CameraChoice, RigOptions
-from calib.rigs.relative import relative
+from calib.rigs.problem import CameraChoice, RigOptions
+from calib.rigs.relative import middle_error, relative
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import unseen_errors
@@ -28,14 +26,13 @@ from calib.space.linear import is_in_image
 from calib.space.sightings import of_rows
 from calib.space.triangulate import triangulate_points
 from calib.studies.tolerance.seen import CONTRAST_TO_NOISE, LEAST_RINGS, seen_in
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.base.marks import Gap, Word
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, perturb
 from designer.tolerance.prior import shape_prior
 from designer.tolerance.source import Amount
-
-Array = NDArray[np.float64]
 
 LENGTH_MM = 100.0
 """Whose error is told, in the middle of where the target was held."""
@@ -91,7 +88,7 @@ class SimulatedFrames:
 
     def _view(
         self, made: TargetGeometry, camera: int, frame: int, rng: np.random.Generator
-    ) -> tuple[NDArray[np.int64], Array, Array]:
+    ) -> tuple[Rows, Array, Array]:
         pose = self.rig.cam_from_rig[camera] @ self.rig_from_target[frame]
         ring, pixel, covariance = seen_in(made, self.rig.cameras[camera], pose, CONTRAST_TO_NOISE)
         noise = np.linalg.cholesky(covariance) @ rng.standard_normal((len(ring), 2, 1))

@@ -23,18 +23,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import linearise, project
-from calib.cameras.camera import Camera
-from calib.cameras.linear_part import linear_part
+from calib.cameras.camera import Camera, linear_part
 from calib.core.se3 import transform
 from calib.core.types import LEAST_RADIUS_PX
 from calib.renderer.poses import PoseGrid, grid_poses, photo_poses
+from designer.base.arrays import Array, Rows
 from designer.kinds.layout import Viewpoints
 from designer.target import TargetGeometry, bounding_radius_mm
-
-Array = NDArray[np.float64]
 
 MAX_INCIDENCE_RAD = math.radians(75)
 LEAST_MINOR_PX = 2.5
@@ -80,7 +77,7 @@ def aimed_at(target: TargetGeometry, distance_mm: float) -> Viewpoints:
 
 def seen_in(
     target: TargetGeometry, camera: Camera, cam_from_target: Array, contrast_to_noise: float
-) -> tuple[NDArray[np.int64], Array, Array]:
+) -> tuple[Rows, Array, Array]:
     """Rings that a view sees (N,), their pixels (N, 2) and the covariances of these (N, 2, 2)."""
     center = transform(cam_from_target, target.center_mm)
     frame = cam_from_target[:3, :3] @ target.target_from_face[target.ring_face, :3, :3]

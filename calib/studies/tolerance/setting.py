@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras import fitted_models, linearise
 from calib.cameras.camera import Camera
@@ -16,16 +15,14 @@ from calib.solver.accuracy import accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.descend import is_robust
 from calib.solver.levenberg import minimise
-from calib.solver.options import AS_THE_PAPER, SolveOptions, Tie, tie_parameters
-from calib.solver.problem import Problem, pack
+from calib.solver.problem import AS_THE_PAPER, Problem, SolveOptions, Tie, pack, tie_parameters
 from calib.studies.tolerance.anchor import Anchor, factorise
 from calib.studies.tolerance.map_error import ImageGrid, grid_of
 from calib.studies.tolerance.seen import CONTRAST_TO_NOISE, LEAST_MINOR_PX, LEAST_RINGS, seen_in, views_from
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.layout import Viewpoints
 from designer.target import TargetGeometry
-
-Array = NDArray[np.float64]
 
 SINGULAR = 1e-13
 MOST_STEPS = 200

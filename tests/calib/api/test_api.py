@@ -12,7 +12,7 @@ import pytest
 import calib
 import designer
 from calib.observe.calibration_file import Provenance, write_calibration
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from tests.support.calibrations import board, camera, example
 

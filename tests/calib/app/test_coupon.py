@@ -20,6 +20,7 @@ from calib.coupon_reading.result import CouponMadeWith, found_in, next_of
 from calib.coupon_reading.tone import Tone
 from calib.detector.pipeline import detect
 from calib.measure_target.deviations import Estimate
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.coupon import COUPON as SPEC
 from designer.kinds.coupon import WIDTHS_MM
@@ -244,7 +245,7 @@ def test_a_linear_photo_is_told_as_linear(name: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def light() -> NDArray[np.float64]:
+def light() -> Array:
     """What the lens sees of a print."""
     return reflected(EVEN, LINEAR, SPEC.lay_out())
 
@@ -259,7 +260,7 @@ PROCESSED = {
 
 
 @pytest.mark.parametrize("name", PROCESSED)
-def test_processed_photos_state_what_they_tell(name: str, light: NDArray[np.float64]) -> None:
+def test_processed_photos_state_what_they_tell(name: str, light: Array) -> None:
     """Bleed is within two stated sigmas whatever a program did, and cut off levels are noticed."""
     taken, cut_off = PROCESSED[name]
     reading, bleed = read(developed(light, taken, np.random.default_rng(2)), taken)

@@ -26,10 +26,10 @@ from calib.solver.calibration import Calibration
 from calib.solver.metrics.errors import summarise
 from calib.solver.metrics.evaluation import by_point, by_view, evaluate
 from calib.solver.metrics.evaluation_files import evaluation_files
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.base.errors import InputError
-from designer.base.number_text import figure, with_digits
+from designer.base.words import figure, with_digits
 from tests.support.calibrations import board, example, icosahedron
 
 APP = typer.Typer()

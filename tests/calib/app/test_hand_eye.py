@@ -14,9 +14,9 @@ from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose, transf
 from calib.core.types import Observations
 from calib.judge.hand_eye_file import HAND_EYE
 from calib.observe.robot_poses import read_robot_poses
-from calib.rigs.middle import carried_error
+from calib.rigs.carrier import turned_by
+from calib.rigs.relative import carried_error
 from calib.rigs.result import RigCalibration
-from calib.rigs.turntable import turned_by
 from calib.solver.start import solve_poses
 from tests.support import command_line, rig_views, solver_scenes
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.app.measure import measure as measure_from_python
 from calib.app.measure import rescale
@@ -30,14 +29,15 @@ from calib.measure_target.deviations import (
 )
 from calib.measure_target.earlier_lens import EARLIER_LENS
 from calib.measure_target.lengths import CALIPER_SIGMA_MM, CaliperLength, asked_length, length_in
-from calib.measure_target.options import AsBuiltOptions
 from calib.measure_target.solve import measure as measure_print
+from calib.measure_target.unknowns import AsBuiltOptions
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
 from calib.observe.photos import PhotoFile, PhotoResult, Search
 from calib.observe.search import PhotoSearch
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.sizing import size_printing
 from designer.make.bed import bed_from_target, printed_corners_mm
@@ -50,8 +50,6 @@ from tests.support.as_built_scenes import RIGID, photos, plate, printed, random_
 from tests.support.command_line import BLOCKS, LENIENT, PICTURE, Answer, calib, detections_of, files_in
 from tests.support.designs import small
 from tests.support.solver_scenes import CAMERAS, observe
-
-Array = NDArray[np.float64]
 
 DRAW = "calib.draw.measured_picture.picture"
 DRAWN = measured_picture.picture

@@ -32,12 +32,11 @@ from calib.observe.target_poses import (
     target_poses,
 )
 from calib.renderer.poses import load_poses
+from designer.base.arrays import Array
 from designer.base.codec import encode
 from designer.base.errors import InputError
 from designer.target import TargetGeometry, target_to_json
 from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by
-
-Array = NDArray[np.float64]
 
 CAMERA = camera()
 BOARD, ICO = board(), icosahedron()

@@ -15,6 +15,7 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import invert, log_rotation
 from calib.core.types import Detections, RigObservations
 from calib.observe.observations import known_points
+from designer.base.arrays import Rows
 from designer.target import TargetGeometry
 from tests.support.calibrations import icosahedron
 from tests.support.command_line import detections_of, files_in
@@ -141,7 +142,7 @@ def test_the_order_of_cameras_and_frames_does_not_count(solved: SolvedRig) -> No
     assert_same_rig(calib.rig(mixed, reference=SEEN.camera_names[0], **OPENCV), solved)
 
 
-def _with_frames(seen: RigObservations, order: NDArray[np.int64]) -> RigObservations:
+def _with_frames(seen: RigObservations, order: Rows) -> RigObservations:
     """The frames in another order."""
     from calib.observe.rig_observations import RigSightings, rig_observations
 

@@ -12,7 +12,7 @@ import pytest
 from calib.app.rig_bootstrap import rig_bootstrap
 from calib.judge.rig_folder import write_rig
 from calib.observe.calibration_file import Provenance
-from calib.rigs.options import CameraChoice
+from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error

@@ -21,8 +21,8 @@ from calib.observe.dataset import read_detections
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
 from calib.renderer.view import render_view
-from calib.solver.calibrate import calibrate
 from calib.solver.calibration import Calibration
+from calib.solver.solve_virtual import calibrate
 from designer.target import TargetGeometry, target_to_json
 from tests.support import programs
 from tests.support.calibrations import board, camera, poses_around

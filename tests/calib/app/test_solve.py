@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera, load_camera
@@ -18,8 +17,9 @@ from calib.core.types import Detections, Observations
 from calib.images.photo import Photo
 from calib.observe.calibration_file import read_calibration
 from calib.observe.dataset import write_detections
-from calib.solver.calibrate import calibrate
 from calib.solver.calibration import Calibration
+from calib.solver.solve_virtual import calibrate
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.files import named_in_files
 from designer.target import load_target, target_to_json
@@ -63,7 +63,7 @@ def correspondences(path: str, seen: Observations = SEEN, *, size: bool = True) 
     return lines
 
 
-def corners(path: str, columns: int, rows: int, poses: NDArray[np.float64]) -> None:
+def corners(path: str, columns: int, rows: int, poses: Array) -> None:
     """Write a corners.vnl of a 12 mm grid."""
     place = np.arange(columns * rows)
     grid = 12.0 * np.column_stack([place % columns, place // columns, 0 * place])
@@ -296,9 +296,7 @@ TILTED = [look_at(300 * np.array([np.sin(a), 0.1, np.cos(a)]), np.zeros(3), a) f
     ],
     ids=["collinear", "one ring only", "all in one spot", "two identical views", "one nearly frontal view"],
 )
-def test_what_determines_no_camera_is_refused_or_judged(
-    points: NDArray[np.float64], poses: list[NDArray[np.float64]], code: int
-) -> None:
+def test_what_determines_no_camera_is_refused_or_judged(points: Array, poses: list[Array], code: int) -> None:
     """One line and exit code 2, or a verdict and exit code 1; never a traceback, never a camera to go on with."""
     lines = ["# image_size 1281 x 961", "image,u,v,X,Y,Z"]
     one = Camera("pinhole", np.array([1000.0, 1000, 640, 480]), (1281, 961))

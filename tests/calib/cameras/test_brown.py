@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras.brown import BLOCK, distort, fold_radius, sure_square, undistort, undistort_block
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 LENSES = {
     "none": (0.0, 0.0, 0.0, 0.0, 0.0),

@@ -11,7 +11,7 @@ from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
 from calib.core.se3 import exp_rotation
-from calib.draw.difference_picture import difference_picture
+from calib.draw.fields import difference_picture
 from calib.draw.sigma_map import scale_end
 from calib.draw.style import WIDTH_PX
 from designer.base.errors import InputError

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from calib.cameras import MODELS, parameter_names, project, rays
-from calib.cameras.camera import Camera, camera_from_mapping, camera_or_preset, camera_to_json, load_camera
-from calib.cameras.linear_part import focal_px
+from calib.cameras.camera import Camera, camera_from_mapping, camera_or_preset, camera_to_json, focal_px, load_camera
 from calib.cameras.parameters import slopes
 from designer.base.errors import InputError
 from designer.kinds.presets import preset_names

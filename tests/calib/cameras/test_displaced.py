@@ -6,14 +6,12 @@ import cv2
 import numpy as np
 import pycolmap
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import ABILITIES, project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.polynomial import first_change, value_at
+from designer.base.arrays import Array
 from tests.support.lenses import SIZE, conventional, pixels
-
-Array = NDArray[np.float64]
 
 RATIONAL = ("rational barrel", "rational with a pole", "prism")
 COLMAP = {"rational barrel": "FULL_OPENCV", "tilted fisheye": "THIN_PRISM_FISHEYE"}

@@ -10,8 +10,7 @@ import calib
 from calib.cameras import ABILITIES, project
 from calib.cameras.camera import Camera
 from calib.cameras.formats import FORMATS, OWN
-from calib.cameras.formats.choosing import ACCEPTED_PX
-from calib.cameras.formats.holding import fit_to_format
+from calib.cameras.formats.holding import ACCEPTED_PX, fit_to_format
 from calib.cameras.formats.reading import open_camera, recognise
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, MODELS, WIDE_SIZE, lens_camera, lenses_of, whole_image, written

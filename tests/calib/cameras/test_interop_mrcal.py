@@ -10,8 +10,7 @@ from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.cameras.formats import FORMATS
 from calib.cameras.formats.holding import fit_to_format
-from calib.cameras.formats.mrcal_cahvore import cahvore_rays
-from calib.cameras.formats.mrcal_surface import surface_named
+from calib.cameras.formats.mrcal_surface import cahvore_rays, surface_named
 from calib.cameras.refit import image_grid
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import (

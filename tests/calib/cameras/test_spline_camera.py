@@ -9,8 +9,8 @@ from calib.cameras.camera import Camera, camera_from_mapping, camera_or_preset
 from calib.cameras.parameters import slopes
 from calib.cameras.refit import refit
 from calib.cameras.spline import COLUMNS, MODEL, ROWS
-from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.plan import plan_from_words
+from calib.solver.problem import SolveOptions, tie_parameters
 from designer.base.errors import InputError
 from tests.support.lenses import SIZE, bent
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 import calib
 from calib.cameras import pictures, project, rays
@@ -17,11 +16,10 @@ from calib.cameras.picture_of import picture_of
 from calib.cameras.undistortion import TAPS, Pixels, pinhole_of, resample, source_places, undistort
 from calib.core.se3 import transform
 from calib.detector.pipeline import detect
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from tests.support.calibrations import board
 from tests.support.sightings import sighting, view_from
-
-Array = NDArray[np.float64]
 
 SIZE = (320, 240)
 FOCAL = (190.0, 191.0, 158.3, 121.7)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import (
     covariance_with_prior,
@@ -13,8 +12,7 @@ from calib.core.linear_algebra import (
     solve_square,
     symmetric_inverse,
 )
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 seeds = st.integers(0, 2**32 - 1)
 sizes = st.integers(1, 9)

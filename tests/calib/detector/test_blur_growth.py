@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from calib.detector.lines import blur_growth, is_noticed, left_covariance
 from calib.detector.ring_fit import fit_rings
 from calib.detector.ring_model import BLUR, M0
+from designer.base.arrays import Array
 from tests.benchmarks.synthetic import Box, ring_shade
 from tests.support.ring_images import INK_LEVEL, LIMIT, WHITE_LEVEL, Ring
-
-Array = NDArray[np.float64]
 
 SHARP_PX, DEFOCUS_PX, NODES = 0.9, 1.3, 5
 

@@ -18,9 +18,9 @@ from calib.detector.borders import (
     thresholds,
 )
 from calib.detector.candidates import Candidates, find_candidates, merged, semi_axes_px
+from designer.base.arrays import Array
 from tests.support.ring_images import Ring, mosaic, random_rings, triangle_of
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 

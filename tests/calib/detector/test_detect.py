@@ -13,11 +13,10 @@ from calib.cameras.camera import camera_or_preset
 from calib.core.types import Detections
 from calib.detector.pipeline import INVERTED, MIRRORED, detect, find
 from calib.renderer import RenderOptions, View, render_view
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 from tests.support.ring_views import CAMERA, USUAL, board, ellipse_of, ico, misplaced, scene_of, view_of
 from tests.support.sightings import view_from
-
-Array = NDArray[np.float64]
 
 
 def chi_square(found: Detections, view: View) -> Array:

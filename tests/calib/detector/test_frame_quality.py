@@ -8,9 +8,10 @@ from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.detector import pipeline
 from calib.detector.frame_quality import FrameQuality, frame_quality
-from calib.judge.frame_notes import notes_of
+from calib.judge.shutter import notes_of
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import scene_from_target
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 from tests.support import ring_views
 from tests.support.moving_frames import Shutter, moving_frame
@@ -30,7 +31,7 @@ def board() -> TargetGeometry:
 def frame(speed_px_s: tuple[float, float] = (0.0, 0.0), blur_px: float = 0.6, gain: float = 1.0) -> NDArray[np.uint8]:
     """Of a board that faces the camera and moves while it is exposed for 10 ms, through where it stands at rest."""
 
-    def pose_at(time_s: float) -> NDArray[np.float64]:
+    def pose_at(time_s: float) -> Array:
         pose = np.diag([1.0, -1.0, -1.0, 1.0])
         pose[:3, 3] = *(np.array(speed_px_s) * (time_s - 0.005) / PX_PER_MM), DISTANCE_MM
         return pose

@@ -4,15 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras.camera import camera_or_preset
 from calib.detector.candidates import Candidates
 from calib.detector.grid import Grid, grow_grids, lattice_of
 from designer.target import TargetGeometry
 from tests.support.ring_views import Scene, board, ico, scene_of
-
-Array = NDArray[np.float64]
 
 
 @pytest.mark.parametrize(("target", "count"), [(board(), 4), (board("triangular"), 6), (ico(), 6)])

@@ -5,14 +5,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calib.core import homography
 from calib.detector.ring_model import M0
+from designer.base.arrays import Array
 from tests.support.ring_images import Ring
-
-Array = NDArray[np.float64]
 
 
 def view(seed: int, tilt_rad: float = 0.7) -> tuple[Array, Array, Array]:

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import camera_or_preset
 from calib.core import homography
 from calib.detector.lens import CameraLens, Lens, NoLens, RadialLens, estimate_lens, local_form
+from designer.base.arrays import Array
 from tests.support.ring_images import Ring
-
-Array = NDArray[np.float64]
 
 SIZE = (1000, 800)
 MIDDLE = (499.5, 399.5)

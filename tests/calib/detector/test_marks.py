@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 from calib.detector.marks import DOT, RING, UNREADABLE, read_marks
 from tests.support.ring_images import INK_LEVEL, WHITE_LEVEL, Mosaic, mosaic, random_rings
 
-Array = NDArray[np.float64]
-
 
 def read(
     image: NDArray[np.generic], m: Mosaic, off_px: float = 0.0, contrast: float = WHITE_LEVEL - INK_LEVEL

@@ -13,12 +13,12 @@ from calib.detector.marks import DOT, RING, UNREADABLE
 from calib.detector.pipeline import detect
 from calib.detector.plan import plan_for
 from calib.renderer import RenderOptions, View
+from designer.base.arrays import Rows
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import readable_faces
 from tests.support.perturbed_targets import with_piece
 from tests.support.ring_views import USUAL, board, ico, misplaced, view_of
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 DIRTY = RenderOptions(
@@ -38,7 +38,7 @@ def grey(view: View) -> Image:
     return np.array(view.image, dtype=np.uint8)
 
 
-def painted(image: Image, view: View, rows: NDArray[np.int64], radii: float, level: int) -> Image:
+def painted(image: Image, view: View, rows: Rows, radii: float, level: int) -> Image:
     """Discs of a level over features, in minor radii."""
     out = image.copy()
     for row in rows:

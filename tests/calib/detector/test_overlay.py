@@ -16,6 +16,7 @@ from calib.detector.overlay_frame import FACE_COLOURS, MISSING, REJECTED, SIGMA_
 from calib.detector.where_expected import imaged_face
 from calib.renderer.faces import ring_truth
 from calib.renderer.scene import scene_from_target
+from designer.base.arrays import Array
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry
@@ -44,9 +45,7 @@ def header_height(overlay: NDArray[np.uint8], pixels: NDArray[np.uint8]) -> int:
     return int(np.argmax(np.abs(left - left[0]).sum(axis=1) > 0))
 
 
-def is_near(
-    overlay: NDArray[np.uint8], place: NDArray[np.float64], colour: tuple[int, int, int], reach: int = 3
-) -> bool:
+def is_near(overlay: NDArray[np.uint8], place: Array, colour: tuple[int, int, int], reach: int = 3) -> bool:
     """Whether a colour is within some pixels of a place."""
     u, v = np.rint(place).astype(int)
     around = overlay[max(v - reach, 0) : v + reach + 1, max(u - reach, 0) : u + reach + 1].astype(int)

@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.detector.pair_fit import fit_pairs
 from calib.detector.ring_fit import fit_rings
 from calib.detector.ring_model import BLUR, GEOMETRY_PARAMETERS, RATIO
+from designer.base.arrays import Array
 from tests.support.ring_images import INK_LEVEL, LIMIT, WHITE_LEVEL, Mosaic, Ring, mosaic, random_rings
-
-Array = NDArray[np.float64]
 
 
 def rough(m: Mosaic, rng: np.random.Generator, off_px: float = 0.5) -> Array:

@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.detector.pipeline import detect
 from calib.renderer import RenderOptions, View, render_view
+from designer.base.arrays import Array
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
@@ -36,7 +36,7 @@ def view(options: RenderOptions = USUAL) -> View:
     return render_view(board(), CAMERA, pose, options, np.random.default_rng(5))
 
 
-def lowest_row() -> NDArray[np.float64]:
+def lowest_row() -> Array:
     """Centres of the row of rings nearest to the image's lower edge, the highest first.  # (COLUMNS, 2)"""
     center, index = view().center_px, board().ring_index[:, 1]
     row = center[index == index[np.argmax(center[:, 1])]]

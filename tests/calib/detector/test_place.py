@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import camera_or_preset
@@ -24,7 +23,6 @@ from calib.detector.place import (
 from calib.detector.plan import plan_for
 from tests.support.ring_views import CAMERA, Scene, board, ellipse_of, ico, scene_of
 
-Array = NDArray[np.float64]
 SIZE = CAMERA.image_size
 
 

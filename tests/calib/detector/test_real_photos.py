@@ -6,12 +6,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.core import homography
 from calib.core.types import Detections
 from calib.detector.lens import estimate_lens
 from calib.detector.pipeline import detect
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import target_of
 from tests.support.ring_views import board
@@ -32,7 +32,7 @@ def found_in(path: Path, columns: int, rows: int) -> Detections:
 def assert_on_a_smooth_grid(found: Detections, target: TargetGeometry, worst: float) -> None:
     """No place twice, and all near a plane seen through a simple lens: no farther off than a share of the pitch."""
     center = np.asarray(found.center_px)
-    apart: NDArray[np.float64] = np.linalg.norm(center[:, None] - center[None], axis=2)
+    apart: Array = np.linalg.norm(center[:, None] - center[None], axis=2)
     np.fill_diagonal(apart, np.inf)
     major = np.asarray(found.ellipse_px)[:, 2]
     assert (apart.min(axis=1) > major).all()

@@ -27,6 +27,7 @@ from calib.detector.ring_model import (
     choose_pixels,
     plane_distance,
 )
+from designer.base.arrays import Array
 from tests.support.ring_images import (
     CELL,
     INK_LEVEL,
@@ -39,8 +40,6 @@ from tests.support.ring_images import (
     parameters_of,
     random_rings,
 )
-
-Array = NDArray[np.float64]
 
 TILT = math.radians(45)
 LENS_BLUR_PX = math.sqrt(0.7**2 - 1 / 12)

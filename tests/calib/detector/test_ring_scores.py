@@ -26,10 +26,10 @@ from calib.detector.ring_scores import (
     variance_ratios,
 )
 from calib.renderer import View
+from designer.base.arrays import Array, Rows
 from tests.support.ring_images import INK_LEVEL, LIMIT, WHITE_LEVEL, Mosaic, disturbed, mosaic, random_rings
 from tests.support.ring_views import board, misplaced, view_of
 
-Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 RINGS = 120
@@ -69,7 +69,7 @@ def moved(image: Image) -> Image:
     return as_it_is(np.asarray(cv2.blur(image, (5, 1)), dtype=np.float32))
 
 
-def ratios_of(fits: RingFits, face: NDArray[np.int64] | None = None, scores: Scores | None = None) -> Ratios:
+def ratios_of(fits: RingFits, face: Rows | None = None, scores: Scores | None = None) -> Ratios:
     """By what the covariances have to be multiplied, all rings on one face if no other is given."""
     face = np.zeros(len(fits.ok), dtype=np.int64) if face is None else face
     return variance_ratios(scores or fits.scores, fits.params, fits.noise / fits.contrast, face)

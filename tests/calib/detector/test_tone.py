@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from calib.detector.measure import without_tone
 from calib.detector.pipeline import detect
 from calib.detector.ring_fit import RingFits, fit_rings
-from calib.detector.tone import without_tone
 from calib.renderer import RenderOptions
+from designer.base.arrays import Array, Rows
 from tests.support.ring_images import LIMIT, WHITE_LEVEL, Mosaic, disturbed, mosaic, random_rings
 from tests.support.ring_views import board, view_of
 
-Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 FULL = 1.2 * WHITE_LEVEL
@@ -37,7 +37,7 @@ def taken(image: Image, exponent: float) -> Image:
 def undone(rings: Mosaic, image: Image) -> Image | None:
     """The photo as light, if a curve is seen."""
 
-    def fit(image: NDArray[np.generic], start: Array, rows: NDArray[np.int64]) -> RingFits:
+    def fit(image: NDArray[np.generic], start: Array, rows: Rows) -> RingFits:
         return fit_rings(image, start, limit=LIMIT, tone_asked=np.ones(len(rows), dtype=np.bool_))
 
     fits = fit(image, disturbed(rings.params, np.random.default_rng(3)), np.arange(len(rings.params)))

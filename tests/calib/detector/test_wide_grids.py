@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera, camera_or_preset
@@ -14,11 +13,10 @@ from calib.detector.lens import CameraLens, NoLens, RadialLens, local_form, radi
 from calib.detector.pipeline import detect
 from calib.detector.wide_guess import guess_lens
 from calib.renderer import RenderOptions, render_view
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 from tests.support.lenses import LENSES
 from tests.support.ring_views import board, ico, misplaced
-
-Array = NDArray[np.float64]
 
 FISHEYE = Camera("fisheye", np.array([240.0, 240.5, 404.0, 395.0, 0.012, -0.006, 0.0008, -0.0001]), (800, 800))
 """The image circle of 190 degrees has a radius of 397 px."""

@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.core.se3 import make_pose
 from calib.judge.advice import advice_of
@@ -20,12 +19,11 @@ from calib.judge.next_views import NextView, next_views
 from calib.judge.verdict import Criteria
 from calib.judge.views import view_facts
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, noisy, observe, pose_from, poses_around
 from tests.support.verdict_cases import halves_apart_by
-
-Array = NDArray[np.float64]
 
 BOARD = board(12, 10, 14.0)
 FLAT = np.diag([1.0, -1.0, -1.0])

@@ -10,7 +10,7 @@ from calib.judge.halves import NoHalves
 from calib.judge.judge import Judged
 from calib.solver.calibration import Calibration
 from calib.solver.capture_error import with_capture_error
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from tests.support.verdict_cases import OPTIONS, TRUE, check, judge_run, sightings
 

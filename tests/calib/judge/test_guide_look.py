@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation
 from calib.judge.guide import Guide
@@ -14,9 +13,8 @@ from calib.judge.hints import hint_of, place_short
 from calib.judge.telling import bars_of, headline_of
 from calib.judge.views import shape_of_points
 from calib.observe.observations import known_points
+from designer.base.arrays import Array
 from tests.support.guided_scenes import WEBCAM, board_target, found_at, held_by_person
-
-Array = NDArray[np.float64]
 
 TARGET = board_target()
 POINTS = known_points(TARGET)

@@ -6,12 +6,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import calib
 from calib.core.se3 import exp_rotation
 from calib.core.types import Detections
 from calib.judge.guide import Guide
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from tests.support.guided_scenes import WEBCAM, board_target, found_at, held_by_person, ico_target
 
@@ -41,7 +41,7 @@ def after_five() -> Guide:
     return with_all(five())
 
 
-def noise() -> NDArray[np.float64]:
+def noise() -> Array:
     """A shift that makes a photo another one."""
     return np.random.default_rng(8).normal(0, 0.05, 2)
 

@@ -11,12 +11,11 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import look_at, make_pose, rotation_between, transform
 from calib.judge.apart import in_sigmas
 from calib.judge.candidate_views import candidates_of
-from calib.judge.coverage import coverage_of
+from calib.judge.coverage import coverage_of, lit_part
 from calib.judge.evidence import uncertainty_of
-from calib.judge.lit_part import lit_part
 from calib.judge.views import habits_of, px_per_mm, shape_of
-from calib.observe.image_circle import with_image_circle
 from calib.observe.observations import known_points
+from calib.observe.search import with_image_circle
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
 from designer.kinds.layout import lay_out

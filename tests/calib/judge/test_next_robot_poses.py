@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose
@@ -14,14 +13,13 @@ from calib.judge.next_robot_poses import next_robot_poses
 from calib.observe.robot_poses import read_robot_poses, robot_poses_to_csv
 from calib.rigs.carried_information import expected_information, frame_information
 from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
-from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
+from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.relative import center_sigma_mm
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.solver.free_shape import free_directions
+from designer.base.arrays import Array
 from tests.support import rig_views, solver_scenes
-
-Array = NDArray[np.float64]
 
 ALONE = NoRigHalves("not compared")
 HAND, TARGET = "robot, camera in hand", "robot, target in hand"

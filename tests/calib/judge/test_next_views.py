@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
@@ -32,10 +31,9 @@ from calib.judge.views import habits_of, shape_of
 from calib.solver.accuracy import projected_sigma_px, share_px
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, observe, poses_around
-
-Array = NDArray[np.float64]
 
 BOARD = board(10, 7, 12.0)
 SOLID = icosahedron(60.0, 5)
@@ -411,7 +409,7 @@ def test_one_straight_view_asks_for_a_tilted_one(scale: float) -> None:
 
 def test_fixed_parameters_stay_known() -> None:
     """What is fixed is no unknown: the basis does not move it, and views are proposed all the same."""
-    from calib.solver.options import SolveOptions
+    from calib.solver.problem import SolveOptions
 
     calibration = solve(base("board", "opencv").observations, "opencv", SolveOptions(fixed=(("k3", 0.01),)))
     known = knowledge_of(calibration)

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from calib.core.types import KnownPoints
-from calib.judge.before_photos import calibration_before, usual_hold
-from calib.judge.lit_part import lit_part, sigma_over_lit_px
-from calib.judge.planned_views import FEWEST, PlannedViews, planned_views
+from calib.judge.coverage import lit_part, sigma_over_lit_px
+from calib.judge.planned_views import FEWEST, PlannedViews, calibration_before, planned_views, usual_hold
 from calib.judge.views import shape_of
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, observe
 

@@ -13,7 +13,7 @@ from calib.judge.rig_evidence import RigEvidence, rig_evidence
 from calib.judge.rig_judge import judge_rig, rig_verdict
 from calib.judge.verdict import Grade
 from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
-from calib.rigs.middle import CarriedError
+from calib.rigs.relative import CarriedError
 from calib.rigs.result import CarrierFit, RigCalibration
 from tests.support.rig_views import ring, solved_slowly, stereo_pair
 

@@ -5,14 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.core.types import Detections
 from calib.judge.guide_told import Look
 from calib.judge.shutter import Shutter
+from designer.base.arrays import Array
 from tests.support.guided_scenes import board_target, found_at
-
-Array = NDArray[np.float64]
 
 WANTED = Look(None, (), 1.0, True, "", (), True)
 TARGET = board_target()

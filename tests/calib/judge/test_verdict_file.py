@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calib.draw.checks import check_findings
+from calib.draw.run_tables import check_findings
 from calib.judge.coverage import coverage_of
 from calib.judge.halves import Halves, NoHalves, halves_apart
 from calib.judge.judge import VERDICT, VERDICT_FILE, Judged

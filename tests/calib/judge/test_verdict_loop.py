@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.types import KnownPoints
@@ -11,12 +10,10 @@ from calib.judge.halves import half_split
 from calib.judge.judge import Judged
 from calib.judge.next_views import NextView, next_views
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around
 from tests.support.verdict_cases import judge_run
-
-Array = NDArray[np.float64]
 
 NOISE_PX = 0.02
 OPTIONS = SolveOptions()

@@ -4,21 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.se3 import compose, invert, make_pose, transform
 from calib.core.types import Observations, keep_sightings, keep_views
 from calib.measure_target.lengths import CaliperLength, length_in
-from calib.measure_target.options import AsBuiltOptions
 from calib.measure_target.result import AsBuilt
 from calib.measure_target.solve import measure
-from calib.measure_target.unknowns import TargetUnknowns
+from calib.measure_target.unknowns import AsBuiltOptions, TargetUnknowns
 from calib.observe.observations import known_points
 from calib.solver.metrics.errors import summarise
 from calib.solver.metrics.evaluation import evaluate
-from calib.solver.options import AS_THE_PAPER, SolveOptions
+from calib.solver.problem import AS_THE_PAPER, SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array, Flags
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import perturb
@@ -36,8 +35,6 @@ from tests.support.as_built_scenes import (
     truth_of,
 )
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, SIZE, random_covariances
-
-Array = NDArray[np.float64]
 
 RINGS = (0.05, 0.02)
 WIDE = replace(RIGID, strain_sigma=0.05, face_sigma_rad=0.1, face_sigma_mm=9.5)
@@ -220,7 +217,7 @@ def test_two_cameras_measure_one_print() -> None:
     assert squares.mean() == pytest.approx(6.0, rel=0.5)
 
 
-def two_sides(seen: Observations, target: TargetGeometry) -> tuple[Observations, NDArray[np.bool_]]:
+def two_sides(seen: Observations, target: TargetGeometry) -> tuple[Observations, Flags]:
     """Photos of which each shows faces of one side only, and which faces are of the upper one."""
     upper = target.target_from_face[:, 2, 3] > 0
     is_upper = upper[target.ring_face][seen.point]

@@ -12,10 +12,9 @@ from calib.measure_target.cross_validation import CrossValidation, Gain, cross_v
 from calib.measure_target.datum import few_views
 from calib.measure_target.deviations import Verdict, face_verdicts
 from calib.measure_target.expected import with_expected_deviations
-from calib.measure_target.options import AsBuiltOptions
 from calib.measure_target.result import AsBuilt, face_shift_mm
 from calib.measure_target.solve import measure
-from calib.measure_target.unknowns import KINDS, Unknowns, unknowns_of
+from calib.measure_target.unknowns import KINDS, AsBuiltOptions, Unknowns, unknowns_of
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel, perturb

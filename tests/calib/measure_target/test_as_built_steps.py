@@ -5,27 +5,32 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from calib.core.types import Observations
 from calib.measure_target.blocks import normal_equations
 from calib.measure_target.datum import gauge_rows, what_is_seen
-from calib.measure_target.options import AsBuiltOptions
 from calib.measure_target.problem import Joint, State, joint_problem
 from calib.measure_target.solve import measure
-from calib.measure_target.unknowns import TargetUnknowns, Unknowns, in_face_mm, moved_shape, place_rings, unknowns_of
+from calib.measure_target.unknowns import (
+    AsBuiltOptions,
+    TargetUnknowns,
+    Unknowns,
+    in_face_mm,
+    moved_shape,
+    place_rings,
+    unknowns_of,
+)
 from calib.solver.eliminate import Normal, covariance_factor, damped_step
 from calib.solver.levenberg import move_poses
-from calib.solver.options import SolveOptions, tie_parameters
+from calib.solver.problem import SolveOptions, tie_parameters
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from tests.support.as_built_scenes import photos, plate, printed, random_shape, solid
-
-Array = NDArray[np.float64]
 
 RINGS = (0.05, 0.02)
 BENT = AsBuiltOptions(ring_sigma_mm=RINGS, bow=True)

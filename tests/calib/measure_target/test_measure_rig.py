@@ -4,30 +4,26 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.core.se3 import invert
 from calib.core.types import Observations, RigObservations, keep_sightings
 from calib.measure_target.blocks import normal_equations
 from calib.measure_target.datum import best_motion, gauge_rows, what_is_seen
 from calib.measure_target.descend import moved_state
-from calib.measure_target.held import HeldPoses, chains_of
-from calib.measure_target.options import AsBuiltOptions
-from calib.measure_target.problem import State, joint_problem
+from calib.measure_target.problem import HeldPoses, State, chains_of, joint_problem
 from calib.measure_target.result import AsBuilt
 from calib.measure_target.solve import measure, measure_rig
-from calib.measure_target.unknowns import unknowns_of
+from calib.measure_target.unknowns import AsBuiltOptions, unknowns_of
 from calib.observe.observations import known_points
 from calib.solver.eliminate import JointStep
-from calib.solver.options import SolveOptions, tie_parameters
+from calib.solver.problem import SolveOptions, tie_parameters
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
 from tests.calib.measure_target.test_as_built_steps import dense
 from tests.support.as_built_scenes import printed, solid, truth_of
 from tests.support.rig_prints import rig_before_print
-
-Array = NDArray[np.float64]
 
 OPTIONS = AsBuiltOptions()
 CAMERAS, FRAMES = 3, 8
@@ -139,7 +135,7 @@ def test_faces_that_no_photo_shows_together_are_joined_by_frames() -> None:
     assert len(np.unique(apart.group[apart.face])) == apart.face.sum()
 
 
-def _keys(seen: Observations) -> NDArray[np.int64]:
+def _keys(seen: Observations) -> Rows:
     return seen.view * solid().ring_count + seen.point
 
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.draw.print_errors import degrees, next_options, next_print, skew_words
 from calib.measure_target.deviations import Compensation, Estimate, WholePrint, next_skew_rad, whole_of_strain
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.units import NO_SKEW, Skew, parse_skew_rad, skew_matrix
 from designer.kinds.sizing import size_printing
@@ -17,8 +17,6 @@ from designer.spec.options import AskedPrinting
 from designer.tolerance.shape import shape_of
 from designer.tolerance.sources import SOURCES
 from tests.support.as_built_scenes import solid
-
-Array = NDArray[np.float64]
 
 LEAN: Skew = (3e-3, -5e-3, 4e-3)
 

@@ -5,15 +5,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.measure_target.deviations import Compensation
-from calib.measure_target.options import AsBuiltOptions
 from calib.measure_target.record import deviations_of, record_of
 from calib.measure_target.result import AsBuilt
 from calib.measure_target.seats import PARTS, SOURCE_OF, Seats, limits_of, seats_of
 from calib.measure_target.solve import measure
-from calib.measure_target.unknowns import TargetUnknowns
+from calib.measure_target.unknowns import AsBuiltOptions, TargetUnknowns
+from designer.base.arrays import Array
 from designer.kinds.cube import CubeSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
@@ -21,8 +20,6 @@ from designer.tolerance.error_file import error_model
 from designer.tolerance.made import how_made
 from designer.tolerance.model import draw_values
 from tests.support.as_built_scenes import photos, printed, random_shape, solid
-
-Array = NDArray[np.float64]
 
 SEED = 5
 

@@ -10,8 +10,8 @@ from calib.core.se3 import invert, log_rotation, look_at, make_pose
 from calib.core.types import Observations
 from calib.measure_target.back import back_covariance, with_thickness
 from calib.measure_target.lengths import CaliperLength
-from calib.measure_target.options import AsBuiltOptions
 from calib.measure_target.solve import measure
+from calib.measure_target.unknowns import AsBuiltOptions
 from calib.observe.observations import known_points
 from calib.solver.solve import solve
 from designer.kinds.board import BoardSpec

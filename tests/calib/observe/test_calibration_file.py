@@ -20,7 +20,7 @@ from calib.core.types import KnownPoints
 from calib.observe.calibration_file import Provenance, read_calibration, write_calibration
 from calib.observe.observation_table import COLUMNS, FIRST_LINE, read_sightings
 from calib.solver.calibration import Calibration, ImageField, MadeWith, TargetError
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from designer.base.errors import InputError
 from designer.base.files import write_files
 from tests.support.calibrations import board, example

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from calib.core.types import Detections, KnownPoints, Observations
 from calib.observe.corners_vnl import PointGrid
@@ -17,11 +16,10 @@ from calib.observe.correspondences import parse_pair, read_correspondences, read
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
 from calib.observe.point_target import PointTable, points_with_planes, target_from_points
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.target import target_to_json
 from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by
-
-Array = NDArray[np.float64]
 
 BOARD, ICO = board(), icosahedron()
 SIZE = (1200, 900)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.se3 import look_at
@@ -15,8 +14,6 @@ from calib.observe.mirrored import facing, handedness, mirrored_views
 from calib.observe.observations import known_points
 from designer.base.errors import InputError
 from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by
-
-Array = NDArray[np.float64]
 
 BOARD, ICO = known_points(board()), known_points(icosahedron())
 BARREL = Camera("opencv", np.array([620, 620, 508.2, 391.7, -0.30, 0.10, 0.0006, -0.0004, -0.012]), (1024, 768))

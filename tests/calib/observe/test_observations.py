@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from calib.core.types import Detections, Observations
 from calib.observe.dataset import read_detections, write_detections
@@ -23,7 +22,6 @@ from designer.base.errors import InputError
 from designer.target import TargetGeometry
 from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by
 
-Array = NDArray[np.float64]
 Change = Callable[[Detections], Detections]
 
 BOARD, ICO = board(), icosahedron()

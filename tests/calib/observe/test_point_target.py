@@ -6,23 +6,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import load_camera
 from calib.core.se3 import exp_rotation, look_at, transform
-from calib.measure_target.options import AsBuiltOptions
 from calib.measure_target.solve import measure
+from calib.measure_target.unknowns import AsBuiltOptions
 from calib.observe.correspondences import read_observations
 from calib.observe.point_target import Plane, PointTable, target_from_points
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.target import load_target, target_to_json
 from designer.tolerance.made import how_made
 from tests.support.as_built_scenes import solid
 from tests.support.command_line import LENIENT, Answer, calib, summary_of
 from tests.support.solver_scenes import CAMERAS
-
-Array = NDArray[np.float64]
 
 BOARD = Path(__file__).parents[4] / "shared" / "real" / "wide-figueroa" / "corners.csv"
 NOISE_PX = 0.1

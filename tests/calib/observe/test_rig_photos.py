@@ -16,7 +16,7 @@ from calib.observe.rig_photos import (
     read_stamps,
     with_stamps,
 )
-from calib.observe.rig_times import joined_by_time, stamped_by_name
+from calib.observe.rig_search import joined_by_time, stamped_by_name
 from designer.base.errors import InputError
 
 

@@ -3,18 +3,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.core.se3 import invert
 from calib.observe.robot_poses import RobotPoses, poses_of, read_robot_poses
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 
 TURN = Rotation.from_euler("ZYX", [30.0, -50.0, 110.0], degrees=True)
 SHIFT_MM = np.array([412.5, -80.25, 733.0])
 
 
-def _wanted() -> NDArray[np.float64]:
+def _wanted() -> Array:
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = TURN.as_matrix(), SHIFT_MM
     return pose

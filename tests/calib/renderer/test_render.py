@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
@@ -12,13 +11,12 @@ from calib.core.se3 import compose, look_at, transform
 from calib.renderer import RenderOptions, View, render_view
 from calib.renderer.light import psf_weights
 from calib.renderer.trace import half_plane_coverage
+from designer.base.arrays import Array
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry
 from tests.support.designs import asked_for
 from tests.support.render_oracle import render_slowly
-
-Array = NDArray[np.float64]
 
 FLAT = RenderOptions(bits=32)
 SILHOUETTE = RenderOptions(bits=32, black=0.9, white=1.0, background=0.0)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import calib
 from calib.cameras import project, rays
@@ -14,12 +13,11 @@ from calib.core.se3 import look_at, make_pose, rotation_between, transform
 from calib.renderer import RenderOptions, render_view
 from calib.renderer.light import FADE_RAD
 from calib.renderer.poses import directions_over_image
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-from designer.base.small_file import parse_json
+from designer.base.files import parse_json
 from tests.calib.renderer.test_render import SILHOUETTE, board, ico
 from tests.support.render_oracle import render_slowly
-
-Array = NDArray[np.float64]
 
 SIDE = 200
 LENS = np.array([0.012, -0.006, 0.0008, -0.0001])

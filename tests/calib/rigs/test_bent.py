@@ -10,7 +10,7 @@ from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose
 from calib.core.types import Observations
 from calib.observe.robot_poses import RobotPoses
 from calib.rigs.bent import bent_alone, with_bend_error
-from calib.rigs.options import CameraChoice, Carrier, RigOptions
+from calib.rigs.problem import CameraChoice, Carrier, RigOptions
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.solver.plane_bend import plane_bend

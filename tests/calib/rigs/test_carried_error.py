@@ -8,8 +8,8 @@ import pytest
 from calib.cameras import project
 from calib.core.se3 import exp_rotation, invert, make_pose, transform
 from calib.core.types import RigObservations
-from calib.rigs.middle import carried_error
-from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
+from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
+from calib.rigs.relative import carried_error
 from calib.rigs.solve import solve_rig
 from calib.solver.start import solve_poses
 from tests.support import rig_views, solver_scenes

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from calib.core.types import Observations
-from calib.rigs.options import CameraChoice, RigOptions
+from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.solve import solve_rig
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from tests.benchmarks.bench_rig_real import FOLDER, length_errors, observed, read_corners, shuffled
 from tests.support.rig_views import stereo_pair

@@ -1,12 +1,10 @@
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation, invert, log_rotation, look_at, make_pose
+from calib.rigs.carrier import start_turntable, turned_by
 from calib.rigs.hand_eye import start_hand_eye
-from calib.rigs.turntable import start_turntable, turned_by
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 X = make_pose(exp_rotation(np.array([0.3, -2.0, 1.0])), np.array([30.0, -20.0, 80.0]))
 Z = make_pose(exp_rotation(np.array([2.0, -0.2, 1.0])), np.array([300.0, -200.0, -700.0]))

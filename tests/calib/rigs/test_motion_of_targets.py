@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation, make_pose
 from calib.rigs.motion import Motion, motion_of
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 
 def _path(time_s: Array, turn_rad_s: float) -> Array:

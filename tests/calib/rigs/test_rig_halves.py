@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.core.se3 import transform
 from calib.core.types import keep_frames
 from calib.rigs.halves import NoRigHalves, RigHalves, half_solver, rig_halves, ways_to_halve, without_outliers
-from calib.rigs.options import CameraChoice, RigOptions
+from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration
 from calib.rigs.shared_errors import with_shared_errors
 from calib.rigs.solve import solve_rig
+from designer.base.arrays import Flags
 from tests.support.rig_views import RigScene, solved_slowly, stereo_pair
 
 
@@ -24,7 +24,7 @@ def solved(scene: RigScene) -> tuple[RigCalibration, RigHalves | NoRigHalves]:
     return found, rig_halves(found, half_solver(found, choices, RigOptions()))
 
 
-def pushed(scene: RigScene, shift_mm: float, is_pushed: NDArray[np.bool_]) -> RigScene:
+def pushed(scene: RigScene, shift_mm: float, is_pushed: Flags) -> RigScene:
     """The rig with its second camera pushed sideways in some frames (V,)."""
     seen, frames = scene.observations.sightings[1], scene.observations.frame[1]
     place = transform(

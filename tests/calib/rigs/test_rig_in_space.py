@@ -7,22 +7,20 @@ from typing import NoReturn
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import calib
 from calib.core.se3 import steps_between
 from calib.core.types import Observations, RigObservations
-from calib.rigs.options import CameraChoice, RigOptions
+from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.solve import solve_rig
 from calib.solver.accuracy import UndeterminedError
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from tests.calib.rigs.test_solve_rig import camera_in_hand
 from tests.support.rig_views import RigScene, stereo_pair
 from tests.support.solver_scenes import board
-
-Array = NDArray[np.float64]
 
 PAIR = [CameraChoice("opencv")] * 2
 

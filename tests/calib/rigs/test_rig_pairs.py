@@ -8,12 +8,10 @@ import pytest
 
 from calib.cameras.rig import Rig
 from calib.core.se3 import compose, exp_rotation, invert, log_rotation, make_pose, skew
-from calib.rigs.epipolar import epipolar_distances, seen_by_both
-from calib.rigs.figures import camera_figures, pair_figures, ties_of, widest_chain
+from calib.rigs.figures import camera_figures, epipolar_distances, pair_figures, seen_by_both, ties_of, widest_chain
 from calib.rigs.halves import RigHalves, RigSplit, enlarged
-from calib.rigs.middle import middle_error
-from calib.rigs.options import CameraChoice, RigOptions
-from calib.rigs.relative import Relative, relative
+from calib.rigs.problem import CameraChoice, RigOptions
+from calib.rigs.relative import Relative, middle_error, relative
 from calib.rigs.solve import solve_rig
 from tests.support.rig_views import camera, ring, scene_of, solved_slowly, stereo_pair
 from tests.support.solver_scenes import icosahedron

@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose
 from calib.core.types import RigObservations
 from calib.observe.observations import known_points
-from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
+from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.made import EXACT, Made, how_made
@@ -21,8 +21,6 @@ from designer.tolerance.prior import ShapePrior
 from tests.support.as_built_scenes import solid
 from tests.support.rig_views import RigScene, residuals_of, ring
 from tests.support.solver_scenes import CAMERAS, observe, poses_around
-
-Array = NDArray[np.float64]
 
 AS_PRINTED = "fdm-dual"
 TOO_LARGE = 1e-3

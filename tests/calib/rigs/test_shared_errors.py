@@ -3,16 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import steps_between
-from calib.rigs.options import CameraChoice
+from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration
 from calib.rigs.shared_errors import with_shared_errors
 from calib.rigs.solve import solve_rig
+from designer.base.arrays import Array
 from tests.support.rig_views import RigScene, stereo_pair
-
-Array = NDArray[np.float64]
 
 REACH_PX, FRAMES, RUNS = 150.0, 16, 6
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from calib.core.types import RigObservations, keep_views
-from calib.rigs.options import CameraChoice
+from calib.rigs.problem import CameraChoice
 from calib.rigs.solve import solve_rig
 from designer.base.errors import InputError
 from tests.support import rig_views

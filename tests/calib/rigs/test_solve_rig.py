@@ -5,29 +5,34 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation, invert, log_rotation, look_at, make_pose, skew
 from calib.core.types import RigObservations, keep_frames, keep_views
-from calib.rigs.accuracy import shared_inverse
+from calib.rigs.accuracy import motion_covariance, shared_inverse
+from calib.rigs.carrier import turned_by
 from calib.rigs.descend import assembled, descend_rig, rig_equations
 from calib.rigs.halves import half_solver
 from calib.rigs.motion import Motion
-from calib.rigs.motion_error import motion_covariance
-from calib.rigs.options import FREE_SIZE, CameraChoice, Carrier, RigOptions
-from calib.rigs.problem import RigProblem, RigState, pack_rig, without_params
+from calib.rigs.problem import (
+    FREE_SIZE,
+    CameraChoice,
+    Carrier,
+    RigOptions,
+    RigProblem,
+    RigState,
+    pack_rig,
+    without_params,
+)
 from calib.rigs.result import RigCalibration
 from calib.rigs.rig_start import start_rig
 from calib.rigs.slack import SlackPrior
 from calib.rigs.solve import solve_rig
 from calib.rigs.start import solve_alone
-from calib.rigs.turntable import turned_by
 from calib.solver.in_space import in_space
 from calib.solver.levenberg import move_poses
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from tests.support import rig_views, solver_scenes
-
-Array = NDArray[np.float64]
 
 
 def choices(scene: rig_views.RigScene) -> list[CameraChoice]:
@@ -174,7 +179,7 @@ def test_cameras_without_a_common_frame_are_chained_by_others() -> None:
         assert off @ np.linalg.solve(found.covariance[rows, rows], off) < 25
 
 
-def _without_views(observations: RigObservations, keep: Sequence[NDArray[np.bool_]]) -> RigObservations:
+def _without_views(observations: RigObservations, keep: Sequence[Flags]) -> RigObservations:
     """Some views of each camera."""
     return replace(
         observations,

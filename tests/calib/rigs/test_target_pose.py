@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from calib.cameras.rig import Rig
@@ -15,11 +14,10 @@ from calib.observe.observations import known_points
 from calib.observe.target_poses import target_poses
 from calib.rigs.target_pose import CameraSight, RigPose, pose_in_rig
 from calib.space.linear import calibration_factor
+from designer.base.arrays import Array
 from designer.target import TargetGeometry
 from tests.support.calibrations import board, icosahedron
 from tests.support.rig_views import RigScene, ring, solved_slowly, stereo_pair
-
-Array = NDArray[np.float64]
 
 ICO, BOARD = icosahedron("100mm"), board()
 NOISE_PX = 0.1

@@ -12,9 +12,8 @@ import pytest
 
 from calib.cameras.camera import Camera
 from calib.draw.camera_scene import camera_view
-from calib.draw.checks import as_sentence, finding_of, headline_by
 from calib.draw.rig_scene import view_of
-from calib.draw.run_tables import field_of_view_words
+from calib.draw.run_tables import as_sentence, field_of_view_words, finding_of, headline_by
 from calib.draw.sigma_map import place_in_image
 from calib.judge.criteria import read_criteria
 from calib.judge.judged_run import judge_again, read_run
@@ -206,7 +205,7 @@ def test_a_model_of_other_photos_is_not_compared(run: Path) -> None:
 def test_a_model_of_some_of_the_photos_is_compared(run: Path) -> None:
     """A learned map does not reach all sightings; that makes it no solution of something else."""
     from calib.core.types import keep_views
-    from calib.solver.options import SolveOptions
+    from calib.solver.problem import SolveOptions
     from calib.solver.solve import solve
 
     seen = keep_views(read_run(run).best.calibration.observations, np.arange(8) != 3)

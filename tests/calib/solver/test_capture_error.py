@@ -4,19 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.core.types import Observations
 from calib.solver.accuracy import projected_change
 from calib.solver.calibration import Calibration
 from calib.solver.capture_error import capture_of, moved_px, with_capture_error
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, SIZE, board, icosahedron, noisy, observe, poses_around
-
-Array = NDArray[np.float64]
 
 TRUE = CAMERAS["opencv"]
 NOISE_PX = 0.02

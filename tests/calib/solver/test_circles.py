@@ -5,7 +5,6 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
@@ -14,9 +13,9 @@ from calib.core.types import KnownPoints, Observations, RigObservations
 from calib.judge.criteria import read_rig_criteria
 from calib.judge.rig_checks import rig_checks
 from calib.judge.rig_evidence import rig_evidence
-from calib.rigs.circle_doubt import with_circle_doubt as with_rig_circle_doubt
+from calib.rigs.accuracy import with_circle_doubt as with_rig_circle_doubt
 from calib.rigs.halves import NoRigHalves
-from calib.rigs.options import CameraChoice
+from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.solver.accuracy import projected_change
@@ -25,10 +24,9 @@ from calib.solver.capture_error import with_capture_error
 from calib.solver.circles import circle_shift_px, with_circle_doubt
 from calib.solver.metrics.evaluation import evaluate_on
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from tests.support.solver_scenes import board, icosahedron, noisy, observe, poses_around
-
-Array = NDArray[np.float64]
 
 SIZE = (1600, 1200)
 CAMERAS = {

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
@@ -17,13 +16,11 @@ from calib.solver.in_space import in_space
 from calib.solver.levenberg import move_poses
 from calib.solver.metrics.errors import predict
 from calib.solver.metrics.intersection import intersection
-from calib.solver.options import SolveOptions
-from calib.solver.problem import Problem, origin_poses, pack
+from calib.solver.problem import Problem, SolveOptions, origin_poses, pack
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, SIZE, board, icosahedron, observe, poses_around
-
-Array = NDArray[np.float64]
 
 IN_SPACE = tuple(name for name in COSTS if name != IMAGE)
 WIDE = Camera("ds", np.array([700.0, 701.0, 1230.0, 1010.0, -0.25, 0.57]), SIZE)

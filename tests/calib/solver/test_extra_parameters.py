@@ -3,15 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.types import Observations
 from calib.solver.extra_parameters import extra_parameters
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from tests.support.solver_scenes import CAMERAS, SIZE, board, noisy, observe, poses_around
-
-Array = NDArray[np.float64]
 
 TRUE = CAMERAS["opencv"]
 NOISE_PX = 0.02

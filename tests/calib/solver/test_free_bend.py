@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import calib
 from calib.cameras import project
@@ -16,13 +15,12 @@ from calib.solver.accuracy import UndeterminedError
 from calib.solver.calibration import Calibration
 from calib.solver.metrics.errors import summarise
 from calib.solver.metrics.evaluation import evaluate_held_out, evaluate_on
-from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import plane_bend
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, pose_from, poses_around
-
-Array = NDArray[np.float64]
 
 BOARD = board(9, 7)
 HEIGHT = (-1.1, 0.4)

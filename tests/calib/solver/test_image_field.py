@@ -4,18 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.types import Observations, keep_sightings
 from calib.solver.accuracy import projected_change
 from calib.solver.calibration import Calibration, ImageField
 from calib.solver.image_field import with_image_field
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from tests.support.solver_scenes import SIZE, icosahedron, observe, poses_around
-
-Array = NDArray[np.float64]
 
 TRUE = Camera("opencv", np.array([2500.0, 2510, 1230, 1010, -0.2, 0.1, 8e-4, -5e-4, -0.05]), SIZE)
 NOISE_PX = 0.01

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calib.cameras import project, rays
@@ -28,8 +27,9 @@ from calib.solver.metrics.evaluation import (
     evaluate_held_out,
     evaluate_on,
 )
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 from tests.support.calibrations import board, calibration_of, camera, example, icosahedron, poses_around, seen_by
@@ -43,7 +43,7 @@ PLAIN = Camera("pinhole", np.array([100.0, 100.0, 0.0, 0.0]), (1000, 1000))
 FLOOR = KnownPoints(np.array([[0.0, 0, 0], [10, 0, 0]]), np.zeros(2, dtype=int), np.array([[0.0, 0, 1, 0]]))
 
 
-def above(height_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> NDArray[np.float64]:
+def above(height_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> Array:
     """A camera over the floor that looks straight down: pixel u along x, v along -y."""
     return make_pose(np.diag([1.0, -1.0, -1.0]), np.array([-x_mm, y_mm, height_mm]))
 
@@ -55,14 +55,14 @@ def sightings(*seen: tuple[int, int, float, float], points: KnownPoints = FLOOR,
     return Observations((1000, 1000), names, table[:, 0], table[:, 1], table[:, 2:], None, points)
 
 
-def errors_of(calibration: Calibration, metric: str, true: NDArray[np.float64] | None = None) -> Errors:
+def errors_of(calibration: Calibration, metric: str, true: Array | None = None) -> Errors:
     """The errors by one metric."""
     found = METRICS[metric].errors_of(predict(calibration, true))
     assert found is not None
     return found
 
 
-def truth_of(calibration: Calibration, poses: NDArray[np.float64]) -> Truth:
+def truth_of(calibration: Calibration, poses: Array) -> Truth:
     """A truth with other poses."""
     seen = calibration.observations
     return Truth(seen.points.geometry_id, calibration.camera, true_views(seen.view_names, poses))
@@ -185,7 +185,7 @@ def test_the_point_is_that_of_the_normal_equations_and_of_least_squares() -> Non
         assert np.allclose(found, best.x, atol=1e-7)
 
 
-def moved(calibration: Calibration, motion: NDArray[np.float64], scale: float = 1.0) -> Calibration:
+def moved(calibration: Calibration, motion: Array, scale: float = 1.0) -> Calibration:
     """The same photos in a target frame that is moved, and whose millimetre is another."""
     points = calibration.observations.points
     position = scale * transform(motion, points.position_mm)
@@ -332,7 +332,7 @@ def test_other_sightings_are_told_by_poses_alone() -> None:
     for view, pose in enumerate(other.cam_from_target):
         rows = seen.view == view
 
-        def residual(step: NDArray[np.float64]) -> NDArray[np.float64]:
+        def residual(step: Array) -> Array:
             place = transform(compose(make_pose(exp_rotation(step[:3]), step[3:]), pose), position)  # noqa: B023
             return (project(camera, place) - seen.center_px[rows]).reshape(-1)  # noqa: B023
 

@@ -4,16 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions
-from calib.solver.photo_error import with_photo_error
+from calib.solver.image_field import with_photo_error
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from tests.support.solver_scenes import CAMERAS, board, observe, poses_around
-
-Array = NDArray[np.float64]
 
 TRUE, BOARD = CAMERAS["opencv"], board()
 NOISE_PX, REACH_MM = 0.02, 40.0

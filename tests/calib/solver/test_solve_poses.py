@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calib.cameras import project
@@ -16,6 +15,7 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, log_rotation, look_at, rotation_between, transform
 from calib.solver.solve import solve
 from calib.solver.start import solve_poses
+from designer.base.arrays import Array, Rows
 from tests.support.solver_scenes import (
     CAMERAS,
     NOISE_PX,
@@ -28,8 +28,6 @@ from tests.support.solver_scenes import (
     rows_of,
     sigma_of,
 )
-
-Array = NDArray[np.float64]
 
 TARGETS = {"board": board(), "icosahedron": icosahedron()}
 HALF_ANGLE_DEG = {"board": 60.0, "icosahedron": 180.0}
@@ -211,10 +209,10 @@ def test_a_few_points_are_enough(target: str, points: int) -> None:
     assert error[:, :3].max() < np.radians(1)
 
 
-def spread_points(pixel: Array, count: int, rng: np.random.Generator, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+def spread_points(pixel: Array, count: int, rng: np.random.Generator, rows: Rows) -> Rows:
     """Of many random choices of points the one whose flattest triangle is largest: no three on a line."""
 
-    def flattest(choice: NDArray[np.int64]) -> float:
+    def flattest(choice: Rows) -> float:
         corners = np.array(list(combinations(pixel[choice], 3)))
         one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         return float(np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]).min())

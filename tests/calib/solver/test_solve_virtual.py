@@ -12,7 +12,7 @@ from calib.core.se3 import exp_rotation, invert, look_at, transform
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration
 from calib.solver.learn_views import _without_gauge
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from calib.solver.solve_virtual import choose_view, on_plane_mm, sensor_points, solve_virtual
 from calib.solver.start import solve_poses

@@ -5,7 +5,6 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
@@ -14,8 +13,9 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import make_pose, transform
 from calib.core.types import KnownPoints, Observations, keep_views
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from tests.support.solver_scenes import (
     CAMERAS,
     NOISE_PX,
@@ -27,8 +27,6 @@ from tests.support.solver_scenes import (
     random_covariances,
     sigma_of,
 )
-
-Array = NDArray[np.float64]
 
 TARGETS = {"board": board(), "icosahedron": icosahedron()}
 ICO_HALF_ANGLE_DEG = 180.0

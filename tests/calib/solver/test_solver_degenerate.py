@@ -4,18 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
 from calib.core.se3 import look_at
 from calib.core.types import Observations
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, pose_from, poses_around, rows_of, sigma_of
-
-Array = NDArray[np.float64]
 
 LENSES = ("opencv", "luhmann")
 FIXED_FOCAL = SolveOptions(fixed=(("fx_px", 2500.0), ("fy_px", 2510.0)))

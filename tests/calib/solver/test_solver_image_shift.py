@@ -7,7 +7,7 @@ import pytest
 
 from calib.observe.observations import known_points
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from tests.support.calibrations import board, camera, poses_around, seen_by
 

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from calib.core.se3 import compose, exp_rotation, invert, make_pose
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from tests.support.solver_scenes import (
     CAMERAS,
@@ -24,8 +23,6 @@ from tests.support.solver_scenes import (
     random_covariances,
     sigma_of,
 )
-
-Array = NDArray[np.float64]
 
 LENSES = ("opencv", "luhmann")
 SAME = 1e-3

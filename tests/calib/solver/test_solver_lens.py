@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras.brown import distort, fold_radius, undistort
-
-Array = NDArray[np.float64]
+from designer.base.arrays import Array
 
 
 def random_coefficients(rng: np.random.Generator, tangential: float) -> Array:

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
-from calib.solver.options import Loss, SolveOptions
+from calib.solver.problem import Loss, SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Flags
 from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around, sigma_of
 
@@ -26,7 +26,7 @@ def scene(target: str = "board", camera: Camera | None = None, distance_mm: floa
     return observe(camera or CAMERAS["opencv"], points, poses, rng, noise_px=NOISE_PX)
 
 
-def spoiled(seen: Observations, share: float, how: str) -> tuple[Observations, NDArray[np.bool_]]:
+def spoiled(seen: Observations, share: float, how: str) -> tuple[Observations, Flags]:
     """A share of observations measured elsewhere, or named after another point."""
     rng = np.random.default_rng(5)
     bad = rng.random(len(seen.view)) < share

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import parameter_names, project
 from calib.cameras.camera import Camera
@@ -14,13 +13,11 @@ from calib.solver.accuracy import accuracy_of
 from calib.solver.blocks import KNEE, RobustLoss, view_blocks, view_misfit
 from calib.solver.levenberg import move_poses
 from calib.solver.linear_pose import LinearViews, poses_of
-from calib.solver.options import Loss, SolveOptions, tie_parameters
-from calib.solver.problem import few_per_view, pack, select
+from calib.solver.problem import Loss, SolveOptions, few_per_view, pack, select, tie_parameters
 from calib.solver.schur import damped_step, reduced_blocks
 from calib.solver.start import coarse_camera
+from designer.base.arrays import Array, Rows
 from tests.support.solver_scenes import CAMERAS, board, observe, poses_around, random_covariances
-
-Array = NDArray[np.float64]
 
 VIEWS = 4
 
@@ -130,7 +127,7 @@ def test_parts_of_the_blocks_are_those_of_the_whole(model: str, kind: Loss) -> N
         assert (np.abs(gradient - whole.products[:, -1]) <= 1e-12 * size).all()
 
 
-def dense(products: Array, free: NDArray[np.int64]) -> tuple[Array, Array]:
+def dense(products: Array, free: Rows) -> tuple[Array, Array]:
     """The whole normal matrix and gradient over free parameters and all poses, put together from the blocks."""
     views, parameters, count = len(products), len(free), int(free.max(initial=-1)) + 1
     normal, gradient = np.zeros((count + 6 * views,) * 2), np.zeros(count + 6 * views)

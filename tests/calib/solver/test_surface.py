@@ -14,11 +14,9 @@ from calib.core.linear_algebra import moved_covariance
 from calib.core.types import Observations, keep_views
 from calib.solver.accuracy import UndeterminedError, projected_covariance_px2
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions
-from calib.solver.problem import pack
+from calib.solver.problem import SolveOptions, pack
 from calib.solver.solve import solve
-from calib.solver.surface_equations import eliminated, places, surface_equations
-from calib.solver.surface_prior import Smoothness, precision, roughness
+from calib.solver.surface_equations import Smoothness, eliminated, places, precision, roughness, surface_equations
 from designer.base.errors import InputError
 from designer.base.packed import pack_covariance, unpack_covariance
 from tests.support.solver_scenes import board, observe, poses_around, random_covariances

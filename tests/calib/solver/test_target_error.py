@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
@@ -14,16 +13,17 @@ from calib.judge.criteria import read_criteria
 from calib.judge.evidence import evidence_of
 from calib.judge.halves import half_split
 from calib.judge.next_views import next_views
-from calib.measure_target.options import AsBuiltOptions
 from calib.measure_target.solve import measure
+from calib.measure_target.unknowns import AsBuiltOptions
 from calib.observe.calibration_file import Provenance, read_calibration, write_calibration
 from calib.observe.observations import known_points
 from calib.solver.accuracy import sigma_over_image_px
 from calib.solver.calibration import Calibration
 from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from calib.solver.target_error import extended, left_open, stated_prior, with_target_error
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
@@ -36,8 +36,6 @@ from designer.tolerance.source import Amount
 from tests.support.perturbed_targets import made_with
 from tests.support.solver_scenes import observe
 from tests.support.verdict_cases import judge_run
-
-Array = NDArray[np.float64]
 
 TRUE = Camera("opencv", np.array([2500.0, 2510, 1230, 1010, 0, 0, 0, 0, 0]), (2448, 2048))
 """Without distortion: what bends lines would tell a little of the target's shape too."""

@@ -9,7 +9,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import parameter_names, project, rays
 from calib.cameras.camera import Camera
@@ -17,8 +16,9 @@ from calib.cameras.refit import image_grid
 from calib.core.se3 import exp_rotation, log_rotation
 from calib.solver.accuracy import GRID, projected_covariance_px2, projected_sigma_px
 from calib.solver.calibration import Calibration
-from calib.solver.options import Loss, SolveOptions
+from calib.solver.problem import Loss, SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from tests.support.solver_scenes import (
     CAMERAS,
     NOISE_PX,
@@ -29,8 +29,6 @@ from tests.support.solver_scenes import (
     random_covariances,
     rows_of,
 )
-
-Array = NDArray[np.float64]
 
 RUNS = 202
 """One more than numbers of noise, which is the least."""

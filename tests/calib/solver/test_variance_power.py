@@ -4,14 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.core.types import Observations
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from tests.support.solver_scenes import CAMERAS, icosahedron, observe, poses_around
-
-Array = NDArray[np.float64]
 
 TRUE = CAMERAS["opencv"]
 RUNS = 16

@@ -6,7 +6,6 @@ from functools import cache
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from calib.cameras import MODELS, project, rays, wide_models
@@ -18,17 +17,14 @@ from calib.judge.solutions import Solution, SolveTask, best_of, solve_models
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration, ImageField
 from calib.solver.metrics.evaluation import evaluate
-from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.plan import ALL, SolvePlan, plan_from_words
-from calib.solver.problem import pack
+from calib.solver.problem import SolveOptions, pack, tie_parameters
 from calib.solver.schur import damped_step
 from calib.solver.solve import solve
 from calib.solver.suited import lens_kind, ruled_out
 from designer.base.errors import InputError
 from tests.support.lenses import conventional
 from tests.support.solver_scenes import CAMERAS, board, observe, poses_around, rows_of
-
-Array = NDArray[np.float64]
 
 SIZE = (1280, 960)
 VIEWS, LEAST_SEEN = 10, 40

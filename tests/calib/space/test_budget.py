@@ -9,10 +9,18 @@ import calib
 from calib.cameras.rig import Rig
 from calib.core.se3 import look_at, transform
 from calib.renderer.quantities import length_range, parse_distance_mm
-from calib.space.budget import expected_errors, if_known_exactly, length_errors, parts_of, without_rigid_motion
+from calib.space.budget import (
+    expected_errors,
+    if_known_exactly,
+    length_errors,
+    parts_of,
+    with_baseline,
+    with_camera,
+    with_frames,
+    without_rigid_motion,
+)
 from calib.space.triangulate import triangulate_points
 from calib.space.volume import default_volume, volume_between
-from calib.space.what_if import with_baseline, with_camera, with_frames
 from designer.base.errors import InputError
 from tests.support.rig_views import SIZE, camera
 from tests.support.space_scenes import (

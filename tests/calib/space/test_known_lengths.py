@@ -8,7 +8,7 @@ import pytest
 
 import calib
 from calib.core.types import keep_frames
-from calib.rigs.options import CameraChoice
+from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.space.known_lengths import check_lengths

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.core.se3 import exp_rotation
@@ -22,19 +21,16 @@ from calib.solver.metrics.intersection import intersection
 from calib.solver.metrics.pose import pose
 from calib.solver.metrics.reconstruction import reconstruction
 from calib.solver.metrics.reprojection import reprojection
-from calib.solver.options import SolveOptions, tie_parameters
-from calib.solver.problem import pack
+from calib.solver.problem import SolveOptions, pack, tie_parameters
 from calib.solver.schur import damped_step
 from calib.solver.solve import solve
 from calib.studies.bootstrap import Pool, expanded, make_pool, run_sample, solve_from_scratch
 from calib.studies.gradients import gradients_of
 from calib.studies.near import find_near
-from calib.studies.sample import SampleResult, draw_counts
-from calib.studies.sample_metrics import Sample, SampleErrors, sample_errors
+from calib.studies.sample_metrics import Sample, SampleErrors, SampleResult, draw_counts, sample_errors
+from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around, random_covariances, rows_of
-
-Array = NDArray[np.float64]
 
 VIEWS = 40
 TARGETS = {"board": board(), "icosahedron": icosahedron()}
@@ -54,7 +50,7 @@ def pool_of(target: str, model: str, options: SolveOptions | None = None) -> Poo
     return make_pool(seen, model, options or SolveOptions(), truth)
 
 
-def drawn(counts: NDArray[np.int64]) -> NDArray[np.int64]:
+def drawn(counts: Rows) -> Rows:
     return np.repeat(np.arange(len(counts)), counts)
 
 
@@ -150,7 +146,7 @@ def test_the_whole_pool_is_a_sample() -> None:
     assert np.abs((np.array(result.params) - pool.calibration.camera.params) / sigma).max() < 1e-5
 
 
-def metrics_by_definition(pool: Pool, counts: NDArray[np.int64], camera_from: Pool) -> SampleErrors:
+def metrics_by_definition(pool: Pool, counts: Rows, camera_from: Pool) -> SampleErrors:
     """`calib.solver.metrics` on the views as often as drawn, with the pool's own poses and any camera."""
     rows = drawn(counts)
     seen = expanded(pool.observations, rows)
@@ -175,7 +171,7 @@ def metrics_by_definition(pool: Pool, counts: NDArray[np.int64], camera_from: Po
     )  # fmt: skip
 
 
-def metrics_in_one_pass(pool: Pool, counts: NDArray[np.int64]) -> SampleErrors:
+def metrics_in_one_pass(pool: Pool, counts: Rows) -> SampleErrors:
     views = np.flatnonzero(counts)
     sample = Sample(
         pool.observations, pool.problem, views, counts[views], pool.calibration.camera, pool.cam_from_target[views]

@@ -15,7 +15,6 @@ from calib.solver.metrics.errors import summarise
 from calib.solver.metrics.evaluation import evaluate
 from calib.studies.compare import cases
 from calib.studies.compare.cases import FIGURE, Comparison, Plan, comparison, identity
-from calib.studies.compare.objects import OBJECTS, make_target, object_named
 from calib.studies.compare.photographed import (
     NO_EFFECT,
     NOISE,
@@ -26,9 +25,17 @@ from calib.studies.compare.photographed import (
     made_mm,
 )
 from calib.studies.compare.results import CaseResult, Explanation, results_of
-from calib.studies.compare.scene import ComparedScene, fitting_distance_mm, scene_of, stream, take_photos
-from calib.studies.runner import run_cases
-from calib.studies.sampling import DrawCount
+from calib.studies.compare.scene import (
+    OBJECTS,
+    ComparedScene,
+    fitting_distance_mm,
+    make_target,
+    object_named,
+    scene_of,
+    stream,
+    take_photos,
+)
+from calib.studies.runner import DrawCount, run_cases
 from calib.studies.store import open_study
 from calib.studies.tolerance.draw import run_draws
 from calib.studies.tolerance.setting import setting_at

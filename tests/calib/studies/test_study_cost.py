@@ -13,10 +13,9 @@ from calib.app.study_cost import study_cost
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation
 from calib.solver.costs import COSTS, IMAGE
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
-from calib.studies.compare.objects import make_target
-from calib.studies.compare.scene import ComparedScene, photograph, scene_of, stream
+from calib.studies.compare.scene import ComparedScene, make_target, photograph, scene_of, stream
 from calib.studies.cost.cases import SETTINGS, CostPlan, groups_of, identity, scene_named
 from calib.studies.cost.errors import ESTIMATORS, WEIGHTED, held_out, pose_error_mm
 from calib.studies.cost.photographed import (

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras.camera import camera_to_json
 from calib.observe.observations import known_points
 from calib.renderer.truth import TRUTH
 from calib.studies import paper_study
 from calib.studies.paper_table import TARGETS, paper_value
+from designer.base.arrays import Array
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
@@ -158,7 +158,7 @@ def test_incidence_is_the_angle_at_the_ring() -> None:
     truth = TRUTH.read(Path("truth.json"))
     pose = TRUE.cam_from_target[seen.view]
     eye = np.array([np.linalg.solve(one, [0, 0, 0, 1])[:3] for one in pose])
-    beside: NDArray[np.float64] = np.linalg.norm((eye - points.position_mm[seen.point])[:, :2], axis=1)
+    beside: Array = np.linalg.norm((eye - points.position_mm[seen.point])[:, :2], axis=1)
     height = eye[:, 2] - points.position_mm[seen.point][:, 2]
     np.testing.assert_allclose(paper_study.incidence_deg(seen, truth), np.degrees(np.arctan2(beside, height)))
 

@@ -12,7 +12,7 @@ import pytest
 
 from calib.studies.bootstrap import Pool
 from calib.studies.runner import run_cases
-from calib.studies.sample import draw_counts
+from calib.studies.sample_metrics import draw_counts
 from calib.studies.store import open_study, read_study
 from calib.studies.stored_samples import row_of
 from calib.studies.workers import RunChunk, run_by_pool

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import stats
 
 from calib.draw.study_words import elsewhere
@@ -20,9 +19,9 @@ from calib.studies.statistics import (
     predicted_correlations,
     summarise,
 )
+from designer.base.arrays import Array
 from tests.support.study_cases import NAMES, Made, covariance, gamma, made, paper_cases, summaries_of, with_failures
 
-Array = NDArray[np.float64]
 POSE = METRICS[3]
 CASE = Case(BOARD, 20, 200)
 

@@ -2,23 +2,21 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.studies.tolerance.budget import allowed_by_draws, budget_row, largest_allowed
-from calib.studies.tolerance.crossover import crossovers
 from calib.studies.tolerance.draw import TOGETHER, run_draws
+from calib.studies.tolerance.explore import crossovers
 from calib.studies.tolerance.first_order import first_order
 from calib.studies.tolerance.predict import control_of, linear_table
 from calib.studies.tolerance.quantities import NAMES, QUANTITIES, Requirement, quantity_row
 from calib.studies.tolerance.record import CrossoverRow
 from calib.studies.tolerance.result import Cost, ToleranceTable, table_of_draws
 from calib.studies.tolerance.sizes import sweep_rows
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount
 from tests.support.tolerance_settings import errors, ico_setting
-
-Array = NDArray[np.float64]
 
 
 def of(row: Array, name: str) -> float:

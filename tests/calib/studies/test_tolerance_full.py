@@ -1,10 +1,10 @@
 import numpy as np
 
 from calib.studies.tolerance.draw import run_draws
-from calib.studies.tolerance.full import run_full_draws
 from calib.studies.tolerance.quantities import NAMES
 from calib.studies.tolerance.seen import aimed_at
 from calib.studies.tolerance.setting import make_setting
+from calib.studies.tolerance.stored import run_full_draws
 from tests.support.perturbed_targets import ico
 from tests.support.solver_scenes import CAMERAS
 from tests.support.tolerance_settings import DISTANCE_MM, errors

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.core.se3 import exp_rotation, log_rotation, transform
@@ -13,14 +12,14 @@ from calib.solver.blocks import RobustLoss, view_blocks
 from calib.studies.tolerance.anchor import minimum_of
 from calib.studies.tolerance.draw import drawn_noise, run_cases, run_draws, seen_px
 from calib.studies.tolerance.first_order import first_order
-from calib.studies.tolerance.noise_response import noise_squares
 from calib.studies.tolerance.predict import baseline, linear_table
 from calib.studies.tolerance.quantities import NAMES, QUANTITIES, quantity_row
 from calib.studies.tolerance.record import OFF
-from calib.studies.tolerance.response import responses
+from calib.studies.tolerance.response import noise_squares, responses
 from calib.studies.tolerance.result import table_of_draws
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.sizes import reach_of
+from designer.base.arrays import Array
 from designer.tolerance.model import ErrorModel, displaced_shape
 from designer.tolerance.prior import directions
 from designer.tolerance.shape import centers_mm
@@ -29,7 +28,6 @@ from designer.tolerance.sources import SOURCES
 from tests.support.perturbed_targets import FULL
 from tests.support.tolerance_settings import board_setting, errors, ico_setting, still
 
-Array = NDArray[np.float64]
 MOVING = tuple(name for name in SOURCES if name not in ("ink_bleed", "warp"))
 SMALL = {"mm": 1e-4, "rad": 1e-5, "1": 1e-5, "K": 0.01}
 SCALES = ("scale", "thermal")

@@ -12,8 +12,8 @@ from calib.core.types import LEAST_RADIUS_PX
 from calib.renderer.faces import target_fits
 from calib.renderer.poses import PoseGrid, grid_poses
 from calib.studies.tolerance.budget import checked, largest_allowed, searched
-from calib.studies.tolerance.crossover import default_vary
 from calib.studies.tolerance.draw import BARE, TOGETHER, run_draws
+from calib.studies.tolerance.explore import default_vary
 from calib.studies.tolerance.first_order import first_order
 from calib.studies.tolerance.predict import control_of, linear_table
 from calib.studies.tolerance.quantities import NAMES, Requirement, parse_requirements, quantity_row

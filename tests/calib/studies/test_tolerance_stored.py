@@ -2,10 +2,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.studies.tolerance.draw import run_draws
 from calib.studies.tolerance.stored import DrawPool, Keeping
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
 from tests.support.tolerance_settings import errors, ico_setting
@@ -15,7 +15,7 @@ FEW = ("scale", "face_tilt")
 
 
 def kept(path: Path, model: ErrorModel, *, draws: int = 5, seed: int = SEED, jobs: int = 1, resume: bool = False,
-         told: list[int] | None = None) -> NDArray[np.float64]:  # fmt: skip
+         told: list[int] | None = None) -> Array:  # fmt: skip
     """The draws of a study."""
     pool, tell = DrawPool(ico_setting(), model, full=False), (told if told is not None else []).append
     return Keeping(path.parent, jobs, resume=resume).draws(pool, path.name, {}, seed, draws, tell)

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
@@ -20,7 +19,7 @@ from calib.solver.metrics.pose import pose
 from calib.solver.metrics.reconstruction import reconstruction
 from calib.solver.metrics.reprojection import reprojection
 from calib.solver.metrics.rotation import rotation
-from calib.solver.options import SolveOptions
+from calib.solver.problem import SolveOptions
 from calib.solver.schur import damped_step
 from calib.solver.solve import solve
 from calib.studies.tolerance.anchor import AnchoredMinimum, minimum_of
@@ -39,6 +38,7 @@ from calib.studies.tolerance.quantities import NAMES, quantity_row
 from calib.studies.tolerance.result import table_of_draws
 from calib.studies.tolerance.seen import EDGE_VARIANCE, FLAT_MINOR, LEAST_MINOR_PX, aimed_at, centre_covariances
 from calib.studies.tolerance.setting import Setting, make_setting
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced, displaced_shape
 from designer.tolerance.shape import MadeShape, centers_mm
@@ -46,8 +46,6 @@ from designer.tolerance.source import Amount
 from tests.support.perturbed_targets import ico
 from tests.support.solver_scenes import CAMERAS
 from tests.support.tolerance_settings import DISTANCE_MM, VIEWS, board_setting, errors, ico_setting, still
-
-Array = NDArray[np.float64]
 
 
 def drawn_shape(setting: Setting, model: ErrorModel, number: int) -> MadeShape:

@@ -8,9 +8,9 @@ import pytest
 
 from calib.studies.tolerance.draw import bare_draw, drawn_values, with_errors
 from calib.studies.tolerance.first_order import first_order
-from calib.studies.tolerance.law import what_if_table
 from calib.studies.tolerance.predict import control_of, linear_table
 from calib.studies.tolerance.quantities import NAMES
+from calib.studies.tolerance.sizes import what_if_table
 from calib.studies.tolerance.what_if import WhatIf, WhatIfTable
 from designer.base.errors import InputError
 from designer.tolerance.error_file import error_model, parse_amount
@@ -165,7 +165,7 @@ def test_numbers_that_recur_are_calibrated_once(monkeypatch: pytest.MonkeyPatch)
         calibrated.extend((name, numbers.tobytes()) for name, numbers in values.items())
         return np.ones(len(NAMES))
 
-    monkeypatch.setattr("calib.studies.tolerance.law.with_errors", counted)
+    monkeypatch.setattr("calib.studies.tolerance.sizes.with_errors", counted)
     what_if_table(ico_setting(), error_model("fdm-dual"), "fdm-dual", {}, seed=1)
     assert len(calibrated) == len(set(calibrated))
     assert [name for name, _ in calibrated].count("scale") == 2 * 2

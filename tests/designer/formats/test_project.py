@@ -15,15 +15,15 @@ from xml.etree import ElementTree
 import lib3mf
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.designing import DesignedTarget, design
 from designer.formats.project import MOST_PLATES, PRIME_MM3, plate_corner_mm
 from designer.kinds.presets import preset_names, preset_or_file
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec, read_printer_file, spec_to_toml
-from designer.make.plate import Plate
+from designer.make.bed import Plate
 from designer.produce import EXPORTERS
 from designer.spec.machine import Presets
 from tests.support.designs import asked_for
@@ -67,7 +67,7 @@ class ReadObject:
 
     name: str
     filament_of: dict[str, str]
-    corners_mm: NDArray[np.float64]  # (N, 3)
+    corners_mm: Array  # (N, 3)
 
 
 @dataclass(frozen=True)
@@ -239,7 +239,7 @@ def test_prime_towers_stand_clear_of_pieces(name: str) -> None:
             assert_clear(plate, corner)
 
 
-def assert_clear(plate: Plate, corner: NDArray[np.float64]) -> None:
+def assert_clear(plate: Plate, corner: Array) -> None:
     """No corner of a piece in the tower's square, and no corner of the square under a piece (which are convex)."""
     low, high = corner - TOWER_BRIM_MM, corner + TOWER_SIDE_MM + TOWER_BRIM_MM
     square = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])

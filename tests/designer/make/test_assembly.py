@@ -7,16 +7,16 @@ from functools import cache
 import numpy as np
 import pytest
 from manifold3d import JoinType, Manifold
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.solid import Polyhedron
 from designer.base.units import skew_matrix
 from designer.builds.tiles import assembly_of as assembly_in_tiles
 from designer.kinds.sizing import size_job
 from designer.make.assembly import Assembly, assemble, plates_of
-from designer.make.booleans import cone, cylinder, frame_along, placed, prism, solid_of
 from designer.make.core import split_of
+from designer.make.mesh import cone, cylinder, frame_along, placed, prism, solid_of
 from designer.make.mounts import MOUNTS, mounted, room_mm
 from designer.make.pattern import moved_in
 from designer.make.tile import TileSizes, key_places, number_contours
@@ -89,7 +89,7 @@ def test_tiles_are_closed_and_hold_the_ink_that_one_piece_has(kind: str, ink_sid
     assert section == pytest.approx(disc.sum() + window, rel=5e-3)
 
 
-def _area(outline: NDArray[np.float64]) -> float:
+def _area(outline: Array) -> float:
     x, y = outline.T
     return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
@@ -121,7 +121,7 @@ def test_keys_of_a_tile_are_those_of_its_own_seat_only(kind: str) -> None:
     assert fitting == [(seat, seat, 0) for seat in range(len(codes))]
 
 
-def _farthest(pins: NDArray[np.float64], holes: NDArray[np.float64]) -> float:
+def _farthest(pins: Array, holes: Array) -> float:
     """How far the pin that is worst off is from a hole."""
     return float(np.linalg.norm(pins[:, None] - holes, axis=2).min(axis=1).max())
 
@@ -144,13 +144,13 @@ def test_seats_are_open_at_their_own_keys_only(kind: str, edge_mm: float) -> Non
             assert (overlap < NOTHING_MM3) == (_farthest(np.array([place]), own) < 1e-3)
 
 
-def _in_all_turns(assembly: Assembly, code: int) -> NDArray[np.float64]:
+def _in_all_turns(assembly: Assembly, code: int) -> Array:
     """Where keys of a code may come to stand.  # (N, 2)"""
     sides = assembly.solid.polyhedron.sides
     return np.concatenate([key_places(assembly.sizes, code) @ _turned(turn / sides).T for turn in range(sides)])
 
 
-def _turned(turns: float) -> NDArray[np.float64]:
+def _turned(turns: float) -> Array:
     cosine, sine = np.cos(2 * np.pi * turns), np.sin(2 * np.pi * turns)
     return np.array([[cosine, -sine], [sine, cosine]])
 
@@ -229,7 +229,7 @@ def test_a_tile_can_be_pushed_out_from_inside(kind: str) -> None:
             assert (stick ^ local).volume() < NOTHING_MM3
 
 
-def unsupported(solid: Manifold, up: NDArray[np.float64], layer_mm: float = 0.2) -> tuple[float, int]:
+def unsupported(solid: Manifold, up: Array, layer_mm: float = 0.2) -> tuple[float, int]:
     """How wide the widest place is that hangs over more than 45 degrees, and how many islands begin in the air.
 
     What begins less than half a line beside a layer is held by it.
@@ -313,7 +313,7 @@ def test_rings_of_the_assembled_solid_are_those_of_the_target(kind: str, percent
     assert np.abs(found - target.center_mm).max() < 1e-5
 
 
-def ring_centres(assembly: Assembly, face: int, ink_mm: NDArray[np.float64], design: Design) -> NDArray[np.float64]:
+def ring_centres(assembly: Assembly, face: int, ink_mm: Array, design: Design) -> Array:
     """Means of the ink's corners at each ring, which are regular polygons, in the target's frame.  # (N, 3)"""
     target = design.target
     mine = target.ring_face == face
@@ -323,7 +323,7 @@ def ring_centres(assembly: Assembly, face: int, ink_mm: NDArray[np.float64], des
     apart = np.linalg.norm(on_top[None, :, :2] - expected[:, None], axis=2)
     near = apart < 1.05 * target.radius_outer_mm[mine, None]
     centres = np.stack([on_top[row].mean(axis=0) for row in near])
-    centred: NDArray[np.float64] = centres @ frame[:3, :3].T + frame[:3, 3]
+    centred: Array = centres @ frame[:3, :3].T + frame[:3, 3]
     return centred
 
 

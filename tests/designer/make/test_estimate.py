@@ -11,18 +11,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from manifold3d import Manifold
-from numpy.typing import NDArray
 
 import designer
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.sizing import size_job
-from designer.make.booleans import mesh_of
+from designer.make.bed import TOWER_BRIM_MM, TOWER_MM, Piece, Plate, purged
 from designer.make.estimate import DENSITY_G_PER_CM3, changing_layers, estimate
-from designer.make.mesh import Mesh, Part
+from designer.make.mesh import Mesh, Part, mesh_of
 from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
-from designer.make.plate import Piece, Plate
 from designer.make.section import Layered, Sliced
-from designer.make.tower import TOWER_BRIM_MM, TOWER_MM, purged
 from designer.produce import Design
 from designer.report.costs import costs_of, duration, grams, verdict
 from designer.spec.machine import FilamentChange, Shells, Speeds
@@ -189,7 +187,7 @@ def test_a_loop_is_timed_as_a_planner_does(points: list[tuple[float, float]]) ->
     assert loops_time_s([loop, loop], PACE) == pytest.approx(2 * slow_time_s(loop), rel=1e-9)
 
 
-def slow_time_s(loop: NDArray[np.float64]) -> float:
+def slow_time_s(loop: Array) -> float:
     """One closed line, begun and ended at the jerk."""
     steps = np.roll(loop, -1, axis=0) - loop
     length = np.maximum(np.hypot(*steps.T), 1e-9)

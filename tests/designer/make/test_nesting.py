@@ -8,8 +8,8 @@ from shapely import Polygon, box
 
 from designer.base.solid import regular_polygon
 from designer.kinds.sizing import printer_of
-from designer.make.nesting import BED_RIM_MM, nest
-from designer.make.tower import TOWER_MM
+from designer.make.assembly import BED_RIM_MM, nest
+from designer.make.bed import TOWER_MM
 from designer.spec.options import AskedPrinting
 
 

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.units import MOST_SKEW_DEG, NO_SKEW, Skew, format_skew, parse_skew_rad
 from designer.formats.stl import stl_bytes
@@ -23,8 +24,6 @@ from designer.produce import Design, make_files
 from designer.tolerance.shape import shape_of
 from designer.tolerance.sources import SOURCES
 from tests.support import command_line
-
-Array = NDArray[np.float64]
 
 SKEW_TEXT = "xy 0.5deg, xz -0.7deg, yz 0.3deg"
 SKEW: Skew = (math.radians(0.5), math.radians(-0.7), math.radians(0.3))

@@ -10,13 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array, Flags
 from designer.formats.threemf import plate_files
-from designer.make.bed import bed_from_target
+from designer.make.bed import Piece, bed_from_target
 from designer.make.mesh import Mesh, Part
 from designer.make.pattern import FacePattern, Pattern
-from designer.make.plate import Piece
 from designer.produce import Design
 from designer.spec.kind import KINDS
 from tests.support.designs import ink_of, packages_of, small, small_board, small_ico
@@ -76,7 +75,7 @@ def print_findings(design: Design, toolpaths: Toolpaths) -> list[str]:
     return findings
 
 
-def _ink_points_in_target(design: Design, ink: Toolpaths) -> NDArray[np.float64]:
+def _ink_points_in_target(design: Design, ink: Toolpaths) -> Array:
     """Both ends and the middle of every ink segment, at half the layer's height, where the slicer cuts.  # (N, 3)
 
     The G-code is centred at the bed's middle, where `bed_from_target` puts the part too.
@@ -88,7 +87,7 @@ def _ink_points_in_target(design: Design, ink: Toolpaths) -> NDArray[np.float64]
     return (point - motion[:3, 3]) @ motion[:3, :3]
 
 
-def ink_faces(design: Design, point_mm: NDArray[np.float64]) -> NDArray[np.bool_]:
+def ink_faces(design: Design, point_mm: Array) -> Flags:
     """On which faces each point lies within the inlay's depth and inside the ink.  # (F, N)
 
     Paths run along the middle of their lines, so they lie inside the ink by half a line where it is wide enough,

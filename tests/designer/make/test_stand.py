@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 from manifold3d import Manifold, Mesh64
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.board import BoardSpec
 from designer.kinds.cube import CubeSpec
@@ -71,7 +71,7 @@ def placed_solid(target: TargetGeometry) -> Manifold:
     return as_manifold(solid).transform(stand_from_target(target)[:3])
 
 
-def in_stand(target: TargetGeometry, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def in_stand(target: TargetGeometry, points: Array) -> Array:
     motion = stand_from_target(target)
     return points @ motion[:3, :3].T + motion[:3, 3]
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from designer.base.codec import decode
 from designer.base.errors import InputError
-from designer.base.small_file import MAX_TOML_BYTES, read_spec_file
+from designer.base.files import MAX_TOML_BYTES, read_spec_file
 from designer.kinds.presets import preset_folder, preset_names
 from designer.make.bed import printed_size_mm
 from designer.spec.build import BUILDS

@@ -6,9 +6,9 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation
+from designer.base.arrays import Array, Rows
 from designer.kinds.sizing import size_job
 from designer.produce import Design
 from designer.spec.build import BUILDS, Form, builds_of
@@ -22,12 +22,11 @@ from designer.tolerance.sources import SOURCES
 from tests.support.designs import asked_for
 from tests.support.perturbed_targets import FULL, board, ico, made_by_others
 
-Array = NDArray[np.float64]
 SMALL = 0.01
 DRAWS = 400
 
 
-def _covariance(prior: ShapePrior, rows: NDArray[np.int64]) -> Array:
+def _covariance(prior: ShapePrior, rows: Rows) -> Array:
     """Of the coordinates of some rings.  # (3N, 3N)"""
     modes = prior.modes_mm[:, rows].reshape(len(prior.modes_mm), 3 * len(rows))
     full: Array = modes.T @ modes

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.linalg import polar
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
+from designer.base.arrays import Array
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_printing
@@ -35,8 +35,6 @@ from tests.support.perturbed_targets import (
     made_by_others,
     one,
 )
-
-Array = NDArray[np.float64]
 
 
 @pytest.fixture(params=TARGETS)

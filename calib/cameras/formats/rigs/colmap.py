@@ -20,7 +20,7 @@ from calib.core.se3 import quaternion_wxyz
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.file_kind import laid_out
-from designer.base.small_file import JsonValue, parse_json
+from designer.base.files import JsonValue, parse_json
 from designer.base.words import NAME, shown
 
 CONFIG, RIGS, CAMERAS = "rig_config.json", "rigs.txt", "cameras.txt"

@@ -5,13 +5,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.cameras.formats import FORMATS, OWN
 from calib.cameras.formats.rigs.format import ReadRig, RigFiles, RigFormat, WrittenRig
 from calib.cameras.rig import RIG
+from designer.base.arrays import Array
 from designer.base.errors import InputError
-from designer.base.small_file import parse_json
+from designer.base.files import parse_json
 
 LARGEST_VARIANCE = 1e100
 _ROUNDING = 1e-6  # of a covariance, in its standard deviations
@@ -32,7 +32,7 @@ def read(files: RigFiles) -> ReadRig:
     return ReadRig(rig, (None,) * len(rig.cameras), "mm")
 
 
-def covariance_fault(matrix: NDArray[np.float64]) -> str | None:
+def covariance_fault(matrix: Array) -> str | None:
     """Why a finite matrix (N, N) is no covariance, as its single rows and pairs of them tell; None: it may be one."""
     variance = np.diagonal(matrix)
     if (variance < 0).any():

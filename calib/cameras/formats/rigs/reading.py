@@ -14,7 +14,7 @@ from calib.cameras.formats.rigs.format import ReadRig, RigFiles, RigFormat
 from calib.cameras.formats.rigs.poses import UNIT_WORDS, unit_mm
 from calib.cameras.rig import MOST_CAMERAS, RIG, Rig
 from designer.base.errors import InputError
-from designer.base.small_file import read_small_text
+from designer.base.files import read_small_text
 from designer.base.words import shown, suggestion
 
 HEAD = 2**16
