@@ -28,11 +28,7 @@ app = new_app(
 )
 
 Option = str | bool | None
-OPTION_VALUES = {
-    "printer": printer_templates,
-    "build": one_of(tuple(BUILDS)),
-    "lattice": one_of(get_args(Lattice)),
-}
+OPTION_VALUES = {"printer": printer_templates, "build": one_of(tuple(BUILDS)), "lattice": one_of(get_args(Lattice))}
 """What completes the option of a spec's field."""
 FOLDER_HELP = "folder to write into (default: exports/NAME)"
 

@@ -10,15 +10,7 @@ from typing import get_args
 
 import numpy as np
 
-from calib.app.inputs import (
-    DISTANCES_MM,
-    MAX_SEED,
-    Place,
-    camera_of,
-    folder_of,
-    processes_of,
-    target_of,
-)
+from calib.app.inputs import DISTANCES_MM, MAX_SEED, Place, camera_of, folder_of, processes_of, target_of
 from calib.cameras.camera import Camera
 from calib.core.se3 import rigid_fault
 from calib.core.types import LEAST_RADIUS_PX

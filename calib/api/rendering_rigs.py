@@ -11,14 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.api.rendering import RenderedPhotos, check_light
-from calib.app.inputs import (
-    DISTANCES_MM,
-    MAX_SEED,
-    Place,
-    folder_of,
-    processes_of,
-    target_of,
-)
+from calib.app.inputs import DISTANCES_MM, MAX_SEED, Place, folder_of, processes_of, target_of
 from calib.cameras.rig import RIG, Rig
 from calib.core.types import LEAST_RADIUS_PX
 from calib.renderer.faces import ring_truth
@@ -134,9 +127,10 @@ class RenderedRig:
         """
         place, processes = folder_of(folder), processes_of(jobs)
         files = {
-            place / RIG_FILE: RIG.text(self.rig), place / TRUTH_FILE: RIG_TRUTH.text(self.truth),
+            place / RIG_FILE: RIG.text(self.rig),
+            place / TRUTH_FILE: RIG_TRUTH.text(self.truth),
             place / PHOTO_TABLE: self.photo_table.encode(),
-        }  # fmt: skip
+        }
         _require_same_set(files, self.rig, overwrite=overwrite)
         sets = {place / name: job for name, job in zip(self.rig.names, self.jobs, strict=True)}
         require_free(sets, overwrite=overwrite)

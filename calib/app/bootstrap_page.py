@@ -38,18 +38,7 @@ from calib.draw.study_words import (
 )
 from calib.studies.study_table import StudyCases, StudyTable
 from designer.base.words import cut, printable
-from designer.page.blocks import (
-    Block,
-    Command,
-    Facts,
-    Figure,
-    Findings,
-    Fold,
-    Headline,
-    Page,
-    Paragraph,
-    Section,
-)
+from designer.page.blocks import Block, Command, Facts, Figure, Findings, Fold, Headline, Page, Paragraph, Section
 from designer.page.folders import notes
 
 if TYPE_CHECKING:
@@ -148,14 +137,15 @@ def _errors(table: StudyTable, found: "Bootstrap") -> Section:
     shown = (one for one in tables if one is not None)
     return Section(
         "How sure the calibration is", (*shown, *found.figures(start="histograms")), lead=interval_sentence(table)
-    )  # fmt: skip
+    )
 
 
 def _histograms(found: "Bootstrap") -> Section:
     return Section(
-        "Distributions", _folded(found.figures(start="histograms")),
+        "Distributions",
+        _folded(found.figures(start="histograms")),
         lead="The samples with fitted Gaussians: where they are skewed, a mean and a sigma say too little.",
-    )  # fmt: skip
+    )
 
 
 def _views(table: StudyTable, found: "Bootstrap") -> Section:
@@ -165,9 +155,10 @@ def _views(table: StudyTable, found: "Bootstrap") -> Section:
         return Section("More views", (Paragraph(line),))
     falls = None if table.is_compared else falls_table(table)
     return Section(
-        "More views", (*found.figures(start="sigma"), *(() if falls is None else (falls,))),
+        "More views",
+        (*found.figures(start="sigma"), *(() if falls is None else (falls,))),
         lead="Where sigma falls as 1/sqrt(N), four times as many views halve it.",
-    )  # fmt: skip
+    )
 
 
 def _correlations(found: "Bootstrap") -> Section:
@@ -181,7 +172,7 @@ def _folded(blocks: Sequence[Block]) -> tuple[Block, ...]:
     first = next((block for block in blocks if isinstance(block, Figure)), None)
     return tuple(
         Fold(block.title, (block,), is_open=block is first) if isinstance(block, Figure) else block for block in blocks
-    )  # fmt: skip
+    )
 
 
 def _findings(table: StudyTable) -> Section:

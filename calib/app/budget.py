@@ -302,10 +302,11 @@ def _errors_table(found: Budget) -> "Table":
            length.by_calibration) for length in found.lengths),
     ]  # fmt: skip
     return table_of(
-        rows, kind("error", lambda row: row[0]),
+        rows,
+        kind("error", lambda row: row[0]),
         kind("median mm", lambda row: row[1].median_mm, unknown=NOT_KNOWN),
         kind("95 % mm", lambda row: row[1].most_mm, "95 % of the volume is better", unknown=NOT_KNOWN),
         kind("worst mm", lambda row: row[1].worst_mm, unknown=NOT_KNOWN),
         kind("by noise mm", lambda row: row[2].median_mm, "median"),
         kind("by the rig mm", lambda row: row[3].median_mm, "median, by the rig's own errors", unknown=NOT_KNOWN),
-    )  # fmt: skip
+    )

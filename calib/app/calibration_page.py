@@ -378,8 +378,9 @@ def calibration_words(run: JudgedRun, notes: Sequence[str], skipped: Sequence[st
     )
     tables = (
         views_table(photo_rows(best.evaluated, run.records), is_flat=_is_flat(run)),
-        *(() if _is_flat(run) else (faces_table(best.evaluated, run.records),)), models_table((best, *run.others)),
+        *(() if _is_flat(run) else (faces_table(best.evaluated, run.records),)),
+        models_table((best, *run.others)),
         *(parameters_table(one.metrics) for one in (best, *run.others)),
-    )  # fmt: skip
+    )
     sections = (Section("Verdict", (Findings(said), Steps(steps_of(run)))), Section("Tables", tables))
     return Page("", "", headline_of(run), sections, lead=(key_facts(run),))

@@ -239,8 +239,7 @@ def convert(
         ),
     ] = None,
     cameras: Annotated[
-        Iterable[str],
-        option("of a rig, a camera to write, in this order (default: all)", metavar="NAME", is_many=True),
+        Iterable[str], option("of a rig, a camera to write, in this order (default: all)", metavar="NAME", is_many=True)
     ] = (),
     unit: Annotated[
         str | None, option("of lengths in a rig's files: mm or m (default: as their tool has it)", metavar="UNIT")

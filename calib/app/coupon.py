@@ -107,13 +107,16 @@ def coupon(
         "str | CaliperLength | Iterable[str | CaliperLength]",
         option(
             "a caliper's length between rings, which tells the size: 'ring 0 to ring 4:30.38mm+-0.03mm'",
-            flag="--length", is_many=True,
+            flag="--length",
+            is_many=True,
         ),
     ] = (),
     dpi: Annotated[
         float | Literal["file"] | None,
         option(
-            f"the pictures are a flatbed's scans: 600, or {FILE} for what their files state", LEAST_DPI, MOST_DPI,
+            f"the pictures are a flatbed's scans: 600, or {FILE} for what their files state",
+            LEAST_DPI,
+            MOST_DPI,
             parse=_dpi,
         ),
     ] = None,
@@ -121,19 +124,17 @@ def coupon(
     shrink_compensation_percent: MadeWithShrink = 0.0,
     skew_compensation_rad: MadeWithSkew = NO_SKEW,
     save: Annotated[
-        "Place | None",
-        option("printer file to write, for design --printer: with what was found", metavar="FILE.toml"),
+        "Place | None", option("printer file to write, for design --printer: with what was found", metavar="FILE.toml")
     ] = None,
     printer: Annotated[
-        str | None,
-        option("whose other lines --save takes over (default: that of design)", complete=printer_templates),
+        str | None, option("whose other lines --save takes over (default: that of design)", complete=printer_templates)
     ] = None,
     out: Annotated[
         "Output | Place | None",
         option("folder for the page and coupon.json (default: exports/coupon)", short="-o", group=OUTPUT),
     ] = None,
     progress: Progress = unheard,
-) -> CouponReading:  # fmt: skip
+) -> CouponReading:
     """Tell ink bleed, scale and skew of a printer from photos or scans of its coupon: `coupon("coupon.jpg")`.
 
     Print it with `design coupon`. Take the photo squarely from above, sharp, the coupon filling the picture; one is
@@ -239,17 +240,19 @@ def _page(told: CouponReading) -> "Page":
         ("at white lines beyond black lines", found.white_beyond_black_mm, millimetres),
     )
     bleed_table = errors_table(
-        "Ink bleed at each edge", bleeds,
+        "Ink bleed at each edge",
+        bleeds,
         "Black into white is +. What the picture's tone curve leaves open is in each sigma; in differences it cancels.",
-    )  # fmt: skip
+    )
     shape_table = errors_table(
-        "Size and shape", whole_rows(found.whole),
+        "Size and shape",
+        whole_rows(found.whole),
         "Axes are the bed's, with the coupon as design lays it: pattern down. A tilted photo tells little of axes and "
         "skew: take one squarely from above, or several from several sides and turned by a quarter.",
-    )  # fmt: skip
-    remarks = Findings(tuple(
-        Finding("usable" if line.startswith("left out") else "note", "", line) for line in told.remarks
-    ))  # fmt: skip
+    )
+    remarks = Findings(
+        tuple(Finding("usable" if line.startswith("left out") else "note", "", line) for line in told.remarks)
+    )
     typed = " ".join(one.typed for one in options if (one.value, one.made_with) != ("0", "0"))
     sure = ", ".join(one.sigma for one in options if one.sigma)
     steps = (Command(f"design ... {typed}", f"prints right (± {sure})"),) if sure else ()

@@ -116,24 +116,23 @@ class Difference(Result, kind="difference", title="Difference", doing="comparing
 @capability
 def diff(
     a: Annotated[
-        "Camera | Rig | Place",
-        argument("file of a camera or a rig, of any kind that calib convert reads, or a folder"),
+        "Camera | Rig | Place", argument("file of a camera or a rig, of any kind that calib convert reads, or a folder")
     ],
-    b: Annotated[
-        "Camera | Rig | Place", argument("another camera of the same image size, or rig of the same cameras")
-    ],
+    b: Annotated["Camera | Rig | Place", argument("another camera of the same image size, or rig of the same cameras")],
     *,
     radius_px: Annotated[
         float | None,
         option(
             "fit the rotation that is removed only this near to the centre, in px; 0: remove none (default: fit it to "
-            "the whole image)", 0, 1e9,
+            "the whole image)",
+            0,
+            1e9,
         ),
     ] = None,
     out: Annotated[
         "Output | Place | None", option("draw the map of differences", flag="--picture", metavar="FILE.png")
     ] = None,
-) -> Difference:  # fmt: skip
+) -> Difference:
     """Compare two cameras: how far apart they see the same light: `diff("a/camera.json", "b.yaml")`.
 
     In px over the image, and as angles; or two rigs. The frames of two calibrations are never quite parallel, so the
@@ -249,8 +248,9 @@ def _camera_facts(difference: "CameraDifference") -> tuple[tuple[str, str], ...]
     looked = f"{unknown} of {difference.length_px.size} pixels looked at, where a camera does not know what it sees"
     return (
         ("largest", f"at pixel ({pixel[0]:.0f}, {pixel[1]:.0f}): B sees its light ({du:+.4f}, {dv:+.4f}) px away"),
-        *((("not compared", looked),) if unknown else ()), ("frames", _rotation_words(difference)),
-    )  # fmt: skip
+        *((("not compared", looked),) if unknown else ()),
+        ("frames", _rotation_words(difference)),
+    )
 
 
 def _zones_table(zones: "dict[str, ZoneDifference]") -> "Table":
@@ -259,12 +259,13 @@ def _zones_table(zones: "dict[str, ZoneDifference]") -> "Table":
 
     kind = Shown["_Zone"]
     return table_of(
-        zones.items(), kind("difference (px)", lambda row: _label(row[0], row[1].share)),
+        zones.items(),
+        kind("difference (px)", lambda row: _label(row[0], row[1].share)),
         kind("RMS", lambda row: _fixed(row[1].rms_px, ".4f")),
         kind("median", lambda row: _fixed(row[1].median_px, ".4f")),
         kind("max", lambda row: _fixed(row[1].max_px, ".4f")),
         kind("RMS (deg)", lambda row: _fixed(math.degrees(row[1].rms_rad), ".5f")),
-    )  # fmt: skip
+    )
 
 
 def _label(zone: str, known: float) -> str:
@@ -287,10 +288,11 @@ def _placed(difference: "RigDifference") -> "Headline":
     per_cent = f"{100 * abs(placed.scale):.4f} % {'longer' if placed.scale > 0 else 'shorter'}"
     longer = "as long" if abs(placed.scale) < ALIKE else per_cent
     return Headline(
-        "note", f"{placed.rms_mm:.4f} mm",
+        "note",
+        f"{placed.rms_mm:.4f} mm",
         f"RMS between where both place the same pixels, at most {placed.max_mm:.4f} mm, and lengths by B are {longer}: "
         f"{placed.points} points of {placed.volume}, B laid over A.",
-    )  # fmt: skip
+    )
 
 
 def _rig_tables(difference: "RigDifference") -> "tuple[Table, ...]":
@@ -304,10 +306,11 @@ def _rig_tables(difference: "RigDifference") -> "tuple[Table, ...]":
         pair("cameras", lambda one: f"{one.a} - {one.b}"),
         pair("baseline A (mm)", lambda one: _fixed(one.baseline_mm[0], ".3f")),
         pair("B - A (mm)", lambda one: _fixed(one.baseline_mm[1] - one.baseline_mm[0], "+.3f")),
-        pair("sigmas", _sigmas), pair("place (mm)", lambda one: _fixed(one.place_mm, ".3f")),
+        pair("sigmas", _sigmas),
+        pair("place (mm)", lambda one: _fixed(one.place_mm, ".3f")),
         pair("turn (deg)", lambda one: _fixed(math.degrees(one.turn_rad), ".4f")),
         note=f"and {more} pairs that differ less" if more > 0 else "",
-    )  # fmt: skip
+    )
     if difference.placed is None:
         return (pairs,)
     order = sorted(difference.placed.cameras, key=lambda one: -one.rms_px if math.isfinite(one.rms_px) else 1.0)

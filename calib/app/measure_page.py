@@ -61,11 +61,12 @@ def measured_page(measured: "MeasuredPrint", *, is_drawn: bool) -> Page:
     whole = whole_rows(record.whole)
     advice = _advice(measured)
     findings = (
-        *(() if record.seats is None else seat_findings(record.seats)), *(() if ink is None else (ink_finding(ink),)),
+        *(() if record.seats is None else seat_findings(record.seats)),
+        *(() if ink is None else (ink_finding(ink),)),
         *(Finding("note", "", one.text) for one in advice if isinstance(one, Paragraph)),
         *(Finding("note", "", line) for line in record.remarks),
         *(Finding("note", "cross-validation", line) for line in (record.held_out.remarks if record.held_out else ())),
-    )  # fmt: skip
+    )
     sections = (
         Section(
             "The whole print",
@@ -73,11 +74,12 @@ def measured_page(measured: "MeasuredPrint", *, is_drawn: bool) -> Page:
         ),
         Section("Faces and rings", tuple(blocks), lead=f"{capital(moved)}." if moved else ""),
         Section(
-            "Cross-validation", (*(() if gains is None else (gains,)), cameras_table(record)),
+            "Cross-validation",
+            (*(() if gains is None else (gains,)), cameras_table(record)),
             lead=gain_sentence(record),
         ),
         Section("Settings", (_settings(record),)),
-    )  # fmt: skip
+    )
     name = "" if measured.file is None else printable(measured.file.name.removesuffix(".target.json"))
     return Page(
         name, "", headline_of(record), sections, lead=(*(() if view is None else (view,)), _facts(record)),
@@ -89,9 +91,10 @@ def rescaled_page(made: "RescaledTarget") -> Page:
     """Its size, and what is next."""
     size = made.size
     what = (
-        ("size", f"{percent(size)} against the design; the shape is taken as designed") if size is not None
+        ("size", f"{percent(size)} against the design; the shape is taken as designed")
+        if size is not None
         else ("shape", "as designed but for the distance of its two faces")
-    )  # fmt: skip
+    )
     use = "measured.target.json" if made.file is None else quoted(made.file)
     advice = next_print(WholePrint(size, {}, {}), made.made_with, plastic=is_plastic(made.nominal))
     steps = (Command(f"calib run {use} photos -o camera", "with the folder of your photos"), *advice)

@@ -204,11 +204,12 @@ class RescaledTarget(Result, kind="rescaled", title="Rescaled target"):
 
         size, made = self.size, self.made_with.shrink_percent
         return {
-            "status": "rescaled", "nominal_geometry_id": self.nominal.geometry_id,
+            "status": "rescaled",
+            "nominal_geometry_id": self.nominal.geometry_id,
             "measured_geometry_id": self.target.geometry_id,
             "size": None if size is None else {"value": size.value, "sigma": size.sigma},
             "next_shrink_compensation_percent": None if size is None else compensation_percent(size.value, made),
-        }  # fmt: skip
+        }
 
     def save(self, path: str | PathLike[str], *, command: str = "", has_page: bool = True) -> tuple[Path, ...]:
         """Write `NAME.target.json`; return its place.

@@ -33,9 +33,7 @@ Photos = Annotated[
     "Place | Iterable[Place]", argument("images, folders of images, or patterns such as 'run/*.png'", is_many=True)
 ]
 PhotoJobs = Annotated[int | None, option("photos at a time, all in memory (default: one per core)", 1, MOST_JOBS)]
-Weighted = Annotated[
-    bool, option("weigh observations by the covariances they state, or all alike", off="--unweighted")
-]  # fmt: skip
+Weighted = Annotated[bool, option("weigh observations by the covariances they state, or all alike", off="--unweighted")]
 Limits = Annotated[
     "Criteria | Place",
     option(
@@ -138,9 +136,7 @@ MOST_VIEWS = 100_000
 MOST_DISTANCE_MM = 10_000.0
 Seed = Annotated[int, option("of all that is random", 0, 2**63 - 1)]
 Jobs = Annotated[int | None, option("processes (default: one per core)", 1, MOST_JOBS)]
-Dask = Annotated[
-    str | None, option("have the samples computed by the Dask cluster of this scheduler: tcp://host:8786")
-]  # fmt: skip
+Dask = Annotated[str | None, option("have the samples computed by the Dask cluster of this scheduler: tcp://host:8786")]
 Resume = Annotated[bool, option("go on with the study in the folder")]
 CameraTemplate = Annotated["Camera | Place", option("camera template, or a camera file", complete=camera_templates)]
 Views = Annotated[int, option("how many photos", 1, MOST_VIEWS)]
@@ -148,21 +144,20 @@ Distance = Annotated[
     tuple[float, float] | float | None,
     option(
         "of the cameras from the target's origin: 400mm, or 250mm..500mm (default: as the page of a design advises)",
-        1.0, MOST_DISTANCE_MM,
+        1.0,
+        MOST_DISTANCE_MM,
     ),
-]  # fmt: skip
+]
 AimOffset = Annotated[
     float | None,
     option(
         "look past the target's origin, by up to this (default: as the page of a design advises)", 0, MOST_DISTANCE_MM
     ),
 ]
-FittedModel = Annotated[
-    str, option(f"camera model that is solved: {', '.join(fitted_models())}", names=fitted_models)
-]  # fmt: skip
+FittedModel = Annotated[str, option(f"camera model that is solved: {', '.join(fitted_models())}", names=fitted_models)]
 Errors = Annotated[
     str, option("error template (fdm-dual, hand-stickers, ...), or a TOML file", complete=error_templates)
-]  # fmt: skip
+]
 Changes = Annotated[
     Sequence[str],
     option("another size of one error: face_tilt=0.1deg", flag="--set", metavar="ERROR=SIZE", is_many=True),

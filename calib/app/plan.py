@@ -163,8 +163,7 @@ class PhotoPlan(
 def plan(
     target: Target,
     camera: Annotated[
-        "Camera | Place",
-        option("about as it is: its file, or a template such as webcam", complete=camera_templates),
+        "Camera | Place", option("about as it is: its file, or a template such as webcam", complete=camera_templates)
     ],
     *,
     within_px: Annotated[
@@ -244,9 +243,9 @@ def plan(
     # A table shows the target where it stands.
     goal_covered = settings.criteria["coverage"].good / 100 if at is None else 0.0
     progress("trying plans", 0, 0)
-    worked_out = plan_that_holds(PlanWish(
-        before, shape, held, goal_px, goal_covered, most, settings.made, at, is_held_exactly=hand is not None
-    ))  # fmt: skip
+    worked_out = plan_that_holds(
+        PlanWish(before, shape, held, goal_px, goal_covered, most, settings.made, at, is_held_exactly=hand is not None)
+    )
     if worked_out is None:
         raise InputError(_why_nothing(held.distance_mm, is_on_table=at is not None))
     found, tried = worked_out

@@ -6,17 +6,7 @@ from typing import TYPE_CHECKING
 
 from designer.base.words import figure as digits
 from designer.base.words import printable
-from designer.page.blocks import (
-    Command,
-    Facts,
-    Gallery,
-    Headline,
-    Page,
-    Picture,
-    Section,
-    Table,
-    View3d,
-)
+from designer.page.blocks import Command, Facts, Gallery, Headline, Page, Picture, Section, Table, View3d
 from designer.page.folders import Shown, notes, table_of
 from designer.page.terminal import quoted
 
@@ -157,7 +147,8 @@ def _scene(found: "PhotoPlan") -> View3d:
     up, from_direction = first_look(poses, centers_mm(poses), is_flat=found.geometry.is_planar)
     layers = (*target_layers(found.geometry, body_colour=BODY, ink_colour=INK), cameras)
     return View3d(
-        "The camera around the target", Scene(layers, up, from_direction, ((NEXT, "photo to take"),)),
+        "The camera around the target",
+        Scene(layers, up, from_direction, ((NEXT, "photo to take"),)),
         f"{len(poses)} photos around the target.",
         f"Each {body_words(sight)} is a photo to take. Point at one for what to do.",
-    )  # fmt: skip
+    )

@@ -120,8 +120,7 @@ def pose(
         ),
     ] = None,
     photos: Annotated[
-        "Place | Iterable[Place]",
-        argument("images, folders of images, or patterns such as 'run/*.png'", is_many=True),
+        "Place | Iterable[Place]", argument("images, folders of images, or patterns such as 'run/*.png'", is_many=True)
     ] = (),
     *,
     rig: Annotated[
@@ -131,16 +130,14 @@ def pose(
             "these: calib pose --rig rig.json TARGET FOLDER..."
         ),
     ] = None,
-    out: Annotated[
-        "Output | Place | None", option("poses to write, .json or .csv", short="-o", group=OUTPUT)
-    ] = None,
+    out: Annotated["Output | Place | None", option("poses to write, .json or .csv", short="-o", group=OUTPUT)] = None,
     overlay: Annotated[
         "Place | None", option("folder for pictures with the axes and the residuals", metavar="DIR", group=OUTPUT)
     ] = None,
     weighted: Weighted = True,
     jobs: PhotoJobs = None,
     progress: Progress = unheard,
-) -> TargetPoses:  # fmt: skip
+) -> TargetPoses:
     """Find where a known camera stood, and how surely: `pose("ico.target.json", "camera.json", "photos")`.
 
     Photo by photo; or where the target is before a rig, frame by frame. The exit code is 1 if no photo gives a pose.

@@ -11,14 +11,7 @@ from calib.observe.photos import PhotoResult
 from calib.observe.records import common_remarks
 from calib.observe.target_poses import PoseResult, TargetPose
 from calib.show.parts.kept_target import target_words
-from calib.show.photos.photos_file import (
-    SHARE_RULE,
-    ToldPhoto,
-    ToldPhotos,
-    ToldSection,
-    level_of_share,
-    worst_level,
-)
+from calib.show.photos.photos_file import SHARE_RULE, ToldPhoto, ToldPhotos, ToldSection, level_of_share, worst_level
 from calib.show.photos.place_scene import distance_words
 from designer.base.words import figure as digits
 from designer.base.words import with_digits
@@ -104,7 +97,7 @@ def _facts(made: "TargetPoses", found: PoseResult) -> tuple[tuple[str, str], ...
         ("target", f"{made.target_named} ({target_words(found.target)})"),
         ("camera", f"{made.taken_by} (model {found.camera.model}), {width} x {height} px"),
         ("photos", str(len(found.search.results))),
-    ]  # fmt: skip
+    ]
     if sigma_mm and np.isfinite(sigma_mm).all():
         facts.append(("sigma of the distance", f"{digits(float(np.median(sigma_mm)), 2)} mm in the usual photo"))
     return (*facts, ("written to", "nowhere: add -o poses.json" if made.place is None else str(made.place)))

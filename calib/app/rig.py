@@ -62,21 +62,21 @@ def rig(
     diameter_mm: float | None = None,
     model: Annotated[
         "str | Mapping[str, str] | Sequence[str]",
-        option("of all cameras, or of one: left=fisheye (default: opencv, of a wide lens what leaves least)",
-               is_many=True),
+        option(
+            "of all cameras, or of one: left=fisheye (default: opencv, of a wide lens what leaves least)", is_many=True
+        ),
     ] = (),
     cameras: Annotated[
         "Mapping[str, Camera | Place] | Sequence[str]",
-        option("a camera's lens from an earlier run, which is kept: left=left/camera.json", flag="--camera",
-               is_many=True),
+        option(
+            "a camera's lens from an earlier run, which is kept: left=left/camera.json", flag="--camera", is_many=True
+        ),
     ] = (),
     refine: Annotated[
         "bool | Collection[str]",
         option("solve the lens of this camera on from the one that is given; or all", is_many=True),
     ] = (),
-    fix: Annotated[
-        Sequence[str], option("keep a parameter: k3, k3=0, of one camera left:k3=0", is_many=True)
-    ] = (),
+    fix: Annotated[Sequence[str], option("keep a parameter: k3, k3=0, of one camera left:k3=0", is_many=True)] = (),
     reference: Annotated[str | None, option("camera whose frame the rig's is (default: the first)")] = None,
     loss: Loss = "squares",
     reject_sigma: Reject = None,
@@ -90,7 +90,7 @@ def rig(
         "Output | Place | None", option("folder (default: exports/NAME/rig, or rig)", short="-o", group=OUTPUT)
     ] = None,
     progress: Progress = unheard,
-) -> SolvedRig:  # fmt: skip
+) -> SolvedRig:
     """Solve where several cameras stand that saw one target together: `rig("ico.target.json", ["left", "right"])`.
 
     Also their lenses, and how surely all that is known. The exit code is 1 if the frames do not determine the rig, or

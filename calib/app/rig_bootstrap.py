@@ -71,7 +71,7 @@ def rig_bootstrap(
     samples: Annotated[int, option("each of as many frames as there are", 2, 100_000)] = 200,
     seed: Seed = 1,
     progress: Progress = unheard,
-) -> RigBootstrap:  # fmt: skip
+) -> RigBootstrap:
     """Solve samples of a rig's frames, drawn with replacement: `rig_bootstrap("rig").ratio`.
 
     >>> found = calib.rig_bootstrap("rig", samples=100)
@@ -124,9 +124,9 @@ def _page(found: RigBootstrap) -> "Page":
     from designer.page.folders import Shown, notes, number, table_of
 
     failed = f", {found.failed} that do not determine the rig" if found.failed else ""
-    facts = Facts((
-        ("rig", ", ".join(found.cameras)), ("samples", f"{found.samples} of {found.frames} frames each{failed}"),
-    ))  # fmt: skip
+    facts = Facts(
+        (("rig", ", ".join(found.cameras)), ("samples", f"{found.samples} of {found.frames} frames each{failed}"))
+    )
     pair = Shown["PairSpread"]
     pairs = table_of(
         found.pairs, pair("pair", lambda one: " - ".join(map(printable, one.names))),

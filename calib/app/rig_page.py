@@ -34,8 +34,9 @@ if TYPE_CHECKING:
     from designer.base.answer import Value
 
 KINDS_OF_HALVES: tuple[tuple[SplitKind, str], ...] = (
-    ("by turns", "alike ones"), ("in order", "the first and the last")
-)  # fmt: skip
+    ("by turns", "alike ones"),
+    ("in order", "the first and the last"),
+)
 OF_PAIRS = "Of the joint covariance of all cameras, so that it does not matter whose frame the rig's is."
 OF_NEXT_FRAMES = "The next frames would help most of those tried; what each gives is with those before it."
 OF_NEXT_POSES = (

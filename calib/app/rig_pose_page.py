@@ -11,14 +11,7 @@ from calib.draw.gallery import STANDS_OUT, shortened
 from calib.observe.photos import PhotoResult
 from calib.rigs.rig_poses_file import CameraResidual, RigPoseResult, RigTargetPose
 from calib.show.parts.kept_target import target_words
-from calib.show.photos.photos_file import (
-    SHARE_RULE,
-    ToldPhoto,
-    ToldPhotos,
-    ToldSection,
-    level_of_share,
-    worst_level,
-)
+from calib.show.photos.photos_file import SHARE_RULE, ToldPhoto, ToldPhotos, ToldSection, level_of_share, worst_level
 from designer.base.words import figure as digits
 from designer.base.words import printable, with_digits
 from designer.page.blocks import Cell, Column, Finding, Findings, Headline, Level, Table

@@ -73,7 +73,7 @@ def _sights(rig: Rig, search: RigSearch, *, weighted: bool) -> dict[str, list[Ca
         alone = {
             pose.image: pose.cam_from_target
             for pose in (target_poses(seen, search.target, rig.cameras[row], weighted=weighted).poses if seen else ())
-        }  # fmt: skip
+        }
         frames = frames_of(search.photos, name, {result.photo.path: result.photo.name for result in one.results})
         for shown in seen:
             sights.setdefault(frames[shown.image], []).append(CameraSight(row, shown, alone.get(shown.image)))

@@ -78,7 +78,8 @@ def rig_tolerance(
         "Rig | SimulatedRig | Place",
         option(
             "rig template (stereo-pair, ring-of-eight, ...), a TOML file of cameras, a rig.json, another tool's",
-            metavar="NAME|FILE", complete=rig_templates,
+            metavar="NAME|FILE",
+            complete=rig_templates,
         ),
     ],
     *,
@@ -92,7 +93,7 @@ def rig_tolerance(
     linear: Annotated[bool, option("no draws: predict from Jacobians, in seconds")] = False,
     seed: Seed = 1,
     progress: Progress = unheard,
-) -> RigTolerance:  # fmt: skip
+) -> RigTolerance:
     """What errors of a target cost a rig: `rig_tolerance("ico.target.json", "fdm-dual", "stereo-pair")`.
 
     >>> found = calib.rig_tolerance("ico.target.json", "fdm-dual", "four-webcams")

@@ -126,22 +126,17 @@ def bootstrap(
     sizes: Annotated[Sequence[int], option("views of a sample, drawn with replacement", parse=_sizes)] = (20, 50, 120),
     samples: Annotated[int, option("of each size", 1, MOST_SAMPLES)] = 10_000,
     model: Annotated[
-        str,
-        option(f"{', '.join(solved_models())} ({', '.join(learned_models())} is slow)", names=solved_models),
+        str, option(f"{', '.join(solved_models())} ({', '.join(learned_models())} is slow)", names=solved_models)
     ] = DEFAULT,
     weighted: Weighted = True,
-    fix: Annotated[
-        Sequence[str], option("keep a parameter as it starts, or at a value: k3, k3=0", is_many=True)
-    ] = (),
+    fix: Annotated[Sequence[str], option("keep a parameter as it starts, or at a value: k3, k3=0", is_many=True)] = (),
     share: Annotated[Sequence[str], option("parameters that have one value: fx_px,fy_px", is_many=True)] = (),
     loss: Annotated[
         str, option("squares, huber or cauchy: how far-off observations count", complete=lambda: list(LOSSES))
     ] = "squares",
     reject_sigma: Annotated[
         float | None,
-        option(
-            "leave out what is off by more than so many robust standard deviations, such as 4", flag="--reject"
-        ),
+        option("leave out what is off by more than so many robust standard deviations, such as 4", flag="--reject"),
     ] = None,
     image_size: ImageSize = None,
     grid: Grid = None,
@@ -152,7 +147,7 @@ def bootstrap(
     resume: Resume = False,
     out: Annotated["Place | Output | None", STUDY_OUT] = None,
     progress: Progress = unheard,
-) -> Bootstrap:  # fmt: skip
+) -> Bootstrap:
     """Draw views with replacement, calibrate and measure, thousands of times: `bootstrap("d.csv", "t.target.json")`.
 
     Errors with their spread.

@@ -27,7 +27,7 @@ MOST_PRINTS, MOST_SETS = 10_000, 1000
 @dataclass(frozen=True, eq=False)
 class ComparedObjects(
     StudyResult, kind="compare", title="Comparison", files={**TABLES, "study.sqlite": "every set of photos"}
-):  # fmt: skip
+):
     """The paper's real-world figure in simulation: `found.results.table`, `found.save("compare")`."""
 
     columns = "object,part"
@@ -71,15 +71,13 @@ def study_compare(
         int | None, option("of each object, each with errors of its own (default: 12)", 1, MOST_PRINTS)
     ] = None,
     sets: Annotated[int | None, option("of photos of each print (default: 12)", 1, MOST_SETS)] = None,
-    virtual_sets: Annotated[
-        int, option("of them solved with the virtual camera, which is slow", 1, MOST_SETS)
-    ] = 1,
+    virtual_sets: Annotated[int, option("of them solved with the virtual camera, which is slow", 1, MOST_SETS)] = 1,
     camera: CameraTemplate = "phase-one-ixg",
     seed: Seed = 1,
     jobs: Jobs = None,
     resume: Resume = False,
     progress: Progress = unheard,
-) -> ComparedObjects:  # fmt: skip
+) -> ComparedObjects:
     """Simulate the paper's real-world figure: five made objects, three camera models, 12 sets of photos a print.
 
     Each print is one draw of the object's errors; errors are measured against the drawing, as the paper had to. Says

@@ -38,7 +38,7 @@ OWN = "own photos"
 @dataclass(frozen=True, eq=False)
 class CostStudy(
     StudyResult, kind="cost", title="Study", files={**TABLES, "study.sqlite": "every set of photos and every start"}
-):  # fmt: skip
+):
     """Each cost against the distances in the image: `found.table.compared("ray")`, `found.save("cost")`.
 
     In a notebook the result shows its page.
@@ -83,8 +83,7 @@ def study_cost(
     target: Annotated["TargetGeometry | Place | None", option("the target file of detections.csv")] = None,
     *,
     model: Annotated[
-        str | None,
-        option(f"of your photos: {', '.join(fitted_models())} (default: {DEFAULT})", names=fitted_models),
+        str | None, option(f"of your photos: {', '.join(fitted_models())} (default: {DEFAULT})", names=fitted_models)
     ] = None,
     quick: Annotated[bool, option("8 sets and 20 starts: which way it goes")] = False,
     sets: Annotated[
@@ -98,7 +97,7 @@ def study_cost(
     jobs: Jobs = None,
     resume: Resume = False,
     progress: Progress = unheard,
-) -> CostStudy:  # fmt: skip
+) -> CostStudy:
     """Measure what to minimise: distances in the image, or in space between rays and rings: `study_cost("cost")`.
 
     Boards and icosahedra, as drawn, as made and with outliers, and photos of your own: errors of camera, poses and

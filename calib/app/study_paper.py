@@ -83,7 +83,7 @@ def study_plot(
         option("folder for tables and figures (default: the study's)", short="-o", group=OUTPUT),
     ] = None,
     progress: Progress = unheard,
-) -> Bootstrap:  # fmt: skip
+) -> Bootstrap:
     """Make the tables and figures of a study again, of a running one too.
 
     Args:

@@ -71,9 +71,10 @@ class StudyResult(Result, kind="study", title="Study"):
         text = markdown(page.title or self.title, (Section("Question", tuple(lead)), *page.sections), answer)
         drawn = (self._drawn[sheet.stem] for sheet in self._sheets)
         return {
-            MARKDOWN_FILE: text.encode("utf-8", "surrogatepass"), CSV_FILE: self.csv(),
+            MARKDOWN_FILE: text.encode("utf-8", "surrogatepass"),
+            CSV_FILE: self.csv(),
             **{path: content for files in drawn for path, content in files.items()},
-        }  # fmt: skip
+        }
 
     def figures(self, *stems: str, start: str = "/") -> "tuple[Figure, ...]":
         """Of these names on a page, or of all that start so."""

@@ -69,20 +69,16 @@ def target(
     points: Annotated[
         "Place | None", option("make a target file of points X,Y,Z[,plane,id] that others made (CSV)", flag="--from")
     ] = None,
-    planes: Annotated[
-        "Place | None", option("the points' planes, plane,nx,ny,nz,d (CSV); without: fitted")
-    ] = None,
+    planes: Annotated["Place | None", option("the points' planes, plane,nx,ny,nz,d (CSV); without: fitted")] = None,
     diameter_mm: Annotated[
         float | None,
-        option(
-            "of the dots at the points, of which tables hold the images' centres (default: no marks)", 0, 1000
-        ),
+        option("of the dots at the points, of which tables hold the images' centres (default: no marks)", 0, 1000),
     ] = None,
     inside: Annotated[bool, option("fitted planes are seen from inside, as the walls of a room")] = False,
     out: Annotated[
         "Output | Place | None", option("the target file to make: NAME.target.json", short="-o", group=OUTPUT)
     ] = None,
-) -> TargetContents:  # fmt: skip
+) -> TargetContents:
     """Read a target file and say what it holds, or make one of a table of points: `target("board.target.json")`.
 
     Args:

@@ -56,7 +56,7 @@ TargetFile = Annotated["TargetGeometry | Place", argument("a target file (NAME.t
 @dataclass(frozen=True, eq=False)
 class Tolerance(
     StudyResult, kind="tolerance", title="Tolerance study", doing="predicting", files={**TABLES, **STUDIES}
-):  # fmt: skip
+):
     """What errors cost, and how large they may be: `found.study.cost("scale", "pose").cost`, `found.save("tolerance")`.
 
     In a notebook the result shows its page.
@@ -171,7 +171,9 @@ def tolerance(
     against_changes: Annotated[
         Sequence[str],
         option(
-            "another size of one error of that target, as --set", flag="--against-set", metavar="ERROR=SIZE",
+            "another size of one error of that target, as --set",
+            flag="--against-set",
+            metavar="ERROR=SIZE",
             is_many=True,
         ),
     ] = (),
@@ -186,8 +188,7 @@ def tolerance(
     formats: Annotated[
         Sequence[str],
         option(
-            "draw figures as PDF or SVG besides PNG: pdf,svg", flag="--figures", metavar="FORMATS",
-            parse=figure_formats,
+            "draw figures as PDF or SVG besides PNG: pdf,svg", flag="--figures", metavar="FORMATS", parse=figure_formats
         ),
     ] = (),
     out: Annotated[
@@ -195,7 +196,7 @@ def tolerance(
         option("folder for the draws, tables, figures and page (default: exports/tolerance)", short="-o", group=OUTPUT),
     ] = None,
     progress: Progress = unheard,
-) -> Tolerance:  # fmt: skip
+) -> Tolerance:
     """What manufacturing errors cost a calibration, and how large they may be: `tolerance("t.json", "fdm-dual")`.
 
     What if a print is off by this much? The command's exit code is 1 if a limit of --require is missed.
@@ -300,7 +301,7 @@ def ways(
     weighted: Weighted = False,
     seed: Seed = 1,
     progress: Progress = unheard,
-) -> Ways:  # fmt: skip
+) -> Ways:
     """In which way a target is best made, by the camera's error, price and hours: `ways("ico.target.json")`.
 
     All error templates that suit the target, predicted at once; what each of their errors costs is on the page.
@@ -342,9 +343,8 @@ def ways(
         plan = TolerancePlan(0, seed, (), by, full=False, linear=True, keeping=keeping, progress=progress)
         study, _, drawn = explore(scene, plan)
     return Ways(
-        study, drawn, seed, scene.errors.layer_height_mm, _file_of(target), camera_remarks(camera), (),
-        command_line(),
-    )  # fmt: skip
+        study, drawn, seed, scene.errors.layer_height_mm, _file_of(target), camera_remarks(camera), (), command_line()
+    )
 
 
 def _photographing(

@@ -60,8 +60,9 @@ def tolerance_page(found: "Tolerance") -> Page:
     reach = (tables.reach_table(study),) if study.is_checked else ()
     said = (Finding("note", "", prediction_sentence(study)), *prediction_notes(study))
     sections += [
-        Section("Prediction", (Findings(said), *reach)), Section("Assumptions", (tables.amounts_table(study),)),
-    ]  # fmt: skip
+        Section("Prediction", (Findings(said), *reach)),
+        Section("Assumptions", (tables.amounts_table(study),)),
+    ]
     file, measured = quote(found.target_file), quote(f"measured/{printable(study.target)}.target.json")
     measure = Command(
         f"calib measure {file} camera/detections.csv --photos FOLDER -o {measured}",
@@ -81,9 +82,7 @@ def ways_page(found: "Ways") -> Page:
         "draws, which check the prediction",
     )
     headline = Headline("note", "answered", f"{best_way(ranked)} {choice_of_ways(ranked)}")
-    return replace(
-        page, headline=headline, sections=(*_ways_section(study, WAYS_LEAD), *others), next_steps=(step,)
-    )  # fmt: skip
+    return replace(page, headline=headline, sections=(*_ways_section(study, WAYS_LEAD), *others), next_steps=(step,))
 
 
 def remarks_of(found: "Tolerance") -> tuple[str, ...]:

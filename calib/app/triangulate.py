@@ -118,14 +118,15 @@ def triangulate(
     ] = None,
     *,
     target: Annotated[
-        "TargetGeometry | Place | None",
-        option("a check object (NAME.target.json), whose distances are compared"),
+        "TargetGeometry | Place | None", option("a check object (NAME.target.json), whose distances are compared")
     ] = None,
     photos: Annotated[
         "Place | Iterable[Place]",
         option(
             "of the check object: a folder that holds one a camera, named as in the rig; or again and again, a folder "
-            "each", metavar="FOLDER", is_many=True,
+            "each",
+            metavar="FOLDER",
+            is_many=True,
         ),
     ] = (),
     noise_px: Annotated[
@@ -137,7 +138,7 @@ def triangulate(
     ] = True,
     jobs: PhotoJobs = None,
     progress: Progress = unheard,
-) -> Triangulation:  # fmt: skip
+) -> Triangulation:
     """Find where points are that several cameras see, and how surely: `triangulate("rig.json", "sightings.csv")`.
 
     By noise and by the rig's own errors. The exit code is 1 if no point has a position.

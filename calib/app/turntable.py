@@ -30,8 +30,9 @@ def turntable(
     *,
     step_deg: Annotated[
         float | None,
-        option("the table's turn from photo to photo: 10deg (default: all angles are unknown)", -180, 180,
-               parse=_degrees),
+        option(
+            "the table's turn from photo to photo: 10deg (default: all angles are unknown)", -180, 180, parse=_degrees
+        ),
     ] = None,
     table: Table = None,
     points: Points = None,
@@ -49,7 +50,7 @@ def turntable(
         option("folder (default: exports/NAME/turntable, or turntable)", short="-o", group=OUTPUT),
     ] = None,
     progress: Progress = unheard,
-) -> SolvedRig:  # fmt: skip
+) -> SolvedRig:
     """Solve where a camera stands beside a turntable, its axis and angles: `turntable("t.json", "photos", step_deg=9)`.
 
     The exit code is 1 if the photos do not determine it, or if the verdict is: do not use.

@@ -39,8 +39,7 @@ Alpha = Annotated[
 ]
 Focal = Annotated[float | None, option("focal length of the new camera, in px", 1, 1e7, flag="--focal-px")]
 Field = Annotated[
-    float | None,
-    option("horizontal field of view: 100deg (default: as the focal length)", math.radians(1), math.tau),
+    float | None, option("horizontal field of view: 100deg (default: as the focal length)", math.radians(1), math.tau)
 ]
 Yaw = Annotated[float, option("look to the right, by this angle", -math.pi, math.pi)]
 Pitch = Annotated[float, option("look up, by this angle", -math.pi, math.pi)]

@@ -43,9 +43,8 @@ def undistorted_page(made: "UndistortedPhotos", *, is_drawn: bool) -> Page:
         remark = kind("remark", _remark)
         blocks.append(table_of(made.per_photo, kind("photo", lambda one: one.image), remark, title="All photos"))
     return Page(
-        "", "", _headline(made), (Section("Photos", tuple(blocks)),), lead=(*lead, _facts(made)),
-        next_steps=_next(made),
-    )  # fmt: skip
+        "", "", _headline(made), (Section("Photos", tuple(blocks)),), lead=(*lead, _facts(made)), next_steps=_next(made)
+    )
 
 
 def _remark(one: "UndistortedPhoto") -> str:

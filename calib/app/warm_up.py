@@ -53,8 +53,7 @@ class CompiledKernels(Result, kind="kernels", title="Kernels", is_written=False)
 @capability
 def warm_up(
     parts: Annotated[
-        Sequence[str],
-        argument("of the work: detect, solve, run, ... (default: all)", metavar="PART...", is_many=True),
+        Sequence[str], argument("of the work: detect, solve, run, ... (default: all)", metavar="PART...", is_many=True)
     ] = (),
     progress: Progress = unheard,
 ) -> CompiledKernels:

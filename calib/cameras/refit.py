@@ -132,13 +132,7 @@ def _at_rest(model: str) -> dict[str, float]:
 
 
 def fit_rays(
-    pixel: Array,
-    ray: Array,
-    image_size: tuple[int, int],
-    model: str,
-    *,
-    zero: Collection[str] = (),
-    turn: bool = False,
+    pixel: Array, ray: Array, image_size: tuple[int, int], model: str, *, zero: Collection[str] = (), turn: bool = False
 ) -> Refit:
     """A camera that sees directions (N, 3) in pixels (N, 2); nan where a direction is not known."""
     known = np.isfinite(ray).all(axis=1)
@@ -221,14 +215,7 @@ def _unfolded(camera: Camera, pixel: Array, ray: Array) -> Camera:
 
 
 def _adjust(
-    camera: Camera,
-    rotation: Array,
-    is_free: Flags,
-    turn: bool,
-    pixel: Array,
-    ray: Array,
-    enough: float,
-    good: float,
+    camera: Camera, rotation: Array, is_free: Flags, turn: bool, pixel: Array, ray: Array, enough: float, good: float
 ) -> tuple[Camera, Array]:
     """Levenberg-Marquardt on the free parameters and, if asked for, the rotation.
 

@@ -8,10 +8,8 @@
 from calib.cameras.displaced import displaced_model
 
 MODEL = displaced_model(
-    "thin_prism_fisheye", "its polynomial bends back there; ds or eucm do not",
-    (
-        ("k1", "a1"), ("k2", "a2"), ("p1", "p1"), ("p2", "p2"), ("k3", "a3"), ("k4", "a4"), ("sx1", "s1"),
-        ("sy1", "s3"),
-    ),
+    "thin_prism_fisheye",
+    "its polynomial bends back there; ds or eucm do not",
+    (("k1", "a1"), ("k2", "a2"), ("p1", "p1"), ("p2", "p2"), ("k3", "a3"), ("k4", "a4"), ("sx1", "s1"), ("sy1", "s3")),
     is_angular=True,
-)  # fmt: skip
+)

@@ -33,8 +33,7 @@ def render(
         str, typer.Option(help="of a rig: the target moves, and the cameras' clocks differ by up to this: 30ms")
     ] = "",
     distance: Annotated[
-        str,
-        typer.Option(help="from the target's origin: 250mm..800mm (default: 400mm; of a rig as its template says)"),
+        str, typer.Option(help="from the target's origin: 250mm..800mm (default: 400mm; of a rig as its template says)")
     ] = "",
     region: Annotated[
         str,

@@ -277,8 +277,9 @@ def _remarks(
     yield from (
         f"{one.photo.name}: black or white is cut off in {100 * one.reading.cut_off:.0f} % of the pixels beside edges: "
         "sharpened, or too light; a photo without sharpening, a little darker, tells the ink better"
-        for one in looked if one.reading and one.reading.cut_off > MUCH_CUT_OFF
-    )  # fmt: skip
+        for one in looked
+        if one.reading and one.reading.cut_off > MUCH_CUT_OFF
+    )
     yield from usual_sigmas(lengths)
     if is_scan:
         yield "a scan's size and shape are the scanner's too: 0.1 % of size and axes and 0.02 deg are assumed of it"
@@ -291,8 +292,9 @@ def _remarks_of_place(used: Sequence[_Looked], placement: PlacedPictures, told: 
     """What would tell size and shape better."""
     photos = [
         (one.photo.name, one.sighting, placed)
-        for one, placed in zip(used, placement.placed, strict=True) if one.sighting and one.sighting.dpi is None
-    ]  # fmt: skip
+        for one, placed in zip(used, placement.placed, strict=True)
+        if one.sighting and one.sighting.dpi is None
+    ]
     for name, sighting, placed in photos:
         if sighting.is_cropped:
             size = " x ".join(map(str, sighting.image_size))

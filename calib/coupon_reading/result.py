@@ -176,10 +176,10 @@ def _of_all(
     axis: int,
     width_mm: float | None = None,
 ) -> _Mean:
-    """The mean over all pictures."""  # fmt: skip
-    return _together([
-        _mean(reading, own, features, axis, width_mm) for reading, own in zip(readings, rows, strict=True)
-    ])  # fmt: skip
+    """The mean over all pictures."""
+    return _together(
+        [_mean(reading, own, features, axis, width_mm) for reading, own in zip(readings, rows, strict=True)]
+    )
 
 
 def _halfway(first: _Mean, second: _Mean) -> _Mean:
@@ -242,6 +242,7 @@ def next_of(found: PrinterFaults, made_with: CouponMadeWith) -> NextPrint:
         offset = round((offset - bleed.value) / STEP_MM) * STEP_MM
     whole = made_with.whole
     return NextPrint(
-        round(offset, 6), next_shrink_percent(found.whole, whole.shrink_percent),
+        round(offset, 6),
+        next_shrink_percent(found.whole, whole.shrink_percent),
         next_skew_rad(found.whole, whole.skew_rad),
-    )  # fmt: skip
+    )

@@ -304,12 +304,7 @@ def midpoint_on_line(a: float, b: float, c: float, d: float) -> float:
 
 @jit
 def refine_seeds(
-    point: NDArray[np.int32],
-    first: Rows,
-    outer: Rows,
-    inner: Rows,
-    ellipse: Floats,
-    seed: Floats,
+    point: NDArray[np.int32], first: Rows, outer: Rows, inner: Rows, ellipse: Floats, seed: Floats
 ) -> Flags:
     """Move each seed (N, 2) to the projected centre of its two borders; false where the lines miss them.
 

@@ -216,13 +216,7 @@ def _turn_of_pair(seed: int, n: int, ellipse: Floats, step: Floats, first_move: 
 
 @jit
 def _grow_all(
-    ellipse: Floats,
-    region: Integers,
-    seeds: Integers,
-    move: Integers,
-    step: Floats,
-    smallest: int,
-    farthest: int,
+    ellipse: Floats, region: Integers, seeds: Integers, move: Integers, step: Floats, smallest: int, farthest: int
 ) -> tuple[Integers, Integers, Floats]:
     """Grow a grid from each seed that no grid has yet; returns the grid (-1: none), index and turn of each.
 

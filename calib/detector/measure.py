@@ -234,12 +234,7 @@ def _has_dark_face(plan: TargetPlan, ring: Rows, level: Array, measured: Rows) -
 
 
 def _starts(
-    image: NDArray[np.generic],
-    plan: TargetPlan,
-    candidates: Candidates,
-    naming: Naming,
-    places: Places,
-    is_dot: Flags,
+    image: NDArray[np.generic], plan: TargetPlan, candidates: Candidates, naming: Naming, places: Places, is_dot: Flags
 ) -> Array:
     """Parameters to start from: pairs of ellipses where a ring was seen, predictions with typical levels elsewhere."""
     count = len(places.ring)

@@ -372,11 +372,7 @@ def ellipses_px(center_px: Array, shape: Array) -> Array:
 
 
 def nothing_found(
-    plan: TargetPlan,
-    name: str,
-    image_size: tuple[int, int],
-    candidates: Candidates | None,
-    remarks: tuple[str, ...],
+    plan: TargetPlan, name: str, image_size: tuple[int, int], candidates: Candidates | None, remarks: tuple[str, ...]
 ) -> Detections:
     """Detections without features."""
     rejected = None if candidates is None else candidates.ellipse[candidates.ratio > 0, :2]

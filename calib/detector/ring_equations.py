@@ -253,14 +253,7 @@ def add_products(rows: Floats, parameters: int, filled: int, total: Floats) -> N
 
 @jit
 def accumulate(
-    pixels: Floats,
-    count: int,
-    p: Floats,
-    q: Floats,
-    origin: Floats,
-    normal: Floats,
-    gradient: Floats,
-    rows: Floats,
+    pixels: Floats, count: int, p: Floats, q: Floats, origin: Floats, normal: Floats, gradient: Floats, rows: Floats
 ) -> float:
     """Sum of squared residuals of the first `count` pixels (3, N); fills J'J (its lower triangle) and J'r."""
     total = np.zeros((PARAMETERS + 1, PARAMETERS + 1))

@@ -4,17 +4,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib.draw.style import (
-    ABOVE_PX,
-    BELOW_PX,
-    HEADLINE_PX,
-    LEFT_PX,
-    WIDTH_PX,
-    axes_at,
-    headline,
-    note,
-    picture,
-)
+from calib.draw.style import ABOVE_PX, BELOW_PX, HEADLINE_PX, LEFT_PX, WIDTH_PX, axes_at, headline, note, picture
 from calib.judge.coverage import coverage_of
 from calib.solver.metrics.errors import summarise
 from calib.solver.metrics.evaluation import Evaluation

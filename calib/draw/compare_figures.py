@@ -60,10 +60,11 @@ def draw_boxes(page: "Figure", results: Results) -> None:
             axes.text(0.98, 0.97, text, ha="right", transform=axes.transAxes, fontsize=11, color=GREY)
     plan = results.table.plan
     _head(
-        page, f"Five objects, three models: {plan.prints} simulated prints of each, {plan.sets} sets of photos a print",
+        page,
+        f"Five objects, three models: {plan.prints} simulated prints of each, {plan.sets} sets of photos a print",
         f"Camera {plan.camera}. Boxes: quartiles of all sets of all prints; whiskers: 95 % of them. "
         f"virtual: {plan.slow_sets} of the sets a print.",
-    )  # fmt: skip
+    )
     _legend(page, MODELS, paper=True)
 
 
@@ -85,10 +86,11 @@ def draw_lens(page: "Figure", results: Results) -> None:
         _panel(axes, metric, groups)
         axes.set_title(title)
     _head(
-        page, "A smooth lens that no Brown polynomial fits (phase-one-spline)",
+        page,
+        "A smooth lens that no Brown polynomial fits (phase-one-spline)",
         "Boxes: quartiles of all sets of all prints; whiskers: 95 % of them. Left of each pair the object as drawn, "
         "right as made.",
-    )  # fmt: skip
+    )
     _legend(page, tuple(COLOURS), paper=False)
 
 
@@ -195,9 +197,7 @@ def _alone_panel(axes: "Axes", one: PaperObject, rows: Sequence[Explanation]) ->
     axes.axvline(one.reconstruction_mm, color=INK, linewidth=1.8, linestyle=(0, (3, 1.5)))
     for place, row in enumerate(rows):
         alpha = 0.85 if row.is_within_reach else 0.4
-        axes.barh(
-            place, row.reconstruction_mm, height=0.62, color=GREEN if row.fits else BLUE, alpha=alpha, zorder=2
-        )  # fmt: skip
+        axes.barh(place, row.reconstruction_mm, height=0.62, color=GREEN if row.fits else BLUE, alpha=alpha, zorder=2)
         times = f"{short(row.multiple)} x"
         axes.annotate(
             f"{row.amount}, {times}" if row.amount else times, (row.reconstruction_mm, place), (6, 0),
@@ -211,9 +211,10 @@ def _alone_panel(axes: "Axes", one: PaperObject, rows: Sequence[Explanation]) ->
 
 
 LENSES = {
-    LENS_DRAWN: "smooth lens, target as drawn", LENS_MADE: "smooth lens, target as made",
+    LENS_DRAWN: "smooth lens, target as drawn",
+    LENS_MADE: "smooth lens, target as made",
     PLAIN_DRAWN: "no distortion, target as drawn",
-}  # fmt: skip
+}
 OBJECT_OF = {one.name: one for one in OBJECTS}
 
 

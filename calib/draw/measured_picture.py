@@ -150,9 +150,9 @@ def _draw_map(
     if not len(rings) or not moved_mm[rings].any():
         note(axes, "rings were held where they were designed" if len(rings) else "no ring was seen on a known face")
         return
-    place = np.concatenate([
-        layout.placed(int(target.ring_face[ring]), target.center_in_face_mm[ring, None, :2]) for ring in rings
-    ])  # fmt: skip
+    place = np.concatenate(
+        [layout.placed(int(target.ring_face[ring]), target.center_in_face_mm[ring, None, :2]) for ring in rings]
+    )
     in_plane, along_normal = moved_mm[rings, :2], moved_mm[rings, 2]
     long_mm = float(np.sqrt((in_plane**2).sum(axis=1).mean()))
     pitch = float(np.linalg.norm(target.lattice_mm, axis=2).mean())
@@ -277,7 +277,7 @@ def rings_table(record: AsBuiltRecord, target: TargetGeometry) -> Table | None:
         title="How the rings lie on their faces",
         note="Their own offsets in the axes of their face, z outwards; bow and motion of the face taken off."
         f"{more}{datum_words(record)}",
-    )  # fmt: skip
+    )
 
 
 def cameras_table(record: AsBuiltRecord) -> Table:

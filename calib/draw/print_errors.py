@@ -62,8 +62,9 @@ def errors_table(title: str, rows: Iterable[ErrorRow], note: str) -> Table:
         Shown[ErrorRow]("value ± sigma", lambda row: Cell(row[2](row[1]), row[1].value)),
         Shown[ErrorRow]("sigmas from zero", lambda row: row[1].significance),
         Shown[ErrorRow]("", lambda row: Cell("off", level="usable") if row[1].is_significant else "may be noise"),
-        title=title, note=note,
-    )  # fmt: skip
+        title=title,
+        note=note,
+    )
 
 
 def whole_rows(whole: WholePrint) -> list[ErrorRow]:

@@ -231,10 +231,11 @@ def next_poses_table(poses: Sequence[NextPose]) -> Table:
             Cell(name),
             *(Cell(f"{value + 0.0:.2f}", value) for value in one.base_from_flange[:3, 3].tolist()),
             *(Cell(f"{value + 0.0:.5f}", value) for value in to_quaternion(one.base_from_flange[:3, :3]).tolist()),
-            number(math.degrees(one.turn_sigma_rad_after), 2), number(one.place_sigma_mm_after, 2),
+            number(math.degrees(one.turn_sigma_rad_after), 2),
+            number(one.place_sigma_mm_after, 2),
         )
         for name, one in zip(photo_names(poses), poses, strict=True)
-    )  # fmt: skip
+    )
     return Table("The robot's next poses, base_from_flange", columns, rows)
 
 

@@ -12,16 +12,7 @@ from calib.core.types import Observations
 from calib.draw.fields import coverage_drawing, draw_map, residuals_drawing, uncertainty_drawing
 from calib.draw.histograms import sizes_drawing
 from calib.draw.sigma_map import SigmaMap, place_on_map
-from calib.draw.style import (
-    BLUE,
-    GREEN,
-    ORANGE,
-    PALE,
-    VERMILION,
-    AxesDrawing,
-    figure_of,
-    image_axes,
-)
+from calib.draw.style import BLUE, GREEN, ORANGE, PALE, VERMILION, AxesDrawing, figure_of, image_axes
 from calib.judge.apart import Apart, Known, sigma_over
 from calib.judge.checks import made_words
 from calib.judge.coverage import Coverage

@@ -98,7 +98,7 @@ def _unused_row(record: ImageRecord) -> PhotoRow:
     nan = math.nan
     return PhotoRow(
         record.image, False, record.features, record.expected, 0, nan, nan, nan, nan, nan, nan, faces, why, "bad"
-    )  # fmt: skip
+    )
 
 
 SUFFIXES = (".jpg", ".png")
@@ -159,8 +159,9 @@ def _pictures(folder: Path | None, rows: Sequence[PhotoRow]) -> tuple[Leaf, ...]
     if folder is None or not places:
         why = f"The folder {OVERLAYS}/ holds no overlay of these photos; calib run draws them."
         return (Findings((Finding("note", "No pictures", why),)),)
-    shots = [Shot(places[row.name], row.name, caption_of(row), row.level)
-             for row in _worst_first(rows) if row.name in places]  # fmt: skip
+    shots = [
+        Shot(places[row.name], row.name, caption_of(row), row.level) for row in _worst_first(rows) if row.name in places
+    ]
     without = len(rows) - len(shots)
     has_none = f" {without} {'has' if without == 1 else 'have'} no overlay." if without else ""
     return gallery(folder, shots, f"The photos with the largest errors first.{has_none}")

@@ -128,9 +128,10 @@ def seats_table(seats: Seats, views: Sequence[int]) -> Table:
 
 def _row(one: Seat, views: int) -> tuple[Cell, ...]:
     head = (
-        Cell(str(one.face), one.face), Cell(one.verdict, level=LEVEL_OF_SEAT.get(one.verdict, "note")),
+        Cell(str(one.face), one.face),
+        Cell(one.verdict, level=LEVEL_OF_SEAT.get(one.verdict, "note")),
         Cell(str(views), views),
-    )  # fmt: skip
+    )
     mm = (one.height_mm, one.shift_x_mm, one.shift_y_mm)
     deg = (one.turn_rad, one.tilt_rad)
     if one.verdict == "not known":

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 FIGURES_FOLDER = "figures"
 SUFFIXES = ("png", "pdf", "svg")
 METADATA: Mapping[str, Mapping[str, None]] = {
-    "pdf": {"CreationDate": None, "Creator": None, "Producer": None}, "svg": {"Date": None, "Creator": None},
-}  # fmt: skip
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+    "svg": {"Date": None, "Creator": None},
+}
 """Of the formats besides PNG: nothing that differs from one drawing to the next."""
 MAX_DRAWING_BYTES = 500_000
 """Of a drawing within a page: a larger one is shown as pixels."""

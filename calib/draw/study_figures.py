@@ -9,20 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.draw.study_tables import setting_in_words, unit_words
-from calib.draw.style import (
-    BLUE,
-    DEEP,
-    EMPTY,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PALE,
-    VERMILION,
-    WIDTH_PX,
-    bar_beside,
-    nothing,
-)
+from calib.draw.style import BLUE, DEEP, EMPTY, GREEN, GREY, INK, ORANGE, PALE, VERMILION, WIDTH_PX, bar_beside, nothing
 from calib.draw.style import note as remark
 from calib.studies.paper_table import paper_value
 from calib.studies.statistics import (

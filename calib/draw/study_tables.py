@@ -117,9 +117,7 @@ def factors_table(table: StudyTable) -> Table | None:
     return Table("Ours over the paper's Table 2", columns, tuple(rows), note)
 
 
-def _factor_rows(
-    metric: Metric, cases: Sequence[CaseSummary], settings: Sequence[Setting]
-) -> list[tuple[Cell, ...]]:  # fmt: skip
+def _factor_rows(metric: Metric, cases: Sequence[CaseSummary], settings: Sequence[Setting]) -> list[tuple[Cell, ...]]:
     """The rows of mean and sigma of an error of one target and size, if the paper has them."""
     found = {one.case.setting: one.of(metric.name) for one in cases}
     paper = next((one for one in found.values() if one.has_paper), None)
@@ -182,10 +180,11 @@ def falls_table(table: StudyTable) -> Table | None:
     if not rows:
         return None
     columns = (
-        Column("target", is_number=False), Column("error", is_number=False),
+        Column("target", is_number=False),
+        Column("error", is_number=False),
         Column("exponent", note="a of sigma = c N^a, N the number of views; -0.5 is 1/sqrt(N)"),
         Column("that is", is_number=False),
-    )  # fmt: skip
+    )
     return Table("How fast sigma falls with the number of views", columns, tuple(rows))
 
 

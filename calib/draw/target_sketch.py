@@ -90,9 +90,10 @@ def plan_curve(after_px: Sequence[float], tried_px: Sequence[float], goal_px: fl
     """The deviations after each photo, what tries of all photos came to, and what is wanted."""
     words = "Each photo makes the camera better known; dots are the tries after the last one"
     return AxesDrawing(
-        "What is known after each photo", words,
+        "What is known after each photo",
+        words,
         lambda axes: _draw(axes, np.array(after_px), np.array(tried_px), goal_px),
-    )  # fmt: skip
+    )
 
 
 def _draw(axes: "Axes", after: Array, tried: Array, goal_px: float) -> None:

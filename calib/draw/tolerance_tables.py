@@ -94,10 +94,7 @@ def cost_table(study: ToleranceStudy) -> Table:
 def together_table(study: ToleranceStudy) -> Table:
     """What all errors add together, and what is left without any: apart, so that no sorting mixes them with errors."""
     noise = [Cell(figure(study.noise(name), 3), study.noise(name)) for name in MAIN]
-    rows = (
-        (Cell("all errors together"), *_costs(study, TOGETHER)),
-        (Cell("no error: noise alone"), *noise),
-    )
+    rows = ((Cell("all errors together"), *_costs(study, TOGETHER)), (Cell("no error: noise alone"), *noise))
     return Table("All errors together, and none", (*_words("of"), *_quantity_columns()), rows)
 
 

@@ -106,9 +106,8 @@ def candidates_of(
     pose, ok = _placed(lit_part(calibration), shape, turns.rotation[t], turns.sight[t], places[p], distances[d])
     t, d, p = t[ok], d[ok], p[ok]
     return CandidateViews(
-        pose[ok], places[p, :2], distances[d], turns.tilt_deg[t], turns.away[t], turns.is_upright[t],
-        turns.like_view[t],
-    )  # fmt: skip
+        pose[ok], places[p, :2], distances[d], turns.tilt_deg[t], turns.away[t], turns.is_upright[t], turns.like_view[t]
+    )
 
 
 def candidates_at(shape: TargetShape, cam_from_target: Array) -> CandidateViews:

@@ -198,11 +198,7 @@ def coverage_of(calibration: Calibration) -> Coverage:
 
 
 def coverage(
-    image_size: tuple[int, int],
-    center_px: Array,
-    view: Rows,
-    face: Rows,
-    lit: LitPart | None = None,
+    image_size: tuple[int, int], center_px: Array, view: Rows, face: Rows, lit: LitPart | None = None
 ) -> Coverage:
     """What sightings cover.
 

@@ -15,15 +15,7 @@ from calib.judge.halves import HalfSplit, HalvesApart, NoHalves, halves_apart
 from calib.judge.reading import reading_of
 from calib.judge.target_shape import ShapeEffect, shape_effect
 from calib.solver.accuracy import share_px
-from calib.solver.calibration import (
-    Calibration,
-    CaptureError,
-    CircleDoubt,
-    ImageField,
-    PhotoError,
-    Status,
-    TargetError,
-)
+from calib.solver.calibration import Calibration, CaptureError, CircleDoubt, ImageField, PhotoError, Status, TargetError
 from calib.solver.metrics.errors import Errors, summarise
 from calib.solver.metrics.evaluation import Evaluation, evaluate
 from calib.solver.metrics.residual_cells import LEAST_PER_CELL, cells_of_residuals, residuals_of

@@ -111,9 +111,9 @@ def judge_again(folder: Path, criteria: Criteria) -> Judged:
         inputs_of(best.provenance.settings),
     )  # fmt: skip
     judged = replace(judged, observations_sha256=best.provenance.observations_sha256)
-    write_files({
-        folder / VERDICT_FILE: VERDICT.text(judged), folder / NEXT_VIEWS_FILE: NEXT_VIEWS.text(NextViews(views))
-    })  # fmt: skip
+    write_files(
+        {folder / VERDICT_FILE: VERDICT.text(judged), folder / NEXT_VIEWS_FILE: NEXT_VIEWS.text(NextViews(views))}
+    )
     return judged
 
 

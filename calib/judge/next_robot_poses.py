@@ -176,8 +176,7 @@ def next_robot_poses(found: RigCalibration, halves: RigHalves | NoRigHalves) -> 
         best = int(np.argmin(least))
         if not least[best] <= LITTLE_GAIN * _badness(moves, before[None])[0]:
             break
-        sigmas = [_stated(found, factor**2 * basis @ one[:count, :count] @ basis.T)
-                  for one in (before, after[best])]  # fmt: skip
+        sigmas = [_stated(found, factor**2 * basis @ one[:count, :count] @ basis.T) for one in (before, after[best])]
         chosen.append(_told(found, tried, best, *sigmas))
         told = told + each[best]
         each[best] = 0.0  # the same pose again would show what it hides again, too
@@ -335,9 +334,7 @@ def _imagined(found: RigCalibration, fit: CarrierFit, tried: _TriedPoses, points
     view, point = np.nonzero(tried.shown)
     count = len(tried.like_frame)
     names = tuple(map(str, range(count)))
-    seen = Observations(
-        found.cameras[0].image_size, names, view, point, np.zeros((len(view), 2)), None, points
-    )  # fmt: skip
+    seen = Observations(found.cameras[0].image_size, names, view, point, np.zeros((len(view), 2)), None, points)
     share = len(found.observations.points.position_mm) / len(points.position_mm)
     return replace(
         found,

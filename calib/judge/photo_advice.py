@@ -32,9 +32,10 @@ def photo_advice(
     """
     after = _after_them(evidence, criteria, views)
     return (
-        *_photos(calibration, evidence, criteria, views), *_uncovered(calibration, evidence, criteria, views),
+        *_photos(calibration, evidence, criteria, views),
+        *_uncovered(calibration, evidence, criteria, views),
         *((after,) if after else ()),
-    )  # fmt: skip
+    )
 
 
 def _photos(

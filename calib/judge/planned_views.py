@@ -100,13 +100,7 @@ class _Goal:
 
 
 def planned_views(
-    before: Calibration,
-    held: Habits,
-    *,
-    goal_px: float,
-    goal_covered: float,
-    most: int = MOST,
-    at: Array | None = None,
+    before: Calibration, held: Habits, *, goal_px: float, goal_covered: float, most: int = MOST, at: Array | None = None
 ) -> PlannedViews | None:
     """The fewest photos that reach both goals, or the best `most` of them; None if the target cannot be held so.
 

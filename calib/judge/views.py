@@ -72,9 +72,7 @@ def shape_of_points(points: KnownPoints, normal: Array) -> TargetShape:
     towards = (normal * count[:, None]).sum(axis=0)
     axes, aspect = _axes(position, spread[2], towards)
     corner = tuple(_outermost(position, face, number, normal[number]) for number in range(len(points.plane)))
-    return TargetShape(
-        position, face, normal, middle, corner, center, axes, aspect, is_flat, _pitch_mm(position, face)
-    )  # fmt: skip
+    return TargetShape(position, face, normal, middle, corner, center, axes, aspect, is_flat, _pitch_mm(position, face))
 
 
 def _towards_camera(calibration: Calibration, points: KnownPoints, center: Array) -> Array:

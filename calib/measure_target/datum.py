@@ -37,9 +37,9 @@ THIN = 1e-3
 """Points this much thinner than long lie on a line."""
 NO_STRAIN = 1e-7
 """Standard deviation of a strain that is none: 0.01 um on 100 mm."""
-SHAPE = np.array([
-    [1.0, -1, 0, 0, 0, 0], [1, 1, -2, 0, 0, 0], [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]
-])  # fmt: skip
+SHAPE = np.array(
+    [[1.0, -1, 0, 0, 0, 0], [1, 1, -2, 0, 0, 0], [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]]
+)
 """What a strain's six numbers have beside size."""
 GAUGE_PART = 1e-3
 """Standard deviation of the constraints of the descent, as a part of the target's size, for observations of 1 px. They

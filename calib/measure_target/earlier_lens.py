@@ -102,13 +102,9 @@ def with_shared_error(found: AsBuilt, moved: AsBuilt) -> AsBuilt:
     """A measurement that knows no better than by what another differs: one unknown that all its numbers share."""
     params = zip(found.param_covariance, found.cameras, moved.cameras, strict=True)
     face = np.array(found.target.face_covariance)
-    for row, (here, there) in enumerate(
-        zip(found.target.target_from_face, moved.target.target_from_face, strict=True)
-    ):  # fmt: skip
+    for row, (here, there) in enumerate(zip(found.target.target_from_face, moved.target.target_from_face, strict=True)):
         turn = here[:3, :3].T
-        face[row] += _square(
-            np.concatenate([log_rotation(turn @ there[:3, :3]), turn @ (there[:3, 3] - here[:3, 3])])
-        )  # fmt: skip
+        face[row] += _square(np.concatenate([log_rotation(turn @ there[:3, :3]), turn @ (there[:3, 3] - here[:3, 3])]))
     inside = moved.target.center_in_face_mm - found.target.center_in_face_mm
     turns = found.target.target_from_face[found.target.ring_face, :3, :3]
     mode = np.einsum("rij,rj->ri", turns, inside)[None]

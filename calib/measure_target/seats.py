@@ -63,9 +63,9 @@ class Seat:
 
     def of(self, fault: Fault) -> Estimate:
         """Its number."""
-        return {
-            "lifted": self.height_mm, "tilted": self.tilt_rad, "turned": self.turn_rad, "shifted": self.shift_mm
-        }[fault]  # fmt: skip
+        return {"lifted": self.height_mm, "tilted": self.tilt_rad, "turned": self.turn_rad, "shifted": self.shift_mm}[
+            fault
+        ]
 
     def share(self, fault: Fault, limits: "SeatLimits") -> float:
         """Its size over the limit."""
@@ -148,9 +148,7 @@ def seats_of(found: AsBuilt, made: ErrorModel | None) -> Seats | None:
         if 2 * well.sum() < judged.sum() or (well == counts).all():
             break
         counts = well
-    return Seats(
-        made.piece.name, made.piece.lifted, made.piece.aside, made.name, limits, common, seats
-    )  # fmt: skip
+    return Seats(made.piece.name, made.piece.lifted, made.piece.aside, made.name, limits, common, seats)
 
 
 def _about_middles(found: AsBuilt, made: ErrorModel, counts: Flags) -> _Motions:
@@ -167,9 +165,7 @@ def _about_middles(found: AsBuilt, made: ErrorModel, counts: Flags) -> _Motions:
     covariance = np.einsum("fij,fjgk,glk->figl", change, covariance, change)
     rest = _without_body(target, made, counts, change @ motions_of_whole(target))
     spread = np.einsum("ij,jgl->igl", rest, covariance.reshape(6 * count, count, 6)).reshape(6 * count, 6 * count)
-    return _Motions(
-        (rest @ value.ravel()).reshape(count, 6), (spread @ rest.T).reshape(count, 6, count, 6), counts
-    )  # fmt: skip
+    return _Motions((rest @ value.ravel()).reshape(count, 6), (spread @ rest.T).reshape(count, 6, count, 6), counts)
 
 
 def _without_body(target: TargetGeometry, made: ErrorModel, counts: Flags, by_whole: Array) -> Array:
@@ -259,7 +255,8 @@ def _seat(face: int, motions: _Motions, common: Estimate | None, limits: SeatLim
         beyond = [fault for fault in lengths if over[fault] > 1 and lengths[fault].is_significant]
         faults = tuple(sorted(beyond, key=lambda fault: -over[fault]))
     return Seat(
-        face, "sits badly" if faults else verdict,
+        face,
+        "sits badly" if faults else verdict,
         height_mm=Estimate(float(value[5]), float(sigma[5])),
         shift_x_mm=Estimate(float(value[3]), float(sigma[3])),
         shift_y_mm=Estimate(float(value[4]), float(sigma[4])),
@@ -270,7 +267,7 @@ def _seat(face: int, motions: _Motions, common: Estimate | None, limits: SeatLim
         tilt_y_rad=Estimate(float(value[1]), float(sigma[1])),
         faults=faults,
         worst=max(over.values()),
-    )  # fmt: skip
+    )
 
 
 def _length(vector: Array, covariance: Array) -> Estimate:

@@ -39,9 +39,7 @@ def _seat_rows(seats: Seats) -> Iterator[_Row]:
     if seats.common_height_mm is not None:
         yield ("print", "", "", "", ""), "common height", seats.common_height_mm, "mm", True
     for one in seats.seats:
-        numbers = (
-            one.shift_x_mm, one.shift_y_mm, one.height_mm, one.tilt_x_rad, one.tilt_y_rad, one.turn_rad
-        )  # fmt: skip
+        numbers = (one.shift_x_mm, one.shift_y_mm, one.height_mm, one.tilt_x_rad, one.tilt_y_rad, one.turn_rad)
         for name, number in zip(FREE_PARAMETERS, numbers, strict=True):
             unit = "mm" if name.startswith("shift") else "rad"
             yield ("face", one.face, one.face, "", ""), name, number, unit, one.verdict != "not known"

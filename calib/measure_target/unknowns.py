@@ -128,9 +128,9 @@ def unknowns_of(target: TargetGeometry, options: AsBuiltOptions) -> Unknowns:
         column[:, 6:12] = first_motion + np.arange(6 * faces).reshape(faces, 6)
     if bent:
         column[:, 12:] = first_bow + np.arange(3 * faces).reshape(faces, 3)
-    kind = np.concatenate([
-        np.where(strain < 3, 0, 1), np.tile([2, 2, 3, 4, 4, 5], faces if moves else 0), np.full(3 * faces, 6)
-    ])[:count]  # fmt: skip
+    kind = np.concatenate(
+        [np.where(strain < 3, 0, 1), np.tile([2, 2, 3, 4, 4, 5], faces if moves else 0), np.full(3 * faces, 6)]
+    )[:count]
     strained, turned, shifted, bowed = (
         options.strain_sigma, options.face_sigma_rad, options.face_sigma_mm, options.bow_sigma_mm
     )  # fmt: skip

@@ -212,9 +212,7 @@ def read_planes(path: Path) -> dict[str, Plane]:
 def _table(path: Path, columns: Sequence[str], kind: str, most: int) -> CsvTable:
     """The rows of a file."""
     wanted = f"{kind} has the columns {','.join(columns)}"
-    table = read_table(
-        path, read_text(path, kind, MAX_FILE_BYTES), lambda names: column_fault(names, columns, wanted)
-    )  # fmt: skip
+    table = read_table(path, read_text(path, kind, MAX_FILE_BYTES), lambda names: column_fault(names, columns, wanted))
     if not 1 <= len(table.lines) <= most:
         raise InputError(f"{path}: {len(table.lines)} rows; {kind} has 1 to {most}")
     return table

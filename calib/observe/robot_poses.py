@@ -387,7 +387,8 @@ def _by_time(poses: RobotPoses, photos: Sequence[str]) -> PosesOfPhotos | None:
     if not is_near.any():
         return None
     return _paired(
-        poses, [row if ok else None for row, ok in zip(nearest.tolist(), is_near.tolist(), strict=True)],
+        poses,
+        [row if ok else None for row, ok in zip(nearest.tolist(), is_near.tolist(), strict=True)],
         f"photos and robot poses are paired by their times, up to {figure(1e3 * least_s[is_near].max(), 2)} ms apart; "
         f"two photos, or two poses, are {figure(1e3 * apart_s, 2)} ms apart or more",
-    )  # fmt: skip
+    )

@@ -155,10 +155,11 @@ def quaternion_readings(rotation: Array) -> list[RotationReading]:
     """What rotations (V, 3, 3) were if their quaternions' four numbers had been taken in another order."""
     value = to_quaternion(rotation)
     return [
-        RotationReading(f"quaternions {what}", f"name the four columns {names}",
-                        of_quaternion(np.roll(value, by, axis=1)))
+        RotationReading(
+            f"quaternions {what}", f"name the four columns {names}", of_quaternion(np.roll(value, by, axis=1))
+        )
         for what, names, by in (("w first", "qw, qx, qy, qz", -1), ("w last", "qx, qy, qz, qw", 1))
-    ]  # fmt: skip
+    ]
 
 
 def rotation_columns(euler: str | None) -> tuple[RotationColumns, ...]:
@@ -169,11 +170,9 @@ def rotation_columns(euler: str | None) -> tuple[RotationColumns, ...]:
         RotationColumns(("q2", "q3", "q4", "q1"), False, "quaternions", of_quaternion),  # ABB: w first
     ]
     matrices = [
-        RotationColumns(
-            tuple(f"{letter}{i}{j}" for i in range(3) for j in range(3)), False, "matrices", of_matrix
-        )
+        RotationColumns(tuple(f"{letter}{i}{j}" for i in range(3) for j in range(3)), False, "matrices", of_matrix)
         for letter in "mr"
-    ]  # fmt: skip
+    ]
     angles = [
         _euler_columns(names, convention or usual)
         for names, usual in ((("a", "b", "c"), "kuka"), (("w", "p", "r"), "fanuc"), (("roll", "pitch", "yaw"), "rpy"),

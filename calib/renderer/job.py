@@ -195,11 +195,9 @@ def render_file(job: RenderJob, index: int, folder: Path) -> None:
 
 def _encoded(image: Levels, job: RenderJob) -> bytes:
     """The image as a file's content."""
-    flags = {
-        "png": [cv2.IMWRITE_PNG_COMPRESSION, 1],
-        "tiff": [],
-        "jpeg": [cv2.IMWRITE_JPEG_QUALITY, job.quality],
-    }[job.file_format]
+    flags = {"png": [cv2.IMWRITE_PNG_COMPRESSION, 1], "tiff": [], "jpeg": [cv2.IMWRITE_JPEG_QUALITY, job.quality]}[
+        job.file_format
+    ]
     done, content = cv2.imencode(SUFFIX[job.file_format], image, flags)
     if not done:
         raise InputError(f"an image of {image.shape[1]} x {image.shape[0]} px cannot be written as {job.file_format}")

@@ -188,9 +188,10 @@ def _rig(file: RigFile, folder: Path) -> Rig:
     opened = {camera: _camera(camera, folder) for _, camera, _ in placed}
     cam_from_room = np.array([pose for _, _, pose in placed])
     rig = Rig(
-        tuple(name for name, _, _ in placed), tuple(opened[camera] for _, camera, _ in placed),
+        tuple(name for name, _, _ in placed),
+        tuple(opened[camera] for _, camera, _ in placed),
         cam_from_room @ invert(cam_from_room[0]),
-    )  # fmt: skip
+    )
     return with_folder_names(rig, "cameras")
 
 

@@ -53,9 +53,7 @@ def motion_covariance(
         gap_s = one.gap_s - state.delay_s[number]
         by_speed = blocks[:, :-1, -7:-1] @ turned * gap_s[:, None, None]  # (V_c, P + 6, 6)
         columns = np.concatenate([params_of(problem, number), chain.column])
-        own = np.concatenate(
-            [by_speed[:, :-6], chain.by_shared.transpose(0, 2, 1) @ by_speed[:, -6:]], axis=1
-        )  # fmt: skip
+        own = np.concatenate([by_speed[:, :-6], chain.by_shared.transpose(0, 2, 1) @ by_speed[:, -6:]], axis=1)
         part = np.zeros((len(own), count + 1, 6))  # what is fixed takes the last
         for place, column in enumerate(columns.tolist()):  # parameters that share a value add up
             part[:, column] += own[:, place]
@@ -249,10 +247,9 @@ def accuracy_of_rig(problem: RigProblem, found: Found, labels: Sequence[str], kn
     shared = np.where(inverse.is_lost | inverse.is_lost[:, None], np.nan, factor * inverse.shared + moved)
     covariance = np.zeros((len(place), len(place)))
     covariance[np.ix_(rows, rows)] = shared[np.ix_(place[rows], place[rows])]
-    delay = np.array([
-        float(np.sqrt(shared[one.delay[0], one.delay[0]])) if one.delay[0] >= 0 else 0.0
-        for one in problem.seen
-    ])  # fmt: skip
+    delay = np.array(
+        [float(np.sqrt(shared[one.delay[0], one.delay[0]])) if one.delay[0] >= 0 else 0.0 for one in problem.seen]
+    )
     column = None if problem.prior is None else problem.prior.column
     carrier = None if column is None else shared[column[:, None], column]
     size = problem.size_column
@@ -291,10 +288,11 @@ def with_circle_doubt(found: RigCalibration) -> RigCalibration:
         return found
     unit_mm = float(np.median(known))
     shift = [
-        np.zeros_like(seen.center_px) if own is None
+        np.zeros_like(seen.center_px)
+        if own is None
         else circle_shift_px(camera_alone(found, row), np.where(own > 0, unit_mm, 0.0))
         for row, (seen, own) in enumerate(zip(found.observations.sightings, units, strict=True))
-    ]  # fmt: skip
+    ]
     off = tuple(left + by for left, by in zip(found.residual_px, shift, strict=True))
     frames = np.arange(found.observations.frame_count)
     (basis, plain), (_, moved) = (posed_unknowns(one, frames) for one in (found, replace(found, residual_px=off)))

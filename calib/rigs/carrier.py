@@ -165,9 +165,7 @@ def start_turntable(cam_from_target: Array, angle_rad: Array | None = None) -> T
     x, z = _anchored(found.cam_from_rig, found.carrier_from_target)
     # How X and Z may turn and shift together is chosen above: it is nothing that more photos would tell.
     loose = () if np.ptp(angle) > 0 else ("the table does not turn: where its axis is, is not determined",)
-    start = HandEyeStart(
-        x, z, found.rotation_rms_rad, found.shift_rms_mm, found.error, found.is_far_off, loose
-    )  # fmt: skip
+    start = HandEyeStart(x, z, found.rotation_rms_rad, found.shift_rms_mm, found.error, found.is_far_off, loose)
     return TurntableStart(start, angle)
 
 

@@ -219,11 +219,12 @@ def moved_state(problem: RigProblem, state: RigState, equations: RigEquations, s
     )
     own = [
         move_poses(
-            state.cam_from_rig[number : number + 1], shared[one.pose][None],
+            state.cam_from_rig[number : number + 1],
+            shared[one.pose][None],
             turn_of_centre(state.cameras[number], cameras[number]) if one.pose[0] >= 0 else None,
         )
         for number, one in enumerate(problem.seen)
-    ]  # fmt: skip
+    ]
     frames = move_poses(state.rig_from_target, step.pose)
     delay = state.delay_s + np.array([shared[one.delay[0]] for one in problem.seen])
     target = state.carrier_from_target

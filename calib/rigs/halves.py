@@ -260,9 +260,7 @@ def _compared(kind: SplitKind, whole: RigCalibration, first: RigCalibration, sec
         sigma = math.hypot(one.baseline_sigma_mm, two.baseline_sigma_mm)
         pairs.append(PairApart((rig.names[a], rig.names[b]), two.baseline_mm - one.baseline_mm, sigma))
     left = math.sqrt((_squares(first) + _squares(second)) / _squares(whole))
-    return RigSplit(
-        kind, ratio, int(sure.rank), left, tuple(pairs), _target_apart(first, second), by_noise
-    )  # fmt: skip
+    return RigSplit(kind, ratio, int(sure.rank), left, tuple(pairs), _target_apart(first, second), by_noise)
 
 
 def _target_apart(first: RigCalibration, second: RigCalibration) -> float | None:

@@ -50,9 +50,10 @@ def rig_in_space(
     found, _ = settled(spaced, found, observations, alone, as_it_is)
     _require_near(image.state, found.state, observations.camera_names, options.minimise)
     told = replace(
-        found, equations=rig_equations(problem, found.state, problem.loss),
+        found,
+        equations=rig_equations(problem, found.state, problem.loss),
         iterations=image.iterations + found.iterations,
-    )  # fmt: skip
+    )
     return RigInSpace(told, camera_scales(problem, told, options.loss))
 
 

@@ -187,9 +187,8 @@ def without_params(problem: RigProblem) -> RigProblem:
     )
     prior = problem.prior and replace(problem.prior, column=number[problem.prior.column])
     return replace(
-        problem, seen=seen, shared_count=int(kept[:-1].sum()), prior=prior,
-        size_column=int(number[problem.size_column]),
-    )  # fmt: skip
+        problem, seen=seen, shared_count=int(kept[:-1].sum()), prior=prior, size_column=int(number[problem.size_column])
+    )
 
 
 def frame_times(observations: RigObservations) -> Array:

@@ -116,11 +116,12 @@ def rig_poses_csv(poses: Sequence[RigTargetPose], cameras: Sequence[str]) -> byt
             *log_rotation(pose.rig_from_target[:3, :3]).tolist(), *pose.covariance[np.triu_indices(6)].tolist(),
         ]  # fmt: skip
         of_camera = {one.camera: one for one in pose.cameras}
-        own = [(of_camera[name].rings, repr(of_camera[name].rms_px)) if name in of_camera else (0, "")
-               for name in cameras]  # fmt: skip
-        writer.writerow([
-            pose.frame, len(pose.cameras), pose.rings, *map(repr, numbers), *(cell for pair in own for cell in pair)
-        ])  # fmt: skip
+        own = [
+            (of_camera[name].rings, repr(of_camera[name].rms_px)) if name in of_camera else (0, "") for name in cameras
+        ]
+        writer.writerow(
+            [pose.frame, len(pose.cameras), pose.rings, *map(repr, numbers), *(cell for pair in own for cell in pair)]
+        )
     return stream.getvalue().encode("utf-8", "surrogatepass")
 
 

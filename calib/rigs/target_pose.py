@@ -204,9 +204,7 @@ def _told(rig: Rig, parts: Sequence[_Part], pose: Array, *, weighted: bool) -> R
         excess = _excess(squares, count - POSE, gram)
     else:
         noise = squares / (count - POSE) * noise
-    residual = [
-        np.where(part.counts[:, None], _residual_px(rig, part, pose), np.nan) for part in parts
-    ]  # fmt: skip
+    residual = [np.where(part.counts[:, None], _residual_px(rig, part, pose), np.nan) for part in parts]
     return RigPose(pose, noise, None if moved is None else moved @ moved.T, tuple(residual), excess)
 
 

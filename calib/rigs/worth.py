@@ -159,4 +159,4 @@ def residuals(problem: RigProblem, state: RigState) -> list[Array]:
             with_scale(problem, number, state.size), camera, seen_poses(rigid, state, number)[1], RobustLoss()
         ).residual_px
         for number, camera in enumerate(state.cameras)
-    ]  # fmt: skip
+    ]

@@ -21,9 +21,7 @@ from designer.page.page_file import BLOCKS_FILE
 Builder: TypeAlias = Callable[[Path, Origin], Page]
 
 PAGE_FILE = "index.html"
-KINDS: Mapping[str, str] = {
-    "photos": "photos.photos_page.photos_page",
-}
+KINDS: Mapping[str, str] = {"photos": "photos.photos_page.photos_page"}
 """What builds the page of each kind of folder: a function below `calib.show`, loaded when it is needed."""
 
 
@@ -54,11 +52,7 @@ def write_page(folder: Path, origin: Origin, page: Page) -> tuple[Path, Path]:
 
 
 def write_folder_page(
-    folder: Path,
-    kind: str,
-    command: str,
-    *,
-    keep: Callable[[], tuple[Path, ...]] = tuple,
+    folder: Path, kind: str, command: str, *, keep: Callable[[], tuple[Path, ...]] = tuple
 ) -> tuple[tuple[Path, ...], str]:
     """Write a folder's page beside what was asked for; its files, or why there is none, in a line.
 

@@ -116,10 +116,11 @@ def descend_in_space(
     step = there.camera.params - minimum.camera.params
     moved = steps_between(minimum.cam_from_target, there.cam_from_target)
     accuracy = replace(
-        sure, scale=accuracy_of(blocks.products, tie.row, int(is_used.sum()), start.robust).scale,
+        sure,
+        scale=accuracy_of(blocks.products, tie.row, int(is_used.sum()), start.robust).scale,
         param_covariance=sure.param_covariance + np.outer(step, step),
         pose_covariance=sure.pose_covariance + moved[:, :, None] * moved[:, None, :],
-    )  # fmt: skip
+    )
     pixel = problem.measured_px.T[is_used]
     change = camera_change(minimum.camera, step, sure.param_covariance, pixel)
     return SolvedInSpace(descended, accuracy, _remark(options.minimise, *change))

@@ -9,13 +9,7 @@ from calib.cameras.camera import Camera
 from calib.core.jit import jit
 from calib.core.small_solve import cholesky_factor, substitute
 from calib.solver.blocks import Blocks, RobustLoss, view_blocks
-from calib.solver.descent import (
-    FIRST_DAMPING,
-    LARGEST_DAMPING,
-    PERFECT_PX,
-    SMALL_DECREASE,
-    levenberg_marquardt,
-)
+from calib.solver.descent import FIRST_DAMPING, LARGEST_DAMPING, PERFECT_PX, SMALL_DECREASE, levenberg_marquardt
 from calib.solver.problem import Problem
 from calib.solver.schur import Step, damped_step
 from designer.base.arrays import Array, Flags, Rows

@@ -35,12 +35,7 @@ class LinearViews:
 
 
 def linear_views(
-    view_start: Rows,
-    position_mm: Array,
-    image: Array,
-    *,
-    as_planes: bool = False,
-    is_robust: bool = False,
+    view_start: Rows, position_mm: Array, image: Array, *, as_planes: bool = False, is_robust: bool = False
 ) -> LinearViews:
     """Fit a homography or a projection to each view: points (3, M), and their places (2, M) in an image without lens.
 
@@ -96,12 +91,7 @@ def _principal_frames(view_start: Rows, position: Array, frame: Array, extent: A
 
 @jit
 def _fit_views(
-    view_start: Rows,
-    position: Array,
-    image: Array,
-    frame: Array,
-    is_planar: Flags,
-    projection: Array,
+    view_start: Rows, position: Array, image: Array, frame: Array, is_planar: Flags, projection: Array
 ) -> None:
     for view in range(len(frame)):
         begin, end = view_start[view], view_start[view + 1]
@@ -110,13 +100,7 @@ def _fit_views(
 
 @jit
 def _fit_views_by_consensus(
-    view_start: Rows,
-    position: Array,
-    image: Array,
-    frame: Array,
-    is_planar: Flags,
-    share: Array,
-    projection: Array,
+    view_start: Rows, position: Array, image: Array, frame: Array, is_planar: Flags, share: Array, projection: Array
 ) -> None:
     """Of fits to a few observations drawn at random, the one with the least median distance (Rousseeuw 1984).
 

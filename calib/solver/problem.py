@@ -136,14 +136,7 @@ def select_rows(problem: Problem, views: Rows, per_view: int) -> tuple[Rows, Row
 
 
 @jit
-def _spread_rows(
-    view_start: Rows,
-    is_used: Flags,
-    views: Rows,
-    per_view: int,
-    start: Rows,
-    rows: Rows,
-) -> None:
+def _spread_rows(view_start: Rows, is_used: Flags, views: Rows, per_view: int, start: Rows, rows: Rows) -> None:
     """Of each view's used observations at most so many: where each view's begin among the rows, and the rows."""
     longest = 0
     for view in views:

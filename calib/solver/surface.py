@@ -174,9 +174,10 @@ def _bending(problem: Problem, model: SurfaceModel, tie: Tie, modes_mm: Array | 
         spread = np.pad(spread, ((extra, 0), (extra, 0)))
         spread[:extra, :extra] = np.eye(extra)
     parts = roughness(
-        model.scale(problem.image_size), (model.control_rows, model.control_columns),
+        model.scale(problem.image_size),
+        (model.control_rows, model.control_columns),
         0.5 * float(np.hypot(*problem.image_size)),
-    )  # fmt: skip
+    )
     return _Bending(problem, model, spread, parts, modes_mm)
 
 

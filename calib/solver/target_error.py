@@ -173,10 +173,7 @@ def extended(equations: ShapeEquations, variance: float) -> Extended:
     inverse = symmetric_inverse(normal[camera, camera] - lost).inverse
     by_camera = modes @ reduced[shared, camera]
     whole = np.block(
-        [
-            [inverse, -inverse @ by_camera.T],
-            [-by_camera @ inverse, modes + by_camera @ inverse @ by_camera.T],
-        ]
+        [[inverse, -inverse @ by_camera.T], [-by_camera @ inverse, modes + by_camera @ inverse @ by_camera.T]]
     )
     step = -inverse @ (pull[camera] - by_camera.T @ pull[shared])
     all_shared = np.concatenate([step, -modes @ (pull[shared] + reduced[shared, camera] @ step)])

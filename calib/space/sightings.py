@@ -44,11 +44,7 @@ class PointSightings:
 
 
 def of_rows(
-    camera: Rows,
-    frames: tuple[str, ...],
-    points: tuple[str, ...],
-    center_px: Array,
-    cov_px2: Array | None = None,
+    camera: Rows, frames: tuple[str, ...], points: tuple[str, ...], center_px: Array, cov_px2: Array | None = None
 ) -> PointSightings:
     """Sightings from columns of equal length M: camera rows, names of frames and points, pixels, covariances."""
     frame_names, point_names = tuple(dict.fromkeys(frames)), tuple(dict.fromkeys(points))

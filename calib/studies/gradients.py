@@ -57,14 +57,7 @@ def chunks_of(view_start: Rows, views: Rows) -> list[tuple[int, int]]:
 
 
 @jit
-def _to_camera(
-    view_start: Rows,
-    views: Rows,
-    pose: Array,
-    position: Array,
-    turned: Array,
-    point: Array,
-) -> None:
+def _to_camera(view_start: Rows, views: Rows, pose: Array, position: Array, turned: Array, point: Array) -> None:
     """R p and R p + t for the observations of some views, one view after the other."""
     k = 0
     for place in range(len(views)):

@@ -100,7 +100,7 @@ def expand(problem: Problem, calibration: Calibration, cam_from_target: Array, t
     extra, inverse, slope = _second_by_pose(problem, camera, cam_from_target, spread @ root, products, accuracy.scale)
     at = ExpansionPoint(
         problem, camera, calibration.scale, tie.row, cam_from_target, spread @ root, extra, inverse, slope
-    )  # fmt: skip
+    )
     middle = _look(at, np.zeros(free))
     axis = STEP * np.eye(free)
     ahead = np.stack([_look(at, y) for y in axis], axis=-1)  # (V, Q + 6, Q)
@@ -211,13 +211,7 @@ def find_near(expansion: Expansion, views: Rows, weight: Rows) -> NearMinimum | 
 
 
 def _led_to_zero(
-    at: ExpansionPoint,
-    views: Rows,
-    weight: Rows,
-    near: NearMinimum,
-    second: Array,
-    follow: Array,
-    bending: float,
+    at: ExpansionPoint, views: Rows, weight: Rows, near: NearMinimum, second: Array, follow: Array, bending: float
 ) -> NearMinimum | None:
     """The minimum by steps with second derivatives that stay as they are.
 

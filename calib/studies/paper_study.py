@@ -47,10 +47,7 @@ FIRST_PHOTOS = 30
 LEAST_SIGHTINGS = 10
 """Of a view; one with fewer is not used."""
 
-SAMPLINGS = {
-    "binary": RenderOptions(sampling="binary"),
-    "area": RenderOptions(blur_px=0.7, contrast_to_noise=100),
-}
+SAMPLINGS = {"binary": RenderOptions(sampling="binary"), "area": RenderOptions(blur_px=0.7, contrast_to_noise=100)}
 """As the paper renders, one ray a pixel, black or white; and as a good camera sees: anti-aliased, blurred, noisy."""
 
 _RINGS: Mapping[str, SpecValue] = {"ring_diameter_mm": 7, "ring_ratio": 0.45, "pitch_mm": 10, "margin_mm": 1}
@@ -97,12 +94,7 @@ def photograph(photos: PhotoSet, target: TargetGeometry, folder: Path, *, jobs: 
 
 
 def search(
-    target: TargetGeometry,
-    photos: Sequence[PhotoFile],
-    camera: Camera | None,
-    *,
-    jobs: int,
-    tell: Tell,
+    target: TargetGeometry, photos: Sequence[PhotoFile], camera: Camera | None, *, jobs: int, tell: Tell
 ) -> list[Detections]:
     """What the detector finds in photos, those without the target left out.
 

@@ -181,8 +181,9 @@ def summarise(case: Case, samples: SampleArrays) -> CaseSummary:
         # Else the counts would not add up to the samples.
         raise ValueError(f"samples of unknown status: {', '.join(sorted(unknown))}")
     chosen: tuple[tuple[Over, Array], ...] = (
-        ("all", samples.metrics), ("converged", samples.metrics[status == "converged"]),
-    )  # fmt: skip
+        ("all", samples.metrics),
+        ("converged", samples.metrics[status == "converged"]),
+    )
     found = tuple(
         distribution(metric, values[:, metric.column], over, paper_value(case.target, metric.name, case.size))
         for over, values in chosen
@@ -223,9 +224,9 @@ def distribution(metric: Metric, values: Array, over: Over = "all", paper: Paper
     low, high = np.percentile(known, [50 * (1 - SHARE), 50 * (1 + SHARE)]).tolist()
     found = replace(empty, mu=mu, percentile_low=low, percentile_high=high)
     if spread <= NO_SPREAD * abs(mean):
-        return _beside_paper(replace(
-            found, mu_error=0.0, sigma=0.0, sigma_error=0.0, fit_low=mu, fit_high=mu, shape="constant"
-        ))  # fmt: skip
+        return _beside_paper(
+            replace(found, mu_error=0.0, sigma=0.0, sigma_error=0.0, fit_low=mu, fit_high=mu, shape="constant")
+        )
     standard = (scaled - mean) / spread
     fourth = float((standard**4).mean())
     skewness = float((standard**3).mean()) * (count / (count - 1)) ** 1.5
@@ -241,9 +242,7 @@ def distribution(metric: Metric, values: Array, over: Over = "all", paper: Paper
 
 def _beside_paper(found: Distribution) -> Distribution:
     """With its factors over the paper's."""
-    return replace(
-        found, mu_by_paper=found.mu / found.paper_mu, sigma_by_paper=found.sigma / found.paper_sigma
-    )  # fmt: skip
+    return replace(found, mu_by_paper=found.mu / found.paper_mu, sigma_by_paper=found.sigma / found.paper_sigma)
 
 
 def _p_of_gaussian(values: Array) -> float:

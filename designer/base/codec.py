@@ -26,7 +26,7 @@ from typing import (
     get_origin,
     get_type_hints,
     runtime_checkable,
-)  # fmt: skip
+)
 
 from designer.base.errors import InputError
 from designer.base.files import JsonValue

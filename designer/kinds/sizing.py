@@ -156,9 +156,10 @@ def _corrected(asked: AskedPrinting, build: str) -> tuple[AskedPrinting, str]:
     names = ("ink_offset",) * way.is_two_filament + ("shrink_compensation", "skew_compensation") * way.has_body
     own = {name: value for name in names if getattr(asked, name) is None and (value := getattr(file, name)) is not None}
     told = {
-        "ink_offset": format_mm, "shrink_compensation": lambda value: f"{value:g}%",
+        "ink_offset": format_mm,
+        "shrink_compensation": lambda value: f"{value:g}%",
         "skew_compensation": format_skew,
-    }  # fmt: skip
+    }
     words = ", ".join(f"{name.replace('_', ' ')} {told[name](value)}" for name, value in own.items())
     return replace(asked, **own), f"{words}: as the printer's file has it" if words else ""
 
@@ -170,9 +171,7 @@ def printer_of(asked: AskedPrinting) -> PrinterProfile:
         InputError: an unknown printer, or a nozzle it has no line for while none is given.
     """
     name = DEFAULT_PRINTER if asked.printer is None else asked.printer
-    nozzle, line, layer, bed, machine = (
-        asked.nozzle, asked.line_width, asked.layer_height, asked.bed, asked.machine
-    )  # fmt: skip
+    nozzle, line, layer, bed, machine = (asked.nozzle, asked.line_width, asked.layer_height, asked.bed, asked.machine)
     # A full profile, as a resolved spec has it, stands without the file it once came from.
     if not (nozzle and line and layer and bed):
         file = read_printer_file(preset_or_file("printers", name))

@@ -209,7 +209,7 @@ class Sliders(Tagged):
 
 Leaf: TypeAlias = (
     Paragraph | Facts | Findings | Table | Figure | Gallery | View3d | Command | Steps | FileList | Sliders
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -82,9 +82,10 @@ def instead(**others: Callable[..., Result]) -> Callable[[Callable[P, R]], Calla
 
 
 def command_of(
-    function: Callable[..., Result], folder: Folder | None = None,
+    function: Callable[..., Result],
+    folder: Folder | None = None,
     others: Mapping[str, Callable[..., Result]] = MappingProxyType({}),
-) -> Callable[..., Summary]:  # fmt: skip
+) -> Callable[..., Summary]:
     """The function that a shell's command calls, with the texts that were given.
 
     Args:
@@ -337,4 +338,4 @@ def _of_output(made: type[Result], folder: Folder | None, *, has_out: bool, has_
         inspect.Parameter(
             "verbose", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Annotated[bool, verbose]
         ),
-    ]  # fmt: skip
+    ]

@@ -90,9 +90,7 @@ def exploded_scene(design: Design, assembly: Assembly) -> Scene:
         if plate.is_two_filament
     )
     post = () if assembly.post is None else ((POST_COLOUR, "post"),)
-    layers = (
-        Layer("tiles", (*tiles[0].shapes, *backs)), Layer("numbers", (numbers,)), Layer("core", tuple(core)),
-    )  # fmt: skip
+    layers = (Layer("tiles", (*tiles[0].shapes, *backs)), Layer("numbers", (numbers,)), Layer("core", tuple(core)))
     return Scene(layers, (0.0, 0.0, 1.0), (1.0, 0.35, 0.5), (*legend, (CORE_COLOUR, "core"), *post))
 
 
@@ -112,9 +110,9 @@ def _tile_back(assembly: Assembly, apart: TargetGeometry, face: int, colour: str
     sizes = assembly.sizes
     top, back = sizes.outline_mm, sizes.outline_at(sizes.thickness_mm)
     count = len(top)
-    points = np.concatenate([
-        np.column_stack([top, np.full(count, -0.05)]), np.column_stack([back, np.full(count, -sizes.thickness_mm)]),
-    ])  # fmt: skip
+    points = np.concatenate(
+        [np.column_stack([top, np.full(count, -0.05)]), np.column_stack([back, np.full(count, -sizes.thickness_mm)])]
+    )
     ids = np.arange(2 * count, dtype=np.int32).reshape(2, count)
     triangles = np.concatenate([wall_strip(ids[0], ids[1]), triangulate([back])[:, ::-1].astype(np.int32) + count])
     frame = apart.target_from_face[face]

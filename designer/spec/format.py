@@ -134,8 +134,9 @@ def choose_formats(
     impossible = [name for name in FORMATS if name in wanted and reasons[name]]
     if set(asked) == set(FORMATS):
         return tuple(name for name in FORMATS if name in wanted and not reasons[name]), (
-            *remarks, *(f"{name}: left out, {reasons[name]}" for name in impossible)
-        )  # fmt: skip
+            *remarks,
+            *(f"{name}: left out, {reasons[name]}" for name in impossible),
+        )
     for name in impossible:
         others = ", ".join(name for name, reason in reasons.items() if not reason)
         raise InputError(f"{reasons[name]}: formats that go with it are {others}")

@@ -146,10 +146,7 @@ def displaced_shape(
     for name in values:
         source_named(name)
     shape = shape_of(
-        target,
-        bed_from_target,
-        expansion_per_kelvin=model.expansion_per_kelvin,
-        layer_height_mm=model.layer_height_mm,
+        target, bed_from_target, expansion_per_kelvin=model.expansion_per_kelvin, layer_height_mm=model.layer_height_mm
     )
     for name, source in SOURCES.items():
         if name in values:

@@ -135,9 +135,7 @@ def rendered(assembly: Assembly, seed: int) -> None:
     measured = against_truth(of_part.seen, found.target, part, held)
     nominal = against_truth(of_part.seen, drawing, part, held)
     theirs = against_truth(of_part.seen, drawing, part, held, with_opencv(keep_views(of_part.seen, ~held), drawing))
-    perfect = against_truth(
-        of_perfect.seen, drawing, drawing, np.arange(of_perfect.seen.view_count) % 4 == 0
-    )  # fmt: skip
+    perfect = against_truth(of_perfect.seen, drawing, drawing, np.arange(of_perfect.seen.view_count) % 4 == 0)
     inside, rms = covered(found.target, part)
     row(
         "  rings within their stated 95 %, a coordinate",

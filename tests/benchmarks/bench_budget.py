@@ -85,9 +85,7 @@ def _against_draws(scene: RigScene, options: dict[str, object], draws: int) -> N
     seen = sighted(truth, points)
     size = np.array([one.image_size for one in truth.cameras])[seen.camera]
     inside = (np.abs(seen.center_px - (size - 1) / 2) <= size / 2).all(axis=1)
-    seen = replace(
-        seen, camera=seen.camera[inside], place=seen.place[inside], center_px=seen.center_px[inside],
-    )  # fmt: skip
+    seen = replace(seen, camera=seen.camera[inside], place=seen.place[inside], center_px=seen.center_px[inside])
     off = np.empty((draws, len(points), 3))
     for draw in range(draws):
         rig = calibrated(scene, with_new_noise(scene, rng)).rig
@@ -173,9 +171,10 @@ def _beside_mrcal() -> None:
     scene = stereo_pair(frames=20)
     found = calibrated(scene, scene.observations)
     points = points_before(true_rig(scene), 40, np.random.default_rng(4), near_mm=300, far_mm=1500)
-    pixels = np.stack([
-        one.project(transform(pose, points)) for one, pose in zip(found.cameras, found.cam_from_rig, strict=True)
-    ], axis=1)  # fmt: skip
+    pixels = np.stack(
+        [one.project(transform(pose, points)) for one, pose in zip(found.cameras, found.cam_from_rig, strict=True)],
+        axis=1,
+    )
     with tempfile.TemporaryDirectory() as folder:
         given, answer = Path(folder) / "in.npz", Path(folder) / "out.npz"
         np.savez(given, pixels=pixels, noise_px=scene.noise_px, **_for_mrcal(found))
@@ -191,8 +190,9 @@ def _beside_mrcal() -> None:
         shared = expected.calibration_mm2
         assert shared is not None
         for name, mine, their in (
-            ("noise", expected.noise_mm2, theirs["observation"]), ("calibration", shared * unit, theirs["calibration"])
-        ):  # fmt: skip
+            ("noise", expected.noise_mm2, theirs["observation"]),
+            ("calibration", shared * unit, theirs["calibration"]),
+        ):
             ratio = rms_error_mm(mine) / rms_error_mm(their)
             print(f"sigmas by {name}, ours over mrcal's: {ratio.min():.4f} to {ratio.max():.4f}")
         print(f"  mrcal {1e6 * float(theirs['seconds']) / len(points):.0f} us a point with covariances")

@@ -85,9 +85,7 @@ def random_rings(count: int, gradient: float, rng: np.random.Generator) -> Rings
         drawn.append(ring)
     image += NOISE * rng.standard_normal(image.shape)
     counts = np.clip(np.rint(FULL_SCALE * image), 0, 65535).astype(np.uint16)
-    return Rings(
-        counts, np.array([r.c for r in drawn]), np.array([r.a for r in drawn]), np.array([r.w for r in drawn])
-    )  # fmt: skip
+    return Rings(counts, np.array([r.c for r in drawn]), np.array([r.a for r in drawn]), np.array([r.w for r in drawn]))
 
 
 def numeric_bound(gradient: float, *, line_known: bool, rng: np.random.Generator, rings: int = 6) -> float:

@@ -38,9 +38,7 @@ from numpy.typing import NDArray
 from tests.benchmarks.synthetic import Array, eight_bit, plane_view, row
 
 MODULE = "tests.benchmarks.bench_everyday"
-ONE_THREAD = dict.fromkeys(
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"), "1"
-)  # fmt: skip
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 ACCEPTED_FILE = Path(__file__).with_name("everyday_accepted.json")
 WORSE = 0.10
 ROUNDING = 0.03
@@ -148,9 +146,7 @@ def target_file(setting: Setting) -> Path:
 def photo_folder(setting: Setting) -> Path:
     """The rendered photos; a set that is there is gone on with."""
     folder = setting.folder / "photos"
-    command(
-        "calib", "render", target_file(setting), "-o", folder, *PHOTOS, "--contrast-to-noise", CONTRAST_TO_NOISE,
-    )  # fmt: skip
+    command("calib", "render", target_file(setting), "-o", folder, *PHOTOS, "--contrast-to-noise", CONTRAST_TO_NOISE)
     return folder
 
 
@@ -161,12 +157,10 @@ def charuco(size: tuple[int, int]) -> Grey:
     plane_mm = np.diag([SQUARE_MM / scale, SQUARE_MM / scale, 1.0])
     plane_mm[:2, 2] = -SQUARES * SQUARE_MM / 2
     focal_px, side_mm = 1.2 * size[0], SQUARES * SQUARE_MM
-    view = plane_view(
-        focal_px, TILT_RAD, 0.6, 1.1 * side_mm * focal_px / size[1], (np.array(size) - 1) / 2
-    )  # fmt: skip
+    view = plane_view(focal_px, TILT_RAD, 0.6, 1.1 * side_mm * focal_px / size[1], (np.array(size) - 1) / 2)
     seen = cv2.warpPerspective(
         plain, view @ plane_mm, size, flags=cv2.INTER_AREA, borderMode=cv2.BORDER_CONSTANT, borderValue=1.0
-    )  # fmt: skip
+    )
     blurred: Array = 0.1 + 0.7 * cv2.GaussianBlur(seen, (0, 0), BLUR_PX)
     return eight_bit(blurred, 255 * 0.7 / CONTRAST_TO_NOISE, np.random.default_rng(0))
 
@@ -309,7 +303,7 @@ def help_texts(setting: Setting) -> None:
     """What a user waits for first."""
     works: dict[str, Callable[[], object]] = {
         f"{program} --help": lambda program=program: command(program, "--help") for program in ("design", "calib")
-    }  # fmt: skip
+    }
     for package in ("designer", "calib"):
         works[f"import {package}"] = lambda package=package: subprocess.run(
             [sys.executable, "-c", f"import {package}"], check=True, env=AS_INSTALLED
@@ -337,9 +331,7 @@ def prediction(setting: Setting) -> None:
     out = setting.folder / "predicted"
     arguments = ("tolerance", target, "--errors", "fdm-dual", "--linear", "-o", out)
     whole, alone = "design tolerance --linear", "linear prediction"
-    times = setting.whole({
-        whole: lambda: command("design", *arguments), alone: lambda: linear_table(scene, errors)
-    })  # fmt: skip
+    times = setting.whole({whole: lambda: command("design", *arguments), alone: lambda: linear_table(scene, errors)})
     tell(whole, "<= 3 s", times[whole])
     tell(f"  {alone} itself", "<= 0.3 s", times[alone])
 

@@ -31,9 +31,7 @@ def main() -> None:
     ):
         design = made.design
         (sheet,) = cuttings(design.pages)
-        told = np.array([
-            (*circle.centre_mm, circle.radius_mm) for area in sheet.engrave for circle in area.circles
-        ])  # fmt: skip
+        told = np.array([(*circle.centre_mm, circle.radius_mm) for area in sheet.engrave for circle in area.circles])
         _say(kind, "DXF", "dxf", design, told, lambda design: circles(dxf_of(design)))
         _say(kind, "laser SVG", "laser.svg", design, told, _svg_circles)
         for name, ink in (("gerber", ".gto"), ("gerber-mask", ".gts")):

@@ -208,9 +208,7 @@ def print_ratios(runs: Sequence[Run]) -> None:
 
 def print_honesty(runs: Sequence[Run]) -> None:
     """How far what is stated can be relied on where nobody stopped because of it, and what bars are worth."""
-    waved_steps = [
-        step for run in runs if run.person == "random" for step in run.steps if step.photos in FIXED
-    ]  # fmt: skip
+    waved_steps = [step for run in runs if run.person == "random" for step in run.steps if step.photos in FIXED]
     print(f"random, at {FIXED} photos: {beyond(waved_steps)}")
     firsts = [next((s for s in run.steps if s.are_bars_full), None) for run in runs if run.person == "ros"]
     full = [step for step in firsts if step is not None]

@@ -240,9 +240,7 @@ def simulated(rng: np.random.Generator, noise: tuple[float, float], kind: str) -
     )
     cam_from_target = make_pose(exp_rotation(turn), shift) @ first
     points = solver_scenes.board(9, 7, 20.0)
-    scene = rig_views.scene_of(
-        ("cam",), (rig_views.camera(),), np.eye(4)[None], cam_from_target, points, rng, NOISE_PX
-    )  # fmt: skip
+    scene = rig_views.scene_of(("cam",), (rig_views.camera(),), np.eye(4)[None], cam_from_target, points, rng, NOISE_PX)
     x = make_pose(exp_rotation(rng.normal(0, 0.5, 3)), rng.uniform(-60, 60, 3))
     z = make_pose(exp_rotation(rng.normal(0, 0.5, 3)), rng.uniform(-300, 300, 3))
     true = invert(x) @ cam_from_target @ invert(z)

@@ -45,9 +45,7 @@ def picture(target: TargetGeometry, scale: float) -> tuple[NDArray[np.float32], 
     distance_mm = 1.07 * SPEC.size_mm[0] * FOCAL_PX / SIZE[0]
     view = plane_view(FOCAL_PX * scale, TILT_RAD, 0.6, distance_mm, middle) @ np.diag([1.0, -1.0, 1.0])
     plane = target.center_in_face_mm[:, :2]
-    image = picture_of_plane(
-        size, view, plane, target.radius_outer_mm, target.radius_inner_mm, BLUR_PX, fine=2
-    )  # fmt: skip
+    image = picture_of_plane(size, view, plane, target.radius_outer_mm, target.radius_inner_mm, BLUR_PX, fine=2)
     image = PAPER + (image - LIGHT) * np.float32((PAPER - INK) / (LIGHT - DARK))
     return image, apply_homography(view, plane)
 

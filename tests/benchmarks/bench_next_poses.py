@@ -99,11 +99,11 @@ def print_poses(draws: int) -> None:
             drawn = reach[rng.choice(len(reach), len(poses), replace=False)]
             proposed = np.stack([pose.base_from_flange for pose in poses])
             ours, others = (
-                sigmas(one.solved(
-                    np.concatenate([one.base_from_flange, more]), rng, is_free=is_free, is_given=is_given
-                ))
+                sigmas(
+                    one.solved(np.concatenate([one.base_from_flange, more]), rng, is_free=is_free, is_given=is_given)
+                )
                 for more in (proposed, drawn)
-            )  # fmt: skip
+            )
             kept.append(ours / [poses[-1].turn_sigma_rad_after, poses[-1].place_sigma_mm_after])
             random.append(others / ours)
         low, high = np.min(kept), np.max(kept)
@@ -142,9 +142,10 @@ def table_errors(seed: int, *, are_free: bool) -> tuple[Array, int]:
     along = true[:3, 2] * np.sign(axis @ true[:3, 2])
     by_turn = across @ skew(axis)
     level = true[:3, 3] + axis @ (place - true[:3, 3]) / (axis @ along) * along
-    steps = (across @ (along - axis), by_turn @ covariance[:3, :3] @ by_turn.T), (
-        across @ (level - place), across @ covariance[3:, 3:] @ across.T
-    )  # fmt: skip
+    steps = (
+        (across @ (along - axis), by_turn @ covariance[:3, :3] @ by_turn.T),
+        (across @ (level - place), across @ covariance[3:, 3:] @ across.T),
+    )
     return np.array([step @ np.linalg.solve(own, step) for step, own in steps]), found.iterations
 
 

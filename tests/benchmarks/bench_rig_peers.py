@@ -101,7 +101,7 @@ def opencv(seen: RigObservations, *, is_free: bool) -> SolvedPair:
     flags = cv2.CALIB_USE_INTRINSIC_GUESS if is_free else cv2.CALIB_FIX_INTRINSIC
     done = cv2.stereoCalibrate(
         position, *pixel, *alone[0], *alone[1], size, None, None, None, None, flags=flags, criteria=TIGHT
-    )  # fmt: skip
+    )
     return SolvedPair(time.perf_counter() - begin, make_pose(done[5], done[6].ravel()))
 
 

@@ -56,9 +56,7 @@ def main() -> None:
         print(f"{kind}: {len(ways)} ways in {time.perf_counter() - begin:.1f} s")
         drawn = {}
         for one in ways:
-            found = calib.tolerance(
-                made.geometry, one.way.name, views=VIEWS[kind], draws=asked.draws, by=BY, jobs=1
-            )  # fmt: skip
+            found = calib.tolerance(made.geometry, one.way.name, views=VIEWS[kind], draws=asked.draws, by=BY, jobs=1)
             drawn[one.way.name] = found.study.total(BY)
             mark = "marked" if one.is_beyond(BY) else ""
             print(

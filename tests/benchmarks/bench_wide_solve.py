@@ -29,11 +29,7 @@ from calib.cameras.refit import fit_rays, image_grid  # noqa: E402
 from calib.core.se3 import exp_rotation, make_pose, rotation_between, transform  # noqa: E402
 from calib.core.types import KnownPoints, Observations  # noqa: E402
 from calib.solver.descend import descend  # noqa: E402
-from calib.solver.problem import (  # noqa: E402
-    SolveOptions,
-    pack,
-    tie_parameters,
-)
+from calib.solver.problem import SolveOptions, pack, tie_parameters  # noqa: E402
 from calib.solver.solve import solve  # noqa: E402
 from designer.base.errors import InputError  # noqa: E402
 from tests.support.solver_scenes import board, icosahedron  # noqa: E402

@@ -27,9 +27,10 @@ intrinsics, extrinsics, poses = mrcal.seed_stereographic(
     object_spacing=float(data["spacing_mm"]),
 )  # fmt: skip
 for lens, core, everything in (
-    ("LENSMODEL_STEREOGRAPHIC", False, False), ("LENSMODEL_STEREOGRAPHIC", True, False),
+    ("LENSMODEL_STEREOGRAPHIC", False, False),
+    ("LENSMODEL_STEREOGRAPHIC", True, False),
     ("LENSMODEL_OPENCV5", True, True),
-):  # fmt: skip
+):
     if everything:
         start = 1e-6 * np.random.default_rng(0).uniform(-1, 1, (2, 5))
         intrinsics = np.concatenate([intrinsics, start], axis=1)

@@ -31,9 +31,7 @@ def displaced_ratio(axes: tuple[float, float], ratio: float, shift_px: float) ->
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     length = np.hypot(axes[0] * sin, axes[1] * cos)
     by_axes, by_ratio = np.column_stack([cos, sin]) * normal, (axes * np.column_stack([cos, sin]) * normal).sum(axis=1)
-    design = np.vstack([
-        np.column_stack([by_axes, np.zeros(400)]), np.column_stack([ratio * by_axes, by_ratio])
-    ])  # fmt: skip
+    design = np.vstack([np.column_stack([by_axes, np.zeros(400)]), np.column_stack([ratio * by_axes, by_ratio])])
     weight = np.sqrt(np.concatenate([length, ratio * length]))
     left = np.repeat([shift_px, -shift_px], 400)
     return ratio + float(np.linalg.lstsq(design * weight[:, None], left * weight, rcond=None)[0][2])

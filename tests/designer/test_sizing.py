@@ -273,7 +273,7 @@ def test_largest_ring_and_smallest_edge_named_work(
         ("board", {"size": "60x60mm", "build": "sheet", "shrink_compensation": 1}, "a sheet has none; leave it out"),
         ("board", {"size": "60x60mm", "build": "stickers"}, "build 'stickers' is not for 'board'"),
     ],
-)  # fmt: skip
+)
 def test_impossible_sizes_are_refused(kind: str, values: dict[str, RawValue], message: str) -> None:
     """One line with value, rule and remedy."""
     assert re.search(message, refusal(kind, **values))
@@ -313,18 +313,21 @@ def test_every_size_that_was_chosen_is_said(values: dict[str, RawValue]) -> None
     result = sized(**values)
     spec = result.job.target
     numbers = {
-        "pitch": f"pitch {spec.pitch_mm:g}mm (", "ring_diameter": f"rings of {spec.ring_diameter_mm:g}mm (",
+        "pitch": f"pitch {spec.pitch_mm:g}mm (",
+        "ring_diameter": f"rings of {spec.ring_diameter_mm:g}mm (",
         "margin": f"margin {spec.margin_mm:g}mm (",
-    }  # fmt: skip
+    }
     if isinstance(spec, BoardSpec):
         numbers |= {
-            "thickness": f"thickness {spec.thickness_mm:g}mm (", "columns": f"{spec.columns} x {spec.rows} rings (",
+            "thickness": f"thickness {spec.thickness_mm:g}mm (",
+            "columns": f"{spec.columns} x {spec.rows} rings (",
             "size": f"board {spec.size_mm[0]:g}x{spec.size_mm[1]:g}mm (",
-        }  # fmt: skip
+        }
     else:
         numbers |= {
-            "border": f"border {spec.border_mm:g}mm (", "rings_per_side": f"{spec.rings_per_side} rings a side (",
-        }  # fmt: skip
+            "border": f"border {spec.border_mm:g}mm (",
+            "rings_per_side": f"{spec.rings_per_side} rings a side (",
+        }
     said = {name for name, words in numbers.items() if words in result.remarks[0]}
     assert said == numbers.keys() - values.keys()
     again = sized(**tomllib.loads(spec_to_toml(result.job)))

@@ -162,10 +162,7 @@ def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
         ({**ICO, "rings_per_side": 0}, "rings_per_side 0: must be a whole number above zero"),
         ({**ICO, "rings_per_side": 5.5}, "rings_per_side 5.5: must be a whole number"),
         ({**ICO, "ring_ratio": 0.9}, "ring_ratio 0.9: must be a number from 0.2 to 0.8"),
-        (
-            {**ICO, "formats": ["stp"]},
-            "formats .*: unknown format 'stp'; did you mean 'step'",
-        ),
+        ({**ICO, "formats": ["stp"]}, "formats .*: unknown format 'stp'; did you mean 'step'"),
         ({**ICO, "formats": 5}, "formats 5: "),
         ({**ICO, "formats": ["step", 5]}, "formats .*: "),
         ({**ICO, "shrink_compensation": "30%"}, "shrink_compensation '30%': .*20"),

@@ -19,13 +19,7 @@ from designer.base.errors import InputError
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
-from designer.target import (
-    TargetGeometry,
-    bounding_radius_mm,
-    load_target,
-    target_from_json,
-    target_to_json,
-)
+from designer.target import TargetGeometry, bounding_radius_mm, load_target, target_from_json, target_to_json
 
 Document = dict[str, object]
 

@@ -95,9 +95,10 @@ def test_inverses_of_what_data_make_are_guarded() -> None:
     files = [path for package in ("calib", "designer") for path in sorted((root / package).rglob("*.py"))]
     holding = {
         f"{path.relative_to(root).as_posix()} {place}"
-        for path in files if "linalg" in (text := path.read_text(encoding="utf-8"))
+        for path in files
+        if "linalg" in (text := path.read_text(encoding="utf-8"))
         for place, _ in bare_calls(text)
-    }  # fmt: skip
+    }
     assert sorted(holding - set(ALLOWED)) == []
     assert sorted(set(ALLOWED) - holding) == []
 

@@ -342,9 +342,10 @@ def test_a_command_runs_where_its_words_cannot_be_said(stdout: str) -> None:
     No file takes the number of a standard output that is closed: with `--json` it would be written over.
     """
     lines = (
-        "triangulate pair.rig.json sightings.csv -o out", "convert camera.json --to opencv -o new.yml --json",
+        "triangulate pair.rig.json sightings.csv -o out",
+        "convert camera.json --to opencv -o new.yml --json",
         f"solve detections.csv --target board.target.json --model pinhole -o out {shlex.join(LENIENT)}",
-    )  # fmt: skip
+    )
     locale = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     done = run(PYTHON, "-c", ANSWERED, stdout, *lines, check=False, **(locale if stdout == "C" else {}))
     assert done.returncode == 0, done.stderr

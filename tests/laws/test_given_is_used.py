@@ -63,9 +63,10 @@ def _cases() -> list[tuple[str, str]]:
         (name, one.opts[0])
         for name, command in _commands()
         for one in command.params
-        if one.param_type_name == "option" and one.bare_type() in NAMING  # type: ignore[attr-defined]
+        if one.param_type_name == "option"
+        and one.bare_type() in NAMING  # type: ignore[attr-defined]
         and not (WRITTEN | ALONE.get(name, set())) & set(one.opts)
-    ]  # fmt: skip
+    ]
 
 
 def test_all_commands_are_held() -> None:

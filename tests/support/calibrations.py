@@ -18,11 +18,7 @@ from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry
 from tests.support.designs import asked_for
 
-LENS = {
-    "opencv": (-0.1, 0.05, 0.001, -0.0005, 0.0),
-    "luhmann": (0.1, -0.05, 0.0, 0.0005, 0.001),
-    "pinhole": (),
-}
+LENS = {"opencv": (-0.1, 0.05, 0.001, -0.0005, 0.0), "luhmann": (0.1, -0.05, 0.0, 0.0005, 0.001), "pinhole": ()}
 
 
 def camera(model: str = "opencv", size: tuple[int, int] = (1200, 900), focal_px: float = 1400.0) -> Camera:

@@ -102,10 +102,8 @@ def refused(*arguments: object) -> str:
 def files_in(folder: Path) -> set[str]:
     """All files and empty folders below a folder, hidden ones too."""
     return {
-        path.relative_to(folder).as_posix()
-        for path in folder.rglob("*")
-        if path.is_file() or not any(path.iterdir())
-    }  # fmt: skip
+        path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file() or not any(path.iterdir())
+    }
 
 
 def detections_of(seen: Observations, target: TargetGeometry) -> list[Detections]:

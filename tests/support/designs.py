@@ -21,12 +21,10 @@ def asked_for(kind: str, values: Mapping[str, object]) -> Asked:
 
 SMALL: Mapping[str, Mapping[str, object]] = {
     "ico": {"edge": "20mm"},
-    "board": {
-        "size": "60x60mm", "thickness": "4mm", "ring_diameter": "7mm", "pitch": "10mm", "columns": 5, "rows": 5,
-    },
+    "board": {"size": "60x60mm", "thickness": "4mm", "ring_diameter": "7mm", "pitch": "10mm", "columns": 5, "rows": 5},
     "cube": {"edge": "28mm"},
     "coupon": {},
-}  # fmt: skip
+}
 """A few rings of each kind."""
 
 

@@ -34,17 +34,7 @@ from calib.solver.metrics.errors import ErrorSummary
 from calib.solver.metrics.evaluation_files import FoundParameter, Metrics, MetricSummary
 from calib.solver.plane_bend import PlaneBend
 from calib.solver.problem import SolveOptions
-from designer.page.blocks import (
-    Cell,
-    Column,
-    Command,
-    Finding,
-    Findings,
-    Headline,
-    Paragraph,
-    Steps,
-    Table,
-)  # fmt: skip
+from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Paragraph, Steps, Table
 from designer.page.page_file import StoredPage
 from tests.support.pages import whole_page
 
@@ -143,8 +133,9 @@ def _rig_verdict() -> JudgedRig:
     halves = RigHalves((RigSplit("in order", 1 / 3, 6, 1 / 7, (PairApart(("a b", "c"), -0.1, 0.2),), 2 / 3),))
     frame = NextFrame(POSE, ("a b", "c"), "hold it there", ("a b", "c"), 0.3, 1 / 7)
     pose = NextPose(POSE, "move it there", math.nan, 1e-3, 1 / 3, 1 / 7)
-    return JudgedRig(_verdict().verdict, _verdict().criteria, halves, next_frames=(frame,), next_poses=(pose,),
-                     solution_sha256="abc")  # fmt: skip
+    return JudgedRig(
+        _verdict().verdict, _verdict().criteria, halves, next_frames=(frame,), next_poses=(pose,), solution_sha256="abc"
+    )
 
 
 def _photos() -> ToldPhotos:
@@ -170,9 +161,7 @@ def _poses() -> PosesDocument:
 def _rig_poses() -> RigPosesDocument:
     cameras = (CameraResidual("left", "a b.png", 3, 0.1), CameraResidual("right", "a b.png", 0, math.nan))
     place = np.arange(3) / 3
-    pose = RigTargetPose(
-        "a b", cameras, 3, 0.1, place, np.ones(3) / 7, 1e-300, POSE, np.eye(6) / 3, np.eye(6) / 7, 1.0
-    )  # fmt: skip
+    pose = RigTargetPose("a b", cameras, 3, 0.1, place, np.ones(3) / 7, 1e-300, POSE, np.eye(6) / 3, np.eye(6) / 7, 1.0)
     failed = (FrameWithoutPose("c", "too few"),)
     return RigPosesDocument("g1", ("left", "right"), "left", True, (pose,), failed)
 

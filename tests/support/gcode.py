@@ -195,12 +195,7 @@ def machine_settings(printer: PrinterProfile) -> Mapping[str, str]:
         "extra_loading_move": "0",
         **{
             f"filament_{name}": "100,100"
-            for name in (
-                "loading_speed",
-                "loading_speed_start",
-                "unloading_speed",
-                "unloading_speed_start",
-            )
+            for name in ("loading_speed", "loading_speed_start", "unloading_speed", "unloading_speed_start")
         },
         "filament_ramming_parameters": "120 100 6.6| 0.05 6.6 0.45 6.6",
         "single_extruder_multi_material_priming": "0",

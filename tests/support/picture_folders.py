@@ -118,6 +118,4 @@ def page_of(kind: str, folder: Path) -> Page:
     return photos_page(folder, Origin(kind, f"calib {kind} -o somewhere", "ringsolid 1.2.3"))
 
 
-MAKERS: dict[str, Callable[[Path], object]] = {
-    "photos": rendered
-}  # fmt: skip
+MAKERS: dict[str, Callable[[Path], object]] = {"photos": rendered}

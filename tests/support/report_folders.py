@@ -134,7 +134,7 @@ def compare_result() -> ComparedObjects:
         Explanation("AluBoard", "warp", 8.0, 7.0, 9.0, "1.2mm", 0.52, 0.5, 6.0, 6, 0, ""),
         Explanation("AluBoard", "noise", 1e4, 1e4, 1e4, "", 0.1, 0.5, 6.0, 6, 0, ""),
         Explanation("AluBoard", "skew", NAN, NAN, NAN, "", NAN, 0.5, NAN, 0, 6, "skew has no effect"),
-    )  # fmt: skip
+    )
     plan = Plan("phase-one-ixg", 3, 2)
     return ComparedObjects(tabulated(plan, {}, cases, alone), DrawCount(), "out")
 

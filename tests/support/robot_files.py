@@ -27,11 +27,7 @@ def in_unit(factor: float) -> Callable[[Array], Written]:
 
 def angles(columns: str, axes: str, *, degrees: bool = True) -> Callable[[Array], Written]:
     """Euler angles by scipy's axes, under some columns."""
-    return lambda pose: (
-        columns,
-        pose[:, :3, 3],
-        Rotation.from_matrix(pose[:, :3, :3]).as_euler(axes, degrees=degrees),
-    )
+    return lambda pose: (columns, pose[:, :3, 3], Rotation.from_matrix(pose[:, :3, :3]).as_euler(axes, degrees=degrees))
 
 
 def mirrored(mirror: Array) -> Callable[[Array], Written]:

@@ -80,9 +80,9 @@ def sighted(
 ) -> PointSightings:
     """What all cameras see of points, in one frame; without a generator exactly."""
     count, cameras = len(points_mm), len(rig.names)
-    pixel = np.stack([
-        one.project(transform(pose, points_mm)) for one, pose in zip(rig.cameras, rig.cam_from_rig, strict=True)
-    ])  # fmt: skip
+    pixel = np.stack(
+        [one.project(transform(pose, points_mm)) for one, pose in zip(rig.cameras, rig.cam_from_rig, strict=True)]
+    )
     if rng is not None:
         pixel = pixel + noise_px * rng.standard_normal(pixel.shape)
     return PointSightings(

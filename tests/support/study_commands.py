@@ -82,7 +82,7 @@ def contents(place: str | Path) -> dict[str, bytes]:
         name: Path(place, name).read_bytes()
         for name in sorted(files_in(Path(place)))
         if Path(place, name).is_file() and not name.endswith(("-wal", "-shm"))
-    }  # fmt: skip
+    }
 
 
 def tables(place: str = "out") -> dict[str, bytes]:

@@ -10,16 +10,7 @@ from calib.cameras.camera import Camera
 from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera
 from calib.cameras.formats.lens import brown, fit_foreign, invert, lens_camera, lens_named, slopes_of
 from calib.cameras.formats.lens_names import model_named, require_agreement
-from calib.cameras.formats.parsing import (
-    image_size,
-    mapping,
-    numbers,
-    parse_yaml,
-    pick,
-    real,
-    required,
-    shown_plain,
-)
+from calib.cameras.formats.parsing import image_size, mapping, numbers, parse_yaml, pick, real, required, shown_plain
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 

@@ -29,7 +29,7 @@ SHARE_RULE = f"good from {100 * GOOD_SHARE:.0f} %, usable from {100 * USABLE_SHA
 _WORST_FIRST: tuple[Level, ...] = ("bad", "usable", "good")
 MOST_PHOTOS = 100_000
 Kind: TypeAlias = Literal["photos"]
-KIND_WORDS: Mapping[Kind, str] = {"photos": "Rendered photos"}  # fmt: skip
+KIND_WORDS: Mapping[Kind, str] = {"photos": "Rendered photos"}
 
 
 def level_of_share(share: float) -> Level:

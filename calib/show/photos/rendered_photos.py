@@ -152,7 +152,7 @@ def _facts(job: RenderJob) -> tuple[tuple[str, str], ...]:
         ("from the target's origin", distance_words(job.cam_from_target)),
         *option_words(options),
         ("seed", str(job.seed)),
-    )  # fmt: skip
+    )
 
 
 def option_words(options: RenderOptions) -> tuple[tuple[str, str], ...]:
@@ -178,7 +178,7 @@ def _on(options: RenderOptions) -> tuple[tuple[str, str], ...]:
         ("clutter", f"{options.clutter} shapes", options.clutter),
         ("hidden by things in front", f"{100 * options.occlusion:.3g} %", options.occlusion),
         ("gamma", f"{options.gamma:g}", options.gamma != 1),
-    )  # fmt: skip
+    )
     return tuple((name, value) for name, value, is_on in rows if is_on)
 
 

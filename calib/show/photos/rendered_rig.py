@@ -113,10 +113,7 @@ def _facts(jobs: Mapping[str, RenderJob], title: str, delays_ms: Mapping[str, fl
 
 
 def _tables(
-    jobs: Mapping[str, RenderJob],
-    shows: Mapping[str, list[RenderedPhoto]],
-    sees: Rows,
-    delays_ms: Mapping[str, float],
+    jobs: Mapping[str, RenderJob], shows: Mapping[str, list[RenderedPhoto]], sees: Rows, delays_ms: Mapping[str, float]
 ) -> list[Table]:
     """A row a camera; and how many frames two of them share."""
     shared = sees @ sees.T

@@ -35,9 +35,10 @@ class Estimator:
 
 WEIGHTED = "image, weighted"
 ESTIMATORS: tuple[Estimator, ...] = (
-    Estimator(IMAGE, IMAGE), Estimator(WEIGHTED, IMAGE, weighted=True),
+    Estimator(IMAGE, IMAGE),
+    Estimator(WEIGHTED, IMAGE, weighted=True),
     *(Estimator(name, name) for name in COSTS if name != IMAGE),
-)  # fmt: skip
+)
 """Each cost, all observations alike, as mm know nothing of covariances; and what those bring to the image's."""
 
 Pair = tuple[float, float]

@@ -132,9 +132,10 @@ class CostPool(ScenePool):
         for found in solved_by_all(seen, scene.camera.model, self.loss, why):
             true = poses[np.isin(seen.view_names, found.view_names)]
             rows[found.estimator] = (
-                map_error_px(grid, found.camera), pose_error_mm(found.cam_from_target, true),
+                map_error_px(grid, found.camera),
+                pose_error_mm(found.cam_from_target, true),
                 *held_out(found.camera, found.estimator, held),
-            )  # fmt: skip
+            )
             steps += found.iterations
         return _result(number, seen.view_count, list(rows.values()), steps, why)
 

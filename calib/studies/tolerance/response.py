@@ -331,9 +331,9 @@ def _spread(first: FirstOrder) -> _Spread:
     by_gradient = noise @ weighted  # covariance of du and g
     split = np.tile(np.eye(free + 6), (len(sums.follow), 1, 1))  # g to h and k
     split[:, :free, free:], split[:, free:, free:] = sums.follow.transpose(0, 2, 1), sums.pose_inverse
-    gradient = np.stack([
-        weighted[rows].reshape(-1, free + 6).T @ by_gradient[rows].reshape(-1, free + 6) for rows in first.views
-    ])  # fmt: skip
+    gradient = np.stack(
+        [weighted[rows].reshape(-1, free + 6).T @ by_gradient[rows].reshape(-1, free + 6) for rows in first.views]
+    )
     parts = split @ gradient @ split.transpose(0, 2, 1)
     joint = parts.copy()  # of f and k
     joint[:, :free, :free] = sums.free_inverse @ parts[:, :free, :free].sum(axis=0) @ sums.free_inverse

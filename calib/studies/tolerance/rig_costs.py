@@ -103,8 +103,9 @@ class SimulatedFrames:
         choices = [CameraChoice(camera.model, camera) for camera in self.rig.cameras]
         found = solve_rig(self.seen(made, rng), choices, RigOptions())
         if found.status == "degenerate":
-            raise InputError(f"{len(self.rig_from_target)} frames do not determine the rig: {found.remarks[0]}; add "
-                             "--frames")  # fmt: skip
+            raise InputError(
+                f"{len(self.rig_from_target)} frames do not determine the rig: {found.remarks[0]}; add --frames"
+            )
         return found
 
 

@@ -135,9 +135,10 @@ def valid() -> dict[str, object]:
 
 
 @pytest.mark.parametrize(
-    ("call", "option"), [(call, option) for call, options in WRONG.items() for option in options],
+    ("call", "option"),
+    [(call, option) for call, options in WRONG.items() for option in options],
     ids=[f"{call.__name__}-{option}" for call, options in WRONG.items() for option in options],
-)  # fmt: skip
+)
 def test_a_value_of_another_type_is_refused(call: Callable[..., object], option: str) -> None:
     """Whatever an option is given, the answer is a line and no TypeError from within."""
     needed = inspect.signature(call).parameters

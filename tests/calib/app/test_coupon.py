@@ -93,9 +93,7 @@ def test_what_is_told_takes_it_back(scanned: calib.CouponReading, tmp_path: Path
 
 def printed_again(first: Printed, printer: str) -> Printed:
     """What a printer with the faults of a first coupon makes of the files of a second, which were made for it."""
-    plain, mended = (
-        designer.coupon(**options).design.plates[0].pieces[0] for options in ({}, {"printer": printer})
-    )  # fmt: skip
+    plain, mended = (designer.coupon(**options).design.plates[0].pieces[0] for options in ({}, {"printer": printer}))
     target = SPEC.lay_out()
     found, radius_mm = [], []
     for piece in (plain, mended):

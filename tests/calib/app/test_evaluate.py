@@ -76,14 +76,7 @@ def test_a_calibration_alone_is_enough(tmp_path: Path) -> None:
     folder = folder_of(solved(), tmp_path / "cal")
     result = run(folder, "--verbose")
     assert result.exit_code == 0, result.output
-    for words in (
-        "model opencv",
-        "reprojection",
-        "intersection",
-        "reconstruction",
-        "worst px",
-        "Faces of the target",
-    ):
+    for words in ("model opencv", "reprojection", "intersection", "reconstruction", "worst px", "Faces of the target"):
         assert words in result.output
     assert "of the photos that the camera was solved from" in result.output
     assert "fixed" in result.output
@@ -100,7 +93,7 @@ def test_truth_adds_pose_errors(tmp_path: Path) -> None:
     folder = folder_of(solved(), tmp_path / "cal")
     result = run(
         folder / "calibration.json", "--truth", truth_file(tmp_path), "-o", tmp_path / "out", "--no-figures", "-v"
-    )  # fmt: skip
+    )
     assert result.exit_code == 0, result.output
     assert "\npose " in result.output
     assert "sigma" in result.output

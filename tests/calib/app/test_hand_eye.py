@@ -65,9 +65,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     noise = make_pose(exp_rotation(rng.normal(0, 1e-4, (len(rows), 3))), rng.normal(0, 0.05, (len(rows), 3)))
     base_from_flange = invert(noise @ flange_from_base)
     for name, poses, unit in (
-        ("robot.csv", base_from_flange, "mm"), ("inverted.csv", invert(base_from_flange), "mm"),
+        ("robot.csv", base_from_flange, "mm"),
+        ("inverted.csv", invert(base_from_flange), "mm"),
         ("metres.csv", base_from_flange, "m"),
-    ):  # fmt: skip
+    ):
         lines = ["image,x_mm,y_mm,z_mm,rx_rad,ry_rad,rz_rad"]
         for view, pose in zip(seen.view_names, poses, strict=True):
             shift = pose[:3, 3] * (1e-3 if unit == "m" else 1.0)
@@ -87,9 +88,7 @@ def test_a_camera_in_hand_is_found_and_written_for_programs(folder: Path, tmp_pa
     found = calib.hand_eye(None, table=folder / "seen.csv", robot=folder / "robot.csv")
     assert np.allclose(told.flange_from_cam, found.hand_eye.flange_from_cam, atol=1e-6)
     pose = invert(told.flange_from_cam)
-    off = np.concatenate([
-        log_rotation(pose[:3, :3] @ CAM_FROM_FLANGE[:3, :3].T), pose[:3, 3] - CAM_FROM_FLANGE[:3, 3]
-    ])  # fmt: skip
+    off = np.concatenate([log_rotation(pose[:3, :3] @ CAM_FROM_FLANGE[:3, :3].T), pose[:3, 3] - CAM_FROM_FLANGE[:3, 3]])
     assert told.covariance is not None
     assert off @ np.linalg.solve(told.covariance, off) < 30
     said = read_robot_poses(out / "next_poses.csv").base_from_flange

@@ -456,7 +456,7 @@ def refused(*arguments: object) -> str:
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--bed-turn", "1mm"), "expected an angle"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--measured-length", "edge:100mm"), "with --length"),
     ],
-)  # fmt: skip
+)
 def test_bad_input_is_one_line(arguments: tuple[str, ...], message: str) -> None:
     """The value, the rule and the remedy; nothing is written, nothing overwritten."""
     assert message in refused(*arguments)

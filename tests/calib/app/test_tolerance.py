@@ -112,7 +112,7 @@ def test_a_study_is_kept_and_gone_on_with(folder: Path) -> None:
     names = {"ranking", "sweep_intersection"}
     assert files_in(folder / "out") == TABLES | PAGE | {"study.sqlite"} | {
         f"figures/{name}.{suffix}" for name in names for suffix in ("png", "svg")
-    } | {f"sweeps/{factor}x.sqlite" for factor in ("0.25", "0.5", "2", "4")}  # fmt: skip
+    } | {f"sweeps/{factor}x.sqlite" for factor in ("0.25", "0.5", "2", "4")}
     first = Path("out/table.csv").read_bytes()
     again = design("ico.target.json", *DRAWN, *few, "-o", "out")
     assert again.code == 2

@@ -10,14 +10,7 @@ from calib.cameras.camera import Camera
 from calib.cameras.learned import known_at
 from calib.cameras.parameters import slopes
 from tests.support.solver_scenes import SIZE
-from tests.support.virtual_scenes import (
-    CENTRE_PX,
-    FOCAL_PX,
-    fisheye_map,
-    straight,
-    virtual_camera,
-    wavy_map,
-)
+from tests.support.virtual_scenes import CENTRE_PX, FOCAL_PX, fisheye_map, straight, virtual_camera, wavy_map
 
 
 @pytest.fixture(scope="module", params=["waves", "fisheye", "part of the image"])

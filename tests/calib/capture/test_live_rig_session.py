@@ -130,8 +130,9 @@ def test_a_deleted_moment_is_left_out_of_all_cameras_and_comes_back(talk: Talk, 
     session.command(PageCommand("delete", "0001.png"))
     assert session.guide.moments == ("0002",)
     assert write_table(session).read_text().splitlines()[1:3] == [
-        "left,0002,photos/left/0002.png", "right,0002,photos/right/0002.png",
-    ]  # fmt: skip
+        "left,0002,photos/left/0002.png",
+        "right,0002,photos/right/0002.png",
+    ]
     assert (talk.folder / "photos/left/0001.png").exists()
     session.command(PageCommand("restore", "0001.png"))
     assert session.guide.told.headline == before

@@ -267,9 +267,9 @@ def test_plan_names_corners_and_marks_of_the_solid() -> None:
 ROW_ARRAYS = ("ring_face", "ring_index", "center_mm", "radius_outer_mm", "radius_inner_mm", "is_dot")
 
 
-@pytest.mark.parametrize(("pieces", "carries"), [
-    ({7: (12, 0), 12: (7, 0)}, {7: 12, 12: 7}), ({3: (3, 1)}, {3: 3}), ({7: (12, 2)}, {7: 12})
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("pieces", "carries"), [({7: (12, 0), 12: (7, 0)}, {7: 12, 12: 7}), ({3: (3, 1)}, {3: 3}), ({7: (12, 2)}, {7: 12})]
+)
 def test_pieces_in_wrong_places_are_told_and_named_by_their_neighbours(
     pieces: dict[int, tuple[int, int]], carries: dict[int, int]
 ) -> None:

@@ -50,12 +50,7 @@ SURE = 1e12
 
 
 def fit_known(
-    m: Mosaic,
-    start: Array,
-    *,
-    line: Array | None = None,
-    bend: Array | None = None,
-    limit: float = LIMIT,
+    m: Mosaic, start: Array, *, line: Array | None = None, bend: Array | None = None, limit: float = LIMIT
 ) -> RingFits:
     """Fit with the vanishing line as good as known: the true one, if no other is given."""
     line = m.params[:, M0 : M0 + 2].copy() if line is None else line

@@ -93,9 +93,7 @@ def test_a_wrong_point_makes_no_wide_lens() -> None:
 
 
 @pytest.mark.parametrize(
-    ("target", "distance_mm", "off_deg"),
-    [(board(), 80.0, 82.0), (ico(), 160.0, 80.0)],
-    ids=["board", "ico"],
+    ("target", "distance_mm", "off_deg"), [(board(), 80.0, 82.0), (ico(), 160.0, 80.0)], ids=["board", "ico"]
 )
 def test_rings_are_found_to_the_edge_of_a_fisheye(target: TargetGeometry, distance_mm: float, off_deg: float) -> None:
     """Of 190 degrees, with the camera unknown or known: nearly all rings, each by its name and within its sigma."""

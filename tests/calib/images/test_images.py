@@ -101,7 +101,7 @@ EXACT = {
         np.array([[200, 0, 200]], np.uint8),
     ),
     "one.png": (png(1, 1, 8, 0, bytes([0, 7])), np.array([[7]], np.uint8)),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", EXACT)

@@ -41,9 +41,10 @@ def test_bars_are_measured_of_boards_that_are_seen_whole() -> None:
     pose = np.diag([1.0, -1.0, -1.0, 1.0])
     pose[2, 3] = scene.extent_mm * focal / (0.5 * height)
     found = next(
-        one for seed in range(20)
+        one
+        for seed in range(20)
         if ros_sample(scene, one := photograph(scene, pose, np.random.default_rng(seed), "a.png")) is not None
-    )  # fmt: skip
+    )
     x, y, size, skew = ros_sample(scene, found) or (0.0,) * 4
     np.testing.assert_allclose([x, y, skew], [0.5, 0.5, 0.0], atol=0.05)
     assert 0.2 < size < 0.5

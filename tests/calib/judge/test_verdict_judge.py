@@ -276,9 +276,7 @@ def test_halves_without_power_leave_no_praise() -> None:
 
 def _of_leftover(name: str, ratio: float = 1.0, **changes: float) -> Check:
     evidence = evidence_of(solved(sightings(views=6)), 0, NoHalves("not asked for"))
-    found = replace(
-        evidence, leftover=replace(evidence.leftover, **changes), shape=ShapeEffect(0.2, ratio, 0.01, 0.1)
-    )  # fmt: skip
+    found = replace(evidence, leftover=replace(evidence.leftover, **changes), shape=ShapeEffect(0.2, ratio, 0.01, 0.1))
     return next(one for one in judge(found, read_criteria()).checks if one.name == name)
 
 

@@ -120,10 +120,11 @@ def test_faces_that_no_photo_shows_together_are_joined_by_frames() -> None:
         np.isin(_keys(all_), _keys(some)) for all_, some in zip(found.observations.sightings, one_face, strict=True)
     ]
     poor = replace(
-        found, observations=replace(found.observations, sightings=one_face),
+        found,
+        observations=replace(found.observations, sightings=one_face),
         residual_px=tuple(one[row] for one, row in zip(found.residual_px, rows, strict=True)),
         is_outlier=tuple(one[row] for one, row in zip(found.is_outlier, rows, strict=True)),
-    )  # fmt: skip
+    )
     by_rig = measure_rig(poor, solid(), OPTIONS)
     assert by_rig.is_determined.sum() >= 10
     known = by_rig.is_determined[solid().ring_face]

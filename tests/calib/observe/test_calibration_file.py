@@ -322,7 +322,7 @@ def test_a_table_must_be_there_and_text(tmp_path: Path) -> None:
         ('"loss": "huber"', '"loss": "none"', "provenance.options.loss"),
         ("{", "[", "not valid JSON"),
     ],
-)  # fmt: skip
+)
 def test_a_changed_calibration_is_refused(old: str, new: str, rule: str, tmp_path: Path) -> None:
     """A key or value that breaks a rule is refused by its name, in one line."""
     path = written(tmp_path)

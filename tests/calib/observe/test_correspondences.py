@@ -32,9 +32,10 @@ def sightings(points: KnownPoints, count: int = 4, seed: int = 0) -> Observation
     seen = seen_by(camera(), points, poses_around(count, rng, distance_mm=450.0))
     root = rng.normal(0, 0.1, (len(seen.view), 2, 2))
     return replace(
-        seen, center_px=np.round(seen.center_px + rng.normal(0, 0.05, seen.center_px.shape), 6),
+        seen,
+        center_px=np.round(seen.center_px + rng.normal(0, 0.05, seen.center_px.shape), 6),
         cov_px2=root @ root.transpose(0, 2, 1) + 1e-3 * np.eye(2),
-    )  # fmt: skip
+    )
 
 
 def as_rows(seen: Observations) -> dict[str, list[str]]:

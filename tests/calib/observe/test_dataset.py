@@ -259,11 +259,7 @@ def test_a_feature_that_could_not_be_read_back_is_left_out(bad: dict[str, object
 def test_another_layout_is_not_written(tmp_path: Path) -> None:
     """Detections of another target are the program's error, and leave no file."""
     with pytest.raises(ValueError, match="layout"):
-        write_detections(
-            tmp_path / "d.csv",
-            [replace(seen("a.png", 3, np.random.default_rng(5)), layout_id="x")],
-            ICO,
-        )
+        write_detections(tmp_path / "d.csv", [replace(seen("a.png", 3, np.random.default_rng(5)), layout_id="x")], ICO)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -282,10 +278,7 @@ def test_records_come_back(tmp_path: Path) -> None:
     path = tmp_path / "run" / "d.csv"
     write_detections(path, [seen("a.png", 6, np.random.default_rng(6))], ICO, failed=[lost])
     records = read_records(records_path(path))
-    assert records.images == (
-        ImageRecord("a.png", (640, 480), 6, 2, (RECORD,), ("page 1 of 2 read",)),
-        lost,
-    )
+    assert records.images == (ImageRecord("a.png", (640, 480), 6, 2, (RECORD,), ("page 1 of 2 read",)), lost)
     assert (records.detector, records.layout_id, records.geometry_id) == (program(), ICO.layout_id, ICO.geometry_id)
 
 

@@ -16,11 +16,12 @@ def photos(face: int, codes: list[int | None]) -> list[Detections]:
     rng, other = np.random.default_rng(1), FaceRecord(1, (), 0, 7, 7, ())
     return [
         replace(
-            seen(f"{number}.png", 20, rng), remarks=(),
+            seen(f"{number}.png", 20, rng),
+            remarks=(),
             faces=(FaceRecord(face, () if code else ("dot",), 4, 7, 7, (), carries=code), other),
         )
         for number, code in enumerate(codes)
-    ]  # fmt: skip
+    ]
 
 
 def test_most_photos_decide() -> None:

@@ -11,11 +11,7 @@ from hypothesis import strategies as st
 
 from calib.core.types import Detections, Observations
 from calib.observe.dataset import read_detections, write_detections
-from calib.observe.observations import (
-    known_points,
-    observations_for_poses,
-    observations_from_detections,
-)
+from calib.observe.observations import known_points, observations_for_poses, observations_from_detections
 from calib.observe.records import RECORDS, records_path
 from calib.solver.solve import solve
 from designer.base.errors import InputError

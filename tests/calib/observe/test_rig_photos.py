@@ -166,8 +166,9 @@ def test_paths_of_windows_name_files_of_folders(tmp_path: Path) -> None:
     """A backslash parts folders as a slash does."""
     (tmp_path / "files.csv").write_text("camera,frame,file\nleft,1,left\\1.png\nright,1,right/1.png\n")
     assert [one.path for one in read_photo_table(tmp_path / "files.csv")] == [
-        tmp_path / "left/1.png", tmp_path / "right/1.png",
-    ]  # fmt: skip
+        tmp_path / "left/1.png",
+        tmp_path / "right/1.png",
+    ]
 
 
 def test_names_that_are_time_stamps_join_photos_of_two_clocks() -> None:

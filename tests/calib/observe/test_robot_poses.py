@@ -45,11 +45,7 @@ TABLES = {
         [*SHIFT_MM, *TURN.as_euler("zxz", degrees=True)],
         {"euler": "zxz-extrinsic"},
     ),
-    "3 x 4": (
-        "m00,m01,m02,m03,m10,m11,m12,m13,m20,m21,m22,m23",
-        MATRIX[:3] * [1, 1, 1, 1e-3],
-        {"unit": "m"},
-    ),
+    "3 x 4": ("m00,m01,m02,m03,m10,m11,m12,m13,m20,m21,m22,m23", MATRIX[:3] * [1, 1, 1, 1e-3], {"unit": "m"}),
     "inverted": ("x_mm,y_mm,z_mm,qx,qy,qz,qw", [*invert(MATRIX)[:3, 3], -X, -Y, -Z, W], {"is_inverted": True}),
 }
 
@@ -107,7 +103,7 @@ def test_trees_say_what_tables_say(entry: dict[str, object], form: str, tmp_path
         ("image,x_m,y_m,z_m,qx,qy,qz,qw\na,1e5,2,3,0,0,0,1", "check the unit"),
         ("image,x_m,y_m,z_m,qx,qy,qz\na,1", "line 2: 2 values"),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_with_a_table_is_said(text: str, said: str, tmp_path: Path) -> None:
     """One line, with the place and the rule."""
     path = tmp_path / "poses.csv"

@@ -45,9 +45,7 @@ def test_a_free_bend_puts_the_camera_where_it_sits() -> None:
     covariance = found.hand_eye.covariance
     assert covariance is not None
     pose = invert(found.hand_eye.flange_from_cam)
-    off = np.concatenate([
-        log_rotation(pose[:3, :3] @ CAM_FROM_FLANGE[:3, :3].T), pose[:3, 3] - CAM_FROM_FLANGE[:3, 3]
-    ])  # fmt: skip
+    off = np.concatenate([log_rotation(pose[:3, :3] @ CAM_FROM_FLANGE[:3, :3].T), pose[:3, 3] - CAM_FROM_FLANGE[:3, 3]])
     assert off @ np.linalg.solve(covariance, off) < 25
     rows = found.rig.pose_rows(0)
     assert found.calibration.target_covariance is not None

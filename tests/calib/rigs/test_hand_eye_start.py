@@ -76,7 +76,7 @@ def test_turns_about_one_axis_leave_the_shift_along_it_open(is_noisy: bool) -> N
         ({"turn_rad": 0.0, "shift_mm": 200.0, "along": AXIS}, ["shift of the camera", "turn about (0.60 0.00 0.80)"]),
         ({"turn_rad": 0.0, "shift_mm": 0.0}, ["shift of the camera", "turn of the camera"]),
     ],
-)  # fmt: skip
+)
 def test_what_motions_do_not_tell_is_named(moves: dict[str, float], named: list[str]) -> None:
     """Mere arcs, mere shifts, shifts along a line, no motion: neither more nor less is open than is said."""
     told = _moves(np.random.default_rng(4), 10, **moves) @ OFFSET

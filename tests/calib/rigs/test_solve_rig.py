@@ -47,9 +47,9 @@ def moved(state: RigState, problem: RigProblem, step: Array) -> RigState:
         replace(camera, params=camera.params + shared[one.params])
         for camera, one in zip(state.cameras, problem.seen, strict=True)
     )
-    cam = np.concatenate([
-        move_poses(state.cam_from_rig[c : c + 1], shared[one.pose][None]) for c, one in enumerate(problem.seen)
-    ])  # fmt: skip
+    cam = np.concatenate(
+        [move_poses(state.cam_from_rig[c : c + 1], shared[one.pose][None]) for c, one in enumerate(problem.seen)]
+    )
     target = state.carrier_from_target
     if problem.prior is not None:
         target = move_poses(target[None], shared[problem.prior.column][None])[0]

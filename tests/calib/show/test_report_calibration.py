@@ -23,14 +23,7 @@ from calib.renderer.truth import Truth, true_views
 from calib.show.parts.origin import Origin
 from calib.solver.metrics.errors import centers_mm
 from designer.base.errors import InputError
-from designer.page.blocks import (
-    Figure,
-    FileList,
-    Page,
-    Paragraph,
-    Section,
-    View3d,
-)
+from designer.page.blocks import Figure, FileList, Page, Paragraph, Section, View3d
 from designer.page.shell import page_html
 from designer.target import target_to_json
 from tests.support.calibrations import board, example, icosahedron
@@ -83,9 +76,7 @@ def run(kept: Path, tmp_path: Path, undrawn: None) -> Path:
 def test_sections_stand_in_the_order_of_reading(page: Page) -> None:
     """Verdict, camera, accuracy, photos, views, models, files; a board has no table of faces."""
     titles = [one.title for one in page.sections]
-    assert titles == [
-        "Verdict", "Camera", "Accuracy", "Photos", "Views in 3D", "Models compared", "Files",
-    ]  # fmt: skip
+    assert titles == ["Verdict", "Camera", "Accuracy", "Photos", "Views in 3D", "Models compared", "Files"]
     assert all(one.lead for one in page.sections[1:])
     assert page.made_by == ORIGIN.command
 
@@ -358,8 +349,7 @@ def test_a_check_becomes_a_line_with_its_limits() -> None:
 
 
 @pytest.mark.parametrize(
-    ("grade", "word", "level"),
-    [("good", "good", "good"), ("usable", "usable", "usable"), ("bad", "do not use", "bad")],
+    ("grade", "word", "level"), [("good", "good", "good"), ("usable", "usable", "usable"), ("bad", "do not use", "bad")]
 )
 def test_the_headline_is_the_verdict(grade: str, word: str, level: str) -> None:
     """The grade's word stands beside its reason."""

@@ -230,9 +230,7 @@ def test_photos_without_the_target_and_without_content_count(tmp_path: Path) -> 
 def test_missing_rings_and_unseen_faces_are_named(tmp_path: Path) -> None:
     """Reasons by photo and in all, worst photo first in the gallery, faces that no photo shows."""
     pictures(tmp_path, ["a.overlay.png", "b.overlay.png"])
-    results = [
-        result("a.png", [face(36, 36, 3)], "a.overlay.png"), result("b.png", [face(20, 36, 5)], "b.overlay.png")
-    ]  # fmt: skip
+    results = [result("a.png", [face(36, 36, 3)], "a.overlay.png"), result("b.png", [face(20, 36, 5)], "b.overlay.png")]
     page = detected(tmp_path, results, ICO)
     assert column(page, "missing") == ["", "16 odd shape"]
     assert column(page, "faces") == ["3", "5"]

@@ -87,9 +87,9 @@ def test_expected_errors_are_the_scatter_of_simulated_rigs() -> None:
     points = points_before(truth, 30, rng)
     expected = expected_errors(truth, points, NOISE)
     assert expected.by_calibration is not None
-    off = np.array([
-        triangulate_points(drawn(truth, rng), sighted(truth, points, rng)).position_mm - points for _ in range(80)
-    ])  # fmt: skip
+    off = np.array(
+        [triangulate_points(drawn(truth, rng), sighted(truth, points, rng)).position_mm - points for _ in range(80)]
+    )
     scatter = np.sqrt((off**2).sum(axis=2).mean(axis=0))
     stated = np.sqrt(np.trace(expected.covariance_mm2, axis1=1, axis2=2))
     assert np.median(scatter / stated) == pytest.approx(1, abs=0.15)

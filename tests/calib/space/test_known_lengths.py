@@ -60,9 +60,7 @@ def test_centres_that_scatter_more_than_they_state_are_taken_as_they_are(pair: t
     """A detector that is too sure of itself does not make lengths look surer than they are; it is said."""
     scene, found = pair
     seen = keep_frames(scene.observations, np.arange(16) % 2 == 1)
-    sure = tuple(
-        replace(one, cov_px2=None if one.cov_px2 is None else one.cov_px2 / 9) for one in seen.sightings
-    )  # fmt: skip
+    sure = tuple(replace(one, cov_px2=None if one.cov_px2 is None else one.cov_px2 / 9) for one in seen.sightings)
     told = calib.triangulate(found.rig, replace(seen, sightings=sure))
     assert told.lengths is not None
     assert told.lengths.ratio == pytest.approx(1, abs=0.15)

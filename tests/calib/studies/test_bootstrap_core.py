@@ -96,11 +96,7 @@ def test_a_sample_is_what_a_solution_from_scratch_gives(target: str, model: str)
 
 @pytest.mark.parametrize(
     "options",
-    [
-        SolveOptions(weighted=True),
-        SolveOptions(fixed=(("k3", 0.0),)),
-        SolveOptions(shared=(("fx_px", "fy_px"),)),
-    ],
+    [SolveOptions(weighted=True), SolveOptions(fixed=(("k3", 0.0),)), SolveOptions(shared=(("fx_px", "fy_px"),))],
     ids=["weighted", "fixed", "shared"],
 )
 def test_a_persons_choices_hold_in_samples(options: SolveOptions) -> None:
@@ -344,7 +340,8 @@ def test_what_is_called_determined_is_so() -> None:
         assert result.status == long.status
     accuracy = accuracy_of(
         view_blocks(pool.problem, pool.calibration.camera, pool.cam_from_target, RobustLoss()).products,
-        pool.tie.row, len(flat.view),
-    )  # fmt: skip
+        pool.tie.row,
+        len(flat.view),
+    )
     assert np.isfinite(accuracy.scale)
     assert "degenerate" in states

@@ -62,7 +62,7 @@ BAD = {
     "no such truth": (("--truth", "board.target.json"), "ringsolid.truth"),
     "a file": (("-o", "truth.json"), "truth.json"),
     "no folder": (("-o", "truth.json/x"), "truth.json: is a file"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", BAD)

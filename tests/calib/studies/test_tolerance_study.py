@@ -23,15 +23,7 @@ from calib.solver.problem import SolveOptions
 from calib.solver.schur import damped_step
 from calib.solver.solve import solve
 from calib.studies.tolerance.anchor import AnchoredMinimum, minimum_of
-from calib.studies.tolerance.draw import (
-    case_names,
-    drawn_noise,
-    drawn_values,
-    run_cases,
-    run_draws,
-    seen_px,
-    solved,
-)
+from calib.studies.tolerance.draw import case_names, drawn_noise, drawn_values, run_cases, run_draws, seen_px, solved
 from calib.studies.tolerance.map_error import ImageGrid, map_error_px
 from calib.studies.tolerance.measures import TrueShape, measures, moved_onto, true_shape
 from calib.studies.tolerance.quantities import NAMES, quantity_row

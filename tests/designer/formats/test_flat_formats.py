@@ -122,9 +122,7 @@ def test_gerber_is_read_as_the_board(suffix: Format, ink: str, tmp_path: Path) -
     target = design.target
     low = target.outline_mm[0].min(axis=0)
     seen = np.array([ring_of(flash) for flash in flashes(layers[ink])])
-    told = np.column_stack([
-        target.center_mm[:, :2] - low, 2 * target.radius_outer_mm, 2 * target.radius_inner_mm,
-    ])  # fmt: skip
+    told = np.column_stack([target.center_mm[:, :2] - low, 2 * target.radius_outer_mm, 2 * target.radius_inner_mm])
     assert farthest(seen, told) < MICROMETRE_MM
     edge = layers[".gm1"].get_info()
     size = np.ptp(target.outline_mm[0], axis=0)

@@ -191,8 +191,9 @@ def test_the_grid_is_that_of_the_readers() -> None:
         for at in range(count):
             row, column = divmod(at, columns_of(count))
             assert plate_corner_mm(at, count, presets) == (
-                pytest.approx(1.2 * column * width), pytest.approx(-1.2 * row * depth)
-            )  # fmt: skip
+                pytest.approx(1.2 * column * width),
+                pytest.approx(-1.2 * row * depth),
+            )
 
 
 def test_it_is_taken_for_a_project(name: str) -> None:

@@ -257,11 +257,7 @@ def test_an_independent_kernel_agrees(name: str) -> None:
 
 specs = st.one_of(
     st.fixed_dictionaries(
-        {
-            "kind": st.just("ico"),
-            "edge": st.floats(12, 60),
-            "nozzle": st.sampled_from(["0.2mm", "0.4mm"]),
-        },
+        {"kind": st.just("ico"), "edge": st.floats(12, 60), "nozzle": st.sampled_from(["0.2mm", "0.4mm"])},
         optional={"border": st.floats(0.3, 5), "labels": st.booleans()},
     ),
     st.fixed_dictionaries(

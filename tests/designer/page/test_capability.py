@@ -157,8 +157,7 @@ def _note(*, word: Annotated[str, option("that is noted")] = "ink") -> Note:
 
 
 def _told(
-    *,
-    out: Annotated["Output | Path | None", option("words alone", flag="--list", is_needed=False)] = None,
+    *, out: Annotated["Output | Path | None", option("words alone", flag="--list", is_needed=False)] = None
 ) -> Told:
     made, output = Told(("ink",)), asked_output(out)
     if output is not None:

@@ -163,9 +163,7 @@ def test_errors_do_not_depend_on_the_target_frame(seed: int, vector: tuple[float
     turn = np.eye(4)
     turn[:3, :3] = Rotation.from_rotvec(vector).as_matrix()
     turned = replace(
-        target,
-        center_mm=target.center_mm @ turn[:3, :3].T,
-        target_from_face=turn @ target.target_from_face,
+        target, center_mm=target.center_mm @ turn[:3, :3].T, target_from_face=turn @ target.target_from_face
     )
     bed = np.eye(4)
     bed[:3, :3] = Rotation.from_rotvec([0.3, 0.8, -0.5]).as_matrix()

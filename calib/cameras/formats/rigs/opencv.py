@@ -36,19 +36,7 @@ def _both(*names: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
 MATRICES = _both("K{}", "M{}", "cameraMatrix{}", "camera_matrix_{}", "camera_matrix{}", "mtx{}")
 LENSES = _both("D{}", "distCoeffs{}", "dist_coeffs{}", "dist_coeffs_{}", "distortion_coefficients_{}", "dist{}")
 ROTATION, SHIFT = ("R", "rotation_matrix"), ("T", "translation_vector", "t")
-KEYS = (
-    *MATRICES[0],
-    *MATRICES[1],
-    *LENSES[0],
-    *LENSES[1],
-    *ROTATION,
-    *SHIFT,
-    *SIZE,
-    *NAMES,
-    *WIDES,
-    UNIT,
-    SECOND_SIZE,
-)
+KEYS = (*MATRICES[0], *MATRICES[1], *LENSES[0], *LENSES[1], *ROTATION, *SHIFT, *SIZE, *NAMES, *WIDES, UNIT, SECOND_SIZE)
 
 
 def write(written: WrittenRig) -> Mapping[str, str]:
