@@ -17,6 +17,7 @@ import numpy as np
 from calib.cameras import (
     ABILITIES,
     MODELS,
+    WIDE,
     fitted_models,
     is_allowed,
     linearise,
@@ -375,3 +376,15 @@ def _least_squares_turn(camera: Camera, pixel: Array, ray: Array, rotation: Arra
         if np.linalg.norm(step) < 1e-14:
             break
     return rotation
+
+
+def plain_camera(model: str, image_size: tuple[int, int], focal_px: float) -> Camera:
+    """A camera without distortion, its principal point in the middle of the image."""
+    params = neutral(model)
+    params[:4] = focal_px, focal_px, 0.5 * (image_size[0] - 1), 0.5 * (image_size[1] - 1)
+    return Camera(model, params, image_size)
+
+
+def even_camera(image_size: tuple[int, int], field_rad: float) -> Camera:
+    """The wide camera whose angle off the axis grows evenly from corner to corner of the image."""
+    return plain_camera(WIDE, image_size, float(np.hypot(*image_size)) / field_rad)

@@ -11,7 +11,7 @@ import numpy as np
 
 from calib.cameras import linearise, project
 from calib.cameras.camera import Camera
-from calib.cameras.pinhole import even_camera
+from calib.cameras.refit import even_camera
 from calib.core import homography
 from calib.core.linear_algebra import least_squares, symmetric_inverse
 from calib.detector.lens import (

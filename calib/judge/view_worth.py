@@ -16,7 +16,7 @@ import numpy as np
 
 from calib.cameras import COMMON, project
 from calib.cameras.camera import Camera
-from calib.cameras.pinhole import plain_camera
+from calib.cameras.refit import plain_camera
 from calib.core.linear_algebra import covariance_with_prior
 from calib.core.se3 import exp_rotation, make_pose, transform
 from calib.judge.candidate_views import faces_seen, shown_in, tilt_rotation

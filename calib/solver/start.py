@@ -10,8 +10,7 @@ import numpy as np
 from calib.cameras import ABILITIES, MODELS, WIDE, neutral, rays
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import slopes
-from calib.cameras.pinhole import even_camera, plain_camera
-from calib.cameras.refit import fit_rays, image_grid
+from calib.cameras.refit import even_camera, fit_rays, image_grid, plain_camera
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import compose, invert, make_pose, rotation_between
 from calib.core.types import LEAST_POINTS, Observations

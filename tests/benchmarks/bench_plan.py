@@ -18,7 +18,7 @@ import numpy as np
 
 import calib
 from calib.cameras import COMMON
-from calib.cameras.pinhole import plain_camera
+from calib.cameras.refit import plain_camera
 from designer.base.errors import InputError
 from tests.benchmarks.bench_guidance import CIRCLE_SIGMAS, JUDGED, Step, first_guide, step_of
 from tests.support.guided_scenes import TREMOR_MM, held_by_person
