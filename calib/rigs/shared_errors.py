@@ -5,11 +5,11 @@
 
 As `calib.solver.capture_error` and `calib.solver.image_field` have it for one camera. What is alike in all photos of a
 camera is a parameter more of that camera, beside the cameras' own, their places and the frames' poses. Those beyond
-chance are named if they explain all that frames share, and what leaving them out did is added. Then the scores of
-frames are compared, since the photos of a frame share the target's pose.
+chance are named if they explain all that frames share and leave no field in the image, and what leaving them out did
+is added. Then the scores of frames are compared, since the photos of a frame share the target's pose.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -24,7 +24,7 @@ from calib.rigs.worth import DISAGREES
 from calib.solver.capture_error import KINDS, kinds_that_count, moved_px, weigh
 from calib.solver.extra_parameters import extra_of
 from calib.solver.free_shape import PosedSightings, free_directions
-from calib.solver.image_field import shared_by_photos
+from calib.solver.image_field import shared_by_photos, with_image_field
 from designer.base.arrays import Array
 from designer.base.words import figure, printable
 
@@ -44,7 +44,7 @@ def with_shared_errors(found: RigCalibration) -> RigCalibration:
     counts, frames = kinds_that_count(found.observations.points), some_frames(found)
     moved = [counts * moved_px(camera_alone(found, number)) for number in range(len(found.cameras))]
     posed, part = partial(posed_frames, found, basis, frames, moved), len(frames) / found.observations.frame_count
-    captured, amplitude, taken = _captured(found, posed(), basis)
+    captured, amplitude, taken = _captured(found, posed(), basis, moved)
     to_q, inner = pseudo_inverse(basis), basis.shape[1]
     off = np.concatenate([-to_q @ taken @ amplitude, amplitude])
     rest = (
@@ -65,7 +65,7 @@ def with_shared_errors(found: RigCalibration) -> RigCalibration:
 
 
 def _captured(
-    found: RigCalibration, posed: Iterable[PosedSightings], basis: Array
+    found: RigCalibration, posed: Iterable[PosedSightings], basis: Array, moved: Sequence[Array]
 ) -> tuple[RigCalibration, Array, Array]:
     """With what is alike in all photos of a camera, if that is beyond chance; how much, and what the rig took of it.
 
@@ -82,8 +82,12 @@ def _captured(
     if told is None or weighed is None or not weighed.sure:
         return nothing
     sigma, said = np.sqrt(np.diagonal(weighed.covariance)), []
+    mean = weighed.mean.reshape(len(names), kinds)
+    sure = np.isin(np.arange(mean.size), weighed.sure).reshape(mean.shape)
     for row in weighed.sure:
         name, kind = names[row // kinds], KINDS[row % kinds]
+        if not _is_as_stated(found, row // kinds, moved[row // kinds] @ (mean * sure)[row // kinds]):
+            continue  # what leaves a field in the image over is no cause
         said.append(
             f"the photos of {printable(name)} show what looks like {kind.name}: {figure(weighed.mean[row], 2)} ± "
             f"{figure(sigma[row], 1)} {kind.unit}, if nothing was moved; what it did is in the standard deviations; "
@@ -92,3 +96,9 @@ def _captured(
     square = weighed.covariance + np.outer(weighed.mean, weighed.mean)
     covariance = told.taken @ square @ told.taken.T
     return replace(found, capture_covariance=covariance, remarks=(*found.remarks, *said)), weighed.mean, told.taken
+
+
+def _is_as_stated(found: RigCalibration, camera: int, moved_px: Array) -> bool:
+    """Whether what a cause leaves over of a camera's sightings (M, 2) is their noise, and no field in the image."""
+    alone = camera_alone(found, camera)
+    return with_image_field(replace(alone, residual_px=alone.residual_px + moved_px)).image_field is None
