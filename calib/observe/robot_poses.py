@@ -13,7 +13,7 @@ from pathlib import Path, PureWindowsPath
 import numpy as np
 
 from calib.cameras.formats.parsing import number, parse_yaml, shown_plain
-from calib.core.csv_table import csv_bytes, csv_cell, read_table, read_text, stamps_s
+from calib.core.csv_table import column_fault, csv_bytes, csv_cell, read_table, read_text, stamps_s
 from calib.core.se3 import MAX_DISTANCE_MM, invert, make_pose
 from calib.core.types import freeze
 from calib.observe.rotations import RotationColumns, RowError, of_quaternion, rotation_columns, to_quaternion
@@ -135,7 +135,7 @@ def _entries(path: Path) -> list[tuple[str, Entry]]:
         if len(_VALUE.findall(text)) > MOST_YAML_VALUES:
             raise InputError(f"{path}: more than {MOST_YAML_VALUES} values in YAML, which is slow; write CSV or JSON")
         return list(_tree_entries(parse_yaml(text, str(path)), str(path)))
-    table = read_table(path, text, lambda _: "")
+    table = read_table(path, text, lambda names: column_fault(names, (), ""))
     rows = (dict(zip(table.cells, row, strict=True)) for row in zip(*table.cells.values(), strict=True))
     return [(f"line {line}", row) for line, row in zip(table.lines, rows, strict=True)]
 

@@ -4,6 +4,7 @@ import dataclasses
 import importlib
 import json
 import math
+import re
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Literal
@@ -224,6 +225,34 @@ def test_a_rule_is_told_with_its_place_and_value(key: str, value: object, messag
     with pytest.raises(InputError, match=r"^\S") as refused:
         SAMPLE.of({**SAMPLE.document(VALUE), key: value}, "file.json")
     assert str(refused.value) == f"file.json: {message}; try again"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("sigma_px_after", -1.0, "must be 0 or more"),
+        ("cam_from_target", [[2.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], "no rotation"),
+        ("outline_px", [[[1e300, 0], [0, 0]]], "outline_px.0.0.0 1e+300: "),
+        ("outline_px", [[[0.0, 0.0], [1.0, 1.0]]] * 1001, "1001 items"),
+        ("sentence", "x" * 501, "501 items"),
+    ],
+)
+def test_a_value_that_no_photo_has_is_refused(key: str, value: object, message: str) -> None:
+    """By the marks of its field: bounds, motions, lengths."""
+    kind = kinds()["ringsolid.next_views"]
+    document = kind.document(EXAMPLES["ringsolid.next_views"]())
+    document["views"][0][key] = value  # type: ignore[index, call-overload]
+    with pytest.raises(InputError, match=re.escape(message)):
+        kind.of(document, "file.json")
+
+
+def test_a_text_of_a_file_steers_no_terminal() -> None:
+    """What could is taken out where it is read."""
+    kind = kinds()["ringsolid.next_views"]
+    document = kind.document(EXAMPLES["ringsolid.next_views"]())
+    document["views"][0]["sentence"] = "a\x1b[31mb\u202ec"  # type: ignore[index, call-overload]
+    sentence = kind.of(document, "file.json").views[0].sentence  # type: ignore[attr-defined]
+    assert sentence.isprintable()
 
 
 def test_a_value_of_a_subclass_is_no_value_of_the_class() -> None:

@@ -38,6 +38,18 @@ ALONE = {"study bootstrap": {"--rig"}, "live": {"--camera"}}
 NO_OPTIONS = {"study plot", "warm-up"}
 
 
+WORK = (
+    "calib.capture.serving.Serving.until_done",
+    "calib.detector.pipeline.detect",
+    "calib.solver.solve.solve",
+    "calib.studies.bootstrap.make_pool",
+    "calib.studies.compare.cases.comparison",
+    "calib.studies.cost.cases.groups_of",
+    "calib.judge.solutions.calibrate",
+)
+"""What no line is worth that names nothing: a page served, a photo searched, a camera solved, a study sampled."""
+
+
 def _commands() -> Iterator[tuple[str, click.Command]]:
     """All commands, those of groups by both words."""
     group = typer.main.get_command(app())
@@ -82,10 +94,8 @@ def _unused(*_: object, **__: object) -> None:
 def test_an_option_that_names_nothing_is_refused(
     command: str, option: str, scene_copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In a line that has the option or what was given, before anything is sampled or a page is served."""
-    for work in ("calib.capture.serving.Serving.until_done", "calib.studies.compare.cases.comparison"):
-        monkeypatch.setattr(work, _unused)
-    for work in ("calib.studies.cost.cases.groups_of", "calib.studies.bootstrap.make_pool"):
+    """In a line that has the option or what was given, before any work is done."""
+    for work in WORK:
         monkeypatch.setattr(work, _unused)
     (scene_copy / "robot.csv").write_text(ROBOT)
     answer = calib(*_line(command), option, NONSENSE)

@@ -4,9 +4,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from calib.core.se3 import exp_rotation, look_at
+from calib.core.se3 import exp_rotation, look_at, make_pose
 from calib.core.types import KnownPoints, Observations
+from calib.judge.candidate_views import tilt_rotation
 from calib.judge.criteria import read_criteria
 from calib.judge.evidence import evidence_of
 from calib.judge.halves import HalfSplit, HalvesApart, half_split
@@ -17,8 +19,9 @@ from calib.renderer.poses import fibonacci_cap
 from calib.solver.calibration import Calibration
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
-from designer.base.arrays import Array
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, noisy, observe
+
+Array = NDArray[np.float64]
 
 TRUE = CAMERAS["opencv"]
 BOARD, ICOSAHEDRON = board(), icosahedron()
@@ -37,6 +40,19 @@ def all_over(
         one[:3, :3] = exp_rotation(np.array([down, right, 0.0]))
     seen: Array = turn @ pose
     return seen
+
+
+def shown_at(
+    places_px: Sequence[tuple[float, float]], distances_mm: Sequence[float], tilts_deg: Sequence[float]
+) -> Array:
+    """A board at places of the image, at distances and with tilts by turns, to all sides.  # (V, 4, 4)"""
+    poses = []
+    for n, place in enumerate(places_px):
+        side = np.array([np.cos(2.4 * n), np.sin(2.4 * n)])
+        ray = np.append((np.array(place) - TRUE.params[2:4]) / TRUE.params[:2], 1.0)
+        turn = tilt_rotation(np.radians(tilts_deg[n % len(tilts_deg)]), side) @ np.diag([1.0, -1.0, -1.0])
+        poses.append(make_pose(turn, distances_mm[n % len(distances_mm)] * ray))
+    return np.stack(poses)
 
 
 def sightings(

@@ -5,10 +5,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from calib.core.se3 import make_pose
 from calib.judge.advice import advice_of
-from calib.judge.candidate_views import tilt_rotation
 from calib.judge.checks import px
 from calib.judge.coverage import Region
 from calib.judge.criteria import read_criteria
@@ -21,27 +20,12 @@ from calib.judge.views import view_facts
 from calib.solver.calibration import Calibration
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
-from designer.base.arrays import Array
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, noisy, observe, pose_from, poses_around
-from tests.support.verdict_cases import halves_apart_by
+from tests.support.verdict_cases import halves_apart_by, shown_at
+
+Array = NDArray[np.float64]
 
 BOARD = board(12, 10, 14.0)
-FLAT = np.diag([1.0, -1.0, -1.0])
-"""The board's x to the right and its normal to the camera."""
-
-
-def shown_at(
-    places_px: list[tuple[float, float]], distances_mm: tuple[float, ...], tilts_deg: tuple[float, ...]
-) -> Array:
-    """Poses (V, 4, 4) of a board at places of the image, at distances and with tilts by turns, to all sides."""
-    camera = CAMERAS["opencv"]
-    poses = []
-    for n, place in enumerate(places_px):
-        side = np.array([np.cos(2.4 * n), np.sin(2.4 * n)])
-        ray = np.append((np.array(place) - camera.params[2:4]) / camera.params[:2], 1.0)
-        turn = tilt_rotation(np.radians(tilts_deg[n % len(tilts_deg)]), side) @ FLAT
-        poses.append(make_pose(turn, distances_mm[n % len(distances_mm)] * ray))
-    return np.stack(poses)
 
 
 ALL_OVER = [(u, v) for u in (650.0, 1224.0, 1800.0) for v in (600.0, 1024.0, 1450.0)] * 3

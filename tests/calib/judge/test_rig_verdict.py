@@ -1,21 +1,29 @@
-"""The verdict on a rig: what makes it usable or not, what leads, and what is advised."""
+"""The verdict on a rig: what makes it usable or not, what leads and is advised, its next frames and its folder."""
 
+import json
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from calib.app.inputs import load_rig
 from calib.judge.coverage import Coverage
 from calib.judge.criteria import read_criteria, read_rig_criteria
 from calib.judge.rig_checks import RIG_CHECKS
 from calib.judge.rig_evidence import RigEvidence, rig_evidence
+from calib.judge.rig_folder import CAMERAS, RIG_CALIBRATION_FILE, RIG_FILE, folder_names, read_rig, write_rig
 from calib.judge.rig_judge import judge_rig, rig_verdict
+from calib.judge.rig_next_frames import next_frames
 from calib.judge.verdict import Grade
+from calib.observe.calibration_file import Provenance, read_calibration
 from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
-from calib.rigs.relative import CarriedError
+from calib.rigs.relative import CarriedError, relative
 from calib.rigs.result import CarrierFit, RigCalibration
-from tests.support.rig_views import ring, solved_slowly, stereo_pair
+from designer.base.errors import InputError
+from tests.laws.test_file_kinds import same
+from tests.support.rig_views import RigScene, ring, scene_of, solved_slowly, stereo_pair
 
 STANDARD = read_rig_criteria()
 AGREE = RigHalves((RigSplit("by turns", 1.0, 60, 1.0, ()), RigSplit("in order", 1.0, 60, 1.0, ())))
@@ -199,3 +207,119 @@ def test_one_file_holds_the_limits_of_cameras_and_rigs() -> None:
     assert set(rig.limits) == {name for name, kind in RIG_CHECKS.items() if kind.has_limits}
     assert "uncertainty" in camera.limits
     assert "baselines" not in camera.limits
+
+
+ALONE = NoRigHalves("not compared")
+
+
+def with_frame(scene: RigScene, rig_from_target: np.ndarray) -> RigScene:
+    """The rig with one more frame."""
+    held = np.concatenate([scene.rig_from_target, rig_from_target[None]])
+    names, points = scene.observations.camera_names, scene.observations.points
+    rng = np.random.default_rng(5)
+    return scene_of(names, scene.cameras, scene.cam_from_rig, held, points, rng, scene.noise_px)
+
+
+@pytest.mark.parametrize("make", [stereo_pair, ring])
+def test_a_frame_gives_what_it_promises(make: object) -> None:
+    """Solved with the proposed frame, the pair is known as well as was said, or a little better: photos show more.
+
+    So it is where noise is small; with much of it lenses are known badly where nothing was seen, and it says "about".
+    """
+    scene = make(noise_px=0.005, frames=6)  # type: ignore[operator]
+    found = solved_slowly(scene)
+    frame = next_frames(found, ALONE)[0]
+    names = scene.observations.camera_names
+    a, b = (names.index(name) for name in frame.pair)
+    assert relative(found.rig, a, b).place_sigma_mm == pytest.approx(frame.sigma_mm_before)
+    again = solved_slowly(with_frame(scene, frame.rig_from_target))
+    scale = again.scale[0] / found.scale[0]
+    assert 0.75 < relative(again.rig, a, b).place_sigma_mm / scale / frame.sigma_mm_after < 1.1
+
+
+def test_frames_help_one_after_the_other_and_name_who_sees_them() -> None:
+    """Each is proposed with those before it, tells of a gain, and says between which cameras to hold the target."""
+    frames = next_frames(solved_slowly(ring(frames=5)), ALONE)
+    assert 1 <= len(frames) <= 3
+    for frame in frames:
+        assert frame.sigma_mm_after < 0.97 * frame.sigma_mm_before
+        assert len(frame.cameras) >= 2
+        assert f" and {frame.cameras[-1]} see it" in frame.sentence
+        assert "turned as in frame0" in frame.sentence
+
+
+def test_deviations_that_halves_enlarge_are_told_enlarged() -> None:
+    """What the sentence says is what the table of pairs says."""
+    found = solved_slowly(stereo_pair(frames=6))
+    wide = RigHalves((RigSplit("by turns", 2.0, 600, 1.0, ()),))
+    once, twice = next_frames(found, ALONE)[0], next_frames(found, wide)[0]
+    assert twice.sigma_mm_before == pytest.approx(2 * once.sigma_mm_before)
+    assert twice.sigma_mm_after == pytest.approx(2 * once.sigma_mm_after, rel=1e-6)
+
+
+def test_a_board_is_held_as_it_was_whichever_way_its_normal_points() -> None:
+    """Points from elsewhere say nothing of a board's front: it is the side that was seen."""
+    found = solved_slowly(stereo_pair(frames=5))
+    seen = found.observations
+    other = replace(seen.points, plane=-seen.points.plane)
+    turned = replace(seen, sightings=tuple(replace(one, points=other) for one in seen.sightings))
+    one, two = (next_frames(rig, ALONE) for rig in (found, replace(found, observations=turned)))
+    assert one
+    assert [frame.sentence for frame in one] == [frame.sentence for frame in two]
+
+
+def test_nothing_is_proposed_where_nothing_is_known() -> None:
+    """A rig without covariances has no weakest pair."""
+    found = solved_slowly(stereo_pair(frames=4))
+    assert next_frames(replace(found, covariance=np.full_like(found.covariance, np.nan)), ALONE) == ()
+    assert next_frames(replace(found, status="degenerate"), ALONE) == ()
+
+
+PROVENANCE = Provenance("test 1")
+
+
+def test_a_rig_is_read_as_it_was_written(tmp_path: Path) -> None:
+    """Sightings, poses, covariances and noise come back to the last bit, and `rig.json` is the same rig."""
+    found = solved_slowly(stereo_pair(frames=5))
+    found = replace(found, capture_covariance=found.covariance / 3, photo_covariance=found.covariance / 7)
+    write_rig(tmp_path, found, PROVENANCE)
+    again, provenance = read_rig(tmp_path)
+    assert same(again, found)
+    assert same(provenance, PROVENANCE)
+    assert same(load_rig(tmp_path / RIG_FILE).covariance, found.rig.covariance)
+
+
+def test_a_camera_of_a_rig_is_a_calibration(tmp_path: Path) -> None:
+    """A camera's folder reads by itself: its poses are those of the frames it saw, seen from it."""
+    found = solved_slowly(stereo_pair(frames=5))
+    write_rig(tmp_path, found, PROVENANCE)
+    alone = read_calibration(tmp_path / CAMERAS / "right" / "calibration.json")[0]
+    assert np.allclose(
+        alone.cam_from_target, found.cam_from_rig[1] @ found.rig_from_target[found.observations.frame[1]]
+    )
+    assert np.array_equal(alone.param_covariance, found.covariance[15:24, 15:24])
+
+
+def test_folders_stay_inside_whatever_cameras_are_called() -> None:
+    """No name leads upwards or twice to one folder, also where letters of both sizes are one."""
+    names = folder_names(("../up", "a/b", "Left", "left", "camera_0", "..", "con.", "x" * 90))
+    assert all("/" not in name and not name.startswith(".") for name in names)
+    assert len({name.lower() for name in names}) == len(names)
+    assert names[2] == "Left"
+
+
+def test_files_of_another_solution_are_refused(tmp_path: Path) -> None:
+    """A camera that was solved again by itself no longer belongs to the rig, and a path upwards is none."""
+    write_rig(tmp_path, solved_slowly(stereo_pair(frames=5)), PROVENANCE)
+    write_rig(tmp_path / "b", solved_slowly(stereo_pair(frames=5, seed=1)), PROVENANCE)
+    own, other = (place / CAMERAS / "left" for place in (tmp_path, tmp_path / "b"))
+    for name in ("calibration.json", "observations.csv"):
+        (own / name).write_bytes((other / name).read_bytes())
+    with pytest.raises(InputError, match=r"does not belong to .*; solve the rig again"):
+        read_rig(tmp_path)
+    path = tmp_path / RIG_CALIBRATION_FILE
+    document = json.loads(path.read_text())
+    document["cameras"][0]["folder"] = "../b/cameras/left"
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError, match=r"must be a plain name"):
+        read_rig(tmp_path)

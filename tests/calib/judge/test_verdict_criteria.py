@@ -1,13 +1,25 @@
-"""The limits, as templates and as a person's own file."""
+"""The limits, as templates and as a person's own file; and what `verdict.json` is good for."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from calib.draw.run_tables import check_findings
+from calib.judge.coverage import coverage_of
 from calib.judge.criteria import read_criteria
-from calib.judge.verdict import Criteria, Limits
+from calib.judge.halves import Halves, halves_apart
+from calib.judge.judge import VERDICT, VERDICT_FILE, Judged
+from calib.judge.verdict import Check, Criteria, Limits
+from calib.solver.calibration import Calibration
 from designer.base.errors import InputError
 from designer.kinds.presets import preset_names
+from designer.page.terminal import say_findings
+from tests.support.verdict_cases import judge_run, judged, sightings, solved
 
 
 def _limits(criteria: Criteria) -> dict[str, Limits]:
@@ -93,3 +105,62 @@ def test_an_unknown_template_names_the_nearest() -> None:
         read_criteria("metrolgy")
     with pytest.raises(InputError, match="no such file"):
         read_criteria("nowhere.toml")
+
+
+@pytest.fixture(scope="module")
+def run() -> Judged:
+    """A verdict with half solutions."""
+    return judged(sightings(views=6), models=("opencv", "luhmann"))
+
+
+@pytest.fixture(scope="module")
+def calibrations() -> list[Calibration]:
+    """What it is about."""
+    return solved(sightings(views=6), ("opencv", "luhmann"))
+
+
+def test_it_suffices_to_judge_again(run: Judged, calibrations: list[Calibration]) -> None:
+    """With the calibrations beside it the same verdict comes out without solving, and the map of the halves."""
+    stored = VERDICT.of(json.loads(VERDICT.text(run)), VERDICT_FILE)
+    again = judge_run(calibrations, 0, stored.halves, stored.criteria)
+    grades = [[(one.name, one.grade) for one in judged.verdict.checks] for judged in (again, run)]
+    assert grades[0] == grades[1]
+    assert isinstance(stored.halves, Halves)
+    shown = halves_apart(stored.halves, coverage_of(calibrations[0]))
+    assert shown is not None
+    assert np.isfinite(shown.length_px).any()
+
+
+_NUMBER = st.sampled_from([0.0, 1e-300, 1e-9, 1.0, 1e5, 1e9, 1e29, 1e300, -1.0, -1e9])
+
+
+@settings(max_examples=20, deadline=None)
+@given(data=st.data(), numbers=st.lists(_NUMBER, min_size=1, max_size=3))
+def test_cameras_that_were_tampered_with_are_judged_or_refused(
+    run: Judged, calibrations: list[Calibration], data: st.DataObject, numbers: list[float]
+) -> None:
+    """Half solutions of any numbers that read give a verdict that can be written: no crash, no number without end."""
+    document = json.loads(VERDICT.text(run))
+    half = document["halves"][data.draw(st.integers(0, len(document["halves"]) - 1))][data.draw(st.integers(0, 1))]
+    for number in numbers:
+        one, other = (data.draw(st.integers(0, 8)) for _ in range(2))
+        if data.draw(st.booleans()):
+            half["camera"]["parameters"][list(half["camera"]["parameters"])[one]] = number
+        else:
+            half["param_covariance"][one][other] = half["param_covariance"][other][one] = number
+    try:
+        stored = VERDICT.of(document, VERDICT_FILE)
+    except InputError:
+        return
+    VERDICT.text(judge_run(calibrations, 0, stored.halves, stored.criteria))
+
+
+def test_texts_are_no_markup(run: Judged, capsys: pytest.CaptureFixture[str]) -> None:
+    """A sentence from a file is shown as it is: no colours, no escape sequences."""
+    evil = Check("x", "[red]title[/red]", "bad", None, "", 0.0, 0.0, False, "[link=file:///]\x1b[31m\x07sentence")
+    verdict = replace(run.verdict, checks=(evil,))
+    say_findings(check_findings(verdict))
+    text = capsys.readouterr().out
+    assert text.count("[red]title[/red]") == 1
+    assert "[link=file:///]" in text
+    assert "\x1b" not in text

@@ -1,6 +1,7 @@
 """The verdict: what a careful person would say of runs with known faults."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 
 from calib.core.types import Observations
 from calib.judge.criteria import read_criteria
-from calib.judge.evidence import evidence_of, uncertainty_of
+from calib.judge.evidence import CameraEvidence, evidence_of, uncertainty_of
 from calib.judge.halves import NoHalves, half_split
 from calib.judge.judge import WORSE, judge
 from calib.judge.target_shape import ShapeEffect
@@ -81,26 +82,19 @@ def test_three_photos_are_usable_at_best() -> None:
     assert few.verdict.grade == "bad"
 
 
-def test_one_photo_of_a_board_is_not_to_be_used() -> None:
-    """It does not determine the camera, which comes before all else."""
+def test_one_photo_or_photos_straight_on_are_not_to_be_used() -> None:
+    """A board's one photo does not determine the camera, which comes before all else; a solid's covers little.
+
+    Without tilt the focal length is hardly determined, however sharp the photos are.
+    """
     run = judged(sightings(views=1, noise_px=0.05))
     assert run.verdict.grade == "bad"
     assert run.verdict.checks[0].name == "solution"
     assert run.verdict.sentence.startswith("the photos do not determine the camera: the one view of a plane")
-
-
-def test_one_photo_of_an_icosahedron_is_not_to_be_used() -> None:
-    """It determines a camera where it lies in the image, but covers little of it."""
     rng = np.random.default_rng(0)
     run = judged(observe(TRUE, ICOSAHEDRON, pose_from((0, 0, 330.0)), rng, noise_px=0.02))
-    assert check(run, "halves").grade == "unknown"
-    assert check(run, "coverage").grade == "bad"
+    assert (check(run, "halves").grade, check(run, "coverage").grade) == ("unknown", "bad")
     assert run.verdict.grade == "bad"
-
-
-def test_a_board_seen_straight_on_is_not_good() -> None:
-    """Without tilt the focal length is hardly determined, however sharp the photos are."""
-    rng = np.random.default_rng(0)
     seen = observe(TRUE, BOARD, poses_around(12, rng, half_angle_deg=1.0, distance_mm=350), rng, noise_px=0.05)
     assert judged(seen).verdict.grade == "bad"
 
@@ -199,44 +193,78 @@ def test_a_camera_of_which_nothing_was_estimated_is_not_praised() -> None:
     assert run.verdict.grade == "usable"
 
 
+@cache
+def _plain(views: int) -> CameraEvidence:
+    """Of a good run that was not halved."""
+    return evidence_of(solved(sightings(views=views)), 0, NoHalves("not asked for"))
+
+
+def _check(name: str, **changes: object) -> Check:
+    """A check, where some of the evidence is another."""
+    found = judge(replace(_plain(6), **changes), read_criteria())  # type: ignore[arg-type]
+    return next(one for one in found.checks if one.name == name)
+
+
 def _shape(ratio: float, percentile_95_px: float, sigma_px: float) -> Check:
-    """The check of the target's shape for some effect of it, in an otherwise good run."""
-    evidence = evidence_of(solved(sightings(views=6)), 0, NoHalves("not asked for"))
-    effect = ShapeEffect(percentile_95_px, ratio, sigma_px, 0.1)
-    return next(one for one in judge(replace(evidence, shape=effect), read_criteria()).checks if one.name == "target")
+    """For some effect of the target's shape."""
+    return _check("target", shape=ShapeEffect(percentile_95_px, ratio, sigma_px, 0.1))
 
 
-def test_only_what_is_sure_of_the_target_makes_a_camera_unusable() -> None:
-    """By chance nothing is said against a target; a suspicion is worth a warning; beyond 3 sigma the pixels count."""
-    assert _shape(1.5, 0.4, 0.05).grade == "good"
-    assert _shape(1.5, 0.4, 0.5).grade == "unknown"
-    assert _shape(2.5, 0.4, 0.2).grade == "usable"
-    assert "may not be" in _shape(2.5, 0.4, 0.2).sentence
-    assert _shape(5.0, 0.4, 0.1).grade == "bad"
-    assert _shape(5.0, 0.05, 0.01).grade == "good"
+@pytest.mark.parametrize(
+    ("effect", "grade", "said"),
+    [
+        ((1.5, 0.4, 0.05), "good", ""),
+        ((1.5, 0.4, 0.5), "unknown", ""),
+        ((2.5, 0.4, 0.2), "usable", "may not be"),
+        ((2.9, 0.33, 0.1), "usable", "more than 0.3 px, but below 3 sigma a suspicion"),
+        ((2.9, 0.29, 0.1), "usable", ""),
+        ((5.0, 0.4, 0.1), "bad", ""),
+        ((5.0, 0.05, 0.01), "good", ""),
+    ],
+)
+def test_only_what_is_sure_of_the_target_makes_a_camera_unusable(
+    effect: tuple[float, float, float], grade: Grade, said: str
+) -> None:
+    """By chance nothing is said against a target; a suspicion is a warning; beyond 3 sigma the pixels count.
+
+    A grade that is better than the limits says why.
+    """
+    found = _shape(*effect)
+    assert found.grade == grade
+    assert said in found.sentence
+    assert ("suspicion" in found.sentence) == (grade == "usable" and effect[1] > 0.3)
 
 
 def _halves(ratio: float, percentile_95_px: float, stated_px: float | None = None) -> Check:
-    evidence = evidence_of(solved(sightings(views=6)), 0, NoHalves("not asked for"))
     stated = percentile_95_px / ratio if stated_px is None else stated_px
-    found = replace(evidence, halves=halves_apart_by(ratio, percentile_95_px, stated, percentile_95_px))
-    return next(one for one in judge(found, read_criteria()).checks if one.name == "halves")
+    return _check("halves", halves=halves_apart_by(ratio, percentile_95_px, stated, percentile_95_px))
 
 
-def test_halves_that_agree_to_what_is_needed_are_usable() -> None:
-    """Wrong standard deviations alone make no camera unusable; halves that are pixels apart do."""
-    assert _halves(1.9, 0.5).grade == "good"
-    assert _halves(3.0, 0.25).grade == "usable"
-    assert _halves(3.0, 0.4).grade == "bad"
-    assert _halves(9.0, 0.08).grade == "usable"
-    assert _halves(9.0, 0.25).grade == "bad"
+@pytest.mark.parametrize(
+    ("ratio", "percentile_95_px", "stated_px", "grade", "said"),
+    [
+        (1.9, 0.5, None, "good", ""),
+        (3.0, 0.25, None, "usable", ""),
+        (3.0, 0.4, None, "bad", ""),
+        (9.0, 0.08, None, "usable", ""),
+        (9.0, 0.25, None, "bad", ""),
+        (2.1, 0.002, None, "good", "take the standard deviations so many times as large"),
+        (0.4, 0.37, 0.93, "unknown", "0.93 px between them is expected, more than 0.3 px"),
+        (1.0, 0.29, 0.29, "good", ""),
+        (3.0, 2.8, 0.93, "bad", ""),
+    ],
+)
+def test_halves_are_judged_by_what_they_differ_in_px_and_in_sigmas(
+    ratio: float, percentile_95_px: float, stated_px: float | None, grade: Grade, said: str
+) -> None:
+    """Wrong standard deviations alone make no camera unusable; halves that are pixels apart do.
 
-
-def test_halves_that_differ_by_nothing_that_matters_condemn_no_camera() -> None:
-    """A difference of a few thousandths of a pixel is good, however small its standard deviation, and says so."""
-    found = _halves(2.1, 0.002)
-    assert found.grade == "good"
-    assert "take the standard deviations so many times as large" in found.sentence
+    A few thousandths of a pixel condemn nothing, however small their deviation. Halves expected to be a pixel apart
+    show nothing by agreeing; that they are farther apart than that is told all the same.
+    """
+    found = _halves(ratio, percentile_95_px, stated_px)
+    assert found.grade == grade
+    assert said in found.sentence
 
 
 def test_a_shape_that_the_photos_do_not_tell_leaves_no_praise_unless_its_making_is_known() -> None:
@@ -244,8 +272,9 @@ def test_a_shape_that_the_photos_do_not_tell_leaves_no_praise_unless_its_making_
 
     What it may be off then stands in the uncertainty; a check that could not be made hides nothing.
     """
-    evidence = evidence_of(solved(sightings(views=20)), 0, NoHalves("not asked for"))
-    evidence = replace(evidence, halves=halves_apart_by(1.0, 0.01, 0.01, 0.01), shape=ShapeEffect(0.5, 1.0, 22.0, 0.1))
+    evidence = replace(
+        _plain(20), halves=halves_apart_by(1.0, 0.01, 0.01, 0.01), shape=ShapeEffect(0.5, 1.0, 22.0, 0.1)
+    )
     assert judge(evidence, read_criteria()).grade == "usable"
     assert "--made" in judge(evidence, read_criteria()).sentence
     none = np.zeros((9, 9))
@@ -257,27 +286,15 @@ def test_a_shape_that_the_photos_do_not_tell_leaves_no_praise_unless_its_making_
         assert judge(replace(evidence, uncertainty=known), read_criteria()).grade == grade
 
 
-def test_halves_that_may_differ_by_anything_show_nothing_by_agreeing() -> None:
-    """Expected to be a pixel apart, they cannot tell; that they are farther apart than that is told all the same."""
-    blind = _halves(0.4, 0.37, 0.93)
-    assert blind.grade == "unknown"
-    assert "0.93 px between them is expected, more than 0.3 px" in blind.sentence
-    assert _halves(1.0, 0.29, 0.29).grade == "good"
-    assert _halves(3.0, 2.8, 0.93).grade == "bad"
-
-
 def test_halves_without_power_leave_no_praise() -> None:
     """A verdict that rests on halves that cannot tell is usable at best, and says why."""
-    evidence = evidence_of(solved(sightings(views=20)), 0, NoHalves("not asked for"))
-    verdict = judge(replace(evidence, halves=halves_apart_by(0.4, 0.37, 0.93, 0.4)), read_criteria())
+    verdict = judge(replace(_plain(20), halves=halves_apart_by(0.4, 0.37, 0.93, 0.4)), read_criteria())
     assert verdict.grade == "usable"
     assert "not everything could be checked: halves of the photos are so uncertain" in verdict.sentence
 
 
 def _of_leftover(name: str, ratio: float = 1.0, **changes: float) -> Check:
-    evidence = evidence_of(solved(sightings(views=6)), 0, NoHalves("not asked for"))
-    found = replace(evidence, leftover=replace(evidence.leftover, **changes), shape=ShapeEffect(0.2, ratio, 0.01, 0.1))
-    return next(one for one in judge(found, read_criteria()).checks if one.name == name)
+    return _check(name, leftover=replace(_plain(6).leftover, **changes), shape=ShapeEffect(0.2, ratio, 0.01, 0.1))
 
 
 def test_words_are_no_stronger_than_what_is_found() -> None:
@@ -290,14 +307,6 @@ def test_words_are_no_stronger_than_what_is_found() -> None:
     assert "within the limit, though 9.0 times the noise" in within.sentence
     beyond = _of_leftover("residuals", rmse_px=0.3, sigma_px=0.21, stated_sigma_px=0.005)
     assert "most of it is not noise" in beyond.sentence
-
-
-def test_a_grade_better_than_its_limits_says_why() -> None:
-    """A target's effect beyond the limit of usable is only a suspicion below three sigma, and is said to be."""
-    found = _shape(2.9, 0.33, 0.1)
-    assert (found.grade, found.value) == ("usable", 0.33)
-    assert "more than 0.3 px, but below 3 sigma a suspicion" in found.sentence
-    assert "suspicion" not in _shape(2.9, 0.29, 0.1).sentence
 
 
 def test_what_is_far_off_is_told_by_the_noise_where_covariances_are_weights() -> None:
@@ -333,8 +342,7 @@ def test_halves_that_differ_beyond_chance_enlarge_the_uncertainty(ratio: float, 
     """
     halves = halves_apart_by(ratio, 0.01, 0.01 / ratio, 0.02)
     assert halves.factor == factor
-    run = solved(sightings(views=6))
-    evidence = evidence_of(run, 0, NoHalves("not asked for"))
+    run, evidence = solved(sightings(views=6)), _plain(6)
     stated = evidence.uncertainty.image_px
     assert stated is not None
     uncertain = uncertainty_of(run[0], evidence.coverage, halves.factor)

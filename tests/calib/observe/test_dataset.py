@@ -162,7 +162,6 @@ CHANGES = {
     "no comment": (lambda lines: lines[1:], "must begin with"),
     "version": (line(1, FIRST_LINE.replace("1", "2")), "version 2"),
     "no layout": (line(2, "#"), "layout_id"),
-    "columns": (line(7, "image,u,v"), "line 7: the columns must be"),
     "order": (line(7, ",".join(reversed(COLUMNS))), "the columns must be"),
     "size": (line(6, '# image 0 x 480 px "a.png"'), "line 6: size 0 x 480"),
     "huge": (line(6, '# image 9999999 x 480 px "a.png"'), "a side has"),
@@ -172,20 +171,12 @@ CHANGES = {
     "ring": (cell("ring", "700000"), "line 11: ring is out of range"),
     "negative ring": (cell("ring", "-1"), "line 11: ring is out of range"),
     "fraction": (cell("ring", "1.5"), "line 11: ring must be a whole number"),
-    "digits": (cell("ring", "9" * 5000), "line 11: ring must be a whole number"),
     "face": (cell("face", "99"), "line 11: face is not that"),
     "index": (cell("i", "99"), "line 11: i is not that"),
-    "nan": (cell("u", "nan"), "line 11: u must be a finite number"),
-    "infinite": (cell("v", "1e999"), "line 11: v must be a finite number"),
-    "text": (cell("suu", "x"), "line 11: suu must be"),
-    "empty": (cell("X", ""), "line 11: X must be"),
-    "underscore": (cell("u", "1_0"), "line 11: u must be"),
     "far": (cell("u", "1e7"), "line 11: u or v is beyond"),
     "variance": (cell("suu", "-1e-4"), "line 11: suu, suv, svv must be a covariance"),
     "correlation": (cell("suv", "9"), "line 11: suu, suv, svv must be a covariance"),
-    "short": (lambda lines: [*lines, "a.png,1"], "line 12: 2 values"),
     "twice": (lambda lines: [*lines, lines[8]], "line 12: the same ring"),
-    "quote": (lambda lines: [*lines, '"a'], "not valid CSV"),
 }
 
 
@@ -213,25 +204,6 @@ def test_lines_are_counted_across_names_with_line_breaks(tmp_path: Path) -> None
     with pytest.raises(InputError, match="line 17: "):
         read_detections(path, ICO, target_path=TARGET_PATH)
     assert len(path.read_text().splitlines()) == 17
-
-
-@given(data=st.data())
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_damaged_files_end_in_data_or_one_line(data: st.DataObject, tmp_path: Path) -> None:
-    """Changed bytes and cuts of a file give detections or a refusal."""
-    text = detections_to_csv([seen("a.png", 4, np.random.default_rng(4))], ICO)
-    content = bytearray(text.encode())
-    for at, value in data.draw(st.lists(st.tuples(st.integers(0, len(content) - 1), st.integers(0, 255)), max_size=5)):
-        content[at] = value
-    path = tmp_path / "d.csv"
-    path.write_bytes(content[: data.draw(st.integers(0, len(content)))] if data.draw(st.booleans()) else content)
-    try:
-        found = read_detections(path, ICO, target_path=TARGET_PATH)
-    except InputError:
-        return
-    for one in found:
-        assert np.isfinite(one.center_px).all()
-        assert (np.linalg.eigvalsh(one.cov_px2) > 0).all()
 
 
 @pytest.mark.parametrize(
@@ -287,15 +259,6 @@ def test_what_is_seen_too_flat_is_not_expected() -> None:
     face = replace(RECORD, rings_found=30, rings_expected=36, missing=((TOO_FLAT, 4), ("off the grid", 2)))
     assert face.measurable == 32
     assert replace(face, missing=()).measurable == 36
-
-
-@pytest.mark.parametrize("text", ["", "{}", "[" * 100_000, '{"format": "ringsolid.records"}', "\xff", "[1]"])
-def test_other_files_are_no_records(text: str, tmp_path: Path) -> None:
-    """A file that holds no records is refused in one line."""
-    path = tmp_path / "r.json"
-    path.write_text(text, encoding="latin-1")
-    with pytest.raises(InputError, match=str(path)):
-        read_records(path)
 
 
 def test_other_files_are_not_overwritten(tmp_path: Path) -> None:

@@ -183,15 +183,11 @@ def refused(answer: Answer, message: str) -> None:
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
-        (["X,Y,Z,plane", "0,0,0,a", "1,nan,0,a"], "line 3: Y must be a finite number"),
         (["X,Y,Z,plane", "0,0,0,a", "1,1e9,0,a"], "line 3: X, Y or Z is beyond 1e+06 mm"),
         (["X,Y,Z,plane", "0,0,0,a", "5,5,0,a", "0,0,0,a"], "line 4: the same point as on line 2"),
         (["id,X,Y,Z", "7,0,0,0", "7,5,5,0"], "line 3: the id is that of an earlier line"),
         (["id,X,Y,Z", "-1,0,0,0"], "line 2: id must be from 0"),
-        (["id,X,Y,Z", "p1,0,0,0"], "line 2: id must be a whole number"),
         (["X,Y,Z,plane", "0,0,0,"], "line 2: plane must not be empty"),
-        (["X,Y,plane", "0,0,a"], "column 'Z' is missing"),
-        (["X,Y,Z,plane"], "0 rows"),
         (["X,Y,Z,plane", "0,0,0,a", "5,0,0,a"], "plane 'a': 2 points"),
         (["X,Y,Z,plane", "0,0,0,a", "5,0,0,a", "9,0,0,a"], "lie on a line"),
         (["X,Y,Z", "0,0,0", "50,0,0", "0,50,0", "50,50,20"], "name each point's in a column plane"),

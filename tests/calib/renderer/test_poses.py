@@ -77,23 +77,16 @@ def test_poses_from_files_agree(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("p.json", "[", "line 1"),
         ("p.json", "[]", "shape"),
         ("p.json", "{}", "no poses"),
         ("p.json", '[["a"]]', "matrices of numbers"),
         ("p.json", json.dumps([np.diag([1.0, 1, -1, 1]).tolist()]), "pose 0"),
         ("p.json", json.dumps([np.eye(4).tolist(), np.full((4, 4), np.nan).tolist()]), "pose 1"),
-        ("p.csv", "1,2,3,4,5,6\n", "line 1: the columns must be"),
-        ("p.csv", "rx_rad,ry_rad,rz_rad,tx_mm,ty_mm,tz_mm\n1,2,3,4,5\n", "line 2: 5 values"),
-        ("p.csv", "rx_rad,ry_rad,rz_rad,tx_mm,ty_mm,tz_mm\n1,2,3,4,5,inf\n", "line 2: tz_mm must be a finite"),
         ("p.csv", "rx_rad,ry_rad,rz_rad,tx_mm,ty_mm,tz_mm\n0,0,0,0,0,9\n0,1e308,1e308,4,5,6\n", "line 3: turns by"),
         ("p.csv", "rx_rad,ry_rad,rz_rad,tx_mm,ty_mm,tz_mm\n0,0,0,0,0,1e308\n", "pose 0 .* away"),
         ("p.json", json.dumps([np.diag([1e200, 1e-200, 1, 1]).tolist()]), "pose 0 .* no rotation"),
         ("p.json", f"[[[1{'0' * 400}]]]", "matrices of numbers"),
-        ("p.json", f"[{'1' * 5000}]", "too long"),
-        ("p.json", "[" * 100_000, "nested too deep"),
         ("p.json", '{"views": [3]}', "poses are a list of 4 x 4 matrices"),
-        ("p.csv", "rx_rad,ry_rad,rz_rad,tx_mm,ty_mm,tz_mm\n", "0 poses"),
     ],
 )
 def test_bad_pose_files_end_in_one_line(name: str, text: str, message: str, tmp_path: Path) -> None:

@@ -234,13 +234,8 @@ TABLE = "camera,frame,point,u,v\na,f,p,600,400\nb,f,p,500,400\n"
     [
         (TABLE.replace("b,f", "c,f"), "line 3: camera 'c' is not in the rig"),
         (TABLE + "a,f,p,1,2\n", "line 4: the same point of the same frame and camera a second time"),
-        (TABLE.replace("600", "nan"), "line 2: u must be a finite number"),
         (TABLE.replace("600", "6000"), "line 2: u, v lie far outside the camera's image"),
-        (TABLE.replace("point", "name"), "column 'point' is missing"),
         (TABLE.replace("u,v", "u,v,sigma_px").replace("400", "400,0"), "line 2: sigma_px must be from"),
-        ("camera,frame,point,u,v\n", "holds no sightings"),
-        ("a;b\n", "values must be separated by commas"),
-        ("", "column 'camera' is missing"),
     ],
 )
 def test_a_table_that_breaks_a_rule_is_refused_by_its_line(text: str, said: str, tmp_path: Path) -> None:
