@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from calib.core.types import Registry
+from calib.core.registry import Registry
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera

@@ -5,7 +5,7 @@ A format is a file of this folder, which holds it as `FORMAT`, and a name in the
 
 from typing import TYPE_CHECKING
 
-from calib.core.types import Registry
+from calib.core.registry import Registry
 
 if TYPE_CHECKING:
     from calib.cameras.formats.format import CameraFormat

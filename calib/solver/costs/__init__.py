@@ -9,7 +9,7 @@ Ruppel, Kutlu et al. (Beyond Reprojection Error) leave to future work: metrics o
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from calib.core.types import Registry
+from calib.core.registry import Registry
 
 if TYPE_CHECKING:
     from calib.solver.distance import Distance
