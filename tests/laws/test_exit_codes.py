@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from calib.cli import app as calib_app
+from calib.observe.calibration_file import read_calibration
 from designer.cli import app as design_app
 from tests.support.command_line import LENIENT, Answer, calib, design, summary_of
 from tests.support.programs import PYTHON, run, start
@@ -136,28 +137,20 @@ CASES += [pytest.param(calib, case, id=f"calib {' '.join(case.words[:2])} {case.
 
 SAME_WAY = ("ico", "make", "tolerance", "ways")
 """Commands that write as another one does: `board` and the studies stand for them."""
-OF_COMMAND = {(one.values[0], one.values[1].words[:2]): one for one in CASES if one.values[1].code != 2}
+OF_COMMAND = {(one.values[0], one.values[1].words[:2]): one for one in CASES[::-1] if one.values[1].code != 2}
 WRITING = [
     one
     for one in OF_COMMAND.values()
     if one.values[1].words[0] not in SAME_WAY
     and ("-o" in one.values[1].words or one.values[1].words[0] in ("evaluate", "diff"))
 ]
-"""These run again over their own files (`test_own_files`), and end as promised there."""
+"""These run again over their own files (`test_own_files`)."""
 
 
 @pytest.fixture(autouse=True)
 def folder(scene_copy: Path) -> Path:
     """Where the commands work."""
     return scene_copy
-
-
-@pytest.mark.parametrize(("program", "case"), [one for one in CASES if one not in WRITING])
-def test_a_command_ends_as_promised_and_says_so_in_json(program: Callable[..., Answer], case: Case) -> None:
-    """The code is that of the table, standard output one document, and its list of files is true."""
-    if case.before:
-        assert program(*case.before).code == 0
-    require_promised(program(*case.words, "--json"), case)
 
 
 def require_promised(answer: Answer, case: Case) -> None:
@@ -176,12 +169,13 @@ def require_promised(answer: Answer, case: Case) -> None:
 
 @pytest.mark.parametrize(("program", "case"), [one for one in CASES if one.values[1].code == 2])
 def test_bad_input_is_one_line_on_standard_error(program: Callable[..., Answer], case: Case) -> None:
-    """And nothing else: no traceback, nothing on standard output, no file."""
+    """And nothing else: no traceback, nothing on standard output but with `--json`, no file."""
     before = sorted(Path().rglob("*"))
     answer = program(*case.words)
     assert (answer.code, answer.out) == (2, "")
     assert answer.err.startswith("error: ")
     assert answer.err.count("\n") == 1
+    require_promised(program(*case.words, "--json"), case)
     assert sorted(Path().rglob("*")) == before
 
 
@@ -226,6 +220,7 @@ def test_an_empty_word_is_no_folder(program: Callable[..., Answer], app: typer.T
 @pytest.mark.parametrize(
     ("words", "patched"),
     [
+        (("detect", "board.target.json", "photos", "-o", "out/d.csv"), "calib.observe.search.write_search"),
         (("run", "board.target.json", "photos", "-o", "out"), "calib.observe.search.write_search"),
         ((*SOLVE, "detections.csv"), "calib.judge.solutions.calibrate"),
         (("study", "paper", "--quick", "-o", "out"), "calib.studies.paper_study.missing_targets"),
@@ -236,17 +231,21 @@ def test_an_empty_word_is_no_folder(program: Callable[..., Answer], app: typer.T
     ],
 )
 def test_a_stopped_command_ends_with_130(words: tuple[str, ...], patched: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ctrl-C is no error: one line says what stays, in the document too."""
-
-    def interrupted(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(patched, interrupted)
+    """Ctrl-C is no error: one line says what stays, in the document too, and nothing half-written does."""
+    before = sorted(path for path in Path().rglob("*") if path.is_file())
+    monkeypatch.setattr(patched, _interrupted)
     answer = calib(*words, "--json")
     assert answer.code == 130
     summary = summary_of(answer)
     assert answer.err.splitlines()[-1] == summary["error"]
     assert summary["error"].startswith("stopped; ")
+    assert sorted(path for path in Path().rglob("*") if path.is_file()) == sorted(
+        [*before, *map(Path, summary["wrote"])]
+    )
+
+
+def _interrupted(*_: object, **__: object) -> None:
+    raise KeyboardInterrupt
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no signal masks")
@@ -276,8 +275,20 @@ def test_a_program_takes_ctrl_c_before_it_loads_anything() -> None:
         assert not {"typer", "typing", "re", "pathlib", "numpy"} & set(loaded), loaded
 
 
-def test_a_model_that_was_finished_before_ctrl_c_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The document of a stopped run holds the answer so far, and the files."""
+SOLVE_ALL = ("solve", "detections.csv", "--target", "board.target.json", "-o", "out")
+
+
+@pytest.mark.parametrize(
+    ("words", "kept"),
+    [
+        (("run", "board.target.json", "photos", "-o", "out"), "out/detections.csv, out/luhmann"),
+        (SOLVE_ALL, "out/luhmann"),
+    ],
+)
+def test_a_model_that_was_finished_before_ctrl_c_stays(
+    words: tuple[str, ...], kept: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The document of a stopped command holds the answer so far, and its files, which are whole."""
     from calib.judge import solutions as solving
 
     original = solving.calibrate
@@ -288,10 +299,19 @@ def test_a_model_that_was_finished_before_ctrl_c_is_told(monkeypatch: pytest.Mon
         return original(seen, model, *rest)  # type: ignore[arg-type]
 
     monkeypatch.setattr(solving, "calibrate", stop_at_second)
-    summary = summary_of(calib("run", "board.target.json", "photos", "-o", "out", "--json"))
-    assert summary["exit_code"] == 130
+    summary = summary_of(calib(*words, "--json"))
+    assert (summary["exit_code"], summary["error"]) == (130, f"stopped; finished and kept: {kept}")
     assert [one["model"] for one in summary["answer"]["models"]] == ["luhmann"]
-    assert "out/luhmann/camera.json" in summary["wrote"]
+    assert {str(path) for path in Path("out").rglob("*") if path.is_file()} == set(summary["wrote"])
+    assert read_calibration(Path("out/luhmann/calibration.json"))[0].camera.model == "luhmann"
+
+
+def test_what_a_run_had_before_its_figures_stays_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C while these are drawn takes no camera away."""
+    monkeypatch.setattr("calib.draw.calibration_figures", _interrupted)
+    answer = calib(*RUN, *LENIENT)
+    assert (answer.code, answer.err) == (130, "stopped; finished and kept: out/detections.csv, out\n")
+    assert Path("out/camera.json").exists()
 
 
 @pytest.mark.parametrize("option", [[], ["--json"]])
@@ -342,19 +362,12 @@ def test_a_command_runs_where_its_words_cannot_be_said(stdout: str) -> None:
     No file takes the number of a standard output that is closed: with `--json` it would be written over.
     """
     lines = (
-        "triangulate pair.rig.json sightings.csv -o out",
-        "convert camera.json --to opencv -o new.yml --json",
+        "triangulate pair.rig.json sightings.csv -o out", "convert camera.json --to opencv -o new.yml --json",
         f"solve detections.csv --target board.target.json --model pinhole -o out {shlex.join(LENIENT)}",
-    )
+    )  # fmt: skip
     locale = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     done = run(PYTHON, "-c", ANSWERED, stdout, *lines, check=False, **(locale if stdout == "C" else {}))
     assert done.returncode == 0, done.stderr
     assert (("+-" in done.stdout) and done.stdout.isascii()) == (stdout == "C")
     assert Path("out/camera.json").exists()
     assert Path("new.yml").exists()
-
-
-@pytest.mark.parametrize("words", [("run", "board.target.json", "photos"), ("render", "board.target.json"), BOOTSTRAP])
-def test_a_number_beyond_its_limits_is_told_alike_everywhere(words: tuple[str, ...]) -> None:
-    """Value and rule, in the same words whichever part of a command line finds it."""
-    assert calib(*words, "-o", "out", "--jobs", "0").err == "error: --jobs 0: must be from 1 to 1024\n"

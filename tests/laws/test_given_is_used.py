@@ -1,5 +1,8 @@
 """Every option that a command takes is used or refused: what names nothing never passes unseen."""
 
+import importlib
+import inspect
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,9 +11,11 @@ import pytest
 import typer
 from typer.core import TyperGroup
 
-from calib.cli import app
-from tests.laws.test_exit_codes import BOOTSTRAP, CALIB
-from tests.support.command_line import calib
+from calib.cli import LINES, app, place_of
+from designer.base.options import Parameter, parameters_of
+from designer.cli import app as design_app
+from tests.laws.test_exit_codes import BOOTSTRAP, CALIB, DESIGN
+from tests.support.command_line import Answer, calib, design
 
 NONSENSE = "no/such"
 ROBOT = "image,x_mm,y_mm,z_mm,qx,qy,qz,qw\n" + "".join(f"view_{n:04d}.png,{n},{n},0,0,0,0,1\n" for n in range(8))
@@ -38,35 +43,29 @@ ALONE = {"study bootstrap": {"--rig"}, "live": {"--camera"}}
 NO_OPTIONS = {"study plot", "warm-up"}
 
 
-WORK = (
-    "calib.capture.serving.Serving.until_done",
-    "calib.detector.pipeline.detect",
-    "calib.solver.solve.solve",
-    "calib.studies.bootstrap.make_pool",
-    "calib.studies.compare.cases.comparison",
-    "calib.studies.cost.cases.groups_of",
-    "calib.judge.solutions.calibrate",
-)
-"""What no line is worth that names nothing: a page served, a photo searched, a camera solved, a study sampled."""
+STUDIED = {"design tolerance": "tolerance", "design ways": "ways"}
+"""Commands of `design` that are capabilities of `calib`."""
 
 
 def _commands() -> Iterator[tuple[str, click.Command]]:
-    """All commands, those of groups by both words."""
-    group = typer.main.get_command(app())
+    """All commands, those of groups by both words, those of `design` by its name before."""
+    group, designs = typer.main.get_command(app()), typer.main.get_command(design_app())
     assert isinstance(group, TyperGroup)
+    assert isinstance(designs, TyperGroup)
     for name, one in group.commands.items():
         if isinstance(one, TyperGroup):
             yield from ((f"{name} {inner}", command) for inner, command in one.commands.items())
         else:
             yield name, one
+    yield from ((name, designs.commands[word]) for name, word in STUDIED.items())
 
 
-def _line(name: str) -> tuple[str, ...]:
-    """A line of a command that has what it takes."""
-    if name in OF_COMMAND:
-        return OF_COMMAND[name]
-    words = name.split()
-    return next(case.words for case in CALIB if case.words[: len(words)] == tuple(words) and case.code == 0)
+def run(name: str, *more: str) -> Answer:
+    """A line of a command that has what it takes, with more words."""
+    words = tuple(name.removeprefix("design ").split())
+    program, cases = (design, DESIGN) if name in STUDIED else (calib, CALIB)
+    usual = (case.words for case in cases if case.words[: len(words)] == words and case.code == 0)
+    return program(*(OF_COMMAND[name] if name in OF_COMMAND else next(usual)), *more)
 
 
 def _cases() -> list[tuple[str, str]]:
@@ -75,10 +74,9 @@ def _cases() -> list[tuple[str, str]]:
         (name, one.opts[0])
         for name, command in _commands()
         for one in command.params
-        if one.param_type_name == "option"
-        and one.bare_type() in NAMING  # type: ignore[attr-defined]
+        if one.param_type_name == "option" and one.bare_type() in NAMING  # type: ignore[attr-defined]
         and not (WRITTEN | ALONE.get(name, set())) & set(one.opts)
-    ]
+    ]  # fmt: skip
 
 
 def test_all_commands_are_held() -> None:
@@ -94,13 +92,44 @@ def _unused(*_: object, **__: object) -> None:
 def test_an_option_that_names_nothing_is_refused(
     command: str, option: str, scene_copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In a line that has the option or what was given, before any work is done."""
-    for work in WORK:
+    """In a line that has the option or what was given, before anything is sampled or a page is served."""
+    for work in ("calib.capture.serving.Serving.until_done", "calib.studies.compare.cases.comparison"):
+        monkeypatch.setattr(work, _unused)
+    for work in ("calib.studies.cost.cases.groups_of", "calib.studies.bootstrap.make_pool"):
         monkeypatch.setattr(work, _unused)
     (scene_copy / "robot.csv").write_text(ROBOT)
-    answer = calib(*_line(command), option, NONSENSE)
+    answer = run(command, option, NONSENSE)
     assert answer.code == 2, answer
     assert option.strip("-") in answer.err or NONSENSE in answer.err
+
+
+def _numbers(name: str) -> list[Parameter]:
+    """Options of a capability that take numbers."""
+    place = f"calib.app.tolerance:{STUDIED[name]}" if name in STUDIED else place_of(name)
+    module, _, word = place.partition(":")
+    of_function = parameters_of(inspect.unwrap(getattr(importlib.import_module(module), word)))
+    return [one for one in of_function.values() if one.kind in (int, float) and one.option.parse is None]
+
+
+def _beyond(one: Parameter) -> Iterator[str]:
+    """Texts of numbers just outside of an option's limits, and of one with a unit that nothing has."""
+    yield "1kg"
+    for limit, sign in ((one.option.least, -1), (one.option.most, 1)):
+        if math.isfinite(limit) and abs(limit) < 1e15:
+            value = limit + sign * (abs(limit) or 1.0)
+            yield str(int(value)) if one.kind is int else one.text_of(value)
+
+
+@pytest.mark.parametrize("command", [name for name in (*LINES, *STUDIED) if _numbers(name)])
+def test_a_number_beyond_its_limits_or_in_another_unit_is_refused(command: str, scene_copy: Path) -> None:
+    """Option, value and rule in one line before any work, of every option that takes a number."""
+    (scene_copy / "robot.csv").write_text(ROBOT)
+    for one in _numbers(command):
+        for text in _beyond(one):
+            answer = run(command, one.flag, text)
+            assert (answer.code, answer.out, answer.err.count("\n")) == (2, "", 1), answer
+            assert answer.err.startswith((f"error: {one.flag} {text}: must be", f"error: {one.flag} '{text}': "))
+    assert not Path("out").exists()
 
 
 @pytest.mark.parametrize(

@@ -63,21 +63,6 @@ def test_out_and_save_write_the_same_files_and_overlays_each_time(photos: Path) 
     assert "no overlay for view_0003.png" in Path("c/index.html").read_text()
 
 
-@pytest.mark.parametrize("name", ["index.html", "metrics.json", "camera.json", "verdict.json"])
-def test_somebody_elses_file_stops_it_before_anything_is_written(name: str) -> None:
-    """The message names the file, which stays."""
-    run = calib.solve(seen(), BOARD, **MODEL)
-    place = Path("mine", name)
-    place.parent.mkdir()
-    place.write_text("mine")
-    with pytest.raises(calib.InputError, match=name):
-        run.save("mine")
-    assert files_in(Path("mine")) == {name}
-    assert place.read_text() == "mine"
-    with pytest.raises(calib.InputError, match="is no path; give a folder"):
-        calib.solve(seen(), BOARD, out="", **MODEL)
-
-
 def test_another_runs_photos_are_not_this_ones(photos: Path) -> None:
     """A camera of other photos, saved into the folder of an earlier run, does not show that run's photos."""
     calib.run(BOARD, photos, out="a", **MODEL)

@@ -9,13 +9,10 @@ import pytest
 import calib
 from calib.cameras import project
 from calib.cameras.camera import Camera, camera_to_json, load_camera
-from calib.cameras.formats import FORMATS
 from calib.cameras.formats.reading import open_camera
 from designer.base.answer import Summary
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE, lens_camera, whole_image
-
-OTHERS = [name for name in FORMATS if name != "json"]
 
 
 def run(camera: str, *, to: str, out: Path, **options: object) -> Summary:
@@ -31,17 +28,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name, camera in CAMERAS.items():
         Path(f"{name}.json").write_text(camera_to_json(camera))
     return tmp_path
-
-
-@pytest.mark.parametrize("name", OTHERS)
-def test_there_and_back(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """A camera goes into every format and comes back, its kind found out, and every step says it was exact."""
-    source = "tiny coefficients"
-    run(f"{source}.json", to=name, out=Path("there"))
-    run("there", to="json", out=Path("back.json"))
-    assert capsys.readouterr().out.count("exact: no fit was needed") == 2
-    pixel, ray = whole_image(CAMERAS[source])
-    assert np.abs(project(load_camera(Path("back.json")), ray) - pixel).max() < 1e-9
 
 
 def test_the_residual_is_told_and_true(capsys: pytest.CaptureFixture[str]) -> None:

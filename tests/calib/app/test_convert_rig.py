@@ -12,13 +12,12 @@ import pytest
 import calib
 from calib.app.inputs import load_camera, load_rig
 from calib.cameras.camera import Camera
-from calib.cameras.formats.rigs import RIG_FORMATS
 from calib.cameras.rig import Rig
 from calib.core.se3 import transform
 from designer.base.answer import Summary
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, MODELS, WIDE_SIZE
-from tests.support.foreign_rigs import FISHEYE, points_before, ring, seen_by, stereo
+from tests.support.foreign_rigs import FISHEYE, ring, stereo
 
 
 def run(camera: str, *, to: str, out: Path, **options: object) -> Summary:
@@ -35,18 +34,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     replace(pair, covariance=np.diag(np.arange(1.0, 31)), delay_s=np.array([0, 0.01])).save("pair.json")
     ring().save("ring.json")
     return tmp_path
-
-
-@pytest.mark.parametrize("name", RIG_FORMATS)
-def test_a_rig_goes_there_and_back(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """The kind of a file, or a folder, is found out, and every step says it was exact."""
-    run("pair.json", to=name, out=Path("there"))
-    run("there", to="json", out=Path("back.json"))
-    assert capsys.readouterr().out.count("exact: no fit was needed") == 2
-    before, after = stereo(), load_rig("back.json")
-    point = points_before(before)
-    for old, new in zip(seen_by(before, point), seen_by(after, point), strict=True):
-        assert np.abs(old - new).max() < 1e-8
 
 
 def test_what_is_lost_is_told(capsys: pytest.CaptureFixture[str]) -> None:
@@ -173,20 +160,6 @@ def test_the_line_that_opens_a_file_in_opencv_does(source: str, capsys: pytest.C
     line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("open "))
     Path("typed.py").write_text("import cv2\n" + line.partition("in Python: ")[2].partition("; where")[0] + "\n")
     assert set(runpy.run_path("typed.py")) >= {"cv2", "file"}
-
-
-@pytest.mark.parametrize("name", RIG_FORMATS)
-def test_a_rig_replaces_its_own_files_and_no_others(name: str) -> None:
-    """A second run writes again; a file of somebody's in the way stays, and with it all of the others."""
-    for _ in range(2):
-        done = calib.convert("pair.json", name, out="out")
-        places = done.save("out")
-    before = {place: place.read_bytes() for place in places}
-    places[-1].write_text("mine")
-    with pytest.raises(InputError, match="not of ringsolid's making"):
-        done.save("out")
-    assert {place: place.read_bytes() for place in places[:-1]} == {place: before[place] for place in places[:-1]}
-    assert places[-1].read_text() == "mine"
 
 
 def test_places_that_do_not_suit(folder: Path) -> None:

@@ -17,18 +17,15 @@ from numpy.typing import NDArray
 from calib.app.detect import detect_photos
 from calib.cameras.camera import Camera, camera_to_json
 from calib.core.types import Detections
-from calib.detector.overlay import draw_overlay
 from calib.observe.dataset import read_detections
 from calib.observe.photos import PhotoFile, find_photos, named_photos, reading_once, searched_photos
 from calib.observe.records import read_records
-from designer.base.answer import StoppedError
 from designer.base.errors import InputError
 from designer.base.words import printable
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
 from designer.page.capability import command_of
 from designer.target import TargetGeometry, target_to_json
-from tests.support.command_line import calib, refused
 from tests.support.designs import asked_for
 from tests.support.programs import modules_loaded_by
 from tests.support.sightings import pinhole, sighting, view_from
@@ -109,83 +106,36 @@ def test_a_folder_becomes_a_table(folder: Path, capsys: pytest.CaptureFixture[st
     assert "next" in said
 
 
-def test_bad_photos_among_good_ones_are_named_and_skipped(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What cannot be read, found or searched is named in one line each and recorded; the others are in the table."""
+def test_bad_photos_are_recorded_with_their_failure(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Also those that break the search; the others are in the table, all are counted."""
     Path("photos/broken.png").write_bytes(Path("photos/img2.png").read_bytes()[:60])
-    Path("empty").mkdir()
     photo(Path("photos/white.png"), 255)
-    assert run("photos", "missing.png", "none-*.jpg", "empty") == 0
+    assert run("photos", "missing.png") == 0
     said = capsys.readouterr().out
-    for line in (
-        r"Not searched: photos/broken\.png: is cut off",
-        r"Not searched: missing\.png: cannot be read",
-        r"Not searched: none-\*\.jpg: no file matches",
-        r"Not searched: empty: no images",
-        r"Not searched: photos/white\.png: the search failed: RuntimeError: white corner",
-        r"3 could not be read",
-    ):
-        assert re.search(line, said), line
+    assert "Not searched: photos/white.png: the search failed: RuntimeError: white corner" in said
+    assert "3 could not be read" in said
     records = read_records(Path("exports/board/detections.records.json"))
     assert {r.image for r in records.images if r.failure} == {"broken.png", "missing.png", "white.png"}
     assert {r.image for r in records.images if not r.failure} == {"img2.png", "img10.png", "img11.png"}
 
 
-def test_nothing_found_is_exit_code_1_and_bad_input_an_error(folder: Path) -> None:
-    """1: photos without the target. An error, and no file: nothing to read, a bad target, output or camera."""
-    assert run("photos/img11.png", out="a.csv") == 1
-    assert read_detections(Path("a.csv"), BOARD, target_path=Path("t"))[0].image == "img11.png"
+def test_places_that_do_not_suit_are_refused(folder: Path) -> None:
+    """A photo for the table, a file for the overlays' folder, a camera that is none: nothing is written."""
     Path("notes.csv").write_text("mine")
     Path("camera.json").write_text("{}")
     before = sorted(folder.rglob("*"))
-    for photos, options, rule in (
-        (["missing.png", "other.png"], {}, "missing.png: cannot be read.* 1 more"),
-        (["nothing-*.png"], {}, "no file matches"),
-        (["photos"], {"out": "notes.csv"}, "notes.csv: is there already, and not of ringsolid's making"),
-        (["photos"], {"out": "photos/img2.png"}, "a .csv file"),
-        (["photos"], {"overlay": "notes.csv"}, "is a file, not a folder"),
-        (["photos"], {"camera": "camera.json"}, "camera.json"),
-        (["photos"], {"camera": "no-such-camera"}, "no-such-camera"),
+    for options, rule in (
+        ({"out": "photos/img2.png"}, "a .csv file"),
+        ({"overlay": "notes.csv"}, "is a file, not a folder"),
+        ({"camera": "camera.json"}, "camera.json"),
     ):
         with pytest.raises(InputError, match=rule):
-            run(*photos, **options)
+            run("photos", **options)
     assert sorted(folder.rglob("*")) == before
-    assert Path("notes.csv").read_text() == "mine"
 
 
-def test_overlays_are_written_and_never_taken_for_photos(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each photo gets one overlay; a second run over the same folder searches the photos only."""
-    for _ in range(2):
-        assert run("photos", overlay="photos", out="d.csv") == 0
-        pictures = {path.name for path in Path("photos").iterdir() if ".overlay" in path.name}
-        assert pictures == {"img2.overlay.jpg", "img10.overlay.jpg", "img11.overlay.jpg"}
-        assert "found in 2 of 3 photos" in capsys.readouterr().out
-    assert run("photos/*.*g", overlay="photos", out="d.csv") == 0
-    assert "Left out: 3 overlays" in capsys.readouterr().out
-    assert not list(folder.rglob(".unfinished*"))
-
-
-def test_a_photo_without_overlay_does_not_stop_the_others(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Whatever breaks in drawing one picture, the detections and the other pictures are there; names may be long."""
-
-    def draw(pixels: NDArray[np.uint8], seen: Detections, target: TargetGeometry) -> NDArray[np.uint8]:
-        if seen.image == "img2.png":
-            raise ZeroDivisionError("flat")
-        return draw_overlay(pixels, seen, target)
-
-    monkeypatch.setattr("calib.detector.overlay.draw_overlay", draw)
-    photo(Path("photos") / f"{'long' * 60}.png", 80)
-    assert run("photos", overlay="o", out="d.csv") == 0
-    said, errors = capsys.readouterr()
-    assert errors == ""
-    assert "no overlay for img2.png: ZeroDivisionError: flat" in said
-    assert len(read_detections(Path("d.csv"), BOARD, target_path=Path("t"))) == 4
-    assert len(list(Path("o").glob("*.overlay.jpg"))) == 3
-
-
-def test_a_camera_must_fit_the_photos(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The camera reaches the detector; a photo of another size than the camera's is skipped with both sizes."""
+def test_a_camera_reaches_the_detector(folder: Path) -> None:
+    """With every photo."""
     given = []
 
     def detect(
@@ -195,10 +145,8 @@ def test_a_camera_must_fit_the_photos(folder: Path, capsys: pytest.CaptureFixtur
         return found(pixels, target, name=name, camera=camera)
 
     Path("camera.json").write_text(camera_to_json(CAMERA))
-    photo(Path("photos/large.png"), 9, (320, 240))
     assert run("photos", camera="camera.json", detect=detect) == 0
     assert [camera.image_size for camera in given if camera is not None] == [(160, 120)] * 3
-    assert "large.png: has 320 x 240 px, but the camera is of one with 160 x 120 px" in capsys.readouterr().out
 
 
 def test_photos_of_one_name_are_told_apart_by_their_folders(folder: Path) -> None:
@@ -273,25 +221,6 @@ def test_results_keep_the_order_and_memory_the_limit(folder: Path) -> None:
     assert 1 < most[0] <= 3
 
 
-@pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit])
-def test_a_stopped_run_leaves_nothing(stop: type[BaseException], folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run that is interrupted before its end writes no table, no overlay, and no temporary file."""
-    monkeypatch.setattr("calib.observe.search.write_search", raising(stop))
-    with pytest.raises((stop, StoppedError)):
-        run("photos", out="d.csv", overlay="o")
-    assert list(Path("o").iterdir()) == []
-    assert not Path("d.csv").exists()
-
-
-def raising(error: type[BaseException]) -> Callable[..., None]:
-    """A function that only raises."""
-
-    def fail(*_: object) -> None:
-        raise error
-
-    return fail
-
-
 def test_names_of_any_kind_reach_the_screen(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Brackets, line breaks and bytes that are no text neither break the table nor style it."""
     for name in (b"[red]x.png", b"a\nb.png", b"caf\xe9.png"):
@@ -305,15 +234,7 @@ def test_names_of_any_kind_reach_the_screen(folder: Path, capsys: pytest.Capture
     for text in ("[red]x.png", "a b.png", "caf", "[bold]missing.png"):
         assert text in said
     assert len(list(Path("o").glob("*.overlay.jpg"))) == 3
-
-
-def test_the_command_line_is_quick_to_help_and_strict_with_options(tmp_path: Path) -> None:
-    """`calib detect --help` answers without the detector; a bad option or target ends in one line and exit code 2."""
-    answer = calib("detect", "--help")
-    assert answer.code == 0
-    assert "--overlay" in answer.out
-    for arguments in (["t.json"], ["t.json", "a.png", "--jobs", "0"], ["t.json", "a.png"], ["t.json", "a.png", "--x"]):
-        refused("detect", *arguments)
+    assert printable("a\x1b[31mred\u202e\n b") == "a\\x1b[31mred\\u202e b"
 
 
 def test_a_photo_is_searched_without_what_other_commands_use() -> None:
@@ -339,8 +260,3 @@ def test_a_linked_photo_is_the_same_photo(tmp_path: Path) -> None:
     link = tmp_path / "b.png"
     link.symlink_to(photo)
     assert [one.name for one in named_photos([photo, link])] == ["a.png"]
-
-
-def test_names_cannot_steer_the_terminal() -> None:
-    """Escape sequences and direction marks in file names are shown, not obeyed."""
-    assert printable("a\x1b[31mred\u202e\n b") == "a\\x1b[31mred\\u202e b"

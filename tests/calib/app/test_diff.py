@@ -97,15 +97,6 @@ def test_only_pictures_of_its_own_are_overwritten(capsys: pytest.CaptureFixture[
         run("a", "camera.png", out=Path("d.png"))
 
 
-def test_cameras_that_cannot_be_compared() -> None:
-    """Other image sizes and missing files are refused in one line."""
-    Path("small.json").write_text(camera_to_json(Camera("pinhole", np.array([9.0, 9, 5, 5]), (10, 10))))
-    with pytest.raises(InputError, match="1024 x 768 and 10 x 10"):
-        run("a", "small.json")
-    with pytest.raises(InputError, match=r"none\.json: cannot be read"):
-        run("a", "none.json")
-
-
 def test_what_is_not_known_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
     """Pixels that one camera has no ray for are not compared, and their number is told."""
     Path("c.json").write_text(

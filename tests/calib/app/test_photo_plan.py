@@ -161,15 +161,7 @@ def test_a_turntable_gets_angles() -> None:
 
 @pytest.mark.parametrize(
     ("wish", "said"),
-    [
-        ({"distance_mm": (300.0, 100.0)}, "smaller comes first"),
-        ({"distance_mm": (5000.0, 9000.0)}, "no photo from"),
-        ({"within_px": 0.0}, "within_px 0"),
-        ({"noise_px": float("nan")}, "noise_px nan"),
-        ({"most": 3}, "most 3"),
-        ({"criteria": "none"}, "none"),
-        ({"hand_eye": "none.json"}, "none.json"),
-    ],
+    [({"distance_mm": (300.0, 100.0)}, "smaller comes first"), ({"distance_mm": (5000.0, 9000.0)}, "no photo from")],
 )
 def test_wishes_that_cannot_be(wish: dict[str, object], said: str) -> None:
     """One line with the value and the rule."""

@@ -19,7 +19,7 @@ from calib.cameras.camera import Camera, camera_to_json
 from calib.core.se3 import exp_rotation, transform
 from calib.core.types import Detections
 from calib.observe.observations import known_points
-from calib.observe.photos import PhotoFile, PhotoResult, Search, find_photos
+from calib.observe.photos import PhotoFile, PhotoResult, Search
 from calib.observe.target_poses import (
     CSV_COLUMNS,
     NOT_SOLVED,
@@ -235,56 +235,40 @@ def test_the_table_tells_where_the_camera_was(folder: Path, capsys: pytest.Captu
 
 
 def test_photos_without_a_pose_are_named_with_the_reason(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Nothing found, too few rings, a broken search, a wrong size, no file: a reason each, in the file too."""
-    photo("photos/c.png", 0)
-    photo("photos/d.png", 1)
-    photo("photos/e.png", 2)
-    photo("photos/f.png", 10, (50, 40))
+    """Nothing found, too few rings, a broken search, no file: a reason each, in the file too."""
+    for name, level in (("c", 0), ("d", 1), ("e", 2)):
+        photo(f"photos/{name}.png", level)
     assert run("photos", "missing.png", out="poses.json") == 0
     said = capsys.readouterr().out
     assert re.search(r"c\.png +0 +no grid of rings was found", said)
     assert re.search(r"d\.png +3 +too few rings for a pose", said)
     assert "No pose: photos/e.png: the search failed: RuntimeError: grey" in said
-    assert "No pose: photos/f.png: has 50 x 40 px, but the camera is of one with" in said
-    assert "No pose: missing.png: cannot be read" in said
-    assert said.startswith("bad: 2 of 7 photos give a pose") or "2 of 7 photos give a pose" in said
+    assert "2 of 6 photos give a pose" in said
     document = json.loads(Path("poses.json").read_text())
     assert [view["file"] for view in document["views"]] == ["a.png", "b.png"]
-    assert {one["file"] for one in document["failed"]} == {"c.png", "d.png", "e.png", "f.png", "missing.png"}
+    assert {one["file"] for one in document["failed"]} == {"c.png", "d.png", "e.png", "missing.png"}
 
 
-def test_no_pose_is_exit_code_1_and_bad_input_an_error(folder: Path) -> None:
-    """1: photos were searched and none gives a pose. An error: nothing to search, or a bad target, camera or output."""
-    photo("none.png", 0)
-    assert run("none.png", out="poses.json") == 1
-    assert json.loads(Path("poses.json").read_text())["views"] == []
+def test_places_that_do_not_suit_are_refused(folder: Path) -> None:
+    """Files of other kinds, a file for a folder, a camera that is none; nothing is written."""
     Path("notes.json").write_text("{}")
     before = sorted(folder.rglob("*"))
-    for photos, options, rule in (
-        (["missing.png", "other.png"], {}, r"missing\.png: cannot be read.* 1 more"),
-        (["nothing-*.png"], {}, "no file matches"),
-        (["photos"], {"out": "notes.json"}, "not of ringsolid's making"),
-        (["photos"], {"out": "poses.txt"}, r"a \.json or a \.csv file"),
-        (["photos"], {"overlay": "notes.json"}, "is a file, not a folder"),
-        (["photos"], {"camera": "notes.json"}, r"notes\.json: not a camera file"),
-        (["photos"], {"camera": "nocamera"}, "unknown camera template"),
+    for options, rule in (
+        ({"out": "poses.txt"}, r"a \.json or a \.csv file"),
+        ({"overlay": "notes.json"}, "is a file, not a folder"),
+        ({"camera": "notes.json"}, r"notes\.json: not a camera file"),
     ):
         with pytest.raises(InputError, match=rule):
-            run(*photos, **options)
+            run("photos", **options)
     assert sorted(folder.rglob("*")) == before
-    assert run("photos", out="poses.json") == 0
 
 
 def test_overlays_show_the_axes_where_they_are(folder: Path) -> None:
-    """Each photo with a pose gets a picture with axes at the target's origin, which is never taken for a photo."""
+    """Each photo with a pose gets a picture with axes at the target's origin."""
     photo("photos/c.png", 0)
-    for _ in range(2):
-        assert run("photos", overlay="photos") == 0
+    assert run("photos", overlay="photos") == 0
     names = {path.name for path in Path("photos").iterdir()}
-    beside = {"page.json", "index.html"}
-    assert names - beside == {"a.png", "a.pose.overlay.jpg", "b.png", "b.pose.overlay.jpg", "c.png"}
-    assert beside < names
-    assert find_photos(["photos"]).overlays == 2
+    assert {one for one in names if "overlay" in one} == {"a.pose.overlay.jpg", "b.pose.overlay.jpg"}
     picture = cv2.imread("photos/a.pose.overlay.jpg")
     assert picture is not None
     drawn = picture.max(axis=2).astype(int) - picture.min(axis=2)
@@ -318,24 +302,3 @@ def test_what_the_deviations_leave_out_is_told(folder: Path, capsys: pytest.Capt
     for lost, said in ((0, ""), (3, "3 more rings lie where the camera knows no light")):
         found = PoseResult(BOARD, CAMERA, search, (replace(one, rings=one.rings - lost),), ())
         assert told_posed(TargetPoses(found, "t", "c", None), found).photos[0].cells[-1].text == said
-
-
-def test_one_broken_picture_does_not_stop_the_others(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Whatever breaks in drawing, the poses are written and the other pictures drawn."""
-    from calib.draw.pose_overlay import draw_pose
-
-    def draw(
-        pixels: NDArray[np.uint8], seen: Detections, target: TargetGeometry, camera: Camera, pose: TargetPose
-    ) -> NDArray[np.uint8]:
-        if pose.image == "a.png":
-            raise ZeroDivisionError("flat")
-        return draw_pose(pixels, seen, target, camera, pose)
-
-    monkeypatch.setattr("calib.draw.pose_overlay.draw_pose", draw)
-    assert run("photos", overlay="o", out="poses.json") == 0
-    said = capsys.readouterr().out
-    assert "no overlay for a.png: ZeroDivisionError: flat" in said
-    assert [path.name for path in Path("o").glob("*.jpg")] == ["b.pose.overlay.jpg"]
-    assert len(json.loads(Path("poses.json").read_text())["views"]) == 2

@@ -48,17 +48,6 @@ def run(kept: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(kept, tmp_path / "run"))
 
 
-def test_the_page_comes_again_byte_for_byte(run: Path) -> None:
-    """Page and origin are as the run left them, whatever the command is called from."""
-    before = {name: (run / name).read_bytes() for name in ("index.html", BLOCKS_FILE)}
-    (run / "index.html").unlink()
-    answer = calib("report", run)
-    assert answer.code == 0
-    assert {name: (run / name).read_bytes() for name in before} == before
-    assert b"calib run board.target.json" in before["index.html"]
-    assert f"open {run}/index.html in a browser" in answer.out
-
-
 def test_a_calibration_without_a_page_gets_one(run: Path) -> None:
     """It is told by its files; the command that made it is not known."""
     (run / BLOCKS_FILE).unlink()

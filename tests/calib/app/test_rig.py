@@ -18,7 +18,7 @@ from calib.observe.observations import known_points
 from designer.base.arrays import Rows
 from designer.target import TargetGeometry
 from tests.support.calibrations import icosahedron
-from tests.support.command_line import detections_of, files_in
+from tests.support.command_line import detections_of
 from tests.support.rig_views import SIZE, RigScene, ring
 
 ICO = icosahedron()
@@ -218,15 +218,6 @@ def test_photos_of_another_size_and_of_nothing_are_refused_by_name(photos: Path)
         calib.InputError, match=f"camera '{third}': none of {SEEN.sightings[2].view_count} photos shows"
     ):
         calib.rig(ICO, [folders[0], folders[2]], **OPENCV)
-
-
-@pytest.mark.parametrize("name", ["rig.json", "sightings.csv", "rig_calibration.json", "index.html"])
-def test_somebody_elses_file_stays_and_nothing_is_written(solved: SolvedRig, tmp_path: Path, name: str) -> None:
-    """The message names it."""
-    (tmp_path / name).write_text("mine")
-    with pytest.raises(calib.InputError, match=name):
-        solved.save(tmp_path)
-    assert files_in(tmp_path) == {name}
 
 
 def test_a_camera_that_mirrors_is_told_from_one_that_sees_nothing(photos: Path) -> None:

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import shlex
 import signal
 from collections.abc import Sequence
 from dataclasses import replace
@@ -215,13 +214,6 @@ def test_plot_draws_the_same_again(folder: Path) -> None:
     }
     assert contents("out") == first
     assert first["figures/histograms.png"].startswith(b"\x89PNG")
-
-
-def test_what_is_advised_next_works(quick: None) -> None:
-    """The command after "next" runs as it stands: in a folder that a shell takes apart, and where plots went too."""
-    for answer in (bootstrap(out="my $out"), calib("study", "plot", "my $out", "-o", "elsewhere")):
-        (command,) = re.findall(r"calib study plot .*", answer.out)
-        assert calib(*shlex.split(command, comments=True)[1:]).code == 0, command
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import calib
-from calib.app.report import report
 from calib.core.se3 import look_at
 from calib.renderer.options import RenderOptions
 from designer.base.errors import InputError
@@ -44,7 +43,7 @@ def headline_of(found: calib.Triangulation) -> Headline:
 
 
 def test_a_page_of_points_tells_what_the_file_holds(tmp_path: Path) -> None:
-    """Headline, tables and scene are of the same numbers, and what `calib report` draws again is the same page."""
+    """Headline, tables and scene are of the same numbers."""
     found = points_of_a_pair()
     found.save(tmp_path)
     record, page = json.loads((tmp_path / "triangulation.json").read_text()), found.page()
@@ -52,10 +51,6 @@ def test_a_page_of_points_tells_what_the_file_holds(tmp_path: Path) -> None:
     errors = next(block for section in page.sections for block in section.blocks if isinstance(block, Table))
     assert errors.rows[0][1].value == record["total"]["median_mm"]
     assert any(isinstance(block, View3d) for block in page.lead)
-    first = (tmp_path / "index.html").read_bytes()
-    (tmp_path / "index.html").unlink()
-    report(tmp_path)
-    assert (tmp_path / "index.html").read_bytes() == first
 
 
 def test_points_alone_are_the_folders_table(tmp_path: Path) -> None:

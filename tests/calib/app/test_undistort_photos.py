@@ -1,6 +1,5 @@
 """The command `calib undistort`: any photos in, the same photos without distortion out, and a camera file that fits."""
 
-import os
 from pathlib import Path
 
 import cv2
@@ -97,29 +96,6 @@ def test_pictures_by_angles_and_to_the_side_say_what_they_are(folder: Path) -> N
     run("photos/b.png", out="side", field_rad="50deg", yaw_rad="20deg")
 
 
-def test_bad_photos_are_named_and_the_others_done(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What cannot be read or is of another size is one line each; if nothing is left, that is an error and no file."""
-    photo(Path("photos/large.png"), size=(320, 240))
-    Path("photos/broken.png").write_bytes(Path("photos/a.png").read_bytes()[:200])
-    Path("photos/text.jpg").write_text("hello")
-    os.mkfifo("photos/pipe.png")
-    run("photos", "missing.png", "photos/pipe.png", "none-*.png")
-    said = capsys.readouterr().out
-    for line in (
-        "large.png: has 320 x 240 px, but the camera is of one with 160 x 120 px; give photos",
-        "broken.png: ",
-        "text.jpg: is not an image",
-        "pipe.png: is a pipe",
-        "missing.png: cannot be read",
-        "none-*.png: no file matches",
-    ):
-        assert sum(line in one and "Not undistorted: " in one for one in said.splitlines()) == 1, line
-    assert {path.name for path in Path("out").iterdir()} == {"a.undistorted.png", *BESIDE}
-    with pytest.raises(InputError, match=r"missing\.png: cannot be read.* \(and 1 more like it\)"):
-        run("missing.png", "photos/large.png", out="other")
-    assert not Path("other").exists()
-
-
 def test_a_camera_that_sees_nothing_makes_no_black_photos(folder: Path) -> None:
     """A lens that folds over at once knows no light: one line that says so, and no files."""
     nothing = Camera("opencv", np.array([95.0, 95.0, -5e4, 59.5, -0.3, 0.0, 0.0, 0.0, 0.0]), (160, 120))
@@ -130,16 +106,11 @@ def test_a_camera_that_sees_nothing_makes_no_black_photos(folder: Path) -> None:
 
 
 def test_another_camera_is_not_overwritten(folder: Path) -> None:
-    """The calibrated camera's own folder is refused as output; an earlier run's is not."""
+    """The calibrated camera's own folder is refused as output."""
     before = Path("camera.json").read_bytes()
     with pytest.raises(InputError, match=r"camera\.json: exists and is no camera of undistorted photos"):
         run("photos", out=".")
     assert Path("camera.json").read_bytes() == before
-    run("photos")
-    run("photos")
-    Path("out/camera.json").write_text("{}")
-    with pytest.raises(InputError, match="not of ringsolid's making"):
-        run("photos")
     with pytest.raises(InputError, match="is a file, not a folder"):
         run("photos", out="camera.json")
 
@@ -205,15 +176,9 @@ def test_what_undistortion_cuts_off(zoom: float, kept: float, shift_px: float) -
     ("options", "rule"),
     [
         ({"alpha": 0.5, "focal_px": 90.0}, "give one of them"),
-        ({"alpha": float("nan")}, "--alpha 'nan'"),
-        ({"focal_px": 0.0}, "--focal-px 0.0"),
-        ({"focal_px": float("nan")}, "--focal-px 'nan'"),
-        ({"to": "sphere"}, "--to 'sphere' is unknown; use pinhole, cylinder, equirectangular"),
-        ({"field_rad": "400deg"}, "--field 400deg: must be from 1deg to 360deg"),
         ({"field_rad": "175deg"}, "a pinhole shows less than 180 degrees"),
         ({"field_rad": "90deg", "focal_px": 90.0}, "--focal-px and --field both set"),
         ({"alpha": 0.0, "yaw_rad": "10deg"}, "--alpha 0: is for a pinhole that looks along the axis"),
-        ({"pitch_rad": "up"}, "--pitch"),
         ({"to": "cylinder", "focal_px": 1e6}, "is too large or empty; give --focal-px or --field"),
         ({"yaw_rad": "180deg"}, "all of the undistorted photo would be black"),
     ],

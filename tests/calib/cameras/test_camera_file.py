@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.cameras import rays
 from calib.cameras.camera import Camera, camera_from_mapping, camera_to_json, load_camera
 from designer.base.errors import InputError
 from tests.support.virtual_scenes import virtual_camera, wavy_map
@@ -17,22 +16,6 @@ from tests.support.virtual_scenes import virtual_camera, wavy_map
 def camera() -> Camera:
     """A virtual camera."""
     return virtual_camera(wavy_map(0.05))
-
-
-def test_learned_map_reads_back_bit_for_bit(camera: Camera, tmp_path: Path) -> None:
-    """camera.json holds the map in full: the numbers and the rays are the same to the last bit."""
-    path = tmp_path / "camera.json"
-    path.write_text(camera_to_json(camera), encoding="utf-8")
-    again = load_camera(path)
-    assert again.model == "virtual"
-    assert camera.learned is not None
-    assert again.learned is not None
-    for name in ("knot_px", "weight", "noise_variance", "trend"):
-        assert np.array_equal(getattr(again.learned, name), getattr(camera.learned, name))
-    assert (again.learned.length_px, again.learned.limit) == (camera.learned.length_px, camera.learned.limit)
-    pixel = np.random.default_rng(0).uniform(0, 2000, (100, 2))
-    assert np.array_equal(rays(again, pixel), rays(camera, pixel), equal_nan=True)
-    assert camera_to_json(again) == camera_to_json(camera)
 
 
 def test_largest_map_fits_a_file(camera: Camera, tmp_path: Path) -> None:
@@ -57,14 +40,10 @@ def shortened(values: list[object]) -> list[object]:
     [
         ("knot_px", shortened, "learned_map.weight has 441 items where it must have 440"),
         ("noise_variance", shortened, "learned_map.noise_variance has 440 items where it must have 441"),
-        ("knot_px", [[1.0, 2.0, 3.0]], "learned_map.knot_px must be some rows of 2 numbers"),
         ("knot_px", [[0.0, 0.0]] * 1001, "learned_map.knot_px"),
         ("weight", [[0.0, 0.0]] * 1001, "learned_map.weight"),
         ("noise_variance", [1.0] * 1001, "learned_map.noise_variance"),
         ("knot_px", [], "learned_map.knot_px"),
-        ("knot_px", 5, "learned_map.knot_px 5"),
-        ("weight", [[float("nan"), 0.0]], "learned_map.weight.0.0 nan"),
-        ("weight", [["1", 0.0]], "learned_map.weight.0.0 '1'"),
         ("weight", [[1e300, 0.0]], "learned_map.weight.0.0"),
         ("noise_variance", [0.0], "learned_map.noise_variance.0 0.0"),
         ("noise_variance", [-1.0], "learned_map.noise_variance.0 -1.0"),
@@ -75,7 +54,6 @@ def shortened(values: list[object]) -> list[object]:
         ("length_px", float("inf"), "learned_map.length_px inf"),
         ("limit", 0.0, "learned_map.limit 0.0"),
         ("limit", 1.5, "learned_map.limit 1.5"),
-        ("extra", 1.0, "unknown key 'learned_map.extra'"),
     ],
 )
 def test_hostile_maps_end_in_one_line(camera: Camera, field: str, value: object, message: str) -> None:
@@ -102,18 +80,11 @@ def test_map_and_model_belong_together(camera: Camera) -> None:
         camera_from_mapping(document, "cam.json")
 
 
-def test_parameters_keep_their_bounds(camera: Camera) -> None:
-    """A focal length of nothing, or one that is endless, is refused in the virtual model as in all others."""
-    document = json.loads(camera_to_json(camera))
-    for value in (0.0, -5.0):
-        document["parameters"]["fy_px"] = value
-        with pytest.raises(InputError, match=r"fy_px .*: a focal length must be more than zero pixels"):
-            camera_from_mapping(document, "cam.json")
-
-
 @pytest.mark.parametrize(
     ("name", "value", "rule"),
     [
+        ("fy_px", 0.0, "a focal length must be more than zero pixels"),
+        ("fy_px", -5.0, "a focal length must be more than zero pixels"),
         ("fx_px", 1e300, "a focal length is from 0.001 to 1e+09 pixels"),
         ("fy_px", 1e-300, "a focal length is from 0.001 to 1e+09 pixels"),
         ("cx_px", -1e300, "is more than 1e+09, which no lens has"),

@@ -1,29 +1,16 @@
 """Camera models and camera files."""
 
 import json
-from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
-from calib.cameras import MODELS, parameter_names, project, rays
-from calib.cameras.camera import Camera, camera_from_mapping, camera_or_preset, camera_to_json, focal_px, load_camera
+from calib.cameras import project, rays
+from calib.cameras.camera import Camera, camera_from_mapping, camera_or_preset, camera_to_json, focal_px
 from calib.cameras.parameters import slopes
 from designer.base.errors import InputError
 from designer.kinds.presets import preset_names
 from tests.support.lenses import SIZE, conventional, pixels
-
-
-@pytest.mark.parametrize("lens", ["without lens", "barrel", "pincushion"])
-def test_opencv_model_is_opencv(lens: str) -> None:
-    """Model `opencv` projects as cv2.projectPoints does."""
-    camera = conventional(lens)
-    point = rays(camera, pixels(camera)) * 250
-    fx, fy, cx, cy, *distortion = camera.params.tolist()
-    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-    expected, _ = cv2.projectPoints(point, np.zeros(3), np.zeros(3), matrix, np.array(distortion))
-    assert np.abs(project(camera, point) - expected[:, 0]).max() < 1e-10
 
 
 def test_luhmann_model_is_the_published_formula() -> None:
@@ -75,25 +62,15 @@ def test_templates_are_the_stated_cameras() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": "other"}, "not a camera file"),
-        ({"version": 2}, "version 2; this program reads version 1"),
-        ({"version": True}, "version True"),
         ({"model": "opencw"}, "unknown camera model 'opencw'; did you mean 'opencv'?"),
-        ({"image_size": [0, 5]}, "image_size.0 0: must be 1 or more"),
         ({"image_size": [100001, 5]}, "must be 100000 or less"),
-        ({"image_size": [10.5, 5]}, "image_size"),
-        ({"image_sizes": [1, 5]}, "unknown key 'image_sizes'; did you mean 'image_size'?"),
         ({"parameters": {"fx_px": 1.0, "fy_px": 1.0, "cx_px": 0.0}}, "parameter cy_px is missing"),
         ({"parameters": {"fx_px": 1.0, "fy_px": 1.0, "cx_px": 0.0, "cy_px": 0.0}}, "parameter k1 is missing"),
         (
             {"model": "pinhole", "parameters": {"fx_px": 0.0, "fy_px": 1.0, "cx_px": 0.0, "cy_px": 0.0}},
             "fx_px 0: a focal",
         ),
-        ({"parameters": {"fx_px": float("nan")}}, "parameters.fx_px nan"),
-        ({"parameters": {"fx_px": "1"}}, "parameters.fx_px '1'"),
-        ({"parameters": {"fx_px": True}}, "parameters.fx_px True"),
         ({"parameters": {"cxpx": 1.0}}, "unknown parameter 'cxpx' of model 'opencv'; did you mean 'cx_px'?"),
-        ({"parameters": 7}, "parameters 7"),
     ],
 )
 def test_bad_camera_files_end_in_one_line(change: dict[str, object], message: str) -> None:
@@ -105,28 +82,12 @@ def test_bad_camera_files_end_in_one_line(change: dict[str, object], message: st
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("text", ["", "[", "[1]", "null", '{"format": 1', "\x00", "[" * 100_000])
-def test_unreadable_camera_files(text: str, tmp_path: Path) -> None:
-    """A file that is no JSON, or JSON of something else, is refused with its name."""
-    path = tmp_path / "camera.json"
-    path.write_text(text)
-    with pytest.raises(InputError, match=r"camera\.json"):
-        load_camera(path)
-
-
 def test_misspelt_template_is_corrected() -> None:
     """A misspelt template's name gets a suggestion, a missing file its path."""
     with pytest.raises(InputError, match="did you mean 'machine-vision'"):
         camera_or_preset("machine-visoin")
     with pytest.raises(InputError, match=r"no-such-camera\.json: cannot be read"):
         camera_or_preset("no-such-camera.json")
-
-
-def test_registry_names_are_the_models_own() -> None:
-    """Each model is registered under its name, and its parameters begin with those every model has."""
-    for name, model in MODELS.items():
-        assert model.name == name
-        assert parameter_names(name)[:4] == ("fx_px", "fy_px", "cx_px", "cy_px")
 
 
 def test_the_focal_length_is_that_of_the_middle_of_the_image() -> None:

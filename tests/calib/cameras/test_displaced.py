@@ -14,6 +14,7 @@ from designer.base.arrays import Array
 from tests.support.lenses import SIZE, conventional, pixels
 
 RATIONAL = ("rational barrel", "rational with a pole", "prism")
+OF_OPENCV = ("without lens", "barrel", "pincushion", *RATIONAL)
 COLMAP = {"rational barrel": "FULL_OPENCV", "tilted fisheye": "THIN_PRISM_FISHEYE"}
 
 
@@ -25,8 +26,8 @@ def seen_points(camera: Camera) -> Array:
     return np.random.default_rng(0).uniform(10, 1000, (len(ray), 1)) * ray
 
 
-@pytest.mark.parametrize("lens", RATIONAL)
-def test_rational_lenses_are_those_of_opencv(lens: str) -> None:
+@pytest.mark.parametrize("lens", OF_OPENCV)
+def test_lenses_are_those_of_opencv(lens: str) -> None:
     """They project as cv2.projectPoints does with `matrix` and `distortion`."""
     camera = conventional(lens)
     point = seen_points(camera)

@@ -13,7 +13,8 @@ from calib.cameras.formats.colmap import text_of as text_of_binary
 from calib.cameras.formats.holding import fit_to_format
 from calib.cameras.formats.reading import open_camera
 from designer.base.errors import InputError
-from tests.support.foreign_cameras import CAMERAS, SIZE, ahead, lens_camera, lenses_of, text_of, whole_image, written
+from tests.support.foreign_cameras import CAMERAS, SIZE, lens_camera, text_of, whole_image, written
+from tests.support.foreign_projections import in_colmap
 
 READABLE = {
     "SIMPLE_PINHOLE": [900.0, 510, 390],
@@ -23,27 +24,6 @@ READABLE = {
     "OPENCV": [900.0, 880, 510, 390, -0.1, 0.03, 0.002, -0.001],
     "FULL_OPENCV": [900.0, 880, 510, 390, -0.1, 0.03, 0.002, -0.001, 0.01, 0, 0, 0],
 }
-
-
-def colmap_reads(text: str, folder: Path) -> pycolmap.Camera:
-    """The one camera COLMAP finds in a model with these cameras."""
-    (folder / "cameras.txt").write_text(text)
-    for name in ("images.txt", "points3D.txt"):
-        (folder / name).write_text("")
-    model = pycolmap.Reconstruction()
-    model.read_text(str(folder))
-    (camera,) = model.cameras.values()
-    return camera
-
-
-@pytest.mark.parametrize("camera", CAMERAS)
-def test_colmap_reads_what_is_written(camera: str, tmp_path: Path) -> None:
-    """COLMAP sees each ray half a pixel farther right and down, as it counts from the image's corner."""
-    held, text = written("colmap", camera)
-    found = colmap_reads(text, tmp_path)
-    assert (found.width, found.height) == SIZE
-    pixel, ray = whole_image(held)
-    assert np.abs(found.img_from_cam(ray) - (pixel + 0.5)).max() < 1e-9
 
 
 def test_the_half_pixel() -> None:
@@ -66,16 +46,6 @@ def test_what_colmap_writes_is_read(model: str, tmp_path: Path) -> None:
     assert np.abs(camera.img_from_cam(ray) - (pixel + 0.5)).max() < 1e-9
 
 
-@pytest.mark.parametrize("name", lenses_of("colmap"))
-def test_colmap_sees_the_same_through_each_lens(name: str, tmp_path: Path) -> None:
-    """COLMAP reads each lens by its name, and sees what lies before it half a pixel farther right and down."""
-    camera = lens_camera("colmap", name)
-    found = colmap_reads(text_of("colmap", camera, name), tmp_path)
-    assert found.model_name == name
-    pixel, ray = ahead(camera)
-    assert np.abs(found.img_from_cam(ray) - (pixel + 0.5)).max() < 1e-9
-
-
 def test_the_residual_of_another_lens_is_what_colmap_shows(tmp_path: Path) -> None:
     """A double sphere is none of COLMAP's: of its lenses the one told to be closest is, by as much as is told."""
     camera = lens_camera("kalibr", "ds-none")
@@ -84,10 +54,10 @@ def test_the_residual_of_another_lens_is_what_colmap_shows(tmp_path: Path) -> No
     tried = {lens.name: fit.rms_px for lens, fit in held.tried}
     assert {"OPENCV_FISHEYE", "EUCM"} <= set(tried)
     assert "OPENCV" not in tried  # it sees too far for a focal plane
-    found = colmap_reads(FORMATS["colmap"].write(held.camera, held.lens), tmp_path)
     pixel, ray = whole_image(camera)
     front = ray[:, 2] > 0.05
-    off = np.linalg.norm(found.img_from_cam(ray[front]) - (pixel[front] + 0.5), axis=1)
+    text = FORMATS["colmap"].write(held.camera, held.lens)
+    off = np.linalg.norm(in_colmap(text, ray[front], "", camera.image_size, tmp_path) - pixel[front], axis=1)
     assert off.max() <= held.refit.max_px + 1e-9
     seen = project(held.camera, ray)
     assert np.abs(np.linalg.norm(seen - pixel, axis=1).max() - held.refit.max_px) < 1e-9

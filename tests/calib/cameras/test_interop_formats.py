@@ -13,15 +13,29 @@ from calib.cameras.formats import FORMATS, OWN
 from calib.cameras.formats.holding import ACCEPTED_PX, fit_to_format
 from calib.cameras.formats.reading import open_camera, recognise
 from designer.base.errors import InputError
-from tests.support.foreign_cameras import CAMERAS, MODELS, WIDE_SIZE, lens_camera, lenses_of, whole_image, written
+from tests.support.foreign_cameras import (
+    CAMERAS,
+    MODELS,
+    WIDE_SIZE,
+    ahead,
+    lens_camera,
+    lenses_of,
+    text_of,
+    whole_image,
+    written,
+)
+from tests.support.foreign_projections import SEEN_IN
 
 EVERY = [(name, camera) for name in FORMATS for camera in CAMERAS]
 
 
 @pytest.mark.parametrize(("name", "camera"), EVERY)
 def test_a_file_reads_back_as_it_was_written(name: str, camera: str) -> None:
-    """What a format wrote it reads back, to rounding errors, over the whole image."""
+    """What a format wrote is known for its own and read back, to rounding errors, over the whole image."""
     held, text = written(name, camera)
+    kind = recognise(text)
+    assert kind is not None
+    assert kind.name == name
     back = FORMATS[name].read(text, "file", None)
     assert back.refit is None
     assert back.remarks == ()
@@ -30,10 +44,29 @@ def test_a_file_reads_back_as_it_was_written(name: str, camera: str) -> None:
     assert np.abs(project(back.camera, ray) - pixel).max() < 1e-9
 
 
+SEEN = [(name, "", camera) for name in SEEN_IN if name != "basalt" for camera in CAMERAS]
+SEEN += [(name, lens, "") for name in SEEN_IN for lens in lenses_of(name)]
+IN_FRONT = ("opencv", "ros", "colmap")
+"""Formats whose programs see ahead alone."""
+
+
+@pytest.mark.parametrize(("name", "lens", "camera"), SEEN)
+def test_its_own_programs_see_what_the_camera_sees(name: str, lens: str, camera: str, tmp_path: Path) -> None:
+    """With a file's numbers the program that it is for, or its published formula, sees each ray in its pixel."""
+    held, text = written(name, camera) if camera else (lens_camera(name, lens), "")
+    text = text or text_of(name, held, lens)
+    is_ahead = name in IN_FRONT or lens == "pinhole-radtan8"
+    pixel, ray = (ahead if is_ahead else whole_image)(held)
+    assert np.abs(SEEN_IN[name](text, ray, lens, held.image_size, tmp_path) - pixel).max() < 1e-8
+
+
 @pytest.mark.parametrize(("name", "lens"), [(name, lens) for name in FORMATS for lens in lenses_of(name)])
 def test_each_lens_reads_back_as_it_was_written(name: str, lens: str) -> None:
-    """A camera of a lens's model is held as it is, and the file, known by its content, has the same rays."""
+    """A camera of a lens's model is held as it is, asked for or left to itself; the known file has the same rays."""
     camera = lens_camera(name, lens)
+    by_itself = fit_to_format(camera, FORMATS[name])
+    assert by_itself.refit is None
+    assert by_itself.tried == ()
     held = fit_to_format(camera, FORMATS[name], lens=lens)
     assert held.refit is None
     text = FORMATS[name].write(held.camera, held.lens)
@@ -44,14 +77,6 @@ def test_each_lens_reads_back_as_it_was_written(name: str, lens: str) -> None:
     assert back.refit is None
     pixel, ray = whole_image(camera)
     assert np.abs(project(back.camera, ray) - pixel).max() < 1e-9
-
-
-@pytest.mark.parametrize(("name", "lens"), [(name, lens) for name in FORMATS for lens in lenses_of(name)])
-def test_a_camera_of_a_model_that_is_held_needs_no_choice(name: str, lens: str) -> None:
-    """Left to itself, a format writes such a camera as it is."""
-    held = fit_to_format(lens_camera(name, lens), FORMATS[name])
-    assert held.refit is None
-    assert held.tried == ()
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -70,14 +95,6 @@ def test_a_format_never_changes_the_family_of_a_lens(name: str, model: str) -> N
     (held,) = done.held
     lens = held.lens
     assert lens.model is None or lens.is_wide == ABILITIES[model].is_wide
-
-
-@pytest.mark.parametrize(("name", "camera"), EVERY)
-def test_a_file_is_known_by_its_content(name: str, camera: str) -> None:
-    """What a format wrote is taken for that format and no other."""
-    kind = recognise(written(name, camera)[1])
-    assert kind is not None
-    assert kind.name == name
 
 
 @pytest.mark.parametrize("name", ["opencv", "ros", "kalibr"])

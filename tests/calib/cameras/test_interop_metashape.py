@@ -1,5 +1,6 @@
 """Metashape's XML against the formulas of its manual."""
 
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -7,7 +8,8 @@ import pytest
 
 from calib.cameras.formats import FORMATS
 from designer.base.errors import InputError
-from tests.support.foreign_cameras import CAMERAS, lens_camera, text_of, whole_image, written
+from tests.support.foreign_cameras import lens_camera, text_of, whole_image, written
+from tests.support.foreign_projections import in_metashape
 
 SENSORS = """<?xml version="1.0" encoding="UTF-8"?>
 <document version="2.0.0"><chunk label="Chunk 1" enabled="true"><sensors next_id="2">
@@ -20,60 +22,24 @@ SECOND</sensors></chunk></document>
 """
 
 
-def metashape_projection(text: str, ray: np.ndarray) -> np.ndarray:
-    """Pixels (N, 2), counted from the image's corner: the frame camera of Metashape's manual, appendix D."""
-    root = ElementTree.fromstring(text)
-
-    def value(name: str) -> float:
-        return float(root.findtext(name) or 0)
-
-    w, h, f = value("width"), value("height"), value("f")
-    x, y = ray[:, 0] / ray[:, 2], ray[:, 1] / ray[:, 2]
-    r = np.hypot(x, y)
-    radial = 1 + value("k1") * r**2 + value("k2") * r**4 + value("k3") * r**6 + value("k4") * r**8
-    outer = 1 + value("p3") * r**2 + value("p4") * r**4
-    xd = x * radial + (value("p1") * (r**2 + 2 * x**2) + 2 * value("p2") * x * y) * outer
-    yd = y * radial + (value("p2") * (r**2 + 2 * y**2) + 2 * value("p1") * x * y) * outer
-    u = w * 0.5 + value("cx") + xd * f + xd * value("b1") + yd * value("b2")
-    v = h * 0.5 + value("cy") + yd * f
-    return np.column_stack([u, v])
-
-
-def test_metashape_sees_the_same_through_a_fisheye() -> None:
-    """Its fisheye applies the same formula where x and y are the angle off the axis, along the direction about it."""
-    camera = lens_camera("metashape", "fisheye")
-    text = text_of("metashape", camera, "fisheye")
-    assert "<projection>fisheye</projection>" in text
-    pixel, ray = whole_image(camera)
-    angle, about = np.arccos(ray[:, 2]), np.arctan2(ray[:, 1], ray[:, 0])
-    on_plane = np.column_stack([angle * np.cos(about), angle * np.sin(about), np.ones(len(ray))])
-    assert np.abs(metashape_projection(text, on_plane) - (pixel + 0.5)).max() < 1e-9
-    newer = text.replace("<projection>fisheye<", "<projection>equidistant_fisheye<")
-    assert FORMATS["metashape"].read(newer, "c", None).camera.params.tolist() == camera.params.tolist()
-
-
 @pytest.mark.parametrize(("kind", "extra"), [("equisolid_fisheye", ""), ("fisheye", "<p3>0.3</p3>")])
-def test_other_fisheyes_of_metashape_are_fitted(kind: str, extra: str) -> None:
+def test_other_fisheyes_of_metashape_are_fitted(kind: str, extra: str, tmp_path: Path) -> None:
     """Of equisolid ones x and y are 2 sin(theta / 2); these, and those with more terms, are off by what is told."""
     text = text_of("metashape", lens_camera("metashape", "fisheye"), "fisheye")
     text = text.replace(">fisheye<", f">{kind}<").replace("</calibration>", f"{extra}</calibration>")
     found = FORMATS["metashape"].read(text, "c", None)
     assert found.refit is not None
     pixel, ray = whole_image(found.camera)
-    angle, about = np.arccos(ray[:, 2]), np.arctan2(ray[:, 1], ray[:, 0])
-    radius = angle if kind == "fisheye" else 2 * np.sin(angle / 2)
-    on_plane = np.column_stack([radius * np.cos(about), radius * np.sin(about), np.ones(len(ray))])
-    off = np.linalg.norm(metashape_projection(text, on_plane) - (pixel + 0.5), axis=1)
+    off = np.linalg.norm(in_metashape(text, ray, kind, found.camera.image_size, tmp_path) - pixel, axis=1)
     assert np.isfinite(off).mean() > 0.8
     assert np.sqrt(np.nanmean(off**2)) == pytest.approx(found.refit.rms_px, rel=0.1)  # taken at our rays, not at its
 
 
-@pytest.mark.parametrize("camera", CAMERAS)
-def test_metashape_sees_the_same(camera: str) -> None:
-    """Metashape's formula sees each ray half a pixel farther right and down, as it counts from the image's corner."""
-    held, text = written("metashape", camera)
-    pixel, ray = whole_image(held)
-    assert np.abs(metashape_projection(text, ray) - (pixel + 0.5)).max() < 1e-9
+def test_a_fisheye_has_two_names() -> None:
+    """Newer files call it an equidistant one."""
+    camera = lens_camera("metashape", "fisheye")
+    newer = text_of("metashape", camera, "fisheye").replace(">fisheye<", ">equidistant_fisheye<")
+    assert FORMATS["metashape"].read(newer, "c", None).camera.params.tolist() == camera.params.tolist()
 
 
 def test_p1_and_p2_are_swapped() -> None:
@@ -92,7 +58,7 @@ def test_the_half_pixel() -> None:
 
 
 @pytest.mark.parametrize("extra", [{"b2": 1.5}, {"k4": 0.01}, {"p3": 0.2, "p4": -0.1}, {"b2": -0.8, "k4": 0.02}])
-def test_what_our_lens_lacks_is_fitted(extra: dict[str, float]) -> None:
+def test_what_our_lens_lacks_is_fitted(extra: dict[str, float], tmp_path: Path) -> None:
     """Skew, k4 and the higher tangential terms are fitted over the image, with the residual the formula shows."""
     text = written("metashape", "barrel")[1].replace("<b2>0.0</b2>\n", "")
     text = text.replace("</calibration>", "".join(f"<{k}>{v}</{k}>" for k, v in extra.items()) + "</calibration>")
@@ -100,7 +66,7 @@ def test_what_our_lens_lacks_is_fitted(extra: dict[str, float]) -> None:
     assert found.refit is not None
     assert next(iter(extra)) in found.remarks[0]
     pixel, ray = whole_image(found.camera)
-    off = np.linalg.norm(metashape_projection(text, ray) - (pixel + 0.5), axis=1)
+    off = np.linalg.norm(in_metashape(text, ray, "", found.camera.image_size, tmp_path) - pixel, axis=1)
     assert found.refit.max_px > 1e-4
     assert off.max() == pytest.approx(found.refit.max_px, rel=0.1)  # taken at our rays, not at its
 

@@ -14,18 +14,8 @@ from calib.cameras.camera import Camera
 from calib.cameras.formats import FORMATS
 from calib.cameras.formats.reading import open_camera
 from designer.base.errors import InputError
-from tests.support.foreign_cameras import (
-    CAMERAS,
-    CLOSE_PX,
-    SIZE,
-    WIDE_SIZE,
-    ahead,
-    lens_camera,
-    lenses_of,
-    text_of,
-    whole_image,
-    written,
-)
+from tests.support.foreign_cameras import CAMERAS, SIZE, WIDE_SIZE, ahead, lens_camera, text_of, whole_image, written
+from tests.support.foreign_projections import fisheye_projection, opencv_projection
 from tests.support.published_lenses import published
 
 CALIBRATION_OUTPUT = """%YAML:1.0
@@ -56,27 +46,6 @@ image_points: !!opencv-matrix
    dt: "2f"
    data: [ POINTS ]
 """
-
-
-def opencv_projection(ray: np.ndarray, matrix: np.ndarray, lens: np.ndarray) -> np.ndarray:
-    """Pixels (N, 2) that OpenCV sees directions (N, 3) in."""
-    pixel, _ = cv2.projectPoints(ray[:, None], np.zeros(3), np.zeros(3), matrix, lens)
-    return pixel[:, 0]
-
-
-@pytest.mark.parametrize("camera", CAMERAS)
-def test_opencv_reads_what_is_written(camera: str, tmp_path: Path) -> None:
-    """`cv2.FileStorage` reads the file, and OpenCV's projection with it is ours."""
-    held, text = written("opencv", camera)
-    (tmp_path / "c.yaml").write_text(text)
-    storage = cv2.FileStorage(str(tmp_path / "c.yaml"), cv2.FILE_STORAGE_READ)
-    size = (int(storage.getNode("image_width").real()), int(storage.getNode("image_height").real()))
-    assert size == SIZE
-    pixel, ray = whole_image(held)
-    seen = opencv_projection(
-        ray, storage.getNode("camera_matrix").mat(), storage.getNode("distortion_coefficients").mat()
-    )
-    assert np.abs(seen - pixel).max() < 1e-9
 
 
 @pytest.mark.parametrize("shape", [(1, 5), (5, 1), (1, 4), (1, 8), (1, 12), (1, 14)])
@@ -119,57 +88,6 @@ def test_lenses_that_opencv_has_and_this_program_has_not() -> None:
     ):
         with pytest.raises(InputError, match=rule):
             FORMATS["opencv"].read(changed, "c.yaml", None)
-
-
-@pytest.mark.parametrize("name", lenses_of("opencv"))
-def test_opencv_sees_the_same_through_each_lens(name: str, tmp_path: Path) -> None:
-    """Rational lenses are those of `cv2.projectPoints`, a fisheye lens is that of `cv2.fisheye`; and they are told."""
-    camera = lens_camera("opencv", name)
-    (tmp_path / "c.yaml").write_text(text_of("opencv", camera, name))
-    storage = cv2.FileStorage(str(tmp_path / "c.yaml"), cv2.FILE_STORAGE_READ)
-    matrix, lens = (storage.getNode(key).mat() for key in ("camera_matrix", "distortion_coefficients"))
-    pixel, ray = ahead(camera)
-    is_fisheye = storage.getNode("fisheye_model").real() == 1
-    assert is_fisheye == (name == "fisheye")
-    projection = fisheye_projection if is_fisheye else opencv_projection
-    assert np.abs(projection(ray, matrix, lens) - pixel).max() < 1e-9
-
-
-def fisheye_projection(ray: np.ndarray, matrix: np.ndarray, lens: np.ndarray) -> np.ndarray:
-    """Pixels (N, 2) that OpenCV's fisheye sees directions (N, 3) in."""
-    pixel, _ = cv2.fisheye.projectPoints(ray[:, None], np.zeros(3), np.zeros(3), matrix, lens)
-    return np.asarray(pixel[:, 0])
-
-
-@pytest.mark.parametrize("name", lenses_of("ros"))
-def test_ros_sees_the_same_through_each_lens(name: str) -> None:
-    """With the numbers of a file image_geometry sees, by OpenCV's projections, what the camera sees."""
-    camera = lens_camera("ros", name)
-    text = text_of("ros", camera, name)
-    assert yaml.safe_load(text)["distortion_model"] == name
-    pixel, ray = ahead(camera)
-    projection = fisheye_projection if name == "equidistant" else opencv_projection
-    assert np.abs(projection(ray, *image_geometry(text)) - pixel).max() < 1e-9
-
-
-def image_geometry(text: str) -> tuple[np.ndarray, np.ndarray]:
-    """Camera matrix and coefficients as ROS' camera_calibration_parsers take them from a file (its parse_yml.cpp)."""
-    tree = yaml.safe_load(text)
-    assert (tree["image_width"], tree["image_height"]) in (SIZE, WIDE_SIZE)
-    for name, rows, columns in (("rectification_matrix", 3, 3), ("projection_matrix", 3, 4)):
-        assert (tree[name]["rows"], tree[name]["cols"], len(tree[name]["data"])) == (rows, columns, rows * columns)
-    projection = np.reshape(tree["projection_matrix"]["data"], (3, 4))
-    matrix = np.reshape(tree["camera_matrix"]["data"], (3, 3))
-    assert np.array_equal(projection[:, :3], matrix)
-    return matrix, np.array(tree["distortion_coefficients"]["data"])
-
-
-@pytest.mark.parametrize("camera", CAMERAS)
-def test_ros_sees_the_same(camera: str) -> None:
-    """With the matrices that ROS reads, image_geometry (OpenCV's projection) sees the rays in our pixels."""
-    held, text = written("ros", camera)
-    pixel, ray = whole_image(held)
-    assert np.abs(opencv_projection(ray, *image_geometry(text)) - pixel).max() < 1e-9
 
 
 MESSAGE = """header:
@@ -215,49 +133,6 @@ def test_a_printed_camera_info_message_is_read() -> None:
         FORMATS["ros"].read(MESSAGE.replace("MODEL", "equidistant"), "info.yaml", None)
 
 
-def kalibr_projection(ray: np.ndarray, text: str) -> np.ndarray:
-    """Kalibr's DistortedPinholeProjection and RadialTangentialDistortion (aslam_cameras), written out."""
-    camera = yaml.safe_load(text)["cam0"]
-    assert camera["camera_model"] == "pinhole"
-    assert camera["distortion_model"] == "radtan"
-    assert camera["resolution"] == list(SIZE)
-    assert all(isinstance(value, float) for value in camera["intrinsics"]), "Kalibr refuses whole numbers there"
-    assert isinstance(camera["rostopic"], str)
-    fu, fv, pu, pv = camera["intrinsics"]
-    k1, k2, p1, p2 = camera["distortion_coeffs"]
-    y0, y1 = ray[:, 0] / ray[:, 2], ray[:, 1] / ray[:, 2]
-    mx2, my2, mxy = y0 * y0, y1 * y1, y0 * y1
-    rho2 = mx2 + my2
-    radial = k1 * rho2 + k2 * rho2 * rho2
-    x = y0 + y0 * radial + 2.0 * p1 * mxy + p2 * (rho2 + 2.0 * mx2)
-    y = y1 + y1 * radial + 2.0 * p2 * mxy + p1 * (rho2 + 2.0 * my2)
-    return np.column_stack([fu * x + pu, fv * y + pv])
-
-
-@pytest.mark.parametrize("camera", CAMERAS)
-def test_kalibr_sees_the_same(camera: str) -> None:
-    """Kalibr's formula with the file's numbers sees the rays of the camera without k3 in its pixels."""
-    held, text = written("kalibr", camera)
-    pixel, ray = whole_image(held)
-    assert np.abs(kalibr_projection(ray, text) - pixel).max() < CLOSE_PX * 1e-6
-
-
-@pytest.mark.parametrize("name", [name for name in lenses_of("kalibr") if "radtan" not in name])
-def test_kalibr_sees_the_same_through_each_lens(name: str) -> None:
-    """Kalibr's formulas with the file's numbers, in its order, see in the camera's pixels also what lies behind it."""
-    camera = lens_camera("kalibr", name)
-    tree = yaml.safe_load(text_of("kalibr", camera, name))["cam0"]
-    projection, distortion = name.split("-")
-    in_files = {"equi": "equidistant"}.get(distortion, distortion)  # as Kalibr's own reader of chains asks for
-    assert (tree["camera_model"], tree["distortion_model"]) == (projection, in_files)
-    assert all(isinstance(value, float) for value in tree["intrinsics"])
-    before = {"omni": ("xi",), "ds": ("xi", "alpha"), "eucm": ("alpha", "beta")}.get(projection, ())
-    values = dict(zip((*before, "fx", "fy", "cx", "cy"), tree["intrinsics"], strict=True))
-    values |= {f"k{k}": value for k, value in enumerate(tree["distortion_coeffs"], start=1)}
-    pixel, ray = whole_image(camera)
-    assert np.abs(published(camera.model, ray, values) - pixel).max() < 1e-9
-
-
 def test_a_unified_camera_of_kalibr_with_distortion_is_fitted() -> None:
     """Kalibr's omni-radtan is no model of ours: the residual that is told is the one of its formula."""
     found = FORMATS["kalibr"].read(CHAIN, "chain.yaml", "cam2")
@@ -271,30 +146,12 @@ def test_a_unified_camera_of_kalibr_with_distortion_is_fitted() -> None:
     assert off.max() == pytest.approx(found.refit.max_px, rel=0.1)  # taken at our rays, not at its
 
 
-@pytest.mark.parametrize("name", [name for name in lenses_of("basalt") if name != "pinhole-radtan8"])
-def test_basalt_sees_the_same_through_each_lens(name: str) -> None:
-    """Basalt's formulas with the file's numbers, by its names for them, see in the camera's pixels."""
-    camera = lens_camera("basalt", name)
-    tree = json.loads(text_of("basalt", camera, name))["value0"]
-    (one,) = tree["intrinsics"]
-    assert one["camera_type"] == name
-    assert tree["resolution"] == [list(camera.image_size)]
-    assert {len(tree[key]) for key in ("T_imu_cam", "resolution", "intrinsics")} == {1}
-    values = one["intrinsics"] if name != "ucm" else {**one["intrinsics"], "beta": 1.0}
-    pixel, ray = whole_image(camera)
-    assert np.abs(published(camera.model, ray, values) - pixel).max() < 1e-9
-
-
 def test_basalts_rational_lens_reaches_over_the_image() -> None:
-    """The numbers are OpenCV's by name, and rpmax is as far off the axis as the image shows."""
+    """Its rpmax is as far off the axis as the image shows."""
     camera = lens_camera("basalt", "pinhole-radtan8")
     values = json.loads(text_of("basalt", camera, "pinhole-radtan8"))["value0"]["intrinsics"][0]["intrinsics"]
     _, ray = whole_image(camera)
     assert values["rpmax"] == pytest.approx(np.hypot(ray[:, 0], ray[:, 1]).max() / ray[:, 2].min(), rel=0.05)
-    lens = np.array([values[key] for key in ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")])
-    matrix = np.array([[values["fx"], 0, values["cx"]], [0, values["fy"], values["cy"]], [0, 0, 1]])
-    pixel, ray = ahead(camera)
-    assert np.abs(opencv_projection(ray, matrix, lens) - pixel).max() < 1e-9
 
 
 def test_one_of_basalts_cameras() -> None:

@@ -187,13 +187,6 @@ def test_bad_values_are_refused(
     assert not (tmp_path / "set").exists()
 
 
-def test_bad_values_end_the_command_with_one_line(target_file: Path, tmp_path: Path) -> None:
-    """On the command line that is one line on standard error and exit code 2."""
-    done = calib("render", target_file, "-o", "set", "--views", "0", cwd=tmp_path)
-    assert done.code == 2
-    assert done.err == "error: --views 0: must be from 1 to 100000\n"
-
-
 def test_hard_sets_are_warned_of(target_file: Path, tmp_path: Path) -> None:
     """Rings that are too small, a target that leaves the image, or light beyond full scale, are said."""
     small = ["--camera", target_file.with_name("small.json"), "--views", "2", "--jobs", "1"]

@@ -5,13 +5,12 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
-from dataclasses import MISSING, fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import Browser
 
 from calib.draw.gallery import MOST_PICTURES, Shot, spread
 from calib.observe.photos import find_photos
@@ -22,7 +21,7 @@ from calib.renderer.scene import scene_from_target
 from calib.show.folder import why_no_page
 from calib.show.parts.kept_target import keep_target, kept_target
 from calib.show.parts.origin import ORIGIN, Origin
-from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhotos
+from calib.show.photos.photos_file import PHOTOS_FILE
 from calib.show.photos.place_scene import MOST_VIEWS, place_view
 from calib.show.photos.rendered_photos import option_words
 from designer.base.errors import InputError
@@ -30,7 +29,6 @@ from designer.page.blocks import Block, Fold, Gallery, Page, Table, View3d
 from designer.page.scene import Cameras, Rings
 from designer.page.shell import page_html
 from designer.target import TargetGeometry
-from tests.support.browser import WIDTHS, open_page, overflow_px, unresolved
 from tests.support.pages import HOSTILE, png
 from tests.support.picture_folders import (
     BOARD,
@@ -269,26 +267,6 @@ def test_the_worst_pose_comes_first(tmp_path: Path) -> None:
     assert "3.png: too few rings" in page_html(page).decode()
 
 
-NEEDED = [one.name for one in fields(ToldPhotos) if one.default is MISSING]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_damaged_files_are_refused_in_one_line(kind: str, tmp_path: Path) -> None:
-    """Cut off, another format, numbers that no camera has, keys that are missing: the file is named, nothing breaks."""
-    MAKERS[kind](tmp_path)
-    path = tmp_path / PHOTOS_FILE
-    good = path.read_text()
-    document = json.loads(good)
-    bad = [good[: len(good) // 2], "[]", "", "[" * 100_000, good.replace("ringsolid.", "other.")]
-    bad += [json.dumps({n: value for n, value in document.items() if n != key}) for key in NEEDED]
-    bad += [json.dumps({**document, key: {"x": [1]}}) for key in document]
-    for text in bad:
-        path.write_text(text)
-        said = refusal(kind, tmp_path)
-        assert PHOTOS_FILE in said, text[:200]
-        assert "\n" not in said
-
-
 @pytest.mark.parametrize("number", ["1e308", "-1e308", "NaN", "Infinity", "1e999", "123456789012345678901234567890"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_number_in_a_file_breaks_a_page(kind: str, number: str, tmp_path: Path) -> None:
@@ -352,9 +330,9 @@ def test_broken_pictures_are_left_out_and_said(kind: str, tmp_path: Path) -> Non
     assert page_html(page_of(kind, tmp_path))
 
 
-@pytest.mark.parametrize("views", [100, 300])
-def test_a_page_stays_small(views: int, tmp_path: Path) -> None:
-    """At most 10 MB for 100 photos of the worst kind, noise, and for 300; all are in the table."""
+def test_a_page_stays_small(tmp_path: Path) -> None:
+    """At most 10 MB for 300 photos of the worst kind, noise; all are in the table."""
+    views = 300
     noise = np.random.default_rng(0).integers(0, 256, (600, 800), dtype=np.uint8)
     content = cv2.imencode(".png", noise, [cv2.IMWRITE_PNG_COMPRESSION, 0])[1].tobytes()
     rendered(tmp_path, views=views, content=content)
@@ -401,15 +379,3 @@ def test_a_kept_target_replaces_only_our_own(tmp_path: Path) -> None:
     place[0].write_text("{}")
     assert keep_target(tmp_path, BOARD, is_again=True) == ()
     assert place[0].read_text() == "{}"
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_in_a_browser(kind: str, tmp_path: Path, browser: Browser) -> None:
-    """Nothing is complained about, nothing is fetched, links and pictures are there, and no page is too wide."""
-    MAKERS[kind](tmp_path)
-    file = tmp_path / "index.html"
-    file.write_bytes(page_html(page_of(kind, tmp_path)))
-    for width in WIDTHS:
-        with open_page(browser, file, width=width, scheme="dark" if width == WIDTHS[0] else "light") as page:
-            assert unresolved(page, file) == []
-            assert overflow_px(page) == 0

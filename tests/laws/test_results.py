@@ -1,0 +1,86 @@
+"""A result tells the same in memory, in its folder, on its page and to programs, whichever command it is of."""
+
+import json
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from designer.base.answer import plain
+from designer.page import capability
+from designer.page.result import Result
+from designer.page.shell import page_html
+from tests.laws.test_exit_codes import CASES, Case, folder, require_promised
+from tests.support.command_line import Answer, calib, design, summary_of
+
+__all__ = ["folder"]  # the scene that the commands work in
+ADVISED = {"calib": calib, "design": design}
+OF_FILES = {"detections", "rescaled", "as_built", "undistorted"}
+"""Kinds of results that are a table or a target alone, or lie beside photos that are written one by one."""
+
+
+def told_by(program: Callable[..., Answer], *words: str) -> tuple[Answer, list[Result]]:
+    """What a command leaves, and the result that it tells."""
+    found, told = list[Result](), capability.told
+
+    def kept(result: Result, *rest: object, **options: object) -> object:
+        found.append(result)
+        return told(result, *rest, **options)  # type: ignore[arg-type]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(capability, "told", kept)
+        return program(*words), found
+
+
+def files_of(place: Path) -> dict[Path, bytes]:
+    """All files of a folder, by their paths in it."""
+    return {path.relative_to(place): path.read_bytes() for path in place.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize(("program", "case"), [one for one in CASES if one.values[1].code != 2])
+def test_memory_folder_page_and_json_tell_the_same(
+    program: Callable[..., Answer], case: Case, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """It ends as promised; what is saved again from memory is what the command wrote, and `KIND.json` what it answers.
+
+    The page has an answer, and something in each section, and nowhere nan; a notebook shows it; `calib report` makes
+    it again to the last byte. Nothing of this prints a line. What is advised next runs as it stands, of any folder.
+    """
+    place = Path("it's my $out")
+    words = tuple(str(place) if word == "out" else word for word in case.words if word != "--no-page")
+    if case.before:
+        program(*(str(place) if word == "out" else word for word in case.before))
+    answer, found = told_by(program, *words, "--json")
+    require_promised(answer, case)
+    if not found or found[0].kind in OF_FILES:
+        return
+    result, summary = found[0], summary_of(answer)
+    assert summary["answer"] == json.loads(json.dumps(plain(result.answer())))
+    capfd.readouterr()
+    page = result.page()
+    assert page.headline is not None
+    assert page.headline.sentence
+    assert all(section.blocks for section in page.sections)
+    assert not re.search(r"\bnan\b", page_html(page).decode().split("<body", 1)[1].split("<script", 1)[0])
+    assert "srcdoc" in result._repr_html_()
+    if "out" not in case.words:
+        return
+    if result.kind not in ("calibration", "rig", "ways"):  # whose files hold what a person goes on from
+        stored = json.loads((place / f"{result.kind}.json").read_text())
+        assert {name: value for name, value in stored.items() if name not in ("format", "version")} == summary["answer"]
+    wrote = {path: content for path, content in files_of(place).items() if path.suffix != ".sqlite"}
+    result.save("again", command=summary["line"])
+    assert capfd.readouterr() == ("", "")
+    again = files_of(Path("again"))
+    own = {path for path in wrote if path.name not in ("index.html", "page.json")}  # which say in what folder they are
+    assert set(wrote) <= set(again)
+    assert [path for path in own if again[path] != wrote[path]] == []
+    (place / "index.html").unlink()
+    assert calib("report", place).code == case.code
+    assert (place / "index.html").read_bytes() == wrote[Path("index.html")]
+    for line in summary["next"] if case.code == 0 else ():
+        words = tuple(shlex.split(line, comments=True))
+        if "FOLDER" not in words and words[1] not in ("tolerance", "run"):  # takes photos first, or long
+            assert ADVISED[words[0]](*words[1:]).code in (0, 1), line

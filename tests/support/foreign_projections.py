@@ -1,0 +1,142 @@
+"""What the programs that a format is of, or their published formulas, see with the numbers of our files."""
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+import pycolmap
+import yaml
+from numpy.typing import NDArray
+
+from tests.support.foreign_cameras import lens_camera
+from tests.support.published_lenses import published
+
+Array = NDArray[np.float64]
+
+
+def opencv_projection(ray: Array, matrix: Array, lens: Array) -> Array:
+    """Pixels (N, 2) that OpenCV sees directions (N, 3) in."""
+    pixel, _ = cv2.projectPoints(ray[:, None], np.zeros(3), np.zeros(3), matrix, lens)
+    return np.asarray(pixel[:, 0])
+
+
+def fisheye_projection(ray: Array, matrix: Array, lens: Array) -> Array:
+    """Pixels (N, 2) that OpenCV's fisheye sees directions (N, 3) in."""
+    pixel, _ = cv2.fisheye.projectPoints(ray[:, None], np.zeros(3), np.zeros(3), matrix, lens)
+    return np.asarray(pixel[:, 0])
+
+
+def in_opencv(text: str, ray: Array, lens: str, size: tuple[int, int], folder: Path) -> Array:
+    """`cv2.FileStorage` reads the file; its lens is that of `cv2.projectPoints` or, where it says so, `cv2.fisheye`."""
+    (folder / "c.yaml").write_text(text)
+    storage = cv2.FileStorage(str(folder / "c.yaml"), cv2.FILE_STORAGE_READ)
+    matrix, distortion = (storage.getNode(key).mat() for key in ("camera_matrix", "distortion_coefficients"))
+    assert size == tuple(int(storage.getNode(f"image_{side}").real()) for side in ("width", "height"))
+    is_fisheye = storage.getNode("fisheye_model").real() == 1
+    assert is_fisheye == (lens == "fisheye")
+    return (fisheye_projection if is_fisheye else opencv_projection)(ray, matrix, distortion)
+
+
+def in_ros(text: str, ray: Array, lens: str, size: tuple[int, int], _: Path) -> Array:
+    """ROS' camera_calibration_parsers (parse_yml.cpp) takes matrix and coefficients, image_geometry is OpenCV's."""
+    tree = yaml.safe_load(text)
+    assert (tree["image_width"], tree["image_height"]) == size
+    for name, rows, columns in (("rectification_matrix", 3, 3), ("projection_matrix", 3, 4)):
+        assert (tree[name]["rows"], tree[name]["cols"], len(tree[name]["data"])) == (rows, columns, rows * columns)
+    matrix = np.reshape(tree["camera_matrix"]["data"], (3, 3))
+    assert np.array_equal(np.reshape(tree["projection_matrix"]["data"], (3, 4))[:, :3], matrix)
+    assert not lens or tree["distortion_model"] == lens
+    projection = fisheye_projection if lens == "equidistant" else opencv_projection
+    return projection(ray, matrix, np.array(tree["distortion_coefficients"]["data"]))
+
+
+def in_kalibr(text: str, ray: Array, lens: str, size: tuple[int, int], _: Path) -> Array:
+    """Kalibr's projections (aslam_cameras) with the file's numbers in its order; it refuses whole numbers there."""
+    tree = yaml.safe_load(text)["cam0"]
+    assert tree["resolution"] == list(size)
+    assert all(isinstance(value, float) for value in tree["intrinsics"])
+    assert isinstance(tree["rostopic"], str)
+    projection, distortion = (lens or "pinhole-radtan").split("-")
+    in_files = {"equi": "equidistant"}.get(distortion, distortion)  # as its own reader of chains asks for
+    assert (tree["camera_model"], tree["distortion_model"]) == (projection, in_files)
+    if (projection, distortion) == ("pinhole", "radtan"):  # DistortedPinholeProjection and RadialTangentialDistortion
+        (fu, fv, pu, pv), (k1, k2, p1, p2) = tree["intrinsics"], tree["distortion_coeffs"]
+        y0, y1 = ray[:, 0] / ray[:, 2], ray[:, 1] / ray[:, 2]
+        mx2, my2, mxy = y0 * y0, y1 * y1, y0 * y1
+        rho2 = mx2 + my2
+        radial = k1 * rho2 + k2 * rho2 * rho2
+        x = y0 + y0 * radial + 2.0 * p1 * mxy + p2 * (rho2 + 2.0 * mx2)
+        y = y1 + y1 * radial + 2.0 * p2 * mxy + p1 * (rho2 + 2.0 * my2)
+        return np.column_stack([fu * x + pu, fv * y + pv])
+    assert distortion == "equi" or not any(tree["distortion_coeffs"])
+    before = {"omni": ("xi",), "ds": ("xi", "alpha"), "eucm": ("alpha", "beta")}.get(projection, ())
+    values = dict(zip((*before, "fx", "fy", "cx", "cy"), tree["intrinsics"], strict=True))
+    values |= {f"k{k}": value for k, value in enumerate(tree["distortion_coeffs"], start=1)}
+    return published(lens_camera("kalibr", lens).model, ray, values)
+
+
+def in_basalt(text: str, ray: Array, lens: str, size: tuple[int, int], _: Path) -> Array:
+    """Basalt's formulas by its names for their numbers; OpenCV's rational lens is its, too."""
+    tree = json.loads(text)["value0"]
+    (one,) = tree["intrinsics"]
+    assert one["camera_type"] == lens
+    assert tree["resolution"] == [list(size)]
+    assert {len(tree[key]) for key in ("T_imu_cam", "resolution", "intrinsics")} == {1}
+    values = {**one["intrinsics"], **({"beta": 1.0} if lens == "ucm" else {})}
+    if lens != "pinhole-radtan8":
+        return published(lens_camera("basalt", lens).model, ray, values)
+    matrix = np.array([[values["fx"], 0, values["cx"]], [0, values["fy"], values["cy"]], [0, 0, 1]])
+    return opencv_projection(
+        ray, matrix, np.array([values[k] for k in ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")])
+    )
+
+
+def in_colmap(text: str, ray: Array, lens: str, size: tuple[int, int], folder: Path) -> Array:
+    """The one camera that COLMAP finds, which counts half a pixel farther right and down, from the image's corner."""
+    (folder / "cameras.txt").write_text(text)
+    for name in ("images.txt", "points3D.txt"):
+        (folder / name).write_text("")
+    model = pycolmap.Reconstruction()
+    model.read_text(str(folder))
+    (camera,) = model.cameras.values()
+    assert (camera.width, camera.height) == size
+    assert not lens or camera.model_name == lens
+    return np.asarray(camera.img_from_cam(ray)) - 0.5
+
+
+def in_metashape(text: str, ray: Array, lens: str, size: tuple[int, int], _: Path) -> Array:
+    """The frame camera of Metashape's manual, appendix D, which counts as COLMAP does.
+
+    A fisheye's x and y are the angle off the axis, along the direction about it; an equisolid one's 2 sin(theta / 2).
+    """
+    root = ElementTree.fromstring(text)
+    assert root.findtext("projection") == (lens or "frame")
+
+    def value(name: str) -> float:
+        return float(root.findtext(name) or 0)
+
+    w, h, f = value("width"), value("height"), value("f")
+    assert (w, h) == size
+    x, y = ray[:, 0] / ray[:, 2], ray[:, 1] / ray[:, 2]
+    if lens.endswith("fisheye"):
+        angle, about = np.arccos(ray[:, 2]), np.arctan2(ray[:, 1], ray[:, 0])
+        radius = angle if lens == "fisheye" else 2 * np.sin(angle / 2)
+        x, y = radius * np.cos(about), radius * np.sin(about)
+    r = np.hypot(x, y)
+    radial = 1 + value("k1") * r**2 + value("k2") * r**4 + value("k3") * r**6 + value("k4") * r**8
+    outer = 1 + value("p3") * r**2 + value("p4") * r**4
+    xd = x * radial + (value("p1") * (r**2 + 2 * x**2) + 2 * value("p2") * x * y) * outer
+    yd = y * radial + (value("p2") * (r**2 + 2 * y**2) + 2 * value("p1") * x * y) * outer
+    u = w * 0.5 + value("cx") + xd * f + xd * value("b1") + yd * value("b2")
+    return np.column_stack([u, h * 0.5 + value("cy") + yd * f]) - 0.5
+
+
+SEEN_IN: Mapping[str, Callable[[str, Array, str, tuple[int, int], Path], Array]] = {
+    "opencv": in_opencv, "ros": in_ros, "kalibr": in_kalibr, "basalt": in_basalt, "colmap": in_colmap,
+    "metashape": in_metashape,
+}  # fmt: skip
+"""By a format: pixels in which directions are seen with a file, through a lens of a name ("": what the file says), of
+an image size; in a folder for programs that read one. mrcal is asked for all cameras at once, in its own tests."""
