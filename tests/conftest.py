@@ -17,8 +17,15 @@ if TYPE_CHECKING:
 
 
 def pytest_configure() -> None:
-    """Tests, and programs that they start, heed Ctrl-C, also where a shell started them in the background."""
+    """Tests, and programs that they start, heed Ctrl-C, also where a shell started them in the background.
+
+    No example of a property has a deadline: how long one takes says how busy the machine is.
+    """
+    from hypothesis import settings
+
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    settings.register_profile("without deadline", deadline=None)
+    settings.load_profile("without deadline")
 
 
 @pytest.hookimpl(wrapper=True)

@@ -1,6 +1,7 @@
-"""The law of formats: whatever file of a target is written shows every ring of it, or is refused."""
+"""The laws of builds and formats: whatever is written shows every ring, can be printed, and is the same again."""
 
 import base64
+import hashlib
 import io
 import re
 import tempfile
@@ -8,10 +9,12 @@ import xml.etree.ElementTree as ET
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 import build123d
 import ezdxf
+import lib3mf
 import numpy as np
 import pytest
 import svgelements
@@ -19,15 +22,19 @@ import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+from shapely import MultiPoint
 
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
+from designer.designing import DesignedTarget, design
+from designer.formats.folder import OutputFile
 from designer.kinds.sizing import size_job
-from designer.produce import Design, make_files
+from designer.make import cad
 from designer.spec.build import BUILDS, Format, builds_of
 from designer.spec.format import FORMATS
 from designer.spec.kind import kind_named
 from tests.support.designs import SMALL, asked_for
+from tests.support.programs import PYTHON, run
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*deprecated")  # in the readers of others
 
@@ -68,6 +75,14 @@ def meshes_of_3mf(content: bytes) -> Iterator[tuple[Array, Rows]]:
 
 
 def in_3mf(content: bytes, most_mm: float) -> int:
+    """By lib3mf strictly, without a warning; of its meshes each one closed."""
+    reader = (model := lib3mf.get_wrapper().CreateModel()).QueryReader("3mf")
+    reader.SetStrictModeActive(True)
+    reader.ReadFromBuffer(content)
+    assert [reader.GetWarning(k) for k in range(reader.GetWarningCount())] == []
+    meshes = model.GetMeshObjects()
+    while meshes.MoveNext():
+        assert meshes.GetCurrentMeshObject().IsManifoldAndOriented()
     return sum(rings_of_mesh(*mesh, most_mm) for mesh in meshes_of_3mf(content))
 
 
@@ -75,6 +90,7 @@ def in_mesh(kind: str, scale: float) -> Callable[[bytes, float], int]:
     def count(content: bytes, most_mm: float) -> int:
         scene = trimesh.load_scene(io.BytesIO(content), file_type=kind)
         meshes = [one for one in scene.geometry.values() if isinstance(one, trimesh.Trimesh)]
+        assert all(one.is_watertight and one.is_winding_consistent and one.volume > 0 for one in meshes)
         return sum(rings_of_mesh(one.vertices * scale, one.faces, most_mm) for one in meshes)
 
     return count
@@ -146,26 +162,94 @@ WAYS = [(kind, build) for kind in ("board", "cube") for build in builds_of(kind_
 """Every build, of a small plate and a small solid."""
 
 
-@pytest.mark.parametrize(("kind", "build"), WAYS)
-def test_every_format_of_every_build_shows_every_ring_or_is_refused(kind: str, build: str) -> None:
-    """Read back by others: as many rings as the design has in the files of each format, however many files."""
+each_way = pytest.mark.parametrize(("kind", "build"), WAYS)
+USUAL = {"one-piece": {"stand": True, "ink_offset": "-20um", "shrink_compensation": "0.3%"}}
+"""What only a build of one piece takes in every format."""
+
+
+def wishes_of(kind: str, build: str) -> dict[str, object]:
+    """All formats of a small target that is built so."""
     values = {**SMALL[kind], "chord_error": "0.2mm", "labels": False, "page": "fit", "formats": "all", "build": build}
-    values |= IN_PIECES if (kind, build) == ("board", "tiles") else {}
-    design = Design(size_job(asked_for(kind, values)).job)
-    target, seen = design.target, dict[str, int]()
-    most_mm = 4 * float(target.radius_outer_mm.max())
-    for file in make_files(design, lambda _: None):
+    return {**values, **USUAL.get(build, {}), **(IN_PIECES if (kind, build) == ("board", "tiles") else {})}
+
+
+@cache
+def made(kind: str, build: str) -> tuple[DesignedTarget, tuple[OutputFile, ...]]:
+    """It and its files."""
+    target = design(kind, **wishes_of(kind, build))
+    return target, target.files()
+
+
+@each_way
+def test_every_format_of_every_build_shows_every_ring_or_is_refused(kind: str, build: str) -> None:
+    """Read back by others: as many rings as the design has in the files of each format, however many files.
+
+    Every mesh is closed.
+    """
+    target, files = made(kind, build)
+    seen = dict[str, int]()
+    most_mm = 4 * float(target.geometry.radius_outer_mm.max())
+    for file in files:
         endings = [ending for ending in READERS if file.name.endswith(f".{ending}")]
-        if endings and not (file.name.endswith("body.stl") and not BUILDS[build].is_two_filament):
+        if endings:
             ending = max(endings, key=len)
             seen[ending] = seen.get(ending, 0) + READERS[ending][1](file.content, most_mm)
-    rings = target.ring_count - int(target.is_dot.sum())
+    rings = target.geometry.ring_count - int(target.geometry.is_dot.sum())
+    if not BUILDS[build].is_two_filament:
+        assert seen.pop("stl", 0) == 0  # a body without ink
     assert seen == dict.fromkeys(seen, rings)
     written = {READERS[ending][0] for ending in seen}
     for name in FORMATS:
         if name not in written | {"png"} and not (name == "stl" and not BUILDS[build].is_two_filament):
             with pytest.raises(InputError, match=r"formats that go with it|3mf: left out"):
-                raise_if_left_out(kind, {**values, "formats": name}, name)
+                raise_if_left_out(kind, {**wishes_of(kind, build), "formats": name}, name)
+
+
+@each_way
+def test_each_piece_lies_once_on_a_bed_clear_of_the_others(kind: str, build: str) -> None:
+    """All names once over all plates; lowest at z = 0 within the bed; no piece's shadow comes near another's."""
+    job, plates = made(kind, build)[0].design.job, made(kind, build)[0].design.plates
+    names = [piece.name for plate in plates for piece in plate.pieces]
+    assert len(names) == len(set(names)) >= BUILDS[build].has_body
+    for plate in plates:
+        lying = [piece.as_it_lies for piece in plate.pieces]
+        corners = [np.concatenate([mesh.vertices_mm for mesh in (one.body, one.ink) if mesh]) for one in lying]
+        for points in corners:
+            assert points[:, 2].min() == pytest.approx(0.0, abs=1e-6)
+            assert (points > -1e-6).all()
+            assert (points < np.array(job.printing.printer.bed_mm)).all()
+        shadows = [MultiPoint(points[:, :2]).convex_hull for points in corners]
+        assert all(a.distance(b) > 1.0 for k, a in enumerate(shadows) for b in shadows[:k])
+
+
+def test_step_is_that_of_the_design_although_another_process_makes_it() -> None:
+    """The spec that it is handed is the design: the same bytes as made in place, where others were made before."""
+    target, files = made("board", "one-piece")
+    design, job = target.design, target.design.job
+    (step,) = (file.content for file in files if file.name.endswith(".step"))
+    assert step == cad.step_bytes(job.target, design.printed_pattern, job.printing, name=job.name, scale=design.scale)
+
+
+AGAIN = """
+import hashlib, sys
+from designer import load
+for spec in sys.argv[1:]:
+    for file in load(spec).files():
+        print(file.name, hashlib.sha256(file.content).hexdigest())
+"""
+
+
+def test_a_written_spec_makes_every_file_again(tmp_path: Path) -> None:
+    """NAME.toml, which stands beside the files of each build, gives all of them byte for byte in another process."""
+    specs, told = [], list[str]()
+    for kind, build in WAYS:
+        target, files = made(kind, build)
+        (toml,) = (file.content for file in files if file.name.endswith(".toml"))
+        specs.append(tmp_path / f"{kind}-{build}.toml")
+        specs[-1].write_bytes(toml)
+        assert target.name in toml.decode()
+        told += [f"{file.name} {hashlib.sha256(file.content).hexdigest()}" for file in files]
+    assert run(PYTHON, "-c", AGAIN, *specs).stdout.splitlines() == told
 
 
 def raise_if_left_out(kind: str, values: Mapping[str, object], name: Format) -> None:

@@ -5,24 +5,29 @@ import io
 import json
 import re
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from calib.detector.pipeline import detect
 from calib.renderer import render_view
+from designer.base.errors import InputError
 from designer.formats.stl import stl_bytes
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec, spec_to_toml
 from designer.make.bed import bed_from_target
 from designer.make.printability import check_printability
+from designer.produce import Design
 from designer.spec.kind import KINDS, kind_named, spec_from_mapping, spec_to_mapping
 from designer.spec.options import is_required, options_of
 from designer.target import target_from_json, target_to_json
-from tests.support.designs import COARSE, SMALL, asked_for, ink_of, packages_of, small
+from tests.support.designs import COARSE, SMALL, asked_for, ink_of, packages_of, small, wishes
 from tests.support.ring_views import CAMERA, USUAL, misplaced, pose_of
 
 ROOT = Path(__file__).parents[2]
@@ -93,14 +98,56 @@ def test_published_schema_takes_the_files(name: str) -> None:
 
 
 @each_kind
-def test_resolved_spec_gives_the_same_job(name: str) -> None:
-    """What was chosen, typed again, chooses the same; and the extent alone, typed again, is a target of that size."""
+def test_extent_alone_gives_a_target_of_that_size(name: str) -> None:
+    """What a target measures, typed again without all else."""
     job = small(name).job
-    text = spec_to_toml(job)
-    values = tomllib.loads(text)
-    assert size_job(parse_spec(values, "")).job == job
     extent = {key: job.target.options()[key] for key in job.target.extent}
     assert size_job(asked_for(name, extent)).job.target.size_words == job.target.size_words
+
+
+def require_same_job(kind: str, values: Mapping[str, object]) -> None:
+    """What was chosen of these values, if they can be, chooses the same when it is typed again."""
+    try:
+        job = size_job(asked_for(kind, values)).job
+    except InputError:
+        return
+    text = spec_to_toml(job)
+    written = tomllib.loads(text)
+    assert written.keys() == {"kind", *options_of(kind_named(kind).asked)} - set(job.printing.way.idle)
+    again = size_job(parse_spec(written, "")).job
+    assert again == job
+    assert spec_to_toml(again) == text
+
+
+@settings(max_examples=60)
+@given(wishes())
+def test_resolved_spec_gives_the_same_job(asked: tuple[str, dict[str, object]]) -> None:
+    """Of any kind and options: the file written next to the outputs resolves to the very same job and the same bytes.
+
+    It leaves nothing to be chosen: all keys of its kind are in it, but those idle for its build.
+    """
+    require_same_job(*asked)
+
+
+@each_kind
+@settings(max_examples=4)
+@given(data=st.data())
+def test_resolved_spec_holds_each_option(name: str, data: st.DataObject) -> None:
+    """One after the other, of whatever value."""
+    for option in options_of(kind_named(name).asked):
+        require_same_job(*data.draw(wishes((name,), option)))
+
+
+@each_kind
+def test_how_it_is_printed_changes_no_number_of_the_target(name: str) -> None:
+    """Ink offset, shrinkage, skew, inlay, colours, letters and stand leave the target file as it is, byte for byte."""
+    printed = {
+        "ink_offset": "0.05mm", "shrink_compensation": "0.5%", "skew_compensation": "xy 0.1deg", "inlay_depth": "0.4mm",
+        "body_colour": "#ffff00", "labels": False, "chord_error": "0.1mm", "stand": name != "coupon",
+    }  # fmt: skip
+    other = Design(size_job(asked_for(name, {**SMALL[name], **printed})).job)
+    assert target_to_json(other.target) == target_to_json(small(name).target)
+    assert other.job.printing != small(name).job.printing
 
 
 @each_kind
@@ -136,10 +183,15 @@ def test_body_and_ink_are_closed_and_fill_the_solid(name: str) -> None:
 
 @each_kind
 def test_part_lies_on_the_bed(name: str) -> None:
-    """The last face looks down and lies on the bed, the part within it; the design rules have nothing against it."""
+    """By a rigid motion the last face looks down and lies on the bed, the part within it.
+
+    The design rules have nothing against it.
+    """
     design = small(name)
     printing = design.job.printing
     motion = bed_from_target(design.target, printing)
+    assert motion[:3, :3] @ motion[:3, :3].T == pytest.approx(np.eye(3), abs=1e-9)
+    assert np.linalg.det(motion[:3, :3]) == pytest.approx(1.0)
     part = np.concatenate([mesh.vertices_mm for mesh in (design.part.body, ink_of(design))])
     placed = part @ motion[:3, :3].T + motion[:3, 3]
     assert placed[:, 2].min() == pytest.approx(0.0, abs=1e-9)

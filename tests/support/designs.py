@@ -1,14 +1,19 @@
-"""Small two-filament targets for tests, made as the command makes them."""
+"""Small two-filament targets for tests, made as the command makes them, and what else may be asked of them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
+
+from hypothesis import strategies as st
 
 from designer.formats.threemf import ThreeMfFiles, plate_files
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec
 from designer.make.mesh import Mesh
 from designer.produce import Design
-from designer.spec.options import Asked
+from designer.spec.build import BUILDS, MOUNTS
+from designer.spec.format import FORMATS
+from designer.spec.kind import KINDS, kind_named
+from designer.spec.options import Asked, options_of
 
 COARSE = "50um"
 """Chord error of circles: fewer triangles to write, read and slice, and no rule depends on how many there are."""
@@ -56,3 +61,45 @@ def packages_of(design: Design) -> ThreeMfFiles:
     """The design's 3MF packages."""
     job = design.job
     return plate_files(design.plates[0].pieces, job.printing)
+
+
+PLAUSIBLE: Mapping[str, st.SearchStrategy[object]] = {
+    "nozzle": st.sampled_from(["0.2mm", 0.4]),
+    "line_width": st.floats(0.3, 0.9),
+    "layer_height": st.floats(0.05, 0.16),
+    "edge": st.floats(15, 300),
+    "size": st.builds("{}x{}mm".format, st.floats(50, 400), st.floats(50, 400)),
+    "name": st.from_regex(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", fullmatch=True),
+    "file": st.sampled_from(["prusa-mk4", "bambu-a1-mini"]),
+    "length": st.floats(-0.2, 0.2),
+    "length above 0": st.floats(0.1, 12),
+    "length from 0": st.floats(0, 5),
+    "chord error": st.floats(0.0005, 0.5),
+    "bed": st.just("30.5x40x30cm"),
+    "machine": st.fixed_dictionaries({"jerk_mm_s": st.floats(1, 20)}),
+    "count": st.integers(3, 12),
+    "ratio": st.floats(0.2, 0.8),
+    "percent": st.floats(-20, 20),
+    "skew": st.tuples(*[st.floats(-2, 2)] * 3).map("xy {0[0]}deg, xz {0[1]}deg, yz {0[2]}deg".format),
+    "colour": st.from_regex(r"#[0-9a-fA-F]{6}", fullmatch=True),
+    "build": st.sampled_from([*BUILDS]),
+    "lattice": st.sampled_from(["square", "triangular"]),
+    "formats": st.lists(st.sampled_from([*FORMATS]), max_size=3),
+    "page": st.sampled_from(["A4", "Letter", "fit", "400.25x600mm"]),
+    "switch": st.booleans(),
+    "price": st.floats(0, 100),
+    "ink side": st.sampled_from(["down", "up"]),
+    "mount": st.sampled_from([*MOUNTS, "none"]),
+}
+"""Values of options by their names, or by what they take."""
+
+
+@st.composite
+def wishes(draw: st.DrawFn, kinds: Iterable[str] = KINDS, *names: str) -> tuple[str, dict[str, object]]:
+    """A kind, and values of a small target with up to four other options: any, some of the named, or the one named."""
+    kind = draw(st.sampled_from([*kinds]))
+    options, values = options_of(kind_named(kind).asked), dict[str, object](SMALL[kind])
+    of_kind = [name for name in options if not names or name in names]
+    for name in of_kind if len(names) == 1 else draw(st.lists(st.sampled_from(of_kind), max_size=4, unique=True)):
+        values[name] = draw(PLAUSIBLE.get(name, PLAUSIBLE[options[name].value]))
+    return kind, values
