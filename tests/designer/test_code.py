@@ -9,11 +9,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from designer.base.solid import CODES, SQUARE_POSITIONS, TRIANGLE_POSITIONS, code_positions
-from designer.kinds.board import BOARD_DOTS, BoardSpec, lattice_steps
 from designer.kinds.layout import adjacent_faces, lay_out
 from designer.kinds.regular_solid import SolidSpec
 from designer.spec.kind import kinds
-from designer.spec.spec import Lattice
 from designer.target import TargetGeometry
 
 DotSet = frozenset[tuple[int, int]]
@@ -152,32 +150,3 @@ def test_every_kind_of_solid_is_held_to_a_number(name: str) -> None:
     shape = SOLIDS[name].shape()
     for face, row in enumerate(adjacent_faces(target_of(name, 6)).tolist()):
         assert all(CODES[shape.face_code[face]] != CODES[shape.face_code[other]] for other in row)
-
-
-def test_origin_mark_of_a_board_is_three_dots_at_zero() -> None:
-    """The mark holds three dots, one of them the index origin."""
-    assert len(BOARD_DOTS) == 3
-    assert (0, 0) in BOARD_DOTS
-
-
-@pytest.mark.parametrize(("lattice", "order"), [("square", 4), ("triangular", 6)])
-def test_origin_mark_has_no_symmetry(lattice: Lattice, order: int) -> None:
-    """No rotation or mirror image of the lattice maps the board's mark onto itself, wherever it is moved."""
-    mark = np.array(sorted(BOARD_DOTS)) @ lattice_steps(lattice)
-    flip = np.diag([1.0, -1.0])
-    for k in range(order):
-        angle = 2 * np.pi * k / order
-        rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        for matrix in (rotation, rotation @ flip):
-            image = mark @ matrix.T
-            shift_free = {tuple(np.round(p - image.mean(axis=0), 6) + 0.0) for p in image}
-            is_same = shift_free == {tuple(np.round(p - mark.mean(axis=0), 6) + 0.0) for p in mark}
-            assert is_same == (matrix == np.eye(2)).all()
-
-
-@pytest.mark.parametrize("lattice", ["square", "triangular"])
-def test_board_shows_the_mark(lattice: Lattice) -> None:
-    """Exactly the indices of BOARD_DOTS carry dots, and none do without dots."""
-    spec = BoardSpec((90.0, 90.0), 5.0, 7, 7, lattice, 7.0, 0.45, 10.0, 0.0, 5.0, dots=True)
-    target = lay_out(spec)
-    assert {tuple(index) for index in target.ring_index[target.is_dot].tolist()} == BOARD_DOTS

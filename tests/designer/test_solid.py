@@ -57,6 +57,18 @@ def test_face_frames_hold_the_face_upright(shape: Polyhedron) -> None:
     assert polygon[0, 1] == pytest.approx(polygon[:, 1].max())
 
 
+@pytest.mark.parametrize("name", SOLIDS)
+def test_faces_of_a_target_are_those_of_its_solid(name: str) -> None:
+    """Outlines in their frames are the solid's faces, at the size of the spec."""
+    target, solid = target_of(name), small(name).job.target.solid
+    assert solid is not None
+    frame = target.target_from_face
+    placed = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
+    assert placed == pytest.approx(
+        solid.edge_mm * solid.polyhedron.vertices[solid.polyhedron.faces_from_code], abs=1e-6
+    )
+
+
 def target_of(name: str) -> TargetGeometry:
     return small(name).target
 

@@ -1,11 +1,10 @@
 """Spec files: what people write, and what is written next to the outputs."""
 
 import math
-import os
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from designer.base.errors import InputError
@@ -24,8 +23,9 @@ from designer.kinds.spec_file import (
     replaced,
     spec_to_toml,
 )
+from designer.make.printability import check_printability
 from designer.spec.kind import kinds
-from designer.spec.options import Asked, AskedPrinting, options_of
+from designer.spec.options import AskedPrinting, options_of
 from designer.spec.spec import Job
 
 KEYS = sorted({name for kind in kinds() for name in options_of(kind.asked)})
@@ -104,10 +104,8 @@ def test_a_board_reads_its_own_keys() -> None:
     [
         ("edge = \n", "line 1, column 8"),
         ('kind = "ico"\nedge = 20mm\n', "line 2, column 10"),
-        ("edge", "at its end"),
         ('kind = "ico', "at its end"),
         ('edge = "1mm"\nedge = "2mm"', "line 2, column 13|at its end"),
-        ("[[[[", "line 1|at its end"),
         ("edge = 2020-13-45", "line 1"),
     ],
 )
@@ -133,14 +131,6 @@ def test_other_files_are_refused(content: bytes, tmp_path: Path) -> None:
     assert (f"more than {MAX_TOML_BYTES} bytes" in str(raised.value)) == (len(content) > MAX_TOML_BYTES)
 
 
-def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
-    """A path that is a folder, or nothing, is named."""
-    for path in (tmp_path, tmp_path / "none.toml", tmp_path / ("x" * 5000)):
-        for read in (read_spec_file, read_printer_file):
-            with pytest.raises(InputError, match=r"cannot be read|not a regular file"):
-                read(path)
-
-
 @pytest.mark.parametrize(
     ("values", "message"),
     [
@@ -150,30 +140,23 @@ def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
         ({"kind": "board", "edge": 20}, "edge is for kind 'ico' or 'cube'; leave it out, or change the kind"),
         ({"edge": 20}, "kind is missing; write kind = 'ico' or 'board'"),
         ({"kind": "ball"}, "kind 'ball' is unknown; write kind = 'ico' or 'board' or 'cube'"),
-        ({"kind": ["ico"]}, "kind .* is unknown"),
         ({"kind": "ico"}, "edge is missing; give the edge length, such as 100mm"),
         ({**ICO, "edge": 0}, "edge 0: must be more than zero"),
         ({**ICO, "pitch": 1e-310}, "pitch 1e-310: must be at least"),
-        ({**ICO, "edge": "-20mm"}, "edge '-20mm': must be more than zero"),
-        ({**ICO, "edge": "nanmm"}, "edge 'nanmm': not a finite number"),
         ({**ICO, "edge": "20 furlong"}, "edge '20 furlong': unknown unit of length 'furlong'; use mm, cm"),
-        ({**ICO, "edge": "11m"}, "edge '11m': 11m is more than 10000mm"),
         ({**ICO, "border": "-1mm"}, "border '-1mm': must not be negative"),
         ({**ICO, "rings_per_side": 0}, "rings_per_side 0: must be a whole number above zero"),
         ({**ICO, "rings_per_side": 5.5}, "rings_per_side 5.5: must be a whole number"),
         ({**ICO, "ring_ratio": 0.9}, "ring_ratio 0.9: must be a number from 0.2 to 0.8"),
         ({**ICO, "formats": ["stp"]}, "formats .*: unknown format 'stp'; did you mean 'step'"),
-        ({**ICO, "formats": 5}, "formats 5: "),
         ({**ICO, "formats": ["step", 5]}, "formats .*: "),
         ({**ICO, "shrink_compensation": "30%"}, "shrink_compensation '30%': .*20"),
         ({**ICO, "body_colour": "white"}, "body_colour 'white': must be a colour such as #ffffff"),
         ({**ICO, "build": "printd"}, "build 'printd': "),
         ({**ICO, "labels": "maybe"}, "labels 'maybe': must be true or false"),
         ({**ICO, "chord_error": "1mm"}, "chord_error '1mm': must be from 0.0005mm to 0.5mm"),
-        ({**ICO, "page": "A5"}, "page 'A5': "),
         ({**ICO, "page": "A4\nA5"}, r"page 'A4\\nA5': "),
         ({"kind": "board", "size": "220"}, "size '220': expected 2 lengths joined by x, such as 220x220mm"),
-        ({"kind": "board", "size": "0x220mm"}, "size '0x220mm': must be more than zero"),
         ({"kind": "board", "lattice": "hexagonal"}, "lattice 'hexagonal': .*'square' or 'triangular'"),
         ({**ICO, "edge": 0, "pitch": 0, "margin": -1}, r"edge 0: must be more than zero"),
     ],
@@ -311,10 +294,8 @@ def test_nozzles_are_found_in_any_unit() -> None:
             {"printer": "bambu-ps1"},
             "unknown printer template 'bambu-ps1'; there are .*bambu-p1s.*another printer needs --bed",
         ),
-        ({"printer": "zzz"}, "unknown printer template 'zzz'; there are bambu-a1, bambu-a1-mini"),
         ({"printer": "../bambu-p1s"}, "unknown printer template"),
         ({"printer": "none.toml"}, "none.toml.*no such file"),
-        ({"printer": "x" * 5000 + ".toml"}, "no such file"),
         ({"printer": "a\nb.toml"}, "no such file"),
         ({"printer": "a\0b.toml"}, "no such file"),
         ({"nozzle": 0.3}, "nozzle 0.3mm: .* has 0.2mm, 0.4mm"),
@@ -345,103 +326,27 @@ def test_an_own_printer_file_is_read(tmp_path: Path) -> None:
         read_printer_file(path)
 
 
-@pytest.mark.parametrize("name", ["master-ico", "matt-ico", "shiny-ico", "alu-board", "3d-board"])
-def test_target_templates_are_the_papers(name: str) -> None:
-    """Each template gives a target of the size in the facts."""
+@pytest.mark.parametrize(
+    ("name", "size", "build", "rings"),
+    [
+        ("master-ico", 133.0, "stickers", 720),
+        ("matt-ico", 100.0, "one-piece", 720),
+        ("shiny-ico", 106.5, "one-piece", 720),
+        ("alu-board", (400.0, 400.0, 3.0), "sheet", 1521),
+        ("3d-board", (220.0, 220.0, 5.0), "one-piece", 441),
+    ],
+)
+def test_target_templates_are_the_papers(name: str, size: object, build: str, rings: int) -> None:
+    """Each gives a target of the size in the facts with as many rings as that holds, and breaks no design rule."""
     job = job_of(read_spec_file(preset_or_file("targets", name)))
-    sizes = {"master-ico": 133.0, "matt-ico": 100.0, "shiny-ico": 106.5, "alu-board": (400.0, 400.0, 3.0)}
-    spec = job.target
-    size = spec.edge_mm if spec.kind == "ico" else (*spec.size_mm, spec.thickness_mm)
-    assert size == sizes.get(name, (220.0, 220.0, 5.0))
-    builds = {"master-ico": "stickers", "alu-board": "sheet"}
-    assert job.printing.build == builds.get(name, "one-piece")
+    spec, target = job.target, job.target.lay_out()
+    assert size == (spec.edge_mm if spec.kind == "ico" else (*spec.size_mm, spec.thickness_mm))
+    assert (job.printing.build, target.ring_count) == (build, rings)
+    assert not check_printability(target, job.printing).violations
     assert name in preset_names("targets")
 
 
 # --- writing --------------------------------------------------------------------------------------------------------
-
-
-specs = st.one_of(
-    st.fixed_dictionaries(
-        {"kind": st.just("ico"), "edge": st.floats(5, 300)},
-        optional={
-            "rings_per_side": st.integers(5, 12),
-            "build": st.sampled_from(["one-piece", "stickers"]),
-            "sticker_thickness": st.floats(0.01, 0.5),
-        },
-    ),
-    st.fixed_dictionaries(
-        {"kind": st.just("board")},
-        optional={
-            "size": st.builds("{}x{}mm".format, st.floats(30, 400), st.floats(30, 400)),
-            "columns": st.integers(1, 20),
-            "rows": st.integers(1, 20),
-            "thickness": st.floats(0.5, 10),
-            "lattice": st.sampled_from(["square", "triangular"]),
-            "dots": st.booleans(),
-            "build": st.sampled_from(["one-piece", "sheet"]),
-        },
-    ),
-)
-options = st.fixed_dictionaries(
-    {},
-    optional={
-        "name": st.from_regex(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", fullmatch=True),
-        "ring_diameter": st.floats(0.5, 12),
-        "pitch": st.floats(1, 20),
-        "ring_ratio": st.floats(0.2, 0.8),
-        "border": st.floats(0, 5),
-        "margin": st.floats(0, 5),
-        "nozzle": st.sampled_from(["0.2mm", 0.4]),
-        "printer": st.sampled_from(["prusa-mk4", "bambu-a1-mini"]),
-        "layer_height": st.floats(0.05, 0.16),
-        "bed": st.just("10.5x20x30cm"),
-        "inlay_depth": st.floats(0.05, 3),
-        "ink_offset": st.floats(-0.2, 0.2),
-        "shrink_compensation": st.floats(-20, 20),
-        "skew_compensation": st.tuples(*[st.floats(-2, 2)] * 3).map("xy {0[0]}deg, xz {0[1]}deg, yz {0[2]}deg".format),
-        "labels": st.booleans(),
-        "stand": st.booleans(),
-        "chord_error": st.floats(0.0005, 0.5),
-        "body_colour": st.from_regex(r"#[0-9a-fA-F]{6}", fullmatch=True),
-        "formats": st.lists(st.sampled_from(list(FORMATS)), max_size=3),
-        "page": st.sampled_from(["A4", "Letter", "fit", "400.25x600mm"]),
-    },
-)
-
-
-@given(spec=specs, more=options)
-@settings(
-    max_examples=40,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.filter_too_much],
-)
-def test_resolved_spec_gives_the_same_job(spec: dict[str, RawValue], more: dict[str, RawValue], tmp_path: Path) -> None:
-    """The file written next to the outputs resolves to the very same job, and writes to the same bytes."""
-    try:
-        job = job_of({**spec, **more})
-    except InputError:
-        assume(False)
-    path = written(tmp_path, spec_to_toml(job))
-    again = job_of(read_spec_file(path))
-    assert again == job
-    assert spec_to_toml(again).encode() == path.read_bytes()
-
-
-def test_resolved_spec_names_every_key() -> None:
-    """The written file leaves nothing to be chosen: all keys of its kind are in it, but those idle for its build."""
-    board: dict[str, RawValue] = {"kind": "board", "size": "60x60mm"}
-    of_tiles = {"ink_side", "mount"}
-    cases = (
-        (ICO, AskedIco, {"sticker_thickness", *of_tiles}),
-        ({**ICO, "build": "tiles"}, AskedIco, {"sticker_thickness"}),
-        ({**ICO, "build": "stickers"}, AskedIco, {"inlay_depth", *of_tiles}),
-        (board, AskedBoard, {"sticker_thickness", *of_tiles}),
-        ({**board, "build": "sheet"}, AskedBoard, {"inlay_depth", "sticker_thickness", *of_tiles}),
-    )
-    for values, asked, idle in cases:
-        keys = [line.split(" = ")[0] for line in spec_to_toml(job_of(values)).splitlines()]
-        assert sorted(keys) == sorted({"kind", *options_of(asked)} - idle)
 
 
 def test_idle_options_are_named_and_change_nothing() -> None:
@@ -466,11 +371,3 @@ def test_printing_options_alone() -> None:
     assert parse_printing({"nozzle": "0.2mm"}).nozzle == 0.2
     with pytest.raises(InputError, match="unknown key 'edge'"):
         parse_printing({"edge": "20mm"})
-
-
-def test_specs_cannot_be_changed() -> None:
-    """A checked spec is frozen."""
-    asked: Asked = parse_spec(ICO, "")
-    with pytest.raises(AttributeError, match="cannot assign"):
-        asked.name = "other"
-    assert os.sep not in size_job(asked).job.name

@@ -203,28 +203,20 @@ def changed_entry(name: str, place: tuple[int, ...], value: float) -> dict[str, 
 
 
 BROKEN: dict[str, dict[str, object]] = {
-    "unknown source": {"source": "guessed"},
     "wrong shape": {"center_mm": np.zeros((6, 2))},
     "too few": {"radius_outer_mm": np.ones(5)},
     "not finite": changed_entry("center_mm", (0, 0), np.nan),
     "infinite": changed_entry("outline_mm", (0, 0, 0), np.inf),
-    "fractions for indices": {"ring_index": np.full((6, 2), 0.5)},
-    "index beyond int64": {"ring_index": np.arange(12, dtype=np.uint64).reshape(6, 2) + np.uint64(2**63)},
     "numbers for truth values": {"is_dot": np.array([1, 0, 0, 1, 0, 0])},
     "text": {"radius_outer_mm": np.array(["1"] * 6)},
     "no features": {"ring_face": np.empty(0, dtype=int)},
-    "two corners": {"outline_mm": np.zeros((2, 2, 2)), "window_mm": np.zeros((2, 2, 2))},
     "face out of range": changed_entry("ring_face", (0,), 2),
-    "negative face": changed_entry("ring_face", (0,), -1),
-    "unknown code": changed_entry("face_code", (0,), 27),
     "one index twice": changed_entry("ring_index", (1, 0), 0),
     "inner radius too large": changed_entry("radius_inner_mm", (1,), 3.5),
-    "negative radius": changed_entry("radius_inner_mm", (1,), -0.1),
     "dot with a hole": changed_entry("radius_inner_mm", (0,), 1.0),
     "ring without a hole": changed_entry("radius_inner_mm", (1,), 0.0),
     "stretched frame": changed_entry("target_from_face", (0, 0, 0), 1.001),
     "mirrored frame": changed_entry("target_from_face", (0, 0, 0), -1.0),
-    "projective frame": changed_entry("target_from_face", (0, 3, 0), 0.1),
     "frame that overflows": {
         "target_from_face": np.array([[[1e200, -1e200, 0, 0], [1e200, 1e200, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]] * 2)
     },
@@ -262,14 +254,6 @@ def test_round_trip_is_exact(target: TargetGeometry, tmp_path: Path) -> None:
     assert target_to_json(read).encode() == path.read_bytes()
 
 
-@given(st.lists(st.floats(-1e6, 1e6), min_size=18, max_size=18))
-@settings(max_examples=50, deadline=None)
-def test_round_trip_is_exact_for_all_numbers(numbers: list[float]) -> None:
-    """Any finite coordinates survive the file bit for bit (but for the sign of zero)."""
-    target = replace(made_by_others(), center_mm=np.array(numbers).reshape(6, 3))
-    assert target_from_json(target_to_json(target)).center_mm.tobytes() == target.center_mm.tobytes()
-
-
 def test_files_validate_against_the_schema(target: TargetGeometry) -> None:
     """What the program writes, the published schema accepts; the schema itself is valid."""
     SCHEMA.check_schema(SCHEMA.schema)
@@ -300,11 +284,9 @@ def edited(change: Callable[[Document], object]) -> Document:
 
 UNSOUND: dict[str, Callable[[Document], object]] = {
     "field missing": lambda d: d.pop("spec"),
-    "array missing": lambda d: d.pop("is_dot"),
     "field unknown": lambda d: d.update(extra=1),
     "another format": lambda d: d.update(format="other"),
     "another version": lambda d: d.update(version=2),
-    "version true": lambda d: d.update(version=True),
     "another unit": lambda d: d.update(unit="cm"),
     "another source": lambda d: d.update(source="guessed"),
     "id of another shape": lambda d: d.update(layout_id="0"),
@@ -312,21 +294,15 @@ UNSOUND: dict[str, Callable[[Document], object]] = {
     "spec with truth for a number": lambda d: d["spec"].update(pitch_mm=True),
     "point with two numbers": lambda d: d["center_mm"][0].pop(),
     "null": lambda d: d.update(center_mm=None),
-    "null in an array": lambda d: d["center_mm"][0].__setitem__(0, None),
     "text in an array": lambda d: d["center_mm"][0].__setitem__(0, "1"),
     "truth in a number array": lambda d: d["center_mm"][0].__setitem__(0, True),
-    "truth for an index": lambda d: d["ring_index"][0].__setitem__(0, True),
     "number in a truth array": lambda d: d["is_dot"].__setitem__(0, 0),
-    "fraction for an index": lambda d: d["ring_index"][0].__setitem__(0, 0.5),
     "index beyond int64": lambda d: d["ring_index"][0].__setitem__(0, 2**63),
     "negative face": lambda d: d["ring_face"].__setitem__(0, -1),
-    "negative radius": lambda d: d["radius_inner_mm"].__setitem__(0, -1.0),
     "code out of range": lambda d: d.update(face_code=[27]),
     "projective frame": lambda d: d["target_from_face"][0][3].__setitem__(0, 0.5),
     "frame with three rows": lambda d: d["target_from_face"][0].pop(),
     "outline with two corners": lambda d: d.update(outline_mm=[[[0, 0], [1, 1]]], window_mm=[[[0, 0], [1, 1]]]),
-    "object for an array": lambda d: d.update(radius_outer_mm={}),
-    "deep": lambda d: d.update(radius_outer_mm=[[[[[[3.5]]]]]]),
     "another build": lambda d: d.update(build="glued"),
     "covariance with five rows": lambda d: d.update(face_covariance=[[[0.0] * 6] * 5]),
 }
@@ -441,20 +417,15 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @given(documents=corrupted())
-@settings(max_examples=200, deadline=2000)
-def test_corrupted_documents_are_refused(scratch: Path, documents: tuple[Document, Document]) -> None:
-    """A document in which anything was changed does not load, and the refusal is one line."""
-    sound, document = documents
-    loaded = load_text(json.dumps(document), scratch)
-    assert loaded is None or same_json(document, sound)
-
-
-@given(documents=corrupted())
-@settings(max_examples=200, deadline=2000)
+@settings(max_examples=150, deadline=2000)
 @pytest.mark.filterwarnings("ignore:(overflow|invalid value) encountered:RuntimeWarning")
-def test_documents_that_load_are_sound(scratch: Path, documents: tuple[Document, Document]) -> None:
-    """Even with ids that fit, whatever loads obeys the schema and writes a file that loads again."""
-    document = documents[1]
+def test_changed_documents_are_refused_or_sound(scratch: Path, documents: tuple[Document, Document]) -> None:
+    """A document in which anything was changed does not load, and the refusal is one line.
+
+    With ids that fit, what loads obeys the schema and writes a file that loads again.
+    """
+    sound, document = documents
+    assert load_text(json.dumps(document), scratch) is None or same_json(document, sound)
     try:
         document = with_ids(document)
     except (ValueError, TypeError, KeyError, OverflowError):
@@ -466,7 +437,7 @@ def test_documents_that_load_are_sound(scratch: Path, documents: tuple[Document,
 
 
 @given(data=st.data())
-@settings(max_examples=200, deadline=2000)
+@settings(max_examples=100, deadline=2000)
 def test_corrupted_text_is_refused(scratch: Path, data: st.DataObject) -> None:
     """Text that was cut off, or in which a stretch was overwritten, does not load as another target."""
     target = TARGETS["others"]()
@@ -478,33 +449,11 @@ def test_corrupted_text_is_refused(scratch: Path, data: st.DataObject) -> None:
     assert loaded is None or loaded == target
 
 
-@pytest.mark.parametrize("field", ["version", "source", "unit", "layout_id", "spec", "center_mm", "is_dot", "extra"])
-@pytest.mark.parametrize("depth", [40, 100, 930, 950, 960, 970, 980, 100_000])
-def test_deep_nesting_is_refused(field: str, depth: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize("depth", [40, 950, 980, 100_000])
+def test_deep_nesting_is_refused(depth: int, scratch: Path) -> None:
     """Lists nested to any depth, also just below the interpreter's limit, are refused like other nonsense."""
-    document = json.loads(target_to_json(lay_out(BOARD)))
-    text = json.dumps({**document, field: "HERE"}).replace('"HERE"', "[" * depth + "]" * depth)
-    assert load_text(text, tmp_path / "a.target.json") is None
-    assert load_text("[" * depth, tmp_path / "a.target.json") is None
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b"\xff\xfe\x00", b"\xef\xbb\xbf{}", b"\x1f\x8b\x08\x00", b"null", b"[]", b"1"]
-)
-def test_other_files_are_refused(content: bytes, tmp_path: Path) -> None:
-    """Empty, binary and foreign files raise InputError with one line that names the file."""
-    path = tmp_path / "photo.jpg"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match=r"photo\.jpg: ") as raised:
-        load_target(path)
-    assert len(str(raised.value).splitlines()) == 1
-
-
-def test_missing_files_folders_and_huge_files_are_refused(tmp_path: Path) -> None:
-    """What cannot be read, and what is larger than any target, raises InputError without being read."""
-    huge = tmp_path / "huge.json"
-    with huge.open("wb") as stream:
-        stream.truncate(2**40)
-    for path in (tmp_path, tmp_path / "none.json", huge):
-        with pytest.raises(InputError, match=str(path)):
-            load_target(path)
+    for field in ("version", "source", "layout_id", "spec", "center_mm", "is_dot", "extra"):
+        document = json.loads(target_to_json(TARGETS["board"]()))
+        text = json.dumps({**document, field: "HERE"}).replace('"HERE"', "[" * depth + "]" * depth)
+        assert load_text(text, scratch) is None
+    assert load_text("[" * depth, scratch) is None

@@ -82,19 +82,6 @@ def test_rings_lie_on_their_faces(name: str) -> None:
     np.testing.assert_array_equal(rings.radius_inner_mm, target.radius_inner_mm)
 
 
-@pytest.mark.parametrize("name", ["ico", "board", "bordered board"])
-def test_rings_lie_inside_windows(name: str) -> None:
-    """On our own targets, each ring lies whole within the polygon that its face's border leaves."""
-    target = TARGETS[name]
-    rings, frame = rings_of(target), target.target_from_face[target.ring_face]
-    in_face = np.einsum("rji,rj->ri", frame[:, :3, :3], rings.center_mm - frame[:, :3, 3])[:, :2]
-    window = target.window_mm[target.ring_face]
-    side = np.roll(window, -1, axis=1) - window
-    to_ring = in_face[:, None] - window
-    depth = (side[..., 0] * to_ring[..., 1] - side[..., 1] * to_ring[..., 0]) / np.linalg.norm(side, axis=2)
-    assert (depth.min(axis=1) >= rings.radius_outer_mm).all()
-
-
 @pytest.mark.parametrize("name", ["ico", "by others"])
 def test_areas_of_faces(name: str) -> None:
     """Of several faces, windows are in the body's colour and borders in ink, with the polygons' exact areas."""
@@ -195,13 +182,6 @@ def test_scene_can_be_written(name: str) -> None:
     assert np.linalg.norm(np.cross(scene.up, scene.from_direction)) > 0.5
     if TARGETS[name].face_count == 1:
         assert TARGETS[name].target_from_face[0, :3, 2] @ scene.from_direction > 0.5
-
-
-def test_more_layers() -> None:
-    """Other layers go on top of the target's."""
-    more = Layer("more", ())
-    scene = target_scene(BOARD, body_colour=BODY, ink_colour=INK, more=(more,))
-    assert scene.layers[-1] is more
 
 
 def test_cameras_stand_where_photos_were_taken() -> None:
