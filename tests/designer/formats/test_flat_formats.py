@@ -1,16 +1,22 @@
 """Files for lasers, cutters and board houses, as the programs of others read and draw them."""
 
 import io
+import zipfile
 from pathlib import Path
 
+import ezdxf
 import numpy as np
 import pytest
 import svgelements
 from ezdxf.document import Drawing as DxfDocument
-from pygerber.gerberx3.api.v2 import ParsedFile
+from numpy.typing import NDArray
+from PIL import Image
+from pygerber.gerberx3.api.v2 import GerberFile, ParsedFile
 from pygerber.gerberx3.parser2.apertures2.circle2 import Circle2
 from pygerber.gerberx3.parser2.commands2.flash2 import Flash2
 
+import calib
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.sizing import size_job
 from designer.make.cutting import CUT, ENGRAVE, LABEL
@@ -19,12 +25,41 @@ from designer.produce import EXPORTERS, Design, make_files
 from designer.spec.build import Format
 from designer.spec.format import FORMATS
 from tests.support.designs import SMALL, asked_for, small
-from tests.support.flat_files import Array, circles, content_of, dxf_of, flat, gerbers_of
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*deprecated")  # in the readers of others
 
 MICROMETRE_MM = 1e-3
-KINDS = ("board", "ico", "cube")
+PX_PER_MM = 20
+
+
+def flat(kind: str, *formats: Format, **more: object) -> Design:
+    """A small target on paper or sheet, with a border."""
+    build = "sheet" if kind == "board" else "stickers"
+    values = {**SMALL[kind], "build": build, "formats": ",".join(formats), "chord_error": "50um", "page": "fit", **more}
+    return Design(size_job(asked_for(kind, values)).job)
+
+
+def content_of(design: Design, suffix: str) -> bytes:
+    """A file of a design."""
+    name = f"{design.job.name}.{suffix}"
+    return next(file.content for file in make_files(design, lambda _: None) if file.name == name)
+
+
+def dxf_of(design: Design) -> DxfDocument:
+    return ezdxf.read(io.StringIO(content_of(design, "dxf").decode("ascii")))
+
+
+def circles(document: DxfDocument) -> Array:
+    """Centres and radii of what is engraved, in mm.  # (N, 3)"""
+    found = document.modelspace().query(f'CIRCLE[layer=="{ENGRAVE}"]')
+    return np.array([(one.dxf.center.x, one.dxf.center.y, one.dxf.radius) for one in found])
+
+
+def gerbers_of(design: Design, suffix: str, place: Path) -> dict[str, ParsedFile]:
+    """The layers of an order, as PyGerber reads them, by the ends of their names."""
+    with zipfile.ZipFile(io.BytesIO(content_of(design, suffix))) as archive:
+        archive.extractall(place)
+    return {path.suffix: GerberFile.from_file(path).parse() for path in place.iterdir() if path.suffix != ".drl"}
 
 
 def outlines(document: DxfDocument, layer: str) -> list[Array]:
@@ -52,7 +87,7 @@ def farthest(seen: Array, told: Array) -> float:
     return float(distance.min(axis=0).max())
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["board", "ico", "cube"])
 def test_dxf_is_sound_and_true(kind: str) -> None:
     """A reader of others finds no fault in a DXF, and within each cut line the circles of one face, within 1 um."""
     design = flat(kind, "dxf", border="1.5mm") if kind == "board" else flat(kind, "dxf")
@@ -76,7 +111,7 @@ def test_dxf_is_sound_and_true(kind: str) -> None:
     assert len(drawn) == sum(len(expected(design, face)) for face in range(design.target.face_count))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["board", "cube"])
 def test_laser_svg_is_the_same_drawing_as_dxf(kind: str) -> None:
     """Its size is in mm; every circle of the DXF is one of its arcs, every line one of its paths, by colour."""
     design = flat(kind, "dxf", "laser")
@@ -141,17 +176,50 @@ def test_both_sides_of_a_board_lie_where_they_are(tmp_path: Path) -> None:
         assert farthest(seen, target.center_mm[target.ring_face == face, :2] - low) < MICROMETRE_MM
 
 
-@pytest.mark.parametrize("kind", SMALL)
-@pytest.mark.parametrize("two_sided", [False, True])
-def test_every_kind_can_be_cut(kind: str, two_sided: bool) -> None:
+@pytest.mark.parametrize(("kind", "more"), [("ico", {}), ("coupon", {}), ("board", {"two_sided": True})])
+def test_every_kind_can_be_cut(kind: str, more: dict[str, object]) -> None:
     """Whatever stands beside the pieces of a kind, its files are made; each ring is engraved once."""
-    if two_sided and kind != "board":
-        return
-    more = {"two_sided": True} if two_sided else {}
     design = Design(size_job(asked_for(kind, {**SMALL[kind], "formats": "dxf,laser", "page": "fit", **more})).job)
     drawn = circles(dxf_of(design))
     assert len(drawn) == 2 * design.target.ring_count - int(design.target.is_dot.sum())
     assert b"</svg>" in content_of(design, "laser.svg")
+
+
+def detected(grey: NDArray[np.uint8], design: Design, within_px: float) -> float:
+    """The share of rings that are found in drawn artwork, all of them where they were drawn."""
+    found = calib.detect(grey, design.target)
+    scale = np.polyfit(design.target.center_mm[found.ring, 0], found.center_px[:, 0], 1)
+    assert np.abs(np.polyval(scale, design.target.center_mm[found.ring, 0]) - found.center_px[:, 0]).max() < within_px
+    return len(found.ring) / design.target.ring_count
+
+
+@pytest.mark.parametrize(("suffix", "ink"), [("gerber", ".gto"), ("gerber-mask", ".gts")])
+def test_drawn_gerber_is_detected_with_all_rings(suffix: Format, ink: str, tmp_path: Path) -> None:
+    """Artwork as PyGerber draws it shows the detector every ring; drawn areas are ink, or openings in it."""
+    design = flat("board", suffix)
+    layers = gerbers_of(design, f"{suffix}.zip", tmp_path)
+    picture = tmp_path / "drawn.png"
+    layers[ink].render_raster(str(picture), dpmm=PX_PER_MM)
+    drawn = np.asarray(Image.open(picture).convert("L"))
+    grey = np.where(drawn == drawn[0, 0], 255, 0).astype(np.uint8)  # of the first pixel's colour is what is white
+    assert detected(np.pad(grey, 60, constant_values=255), design, within_px=0.6) == 1  # it draws on whole pixels
+
+
+def test_drawn_dxf_is_detected_with_all_rings() -> None:
+    """What a laser fills, all circles under the even-odd rule, shows the detector every ring."""
+    design = flat("board", "dxf")
+    drawn = circles(dxf_of(design))
+    size = (np.ptp(design.target.outline_mm[0], axis=0) * PX_PER_MM).astype(int)
+    fine = 4
+    x, y = ((np.arange(fine * count) + 0.5) / (fine * PX_PER_MM) for count in size.tolist())
+    dark = np.zeros((len(y), len(x)), dtype=bool)
+    for cx, cy, radius in drawn.tolist():
+        rows, columns = (np.flatnonzero(np.abs(axis - at) <= radius) for axis, at in ((y, cy), (x, cx)))
+        inside = (x[columns] - cx) ** 2 + (y[rows, None] - cy) ** 2 <= radius**2
+        dark[np.ix_(rows, columns)] ^= inside
+    share = dark[::-1].reshape(size[1], fine, size[0], fine).mean(axis=(1, 3))
+    grey = np.pad((255 * (1 - share)).astype(np.uint8), 60, constant_values=255)
+    assert detected(grey, design, within_px=0.05) == 1
 
 
 def test_marks_of_sheets_are_not_cut() -> None:

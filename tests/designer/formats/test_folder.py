@@ -41,12 +41,6 @@ def test_files_are_written_and_others_left(folder: Path) -> None:
     }
 
 
-def test_folder_is_made(tmp_path: Path) -> None:
-    """The folder and those above it are made."""
-    write_folder(tmp_path / "x" / "y", FILES)
-    assert contents(tmp_path / "x" / "y") == {file.name: file.content for file in FILES}
-
-
 def fails_with(code: int) -> Callable[..., None]:
     def fail(*_: object, **__: object) -> None:
         raise OSError(code, os.strerror(code))
@@ -80,10 +74,16 @@ def test_full_disk_leaves_the_earlier_files(folder: Path, monkeypatch: pytest.Mo
     assert len(written) == 2
 
 
-def test_disk_that_fills_at_the_end_leaves_the_earlier_files(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A disk that says so only when the data is flushed to it is noticed, too."""
-    monkeypatch.setattr(os, "fsync", fails_with(errno.ENOSPC))
-    assert_refused_and_intact(folder, "No space left on device")
+@pytest.mark.parametrize(
+    ("call", "code", "message"),
+    [("fsync", errno.ENOSPC, "No space left on device"), ("mkdir", errno.EROFS, "Read-only file system")],
+)
+def test_a_place_that_takes_nothing_leaves_the_earlier_files(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, call: str, code: int, message: str
+) -> None:
+    """A disk that is full only when the data is flushed to it, and a place that refuses the first temporary file."""
+    monkeypatch.setattr(os, call, fails_with(code))
+    assert_refused_and_intact(folder, message)
 
 
 def test_failing_rename_leaves_the_earlier_files(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -125,19 +125,6 @@ def test_file_in_the_way_of_the_folder_is_named(tmp_path: Path) -> None:
     assert (tmp_path / "out").read_text() == "mine"
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_protected_folder_is_refused(folder: Path) -> None:
-    """A folder without the right to write is named."""
-    folder.chmod(0o500)
-    assert_refused_and_intact(folder, "out: cannot be written: Permission denied")
-
-
-def test_unwritable_place_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """So is one that refuses the first temporary file."""
-    monkeypatch.setattr(os, "mkdir", fails_with(errno.EROFS))
-    assert_refused_and_intact(folder, "Read-only file system")
-
-
 def test_interruption_leaves_the_earlier_files(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C while writing changes nothing and leaves no temporary file."""
 
@@ -149,9 +136,3 @@ def test_interruption_leaves_the_earlier_files(folder: Path, monkeypatch: pytest
     with pytest.raises(KeyboardInterrupt):
         write_folder(folder, FILES)
     assert contents(folder) == before
-
-
-def test_long_names_are_refused(folder: Path) -> None:
-    """A name that the file system cannot hold changes nothing."""
-    files = (*FILES, OutputFile("x" * 300, b"", "long"))
-    assert_refused_and_intact(folder, "File name too long", files)

@@ -1,6 +1,7 @@
 """GLB files: what the reference readers make of them."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pygltflib
@@ -8,32 +9,15 @@ import pytest
 import trimesh
 
 from designer.formats.glb import glb_bytes
-from designer.kinds.ico import IcoSpec
-from designer.kinds.layout import lay_out
-from designer.make.mesh import Part, inlaid, plain_solid, solid_hull
-from designer.make.pattern import make_pattern
-from designer.spec.spec import PrinterProfile, PrintSpec
+from designer.make.mesh import Part
+from tests.support.designs import small
 
-SPEC = IcoSpec(30.0, 5, 3.0, 0.45, 4.0, 1.0, 0.5)
-PRINTING = PrintSpec(
-    "one-piece",
-    PrinterProfile("p", (256, 256, 256), 0.4, 0.45, 0.2),
-    1.0,
-    0,
-    0,
-    0.2,
-    "#ffffff",
-    "#d0a010",
-    True,
-    False,
-    0.02,
-)
+PRINTING = replace(small("ico").job.printing, ink_colour="#d0a010")
 
 
 @pytest.fixture(scope="module")
 def part() -> Part:
-    pattern = make_pattern(lay_out(SPEC), PRINTING)
-    return inlaid(pattern, solid_hull(pattern, SPEC.solid, PRINTING.inlay_mm), PRINTING.inlay_mm)
+    return small("ico").part
 
 
 @pytest.fixture(scope="module")
@@ -95,14 +79,3 @@ def test_accessors_declare_their_bounds_and_stay_in_the_buffer(glb: bytes) -> No
             points = np.frombuffer(blob[view.byteOffset :], "<f4", 3 * accessor.count).reshape(-1, 3)
             np.testing.assert_array_equal(points.min(axis=0), np.float32(accessor.min))
             np.testing.assert_array_equal(points.max(axis=0), np.float32(accessor.max))
-
-
-def test_a_body_without_ink_is_one_mesh() -> None:
-    """Where the pattern is paper, the file holds the body alone."""
-    scene = read(glb_bytes(Part(plain_solid(SPEC.solid, below_mm=0.0, scale=1.0), None), PRINTING))
-    assert list(scene.geometry) == ["body"]
-
-
-def test_same_part_same_bytes(part: Part, glb: bytes) -> None:
-    """The file depends on part and colours only."""
-    assert glb_bytes(part, PRINTING) == glb

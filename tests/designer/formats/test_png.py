@@ -148,12 +148,6 @@ def test_board_shows_its_thickness() -> None:
     assert colour_at(image, below) == "neither"
 
 
-@pytest.mark.parametrize("name", DESIGNS)
-def test_same_design_same_bytes(name: str) -> None:
-    """The preview of one design is always the same file."""
-    assert preview(DESIGNS[name]) == preview(DESIGNS[name])
-
-
 def test_black_faces_stay_apart() -> None:
     """Black ink under light is not black everywhere, so that the edges between dark borders can be seen."""
     image = pixels(preview(ICO, "#ffffff", "#000000"))

@@ -3,7 +3,6 @@
 import io
 import json
 import math
-import tomllib
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +11,6 @@ from pathlib import Path
 from typing import cast
 from xml.etree import ElementTree
 
-import lib3mf
 import numpy as np
 import pytest
 
@@ -22,7 +20,7 @@ from designer.designing import DesignedTarget, design
 from designer.formats.project import MOST_PLATES, PRIME_MM3, plate_corner_mm
 from designer.kinds.presets import preset_names, preset_or_file
 from designer.kinds.sizing import size_job
-from designer.kinds.spec_file import parse_spec, read_printer_file, spec_to_toml
+from designer.kinds.spec_file import read_printer_file
 from designer.make.bed import Plate
 from designer.produce import EXPORTERS
 from designer.spec.machine import Presets
@@ -254,16 +252,6 @@ def assert_clear(plate: Plate, corner: Array) -> None:
         assert apart.any(), f"{piece.name} covers the tower's place"
 
 
-def test_lib3mf_reads_it_strictly(name: str) -> None:
-    """Without a warning, and all pieces are there."""
-    model = lib3mf.get_wrapper().CreateModel()
-    reader = model.QueryReader("3mf")
-    reader.SetStrictModeActive(True)
-    reader.ReadFromBuffer(package_of(name))
-    assert reader.GetWarningCount() == 0
-    assert model.GetBuildItems().Count() == sum(len(plate.pieces) for plate in target_of(name).design.plates)
-
-
 def test_prusaslicer_shows_all_parts(tmp_path: Path) -> None:
     """As bare geometry: body and ink of each piece, closed."""
     path = tmp_path / "x.3mf"
@@ -320,10 +308,3 @@ def test_presets_of_templates_are_of_their_printer() -> None:
         assert presets.plate_mm == file.bed[:2]
         (nozzle,) = [one for one in file.nozzles if one.diameter == presets.nozzle_mm]
         assert presets.process.startswith(f"{nozzle.layer_height:.2f}mm ")
-
-
-def test_a_spec_that_was_written_makes_the_same_project() -> None:
-    """The presets stand in NAME.toml, so that a printer's own file is not needed again."""
-    made = target_of("board").design
-    again = size_job(parse_spec(tomllib.loads(spec_to_toml(made.job)), ""))
-    assert again.job.printing.printer == made.job.printing.printer

@@ -1,13 +1,11 @@
-"""Binary STL, read back by trimesh and admesh."""
+"""Binary STL by its bytes and by admesh; `tests/laws` read it with trimesh."""
 
 import re
 import shutil
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 from designer.formats.stl import stl_bytes
 from designer.make.mesh import Mesh
@@ -15,27 +13,10 @@ from designer.spec.kind import KINDS
 from tests.support.designs import ink_of, small
 from tests.support.programs import run
 
-MESHES = [(name, part) for name in KINDS for part in ("body", "ink")]
 
-
-@pytest.fixture(params=MESHES, ids="-".join)
+@pytest.fixture(params=KINDS, scope="module")
 def mesh(request: pytest.FixtureRequest) -> Mesh:
-    name, part = request.param
-    return small(name).part.body if part == "body" else ink_of(small(name))
-
-
-def read_back(mesh: Mesh) -> trimesh.Trimesh:
-    """The file as trimesh sees it: corners with equal single-precision numbers are one vertex."""
-    return trimesh.load(BytesIO(stl_bytes(mesh)), file_type="stl")
-
-
-def test_stl_is_closed_and_holds_the_volume(mesh: Mesh) -> None:
-    """Rounding to single precision keeps the surface watertight, its triangles and its volume."""
-    read = read_back(mesh)
-    assert read.is_watertight
-    assert read.is_winding_consistent
-    assert len(read.faces) == len(mesh.triangles)
-    assert read.volume == pytest.approx(mesh.volume_mm3, rel=1e-5)
+    return ink_of(small(request.param))
 
 
 def test_stored_normals_point_outward(mesh: Mesh) -> None:
