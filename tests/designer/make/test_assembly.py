@@ -34,7 +34,7 @@ each_solid = pytest.mark.parametrize("kind", SOLIDS)
 @cache
 def design_of(kind: str, edge_mm: float = 100.0) -> Design:
     """A design whose rings are coarse: fits do not ask for them."""
-    return Design(size_job(asked_for(kind, {"edge": edge_mm, "chord_error": COARSE})).job)
+    return Design(size_job(asked_for(kind, {"edge": edge_mm, "chord_error": "0.2mm"})).job)
 
 
 @cache
@@ -348,21 +348,23 @@ def test_a_solid_of_ones_own_is_parted_where_it_cuts_no_face() -> None:
     assert split_of(cube).lid_face is not None
 
 
-@pytest.mark.parametrize("bed_mm", [(110.0, 110.0, 200.0), (110.0, 110.0, 60.0)])
+@pytest.mark.parametrize("bed_mm", [(160.0, 160.0, 200.0), (200.0, 200.0, 60.0)])
 def test_a_bed_too_small_says_which_edge_fits(bed_mm: tuple[float, float, float]) -> None:
     """By tile or by core, the same edge whatever was asked for; it does fit, and a millimetre more does not."""
 
-    def refused(edge_mm: float) -> float:
-        printing = design_of("ico", edge_mm).job.printing
-        small_bed = replace(printing, printer=replace(printing.printer, bed_mm=bed_mm))
+    def plates(edge_mm: float) -> None:
+        printing = design_of("cube", edge_mm).job.printing
+        printing = replace(printing, printer=replace(printing.printer, bed_mm=bed_mm))
+        plates_of(assembly_of("cube", edge_mm), printing)
+
+    def refused_mm(edge_mm: float) -> float:
         with pytest.raises(InputError, match="use an edge of at most") as error:
-            plates_of(assembly_of("ico", edge_mm), small_bed)
+            plates(edge_mm)
         return float(str(error.value).split("at most ")[1].split("mm")[0])
 
-    edge = refused(100.0)
-    assert refused(edge + 1) == edge
-    printing = design_of("ico", edge).job.printing
-    plates_of(assembly_of("ico", edge), replace(printing, printer=replace(printing.printer, bed_mm=bed_mm)))
+    edge_mm = refused_mm(120.0)
+    assert refused_mm(edge_mm + 1.0) == edge_mm
+    plates(edge_mm)
 
 
 def test_pins_that_cannot_be_printed_are_refused() -> None:

@@ -1,4 +1,4 @@
-"""How the part lies on the bed."""
+"""How a part, and tiles side by side, lie on the bed."""
 
 from dataclasses import replace
 
@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shapely import Polygon, box
 
-from designer.base.solid import Solid
+from designer.base.solid import Solid, regular_polygon
 from designer.kinds.ico import icosahedron
-from designer.kinds.sizing import size_job
-from designer.make.bed import bed_from_target, printed_size_mm
+from designer.kinds.sizing import printer_of, size_job
+from designer.make.assembly import BED_RIM_MM, nest
+from designer.make.bed import TOWER_MM, bed_from_target, printed_size_mm
 from designer.produce import Design
 from designer.spec.machine import BRIM_MM, Machine
+from designer.spec.options import AskedPrinting
 from designer.spec.spec import PrinterProfile
 from tests.support.designs import COARSE, asked_for, ink_of, small_board, small_ico
 
@@ -31,17 +34,6 @@ def vertices_of(design: Design) -> np.ndarray:
 
 def on_bed(design: Design, motion: np.ndarray) -> np.ndarray:
     return vertices_of(design) @ motion[:3, :3].T + motion[:3, 3]
-
-
-def test_last_face_lies_on_the_bed(design: Design) -> None:
-    """The motion is rigid and right-handed, and the last face's normal points into the bed, at z = 0."""
-    motion = bed_from_target(design.target, design.job.printing)
-    assert motion[:3, :3] @ motion[:3, :3].T == pytest.approx(np.eye(3), abs=1e-9)
-    assert np.linalg.det(motion[:3, :3]) == pytest.approx(1.0)
-    frame = motion @ design.target.target_from_face[-1]
-    assert frame[:3, 2] == pytest.approx(np.array([0.0, 0.0, -1.0]), abs=1e-9)
-    assert frame[2, 3] == pytest.approx(0.0, abs=1e-9)
-    assert on_bed(design, motion)[:, 2].min() == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("bed_mm", [(250.0, 210.0, 220.0), (210.0, 250.0, 220.0)])
@@ -126,3 +118,26 @@ def test_parts_and_brims_lie_clear_of_the_cutters_corner() -> None:
         assert (high + BRIM_MM <= 256 + 1e-9).all()
         assert ((low + high) / 2 == pytest.approx(np.full(2, 128.0))) == is_centred
         assert is_centred or (low - BRIM_MM >= np.array([18, 28]) - 1e-9).any()
+
+
+@pytest.mark.parametrize(("sides", "inradius_mm"), [(3, 20.0), (4, 18.0)])
+@pytest.mark.parametrize("excluded", [(), ((0.0, 0.0, 18.0, 28.0),), ((100.0, 90.0, 130.0, 120.0),)])
+def test_tiles_lie_on_the_bed_clear_of_each_other_of_the_tower_and_of_what_is_excluded(
+    sides: int, inradius_mm: float, excluded: tuple[tuple[float, float, float, float], ...]
+) -> None:
+    """As polygons of others: inside the rim, apart by the spacing, and none in an area that is not theirs."""
+    printer = printer_of(AskedPrinting(printer="bambu-p1s"))
+    printer = replace(printer, machine=replace(printer.machine, excluded_mm=excluded))
+    outline = regular_polygon(sides, inradius_mm)
+    bed = box(0, 0, *printer.bed_mm[:2]).buffer(-BED_RIM_MM + 1e-6)
+    taken = [box(*area) for area in excluded]
+    taken.append(box(printer.bed_mm[0] - TOWER_MM + 1e-6, printer.bed_mm[1] - TOWER_MM + 1e-6, *printer.bed_mm[:2]))
+    nests = nest(sides, inradius_mm, 40, printer)
+    assert sum(len(one.bed_from_tile) for one in nests) == 40
+    for one in nests:
+        tiles = [Polygon(outline @ motion[:2, :2].T + motion[:2, 2]) for motion in one.bed_from_tile]
+        for tile in tiles:
+            assert bed.covers(tile)
+            assert not any(tile.intersects(area) for area in taken)
+        apart = [a.distance(b) for k, a in enumerate(tiles) for b in tiles[:k]]
+        assert np.min(apart) > one.spacing_mm - 1e-6

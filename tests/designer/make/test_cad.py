@@ -1,6 +1,5 @@
 """STEP files: exact solids, read back with Open CASCADE's own reader."""
 
-import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from designer.make.mesh import Part, inlaid, plate_hull, solid_hull
 from designer.make.pattern import Pattern, make_pattern
 from designer.spec.spec import PrinterProfile, PrintSpec, Spec
 from designer.target import TargetGeometry
-from tests.support.programs import PYTHON, run
 
 PRINTER = PrinterProfile("p", (256, 256, 256), 0.4, 0.45, 0.2)
 ICO = PrintSpec("one-piece", PRINTER, 1.0, 0.0, 0.0, 0.25, "#f0e0c0", "#203040", False, False, 0.005)
@@ -27,18 +25,28 @@ SCALE = 1.01
 
 @dataclass(frozen=True)
 class Case:
-    """A target with its meshes and its solids, all at one scale."""
+    """A target with its meshes and what was read back of its file, all at one scale."""
 
     spec: Spec
     printing: PrintSpec
     target: TargetGeometry
     pattern: Pattern
     part: Part
-    solids: cad.InlaidSolids
+    step: Path
+    whole: build123d.Compound
+
+    @property
+    def body(self) -> build123d.Shape:
+        """The body."""
+        return self.whole.children[0]
+
+    @property
+    def ink(self) -> tuple[build123d.Shape, ...]:
+        """The marks."""
+        return self.whole.children[1].children
 
 
 CASES: dict[str, tuple[Spec, PrintSpec]] = {
-    "ico": (IcoSpec(30.0, 5, 3.0, 0.45, 4.0, 1.0, 0.5), ICO),
     "ico, narrow border": (IcoSpec(30.0, 5, 3.0, 0.45, 4.0, 0.4, 0.5), ICO),
     "cube": (CubeSpec(24.0, 5, 2.6, 0.45, 3.6, 1.2, 0.5), ICO),
     "board, light letters": (BoardSpec((60.0, 60.0), 4.0, 4, 4, "square", 7.0, 0.45, 10.0, 5.0, 5.0, True), BOARD),
@@ -47,7 +55,7 @@ CASES: dict[str, tuple[Spec, PrintSpec]] = {
 
 
 @pytest.fixture(params=CASES, scope="module")
-def case(request: pytest.FixtureRequest) -> Case:
+def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Case:
     spec, printing = CASES[request.param]
     target = lay_out(spec)
     pattern = make_pattern(target, printing, scale=SCALE)
@@ -56,15 +64,9 @@ def case(request: pytest.FixtureRequest) -> Case:
     else:
         hull = plate_hull(pattern, SCALE * spec.depth_mm, printing.inlay_mm)
     part = inlaid(pattern, hull, printing.inlay_mm)
-    solids = cad.inlaid_solids(spec, pattern, printing.inlay_mm, scale=SCALE)
-    return Case(spec, printing, target, pattern, part, solids)
-
-
-@pytest.fixture(scope="module")
-def step_file(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("step") / "x.step"
-    path.write_bytes(cad.step_bytes(case.spec, case.pattern, case.printing, name="x", scale=SCALE))
-    return path
+    path.write_bytes(cad.step_bytes(spec, pattern, printing, name="x", scale=SCALE))
+    return Case(spec, printing, target, pattern, part, path, build123d.import_step(path))
 
 
 def solid_volume(case: Case) -> float:
@@ -77,11 +79,13 @@ def solid_volume(case: Case) -> float:
     return float(np.prod(case.spec.size_mm)) * case.spec.thickness_mm * SCALE**3
 
 
-def test_solids_are_valid(case: Case) -> None:
-    """The body is one valid solid, and so is each mark of the ink: one per feature, the border, the letters."""
-    assert case.solids.body.is_valid
-    assert all(solid.is_valid for solid in case.solids.ink)
-    labels = [solid.label for solid in case.solids.ink]
+def test_step_keeps_products_names_and_colours(case: Case) -> None:
+    """A reader finds the products body and ink, each mark a valid solid with its name, and the filaments' colours."""
+    assert case.whole.label == "x"
+    assert [child.label for child in case.whole.children] == ["body", "ink"]
+    assert case.body.is_valid
+    assert all(solid.is_valid for solid in case.ink)
+    labels = [solid.label for solid in case.ink]
     has_border = case.pattern.faces[0].window is not None
     letters = sum(len(face.dark_text) for face in case.pattern.faces)
     assert labels.count("border") == has_border
@@ -89,48 +93,29 @@ def test_solids_are_valid(case: Case) -> None:
     assert labels.count("ring") == (~case.target.is_dot).sum()
     assert labels.count("text") == letters
     assert len(labels) == case.target.ring_count + has_border + letters
+    assert hex_colour(case.body) == case.printing.body_colour
+    assert {hex_colour(child) for child in case.ink} == {case.printing.ink_colour}
 
 
 def test_body_and_ink_fill_the_solid(case: Case) -> None:
-    """Body and ink together have the solid's volume: no gap, no overlap."""
-    ink = sum(solid.volume for solid in case.solids.ink)
-    assert case.solids.body.volume + ink == pytest.approx(solid_volume(case), rel=1e-6)
-
-
-def test_volumes_agree_with_the_meshes(case: Case) -> None:
-    """True circles and equal-area polygons give the same volumes, to 0.1 % (and, being equal-area, to far less)."""
+    """Together they have the solid's volume: no gap, no overlap; true circles and equal-area polygons agree."""
+    ink = sum(solid.volume for solid in case.ink)
+    assert case.body.volume + ink == pytest.approx(solid_volume(case), rel=1e-6)
     assert case.part.ink is not None
-    assert case.solids.body.volume == pytest.approx(case.part.body.volume_mm3, rel=1e-6)
-    assert sum(solid.volume for solid in case.solids.ink) == pytest.approx(case.part.ink.volume_mm3, rel=1e-6)
-
-
-def test_step_keeps_products_names_and_colours(case: Case, step_file: Path) -> None:
-    """A reader finds the products body and ink with their volumes, and the filaments' colours on every solid."""
-    whole = build123d.import_step(step_file)
-    assert whole.label == "x"
-    body, ink = whole.children
-    assert (body.label, ink.label) == ("body", "ink")
-    assert body.is_valid
-    assert body.volume == pytest.approx(case.solids.body.volume, rel=1e-9)
-    assert ink.volume == pytest.approx(sum(solid.volume for solid in case.solids.ink), rel=1e-9)
-    assert [child.label for child in ink.children] == [solid.label for solid in case.solids.ink]
-    assert hex_colour(body) == case.printing.body_colour
-    assert {hex_colour(child) for child in ink.children} == {case.printing.ink_colour}
+    assert case.body.volume == pytest.approx(case.part.body.volume_mm3, rel=1e-6)
+    assert ink == pytest.approx(case.part.ink.volume_mm3, rel=1e-6)
 
 
 def hex_colour(shape: build123d.Shape) -> str:
     return "#" + bytes(round(255 * value) for value in tuple(shape.color)[:3]).hex()
 
 
-def test_step_places_every_ring(case: Case, step_file: Path) -> None:
+def test_step_places_every_ring(case: Case) -> None:
     """The rings' and dots' top circles, read back, lie on the target's centres with its radii; none is a polygon."""
-    (ink,) = (child for child in build123d.import_step(step_file).children if child.label == "ink")
-    marks = [child for child in ink.children if child.label in ("ring", "dot")]
+    marks = [child for child in case.ink if child.label in ("ring", "dot")]
     for row, mark in enumerate(marks):
-        centre, normal = (
-            SCALE * case.target.center_mm[row],
-            case.target.target_from_face[case.target.ring_face[row], :3, 2],
-        )
+        centre = SCALE * case.target.center_mm[row]
+        normal = case.target.target_from_face[case.target.ring_face[row], :3, 2]
         circles = mark.edges().filter_by(build123d.GeomType.CIRCLE)
         at = np.array([tuple(circle.arc_center) for circle in circles])
         on_top = np.abs((at - centre) @ normal) < 1e-6
@@ -141,11 +126,11 @@ def test_step_places_every_ring(case: Case, step_file: Path) -> None:
         np.testing.assert_allclose(radii, SCALE * np.array(expected), atol=1e-6)
 
 
-def test_copies_share_their_shape(case: Case, step_file: Path) -> None:
+def test_copies_share_their_shape(case: Case) -> None:
     """The file holds one solid for the body and one for each distinct ink shape, however many copies there are."""
-    shapes = {"body"} | {solid.label for solid in case.solids.ink if solid.label != "text"}
-    letters = [solid for solid in case.solids.ink if solid.label == "text"]
-    assert step_file.read_text().count("MANIFOLD_SOLID_BREP(") == len(shapes) + len(letters)
+    shapes = {"body"} | {solid.label for solid in case.ink if solid.label != "text"}
+    letters = [solid for solid in case.ink if solid.label == "text"]
+    assert case.step.read_text().count("MANIFOLD_SOLID_BREP(") == len(shapes) + len(letters)
 
 
 def test_ink_offset_and_inlay_reach_the_solids() -> None:
@@ -155,24 +140,3 @@ def test_ink_offset_and_inlay_reach_the_solids() -> None:
     solids = cad.inlaid_solids(spec, make_pattern(lay_out(spec), printing), printing.inlay_mm)
     dot = next(solid for solid in solids.ink if solid.label == "dot")
     assert dot.volume == pytest.approx(np.pi * 3.6**2 * 0.8, rel=1e-9)
-
-
-_PRINT_DIGEST = """
-import hashlib
-from designer.make import cad
-from designer.kinds.layout import lay_out
-from designer.make.pattern import make_pattern
-from tests.designer.make.test_cad import CASES
-
-spec, printing = CASES["board, light letters"]
-pattern = make_pattern(lay_out(spec), printing)
-for _ in range(2):
-    print(hashlib.sha256(cad.step_bytes(spec, pattern, printing, name="x")).hexdigest())
-"""
-
-
-def test_same_spec_same_bytes() -> None:
-    """Two processes write the same bytes, also where one has written other STEP files before."""
-    spec, printing = CASES["board, light letters"]
-    here = cad.step_bytes(spec, make_pattern(lay_out(spec), printing), printing, name="x")
-    assert run(PYTHON, "-c", _PRINT_DIGEST).stdout.split()[-2:] == 2 * [hashlib.sha256(here).hexdigest()]

@@ -1,7 +1,6 @@
-"""What a print takes, against stacks and boxes that are counted by hand, and against PrusaSlicer."""
+"""What a print takes, against stacks and boxes that are counted by hand; `test_slicing` asks PrusaSlicer."""
 
 import math
-import re
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -27,8 +26,7 @@ from designer.spec.machine import FilamentChange, Shells, Speeds
 from designer.spec.spec import PrintSpec
 from designer.tolerance.effort import size_of
 from designer.tolerance.error_file import error_model
-from tests.support.designs import asked_for, packages_of, small
-from tests.support.gcode import machine_settings, require_slicer, run_slicer, slice_3mf
+from tests.support.designs import asked_for, small
 
 PRINTING = size_job(asked_for("ico", {"edge": "20mm", "printer": "generic"})).job.printing
 LAYER_MM, LINE_MM = PRINTING.printer.layer_height_mm, PRINTING.printer.line_width_mm
@@ -226,16 +224,6 @@ def test_lines_that_fill_an_area_are_as_long_as_it_is_large(angle_rad: float, sp
     assert chords.max() <= 40 * math.sqrt(2) + 1e-9
 
 
-def test_sections_add_up_to_the_volume() -> None:
-    """Areas of all layers times their height, of a ball; a layer is there where its section has an area."""
-    ball = mesh_of(Manifold.sphere(10, 128).translate((0, 0, 12.05)))
-    layered = Layered(ball, LAYER_MM)
-    areas = np.array([layered.section(layer).area() for layer in range(len(layered.is_there))])
-    assert areas.sum() * LAYER_MM == pytest.approx(ball.volume_mm3, rel=1e-3)
-    assert ((areas > 0) == layered.is_there).all()
-    assert not layered.is_there[:10].any()
-
-
 def test_layers_that_repeat_are_cut_as_each_alone() -> None:
     """Of a post on a plate under a roof: the same areas as from the solid itself; only upright walls repeat."""
     post = Manifold.cube((20, 20, 2)) + Manifold.cylinder(5, 6).translate((10, 10, 1))
@@ -328,33 +316,3 @@ def test_a_price_is_a_number(price: str | bool) -> None:
     """Without a currency."""
     with pytest.raises(InputError, match=r"filament_price.*must be a number from 0 to 10000"):
         designer.ico(edge_mm=20, filament_price=price)
-
-
-@pytest.mark.slicer
-def test_prusaslicer_agrees(tmp_path: Path) -> None:
-    """Changes to the count, grams of each slot, and time, at the settings of the profile."""
-    command, design = require_slicer(), small("cube")
-    printer = design.job.printing.printer
-    package = tmp_path / "target.3mf"
-    package.write_bytes(packages_of(design).prusa)
-    settings = {**machine_settings(printer), "wipe_tower": "0", "filament_load_time": "0,0"}
-    toolpaths = slice_3mf(command, package, settings, (printer.bed_mm[0] / 2, printer.bed_mm[1] / 2))
-    text = package.with_suffix(".gcode").read_text()
-    account = re.search(r"^; filament used \[g\] = (.+)$", text, re.MULTILINE)
-    assert account is not None
-    body_g, ink_g = (float(mass) for mass in account[1].split(","))
-    assert design.estimate.changes == toolpaths.tool_changes
-    assert design.estimate.inked_layers == len(set(toolpaths.of_tool(1).end_mm[:, 2].round(3).tolist()))
-    assert design.estimate.body_g == pytest.approx(body_g, rel=0.05)
-    assert design.estimate.ink_g == pytest.approx(ink_g, rel=0.1)
-
-
-@pytest.mark.slicer
-def test_a_profile_of_one_filament_prints_all_of_it_in_that_one(tmp_path: Path) -> None:
-    """What the instructions warn of: PrusaSlicer drops the pattern of a printer with one filament, and exits with 0."""
-    command, design = require_slicer(), small("board")
-    package, ini, gcode = (tmp_path / name for name in ("target.3mf", "one.ini", "one.gcode"))
-    package.write_bytes(packages_of(design).prusa)
-    ini.write_text("nozzle_diameter = 0.4\nfilament_diameter = 1.75\nskirts = 0\n")
-    run_slicer(command, "--load", str(ini), "--export-gcode", "-o", str(gcode), str(package))
-    assert not re.search(r"^T1", gcode.read_text(), re.MULTILINE)

@@ -98,25 +98,6 @@ def test_ink_lies_on_the_left_of_every_contour(design: Design) -> None:
 
 
 @pytest.mark.parametrize("design", DESIGNS.values(), ids=DESIGNS)
-def test_features_stand_where_the_target_has_them(design: Design) -> None:
-    """Every feature is stamped at its centre, dots as discs and rings with their hole, and nothing else is."""
-    pattern, target = pattern_of(design), design.target
-    for number, face in enumerate(pattern.faces):
-        mine = np.flatnonzero(target.ring_face == number)
-        assert len(face.stamp) == len(mine)
-        frame = pattern.target_from_face[number]
-        in_space = face.position_mm @ frame[:3, :2].T + frame[:3, 3]
-        assert in_space == pytest.approx(target.center_mm[mine], abs=1e-6)
-        for row, stamp in zip(mine, face.stamp, strict=True):
-            shape = pattern.stamps[stamp]
-            assert (shape.hole is None) == target.is_dot[row]
-            assert (shape.outer_radius_mm, shape.inner_radius_mm) == (
-                target.radius_outer_mm[row],
-                target.radius_inner_mm[row],
-            )
-
-
-@pytest.mark.parametrize("design", DESIGNS.values(), ids=DESIGNS)
 @pytest.mark.parametrize("offset_mm", [-0.7, -0.05, 0.1, 1.0])
 def test_offset_moves_every_edge_of_the_ink(design: Design, offset_mm: float) -> None:
     """Growing the ink by o adds o to rims, takes it from holes and moves the border's inner edge in by o."""
@@ -263,10 +244,3 @@ def test_marks_nest_as_the_detector_expects(design: Design, number: int) -> None
     assert all(not children[centre] for mark in marks for centre in children[mark])
     if face.window is not None:
         assert len(children[outermost]) == 1 + len(face.light_text)
-
-
-def test_letters_are_among_the_nesting_cases() -> None:
-    """The cases above hold letters both in a border and on a board."""
-    assert FACES["letters in the border"][0].printed_pattern.faces[19].light_text
-    assert FACES["board"][0].printed_pattern.faces[0].dark_text
-    assert FACES["board with border"][0].printed_pattern.faces[0].light_text

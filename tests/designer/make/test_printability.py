@@ -117,15 +117,6 @@ def test_margin_to_a_plain_boards_edge_counts_one_offset() -> None:
 # --- measured geometry -----------------------------------------------------------------------------------------------
 
 
-def test_one_moved_ring_is_noticed() -> None:
-    """In a measured target a single ring that has come too near to its neighbour breaks the rule of gaps."""
-    center = BOARD.center_mm.copy()
-    center[20, 0] += 2.7  # leaves 0.3 of the 3 mm to the right
-    moved = replace(BOARD, source="measured", center_mm=center)
-    assert level(moved, PRINTING, "gap") == "violation"
-    assert level(BOARD, PRINTING, "gap") == "holds"
-
-
 def test_one_ring_near_the_border_is_noticed() -> None:
     """In a measured target a single ring that has come too near to the border breaks the rule of margins."""
     center = ICO.center_mm.copy()
@@ -242,13 +233,6 @@ def test_corners_that_a_bed_excludes_are_not_printed_on(size: str, p1s: str, a1:
         assert level(lay_out(job.target), job.printing, "bed") == verdict
         if verdict == "violation":
             assert "18 x 28 mm in front left" in found(lay_out(job.target), job.printing, "bed")[0].text
-
-
-def test_bed_counts_shrinkage_compensation() -> None:
-    """A part printed 1 % larger needs 1 % more bed."""
-    printing = replace(SOLID, printer=replace(PRINTER, bed_mm=(187.5, 187.5, 187.5)))
-    assert level(ICO, printing, "bed") == "note"
-    assert level(ICO, replace(printing, shrink_compensation_percent=1.0), "bed") == "violation"
 
 
 def test_sheets_need_no_bed() -> None:

@@ -139,24 +139,20 @@ def test_board_is_clear_of_the_foot_and_printable(width: float, height: float, b
 
 
 @pytest.mark.parametrize("edge", [20.0, 100.0])
-def test_each_face_number_appears_once(edge: float) -> None:
-    """Twenty stickers on all pages together, each face number once, beside its own sticker."""
-    _, pages = sheets(ico(edge))
-    labels = [text.text for page in pages for text in page.drawing.texts if text.text.startswith("FACE")]
-    assert sorted(labels) == sorted(f"FACE {k}" for k in range(20))
-    assert sum(text.text.startswith("joins") for page in pages for text in page.drawing.texts) == 60
+def test_labels_name_the_face_across_the_edge(edge: float) -> None:
+    """The label along a sticker's edge names the face that shares this edge in space, found from the frames alone.
 
-
-def test_labels_name_the_face_across_the_edge() -> None:
-    """The label along a sticker's edge names the face that shares this edge in space, found from the frames alone."""
-    target, pages = sheets(ico(100.0))
+    Each of twenty stickers has its face's number, once on all pages together.
+    """
+    target, pages = sheets(ico(edge))
     frame = target.target_from_face
     corners = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
-    checked = 0
+    numbers, checked = [], 0
     for page in pages:
         for cut in page.drawing.cuts:
             beside = [text for text in page.drawing.texts if is_beside(text, cut)]
             (face,) = (int(text.text.split()[1]) for text in beside if text.text.startswith("FACE"))
+            numbers.append(face)
             for text in (text for text in beside if text.text.startswith("joins")):
                 k = int(np.argmin([side(cut, k).distance(text_box(text)) for k in range(3)]))
                 shared = corners[face][[k, (k + 1) % 3]]
@@ -166,6 +162,7 @@ def test_labels_name_the_face_across_the_edge() -> None:
                 assert gap.max() < 1e-6
                 checked += 1
     assert checked == 60
+    assert sorted(numbers) == list(range(20))
 
 
 def side(cut: tuple[tuple[float, float], ...], k: int) -> LineString:
@@ -306,15 +303,6 @@ def test_fit_that_no_pdf_can_hold() -> None:
         sheets(board(4990.0, 40.0), "fit")
 
 
-@pytest.mark.parametrize("spec", [ico(100.0), CUBE, board(60.0, 60.0, 2.0)])
-def test_same_input_same_bytes(spec: Spec) -> None:
-    """The same target gives the same PDF and SVG, byte for byte."""
-    once, again = (sheets(spec)[1] for _ in range(2))
-    assert once == again
-    assert pdf_bytes(once) == pdf_bytes(again)
-    assert svg_bytes(once) == svg_bytes(again)
-
-
 # Read back from SVG
 
 
@@ -322,7 +310,7 @@ def svg_point(text: str) -> np.ndarray:
     return np.array([float(number) for number in text.split()])
 
 
-@pytest.mark.parametrize("spec", [MASTER, CUBE, board(220.0, 220.0, 4.0)])
+@pytest.mark.parametrize("spec", [MASTER, CUBE, board(100.0, 80.0, 4.0)])
 def test_svg_holds_true_circles_at_the_features(spec: Spec) -> None:
     """Each feature is one path of full circles (ring: two, dot: one) with its radii, and the pitch holds in mm."""
     target, pages = sheets(spec, "fit")

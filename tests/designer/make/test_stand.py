@@ -16,22 +16,11 @@ from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
 from designer.make.mesh import Mesh, plain_plate, plain_solid
 from designer.make.stand import CLEARANCE_MM, make_stand, stand_from_target
-from designer.spec.spec import PrinterProfile, PrintSpec, Spec
+from designer.spec.spec import Spec
 from designer.target import TargetGeometry
+from tests.support.designs import small
 
-PRINTING = PrintSpec(
-    "one-piece",
-    PrinterProfile("p", (256, 256, 256), 0.4, 0.45, 0.2),
-    1.0,
-    0,
-    0,
-    0.2,
-    "#ffffff",
-    "#000000",
-    True,
-    True,
-    0.02,
-)
+PRINTING = replace(small("board").job.printing, stand=True)
 SPECS: dict[str, Spec] = {
     "ico 20": IcoSpec(20.0, 5, 2.3, 0.45, 2.9, 0.5, 0.4),
     "ico 20, rings near the corners": IcoSpec(20.0, 5, 2.4, 0.45, 3.35, 0.5, 0.1),
