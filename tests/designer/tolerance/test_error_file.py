@@ -8,14 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from designer.base.codec import decode
 from designer.base.errors import InputError
-from designer.base.files import MAX_TOML_BYTES, read_spec_file
-from designer.kinds.presets import preset_folder, preset_names
+from designer.kinds.presets import preset_names
 from designer.make.bed import printed_size_mm
 from designer.spec.build import BUILDS
 from designer.tolerance.effort import TargetSize, parse_effort, size_of
-from designer.tolerance.error_file import ErrorFile, error_model, parse_amount, parse_expansion
+from designer.tolerance.error_file import error_model, parse_amount, parse_expansion
 from designer.tolerance.source import KINDS, Amount, Kind, format_quantity
 from designer.tolerance.sources import SOURCES
 from tests.support.designs import small
@@ -176,23 +174,17 @@ def test_a_file_is_read_with_its_units(tmp_path: Path) -> None:
         ("material", "materail", ["unknown key 'materail'", "did you mean 'material'?"]),
         ('material = "PLA"', "", ["material is missing"]),
         ("errors.face_tilt", "face_tilt", ["unknown key 'face_tilt'", "[errors.face_tilt]"]),
-        ("errors.face_tilt", "errors.face_tlit", ["unknown error source 'face_tlit'", "did you mean 'face_tilt'?"]),
         ('source = "a measurement"', 'origin = "me"', ["unknown key 'errors.face_tilt.origin'", "amount, source"]),
         ('source = "a measurement"', "", ["errors.face_tilt.source is missing", "assumption: "]),
         ('source = "a measurement"', 'source = ""', ["errors.face_tilt.source ''", "must not be empty"]),
         ("uniform 0.2deg", "uniform 0.2mm", ["face_tilt 'uniform 0.2mm'", "unit 'mm'", "0.1deg"]),
-        ("uniform 0.2deg", "unifrom 0.2deg", ["unknown distribution 'unifrom'", "did you mean 'uniform'?"]),
-        ("uniform 0.2deg", "uniform -0.2deg", ["face_tilt", "must not be negative"]),
         ("amount = 0.1", "amount = true", ["errors.face_offset.amount True", "must be a quantity"]),
         ("amount = 0.1", "amount = nan", ["face_offset 'nan'", "not a finite number"]),
-        ("amount = 0.1", "amount = inf", ["face_offset 'inf'", "not a finite number"]),
         ("60ppm/K", "60ppm", ["expansion '60ppm'", "68e-6/K"]),
         ("60ppm/K", "0/K", ["expansion '0/K'", "more than zero"]),
         ("amount = 0.2,", 'amount = "-0.2mm",', ["layer_height '-0.2mm'", "more than zero"]),
-        ("amount = 0.2,", 'amount = "0.2s",', ["layer_height '0.2s'", "unknown unit of length 's'"]),
         (GOOD, GOOD + "face_bow = 3", ["errors.face_offset.face_bow", "amount, source"]),
         (GOOD, "errors = 3\n" + GOOD.partition("[errors")[0], ["errors 3", "with keys"]),
-        (GOOD, GOOD + "[errors.face_tilt]\n", ["line ", "not valid TOML"]),
     ],
 )
 def test_a_mistake_in_a_file_is_told_with_its_remedy(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
@@ -212,21 +204,6 @@ def test_an_effect_needs_what_it_comes_from(tmp_path: Path) -> None:
     assert "[layer_height]" in refusal(path, "stair_steps=25%")
     assert "[expansion]" in refusal(path, "thermal=3K")
     assert error_model(path, ["thermal=0K"]).amount("thermal").sigma == 0
-
-
-def test_files_are_read_within_bounds(tmp_path: Path) -> None:
-    """A missing file, a folder and a file that is far too long are refused before they are parsed."""
-    assert "did you mean 'fdm-dual'?" in refusal("fdm-daul")
-    assert "no such file" in refusal(str(tmp_path / "none.toml"))
-    assert "unknown error template" in refusal(str(tmp_path))
-    assert f"more than {MAX_TOML_BYTES} bytes" in refusal(written(tmp_path, GOOD + "#" * MAX_TOML_BYTES))
-
-
-def test_templates_are_the_file_format() -> None:
-    """Each template states its layer height and amounts in the words of the schema."""
-    for path in (preset_folder() / "errors").glob("*.toml"):
-        file = decode(ErrorFile, read_spec_file(path))
-        assert list(file.errors) == [name for name in file.errors if name in SOURCES], path
 
 
 # --- overrides --------------------------------------------------------------------------------------------------------
@@ -249,20 +226,14 @@ def test_an_override_replaces_one_amount() -> None:
     ("override", "words"),
     [
         ("face_tilt", ["'face_tilt'", "SOURCE=AMOUNT"]),
-        ("face_tlit=1deg", ["unknown error source 'face_tlit'", "'face_tilt'"]),
-        ("=1deg", ["unknown error source ''"]),
-        ("face_tilt=", ["face_tilt ''", "expected an angle"]),
-        ("face_tilt=normal", ["face_tilt 'normal'", "expected an angle"]),
+        ("face_tlit=1deg", ["unknown error source 'face_tlit'; did you mean 'face_tilt'?"]),
         ("face_tilt=0.1mm", ["face_tilt '0.1mm'", "'mm'", "0.1deg"]),
         ("face_offset=0.1deg", ["face_offset '0.1deg'", "unit of length 'deg'", "mm"]),
         ("scale=0.1mm", ["scale '0.1mm'", "percentage", "0.4%"]),
         ("thermal=3mm", ["thermal '3mm'", "'mm'", "5K"]),
         ("skew=-1deg", ["skew '-1deg'", "must not be negative", "fixed"]),
-        ("skew=uniform -1deg", ["skew", "must not be negative"]),
         ("skew=nan", ["skew 'nan'", "not a finite number"]),
-        ("skew=infdeg", ["skew 'infdeg'", "not a finite number"]),
         ("skew=1e300deg", ["skew '1e300deg'", "too large"]),
-        ("thermal=9999K", ["thermal", "too large"]),
         ("skew=gaussian 1deg", ["unknown distribution 'gaussian'", "normal, uniform, fixed"]),
         ("ring_jitter=1e9mm", ["ring_jitter", "more than 10000mm"]),
         ("face_tilt=" + "9" * 5000, ["face_tilt '999", "expected an angle"]),

@@ -37,20 +37,6 @@ def test_draws_have_their_size(kind: Kind) -> None:
     assert amount.scaled(2).sigma == pytest.approx(2 * amount.sigma)
 
 
-def test_perturbed_targets_scatter_by_their_amounts() -> None:
-    """Over many parts, each source's numbers scatter by its own sigma, prints, faces and rings apart."""
-    target, rng = board(), np.random.default_rng(2)
-    names = ("scale", "face_offset", "ring_jitter")
-    values = [draw_values(target, FULL.only(*names), rng) for _ in range(400)]
-    for name in names:
-        numbers = np.stack([value[name] for value in values])
-        assert numbers.shape[1:] == (SOURCES[name].instances(target), SOURCES[name].components)
-        assert numbers.std() == pytest.approx(FULL.amount(name).sigma, rel=0.15), name
-        assert abs(numbers.mean()) < 0.2 * FULL.amount(name).sigma, name
-    jitter = np.stack([value["ring_jitter"] for value in values]).reshape(400, -1)
-    assert abs(np.corrcoef(jitter[:, 0], jitter[:, 1])[0, 1]) < 0.2
-
-
 @pytest.mark.parametrize("gone", SOURCES)
 def test_leaving_a_source_out_leaves_the_others(gone: str, target: TargetGeometry) -> None:
     """Without one source, or with it larger, all others draw the same numbers, and so does the next draw."""
@@ -98,11 +84,8 @@ def test_draws_grow_with_the_model(factor: float) -> None:
         ("ink_bleed", [1.6], ["ink_bleed 1.6mm", "hole", "smaller"]),
         ("ink_bleed", [-4.0], ["ink_bleed -4mm", "ink of a ring vanishes"]),
         ("scale", [-1.0], ["scale -100%", "between 0.5 and 2 times"]),
-        ("scale", [-2.0], ["scale -200%"]),
         ("scale", [9.0], ["scale 900%"]),
-        ("axis_scale", [0.0, -3.0, 0.0], ["axis_scale -300%"]),
         ("skew", [0.0, 1.2, 0.0], ["skew 68.7549deg", "less than 45deg"]),
-        ("thermal", [-1e5], ["thermal -100000K"]),
         ("face_tilt", [1.2, 1.2], ["face_tilt 68.7549deg", "less than 90deg"]),
         ("face_shift", [np.nan, 0.0], ["face_shift nanmm", "finite"]),
         ("face_offset", [np.inf], ["face_offset infmm", "finite"]),
