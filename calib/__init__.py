@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from calib.app.diff import Difference, diff
     from calib.app.evaluate import CameraErrors, evaluate
     from calib.app.hand_eye import hand_eye
+    from calib.app.hand_eye_poses import HandEyeOfPoses, hand_eye_poses
     from calib.app.inputs import load_camera, load_observations, load_rig, load_rig_observations
     from calib.app.measure import measure, rescale
     from calib.app.measured_print import MeasuredPrint, RescaledTarget
@@ -67,6 +68,7 @@ __all__ = [
     "Difference",
     "Guide",
     "HandEye",
+    "HandEyeOfPoses",
     "InputError",
     "MeasuredPrint",
     "NothingFoundError",
@@ -100,6 +102,7 @@ __all__ = [
     "diff",
     "evaluate",
     "hand_eye",
+    "hand_eye_poses",
     "live",
     "live_rig",
     "load_camera",
@@ -139,6 +142,7 @@ _HOMES = {
     "calib.app.detect": ("DetectedPhotos", "Detector", "detect", "detect_photos"),
     "calib.app.evaluate": ("CameraErrors", "evaluate"),
     "calib.app.hand_eye": ("hand_eye",),
+    "calib.app.hand_eye_poses": ("HandEyeOfPoses", "hand_eye_poses"),
     "calib.app.inputs": ("load_camera", "load_observations", "load_rig", "load_rig_observations"),
     "calib.app.measure": ("measure", "rescale"),
     "calib.app.measured_print": ("MeasuredPrint", "RescaledTarget"),

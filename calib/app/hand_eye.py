@@ -3,13 +3,14 @@
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Annotated
 
+from calib.app.hand_eye_poses import hand_eye_poses
 from calib.app.options import Fix, FreeBend, Limits, Made, Minimise, Model, PhotoJobs, Points
 from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, rig_criteria_of, settings_of
 from designer.base.errors import InputError
 from designer.base.options import argument, option
 from designer.base.units import parse_angle_rad, parse_length_mm
 from designer.base.words import shown
-from designer.page.capability import OUTPUT, capability
+from designer.page.capability import OUTPUT, capability, instead
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ def _noise(text: str) -> tuple[float, float]:
     return parse_angle_rad(parts[1].strip()), parse_length_mm(parts[0].strip())
 
 
+@instead(target_poses=hand_eye_poses)
 @capability(folder=lambda given: folder_for("hand-eye", given))
 def hand_eye(
     target: TargetShown = None,

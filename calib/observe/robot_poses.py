@@ -2,12 +2,13 @@
 
 A row, or an entry, is a photo: `image`, a position whose unit its columns name (`x_mm`, `x_m`), and a rotation as
 `qx qy qz qw` in any order, `q1 q2 q3 q4` (w first), a rotation vector `rx_rad ry_rad rz_rad`, Euler angles, or a matrix
-`m00 ... m23`. In YAML and JSON `position`, `orientation` and `matrix` may stand as they do in ROS.
+`m00 ... m23`. In YAML and JSON `position`, `orientation` and `matrix` may stand as they do in ROS. A stream has times
+instead of photos, `time_s`, or is a trajectory of TUM's form: `time x y z qx qy qz qw` in m, no names.
 """
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PureWindowsPath
 
 import numpy as np
@@ -27,6 +28,13 @@ Entry = Mapping[str, object]
 KIND = "ringsolid.robot-poses"
 FIRST_LINE = "# ringsolid robot-poses, version 1"
 IMAGE = ("image", "photo", "file", "name", "frame")
+TIME = ("time", "t", "timestamp", "stamp")
+SECONDS = {"_s": 1.0, "_ms": 1e-3, "_us": 1e-6, "_ns": 1e-9, "": 1.0}
+TUM = ("time_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
+TUM_SUFFIXES = (".tum", ".txt")
+CAMERA_PLACE = ("x_mm", "y_mm", "z_mm")
+TARGET_POSES = "# ringsolid poses"
+"""How the table begins that `calib pose` writes."""
 LENGTHS = {"mm": 1.0, "m": 1e3, "cm": 10.0, "in": 25.4}
 ANGLES = {"rad": 1.0, "deg": float(np.pi / 180)}
 MOST_POSES, MAX_FILE_BYTES = 100_000, 16 * 2**20
@@ -65,9 +73,30 @@ class RobotPoses:
     angle_names: tuple[str, ...] = ()
     angle_unit: str = "rad"
     has_quaternions: bool = False
+    time_s: Array | None = None  # (V,) if the file has them
+    covariance: Array | None = None  # (V, 6, 6) of a table of `calib pose`: rad and mm, in the camera's axes
 
     def __post_init__(self) -> None:
-        freeze(self, "base_from_flange", "angles_rad")
+        freeze(self, "base_from_flange", "angles_rad", "time_s", "covariance")
+
+    def sorted_by_time(self) -> "RobotPoses":
+        """The same in the order of time.
+
+        Raises:
+            InputError: two poses are of one time.
+        """
+        if self.time_s is None:
+            return self
+        order = np.argsort(self.time_s, kind="stable")
+        if (np.diff(self.time_s[order]) <= 0).any():
+            row = int(np.flatnonzero(np.diff(self.time_s[order]) <= 0)[0])
+            raise InputError(f"{self.origin}: two poses at {self.time_s[order[row]]:.9g} s; a time has one")
+        arrays = {
+            name: value[order]
+            for name in ("base_from_flange", "angles_rad", "time_s", "covariance")
+            if (value := getattr(self, name)) is not None
+        }
+        return replace(self, images=tuple(self.images[row] for row in order), **arrays)
 
 
 def read_robot_poses(
@@ -86,11 +115,13 @@ def read_robot_poses(
     """
     table = _table(path, unit)
     columns, name = table.columns, next((name for name in IMAGE if name in table.columns), None)
-    if name is None:
+    time = _times(table)
+    if name is None and time is None:
         raise InputError(
-            f"{path}: column 'image' is missing{suggestion('image', list(columns))}; it names the photo of each pose"
+            f"{path}: column 'image' is missing{suggestion('image', list(columns))}; it names the photo of each pose; "
+            "a stream has time_s"
         )
-    images = tuple(str(cell).strip() for cell in columns[name].cells)
+    images = tuple(str(cell).strip() for cell in (columns[name].cells if name else _stamped(time)))
     first: dict[str, str] = {}
     for row, image in enumerate(images):
         if image in first:
@@ -110,8 +141,33 @@ def read_robot_poses(
     return RobotPoses(
         images, invert(pose) if is_inverted else pose, str(path), is_inverted, length.name, length.is_named,
         value if way.are_angles else None, way.names if way.are_angles else (), angle.name,
-        has_quaternions=way.rotations is of_quaternion,
+        has_quaternions=way.rotations is of_quaternion, time_s=time, covariance=_covariances(table),
     )  # fmt: skip
+
+
+def _times(table: "_Table") -> Array | None:
+    """The times of the rows, if a column has them."""
+    units = [(name, unit) for name in TIME for unit in SECONDS if f"{name}{unit}" in table.columns]
+    if not units:
+        return None
+    name, unit = units[0]
+    return SECONDS[unit] * table.reals([f"{name}{unit}"])[:, 0]
+
+
+def _stamped(time_s: Array | None) -> list[str]:
+    """What poses are called by their times."""
+    return [] if time_s is None else [f"{one:.9f}" for one in time_s.tolist()]
+
+
+def _covariances(table: "_Table") -> Array | None:
+    """Of a table of `calib pose`."""
+    upper = [f"c{row}{column}" for row in range(6) for column in range(row, 6)]
+    if not table.has(upper):
+        return None
+    rows, columns = np.triu_indices(6)
+    covariance = np.zeros((len(table.places), 6, 6))
+    covariance[:, rows, columns] = covariance[:, columns, rows] = table.reals(upper)
+    return covariance
 
 
 def robot_poses_to_csv(images: Sequence[str], base_from_flange: Array) -> bytes:
@@ -135,7 +191,13 @@ def _entries(path: Path) -> list[tuple[str, Entry]]:
         if len(_VALUE.findall(text)) > MOST_YAML_VALUES:
             raise InputError(f"{path}: more than {MOST_YAML_VALUES} values in YAML, which is slow; write CSV or JSON")
         return list(_tree_entries(parse_yaml(text, str(path)), str(path)))
+    if path.suffix.lower() in TUM_SUFFIXES:
+        lines = [line.split() for line in text.splitlines()]
+        named = [",".join(TUM), *("" if not one or one[0][0] == "#" else ",".join(one) for one in lines)]
+        text = "\n".join(named) + "\n"
     table = read_table(path, text, lambda names: column_fault(names, (), ""))
+    if text.startswith(TARGET_POSES):  # x, y, z are the camera's place in the target's frame there
+        table = replace(table, cells={name: cells for name, cells in table.cells.items() if name not in CAMERA_PLACE})
     rows = (dict(zip(table.cells, row, strict=True)) for row in zip(*table.cells.values(), strict=True))
     return [(f"line {line}", row) for line, row in zip(table.lines, rows, strict=True)]
 

@@ -62,7 +62,7 @@ def start_hand_eye(cam_from_target: Array, rig_from_carrier: Array) -> HandEyeSt
     """
     seen, told = np.asarray(cam_from_target, dtype=np.float64), np.asarray(rig_from_carrier, dtype=np.float64)
     keep = _agreeing(seen, told)
-    guesses = [_refined(seen, told, turn, keep) for turn in _first_turns(seen[keep], told[keep])]
+    guesses = [_refined(seen, told, turn, keep) for turn in first_turns(seen[keep], told[keep])]
     return min(guesses, key=lambda start: _badness(start.error))
 
 
@@ -102,7 +102,7 @@ def _agreeing(seen: Array, told: Array) -> Flags:
     return np.asarray(typical <= FAR_OFF * max(float(np.median(typical)), FLOOR_RAD))
 
 
-def _first_turns(seen: Array, told: Array) -> list[Array]:
+def first_turns(seen: Array, told: Array) -> list[Array]:
     """Guesses of the rotation in X: one, but for turns about one axis without another hint."""
     first, second = _pairs(len(seen))
     a, b = relative_turns(seen, first, second), relative_turns(told, first, second)
@@ -166,15 +166,15 @@ def _refined(seen: Array, told: Array, turn: Array, keep: Flags) -> HandEyeStart
     length = max(float(np.median(np.linalg.norm(seen[keep, :3, 3], axis=1))), FLOOR_MM)
     unit = np.tile(np.repeat([1.0, length], 3), 2)
     x, z = make_pose(turn, np.zeros(3)), make_pose(turn_z, np.zeros(3))
-    error, design = _equations(seen, told, x, z)
+    error, design = equations(seen, told, x, z)
     design[:, :, :3] = design[:, :, 6:9] = 0.0  # the shifts alone, which are linear
     surest = keep[:, None] / np.repeat([FLOOR_RAD, FLOOR_MM], 3)
     x, z, _ = _stepped(x, z, error, design, unit, surest)
     for step in range(STEPS):
-        error, design = _equations(seen, told, x, z)
+        error, design = equations(seen, told, x, z)
         weight = surest if step < SURE_STEPS else _weights(error, keep)
         x, z, loose = _stepped(x, z, error, design, unit, weight)
-    error, _ = _equations(seen, told, x, z)
+    error, _ = equations(seen, told, x, z)
     counts = _weights(error, keep)[:, 0] > 0
     rms = np.sqrt((error[counts] ** 2).sum(axis=0) / max(int(counts.sum()), 1))
     return HandEyeStart(
@@ -189,7 +189,7 @@ def _stepped(x: Array, z: Array, error: Array, design: Array, unit: Array, weigh
     is_told = value > UNDETERMINED**-2
     pull = np.einsum("vij,vi->j", part, error * weight) @ vector
     step = unit * (vector @ np.where(is_told, pull / np.where(is_told, value, 1.0), 0.0))
-    return _moved(x, step[:6]), _moved(z, step[6:]), vector[:6, ~is_told]
+    return moved_by(x, step[:6]), moved_by(z, step[6:]), vector[:6, ~is_told]
 
 
 def _mean_rotation(rotation: Array) -> Array:
@@ -199,12 +199,12 @@ def _mean_rotation(rotation: Array) -> Array:
     return mean
 
 
-def _moved(pose: Array, step: Array) -> Array:
+def moved_by(pose: Array, step: Array) -> Array:
     """A pose turned by the first three numbers and shifted by the others, in its own axes on the left."""
     return make_pose(exp_rotation(step[:3]) @ pose[:3, :3], pose[:3, 3] + step[3:])
 
 
-def _equations(seen: Array, told: Array, x: Array, z: Array) -> tuple[Array, Array]:
+def equations(seen: Array, told: Array, x: Array, z: Array) -> tuple[Array, Array]:
     """How far A is from X B Z (V, 6), and how that moves with steps of X and Z (V, 6, 12)."""
     to_z = x[:3, :3] @ told[:, :3, :3]
     away = (told[:, :3, :3] @ z[:3, 3] + told[:, :3, 3]) @ x[:3, :3].T

@@ -14,7 +14,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TypeAlias, TypeVar, cast, overload
@@ -61,22 +61,29 @@ def capability(
 
     def decorated(function: Callable[P, R]) -> Callable[P, R]:
         offered = checked(function)
-        setattr(offered, "as_command", lambda: command_of(function, folder))  # noqa: B010  # what `Later` looks for
+        setattr(offered, "as_command", lambda **others: command_of(function, folder, others))  # noqa: B010  # for `Later`
         return offered
 
     return decorated if function is None else decorated(function)
 
 
 def instead(**others: Callable[..., Result]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorate a capability whose command is another one where an option is given: `@instead(rig=rig_tolerance)`.
+    """Decorate a capability that is another one where an option is given: `@instead(rig=rig_tolerance)`.
 
     The command has the options of both; what does not go with the one that is carried out is refused.
     """
 
     def decorate(offered: Callable[P, R]) -> Callable[P, R]:
         functions = {name: inspect.unwrap(other) for name, other in others.items()}
-        setattr(offered, "as_command", lambda: command_of(inspect.unwrap(offered), None, functions))  # noqa: B010
-        return offered
+        own: Callable[..., object] = getattr(offered, "as_command")  # noqa: B009
+
+        @wraps(offered)
+        def either(*args: P.args, **given: P.kwargs) -> R:
+            chosen = next((other for name, other in others.items() if given.get(name) is not None), offered)
+            return cast(R, chosen(*args, **given))
+
+        setattr(either, "as_command", lambda: own(**functions))  # noqa: B010
+        return either
 
     return decorate
 
@@ -105,7 +112,7 @@ def command_of(
         chosen = others.get(option, function)
         made, takes = _result_of(chosen), inspect.signature(chosen).parameters
         values = dict(_chosen_values(texts, own, chosen, option))
-        where = cast(Path, place or (folder(values) if folder else _folder_of(made)))
+        where = cast(Path, place or (folder(values) if folder and not option else _folder_of(made)))
         is_asked = bool(place or folder or made.is_written)
         page = where if made.is_written and not made.is_table(where) else None
         output = Output(where, page, is_asked=is_asked)

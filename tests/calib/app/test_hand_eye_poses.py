@@ -1,0 +1,87 @@
+"""`calib hand-eye` of poses alone."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import calib
+from calib.core.se3 import exp_rotation, invert, make_pose, quaternion_wxyz
+from designer.base.arrays import Array
+from designer.base.errors import InputError
+from tests.support.command_line import calib as run_calib
+
+FLANGE_FROM_CAM = make_pose(exp_rotation(np.array([0.1, -0.2, 2.0])), np.array([40.0, -25.0, 90.0]))
+BASE_FROM_TARGET = make_pose(exp_rotation(np.array([3.0, 0.2, 0.1])), np.array([500.0, 30.0, 0.0]))
+
+
+def poses(count: int = 12) -> tuple[Array, Array]:
+    """base_from_flange and cam_from_target that fit, but for some noise."""
+    rng = np.random.default_rng(2)
+    robot = make_pose(exp_rotation(rng.uniform(-0.5, 0.5, (count, 3))), rng.uniform(-100, 100, (count, 3)) + 400)
+    seen = invert(robot @ FLANGE_FROM_CAM) @ BASE_FROM_TARGET
+    seen[:, :3, 3] += rng.normal(0, 0.2, (count, 3))
+    return robot, seen
+
+
+def tum(path: Path, pose: Array, first_s: float = 0.0) -> Path:
+    """A trajectory in TUM's form: m, and the quaternion's w last."""
+    turn = np.roll(quaternion_wxyz(pose[:, :3, :3]), -1, axis=1)
+    np.savetxt(path, np.column_stack([first_s + 0.1 * np.arange(len(pose)), pose[:, :3, 3] / 1e3, turn]), header="q")
+    return path
+
+
+def test_arrays_and_files_say_the_same(tmp_path: Path) -> None:
+    """Arrays in mm, files of trajectories in m, and inverted ones lead to one place, near the true one."""
+    robot, seen = poses()
+    found = calib.hand_eye_poses(seen, poses=robot)
+    np.testing.assert_allclose(found.place[:3, 3], FLANGE_FROM_CAM[:3, 3], atol=1.0)
+    np.testing.assert_allclose(found.target_place[:3, 3], BASE_FROM_TARGET[:3, 3], atol=1.0)
+    files = {"poses": tum(tmp_path / "robot.tum", robot), "target_poses": tum(tmp_path / "cam.txt", invert(seen))}
+    read = calib.hand_eye(**files, target_inverted=True)  # type: ignore[arg-type]  # as the function of one name does
+    np.testing.assert_allclose(read.place, found.place, atol=1e-6)
+
+
+def test_the_table_of_calib_pose_is_read_with_its_covariances(tmp_path: Path) -> None:
+    """`calib pose -o poses.csv` goes into hand-eye as it is; its covariances count."""
+    from calib.observe.target_poses import poses_to_csv, target_pose
+
+    robot, seen = poses()
+    table = tmp_path / "poses.csv"
+    variances = np.diag([1e-8, 1e-8, 1e-8, 0.04, 0.04, 0.04])
+    made = [target_pose(f"{row}.png", pose, variances, np.zeros((8, 2))) for row, pose in enumerate(seen)]
+    table.write_bytes(poses_to_csv(made))
+    by_table = calib.hand_eye_poses(table, poses=robot)
+    by_array = calib.hand_eye_poses(seen, poses=robot, covariances=np.broadcast_to(variances, (12, 6, 6)))
+    np.testing.assert_allclose(by_table.place, by_array.place, atol=1e-7)
+    assert set(by_table.noise) == {"robot_turn_rad", "robot_shift_mm"}
+
+
+def test_a_shell_gives_both_files(tmp_path: Path) -> None:
+    """The command tells the place, names poses that do not follow, and writes its files."""
+    robot, seen = poses()
+    seen[3] = seen[8]
+    place = tmp_path / "out"
+    files = "--poses", tum(tmp_path / "a.tum", robot), "--target-poses", tum(tmp_path / "b.tum", seen)
+    answer = run_calib("hand-eye", *files, "-o", place)
+    assert answer.code == 0
+    assert "11 of 12" in answer.out
+    assert "left out" in answer.out.lower()
+    assert {one.name for one in place.iterdir()} >= {"hand_eye_poses.json", "pose_errors.csv", "index.html"}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"target_poses": np.eye(4)}, r"shape \(4, 4\)"),
+        ({"poses": 2.0 * poses()[0]}, "pose 0"),
+        ({"covariances": np.eye(6)}, "one of each"),
+        ({"covariances": np.zeros((12, 6, 6))}, "positive definite"),
+    ],
+)
+def test_what_is_no_pose_is_refused(change: dict[str, Array], said: str) -> None:
+    """Shapes, scaled rotations and covariances that cannot be are named."""
+    robot, seen = poses()
+    given = {"target_poses": seen, "poses": robot, **change}
+    with pytest.raises(InputError, match=said):
+        calib.hand_eye_poses(**given)  # type: ignore[arg-type]  # arrays by name
