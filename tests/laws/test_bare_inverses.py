@@ -31,7 +31,7 @@ ALLOWED = {
     "calib/detector/where_expected.py _plane_map": "shortest solutions, whose points were found to span a plane",
     "calib/cameras/formats/rigs/opencv.py write": "the linear part of a camera, whose focal lengths are more than zero",
     "calib/cameras/formats/mrcal_surface.py surface_of": "smoothed by its bends, which leave no control point free",
-    "calib/rigs/pose_pairs.py _fitted": "variances that a prior keeps from nothing; a normal matrix with a prior on each",
+    "calib/rigs/pose_pairs.py _fitted": "variances kept from nothing by a prior, as is the normal matrix",
     "calib/rigs/accuracy.py shared_inverse": "what cannot be inverted is caught, and said to be undetermined",
     "calib/rigs/robot_readings.py _ways": "a normal matrix with more on its diagonal",
     "calib/judge/reading.py _own_centres": "a shortest solution, which any photo has",
