@@ -102,20 +102,3 @@ def test_installing_writes_to_the_home_folder_only(tmp_path: Path) -> None:
     (script,) = (path for path in tmp_path.rglob("*") if path.suffix == ".sh")
     assert "_CALIB_COMPLETE" in script.read_text()
     assert str(script) in (tmp_path / ".bashrc").read_text()
-
-
-@pytest.mark.parametrize("line", ["calib convert c --to ", "design make "])
-def test_completion_loads_no_heavy_library(line: str) -> None:
-    """A pressed Tab is answered at once: neither NumPy nor OpenCV nor any CAD is imported for it."""
-    words = line.split(" ")
-    program = words[0]
-    code = (
-        "import sys\n"
-        f"import {MODULE[program]} as cli\n"
-        f"sys.argv = [{program!r}]\n"
-        "try: cli.main()\n"
-        "finally: print({'numpy', 'cv2', 'numba', 'scipy', 'matplotlib', 'build123d'} & set(sys.modules))\n"
-    )
-    variables = {f"_{program.upper()}_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
-    answer = programs.run(PYTHON, "-c", code, check=False, **variables)
-    assert answer.stdout.splitlines()[-1] == "set()", answer

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import click
 import pytest
 import typer
 from typer.core import TyperGroup
@@ -99,8 +100,8 @@ CALIB = (
     Case(("pose", "--rig", "pair.rig.json", "board.target.json", "photos", "blank"), 2),
     Case(("diff", "camera.json", "other.json", "--picture", "map.png"), 0),
     Case(("diff", "camera.json", "no-camera.json"), 2),
-    Case(("measure", "board.target.json", "--measured-length", "ring 0 to ring 6:72.1mm", "-o", "m.target.json"), 0),
     Case(("measure", "board.target.json", "squarely.csv", "--rings", "rigid", "--flat", "-o", "m.target.json"), 1),
+    Case(("measure", "board.target.json", "--measured-length", "ring 0 to ring 6:72.1mm", "-o", "m.target.json"), 0),
     Case(("measure", "board.target.json", "-o", "m.target.json"), 2),
     Case(("coupon", "none.png"), 2),
     Case(("triangulate", "pair.rig.json", "sightings.csv", "-o", "out"), 0),
@@ -179,19 +180,15 @@ def test_bad_input_is_one_line_on_standard_error(program: Callable[..., Answer],
     assert sorted(Path().rglob("*")) == before
 
 
-def _commands(app: typer.Typer) -> Iterator[str]:
-    """The names of all commands of a program."""
-
-    def walk(group: TyperGroup, names: str) -> Iterator[str]:
-        for name, one in group.commands.items():
-            if isinstance(one, TyperGroup):
-                yield from walk(one, f"{names}{name} ")
-            else:
-                yield f"{names}{name}"
-
+def commands_of(app: typer.Typer) -> Iterator[tuple[str, click.Command]]:
+    """All commands of a program, those of groups by both words."""
     root = typer.main.get_command(app)
     assert isinstance(root, TyperGroup)
-    return walk(root, "")
+    for name, one in root.commands.items():
+        if isinstance(one, TyperGroup):
+            yield from ((f"{name} {inner}", command) for inner, command in one.commands.items())
+        else:
+            yield name, one
 
 
 @pytest.mark.parametrize(("program", "app", "cases"), [(design, design_app(), DESIGN), (calib, calib_app(), CALIB)])
@@ -200,7 +197,7 @@ def test_the_table_is_of_all_commands_and_each_has_the_option(
 ) -> None:
     """A command that is added must be in the table, and its help must tell of --json."""
     lines = [" ".join(case.words) for case in cases]
-    for name in _commands(app):
+    for name, _ in commands_of(app):
         assert any(line.startswith(name) for line in lines), name
         assert "--json" in program(*name.split(), "--help").out, name
 
@@ -209,7 +206,7 @@ def test_the_table_is_of_all_commands_and_each_has_the_option(
 def test_an_empty_word_is_no_folder(program: Callable[..., Answer], app: typer.Typer) -> None:
     """`-o ""`, as of a shell's variable that is not set, fills no current folder: every command refuses it."""
     before = sorted(Path().rglob("*"))
-    for name in _commands(app):
+    for name, _ in commands_of(app):
         if "-o, --out" in program(*name.split(), "--help").out:
             answer = program(*name.split(), "-o", "")
             said = "error: --out '': names no file and no folder; give its name, or leave it out\n"

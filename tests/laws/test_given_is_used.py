@@ -8,13 +8,11 @@ from pathlib import Path
 
 import click
 import pytest
-import typer
-from typer.core import TyperGroup
 
 from calib.cli import LINES, app, place_of
 from designer.base.options import Parameter, parameters_of
 from designer.cli import app as design_app
-from tests.laws.test_exit_codes import BOOTSTRAP, CALIB, DESIGN
+from tests.laws.test_exit_codes import BOOTSTRAP, CALIB, DESIGN, commands_of
 from tests.support.command_line import Answer, calib, design
 
 NONSENSE = "no/such"
@@ -48,16 +46,10 @@ STUDIED = {"design tolerance": "tolerance", "design ways": "ways"}
 
 
 def _commands() -> Iterator[tuple[str, click.Command]]:
-    """All commands, those of groups by both words, those of `design` by its name before."""
-    group, designs = typer.main.get_command(app()), typer.main.get_command(design_app())
-    assert isinstance(group, TyperGroup)
-    assert isinstance(designs, TyperGroup)
-    for name, one in group.commands.items():
-        if isinstance(one, TyperGroup):
-            yield from ((f"{name} {inner}", command) for inner, command in one.commands.items())
-        else:
-            yield name, one
-    yield from ((name, designs.commands[word]) for name, word in STUDIED.items())
+    """All commands of `calib`, and those of `design` by its name before."""
+    yield from commands_of(app())
+    designs = dict(commands_of(design_app()))
+    yield from ((name, designs[word]) for name, word in STUDIED.items())
 
 
 def run(name: str, *more: str) -> Answer:

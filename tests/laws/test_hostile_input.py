@@ -219,12 +219,6 @@ def test_a_full_standard_output_is_one_line(option: list[str]) -> None:
     assert "Exception" not in said
 
 
-@pytest.mark.parametrize("words", [("render", "board.target.json", "--views", "1", "--distance", "9m", "-o", "o")])
-def test_jobs_are_refused_in_one_line(words: tuple[str, ...]) -> None:
-    """Before anything else is said."""
-    assert "--jobs" in refused(*words, "--jobs", "0")
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="no signal masks")
 def test_processes_started_while_ctrl_c_is_held_never_see_it() -> None:
     """Not even the first, with which Python starts a tracker that would let it through again."""

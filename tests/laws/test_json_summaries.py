@@ -1,6 +1,5 @@
 """What `--json` answers: the numbers that are in the files, in one document, whatever is printed."""
 
-import csv
 import json
 import math
 import shlex
@@ -17,7 +16,7 @@ from hypothesis import strategies as st
 from calib.observe.calibration_file import read_calibration
 from designer.base.answer import StoppedError, Summary, Value, command_line, document, plain
 from tests.support import programs
-from tests.support.command_line import LENIENT, calib, design, summary_of
+from tests.support.command_line import LENIENT, calib, design, rows_of_csv, summary_of
 from tests.support.command_scene import BOARD, CAMERA, FOUND, PHOTOS, SEEN, SHIFT_PX
 from tests.support.programs import PYTHON
 
@@ -199,8 +198,7 @@ def test_detect_counts_what_is_in_the_table() -> None:
     Path("photos/broken.png").write_text("no image")
     shutil.copy("blank/none.png", "photos/none.png")
     answer = summary_of(calib("detect", "board.target.json", "photos", "-o", "out.csv", "--json"))["answer"]
-    lines = [line for line in Path("out.csv").read_text().splitlines() if not line.startswith("#")]
-    rows = list(csv.DictReader(lines))
+    rows = rows_of_csv(Path("out.csv"))
     assert answer["found"] == len(rows) == sum(len(one.ring) for one in FOUND.values())
     photos = {one["image"]: one for one in answer["per_photo"]}
     assert {name for name in photos if photos[name].get("found")} == {row["image"] for row in rows} == set(PHOTOS)

@@ -10,15 +10,22 @@ import pytest
 
 from designer.base.answer import plain
 from designer.page import capability
+from designer.page.blocks import FileList
+from designer.page.page_file import PAGE
 from designer.page.result import Result
 from designer.page.shell import page_html
 from tests.laws.test_exit_codes import CASES, Case, folder, require_promised
 from tests.support.command_line import Answer, calib, design, summary_of
+from tests.support.pages import blocks_of, figures_of
 
 __all__ = ["folder"]  # the scene that the commands work in
 ADVISED = {"calib": calib, "design": design}
-OF_FILES = {"detections", "rescaled", "as_built", "undistorted"}
-"""Kinds of results that are a table or a target alone, or lie beside photos that are written one by one."""
+OF_PHOTOS = {"detections", "undistorted"}
+"""Kinds of results that are written beside photos, one by one."""
+WORDS_ALONE = {"plan", "as_built"}
+"""Kinds with a figure that is told in words without a number."""
+OF_PAGE = ("index.html", "page.json")
+"""Files that say in what folder they are."""
 
 
 def told_by(program: Callable[..., Answer], *words: str) -> tuple[Answer, list[Result]]:
@@ -45,8 +52,9 @@ def test_memory_folder_page_and_json_tell_the_same(
 ) -> None:
     """It ends as promised; what is saved again from memory is what the command wrote, and `KIND.json` what it answers.
 
-    The page has an answer, and something in each section, and nowhere nan; a notebook shows it; `calib report` makes
-    it again to the last byte. Nothing of this prints a line. What is advised next runs as it stands, of any folder.
+    The page has an answer, something in each section and nowhere nan; figures are told in words with a number, files
+    are there; a notebook shows it; `calib report` makes it again to the last byte. Nothing of this prints a line.
+    What is advised next runs as it stands, in a folder of any name.
     """
     place = Path("it's my $out")
     words = tuple(str(place) if word == "out" else word for word in case.words if word != "--no-page")
@@ -54,18 +62,23 @@ def test_memory_folder_page_and_json_tell_the_same(
         program(*(str(place) if word == "out" else word for word in case.before))
     answer, found = told_by(program, *words, "--json")
     require_promised(answer, case)
-    if not found or found[0].kind in OF_FILES:
+    if not found or found[0].kind in OF_PHOTOS:
         return
     result, summary = found[0], summary_of(answer)
     assert summary["answer"] == json.loads(json.dumps(plain(result.answer())))
     capfd.readouterr()
     page = result.page()
-    assert page.headline is not None
-    assert page.headline.sentence
+    assert (page.headline is not None and page.headline.sentence != "") or result.kind == "rescaled"
     assert all(section.blocks for section in page.sections)
     assert not re.search(r"\bnan\b", page_html(page).decode().split("<body", 1)[1].split("<script", 1)[0])
+    assert all(re.search(r"\d" if result.kind not in WORDS_ALONE else ".", figure.alt) for figure in figures_of(page))
     assert "srcdoc" in result._repr_html_()
-    if "out" not in case.words:
+    if "out" not in case.words:  # one file, and what lies beside it
+        own = [path for path in map(Path, summary["wrote"]) if ".overlay" not in path.name and path.name not in OF_PAGE]
+        if own and "-o" in words:
+            result.save(Path("again", words[words.index("-o") + 1]))
+            assert [path for path in own if path.read_bytes() != ("again" / path).read_bytes()] == []
+        assert capfd.readouterr() == ("", "")
         return
     if result.kind not in ("calibration", "rig", "ways"):  # whose files hold what a person goes on from
         stored = json.loads((place / f"{result.kind}.json").read_text())
@@ -74,9 +87,11 @@ def test_memory_folder_page_and_json_tell_the_same(
     result.save("again", command=summary["line"])
     assert capfd.readouterr() == ("", "")
     again = files_of(Path("again"))
-    own = {path for path in wrote if path.name not in ("index.html", "page.json")}  # which say in what folder they are
     assert set(wrote) <= set(again)
-    assert [path for path in own if again[path] != wrote[path]] == []
+    assert [path for path in wrote if path.name not in OF_PAGE and again[path] != wrote[path]] == []
+    for block in blocks_of(PAGE.read(place / "page.json").page):
+        for row in block.rows if isinstance(block, FileList) else ():
+            assert (place / row.path).stat().st_size == row.size_bytes
     (place / "index.html").unlink()
     assert calib("report", place).code == case.code
     assert (place / "index.html").read_bytes() == wrote[Path("index.html")]

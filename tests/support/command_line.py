@@ -1,17 +1,19 @@
 """`calib` and `design` run in this process as a user runs them, and files to run them on."""
 
 import base64
+import csv
 import io
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from calib.cli import main
 from calib.core.types import Detections, Observations
@@ -121,7 +123,35 @@ def _detections(seen: Observations, target: TargetGeometry, name: str, row: Rows
     )  # fmt: skip
 
 
+def detector_of(found: Mapping[str, Detections], why: str = "nothing here") -> Callable[..., Detections]:
+    """A detector that knows by a photo's name what it shows; others show nothing, and why."""
+
+    def detect(pixels: NDArray[np.generic], _: TargetGeometry, *, name: str, **__: object) -> Detections:
+        size, some = (pixels.shape[1], pixels.shape[0]), next(iter(found.values()))
+        none = replace(some.keep(slice(0)), image_size=size, faces=(), remarks=(why,))
+        return replace(found.get(Path(name).name, none), image=name)
+
+    return detect
+
+
 def write_inputs(seen: Observations, target: TargetGeometry) -> None:
     """`board.target.json` and `detections.csv` in the current folder."""
     Path("board.target.json").write_text(target_to_json(target))
     write_detections(Path("detections.csv"), detections_of(seen, target), target)
+
+
+def write_correspondences(path: Path, seen: Observations, *, has_size: bool = True) -> list[str]:
+    """A CSV with image,u,v,X,Y,Z as other programs write it; its lines."""
+    lines = ["# image_size {} x {}".format(*seen.image_size)] if has_size else []
+    lines.append("image,u,v,X,Y,Z")
+    for view, point, pixel in zip(seen.view, seen.point, seen.center_px, strict=True):
+        numbers = (*pixel.tolist(), *seen.points.position_mm[point].tolist())
+        lines.append(",".join([seen.view_names[view], *map(repr, numbers)]))
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return lines
+
+
+def rows_of_csv(path: Path) -> list[dict[str, str]]:
+    """The rows of a table, without its comments."""
+    with path.open(newline="") as stream:
+        return list(csv.DictReader(line for line in stream if not line.startswith("#")))

@@ -6,12 +6,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera, camera_to_json
 from calib.cameras.rig import Rig
 from calib.core.se3 import exp_rotation
-from calib.core.types import Detections, Observations
+from calib.core.types import Observations
 from calib.observe.calibration_file import Provenance, write_calibration
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
@@ -21,9 +20,9 @@ from calib.renderer.options import RenderOptions
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.base.arrays import Array
-from designer.target import TargetGeometry, target_to_json
+from designer.target import target_to_json
 from tests.support.calibrations import board, camera, poses_around, seen_by
-from tests.support.command_line import PICTURE, detections_of
+from tests.support.command_line import PICTURE, detections_of, detector_of
 from tests.support.rig_views import stereo_pair
 from tests.support.run_folders import BLANK, PANEL
 from tests.support.study_commands import nothing_drawn
@@ -52,20 +51,10 @@ SEEN = _seen()
 FOUND = {one.image: one for one in detections_of(SEEN, BOARD)}
 
 
-def detect(
-    pixels: NDArray[np.generic], target: TargetGeometry, *, name: str, camera: Camera | None = None, **_: object
-) -> Detections:
-    """What the photo of this name shows; nothing if it is none of them."""
-    if Path(name).name in FOUND:
-        return replace(FOUND[Path(name).name], image=name)
-    none = next(iter(FOUND.values()))
-    return replace(none.keep(slice(0)), image=name, remarks=("nothing here",))
-
-
 def without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     """The detector above, and pictures that are not drawn: both take longer than all else."""
     monkeypatch.setattr("calib.detector.pipeline.find", lambda *_: None)
-    monkeypatch.setattr("calib.detector.pipeline.detect", detect)
+    monkeypatch.setattr("calib.detector.pipeline.detect", detector_of(FOUND))
     monkeypatch.setattr("calib.draw.picture", lambda *_, **__: PICTURE)
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
     monkeypatch.setattr("calib.draw.sheet.sheet_files", nothing_drawn)

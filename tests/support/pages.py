@@ -1,6 +1,7 @@
 """Pages with every kind of block, tame and hostile, and the files that they lead to."""
 
 import io
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -156,3 +157,31 @@ def written(page: Page, folder: Path) -> Path:
     file = folder / "index.html"
     file.write_bytes(page_html(page))
     return file
+
+
+def blocks_of(page: Page) -> Iterator[Block]:
+    """All blocks, those in folds too."""
+    for block in (*page.lead, *(block for section in page.sections for block in section.blocks)):
+        yield block
+        if isinstance(block, Fold):
+            yield from block.blocks
+
+
+def table_of(page: Page, start: str) -> Table:
+    """The table whose title starts so."""
+    return next(one for one in blocks_of(page) if isinstance(one, Table) and one.title.startswith(start))
+
+
+def figures_of(page: Page) -> list[Figure]:
+    """All figures."""
+    return [one for one in blocks_of(page) if isinstance(one, Figure)]
+
+
+def findings_of(page: Page) -> list[Finding]:
+    """All findings."""
+    return [row for one in blocks_of(page) if isinstance(one, Findings) for row in one.rows]
+
+
+def section_of(page: Page, title: str) -> Section:
+    """The section with this title."""
+    return next(one for one in page.sections if one.title == title)

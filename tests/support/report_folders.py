@@ -1,7 +1,7 @@
 """Folders of studies and measured prints for the tests of their pages: small, and made once."""
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 
@@ -11,8 +11,6 @@ from calib.app.study_bootstrap import Bootstrap
 from calib.app.study_compare import ComparedObjects
 from calib.app.study_cost import CostStudy
 from calib.app.study_result import StudyResult
-from calib.show.folder import build_page
-from calib.show.parts.origin import Origin
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, Plan
 from calib.studies.compare.results import METRICS, CaseResult, Explanation, tabulated
 from calib.studies.cost.cases import CostPlan
@@ -24,7 +22,6 @@ from calib.studies.statistics import Case
 from calib.studies.store import open_study
 from calib.studies.stored_samples import StoredCase
 from calib.studies.study_table import StudyCases, study_table
-from designer.page.blocks import Block, Figure, Finding, Findings, Fold, Page, Table
 from tests.support.study_cases import NAMES, Made, gamma, made, paper_cases, studied
 from tests.support.tolerance_settings import told, tolerance_study
 
@@ -34,47 +31,6 @@ TARGET, PRINT = "my board", "ico-measured"
 NAN = float("nan")
 IDENTITY = StudyIdentity(7, (("model", "luhmann"), ("weighted", "no")), ())
 POOL, SIZES, SAMPLES = 20, (5, 10), 60
-
-
-def written(files: Files, folder: Path) -> Path:
-    """The folder with these files."""
-    for name, content in files.items():
-        place = folder / name
-        place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_bytes(content)
-    return folder
-
-
-def page_of(kind: str, folder: Path) -> Page:
-    """The page of a folder."""
-    return build_page(folder, Origin(kind, f"calib study {kind} -o somewhere", "ringsolid 1.2.3"))
-
-
-def blocks_of(page: Page) -> Iterator[Block]:
-    """All blocks, those in folds too."""
-    for block in (*page.lead, *(block for section in page.sections for block in section.blocks)):
-        yield block
-        if isinstance(block, Fold):
-            yield from block.blocks
-
-
-def table_of(page: Page, start: str) -> Table:
-    """The table whose title starts so."""
-    return next(one for one in blocks_of(page) if isinstance(one, Table) and one.title.startswith(start))
-
-
-def figures_of(page: Page) -> list[Figure]:
-    """All figures."""
-    return [one for one in blocks_of(page) if isinstance(one, Figure)]
-
-
-def findings_of(page: Page) -> list[Finding]:
-    """All findings."""
-    return [row for one in blocks_of(page) if isinstance(one, Findings) for row in one.rows]
-
-
-def _relative(files: Mapping[Path, bytes], folder: Path) -> dict[str, bytes]:
-    return {path.relative_to(folder).as_posix(): content for path, content in files.items()}
 
 
 def _samples(size: int) -> Made:

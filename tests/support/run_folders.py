@@ -1,7 +1,7 @@
 """Folders as `calib run` leaves them, made without photos: for tests of what is built from them."""
 
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from calib.solver.metrics.evaluation_files import evaluation_files
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.base.files import distinct_stems, write_files
-from designer.page.blocks import Block, Finding, Findings, Fold, Page, Section, Table
+from designer.page.blocks import Page
 from designer.target import TargetGeometry
 from tests.support.calibrations import board, example
 from tests.support.command_line import PICTURE
@@ -67,29 +67,6 @@ def write_overlays(folder: Path, names: Sequence[str], size: tuple[int, int] = (
         stream = io.BytesIO()
         Image.fromarray(np.roll(pixels, 7 * number, axis=1)).save(stream, "PNG", compress_level=1)
         write_files({folder / "overlays" / f"{stem}.overlay.png": stream.getvalue()})
-
-
-def blocks(page: Page) -> Iterator[Block]:
-    """All blocks, those in folds too."""
-    for block in (*page.lead, *(block for section in page.sections for block in section.blocks)):
-        yield block
-        if isinstance(block, Fold):
-            yield from block.blocks
-
-
-def table(page: Page, title: str) -> Table:
-    """The table with a title that begins so."""
-    return next(block for block in blocks(page) if isinstance(block, Table) and block.title.startswith(title))
-
-
-def findings(page: Page) -> list[Finding]:
-    """All findings."""
-    return [row for block in blocks(page) if isinstance(block, Findings) for row in block.rows]
-
-
-def section(page: Page, title: str) -> Section:
-    """The section with this title."""
-    return next(one for one in page.sections if one.title == title)
 
 
 BLANK = b'<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9" viewBox="0 0 9 9"><path d="M0 0"/></svg>'

@@ -43,20 +43,6 @@ def test_evaluate_measures_a_stored_camera(tmp_path: Path) -> None:
         calib.evaluate("cal", held_out=7)
 
 
-def test_convert_tells_what_it_took() -> None:
-    """A camera as a value becomes a file's text; it is written when it is saved, and never over the input."""
-    exact, fitted = calib.convert(CAMERA, "opencv"), calib.convert(CAMERA, "json", model="luhmann")
-    assert list(exact.named_fits) == []
-    assert "camera_matrix" in exact.text
-    assert 0 < fitted.max_px == next(iter(fitted.named_fits))[2].max_px
-    again = calib.load_camera(exact.save("camera.yaml")[0])
-    assert again.params == pytest.approx(CAMERA.params)
-    with pytest.raises(calib.InputError, match="is a file to read"):
-        calib.convert("camera.yaml", "opencv", out="camera.yaml")
-    with pytest.raises(calib.InputError, match="unknown camera format"):
-        calib.convert(CAMERA, "opencw")
-
-
 @pytest.mark.parametrize("shape", [(120, 160), (120, 160, 3)])
 def test_undistort_takes_an_array(shape: tuple[int, ...]) -> None:
     """An image comes back as it was, of the pinhole; one of another size or depth is refused."""

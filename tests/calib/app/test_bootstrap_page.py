@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from calib.studies.statistics import METRICS
-from tests.support.report_folders import SIZES, bootstrap_result, paper_result, table_of
+from tests.support.pages import table_of
+from tests.support.report_folders import SIZES, bootstrap_result, paper_result
 from tests.support.study_commands import nothing_drawn
 
 

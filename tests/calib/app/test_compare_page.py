@@ -6,7 +6,8 @@ import pytest
 
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN
 from designer.page.blocks import Page
-from tests.support.report_folders import compare_result, table_of
+from tests.support.pages import table_of
+from tests.support.report_folders import compare_result
 from tests.support.study_commands import nothing_drawn
 
 

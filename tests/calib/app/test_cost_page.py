@@ -3,7 +3,8 @@
 import pytest
 
 from designer.page.blocks import Page
-from tests.support.report_folders import cost_result, table_of
+from tests.support.pages import table_of
+from tests.support.report_folders import cost_result
 from tests.support.study_commands import nothing_drawn
 
 

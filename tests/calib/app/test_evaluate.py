@@ -15,7 +15,6 @@ from typer.testing import CliRunner, Result
 
 import calib
 from calib.app import evaluate as capability
-from calib.core.types import Observations
 from calib.draw.run_tables import models_table
 from calib.judge.judged_run import read_run
 from calib.judge.solutions import Solution
@@ -31,6 +30,7 @@ from calib.solver.solve import solve
 from designer.base.errors import InputError
 from designer.base.words import figure, with_digits
 from tests.support.calibrations import board, example, icosahedron
+from tests.support.command_line import rows_of_csv, write_correspondences
 
 APP = typer.Typer()
 COMMAND = capability.evaluate.as_command()
@@ -63,12 +63,6 @@ def truth_file(folder: Path) -> Path:
     path = folder / "truth.json"
     path.write_text(truth_text(job))
     return path
-
-
-def cells(path: Path) -> list[dict[str, str]]:
-    """The rows of a CSV file."""
-    with path.open(newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 def test_a_calibration_alone_is_enough(tmp_path: Path) -> None:
@@ -135,21 +129,11 @@ def test_held_out_solves_as_it_was_solved(tmp_path: Path) -> None:
     assert document["metrics"]["reprojection"]["rmse"] > summarise(evaluate(solved()).errors[0]).rmse
 
 
-def table_of(seen: Observations, path: Path) -> Path:
-    """Sightings as a table that says its image size."""
-    place = seen.points.position_mm[seen.point]
-    rows = zip(
-        np.array(seen.view_names)[seen.view].tolist(), *seen.center_px.T.tolist(), *place.T.tolist(), strict=True
-    )
-    lines = (",".join(map(str, row)) for row in rows)
-    path.write_text("\n".join(["# image_size {} x {}".format(*seen.image_size), "image,u,v,X,Y,Z", *lines]) + "\n")
-    return path
-
-
 def test_sightings_that_were_not_solved_from(tmp_path: Path) -> None:
     """--on says what the errors are of on screen and in its files, which the folder's page tells apart from its own."""
     folder = folder_of(solved(), tmp_path / "cal")
-    other = table_of(example(ICO, np.random.default_rng(2), views=3, noise_px=0.1).observations, tmp_path / "b.csv")
+    other = tmp_path / "b.csv"
+    write_correspondences(other, example(ICO, np.random.default_rng(2), views=3, noise_px=0.1).observations)
     result = run(folder, "--on", other, "--no-figures", "--verbose")
     assert result.exit_code == 0, result.output
     assert "Errors of b.csv, which the camera was not solved from: of these, poses only" in result.output
@@ -183,7 +167,8 @@ def test_bad_input_is_one_line(tmp_path: Path) -> None:
     folder = folder_of(solved(), tmp_path / "cal")
     other = tmp_path / "other"
     other.mkdir()
-    truth, seen = truth_file(other), table_of(TRUE.observations, other / "seen.csv")
+    truth, seen = truth_file(other), other / "seen.csv"
+    write_correspondences(seen, TRUE.observations)
     truth.write_text(truth.read_text().replace("view_", "photo_"))
     for arguments, words in (
         ([tmp_path], f"name the folder of one: {folder}"),
@@ -223,7 +208,7 @@ def test_files_hold_the_summaries(tmp_path: Path) -> None:
     assert document["of"] == "the views the camera was solved from"
     for errors in found.errors:
         assert document["metrics"][errors.metric]["rmse"] == summarise(errors).rmse
-    views, rings = cells(tmp_path / "metrics_views.csv"), cells(tmp_path / "metrics_points.csv")
+    views, rings = rows_of_csv(tmp_path / "metrics_views.csv"), rows_of_csv(tmp_path / "metrics_points.csv")
     reprojection, reconstruction = found.errors[0], found.errors[2]
     for row, summary in zip(views, by_view(found, reprojection) or (), strict=True):
         assert int(row["reprojection_count"]) == summary.count
@@ -237,8 +222,8 @@ def test_files_hold_the_summaries(tmp_path: Path) -> None:
     of_point = reprojection.point == 40
     mean = reprojection.vector[of_point].mean(axis=0)
     assert float(rings[40]["reprojection_mean_u_px"]) == pytest.approx(mean[0], rel=1e-4)
-    assert len(cells(tmp_path / "metrics_faces.csv")) == ICO.face_count
-    sightings = cells(tmp_path / "metrics_observations.csv")
+    assert len(rows_of_csv(tmp_path / "metrics_faces.csv")) == ICO.face_count
+    sightings = rows_of_csv(tmp_path / "metrics_observations.csv")
     assert len(sightings) == len(reprojection.size)
     assert float(sightings[7]["reprojection_px"]) == pytest.approx(reprojection.size[7], rel=1e-4)
     assert (sightings[7]["image"], sightings[7]["reprojection_left_out"]) == ("view_0000.png", "")
@@ -250,7 +235,7 @@ def test_outliers_are_in_the_files_with_their_reason(tmp_path: Path) -> None:
     flag[5] = True
     for path, content in evaluation_files(evaluate(replace(solved(), is_outlier=flag)), tmp_path).items():
         path.write_bytes(content)
-    row = cells(tmp_path / "metrics_observations.csv")[5]
+    row = rows_of_csv(tmp_path / "metrics_observations.csv")[5]
     assert row["reprojection_left_out"] == "outlier"
     assert float(row["reprojection_px"]) > 0
     document = json.loads((tmp_path / "metrics.json").read_text())
@@ -282,13 +267,6 @@ def test_models_stand_side_by_side() -> None:
         assert row[-1].text == "converged"
         sigma = float(row[-2].text.split("±")[1])
         assert sigma == pytest.approx(math.sqrt(one.calibration.param_covariance[0, 0]), rel=0.05)
-
-
-def test_one_view_has_no_reconstruction() -> None:
-    """A single photo of an icosahedron has no second ray: the table shows nothing, not a number."""
-    single = solve(example(ICO, np.random.default_rng(2), views=1, noise_px=0.05).observations, "pinhole")
-    table = models_table([Solution("opencv", evaluate(single))])
-    assert table.rows[0][4].text == ""
 
 
 def test_numbers_have_the_digits_that_mean_something() -> None:

@@ -11,7 +11,6 @@ import pytest
 import calib
 from calib.cameras import project
 from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose, transform
-from calib.core.types import Observations
 from calib.judge.hand_eye_file import HAND_EYE
 from calib.observe.robot_poses import read_robot_poses
 from calib.rigs.carrier import turned_by
@@ -19,16 +18,6 @@ from calib.rigs.relative import carried_error
 from calib.rigs.result import RigCalibration
 from calib.solver.start import solve_poses
 from tests.support import command_line, rig_views, solver_scenes
-
-
-def written(seen: Observations, path: Path) -> Path:
-    """A table image,u,v,X,Y,Z of sightings."""
-    rows = ["# image_size 1280 x 960", "image,u,v,X,Y,Z"]
-    place = seen.points.position_mm[seen.point]
-    for view, pixel, point in zip(seen.view.tolist(), seen.center_px.tolist(), place.tolist(), strict=True):
-        rows.append(",".join([seen.view_names[view], *(f"{value:.6f}" for value in (*pixel, *point))]))
-    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
-    return path
 
 
 def scatter_mm(found: RigCalibration) -> float:
@@ -59,7 +48,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rng = np.random.default_rng(5)
     scene = rig_views.stereo_pair(frames=COUNT, noise_px=0.05, seed=3)
     seen, rows = scene.observations.sightings[0], scene.observations.frame[0]
-    written(seen, folder / "seen.csv")
+    command_line.write_correspondences(folder / "seen.csv", seen)
     base_from_target = make_pose(exp_rotation(np.array([0.3, 0.1, -0.4])), np.array([400.0, 100.0, 50.0]))
     flange_from_base = invert(CAM_FROM_FLANGE) @ scene.rig_from_target[rows] @ invert(base_from_target)
     noise = make_pose(exp_rotation(rng.normal(0, 1e-4, (len(rows), 3))), rng.normal(0, 0.05, (len(rows), 3)))
@@ -136,7 +125,8 @@ def test_a_turntable_is_found_with_its_angles(tmp_path: Path) -> None:
     scene = rig_views.scene_of(("cam",), (lens,), np.eye(4)[None], poses, points, rng, 0.05)
     seen = scene.observations.sightings[0]
     lens.save(tmp_path / "camera.json")
-    found = calib.turntable(None, table=written(seen, tmp_path / "seen.csv"), camera=tmp_path / "camera.json")
+    command_line.write_correspondences(tmp_path / "seen.csv", seen)
+    found = calib.turntable(None, table=tmp_path / "seen.csv", camera=tmp_path / "camera.json")
     carrier = found.calibration.carrier
     assert carrier is not None
     assert carrier.angle_rad is not None

@@ -1,6 +1,5 @@
 """`calib measure`, run as a user runs it, and the words, numbers and files it leaves."""
 
-import csv
 import json
 from dataclasses import replace
 from functools import cache
@@ -11,45 +10,30 @@ import numpy as np
 import pytest
 
 from calib.app.measure import measure as measure_from_python
-from calib.app.measure import rescale
 from calib.cameras.camera import Camera
-from calib.core.se3 import exp_rotation
 from calib.core.types import Observations, keep_sightings
 from calib.draw import measured_picture
-from calib.draw.print_errors import next_print
 from calib.measure_target.cross_validation import cross_validate, laid_over
-from calib.measure_target.deviations import (
-    Compensation,
-    Estimate,
-    WholePrint,
-    bed_axes,
-    compensation_percent,
-    next_skew_rad,
-    whole_print,
-)
+from calib.measure_target.deviations import bed_axes, next_skew_rad, whole_print
 from calib.measure_target.earlier_lens import EARLIER_LENS
 from calib.measure_target.lengths import CALIPER_SIGMA_MM, CaliperLength, asked_length, length_in
 from calib.measure_target.solve import measure as measure_print
 from calib.measure_target.unknowns import AsBuiltOptions
 from calib.observe.dataset import write_detections
-from calib.observe.observations import known_points
 from calib.observe.photos import PhotoFile, PhotoResult, Search
 from calib.observe.search import PhotoSearch
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
-from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.sizing import size_printing
-from designer.make.bed import bed_from_target, printed_corners_mm
+from designer.make.bed import bed_from_target
 from designer.spec.kind import KINDS
 from designer.spec.options import AskedPrinting
 from designer.target import TargetGeometry, load_target, target_to_json
-from designer.tolerance.model import ErrorModel, displaced, perturb
-from designer.tolerance.source import Amount
+from designer.tolerance.model import ErrorModel, displaced
 from tests.support.as_built_scenes import RIGID, photos, plate, printed, random_shape, solid
-from tests.support.command_line import BLOCKS, LENIENT, PICTURE, Answer, calib, detections_of, files_in
+from tests.support.command_line import BLOCKS, LENIENT, PICTURE, Answer, calib, detections_of, files_in, rows_of_csv
 from tests.support.designs import small
-from tests.support.solver_scenes import CAMERAS, observe
 
 DRAW = "calib.draw.measured_picture.picture"
 DRAWN = measured_picture.picture
@@ -98,24 +82,10 @@ def largest_distance_mm(one: TargetGeometry, other: TargetGeometry) -> float:
     return float(np.linalg.norm(laid.center_mm - other.center_mm, axis=1).max())
 
 
-def test_python_measures_as_the_command_does(capfd: pytest.CaptureFixture[str]) -> None:
-    """`calib.measure` takes values or files, prints nothing, and writes the same numbers when it is saved."""
-    assert command(*PLAIN, "--rings", "rigid").code == 0
-    capfd.readouterr()
-    found = (one for one in detections_of(seen(), solid()))
-    measured = measure_from_python(solid(), found, model="opencv", rings="rigid", held_out=0)
-    assert {path.name for path in measured.save("out/measured.target.json")} == set(MEASURED)
-    ours, theirs = (json.loads(Path(place, MEASURED[1]).read_text()) for place in ("out", "."))
-    assert ours["settings"].keys() == theirs["settings"].keys()
-    assert ours["face_verdict"] == theirs["face_verdict"]
-    assert np.array(ours["face_motion"]) == pytest.approx(np.array(theirs["face_motion"]), abs=1e-6)
-    assert (Path("out") / MEASURED[2]).read_text().splitlines()[2] == Path(MEASURED[2]).read_text().splitlines()[2]
-    assert "srcdoc" in measured._repr_html_()
-    assert capfd.readouterr() == ("", "")
+def test_a_measurement_is_not_saved_over_its_target() -> None:
+    """Deviations would be told against themselves."""
     with pytest.raises(InputError, match="is the target it is measured against"):
         measure_from_python("ico.target.json", "seen.csv", rings="rigid", held_out=0).save("ico.target.json")
-    quick = rescale(solid(), "edge:10.05cm")
-    assert length_in(quick.target, "edge") == pytest.approx(100.5)
 
 
 def test_the_model_is_that_of_the_run_or_as_run_chooses() -> None:
@@ -180,27 +150,13 @@ def test_a_print_is_measured_and_all_is_written(monkeypatch: pytest.MonkeyPatch)
     assert Path("measured.as_built.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 
 
-def test_the_next_step_is_worth_it() -> None:
-    """`calib solve` with the measured target, as the command says, leaves less over than with the nominal one."""
-    assert command(*PLAIN).code == 0
-    left = []
-    for target in ("ico.target.json", "measured.target.json"):
-        answer = calib(
-            "solve", "seen.csv", "--target", target, "--model", "opencv", "--fix", "k3=0", "-o", "solved", *LENIENT
-        )
-        assert answer.code == 0
-        left.append(json.loads(Path("solved/calibration.json").read_text())["scale"])
-    assert left[1] < 0.2 * left[0]
-
-
 def test_the_table_holds_each_number_with_its_deviation() -> None:
     """Six numbers a face, three a seen ring; a face that no photo shows is marked, and said."""
     without = keep_sightings(seen(), solid().ring_face[seen().point] != 7)
     write_seen(without, "seen.csv")
     answer = command(*PLAIN)
     assert "no view shows face 7" in answer.out
-    lines = Path("measured.as_built.csv").read_text().splitlines()
-    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    rows = rows_of_csv(Path("measured.as_built.csv"))
     faces = [row for row in rows if row["part"] == "face"]
     assert [row["quantity"] for row in faces[:6]] == ["shift x", "shift y", "shift z", "tilt x", "tilt y", "turn z"]
     assert len(faces) == 6 * 20
@@ -230,19 +186,6 @@ def test_gain_is_judged_on_photos_held_out() -> None:
     assert held.gains[0].count == len(found.observations[0].view)
 
 
-def test_what_is_no_better_is_not_recommended() -> None:
-    """Exit code 1, one line that says why, no command that uses it; the file is there to be looked at."""
-    for views, word in ((12, "no better than the drawing"), (4, "Too few photos")):
-        write_seen(photos(solid(), np.random.default_rng(5), views), "seen.csv")
-        answer = command(*PLAIN[:6], "--rings", "rigid")
-        assert answer.code == 1
-        assert word in answer.out
-        assert "calib solve" not in answer.out
-        assert calib("report", ".").code == 1
-        held = json.loads(Path("measured.as_built.json").read_text())["held_out"]
-        assert held["is_better"] is (False if views > 4 else None)
-
-
 def test_what_was_measured_from_a_photo_is_not_judged_by_it() -> None:
     """A sighting that is far off in a held-out photo changes nothing of the measurement it is judged by."""
     found = measure_print([seen()], solid(), "opencv", RIGID)
@@ -266,37 +209,6 @@ def test_two_files_of_one_camera_are_one() -> None:
     assert largest_distance_mm(load_target(Path("measured.target.json")), whole) < 1e-3  # written centres are rounded
     answer = command("ico.target.json", "a.csv", "b.csv", *PLAIN[2:], "--rings", "rigid")
     assert "16, of 2 cameras (opencv); " in answer.out
-
-
-def test_the_quick_way_rescales() -> None:
-    """`--measured-length` alone makes all lengths longer by one factor, and needs no photos."""
-    answer = command("ico.target.json", "--measured-length", "edge:10.05cm", "-o", "quick.target.json")
-    assert answer.code == 0, answer
-    quick = load_target(Path("quick.target.json"))
-    assert quick.source == "measured"
-    np.testing.assert_allclose(quick.center_mm, 1.005 * solid().center_mm, rtol=1e-12)
-    assert "+0.500 ± 0.020 %" in answer.out
-
-
-# What to dial into the next print.
-
-
-@pytest.mark.parametrize(("shrink", "made_with"), [(-0.004, 0.0), (0.002, 0.0), (-0.004, 0.3), (-0.001, -0.5)])
-def test_the_compensation_makes_the_next_print_right(shrink: float, made_with: float) -> None:
-    """A print of the same printer, designed with what is told, has the nominal size."""
-    target = solid()
-    printing = size_printing(AskedPrinting(), target)
-    printer = ErrorModel("printer", "", (("scale", Amount("fixed", shrink)),))
-
-    def print_with(percent: float) -> Array:
-        """Corners that come out, of a design with a compensation."""
-        asked = printed_corners_mm(target, replace(printing, shrink_compensation_percent=percent))
-        factor = perturb(target, printer, np.random.default_rng(0)).center_mm[0] / target.center_mm[0]
-        return np.asarray(asked * factor)
-
-    drawn = printed_corners_mm(target, printing)
-    size = float(np.linalg.norm(print_with(made_with)) / np.linalg.norm(drawn) - 1)
-    np.testing.assert_allclose(print_with(compensation_percent(size, made_with)), drawn, rtol=1e-9)
 
 
 def test_axes_are_those_of_the_plate_that_the_designer_writes() -> None:
@@ -325,23 +237,6 @@ def test_stretch_and_skew_are_told_along_the_bed(kind: str) -> None:
     assert skews == pytest.approx({name: {"xy": 2e-3, "xz": -1e-3, "yz": 3e-3}[name] for name in skews}, abs=2e-5)
     assert list(axes) == (["x", "y", "z"] if kind == "ico" else ["x", "y"])
     assert whole.size is None
-
-
-def test_noise_is_not_dialled_in() -> None:
-    """Numbers below three standard deviations change no print, larger ones do."""
-    noise, much = Estimate(1e-4, 1e-4), Estimate(-4e-3, 1e-4)
-
-    def told(whole: WholePrint) -> str:
-        return str(next_print(whole, Compensation(), plastic=True))
-
-    quiet = told(WholePrint(noise, {"x": noise}, {"xy": noise}))
-    assert "The size needs no correction" in quiet
-    assert "Axes and angles need no correction" in quiet
-    loud = told(WholePrint(much, {"x": much}, {"xy": noise}))
-    assert "--shrink-compensation 0.402%" in loud
-    assert "scale x 100.402%" in loud
-    assert "skew" not in loud
-    assert "--length" in told(WholePrint(None, {}, {}))
 
 
 # Lengths.
@@ -407,16 +302,6 @@ def test_lengths_that_are_none(text: str, message: str) -> None:
     assert files_in(Path()) == INPUTS
 
 
-def test_lengths_that_contradict_each_other() -> None:
-    """The worst is named, and nothing is written."""
-    lengths = [f"{name}:{factor * length_in(print_(), name)}+-0.02" for name, factor in
-               (("face-to-face", 1.0), ("edge", 1.004))]  # fmt: skip
-    answer = command(*PLAIN, "--rings", "rigid", "--length", lengths[0], "--length", lengths[1])
-    assert answer.code == 2
-    assert "contradicts the others" in answer.err
-    assert files_in(Path()) == INPUTS
-
-
 # Bad input.
 
 
@@ -453,14 +338,6 @@ def test_bad_input_is_one_line(arguments: tuple[str, ...], message: str) -> None
     assert message in refused(*arguments)
 
 
-def test_an_earlier_measurement_is_replaced() -> None:
-    """The command may be repeated."""
-    assert command(*PLAIN, "--rings", "rigid").code == 0
-    first = load_target(Path("measured.target.json"))
-    assert command(*PLAIN, "--rings", "rigid", "--model", "luhmann").code == 0
-    assert load_target(Path("measured.target.json")) != first
-
-
 def test_only_designed_targets_are_measured_against() -> None:
     """Deviations of a measured or perturbed target would be told against nothing."""
     for source in ("measured", "perturbed"):
@@ -475,27 +352,6 @@ def test_detections_of_another_target_are_refused() -> None:
     assert "seen.csv" in message
     assert "board.target.json" in message
     assert "--truth board" in refused(*PLAIN, "--truth", "board.target.json")
-
-
-def test_too_few_photos_are_refused() -> None:
-    """Two photos of a target of any shape do not tell the camera."""
-    write_seen(keep_sightings(replace(seen(), view_names=seen().view_names[:2]), seen().view < 2), "two.csv")
-    assert "2 photos can be used" in refused("ico.target.json", "two.csv", "-o", "m.target.json")
-
-
-def test_a_board_seen_from_one_side_only_is_said() -> None:
-    """Exit code 1: the photos do not determine the camera."""
-    Path("board.target.json").write_text(target_to_json(plate()))
-    rng = np.random.default_rng(2)
-    poses = np.tile(np.eye(4), (6, 1, 1))
-    poses[:, :3, :3] = exp_rotation(np.radians(0.5) * rng.standard_normal((6, 3))) @ np.diag([1.0, -1.0, -1.0])
-    poses[:, 2, 3] = np.linspace(400, 600, 6)
-    shown = observe(CAMERAS["opencv"], known_points(plate()), poses, rng)
-    write_seen(shown, "flat.csv", plate())
-    answer = command("board.target.json", "flat.csv", "-o", "m.target.json", "--rings", "rigid", "--flat")
-    assert answer.code == 1, answer
-    assert "No camera is determined" in answer.out
-    assert json.loads(Path("m.as_built.json").read_text())["status"] == "degenerate"
 
 
 def test_photos_are_searched_again_with_what_was_measured(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ from designer.page.blocks import FileList, View3d
 from designer.page.shell import page_html
 from tests.support.command_line import PICTURE
 from tests.support.measured_prints import measured_print
-from tests.support.report_folders import blocks_of, table_of
+from tests.support.pages import blocks_of, table_of
 
 
 @pytest.fixture(autouse=True)

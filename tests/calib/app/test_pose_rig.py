@@ -1,6 +1,5 @@
 """`calib pose --rig`: from folders of photos to poses in the rig's frame, their files, pictures and page."""
 
-import csv
 import json
 from collections.abc import Iterator
 from dataclasses import replace
@@ -10,17 +9,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import calib
-from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.observe.observations import known_points
 from calib.rigs.rig_poses_file import RIG_POSES
-from designer.target import TargetGeometry, target_to_json
+from designer.target import target_to_json
 from tests.support.calibrations import board
 from tests.support.command_line import calib as command
-from tests.support.command_line import detections_of, files_in, summary_of
+from tests.support.command_line import detections_of, detector_of, files_in, rows_of_csv, summary_of
 from tests.support.rig_views import SIZE, RigScene, solved_slowly, stereo_pair
 
 BOARD = board()
@@ -56,16 +53,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
             cv2.imwrite(str(place / name / one.image), np.full(SIZE[::-1], 90, np.uint8))
         cv2.imwrite(str(place / name / f"{name}_99.png"), np.full(SIZE[::-1], 90, np.uint8))
 
-    def detect(
-        pixels: NDArray[np.generic], _: TargetGeometry, *, name: str, camera: Camera | None = None, **__: object
-    ) -> Detections:
-        none = replace(next(iter(known.values())).keep(slice(0)), remarks=("no grid of rings was found",))
-        return replace(known.get(name, none), image=name, image_size=(pixels.shape[1], pixels.shape[0]))
-
     (place / "board.target.json").write_text(target_to_json(BOARD))
     known_rig().save(place / "rig.json")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("calib.detector.pipeline.detect", detect)
+        patch.setattr("calib.detector.pipeline.detect", detector_of(known, "no grid of rings was found"))
         patch.chdir(place)
         yield place
 
@@ -93,8 +84,7 @@ def test_the_table_and_the_pictures_tell_the_same(folder: Path) -> None:
     """A line a frame, with each camera's residuals; a picture a photo that shows the target, and their page."""
     answer = command(*POSE, ".", "-o", "poses.csv", "--overlay", "seen")
     assert answer.code == 0, answer.err
-    lines = [line for line in Path("poses.csv").read_text().splitlines() if not line.startswith("#")]
-    rows = list(csv.DictReader(lines))
+    rows = rows_of_csv(Path("poses.csv"))
     found = calib.pose(BOARD, photos=folder, rig="rig.json")
     assert [float(row["x_mm"]) for row in rows] == [one.target_mm[0] for one in found.poses]
     assert (rows[0]["rings_left"], rows[0]["rms_px_left"]) == ("0", "")

@@ -1,14 +1,10 @@
 """`calib report DIR`: the page again from what is stored, and one line where there is nothing to build it from."""
 
-import io
 import json
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
-from PIL import Image
 
 from calib.app.calibration import Run
 from calib.judge.judge import VERDICT, VERDICT_FILE
@@ -88,12 +84,6 @@ def test_halves_are_not_solved_again_for_other_limits(run: Path, monkeypatch: py
     assert calls
 
 
-def test_without_a_verdict_the_next_step_is_to_judge(run: Path) -> None:
-    """On the screen and for programs."""
-    answer = calib("report", run)
-    assert f"calib report {run} --criteria standard" in answer.out
-
-
 def test_damaged_results_are_refused_in_one_line(run: Path) -> None:
     """Nothing is written; the page that was there stays."""
     before = (run / "index.html").read_bytes()
@@ -112,12 +102,7 @@ def origin_text(**changes: object) -> str:
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ("", "not valid JSON"),
-        ("[]", '"format": "ringsolid.report"'),
-        (origin_text(version=7), "version 7"),
-        (origin_text(kind=3), "kind"),
         (origin_text(kind="magic"), "there are"),
-        (origin_text(more=1), "more"),
         (origin_text(command="x" * 5000), "command"),
         ('"' + "x" * 70_000 + '"', "65536 bytes"),
     ],
@@ -149,12 +134,6 @@ def test_limits_are_for_calibrations(tmp_path: Path) -> None:
     assert "--criteria" in refused("report", tmp_path, "--criteria", "standard")
 
 
-def test_unknown_limits_are_refused(run: Path) -> None:
-    """The templates are named, and no verdict is written."""
-    assert "standard" in refused("report", run, "--criteria", "nonsense")
-    assert not (run / "verdict.json").exists()
-
-
 def test_an_origin_reads_back(tmp_path: Path) -> None:
     """Even of a command with names that are no text, or far too long."""
     for command in ("calib run a b", "calib run 'a\nb\udc80'", "x" * 10_000):
@@ -163,16 +142,6 @@ def test_an_origin_reads_back(tmp_path: Path) -> None:
         assert read_origin(tmp_path) == origin
         assert len(origin.command) <= LONGEST_COMMAND
         assert origin.command.isprintable()
-
-
-def test_a_file_of_somebody_else_is_not_replaced(run: Path) -> None:
-    """A `page.json` that other programs wrote stays, and so does the page."""
-    (run / BLOCKS_FILE).write_text('{"mine": 1}')
-    before = (run / "index.html").read_bytes()
-    _, files, remark = Run(read_run(run), place=run).draw_page(run)
-    assert not files
-    assert "page.json" in remark
-    assert (run / "index.html").read_bytes() == before
 
 
 def test_every_kind_has_a_builder(tmp_path: Path) -> None:
@@ -189,18 +158,11 @@ def test_every_kind_has_a_builder(tmp_path: Path) -> None:
         assert "\n" not in said
 
 
-def shown(screenshot: bytes) -> NDArray[np.uint8]:
-    """The pixels of a screenshot.  # (H, W, 3)"""
-    return np.asarray(Image.open(io.BytesIO(screenshot)).convert("RGB"))
-
-
 def test_the_page_works_in_a_browser(
     run: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Nothing on the console; links and pictures resolve; it fits a phone; tables sort; the 3D view shows something."""
+    """Nothing on the console; links and pictures resolve; it fits a phone."""
     pytest.importorskip("playwright")
-    from playwright.sync_api import expect
-
     from tests.support.browser import open_page, overflow_px, unresolved
 
     monkeypatch.undo()  # with figures
@@ -209,21 +171,3 @@ def test_the_page_works_in_a_browser(
     with open_page(browser, run / "index.html", width=390, scheme="dark") as page:
         assert unresolved(page, run / "index.html") == []
         assert overflow_px(page) == 0
-    with open_page(browser, run / "index.html") as page:
-        table = page.locator("table", has=page.get_by_role("button", name="worst px")).first
-        table.get_by_role("button", name="worst px").click()
-        worst = [float(cell) for cell in table.locator("tbody tr td:nth-child(5)").all_inner_texts()]
-        assert worst in (sorted(worst), sorted(worst, reverse=True))
-        viewer = page.locator(".viewer")
-        viewer.scroll_into_view_if_needed()
-        page.wait_for_selector(".viewer[data-state=ready][data-rest=yes]")
-        start = viewer.get_attribute("data-azimuth")
-        assert start is not None
-        before = shown(viewer.screenshot())
-        assert len(np.unique(before.reshape(-1, 3), axis=0)) > 100
-        viewer.focus()
-        for _ in range(5):
-            page.keyboard.press("ArrowRight")
-        expect(viewer).not_to_have_attribute("data-azimuth", start)
-        page.wait_for_selector(".viewer[data-rest=yes]")
-        assert (shown(viewer.screenshot()) != before).any(axis=2).mean() > 0.01

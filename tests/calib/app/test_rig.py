@@ -13,9 +13,8 @@ from calib.app.report import report
 from calib.app.solved_rig import SIGHTINGS_FILE, SolvedRig
 from calib.cameras.camera import Camera
 from calib.core.se3 import invert, log_rotation
-from calib.core.types import Detections, RigObservations
+from calib.core.types import Detections
 from calib.observe.observations import known_points
-from designer.base.arrays import Rows
 from designer.target import TargetGeometry
 from tests.support.calibrations import icosahedron
 from tests.support.command_line import detections_of
@@ -128,30 +127,6 @@ def test_the_page_of_a_robots_camera_has_pictures_of_its_photos(photos: Path) ->
     assert [one.parent.as_posix() for one in pictures] == ["hand/cameras/camera/overlays"] * 2
     page = Path("hand", "index.html").read_text()
     assert all(one.relative_to("hand").as_posix() in page for one in pictures)
-
-
-def test_the_order_of_cameras_and_frames_does_not_count(solved: SolvedRig) -> None:
-    """But for whose frame the rig's is, which can be told."""
-    order = [2, 0, 1]
-    frames = np.random.default_rng(3).permutation(SEEN.frame_count)
-    turned = _with_frames(SEEN, frames)
-    mixed = replace(
-        turned, camera_names=tuple(turned.camera_names[k] for k in order),
-        sightings=tuple(turned.sightings[k] for k in order), frame=tuple(turned.frame[k] for k in order),
-    )  # fmt: skip
-    assert_same_rig(calib.rig(mixed, reference=SEEN.camera_names[0], **OPENCV), solved)
-
-
-def _with_frames(seen: RigObservations, order: Rows) -> RigObservations:
-    """The frames in another order."""
-    from calib.observe.rig_observations import RigSightings, rig_observations
-
-    names = [seen.frame_names[row] for row in order.tolist()]
-    cameras = [
-        RigSightings(name, one, {view: seen.frame_names[row] for view, row in zip(one.view_names, rows, strict=True)})
-        for name, one, rows in zip(seen.camera_names, seen.sightings, (list(rows) for rows in seen.frame), strict=True)
-    ]
-    return rig_observations(cameras, names)
 
 
 def test_given_lenses_are_kept_or_solved_on() -> None:

@@ -28,7 +28,7 @@ from tests.support.rig_views import stereo_pair
 @cache
 def _found() -> RigCalibration:
     """A pair before a target as drawn."""
-    return solve_rig(stereo_pair(frames=24).observations, [CameraChoice("opencv")] * 2)
+    return solve_rig(stereo_pair(frames=12).observations, [CameraChoice("opencv")] * 2)
 
 
 def test_a_frame_that_is_drawn_twice_is_two_frames() -> None:
@@ -46,7 +46,7 @@ def test_a_frame_that_is_drawn_twice_is_two_frames() -> None:
 
 def test_samples_scatter_as_honest_sigmas_say_and_show_those_that_are_not() -> None:
     """With a target as drawn about as stated; of a print solved by its drawing far more than its noise."""
-    honest = rig_bootstrap(_found(), samples=14)
+    honest = rig_bootstrap(_found(), samples=10)
     assert 0.6 < honest.ratio < 1.5
     assert honest.failed == 0
     assert honest.pairs[0].baseline_spread_mm == pytest.approx(honest.pairs[0].baseline_sigma_mm, rel=0.6)
@@ -63,11 +63,11 @@ def test_the_command_tells_the_spread_of_a_rig(tmp_path: Path, monkeypatch: pyte
     """A folder with its page; options of studies of one camera are refused, as are rigs that give no samples."""
     monkeypatch.chdir(tmp_path)
     write_rig(Path("rig"), _found(), Provenance("test 1"))
-    words = ("study", "bootstrap", "--rig", "rig", "--samples", "5", "-o", "out")
+    words = ("study", "bootstrap", "--rig", "rig", "--samples", "2", "-o", "out")
     answer = calib(*words, "--json")
     assert answer.code == 0, answer.err
     told = json.loads(answer.out)["answer"]
-    assert told["samples"] == 5
+    assert told["samples"] == 2
     assert told["pairs"][0]["names"] == ["left", "right"]
     assert files_in(Path("out")) == {"rig_bootstrap.json", "page.json", "index.html"}
     assert calib(*words, "--detections", "seen.csv").code == 2

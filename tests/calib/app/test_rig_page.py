@@ -20,7 +20,7 @@ from designer.base.errors import InputError
 from designer.page.blocks import Figure, Page, Steps, View3d
 from designer.page.scene import Segments
 from designer.page.shell import page_html
-from tests.support.report_folders import blocks_of, findings_of, table_of
+from tests.support.pages import blocks_of, findings_of, table_of
 from tests.support.rig_views import ring, solved_slowly, stereo_pair
 
 AGREE = RigHalves((RigSplit("by turns", 1.0, 60, 1.0, ()), RigSplit("in order", 0.9, 60, 1.0, ())))

@@ -22,7 +22,7 @@ from calib.renderer.options import RenderOptions
 from calib.renderer.view import render_view
 from designer.target import TargetGeometry, target_to_json
 from tests.support.calibrations import board, camera, poses_around
-from tests.support.command_line import BLOCKS, JUDGED, LENIENT, PICTURE, calib, files_in, refused
+from tests.support.command_line import JUDGED, LENIENT, PICTURE, calib, detector_of, files_in, refused
 from tests.support.run_folders import BLANK, PANEL
 from tests.support.sightings import sighting
 
@@ -70,45 +70,20 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rendered: Path) -> P
     return tmp_path
 
 
-class Detector:
-    """A detector that knows what rendered photos show, and remembers what it was asked."""
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, bool]]:
+    """What photos are searched for, and whether with a camera, by a detector that knows; pictures are not drawn."""
+    calls, found = list[tuple[str, bool]](), detector_of(seen_in_photos())
 
-    def __init__(self) -> None:
-        self.asked: list[tuple[str, bool]] = []
+    def detect(pixels: NDArray[np.generic], target: TargetGeometry, *, name: str, **given: object) -> Detections:
+        calls.append((name, given.get("camera") is not None))
+        return found(pixels, target, name=name)
 
-    def __call__(
-        self,
-        pixels: NDArray[np.generic],
-        target: TargetGeometry,
-        *,
-        name: str,
-        camera: Camera | None = None,
-        **_: object,
-    ) -> Detections:
-        """What the photo of this name shows; nothing if it is none of them."""
-        self.asked.append((name, camera is not None))
-        seen = seen_in_photos().get(Path(name).name)
-        if seen is not None:
-            return replace(seen, image=name)
-        some = next(iter(seen_in_photos().values()))
-        size = (pixels.shape[1], pixels.shape[0])
-        return replace(some.keep(slice(0)), image=name, image_size=size, faces=(), remarks=("nothing here",))
-
-
-def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """None is drawn any more."""
+    monkeypatch.setattr("calib.detector.pipeline.find", lambda *_: None)
+    monkeypatch.setattr("calib.detector.pipeline.detect", detect)
     monkeypatch.setattr("calib.draw.picture", lambda *_, **__: PICTURE)
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
-
-
-@pytest.fixture
-def detector(monkeypatch: pytest.MonkeyPatch) -> Detector:
-    """In place of the real one, which takes longer; pictures are not drawn."""
-    fake = Detector()
-    monkeypatch.setattr("calib.detector.pipeline.find", lambda *_: None)
-    monkeypatch.setattr("calib.detector.pipeline.detect", fake)
-    no_pictures(monkeypatch)
-    return fake
+    return calls
 
 
 def quick(*arguments: object) -> tuple[str, ...]:
@@ -140,28 +115,30 @@ def test_photos_become_cameras_that_are_compared(folder: Path) -> None:
             assert str(folder) not in path.read_text()
 
 
-def test_the_real_detector_is_asked_again_with_the_lens(detector: Detector) -> None:
+def test_the_real_detector_is_asked_again_with_the_lens(asked: list[tuple[str, bool]]) -> None:
     """Each photo is searched without, then with the camera of the first solution."""
     assert calib(*quick("photos")).code == 0
-    assert sorted(detector.asked) == sorted((name, known) for name in JOB.file_names for known in (False, True))
+    assert sorted(asked) == sorted((name, known) for name in JOB.file_names for known in (False, True))
 
 
-def test_photos_of_another_size_are_kept_and_named(detector: Detector, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_photos_of_another_size_are_kept_and_named(
+    asked: list[tuple[str, bool]], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The lens of the first solution is not theirs; they are searched without it, and left out of the solution."""
     Image.new("L", (320, 240)).save("photos/large.png")
     large = replace(seen_in_photos()["view_0000.png"], image_size=(320, 240))
     monkeypatch.setitem(seen_in_photos(), "large.png", large)
     answer = calib(*quick("photos"))
     assert answer.code == 0
-    assert detector.asked.count(("large.png", False)) == 1
-    assert ("large.png", True) not in detector.asked
+    assert asked.count(("large.png", False)) == 1
+    assert ("large.png", True) not in asked
     assert "left out views that are not of 640 x 480 px as the others: large.png" in answer.out
     assert "camera file" not in answer.out
     data = read_detections(Path("out/detections.csv"), BOARD, target_path=Path("t"))
     assert "large.png" in {one.image for one in data}
 
 
-def test_odd_photos_do_not_stop_the_others(detector: Detector, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_odd_photos_do_not_stop_the_others(asked: list[tuple[str, bool]], monkeypatch: pytest.MonkeyPatch) -> None:
     """A copy, a photo without target: each is named, and the others are solved."""
     shutil.copy("photos/view_0001.png", "photos/sub [x] 1.png")
     Image.new("L", SIZE).save("photos/black.png")
@@ -171,21 +148,10 @@ def test_odd_photos_do_not_stop_the_others(detector: Detector, monkeypatch: pyte
     assert "left out views that are another one once more: view_0001.png (as sub [x] 1.png)" in answer.out
     assert re.search(r"without the target: black\.png: nothing here", answer.out)
     assert read_calibration(Path("out/calibration.json"))[0].observations.view_count == len(JOB.file_names)
-    assert ("missing.png", False) not in detector.asked
+    assert ("missing.png", False) not in asked
 
 
-def test_nothing_found_is_exit_code_1(detector: Detector) -> None:
-    """The detections and overlays stay with their page, to see why; no camera is made."""
-    Image.new("L", SIZE).save("photos/black.png")
-    answer = calib(*(word for word in quick("photos/black.png") if word != "--no-page"))
-    assert answer.code == 1
-    assert "next     open out/index.html in a browser" in answer.out
-    found = {"detections.csv", "detections.records.json", "overlays/black.overlay.jpg"}
-    assert files_in(Path("out")) == found | BLOCKS
-    assert len(detector.asked) == 1
-
-
-def test_bad_input_leaves_nothing(folder: Path, detector: Detector) -> None:
+def test_bad_input_leaves_nothing(folder: Path, asked: list[tuple[str, bool]]) -> None:
     """One line, exit code 2, and no file or folder, before a photo is searched."""
     Path("foreign.json").write_text("{}")
     before = files_in(folder)
@@ -198,10 +164,10 @@ def test_bad_input_leaves_nothing(folder: Path, detector: Detector) -> None:
     assert "none of the photos" in refused("run", "board.target.json", "photos", "--reference", "x.png", "-o", "out")
     assert "is a file" in refused("run", "board.target.json", "photos", "-o", "foreign.json")
     assert files_in(folder) == before
-    assert not detector.asked
+    assert not asked
 
 
-def test_rendered_photos_are_of_an_exact_target_for_every_command(detector: Detector) -> None:
+def test_rendered_photos_are_of_an_exact_target_for_every_command(asked: list[tuple[str, bool]]) -> None:
     """Wherever their truth lies, a solution from their detections takes the target as the run did."""
     Path("photos/truth.json").rename("truth.json")
     calib(*quick("photos", "--truth", "truth.json"))
@@ -211,7 +177,7 @@ def test_rendered_photos_are_of_an_exact_target_for_every_command(detector: Dete
     assert [one and one.made for one in made] == ["exact", "exact"]
 
 
-def test_a_foreign_truth_beside_the_photos_does_no_harm(detector: Detector) -> None:
+def test_a_foreign_truth_beside_the_photos_does_no_harm(asked: list[tuple[str, bool]]) -> None:
     """A file that happens to be called truth.json is named and not used; results go below exports by default."""
     Path("photos/truth.json").write_text('{"answer": 42}')
     answer = calib("run", "board.target.json", "photos", "--model", "opencv", *LENIENT)
@@ -219,10 +185,11 @@ def test_a_foreign_truth_beside_the_photos_does_no_harm(detector: Detector) -> N
     assert Path("exports/board/calibration/camera.json").exists()
     assert "not used: photos/truth.json: not the truth of rendered photos" in answer.out
     assert "pose mm" not in answer.out
-    assert detector.asked
 
 
-def test_one_photo_alone_may_not_determine_a_camera(detector: Detector, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_photo_alone_may_not_determine_a_camera(
+    asked: list[tuple[str, bool]], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A frontal photo of a board: exit code 1 with the reason; it is searched once, as there is no lens to know."""
     flat = Camera("pinhole", CAMERA.params[:4], SIZE)
     straight = np.diag([1.0, -1, -1, 1])
@@ -236,10 +203,10 @@ def test_one_photo_alone_may_not_determine_a_camera(detector: Detector, monkeypa
     assert "no camera is determined: " in answer.out
     assert "; then run the same command again" in answer.out
     assert "calib convert" not in answer.out
-    assert detector.asked[0] == ("view_0000.png", False)
+    assert asked[0] == ("view_0000.png", False)
 
 
-def test_the_photos_own_focal_length_is_a_first_guess(detector: Detector) -> None:
+def test_the_photos_own_focal_length_is_a_first_guess(asked: list[tuple[str, bool]]) -> None:
     """It is said and recorded; a person's own guess goes before it."""
     exif = Image.Exif()
     exif[0x10F] = "maker"  # Pillow writes no part of what has no main tags
@@ -253,10 +220,9 @@ def test_the_photos_own_focal_length_is_a_first_guess(detector: Detector) -> Non
     answer = calib(*quick("photos", "--focal", "650px"))
     assert "first guess" not in answer.out
     assert read_calibration(Path("out/calibration.json"))[1].options.focal_px == 650
-    assert detector.asked
 
 
-def test_a_reference_photo_of_a_board_is_searched_for_itself(detector: Detector) -> None:
+def test_a_reference_photo_of_a_board_is_searched_for_itself(asked: list[tuple[str, bool]]) -> None:
     """--reference-target names the target of the reference, which is no photo of the run."""
     answer = calib(
         "run", "board.target.json", *sorted(map(str, Path("photos").glob("view_000[1-5].png"))), "--model", "virtual",
@@ -264,7 +230,7 @@ def test_a_reference_photo_of_a_board_is_searched_for_itself(detector: Detector)
     )  # fmt: skip
     assert answer.code == 0, answer
     assert "map learned from view_0000.png" in answer.out
-    assert detector.asked[0] == ("view_0000.png", False)
+    assert asked[0] == ("view_0000.png", False)
     assert read_calibration(Path("out/calibration.json"))[0].observations.view_count == 5
     assert "cannot be read" in refused(
         "run", "board.target.json", "photos", "--model", "virtual", "--reference", "no.png",

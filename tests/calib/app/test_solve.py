@@ -22,8 +22,17 @@ from calib.solver.solve_virtual import calibrate
 from designer.base.errors import InputError
 from designer.base.files import named_in_files
 from designer.target import load_target, target_to_json
-from tests.support.calibrations import board, example, icosahedron, seen_by
-from tests.support.command_line import JUDGED, LENIENT, calib, detections_of, files_in, refused, write_inputs
+from tests.support.calibrations import board, example, icosahedron
+from tests.support.command_line import (
+    JUDGED,
+    LENIENT,
+    calib,
+    detections_of,
+    files_in,
+    refused,
+    write_correspondences,
+    write_inputs,
+)
 
 BOARD = board()
 TRUE = example(BOARD, np.random.default_rng(3), views=8, noise_px=0.02)
@@ -48,18 +57,6 @@ def solve(*options: object, file: str = "detections.csv") -> tuple[Calibration, 
     answer = calib("solve", file, *target, "--model", "opencv", "-o", "out", "--verbose", *LENIENT, *options)
     assert (answer.code, answer.err) == (0, ""), answer
     return read_calibration(Path("out/calibration.json"))[0], answer.out
-
-
-def correspondences(path: str, seen: Observations = SEEN, *, size: bool = True) -> list[str]:
-    """Write a CSV with image,u,v,X,Y,Z, and return its lines."""
-    width, height = seen.image_size
-    lines = [f"# image_size {width} x {height}"] if size else []
-    lines.append("image,u,v,X,Y,Z")
-    for view, point, pixel in zip(seen.view, seen.point, seen.center_px, strict=True):
-        numbers = (*pixel.tolist(), *seen.points.position_mm[point].tolist())
-        lines.append(",".join([seen.view_names[view], *map(repr, numbers)]))
-    Path(path).write_text("\n".join(lines) + "\n")
-    return lines
 
 
 def corners(path: str, columns: int, rows: int, poses: NDArray[np.float64]) -> None:
@@ -163,13 +160,13 @@ def test_outliers_are_left_out_and_counted() -> None:
 def test_correspondences_from_elsewhere_give_the_same_camera() -> None:
     """A CSV with image,u,v,X,Y,Z needs no target; its image size stands in it or is given."""
     ours, _ = solve()
-    correspondences("else.csv")
+    write_correspondences(Path("else.csv"), SEEN)
     first, said = solve(file="else.csv")
     assert "X, Y, Z are taken as mm" in said
     assert "X, Y, Z are taken as mm" in first.remarks[-1]
     assert said.count("are taken as mm") == 1
     np.testing.assert_allclose(first.camera.params, ours.camera.params, rtol=1e-4, atol=1e-5)
-    correspondences("bare.csv", size=False)
+    write_correspondences(Path("bare.csv"), SEEN, has_size=False)
     second, _ = solve("--image-size", "1200x900", file="bare.csv")
     np.testing.assert_array_equal(second.camera.params, first.camera.params)
     assert "--image-size" in refused("solve", "bare.csv", "-o", "x")
@@ -253,20 +250,6 @@ def test_a_model_that_fails_does_not_stop_the_others(monkeypatch: pytest.MonkeyP
     assert refused(*common, "--model", "luhmann") == "error: no light\n"
 
 
-def test_one_frontal_view_of_a_plane_is_degenerate() -> None:
-    """Exit code 1, the reason and the remedy in words, and no advice to go on with such a camera."""
-    pose = look_at(np.array([[0.0, 0, 300]]), np.zeros((1, 3)), np.zeros(1))
-    one = Camera("pinhole", TRUE.camera.params[:4], TRUE.camera.image_size)
-    write_inputs(seen_by(one, SEEN.points, pose), BOARD)
-    answer = calib("solve", "detections.csv", "--target", "board.target.json", "--model", "pinhole", "-o", "out")
-    assert answer.code == 1
-    assert answer.err == ""
-    assert "focal length and distance cannot be told apart" in answer.out
-    assert "calib convert" not in answer.out
-    assert " in 1 photo" in answer.out
-    assert read_calibration(Path("out/calibration.json"))[0].status == "degenerate"
-
-
 GRID = 20.0 * np.stack(np.meshgrid(np.arange(9.0) - 4, np.arange(7.0) - 3, 0.0), axis=-1).reshape(-1, 3)
 TILTED = [look_at(300 * np.array([np.sin(a), 0.1, np.cos(a)]), np.zeros(3), a) for a in (0.1, 0.4, 0.7, 1.0)]
 
@@ -298,27 +281,9 @@ def test_what_determines_no_camera_is_refused_or_judged(
     assert answer.out.startswith("do not use: ") == (code == 1)
 
 
-def test_views_that_cannot_be_used_are_named_and_recorded() -> None:
-    """A duplicate, another size, too few points: each is said once, and stands in the calibration."""
-    seen = detections_of(SEEN, BOARD)
-    odd = [
-        part(seen[0], 1000, "again.png"),
-        replace(seen[1], image="other.png", image_size=(1400, 1000)),
-        part(seen[2], 3, "few.png"),
-    ]
-    write_detections(Path("detections.csv"), [*seen, *odd], BOARD)
-    solved, said = solve()
-    assert solved.observations.view_names == SEEN.view_names
-    for name in ("again.png", "other.png", "few.png"):
-        lines = [line for line in said.splitlines() if name in line]
-        assert len(lines) == 1
-        assert lines[0].startswith("note     left out views")
-        assert lines[0].removeprefix("note").strip() in solved.remarks
-
-
 def bad_files() -> Iterator[tuple[tuple[object, ...], str]]:
     """Commands on bad input, and what their one line says."""
-    lines = correspondences("good.csv")
+    lines = write_correspondences(Path("good.csv"), SEEN)
     for name, row, text, rule in (
         ("nan.csv", 4, re.sub(r",[^,]+,", ",nan,", lines[4], count=1), r"nan.csv: line 5: u must be a finite number"),
         ("columns.csv", 1, "image,u,v,X,Y", r"columns.csv: line 2: column 'Z' is missing"),
@@ -385,24 +350,3 @@ def test_two_hundred_photos_do_not_flood_the_screen() -> None:
     _, said = solve()
     assert said.count("\n") < 60
     assert "odd0.png, odd1.png, odd2.png, odd3.png and 196 more" in said
-
-
-def test_names_of_any_kind_go_through() -> None:
-    """Photos and folders with spaces, brackets, and bytes that are no text come out of the files as they went in."""
-    names = ("a b.png", "[red]x.png", "caf\udce9.png", 'tab\t,"q".png', *SEEN.view_names[4:])
-    write_inputs(replace(SEEN, view_names=names), BOARD)
-    answer = calib(*ALL_MODELS[:-1], "[b]\udce9", "--model", "opencv")
-    assert answer.code == 0
-    assert "\nwrote    [b]\\udce9: " in answer.out
-    solved, _ = read_calibration(Path("[b]\udce9/calibration.json"))
-    assert solved.observations.view_names == names
-
-
-def test_calibrations_that_cannot_be_written_are_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A full disk ends in one line."""
-
-    def full(folder: Path, *rest: object) -> list[Path]:
-        raise InputError(f"{folder}: cannot be written: No space left on device")
-
-    monkeypatch.setattr("calib.app.calibration_folder.write_calibration", full)
-    assert "No space left" in refused("solve", "detections.csv", "--target", "board.target.json", "-o", "out")

@@ -7,7 +7,8 @@ import pytest
 from designer.page.blocks import FileList, Paragraph
 from designer.page.page_file import PAGE
 from designer.page.shell import page_html
-from tests.support.report_folders import RESULTS, blocks_of, figures_of
+from tests.support.pages import blocks_of, figures_of
+from tests.support.report_folders import RESULTS
 from tests.support.study_commands import nothing_drawn
 
 

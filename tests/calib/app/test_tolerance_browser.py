@@ -184,18 +184,3 @@ def test_without_sliders_a_table_says_the_same(page_file: Path) -> None:
     assert "Predicted with errors as assumed" in text
     value = f'data-value="{study().what_if().total("intersection")!r}"'
     assert value in text
-
-
-def test_errors_sort_by_what_they_cost(page_file: Path, browser: Browser) -> None:
-    """A click on a head of the table of costs puts the largest share last or first, whatever its text."""
-    with open_page(browser, page_file) as page:
-        table = page.locator("table", has=page.get_by_role("columnheader", name=re.compile("^share"))).first
-        shares = []
-        for _ in range(2):
-            table.get_by_role("columnheader", name=re.compile("^share")).first.get_by_role("button").click()
-            cells = table.locator("tbody tr td:nth-child(3)").all_inner_texts()
-            known = [0.0 if "<" in cell else float(cell.removesuffix(" %")) for cell in cells if "%" in cell]
-            shares.append(known)
-        assert sorted(shares[0]) in (shares[0], shares[0][::-1])
-        assert shares[1] == shares[0][::-1]
-        assert len(set(shares[0])) > 1

@@ -19,7 +19,7 @@ from calib.studies.tolerance.record import BudgetRow
 from designer.page.blocks import Page, Paragraph, Table
 from designer.tolerance.error_file import parse_amount
 from designer.tolerance.sources import SOURCES
-from tests.support.report_folders import findings_of, table_of
+from tests.support.pages import findings_of, table_of
 from tests.support.study_commands import nothing_drawn
 from tests.support.tolerance_settings import few_errors, ico_setting, told, tolerance_study, tolerance_table
 

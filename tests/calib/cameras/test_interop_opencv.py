@@ -14,8 +14,8 @@ from calib.cameras.camera import Camera
 from calib.cameras.formats import FORMATS
 from calib.cameras.formats.reading import open_camera
 from designer.base.errors import InputError
-from tests.support.foreign_cameras import CAMERAS, SIZE, WIDE_SIZE, ahead, lens_camera, text_of, whole_image, written
-from tests.support.foreign_projections import fisheye_projection, opencv_projection
+from tests.support.foreign_cameras import CAMERAS, SIZE, lens_camera, text_of, whole_image, written
+from tests.support.foreign_projections import opencv_projection
 from tests.support.published_lenses import published
 
 CALIBRATION_OUTPUT = """%YAML:1.0
@@ -398,13 +398,6 @@ def test_zeros_at_the_end_are_no_coefficients(model: str, lens: list[float], cou
     assert found.distortion.tolist() == [*lens, 0.0][:count]
     with pytest.raises(InputError, match=f"has {len(lens)} numbers; it must have|tilted"):
         FORMATS["ros"].read(json.dumps({**message, "D": [*lens[:-1], 0.1]}), "c", None)
-
-
-def test_the_lens_of_a_fisheye_is_that_of_cv2_fisheye() -> None:
-    """`camera.distortion` of the model `fisheye` goes into `cv2.fisheye.projectPoints` as it is."""
-    camera = Camera("fisheye", np.array([330.0, 331, 505, 397, -0.01, 0.004, -0.006, 0.0012]), WIDE_SIZE)
-    pixel, ray = ahead(camera)
-    assert np.abs(fisheye_projection(ray, camera.matrix, camera.distortion) - pixel).max() < 1e-9
 
 
 def test_one_camera_of_a_chain() -> None:

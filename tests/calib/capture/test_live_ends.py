@@ -62,6 +62,21 @@ def until(page: ClientConnection, is_it: Callable[[dict[str, object]], bool]) ->
             return message
 
 
+def opening(play: Callable[[ClientConnection], None]) -> Callable[[str], None]:
+    """What is done with the address: a page plays a part, in a thread of its own."""
+
+    def be_page(address: str) -> None:
+        with page_of(address) as page:
+            play(page)
+
+    return lambda address: threading.Thread(target=be_page, args=(address,), daemon=True).start()
+
+
+def is_at_the_end(message: dict[str, object]) -> bool:
+    """Whether a message tells how it ended."""
+    return message.get("phase") in ("done", "failed")
+
+
 def frame(image: np.ndarray, number: int) -> bytes:
     return with_header(FrameHeader(0, number, 0.1 * number, image.shape[1], image.shape[0]), image.tobytes())
 
@@ -70,25 +85,17 @@ def test_the_end_of_a_session_is_that_of_a_run(photos: Path, tmp_path: Path) -> 
     """The same files as `calib.run` of the same photos writes, the same camera, and the page is given the report."""
     seen: list[dict[str, object]] = []
 
-    def be_page(address: str) -> None:
-        with page_of(address) as page:
-            for _ in range(5):
-                seen.append(until(page, lambda one: one["kind"] == "taken"))
-            page.send('{"kind": "finish"}')
-            seen.append(until(page, lambda one: one.get("phase") in ("done", "failed")))
-            page.send('{"kind": "bye"}')
-
-    pages: list[threading.Thread] = []
-
-    def opened(address: str) -> None:
-        pages.append(threading.Thread(target=be_page, args=(address,), daemon=True))
-        pages[0].start()
+    def play(page: ClientConnection) -> None:
+        for _ in range(5):
+            seen.append(until(page, lambda one: one["kind"] == "taken"))
+        page.send('{"kind": "finish"}')
+        seen.append(until(page, is_at_the_end))
+        page.send('{"kind": "bye"}')
 
     before = {path: path.read_bytes() for path in photos.iterdir()}
     file = tmp_path / "a.target.json"
     file.write_text(target_to_json(target()))
-    live = calib.live(file, tmp_path / "live", watch=photos, opened=opened, **SOLVED)
-    pages[0].join(WITHIN_S)
+    live = calib.live(file, tmp_path / "live", watch=photos, opened=opening(play), **SOLVED)
     run = calib.run(file, photos, **SOLVED)
     run.save(tmp_path / "run")
     assert seen[-1]["phase"] == "done"
@@ -139,20 +146,16 @@ def test_ctrl_c_reaches_whatever_takes_long(photos: Path, tmp_path: Path, monkey
         who.append(threading.get_ident())
         raise KeyboardInterrupt
 
-    def be_page(address: str) -> None:
-        with page_of(address) as page:
-            until(page, lambda one: one["kind"] == "taken")
-            page.send('{"kind": "finish"}')
-            with pytest.raises(ConnectionClosed):
-                until(page, lambda one: False)
-
-    def opened(address: str) -> None:
-        threading.Thread(target=be_page, args=(address,), daemon=True).start()
+    def play(page: ClientConnection) -> None:
+        until(page, lambda one: one["kind"] == "taken")
+        page.send('{"kind": "finish"}')
+        with pytest.raises(ConnectionClosed):
+            until(page, lambda one: False)
 
     monkeypatch.setattr("calib.capture.live.run", stopped)
     monkeypatch.setattr("calib.capture.session.Session.resume", lambda self: who.append(threading.get_ident()))
     with pytest.raises(KeyboardInterrupt):
-        calib.live(target(), tmp_path / "out", watch=photos, opened=opened, **SOLVED)
+        calib.live(target(), tmp_path / "out", watch=photos, opened=opening(play), **SOLVED)
     assert who == [mine, mine]
 
 
@@ -164,19 +167,15 @@ def test_a_run_that_is_made_again_counts_alone(photos: Path, tmp_path: Path, mon
         monkeypatch.setattr(RunFolder, "write_verdict", write)
         raise NotWrittenError("verdict.json: cannot be written: No space left on device")
 
-    def be_page(address: str) -> None:
-        with page_of(address) as page:
-            until(page, lambda one: one["kind"] == "guidance" and len(one["guidance"]["photos"]) == 5)
-            for _ in range(2):
-                page.send('{"kind": "finish"}')
-                phases.append(until(page, lambda one: one.get("phase") in ("done", "failed"))["phase"])
-            page.send('{"kind": "bye"}')
-
-    def opened(address: str) -> None:
-        threading.Thread(target=be_page, args=(address,), daemon=True).start()
+    def play(page: ClientConnection) -> None:
+        until(page, lambda one: one["kind"] == "guidance" and len(one["guidance"]["photos"]) == 5)
+        for _ in range(2):
+            page.send('{"kind": "finish"}')
+            phases.append(until(page, is_at_the_end)["phase"])
+        page.send('{"kind": "bye"}')
 
     monkeypatch.setattr(RunFolder, "write_verdict", full_once)
-    calib.live(target(), out, watch=photos, opened=opened, **SOLVED)
+    calib.live(target(), out, watch=photos, opened=opening(play), **SOLVED)
     assert phases == ["failed", "done"]
     assert len(out.finished) == len(set(out.finished))
     assert len(set(out.files)) == len(out.files)
@@ -203,18 +202,14 @@ def test_a_session_without_a_usable_photo_says_so(tmp_path: Path) -> None:
     cv2.imwrite(str(folder / "a.png"), np.full((360, 480), 90, np.uint8))
     seen: list[dict[str, object]] = []
 
-    def be_page(address: str) -> None:
-        with page_of(address) as page:
-            until(page, lambda one: one["kind"] == "taken")
-            page.send('{"kind": "finish"}')
-            seen.append(until(page, lambda one: one.get("phase") in ("done", "failed")))
-            page.send('{"kind": "bye"}')
-
-    def opened(address: str) -> None:
-        threading.Thread(target=be_page, args=(address,), daemon=True).start()
+    def play(page: ClientConnection) -> None:
+        until(page, lambda one: one["kind"] == "taken")
+        page.send('{"kind": "finish"}')
+        seen.append(until(page, is_at_the_end))
+        page.send('{"kind": "bye"}')
 
     with pytest.raises(InputError) as refused:
-        calib.live(target(), tmp_path / "out", watch=folder, opened=opened, **SOLVED)
+        calib.live(target(), tmp_path / "out", watch=folder, opened=opening(play), **SOLVED)
     assert seen[-1]["phase"] == "failed"
     assert seen[-1]["said"] == str(refused.value)
 

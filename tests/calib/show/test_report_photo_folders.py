@@ -4,7 +4,6 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,11 +24,11 @@ from calib.show.photos.photos_file import PHOTOS_FILE
 from calib.show.photos.place_scene import MOST_VIEWS, place_view
 from calib.show.photos.rendered_photos import option_words
 from designer.base.errors import InputError
-from designer.page.blocks import Block, Fold, Gallery, Page, Table, View3d
+from designer.page.blocks import Gallery, Page, Table, View3d
 from designer.page.scene import Cameras, Rings
 from designer.page.shell import page_html
 from designer.target import TargetGeometry
-from tests.support.pages import HOSTILE, png
+from tests.support.pages import HOSTILE, blocks_of, png
 from tests.support.picture_folders import (
     BOARD,
     CAMERA,
@@ -50,22 +49,14 @@ KINDS = tuple(MAKERS)
 MOST_BYTES = 10_000_000
 
 
-def blocks(page: Page) -> Iterator[Block]:
-    """All of a page's blocks."""
-    for block in (*page.lead, *(block for section in page.sections for block in section.blocks)):
-        yield block
-        if isinstance(block, Fold):
-            yield from block.blocks
-
-
 def the_gallery(page: Page) -> Gallery:
     """Its pictures."""
-    return next(block for block in blocks(page) if isinstance(block, Gallery))
+    return next(block for block in blocks_of(page) if isinstance(block, Gallery))
 
 
 def the_table(page: Page) -> Table:
     """Its table of photos."""
-    return next(block for block in blocks(page) if isinstance(block, Table) and block.title == "All photos")
+    return next(block for block in blocks_of(page) if isinstance(block, Table) and block.title == "All photos")
 
 
 def column(page: Page, title: str) -> list[str]:
@@ -169,7 +160,7 @@ def test_the_target_is_drawn_if_it_is_the_right_one(tmp_path: Path) -> None:
     rendered(tmp_path, BOARD)
 
     def shapes() -> list[object]:
-        view = next(block for block in blocks(page_of("photos", tmp_path)) if isinstance(block, View3d))
+        view = next(block for block in blocks_of(page_of("photos", tmp_path)) if isinstance(block, View3d))
         return [shape for layer in view.scene.layers for shape in layer.shapes]
 
     assert any(isinstance(shape, Rings) for shape in shapes())
@@ -233,7 +224,7 @@ def test_missing_rings_and_unseen_faces_are_named(tmp_path: Path) -> None:
     assert column(page, "missing") == ["", "16 odd shape"]
     assert column(page, "faces") == ["3", "5"]
     assert [picture.name for picture in the_gallery(page).pictures] == ["b.png", "a.png"]
-    faces = next(block for block in blocks(page) if isinstance(block, Table) and block.title == "All faces")
+    faces = next(block for block in blocks_of(page) if isinstance(block, Table) and block.title == "All faces")
     assert [row[0].text for row in faces.rows if row[0].level is None] == ["3", "5"]
 
 
@@ -301,7 +292,7 @@ def test_hostile_names_stay_text_and_reach_nothing(tmp_path: Path) -> None:
     told = detected(tmp_path / "d", [result(name, [face(3, 4)], name) for name in names])
     for page in (page_of("photos", tmp_path / "o"), told):
         html = page_html(page).decode()
-        assert not any(isinstance(block, Gallery) for block in blocks(page))
+        assert not any(isinstance(block, Gallery) for block in blocks_of(page))
         assert "<img src=x" not in html
         assert "secret.png" not in "".join(re.findall(r'(?:href|src|data-full)="[^"]*"', html))
 

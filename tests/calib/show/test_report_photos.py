@@ -14,17 +14,8 @@ from calib.draw.run_photos import photo_rows, photos_section
 from calib.judge.judged_run import read_run
 from designer.page.blocks import Findings, Gallery, Page, Table
 from designer.page.shell import page_html
-from tests.support.run_folders import (
-    BLANK,
-    PANEL,
-    blocks,
-    page_of_run,
-    section,
-    solved,
-    table,
-    write_overlays,
-    write_run,
-)
+from tests.support.pages import blocks_of, section_of, table_of
+from tests.support.run_folders import BLANK, PANEL, page_of_run, solved, write_overlays, write_run
 
 
 @pytest.fixture(scope="module")
@@ -60,14 +51,14 @@ def test_numbers_of_photos_are_those_of_the_table_of_views(kept: Path, page: Pag
     lines = (kept / "opencv/metrics_views.csv").read_text().splitlines()
     head = lines[0].split(",")
     rmse = {line.split(",")[0]: float(line.split(",")[head.index("reprojection_rmse_px")]) for line in lines[1:]}
-    rows = table(page, "All photos").rows
+    rows = table_of(page, "All photos").rows
     assert {row[0].text: row[3].value for row in rows} == pytest.approx(rmse, rel=1e-4)
 
 
 def test_pictures_come_worst_first_and_lead_to_the_overlays(kept: Path, page: Page) -> None:
     """Each photo with its overlay is in the gallery, by falling error, linked to the file in full."""
-    gallery = next(block for block in blocks(page) if isinstance(block, Gallery))
-    rmse = {row[0].text: row[3].value or 0.0 for row in table(page, "All photos").rows}
+    gallery = next(block for block in blocks_of(page) if isinstance(block, Gallery))
+    rmse = {row[0].text: row[3].value or 0.0 for row in table_of(page, "All photos").rows}
     shown = [rmse[picture.name] for picture in gallery.pictures]
     assert len(shown) == 8
     assert shown == sorted(shown, reverse=True)
@@ -78,7 +69,7 @@ def test_pictures_come_worst_first_and_lead_to_the_overlays(kept: Path, page: Pa
 def test_without_overlays_the_table_stands_alone(run: Path) -> None:
     """A line says what is missing, and what draws it."""
     shutil.rmtree(run / "overlays")
-    photos = section(page_of_run(run), "Photos")
+    photos = section_of(page_of_run(run), "Photos")
     assert not any(isinstance(block, Gallery) for block in photos.blocks)
     assert any(isinstance(block, Findings) and "calib run" in block.rows[0].text for block in photos.blocks)
     assert any(isinstance(block, Table) for block in photos.blocks)
@@ -102,7 +93,7 @@ def test_broken_overlays_are_skipped_and_named(run: Path) -> None:
     places[3].write_bytes(huge_png())
     places[4].unlink()
     places[4].mkdir()
-    photos = section(page_of_run(run), "Photos")
+    photos = section_of(page_of_run(run), "Photos")
     gallery = next(block for block in photos.blocks if isinstance(block, Gallery))
     assert len(gallery.pictures) == 4
     broken = next(block.rows[0] for block in photos.blocks if isinstance(block, Findings))
@@ -133,12 +124,12 @@ def test_photos_without_the_target_are_listed(run: Path) -> None:
     place.write_text(json.dumps(document))
     write_overlays(run, ["lost.png"])
     page = page_of_run(run)
-    row = next(row for row in table(page, "All photos").rows if row[0].text == "lost.png")
+    row = next(row for row in table_of(page, "All photos").rows if row[0].text == "lost.png")
     assert row[0].level == "bad"
     assert row[-1].text == "too blurred"
-    gallery = next(block for block in blocks(page) if isinstance(block, Gallery))
+    gallery = next(block for block in blocks_of(page) if isinstance(block, Gallery))
     assert gallery.pictures[0].name == "lost.png"
-    assert "8 of 9 photos were used" in section(page, "Photos").lead
+    assert "8 of 9 photos were used" in section_of(page, "Photos").lead
 
 
 def test_what_all_photos_have_in_common_is_said_once(run: Path) -> None:

@@ -11,7 +11,7 @@ from calib.core.types import Observations, keep_sightings
 from calib.observe.dataset import write_detections
 from calib.studies import bootstrap as pool
 from tests.support.calibrations import board
-from tests.support.command_line import detections_of, files_in, refused, write_inputs
+from tests.support.command_line import detections_of, files_in, refused, write_correspondences, write_inputs
 from tests.support.study_commands import (
     BOARD,
     SEEN,
@@ -116,11 +116,7 @@ def test_inputs_that_do_not_fit_are_refused(spoil: Callable[[], None], says: str
 
 def test_points_without_an_image_size_need_one() -> None:
     """A CSV of points says no image size; the one line says how to give it."""
-    lines = [
-        f"{SEEN.view_names[view]},{u},{v},{x},{y},{z}"
-        for view, (u, v), (x, y, z) in zip(SEEN.view, SEEN.center_px, SEEN.points.position_mm[SEEN.point], strict=True)
-    ]
-    Path("points.csv").write_text("\n".join(["image,u,v,X,Y,Z", *lines]) + "\n")
+    write_correspondences(Path("points.csv"), SEEN, has_size=False)
     assert "--image-size" in refused("study", "bootstrap", "--detections", "points.csv", "-o", "out")
     assert not Path("out").exists()
 
