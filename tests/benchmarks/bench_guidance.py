@@ -29,7 +29,7 @@ from calib.cameras.refit import camera_difference  # noqa: E402
 from calib.judge.guide import Guide  # noqa: E402
 from calib.solver.accuracy import SHARE_PERCENT  # noqa: E402
 from designer.base.errors import InputError  # noqa: E402
-from tests.support.simulated_person import PhotoScene, filling_bars, scene_of, taken_with, waved  # noqa: E402
+from tests.benchmarks.simulated_person import PhotoScene, filling_bars, scene_of, taken_with, waved  # noqa: E402
 
 SCENES, MOST_PHOTOS = 40, 42
 COLUMNS = 24

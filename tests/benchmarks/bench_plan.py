@@ -21,8 +21,8 @@ from calib.cameras import COMMON
 from calib.cameras.refit import plain_camera
 from designer.base.errors import InputError
 from tests.benchmarks.bench_guidance import CIRCLE_SIGMAS, JUDGED, Step, first_guide, step_of
+from tests.benchmarks.simulated_person import CLOSE, FEWEST_RINGS, PhotoScene, photograph, scene_of, waved
 from tests.support.guided_scenes import TREMOR_MM, held_by_person
-from tests.support.simulated_person import CLOSE, FEWEST_RINGS, PhotoScene, photograph, scene_of, waved
 
 WITHIN_PX = 0.1
 FOCAL_OFF = 0.1

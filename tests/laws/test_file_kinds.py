@@ -18,7 +18,7 @@ from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.marks import OR_NULL, AtLeast, Gap, Shape
-from tests.support.file_examples import EXAMPLES
+from tests.support.file_examples import EXAMPLES, same
 
 ROOT = Path(__file__).parents[2]
 
@@ -40,21 +40,6 @@ def kinds() -> dict[str, FileKind[object]]:
 def test_each_kind_has_an_example_and_a_format_of_its_own() -> None:
     """A kind of file is declared once, and held to these laws by an example."""
     assert kinds().keys() == EXAMPLES.keys()
-
-
-def same(one: object, other: object) -> bool:
-    """Whether two values are of one type and equal to the last bit, nan being nan."""
-    if type(one) is not type(other):
-        return False
-    if dataclasses.is_dataclass(one):
-        return all(same(getattr(one, f.name), getattr(other, f.name)) for f in dataclasses.fields(one))
-    if isinstance(one, np.ndarray):
-        return one.dtype == other.dtype and one.tobytes() == other.tobytes()
-    if isinstance(one, tuple | list):
-        return len(one) == len(other) and all(map(same, one, other))
-    if isinstance(one, dict):
-        return list(one) == list(other) and all(map(same, one.values(), other.values()))
-    return repr(one) == repr(other)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

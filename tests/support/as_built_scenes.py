@@ -13,6 +13,7 @@ from calib.measure_target.problem import State
 from calib.measure_target.result import AsBuilt, target_of
 from calib.measure_target.unknowns import AsBuiltOptions, TargetUnknowns, nominal_shape, place_rings, unknowns_of
 from calib.observe.observations import known_points
+from calib.solver.eliminate import Normal
 from designer.base.arrays import Array
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
@@ -116,3 +117,19 @@ def blocks_of(covariance: Array) -> Array:
 def no_deviation(target: TargetGeometry) -> TargetUnknowns:
     """As designed."""
     return nominal_shape(target)
+
+
+def dense(normal: Normal) -> tuple[Array, Array]:
+    """The whole normal matrix, poses first, then rings, then the others; and the gradient."""
+    poses, rings, others = 6 * len(normal.pose), 3 * len(normal.ring), len(normal.other)
+    half = np.zeros((poses + rings + others,) * 2)  # the blocks on the diagonal count twice, so half of each
+    for v, block in enumerate(normal.pose):
+        half[6 * v : 6 * v + 6, 6 * v : 6 * v + 6] = block / 2
+    for r, block in enumerate(normal.ring):
+        half[poses + 3 * r :, poses + 3 * r :][:3, :3] = block / 2
+    row = normal.ring_row.reshape(rings, poses + others + 1)
+    half[poses : poses + rings, :poses] = row[:, :poses]
+    half[poses : poses + rings, poses + rings :] = row[:, poses:-1]
+    half[:poses, poses + rings :] = normal.pose_row.reshape(poses, others + 1)[:, :-1]
+    half[poses + rings :, poses + rings :] = normal.other[:, :-1] / 2
+    return half + half.T, np.concatenate([normal.pose_row[:, :, -1].ravel(), row[:, -1], normal.other[:, -1]])

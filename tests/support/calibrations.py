@@ -103,3 +103,14 @@ def example(
     seen = seen_by(one, known_points(target), poses)
     noisy = replace(seen, center_px=seen.center_px + noise_px * rng.standard_normal(seen.center_px.shape))
     return calibration_of(one, noisy, poses)
+
+
+def sightings(points: KnownPoints, count: int = 4, seed: int = 0) -> Observations:
+    """Noisy sightings, each with its own covariance."""
+    rng = np.random.default_rng(seed)
+    seen = seen_by(camera(), points, poses_around(count, rng, distance_mm=450.0))
+    root = rng.normal(0, 0.1, (len(seen.view), 2, 2))
+    return replace(
+        seen, center_px=np.round(seen.center_px + rng.normal(0, 0.05, seen.center_px.shape), 6),
+        cov_px2=root @ root.transpose(0, 2, 1) + 1e-3 * np.eye(2),
+    )  # fmt: skip

@@ -1,5 +1,6 @@
 """A small value of each kind of file that is read back."""
 
+import dataclasses
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -188,6 +189,21 @@ def _hand_eye() -> object:
         0.001,
         (NextPose(pose, "move it there", math.nan, 1e-3, 1 / 3, 1 / 7),),
     )
+
+
+def same(one: object, other: object) -> bool:
+    """Whether two values are of one type and equal to the last bit, nan being nan."""
+    if type(one) is not type(other):
+        return False
+    if dataclasses.is_dataclass(one):
+        return all(same(getattr(one, f.name), getattr(other, f.name)) for f in dataclasses.fields(one))
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and one.tobytes() == other.tobytes()
+    if isinstance(one, tuple | list):
+        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, dict):
+        return list(one) == list(other) and all(map(same, one.values(), other.values()))
+    return repr(one) == repr(other)
 
 
 EXAMPLES: Mapping[str, Callable[[], object]] = {

@@ -9,12 +9,10 @@ import cv2
 import numpy as np
 import pycolmap
 import yaml
-from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from tests.support.foreign_cameras import lens_camera
 from tests.support.published_lenses import published
-
-Array = NDArray[np.float64]
 
 
 def opencv_projection(ray: Array, matrix: Array, lens: Array) -> Array:

@@ -53,7 +53,6 @@ def side_by_side(
 def held_at_ghost(guide: RigGuide, rig: TrueRig, target: TargetGeometry, rng: np.random.Generator) -> Array:
     """Where a person holds the target who follows the ghost, in the true rig.  # (4, 4)"""
     told = guide.told
-    assert told.ghost is not None
     camera = next(one.name for one in told.cameras if one.ghost_px)
     return np.asarray(invert(rig.cam_from_rig[camera]) @ held_by_person(told.ghost.cam_from_target, target, rng))
 

@@ -1,11 +1,28 @@
-"""A slow renderer for tests: many jittered rays a pixel, each against every face and ring, in plain NumPy."""
+"""Targets to be rendered, and a slow renderer: many jittered rays a pixel against every face and ring, in NumPy."""
 
 import numpy as np
 
 from calib.cameras import rays
 from calib.cameras.camera import Camera
+from calib.renderer import RenderOptions
 from designer.base.arrays import Array, Flags
+from designer.kinds.layout import lay_out
+from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry
+from tests.support.designs import asked_for
+
+SILHOUETTE = RenderOptions(bits=32, black=0.9, white=1.0, background=0.0)
+
+
+def board(columns: int = 4, **changes: object) -> TargetGeometry:
+    """A board of rings of 7 mm at 9 mm, with a border of 1 mm unless told otherwise."""
+    values = {"columns": columns, "rows": columns, "ring_diameter": "7mm", "pitch": "9mm", "border": "1mm"}
+    return lay_out(size_job(asked_for("board", {**values, **changes})).job.target)
+
+
+def ico() -> TargetGeometry:
+    """An icosahedron of 100 mm edges."""
+    return lay_out(size_job(asked_for("ico", {"edge": "100mm"})).job.target)
 
 
 def texture(target: TargetGeometry, cam_from_target: Array, direction: Array) -> tuple[Array, Array]:

@@ -51,7 +51,6 @@ def paper_samples(target: str, size: int, count: int, rng: np.random.Generator, 
     metrics = np.empty((count, 4))
     for metric in METRICS:
         value = paper_value(target, metric.name, size)
-        assert value is not None
         metrics[:, metric.column] = factor * 10.0**metric.power * gamma(value.mu, value.sigma, count, rng)
     return made(metrics, rng.multivariate_normal(np.zeros(len(NAMES)), covariance(target), size=count) / size**0.5)
 

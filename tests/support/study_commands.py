@@ -2,13 +2,10 @@
 
 import csv
 import io
-import signal
 import sqlite3
 import subprocess
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
 from pathlib import Path
-from types import FrameType
 
 import cv2
 import numpy as np
@@ -93,22 +90,6 @@ def tables(place: str = "out") -> dict[str, bytes]:
 def table_lines(place: str = "out") -> list[dict[str, str]]:
     """The lines of the table for other programs."""
     return list(csv.DictReader(io.StringIO(Path(place, "table.csv").read_text())))
-
-
-@contextmanager
-def seconds_at_most(limit: int) -> Iterator[None]:
-    """Fail where a program would wait for ever."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise AssertionError("waits for ever")
-
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(limit)
-    try:
-        yield
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
 
 
 def start(*options: object) -> subprocess.Popen[str]:

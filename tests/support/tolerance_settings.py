@@ -16,7 +16,9 @@ from calib.studies.tolerance.record import PhotographedSetting, ToleranceStudy
 from calib.studies.tolerance.result import ToleranceTable
 from calib.studies.tolerance.seen import aimed_at
 from calib.studies.tolerance.setting import Setting, make_setting
+from calib.studies.tolerance.sizes import what_if_table
 from calib.studies.tolerance.stored import Keeping
+from calib.studies.tolerance.what_if import WhatIfTable
 from designer.base.arrays import Array
 from designer.target import target_to_json
 from designer.tolerance.error_file import error_model
@@ -79,6 +81,13 @@ def tolerance_study(*, linear: bool = False) -> ToleranceStudy:
 def tolerance_table() -> ToleranceTable:
     """The table of that study."""
     return _explored(linear=False)[1]
+
+
+@cache
+def what_ifs() -> WhatIfTable:
+    """An icosahedron that is printed in two filaments, or made in other ways."""
+    ways = {name: error_model(name) for name in ("fdm-dual", "resin", "machined")}
+    return what_if_table(ico_setting(), ways["fdm-dual"], "fdm-dual", ways, seed=1)
 
 
 @cache

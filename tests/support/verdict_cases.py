@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation, look_at, make_pose
 from calib.core.types import KnownPoints, Observations
@@ -19,9 +18,8 @@ from calib.renderer.poses import fibonacci_cap
 from calib.solver.calibration import Calibration
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, noisy, observe
-
-Array = NDArray[np.float64]
 
 TRUE = CAMERAS["opencv"]
 BOARD, ICOSAHEDRON = board(), icosahedron()

@@ -17,9 +17,8 @@ from calib.studies.tolerance.what_if import WhatIf, WhatIfTable
 from designer.page.shell import page_html
 from designer.tolerance.source import format_quantity
 from designer.tolerance.sources import SOURCES
-from tests.calib.studies.test_what_if import table
 from tests.support.browser import WIDTHS, open_page, overflow_px
-from tests.support.tolerance_settings import told, tolerance_study
+from tests.support.tolerance_settings import told, tolerance_study, what_ifs
 
 MADE_BY = (
     "design tolerance 'my ico.target.json' --errors fdm-dual --linear --set skew=1deg -o out --against b.target.json"
@@ -41,7 +40,7 @@ READ = """(side) => ({
 
 def study() -> ToleranceStudy:
     """An icosahedron that may be made in three ways, against a board."""
-    return replace(tolerance_study(linear=True), what_ifs=table())
+    return replace(tolerance_study(linear=True), what_ifs=what_ifs())
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +110,7 @@ def test_what_is_shown_is_what_python_says(page: Page, seed: int) -> None:
     """For any way, sizes, distributions, measure and limit, on both sides, all numbers and marks are the same."""
     rng, told = np.random.default_rng(seed), study()
     assert told.crossovers is not None
-    tables = (table(), told.crossovers.what_ifs)
+    tables = (what_ifs(), told.crossovers.what_ifs)
     by = MAIN[rng.integers(len(MAIN))]
     limit = float(f"{told.what_if().total(by) * rng.uniform(0.3, 2):.4g}")
     page.get_by_label("Look at").select_option(label=quantity_named(by).title)
@@ -132,7 +131,7 @@ def test_the_command_line_is_that_of_what_is_set(page: Page) -> None:
     choose(page, 0, "resin", {"skew": "uniform 2mrad", "scale": "0.25%"})
     words = shlex.split(page.locator(".what-if .command code").inner_text())
     place = words.index("--errors")
-    asked = table().ask("resin", {"skew": "uniform 2mrad", "scale": "0.25%"})
+    asked = what_ifs().ask("resin", {"skew": "uniform 2mrad", "scale": "0.25%"})
     assert tuple(words[place : words.index("--against-errors")]) == asked.arguments
     assert words[words.index("--by") :][:2] == ["--by", "intersection"]
     assert [one for one in words if "=" in one][-2:] == ["reprojection=50px", "intersection=0.01mm"]

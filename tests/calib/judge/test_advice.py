@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib.judge.advice import advice_of
 from calib.judge.checks import px
@@ -20,10 +19,9 @@ from calib.judge.views import view_facts
 from calib.solver.calibration import Calibration
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from designer.base.arrays import Array
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, noisy, observe, pose_from, poses_around
 from tests.support.verdict_cases import halves_apart_by, shown_at
-
-Array = NDArray[np.float64]
 
 BOARD = board(12, 10, 14.0)
 
@@ -231,14 +229,6 @@ def test_a_learned_map_is_good_only_where_it_is_known() -> None:
     said = advice_of(good(), learned, criteria())
     assert any("60 % of the image" in sentence for sentence in said)
     assert not any(sentence.startswith(("next photo", "take photos")) for sentence in said)
-
-
-def test_a_lens_that_the_model_does_not_fit_is_named() -> None:
-    """Mean residuals over the image beyond the limit ask for another model."""
-    found = evidence(good())
-    off = replace(found, leftover=replace(found.leftover, image_px=0.3, target_px=0.01))
-    said = advice_of(good(), off, criteria())
-    assert any("--model splined" in sentence and "0.30 px" in sentence for sentence in said)
 
 
 def test_hostile_file_names_stay_one_line_of_text() -> None:

@@ -1,4 +1,4 @@
-"""The robot's next poses: what they promise is what a solution with photos from them gives."""
+"""The robot's next poses, and plans of photos: what they promise is what a solution with them gives."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -6,10 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib.cameras.camera import Camera
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose
-from calib.core.types import keep_frames
+from calib.core.types import KnownPoints, keep_frames
+from calib.judge.coverage import lit_part, sigma_over_lit_px
+from calib.judge.criteria import read_criteria
+from calib.judge.halves import half_split
+from calib.judge.judge import Judged
 from calib.judge.next_robot_poses import next_robot_poses
+from calib.judge.next_views import NextView, next_views
+from calib.judge.planned_views import FEWEST, PlannedViews, calibration_before, planned_views, usual_hold
+from calib.judge.views import shape_of
 from calib.observe.robot_poses import read_robot_poses, robot_poses_to_csv
 from calib.rigs.carried_information import expected_information, frame_information
 from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
@@ -17,9 +25,14 @@ from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.relative import center_sigma_mm
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
+from calib.solver.calibration import Calibration
 from calib.solver.free_shape import free_directions
+from calib.solver.problem import SolveOptions
+from calib.solver.solve import solve
 from designer.base.arrays import Array
 from tests.support import rig_views, solver_scenes
+from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, observe, poses_around
+from tests.support.verdict_cases import judge_run
 
 ALONE = NoRigHalves("not compared")
 HAND, TARGET = "robot, camera in hand", "robot, target in hand"
@@ -96,7 +109,6 @@ def test_frames_tell_what_the_solution_knows() -> None:
     """
     found = robot(TARGET).solved(is_free=True, allows_slack=True)
     assert found.slack
-    assert found.carrier is not None
     basis = free_directions(found.covariance)
     count = basis.shape[1]
     told = frame_information(found, basis).sum(axis=0) + expected_information(found, count)
@@ -133,7 +145,6 @@ def test_what_turns_about_one_axis_leave_open_the_first_pose_ends(kind: str) -> 
     turns = np.linspace(-0.6, 0.6, 10)[:, None] * np.array([0.3, 0.2, 1.0])
     one = robot(kind, turns=turns)
     found = one.solved()
-    assert found.carrier is not None
     assert found.carrier.undetermined
     pose = next_robot_poses(found, ALONE)[0]
     assert not pose.place_sigma_mm_before < 10
@@ -185,3 +196,104 @@ def test_poses_are_read_as_they_were_written(tmp_path: Path) -> None:
     read = read_robot_poses(tmp_path / "next.csv")
     assert read.images[3] == "a, 3"
     assert np.allclose(read.base_from_flange, poses, atol=1e-6)
+
+
+CAMERA = CAMERAS["opencv"]
+
+
+def _plan(points: KnownPoints, goal_px: float) -> PlannedViews:
+    before = calibration_before(CAMERA, points, NOISE_PX)
+    shape = shape_of(before)
+    assert shape is not None
+    plan = planned_views(before, usual_hold(before, shape), goal_px=goal_px, goal_covered=0.7)
+    assert plan is not None
+    return plan
+
+
+@pytest.mark.parametrize("points", [board(), icosahedron()])
+def test_planned_photos_reach_what_they_promise(points: KnownPoints) -> None:
+    """A camera that is solved from the planned photos states what the plan promised, to a quarter."""
+    plan = _plan(points, 0.05)
+    assert plan.is_reached
+    assert plan.views[-1].sigma_px_after <= 0.05
+    seen = observe(
+        CAMERA,
+        points,
+        np.stack([one.cam_from_target for one in plan.views]),
+        np.random.default_rng(1),
+        noise_px=NOISE_PX,
+        incidence_deg=70,
+    )
+    solved = solve(seen, "opencv", SolveOptions())
+    stated = sigma_over_lit_px(lit_part(solved), solved.param_covariance)
+    assert stated == pytest.approx(plan.views[-1].sigma_px_after, rel=0.25)
+
+
+def test_exchanges_never_need_more_photos() -> None:
+    """The plan is no longer than the list it was made from, and no shorter than halves need."""
+    plan = _plan(board(), 0.03)
+    assert FEWEST <= len(plan.views) <= plan.greedy_count
+
+
+def test_a_goal_out_of_reach_is_told() -> None:
+    """A plan that ends at the most photos before the goal is not called reached."""
+    before = calibration_before(CAMERA, board(), NOISE_PX)
+    shape = shape_of(before)
+    assert shape is not None
+    plan = planned_views(before, usual_hold(before, shape), goal_px=1e-4, goal_covered=0.7, most=7)
+    assert not plan.is_reached
+    assert len(plan.views) == 7
+
+
+def judged(calibration: Calibration) -> tuple[Judged, tuple[NextView, ...]]:
+    """The verdict, and the photos that are proposed with it."""
+    criteria = read_criteria()
+    views = next_views(calibration, goal_px=criteria["uncertainty"].good, goal_covered=criteria["coverage"].good / 100)
+    return judge_run([calibration], 0, half_split(calibration, SolveOptions()), criteria, views), views
+
+
+@pytest.mark.parametrize(
+    ("points", "distance_mm", "half_angle_deg"),
+    [(icosahedron(80.0, 5), 420.0, 180.0), (board(14, 12, 10.0), 450.0, 30.0)],
+    ids=["icosahedron", "board"],
+)
+def test_following_the_proposals_leads_to_a_usable_camera(
+    points: KnownPoints, distance_mm: float, half_angle_deg: float
+) -> None:
+    """After photos around the middle only, the first round of what is proposed makes the camera usable, three good.
+
+    A round is taken by the true camera, solved with all photos so far, and judged; it covers what was said.
+    """
+    rng = np.random.default_rng(7)
+    poses = poses_around(12, rng, half_angle_deg=half_angle_deg, distance_mm=distance_mm, aim_mm=5.0)
+    said, promised = [], 0.0
+    for _ in range(4):
+        seen = observe(CAMERA, points, poses, rng, noise_px=0.02, incidence_deg=70.0)
+        run, views = judged(solve(seen, "opencv", SolveOptions()))
+        said.append(run.verdict.grade)
+        percent = next(check.value for check in run.verdict.checks if check.name == "coverage")
+        assert percent is not None
+        assert percent > 100 * promised - 6
+        if not views:
+            break
+        assert all(any(view.sentence in line for line in run.verdict.advice) for view in views)
+        poses, promised = np.concatenate([poses, np.stack([v.cam_from_target for v in views])]), views[-1].covered_after
+    assert said[0] == "bad"
+    assert "bad" not in said[1:]
+    assert said[-1] == "good", run.verdict.sentence
+
+
+def test_a_board_whose_edge_bulges_out_of_the_image_is_held_elsewhere() -> None:
+    """A wide lens bends a board's edge beyond its corners: where it is not read whole, another photo is proposed."""
+    wide = Camera("opencv", np.array([620.0, 620, 508, 391, -0.3, 0.1, 6e-4, -4e-4, -0.012]), (1024, 768))
+    rng = np.random.default_rng(2)
+    poses = poses_around(14, rng, half_angle_deg=40.0, distance_mm=300.0, aim_mm=15.0)
+    seen = observe(wide, board(21, 21, 10.0), poses, rng, noise_px=0.008, incidence_deg=70.0)
+    whole = np.bincount(seen.view) == 21 * 21
+    seen = observe(wide, board(21, 21, 10.0), poses[whole], rng, noise_px=0.008, incidence_deg=70.0)
+    calibration = solve(seen, "opencv", SolveOptions())
+    _, views = judged(calibration)
+    assert views
+    more = np.stack([view.cam_from_target for view in views])
+    shown = observe(wide, board(21, 21, 10.0), more, rng, incidence_deg=70.0)
+    assert (np.bincount(shown.view, minlength=len(more)) >= 0.95 * 21 * 21).all()

@@ -72,7 +72,6 @@ def test_who_follows_the_ghost_comes_to_a_good_rig(moments: list[Moment]) -> Non
     guide = after(moments)
     assert guide.is_good, guide.told.headline
     assert guide.told.ghost is None
-    assert guide.standing is not None
     assert relative(guide.standing.calibration.rig, 0, 1).baseline_mm == pytest.approx(120.0, abs=0.2)
     assert "pair left right" in [bar.name for bar in guide.told.bars]
 
@@ -85,8 +84,6 @@ def test_a_rig_of_one_camera_is_guided_as_a_camera(moments: list[Moment]) -> Non
         rig, alone = rig.with_photo("left", moment["left"]), alone.with_photo(moment["left"])
     assert rig.wanted_at_once == 1
     assert (rig.told.headline, rig.told.bars) == (alone.told.headline, alone.told.bars)
-    assert rig.told.ghost is not None
-    assert alone.told.ghost is not None
     np.testing.assert_array_equal(rig.told.ghost.cam_from_target, alone.told.ghost.cam_from_target)
 
 
@@ -95,8 +92,6 @@ def test_the_order_in_which_cameras_come_does_not_matter(moments: list[Moment]) 
     turned = [dict(reversed(moment.items())) for moment in moments[:3]]
     one, other = after(moments[:3]).told, after(turned).told
     assert (one.headline, one.bars) == (other.headline, other.bars)
-    assert one.ghost is not None
-    assert other.ghost is not None
     assert one.ghost.sentence == other.ghost.sentence
 
 
@@ -112,7 +107,6 @@ def test_the_proposal_names_its_camera_and_is_drawn_there_alone(moments: list[Mo
     """As long as one camera is not known its own place is proposed."""
     told = after(moments[:1]).told
     drawn = [camera.name for camera in told.cameras if camera.ghost_px]
-    assert told.ghost is not None
     assert len(drawn) == 1
     assert told.ghost.short.startswith(f"{drawn[0]}: ")
 

@@ -22,7 +22,7 @@ from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
 from calib.rigs.relative import CarriedError, relative
 from calib.rigs.result import CarrierFit, RigCalibration
 from designer.base.errors import InputError
-from tests.laws.test_file_kinds import same
+from tests.support.file_examples import same
 from tests.support.rig_views import RigScene, ring, scene_of, solved_slowly, stereo_pair
 
 STANDARD = read_rig_criteria()
@@ -39,7 +39,6 @@ def found() -> RigCalibration:
 def covered() -> Coverage:
     """An image that is covered whole."""
     coverage = rig_evidence(solved_slowly(stereo_pair(frames=12)), AGREE).coverages[0]
-    assert coverage is not None
     return replace(coverage, views=np.ones_like(coverage.views), regions=())
 
 
@@ -153,8 +152,6 @@ def test_halves_that_differ_enlarge_what_is_told() -> None:
     wide = RigHalves((RigSplit("by turns", 3.0, 60, 1.0, ()),))
     once, thrice = rig_evidence(found(), AGREE), rig_evidence(found(), wide)
     assert thrice.pairs[0].relative.baseline_sigma_mm == pytest.approx(3 * once.pairs[0].relative.baseline_sigma_mm)
-    assert thrice.middle is not None
-    assert once.middle is not None
     assert thrice.middle.rig_mm == pytest.approx(3 * once.middle.rig_mm)
     assert thrice.middle.noise_mm == once.middle.noise_mm
 

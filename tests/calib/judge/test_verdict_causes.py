@@ -51,7 +51,6 @@ def test_a_bent_board_is_found_with_what_it_does(bow_mm: float) -> None:
     one = solved(seen)[0]
     found, nothing = _effect(seen), np.zeros((9, 9))
     true = apart(Known(TRUE, nothing), Known(one.camera, nothing), coverage_of(one))
-    assert true is not None
     assert found.percentile_95_px == pytest.approx(true.percentile_95_px, rel=0.1)
     assert found.ratio > 20
     extent = np.linalg.norm(BOARD.position_mm - BOARD.position_mm.mean(axis=0), axis=1).max()

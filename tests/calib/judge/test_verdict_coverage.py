@@ -187,7 +187,6 @@ def test_photos_to_take_reach_the_rim_and_stay_in_the_light() -> None:
     """Places that are tried lie up to far off the axis, none of them in the dark."""
     calibration = with_field(seen_up_to(60), 190)
     shape = shape_of(calibration)
-    assert shape is not None
     found = candidates_of(calibration, shape, habits_of(calibration, shape))
     middle = transform(found.cam_from_target, shape.center_mm)
     angle = np.degrees(np.arccos(middle[:, 2] / np.linalg.norm(middle, axis=1)))

@@ -20,7 +20,6 @@ def _ratio(seen: Observations) -> float:
     halves = half_split(one, OPTIONS)
     assert isinstance(halves, Halves)
     found = halves_apart(halves, coverage_of(one))
-    assert found is not None
     return found.ratio
 
 
@@ -30,11 +29,6 @@ def test_the_ratio_is_about_one_for_noise() -> None:
     ratios += [_ratio(sightings(ICOSAHEDRON, seed=seed, views=8, distance_mm=400)) for seed in range(4)]
     assert 0.75 < np.sqrt(np.mean(np.square(ratios))) < 1.3
     assert max(ratios) < 2
-
-
-def test_the_ratio_does_not_depend_on_the_noise() -> None:
-    """Ten times the noise makes ten times the differences and the standard deviations."""
-    assert _ratio(sightings(noise_px=0.1)) == pytest.approx(_ratio(sightings(noise_px=0.01)), rel=0.05)
 
 
 def test_errors_that_go_together_in_a_view_are_found() -> None:
@@ -104,7 +98,6 @@ def test_the_stated_difference_is_that_of_drawn_parameters(calibration: Calibrat
     for step in rng.multivariate_normal(np.zeros(9), calibration.param_covariance, 40):
         drawn = replace(calibration.camera, params=calibration.camera.params + step)
         found = apart(Known(drawn, nothing), Known(calibration.camera, calibration.param_covariance), covered)
-        assert found is not None
         ratios.append(found.ratio)
     assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1, abs=0.2)
 
@@ -113,7 +106,6 @@ def test_a_camera_is_not_apart_from_itself(calibration: Calibration) -> None:
     """No difference, of no standard deviations; and nothing is said where nothing was seen."""
     one = Known(calibration.camera, calibration.param_covariance)
     found = apart(one, one, coverage_of(calibration))
-    assert found is not None
     assert found.percentile_95_px == pytest.approx(0, abs=1e-9)
     assert found.ratio == pytest.approx(0, abs=1e-6)
     assert np.isnan(found.length_px[~found.is_covered]).all()
@@ -126,7 +118,6 @@ def test_a_shift_of_the_principal_point_is_hardly_a_difference() -> None:
     whole = Coverage(TRUE.image_size, np.ones((134, 160), dtype=np.int64), (), np.ones((134, 160), dtype=bool))
     nothing = np.zeros((4, 4))
     found = apart(Known(plain, nothing), Known(moved, nothing), whole)
-    assert found is not None
     assert 0 < found.percentile_95_px < 0.3
 
 

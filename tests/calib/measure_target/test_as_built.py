@@ -99,7 +99,7 @@ def test_a_measured_target_is_better_by_every_metric() -> None:
 
 @pytest.mark.parametrize(
     ("options", "ring_mm", "trials"),
-    [(RIGID, (0.0, 0.0), 16), (AsBuiltOptions(ring_sigma_mm=RINGS), (0.1, 0.01), 16)],
+    [(RIGID, (0.0, 0.0), 16), (AsBuiltOptions(ring_sigma_mm=RINGS), (0.1, 0.01), 10)],
     ids=["rigid", "rings"],
 )
 def test_stated_covariances_hold_the_truth(options: AsBuiltOptions, ring_mm: tuple[float, float], trials: int) -> None:
@@ -238,7 +238,6 @@ def test_groups_of_faces_that_no_view_joins_are_not_determined() -> None:
     (remark,) = (line for line in found.remarks if "no view joins" in line)
     lost = np.flatnonzero((upper != upper[known][0]) & (found.face_views > 0))
     assert all(str(face) in remark for face in lost.tolist())
-    assert found.target.face_covariance is not None
     shift = np.sqrt(np.einsum("fii->fi", found.target.face_covariance[:, 3:, 3:]))
     assert shift[lost].min() > 0.5  # mm
     assert shift[known].max() < 0.02
@@ -257,7 +256,6 @@ def test_a_face_that_no_view_shows_stays_as_designed() -> None:
     assert not found.is_determined[hidden].any()
     assert any("kept as designed" in line and f" {hidden[0]}" in line for line in found.remarks)
     assert np.abs(found.motion[hidden]).max() < 1e-3 * 0.1  # but for the datum, which is of what was seen
-    assert found.target.face_covariance is not None
     assert np.sqrt(found.target.face_covariance[hidden, 0, 0]) == pytest.approx(0.1, rel=0.01)
 
 
@@ -279,7 +277,6 @@ def test_the_spread_of_the_rings_is_found() -> None:
     rng = np.random.default_rng(13)
     print_ = printed(solid(), random_shape(solid(), rng, ring_mm=(0.12, 0.004)))
     found = measure([photos(print_, rng, 30)], solid(), "opencv", AsBuiltOptions(ring_sigma_mm=RINGS))
-    assert found.ring_sigma_mm is not None
     assert found.ring_sigma_mm[0] == pytest.approx(0.12, rel=0.15)
     assert found.ring_sigma_mm[1] == pytest.approx(0.004, rel=0.4)
 

@@ -22,7 +22,7 @@ from calib.measure_target.unknowns import (
     place_rings,
     unknowns_of,
 )
-from calib.solver.eliminate import Normal, covariance_factor, damped_step
+from calib.solver.eliminate import covariance_factor, damped_step
 from calib.solver.levenberg import move_poses
 from calib.solver.problem import SolveOptions, tie_parameters
 from calib.solver.solve import solve
@@ -30,7 +30,7 @@ from designer.base.arrays import Array
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
-from tests.support.as_built_scenes import photos, plate, printed, random_shape, solid
+from tests.support.as_built_scenes import dense, photos, plate, printed, random_shape, solid
 
 RINGS = (0.05, 0.02)
 BENT = AsBuiltOptions(ring_sigma_mm=RINGS, bow=True)
@@ -106,31 +106,6 @@ def joint_of(target: TargetGeometry, views: int, options: AsBuiltOptions) -> tup
     return replace(joint, scale=0.05), state
 
 
-def dense(normal: Normal) -> tuple[Array, Array]:
-    """The whole normal matrix, poses first, then rings, then the others; and the gradient."""
-    poses, rings, others = 6 * len(normal.pose), 3 * len(normal.ring), len(normal.other)
-    size = poses + rings + others
-    matrix = np.zeros((size, size))
-    for v, block in enumerate(normal.pose):
-        matrix[6 * v : 6 * v + 6, 6 * v : 6 * v + 6] = block
-    for r, block in enumerate(normal.ring):
-        here = slice(poses + 3 * r, poses + 3 * r + 3)
-        matrix[here, here] = block
-    row = normal.ring_row.reshape(rings, poses + others + 1)
-    matrix[poses : poses + rings, :poses] = row[:, :poses]
-    matrix[poses : poses + rings, poses + rings :] = row[:, poses:-1]
-    matrix[:poses, poses + rings :] = normal.pose_row.reshape(poses, others + 1)[:, :-1]
-    matrix = matrix + matrix.T - np.diag(np.diagonal(matrix))
-    for v, block in enumerate(normal.pose):
-        matrix[6 * v : 6 * v + 6, 6 * v : 6 * v + 6] = block
-    for r, block in enumerate(normal.ring):
-        here = slice(poses + 3 * r, poses + 3 * r + 3)
-        matrix[here, here] = block
-    matrix[poses + rings :, poses + rings :] = normal.other[:, :-1]
-    gradient = np.concatenate([normal.pose_row[:, :, -1].ravel(), row[:, -1], normal.other[:, -1]])
-    return matrix, gradient
-
-
 CASES = [
     pytest.param(plate(), 6, BENT, id="rings first"),
     pytest.param(plate(), 40, BENT, id="poses first"),
@@ -147,13 +122,11 @@ def test_steps_solve_the_whole_system(target: TargetGeometry, views: int, option
     damping = 1e-3
     expected = np.linalg.solve(matrix + damping * np.diag(np.diagonal(matrix)), -gradient)
     step = damped_step(normal, damping)
-    assert step is not None
     got = np.concatenate([step.pose.ravel(), step.ring.ravel(), step.other])
     unit = 1 / np.sqrt(np.diagonal(matrix))
     assert got / unit == pytest.approx(expected / unit, abs=1e-6 * np.abs(expected / unit).max())
     assert step.predicted == pytest.approx(-(2 * gradient @ got + got @ matrix @ got), rel=1e-6)
     factor = covariance_factor(normal)
-    assert factor is not None
     inverse = np.linalg.inv(matrix * unit[:, None] * unit) * unit[:, None] * unit
     others = len(normal.other)
     assert factor.other @ factor.other.T == pytest.approx(inverse[-others:, -others:], rel=1e-4, abs=1e-12)

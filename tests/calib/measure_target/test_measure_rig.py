@@ -21,8 +21,7 @@ from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
-from tests.calib.measure_target.test_as_built_steps import dense
-from tests.support.as_built_scenes import printed, solid, truth_of
+from tests.support.as_built_scenes import dense, printed, solid, truth_of
 from tests.support.rig_prints import rig_before_print
 
 OPTIONS = AsBuiltOptions()

@@ -2,12 +2,11 @@
 
 import json
 import math
-import os
 import re
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +17,11 @@ from hypothesis import strategies as st
 from calib.cameras.camera import Camera, LearnedMap, load_camera
 from calib.core.types import KnownPoints
 from calib.observe.calibration_file import Provenance, read_calibration, write_calibration
-from calib.observe.observation_table import COLUMNS, FIRST_LINE, read_sightings
 from calib.solver.calibration import Calibration, ImageField, MadeWith, TargetError
 from calib.solver.problem import SolveOptions
 from designer.base.errors import InputError
-from designer.base.files import write_files
 from tests.support.calibrations import board, example
+from tests.support.file_examples import same
 
 BOARD = board(5, 4)
 PROVENANCE = Provenance(
@@ -32,18 +30,6 @@ PROVENANCE = Provenance(
                  shared=(("fx_px", "fy_px"),), focal_px=1234.5),
     (("detections", "a b.csv"), ("model", "opencv")),
 )  # fmt: skip
-
-
-def same(one: object, two: object) -> bool:
-    """Whether two values, or all fields of two frozen types, are the same, arrays bit for bit."""
-    if isinstance(one, np.ndarray):
-        return isinstance(two, np.ndarray) and one.dtype == two.dtype and one.tobytes() == two.tobytes()
-    if hasattr(one, "__dataclass_fields__"):
-        return type(one) is type(two) and all(
-            same(getattr(one, field.name), getattr(two, field.name))
-            for field in fields(one)  # type: ignore[arg-type]
-        )
-    return one == two
 
 
 def calibration(*, names: tuple[str, ...] = (), covariance: bool = True, seed: int = 1) -> Calibration:
@@ -75,10 +61,27 @@ def written(folder: Path, one: Calibration | None = None) -> Path:
     return write_calibration(folder, one or calibration(), PROVENANCE)[0][0]
 
 
-@pytest.mark.parametrize("covariance", [True, False])
-def test_what_is_written_is_read_back_bit_for_bit(covariance: bool, tmp_path: Path) -> None:
-    """Every field of the calibration and of its provenance comes back, with and without covariances."""
-    one = calibration(covariance=covariance)
+def made(kind: str) -> Calibration:
+    """A calibration, with or without covariances, of a target that may be off, with a learned map."""
+    one = calibration(covariance=kind != "plain")
+    if kind == "of a print":
+        errors = MadeWith((("warp", "uniform", 0.1 / 3), ("thermal", "fixed", -5.0)), 7e-5, 0.2)
+        target_error = TargetError("mine", "its file says so", 0.1 * np.eye(9), errors)
+        return replace(one, target_error=target_error, image_field=ImageField(0.02, 0.3 * np.eye(9)))
+    if kind == "learned":
+        rng = np.random.default_rng(4)
+        learned = LearnedMap(
+            rng.uniform(0, 1000, (7, 2)), rng.normal(size=(7, 2)), rng.uniform(1e-4, 1e-3, 7), np.eye(3), 321.5, 0.25
+        )
+        lens = Camera("virtual", np.array([1300.5, 1301, 600, 450]), one.camera.image_size, learned)
+        return replace(one, camera=lens, param_covariance=np.eye(4), fixed=())
+    return one
+
+
+@pytest.mark.parametrize("kind", ["plain", "weighted", "of a print", "learned"])
+def test_what_is_written_is_read_back_bit_for_bit(kind: str, tmp_path: Path) -> None:
+    """Every field of the calibration and of its provenance comes back."""
+    one = made(kind)
     places, _ = write_calibration(tmp_path / "new", one, PROVENANCE)
     assert [path.name for path in places] == ["calibration.json", "observations.csv", "camera.json"]
     again, provenance = read_calibration(places[0])
@@ -96,33 +99,6 @@ def test_views_may_have_any_file_names(names: list[str], tmp_path: Path) -> None
     """Commas, quotes, line breaks, characters that are no text: names come back, and rows stay with their views."""
     one = calibration(names=tuple(names))
     assert same(read_calibration(written(tmp_path, one))[0], one)
-
-
-def test_what_the_target_may_be_off_is_kept(tmp_path: Path) -> None:
-    """The way of making with its errors and covariance comes back; files without them know nothing of it."""
-    errors = MadeWith((("warp", "uniform", 0.1 / 3), ("thermal", "fixed", -5.0)), 7e-5, 0.2)
-    one = replace(calibration(), target_error=TargetError("mine", "its file says so", 0.1 * np.eye(9), errors))
-    one = replace(one, image_field=ImageField(0.02, 0.3 * np.eye(9)))
-    path = written(tmp_path, one)
-    assert same(read_calibration(path)[0], one)
-    document = json.loads(path.read_text())
-    del document["target_error"]
-    path.write_text(json.dumps(document))
-    assert read_calibration(path)[0].target_error is None
-
-
-def test_a_learned_map_is_kept(tmp_path: Path) -> None:
-    """A camera that learned a map comes back with it, from calibration.json and from camera.json."""
-    rng = np.random.default_rng(4)
-    learned = LearnedMap(
-        rng.uniform(0, 1000, (7, 2)), rng.normal(size=(7, 2)), rng.uniform(1e-4, 1e-3, 7), np.eye(3), 321.5, 0.25
-    )
-    one = calibration()
-    lens = Camera("virtual", np.array([1300.5, 1301, 600, 450]), one.camera.image_size, learned)
-    one = replace(one, camera=lens, param_covariance=np.eye(4), fixed=())
-    path = written(tmp_path, one)
-    assert same(read_calibration(path)[0], one)
-    assert same(load_camera(tmp_path / "camera.json"), lens)
 
 
 def test_what_is_not_determined_is_not_known_afterwards(tmp_path: Path) -> None:
@@ -155,32 +131,6 @@ def test_a_point_left_out_costs_no_calibration(tmp_path: Path) -> None:
     assert not (tmp_path / "counts").exists()
 
 
-def test_a_full_disk_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """When one file cannot be written, the old set stays whole."""
-    path = written(tmp_path)
-    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
-    count = 0
-
-    def fails(descriptor: int) -> None:
-        nonlocal count
-        count += 1
-        if count == 3:
-            raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", fails)
-    with pytest.raises(InputError, match="No space left"):
-        written(tmp_path, calibration(seed=2))
-    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
-    assert path.exists()
-
-
-def changed(path: Path, old: str, new: str) -> None:
-    """Replace the first place of a text in a file, which must hold it."""
-    text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new, 1))
-
-
 def refused(path: Path) -> str:
     """The one line that refuses a file."""
     with pytest.raises(InputError) as caught:
@@ -210,24 +160,17 @@ def table_with(path: Path, column: str, value: str) -> Path:
     [
         ("image", "other.png", "no view of the calibration"),
         ("point", "21", "0 to 20"),
-        ("point", "1.5", "point must be"),
-        ("point", "-1", "point must be"),
         ("face", "3", "face or X, Y, Z are not those"),
-        ("X", "12.25", "face or X, Y, Z are not those"),
         ("Z", "nan", "face or X, Y, Z are not those"),
-        ("u", "nan", "u and v must be within"),
         ("u", "1e30", "u and v must be within"),
         ("v", "-inf", "u and v must be within"),
         ("v", "12,3", "values; a line has"),
-        ("v", "12;3", "'12;3' must be a number"),
         ("v", "1_2", "'1_2' must be a number"),
         ("v", "\u0663", "must be a number"),
-        ("v", "", "'' must be a number"),
         ("du", "inf", "du and dv must be finite"),
         ("outlier", "2", "outlier must be 0 or 1"),
         ("suu", "-1", "positive definite"),
         ("suv", "1e6", "positive definite"),
-        ("svv", "nan", "positive definite"),
         ("svv", "9" * 5000, "positive definite"),
     ],
 )
@@ -263,13 +206,11 @@ def test_views_must_come_in_order(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "rule"),
     [
-        (lambda text: "", "must begin with"),
         (lambda text: "\x00" * 100, "must begin with"),
         (lambda text: text.replace("version 1", "version 9", 1), "version 9; this program reads version 1"),
         (lambda text: text.replace("image,point", "point,image", 1), "line 3: the columns must be"),
         (lambda text: "\n".join(text.split("\n")[:3]) + "\n", "holds no line of observations"),
         (lambda text: text + '"open', "line "),
-        (lambda text: text[: len(text) // 2], ""),
         (lambda text: "\n".join(text.split("\n")[:-5]) + "\n", "does not belong to"),
         (lambda text: text.replace("# X Y Z", "# Y X Z"), "does not belong to"),
     ],
@@ -284,49 +225,22 @@ def test_a_broken_table_is_refused(change: Callable[[str], str], rule: str, tmp_
     assert str(table) in message
 
 
-def test_a_table_must_be_there_and_text(tmp_path: Path) -> None:
-    """A calibration.json alone, with a folder beside it, or with bytes that are no text, is refused."""
-    path = written(tmp_path)
-    table = path.parent / "observations.csv"
-    content = table.read_bytes()
-    table.write_bytes(content + b"\xff\xfe,1")
-    assert "not UTF-8" in refused(path)
-    table.unlink()
-    assert "no such file" in refused(path)
-    table.mkdir()
-    assert "no such file" in refused(path)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "rule"),
     [
-        ('"format": "ringsolid.calibration"', '"format": "x"', '"format": "ringsolid.calibration"'),
-        ('"version": 1,', '"version": 2,', "version 2; this program reads version 1"),
-        ('"version": 1,', '"version": true,', "version True; this program reads version 1"),
-        ('"status": "stopped"', '"status": "fine"', "status 'fine': "),
-        ('"iterations": 5', '"iterations": -5', "iterations -5: "),
-        ('"iterations": 5', '"iterations": 5, "more": 1', "unknown key 'more'"),
-        ('"seconds": 0.1,', "", "seconds is missing"),
-        ('\n "weighted": true', '\n "weighted": "yes"', "weighted 'yes': "),
         ('"fixed": ["k3"]', '"fixed": ["k9"]', "'k9', which is no parameter"),
         ('"model": "opencv"', '"model": "opencw"', "camera: unknown camera model"),
-        ('"param_covariance": [\n  [', '"param_covariance": [\n  [1.0, ', "param_covariance must be some rows"),
-        ('"planes": [\n  [', '"planes": [\n  [0.5, ', "planes must be some rows of 4"),
-        ('"cam_from_target": [[', '"cam_from_target": [[2.0, 0.0, 0.0, 0.0], [', "views.0.cam_from_target must be"),
         ('"points": [\n  [', '"points": [\n  [0.0, 0.0, 0.0, 5], [', "points.0 is on plane 5; there are 1"),
-        ('"points": [\n  [', '"points": [\n  [NaN, 0.0, 0.0, 0], [', "points.0.0"),
-        ('"points": [\n  [', '"points": [\n  [true, 0.0, 0.0, 0], [', "points.0.0"),
         ('"image": "view_0001.png"', '"image": "view_0000.png"', "each be of another image"),
         ('"observations_sha256": "', '"observations_sha256": "0', "does not belong to"),
-        ('"program": ', '"programme": ', "unknown key 'provenance.programme'"),
-        ('"loss": "huber"', '"loss": "none"', "provenance.options.loss"),
-        ("{", "[", "not valid JSON"),
     ],
 )
 def test_a_changed_calibration_is_refused(old: str, new: str, rule: str, tmp_path: Path) -> None:
     """A key or value that breaks a rule is refused by its name, in one line."""
     path = written(tmp_path)
-    changed(path, old, new)
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
     assert rule in refused(path)
 
 
@@ -355,9 +269,6 @@ def test_a_pose_that_is_no_motion_is_refused(tmp_path: Path) -> None:
     one = calibration()
     for matrix, rule in (
         (np.diag([1.0, 1.0, -1.0, 1.0]), "has no rotation in it"),
-        (np.diag([1.1, 1.0, 1.0, 1.0]), "has no rotation in it"),
-        (np.full((4, 4), 1e300), "has no rotation in it"),
-        (np.eye(4) + np.eye(4)[[3, 0, 1, 2]], "has no rotation in it"),
         (np.eye(4) + 1e9 * np.outer(np.eye(4)[0], np.eye(4)[3]), "mm away"),
         (np.eye(4) + np.outer(np.eye(4)[3], np.eye(4)[0]), "the row 0 0 0 1"),
     ):
@@ -392,17 +303,3 @@ def test_two_views_of_one_name_are_not_written(tmp_path: Path) -> None:
     """They could not be told apart afterwards."""
     with pytest.raises(ValueError, match="same name"):
         written(tmp_path, calibration(names=("a.png", "a.png")))
-
-
-def test_a_large_table_is_read(tmp_path: Path) -> None:
-    """Each of 40,000 sightings keeps its photo and its point."""
-    rng = np.random.default_rng(3)
-    rows, views = 40_000, 100
-    points = KnownPoints(rng.normal(size=(400, 3)), np.zeros(400, dtype=int), np.array([[0.0, 0, 1, 0]]))
-    lines = [FIRST_LINE, ",".join(COLUMNS)]
-    place = [f"{n},0,{x!r},{y!r},{z!r}" for n, (x, y, z) in enumerate(points.position_mm.tolist())]
-    lines += [f"{n // 400}.png,{place[n % 400]},1.5,2.5,0.125,nan,0" for n in range(rows)]
-    write_files({tmp_path / "observations.csv": "\n".join(lines).encode()})
-    seen = read_sightings(tmp_path / "observations.csv", [f"{n}.png" for n in range(views)], points)
-    assert np.array_equal(seen.view, np.arange(rows) // 400)
-    assert np.array_equal(seen.point, np.arange(rows) % 400)

@@ -7,34 +7,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from calib.core.types import Detections, KnownPoints, Observations
+from calib.core.types import KnownPoints, Observations
 from calib.observe.corners_vnl import PointGrid
 from calib.observe.correspondences import parse_pair, read_correspondences, read_observations, require_inside
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
 from calib.observe.point_target import PointTable, points_with_planes, target_from_points
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.target import target_to_json
-from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by
-
-Array = NDArray[np.float64]
+from tests.support.calibrations import board, icosahedron, sightings
+from tests.support.command_line import detections_of
 
 BOARD, ICO = board(), icosahedron()
 SIZE = (1200, 900)
 GRID = PointGrid(9, 7, 12.0)
-
-
-def sightings(points: KnownPoints, count: int = 4, seed: int = 0) -> Observations:
-    """Noisy sightings, each with its own covariance."""
-    rng = np.random.default_rng(seed)
-    seen = seen_by(camera(), points, poses_around(count, rng, distance_mm=450.0))
-    root = rng.normal(0, 0.1, (len(seen.view), 2, 2))
-    return replace(
-        seen, center_px=np.round(seen.center_px + rng.normal(0, 0.05, seen.center_px.shape), 6),
-        cov_px2=root @ root.transpose(0, 2, 1) + 1e-3 * np.eye(2),
-    )  # fmt: skip
 
 
 def as_rows(seen: Observations) -> dict[str, list[str]]:
@@ -113,15 +101,7 @@ def test_three_kinds_of_file_are_told_apart_and_agree(tmp_path: Path) -> None:
     x, y, _ = BOARD.center_mm.T
     ring = np.lexsort((x, -np.round(y, 6)))  # row by row from the top left
     seen = sightings(target)
-    detections = [
-        Detections(
-            name, SIZE, BOARD.layout_id, BOARD.geometry_id, seen.point[rows],
-            BOARD.center_mm[seen.point[rows]], seen.center_px[rows],
-            np.tile(1e-4 * np.eye(2), (len(rows), 1, 1)), np.ones((len(rows), 5)), (),
-        )
-        for name, rows in ((name, np.flatnonzero(seen.view == view)) for view, name in enumerate(seen.view_names))
-    ]  # fmt: skip
-    write_detections(tmp_path / "d.csv", detections, BOARD)
+    write_detections(tmp_path / "d.csv", detections_of(seen, BOARD), BOARD)
     (tmp_path / "t.json").write_text(target_to_json(BOARD))
     write_csv(tmp_path / "c.csv", as_rows(seen), USUAL)
     lines = ["# filename x y level"]
@@ -283,7 +263,6 @@ def test_a_sigma_is_a_round_covariance_and_other_columns_are_said(tmp_path: Path
     cells["sigma"] = [str(0.1 + 0.01 * (k % 5)) for k in range(len(cells["u"]))]
     cells["Sigma "] = cells["sigma"]
     done = read_correspondences(write_csv(tmp_path / "c.csv", cells, f"{USUAL},sigma,Sigma ", head=SIZE_LINE))
-    assert done.cov_px2 is not None
     expected = np.array(cells["sigma"], dtype=float)[:, None, None] ** 2 * np.eye(2)
     order = np.lexsort((done.center_px[:, 0], done.view))
     given = np.lexsort((np.array(cells["u"], dtype=float), sightings(known_points(BOARD)).view))

@@ -9,19 +9,24 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.core.types import Detections, Observations
+from calib.core.types import Detections, FaceRecord, Observations
 from calib.observe.dataset import read_detections, write_detections
-from calib.observe.observations import known_points, observations_for_poses, observations_from_detections
+from calib.observe.observations import (
+    known_points,
+    misplaced_pieces,
+    observations_for_poses,
+    observations_from_detections,
+)
 from calib.observe.records import RECORDS, records_path
 from calib.solver.solve import solve
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by
+from tests.support.command_line import SIGMA_PX, detections_of
 
 Change = Callable[[Detections], Detections]
 
 BOARD, ICO = board(), icosahedron()
-SIGMA_PX = 0.02
 
 
 def photos(count: int, target: TargetGeometry = BOARD, seed: int = 0) -> list[Detections]:
@@ -29,14 +34,8 @@ def photos(count: int, target: TargetGeometry = BOARD, seed: int = 0) -> list[De
     rng = np.random.default_rng(seed)
     seen = seen_by(camera(), known_points(target), poses_around(count, rng, distance_mm=250.0))
     center = seen.center_px + rng.normal(0, SIGMA_PX, seen.center_px.shape)
-    return [
-        Detections(
-            f"{view}.png", camera().image_size, target.layout_id, target.geometry_id, seen.point[rows],
-            target.center_mm[seen.point[rows]], center[rows],
-            np.tile(SIGMA_PX**2 * np.eye(2), (len(rows), 1, 1)), np.ones((len(rows), 5)), (),
-        )
-        for view, rows in ((view, np.flatnonzero(seen.view == view)) for view in range(count))
-    ]  # fmt: skip
+    names = tuple(f"{view}.png" for view in range(count))
+    return detections_of(replace(seen, view_names=names, center_px=center), target)
 
 
 def prepared(seen: list[Detections], target: TargetGeometry = BOARD) -> Observations:
@@ -74,20 +73,6 @@ def test_good_photos_are_all_kept() -> None:
     assert np.array_equal(one.cov_px2, np.concatenate([photo.cov_px2 for photo in seen]))
     assert np.array_equal(one.points.position_mm, ICO.center_mm)
     assert np.array_equal(one.points.face, ICO.ring_face)
-
-
-def test_in_memory_and_through_a_file_are_the_same(tmp_path: Path) -> None:
-    """Detections are the same directly and written and read, to the digits of the file."""
-    seen = photos(4)
-    write_detections(tmp_path / "d.csv", seen, BOARD)
-    for read, direct in zip(read_detections(tmp_path / "d.csv", BOARD, target_path=Path("t")), seen, strict=True):
-        assert (read.image, read.image_size, read.geometry_id) == (direct.image, direct.image_size, direct.geometry_id)
-        assert np.array_equal(read.ring, direct.ring)
-        assert np.abs(read.center_px - direct.center_px).max() < 1e-6
-    with pytest.raises(ValueError, match="of layout x"):
-        observations_from_detections([seen[0], replace(seen[1], layout_id="x")], BOARD)
-    with pytest.raises(InputError, match="no photo was searched"):
-        observations_from_detections([], BOARD)
 
 
 def on_row(seen: Detections, extra: int) -> Detections:
@@ -171,26 +156,27 @@ def test_nothing_left_is_an_error_with_the_reason() -> None:
     assert "and 5 more" in str(refused.value)
     with pytest.raises(InputError, match="mirrored"):
         prepared([LEFT_OUT["mirrored"][0](one) for one in photos(3)])
-
-
-def test_what_many_photos_say_stands_with_what_is_solved_from_them() -> None:
-    """The verdict repeats it, as that it may be another target; what one photo alone says stands in its own record."""
-    seen = photos(6)
-    doubted = [replace(one, remarks=("is it this target?",) if n < 3 else ()) for n, one in enumerate(seen)]
-    doubted[5] = replace(doubted[5], remarks=("mirrored",))
-    assert prepared(doubted).remarks == ("3 of 6 photos: is it this target?",)
+    with pytest.raises(InputError, match="no photo was searched"):
+        observations_from_detections([], BOARD)
+    with pytest.raises(ValueError, match="of layout x"):
+        observations_from_detections([photos(1)[0], replace(photos(2)[1], layout_id="x")], BOARD)
 
 
 def test_what_many_photos_say_is_not_lost_in_files(tmp_path: Path) -> None:
-    """The records beside a table hold it; without them, or beside those of another target, nothing is said."""
-    doubted = [replace(one, remarks=("is it this target?",)) for one in photos(3)]
+    """The records beside a table hold it; without them, or beside those of another target, nothing is said.
+
+    What one photo alone says stands in its own record.
+    """
+    doubted = [
+        replace(one, remarks=("is it this target?",) if n < 3 else ("mirrored",)) for n, one in enumerate(photos(4))
+    ]
     path = tmp_path / "d.csv"
     records = write_detections(path, doubted, BOARD)
 
     def said() -> tuple[str, ...]:
         return prepared(list(read_detections(path, BOARD, target_path=Path("t")))).remarks
 
-    assert said() == prepared(doubted).remarks == ("3 of 3 photos: is it this target?",)
+    assert said() == prepared(doubted).remarks == ("3 of 4 photos: is it this target?",)
     records_path(path).write_bytes(RECORDS.text(replace(records, geometry_id="another")))
     assert said() == ()
     records_path(path).unlink()
@@ -236,7 +222,6 @@ def test_poses_need_no_other_photo() -> None:
     seen = photos(3)
     data = [seen[0], replace(seen[0], image="b.png"), seen[1].keep(slice(3)), seen[2]]
     kept = observations_for_poses(data, BOARD)
-    assert kept is not None
     assert kept.view_names == ("0.png", "b.png", "2.png")
     assert observations_for_poses([seen[1].keep(slice(3))], BOARD) is None
 
@@ -270,3 +255,35 @@ def test_stated_covariances_count_and_others_all_alike() -> None:
     without = solve(replace(found, cov_px2=None), camera().model)
     assert not without.weighted
     assert without.remarks == ()
+
+
+def with_codes(face: int, codes: list[int | None]) -> list[Detections]:
+    """Photos of a face that shows the codes of others, or None: its own."""
+    other = FaceRecord(1, (), 0, 7, 7, ())
+    return [
+        replace(one, faces=(FaceRecord(face, () if code else ("dot",), 4, 7, 7, (), carries=code), other))
+        for one, code in zip(photos(len(codes), ICO), codes, strict=True)
+    ]
+
+
+def test_most_photos_decide() -> None:
+    """Another's code in most photos, and in two at the least, is told with the counts; a misreading is not."""
+    (line,) = misplaced_pieces(with_codes(7, [12, 12, None, 12]))
+    assert line.startswith("face 7 carries the code of face 12 in 3 of 4 photos: ")
+    (line,) = misplaced_pieces(with_codes(7, [7, 7]))
+    assert line.startswith("face 7 lies turned on its place in 2 of 2 photos: ")
+    for codes in ([12], [None, None, 12, 12], [12, 9, 5], [None, None]):
+        assert misplaced_pieces(with_codes(7, codes)) == ()
+
+
+def test_it_is_told_of_photos_and_of_their_file_alike(tmp_path: Path) -> None:
+    """What is solved from photos, or from the table of them, carries the line; without the records there is none."""
+    found, path = with_codes(7, [12, 12, 12]), tmp_path / "detections.csv"
+    (line,) = misplaced_pieces(found)
+    assert line in observations_from_detections(found, ICO).remarks
+    write_detections(path, found, ICO)
+    read = read_detections(path, ICO, target_path=Path("ico.target.json"))
+    assert line in observations_from_detections(read, ICO).remarks
+    path.with_suffix(".records.json").unlink()
+    read = read_detections(path, ICO, target_path=Path("ico.target.json"))
+    assert line not in observations_from_detections(read, ICO).remarks

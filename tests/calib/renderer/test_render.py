@@ -10,27 +10,11 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import compose, look_at, transform
 from calib.renderer import RenderOptions, View, render_view
 from calib.renderer.light import psf_weights
-from calib.renderer.trace import half_plane_coverage
 from designer.base.arrays import Array
-from designer.kinds.layout import lay_out
-from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry
-from tests.support.designs import asked_for
-from tests.support.render_oracle import render_slowly
+from tests.support.render_oracle import SILHOUETTE, board, ico, render_slowly
 
 FLAT = RenderOptions(bits=32)
-SILHOUETTE = RenderOptions(bits=32, black=0.9, white=1.0, background=0.0)
-
-
-def board(columns: int = 4, **changes: object) -> TargetGeometry:
-    """A board of rings of 7 mm at 9 mm, with a border of 1 mm unless told otherwise."""
-    values = {"columns": columns, "rows": columns, "ring_diameter": "7mm", "pitch": "9mm", "border": "1mm"}
-    return lay_out(size_job(asked_for("board", {**values, **changes})).job.target)
-
-
-def ico() -> TargetGeometry:
-    """An icosahedron of 100 mm edges."""
-    return lay_out(size_job(asked_for("ico", {"edge": "100mm"})).job.target)
 
 
 def camera(focal_px: float, side_px: int, model: str = "opencv", *lens: float) -> Camera:
@@ -86,15 +70,6 @@ def test_area_sampling_is_exact(case: str) -> None:
         ink = (1 - truth)[own].sum()
         for place in (u, v):
             assert abs((error[own] * (place[own] - view.center_px[row][0 if place is u else 1])).sum()) < 0.001 * ink
-
-
-def test_plain_numpy_agrees() -> None:
-    """An independent renderer in plain NumPy, with jittered rays against every ring, sees the same picture."""
-    target, cam, where = board(3, border="0mm"), camera(70.0, 30), pose(20, 25, 45)
-    slow = render_slowly(target, cam, where, (0.1, 0.8, 0.4), 24, np.random.default_rng(1))
-    view = render(target, cam, where)
-    assert np.abs(view.image - slow).max() < 0.01  # 24 x 24 jittered rays leave 0.002 of noise at an edge
-    assert abs((view.image - slow).mean()) < 1e-4
 
 
 def test_binary_sampling_is_one_ray_through_each_centre() -> None:
@@ -183,17 +158,6 @@ def test_rotating_target_and_camera_together_changes_nothing() -> None:
     where = pose(20, 30, 90)
     back = compose(where, np.linalg.inv(turn))
     assert np.abs(render(target, cam, where).image - render(turned, cam, back).image).max() < 1e-5
-
-
-@pytest.mark.parametrize("angle", np.linspace(0, np.pi / 4, 7))
-def test_half_plane_coverage(angle: float) -> None:
-    """The covered share of a square equals that of 2000 x 2000 points, at any distance and direction."""
-    across, along = np.cos(angle), np.sin(angle)
-    place = (np.arange(2000) + 0.5) / 2000 - 0.5
-    projected = np.sort((0.25 * (across * place[:, None] + along * place)).ravel())
-    for distance in np.linspace(-0.2, 0.2, 41):
-        expected = np.searchsorted(projected, -distance) / projected.size
-        assert abs(half_plane_coverage(distance, across, along, 0.25) - expected) < 6e-4
 
 
 @pytest.mark.parametrize("sigma", [0.1, 0.3, 0.5, 0.7, 1.0, 2.5])

@@ -16,8 +16,7 @@ from calib.renderer.poses import directions_over_image
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.files import parse_json
-from tests.calib.renderer.test_render import SILHOUETTE, board, ico
-from tests.support.render_oracle import render_slowly
+from tests.support.render_oracle import SILHOUETTE, board, ico, render_slowly
 
 SIDE = 200
 LENS = np.array([0.012, -0.006, 0.0008, -0.0001])

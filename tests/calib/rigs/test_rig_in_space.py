@@ -18,8 +18,7 @@ from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.base.arrays import Array
 from designer.base.errors import InputError
-from tests.calib.rigs.test_solve_rig import camera_in_hand
-from tests.support.rig_views import RigScene, stereo_pair
+from tests.support.rig_views import RigScene, camera_in_hand, stereo_pair
 from tests.support.solver_scenes import board
 
 PAIR = [CameraChoice("opencv")] * 2
@@ -82,8 +81,6 @@ def test_a_robots_camera_is_where_distances_in_the_image_put_it() -> None:
         for cost in ("image", "ray")
     )
     assert ray.status == "converged"
-    assert image.carrier is not None
-    assert ray.carrier is not None
     moved = steps_between(image.cam_from_rig, ray.cam_from_rig)[0] / sigmas(image.covariance[9:, 9:])
     assert 1e-6 < np.abs(moved).max() < 1.0
     assert abs(ray.carrier.size - image.carrier.size) < image.carrier.size_sigma <= ray.carrier.size_sigma

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.core.se3 import exp_rotation, invert, log_rotation, look_at, make_pose, skew
+from calib.core.se3 import exp_rotation, invert, look_at, make_pose, skew, steps_between
 from calib.core.types import RigObservations, keep_frames, keep_views
 from calib.rigs.accuracy import motion_covariance, shared_inverse
 from calib.rigs.carrier import turned_by
@@ -113,16 +113,21 @@ def test_minimum_and_covariance_are_those_of_dense_least_squares(scene: rig_view
     for camera in range(1, len(scene.cameras)):
         rows = slow.rig.pose_rows(camera)
         # Noise of each camera is estimated on its own, so that weights differ by a percent.
-        assert (np.abs(_difference(found, slow.cam_from_rig, camera)) < 0.2 * sigma[rows]).all()
+        assert (np.abs(_off(found, slow.cam_from_rig, camera)) < 0.2 * sigma[rows]).all()
     stated = np.sqrt(np.diagonal(found.covariance))
     assert stated[sigma > 0] == pytest.approx(sigma[sigma > 0], rel=0.06)
     assert found.status == "converged"
 
 
-def _difference(found: RigCalibration, cam_from_rig: Array, camera: int) -> Array:
+def _off(found: RigCalibration, cam_from_rig: Array, camera: int) -> Array:
     """Of a camera's pose: rotation vector, shift.  # (6,)"""
-    turn = found.cam_from_rig[camera, :3, :3] @ cam_from_rig[camera, :3, :3].T
-    return np.concatenate([log_rotation(turn), found.cam_from_rig[camera, :3, 3] - cam_from_rig[camera, :3, 3]])
+    return steps_between(cam_from_rig, found.cam_from_rig)[camera]
+
+
+def _chi_square(found: RigCalibration, cam_from_rig: Array, camera: int) -> float:
+    """How far a camera is from the truth in what is stated, squared: of six numbers."""
+    rows, off = found.rig.pose_rows(camera), _off(found, cam_from_rig, camera)
+    return float(off @ np.linalg.solve(found.covariance[rows, rows], off))
 
 
 def _reordered(observations: RigObservations, cameras: Sequence[int], frames: Array) -> RigObservations:
@@ -136,7 +141,6 @@ def _reordered(observations: RigObservations, cameras: Sequence[int], frames: Ar
         view = rank[seen.view]
         by_view = np.argsort(view, kind="stable")
         names = tuple(seen.view_names[k] for k in order.tolist())
-        assert seen.cov_px2 is not None
         sightings.append(
             replace(
                 seen, view_names=names, view=view[by_view], point=seen.point[by_view],
@@ -160,7 +164,7 @@ def test_order_of_cameras_and_frames_does_not_matter() -> None:
     reference = RigOptions(reference=order.index(0))
     second = solve_rig(mixed, [choices(scene)[k] for k in order], reference)
     for camera in range(1, 4):
-        off = _difference(first, second.cam_from_rig[np.argsort(order)], camera)
+        off = _off(first, second.cam_from_rig[np.argsort(order)], camera)
         sigma = np.sqrt(np.diagonal(first.covariance))[first.rig.pose_rows(camera)]
         assert (np.abs(off) < 1e-4 * sigma).all()
 
@@ -173,10 +177,7 @@ def test_cameras_without_a_common_frame_are_chained_by_others() -> None:
     part = _without_views(observations, keep)
     assert part.shared[0, 2] == 0
     found = solve_rig(part, choices(scene))
-    for camera in range(1, 4):
-        rows = found.rig.pose_rows(camera)
-        off = _difference(found, scene.cam_from_rig, camera)
-        assert off @ np.linalg.solve(found.covariance[rows, rows], off) < 25
+    assert max(_chi_square(found, scene.cam_from_rig, camera) for camera in range(1, 4)) < 25
 
 
 def _without_views(observations: RigObservations, keep: Sequence[Flags]) -> RigObservations:
@@ -230,12 +231,9 @@ def test_time_offsets_are_found_within_their_sigmas() -> None:
     observations, truth, models = _moving(delay, 0.004, step_s=0.4)
     found = solve_rig(observations, models, RigOptions(estimates_delays=True))
     assert found.delay_s is not None
-    assert found.delay_sigma_s is not None
     assert (np.abs(found.delay_s - delay)[1:] < 4 * found.delay_sigma_s[1:]).all()
     assert (found.delay_sigma_s[1:] < 0.002).all()
-    for camera in range(1, 4):
-        rows, off = found.rig.pose_rows(camera), _difference(found, truth, camera)
-        assert off @ np.linalg.solve(found.covariance[rows, rows], off) < 25
+    assert max(_chi_square(found, truth, camera) for camera in range(1, 4)) < 25
 
 
 def test_what_frames_leave_open_of_the_motion_is_in_the_sigmas_of_time_offsets() -> None:
@@ -248,7 +246,6 @@ def test_what_frames_leave_open_of_the_motion_is_in_the_sigmas_of_time_offsets()
     ]
     start = start_rig(observations, known, options)
     problem, motion = without_params(start.problem), start.problem.motion
-    assert motion is not None
     found = descend_rig(problem, start.state, max_iterations=50)
     inverse = shared_inverse(found.equations.normal)
     stated = np.diagonal(motion_covariance(problem, found, inverse.shared, inverse.coupling))
@@ -271,9 +268,7 @@ def test_photos_that_do_not_fit_together_are_said_and_widen_the_sigmas() -> None
     observations, truth, models = _moving((0.0, 0.0, 0.0, 0.0), 0.02)
     found = solve_rig(observations, models)
     assert any("do not fit together" in remark and "time offsets" in remark for remark in found.remarks)
-    for camera in range(1, 4):
-        rows, off = found.rig.pose_rows(camera), _difference(found, truth, camera)
-        assert off @ np.linalg.solve(found.covariance[rows, rows], off) < 80
+    assert max(_chi_square(found, truth, camera) for camera in range(1, 4)) < 80
 
 
 def test_time_offsets_need_time_stamps() -> None:
@@ -283,52 +278,22 @@ def test_time_offsets_need_time_stamps() -> None:
         solve_rig(scene.observations, choices(scene), RigOptions(estimates_delays=True))
 
 
-def camera_in_hand(turns: Array, *, noise_px: float = 0.02) -> tuple[RigObservations, Carrier, Array]:
-    """A camera that a robot turns by rotation vectors (V, 3) above a board: sightings, what the robot says, the truth.
-
-    The robot's own noise is .2 mrad and .1 mm, the target 3 % smaller than its file says.
-    """
-    rng = np.random.default_rng(0)
-    count = len(turns)
-    cam_from_flange = make_pose(exp_rotation(np.array([0.1, -0.2, 1.0])), np.array([30.0, -20.0, 60.0]))
-    base_from_target = make_pose(exp_rotation(np.array([0.3, 0.1, -0.4])), np.array([400.0, 100.0, 50.0]))
-    first = look_at(np.array([0.0, -500.0, 0.0]), np.zeros(3)) @ make_pose(
-        exp_rotation(np.array([1.5, 0.0, 0.0])), np.zeros(3)
-    )
-    frames = make_pose(exp_rotation(turns), rng.uniform(-60, 60, (count, 3))) @ first
-    points = solver_scenes.board(9, 7, 20.0)
-    scene = rig_views.scene_of(("cam",), (rig_views.camera(),), np.eye(4)[None], frames, points, rng, noise_px)
-    seen = scene.observations.sightings[0]
-    told = replace(seen, points=replace(points, position_mm=points.position_mm / 0.97))
-    flange_from_base = invert(cam_from_flange) @ frames @ invert(base_from_target)
-    wobble = make_pose(exp_rotation(rng.normal(0, 2e-4, (count, 3))), rng.normal(0, 0.1, (count, 3)))
-    rows = scene.observations.frame[0]
-    observations = keep_frames(replace(scene.observations, sightings=(told,)), np.isin(np.arange(count), rows))
-    carrier = Carrier(
-        "robot, camera in hand", (wobble @ flange_from_base)[rows], is_camera_in_hand=True, size_sigma=FREE_SIZE
-    )
-    return observations, carrier, cam_from_flange
-
-
 def test_a_robots_ways_tell_the_size_of_the_target() -> None:
     """A target printed 3 % too small is told by the robot that carries the camera; its noise comes out right, too."""
-    observations, carrier, truth = camera_in_hand(np.random.default_rng(2).uniform(-0.5, 0.5, (20, 3)))
+    observations, carrier, truth = rig_views.camera_in_hand(np.random.default_rng(2).uniform(-0.5, 0.5, (20, 3)))
     found = solve_rig(observations, [CameraChoice("opencv")], RigOptions(carrier=carrier))
-    assert found.carrier is not None
     assert abs(found.carrier.size - 0.97) < 4 * found.carrier.size_sigma < 0.01
     assert found.carrier.sigma_mm == pytest.approx(0.1, rel=0.5)
     assert found.carrier.sigma_rad == pytest.approx(2e-4, rel=0.5)
-    rows, off = found.rig.pose_rows(0), _difference(found, truth[None], 0)
-    assert off @ np.linalg.solve(found.covariance[rows, rows], off) < 25
+    assert _chi_square(found, truth[None], 0) < 25
 
 
 def test_turns_about_one_axis_leave_a_shift_open_and_say_so() -> None:
     """A robot that turns about one axis only: what nothing tells is named, and has no sigma; directions have one."""
     turns = np.random.default_rng(2).uniform(-0.6, 0.6, (12, 1)) * np.array([0.3, 0.2, 1.0])
-    observations, carrier, _ = camera_in_hand(turns)
+    observations, carrier, _ = rig_views.camera_in_hand(turns)
     given = CameraChoice("opencv", given=rig_views.camera(), is_refined=False)
     found = solve_rig(observations, [given], RigOptions(carrier=replace(carrier, size_sigma=0.0)))
-    assert found.carrier is not None
     assert found.carrier.undetermined
     sigma = np.sqrt(np.diagonal(found.covariance)[found.rig.pose_rows(0)])
     assert not (sigma[3:] < 1.0).all()
@@ -354,7 +319,6 @@ def test_a_turntables_axis_is_found_within_its_sigmas(are_free: bool) -> None:
     given = CameraChoice("opencv", given=rig_views.camera(), is_refined=False)
     found = solve_rig(observations, [given], RigOptions(carrier=carrier))
     assert found.status == "converged"
-    assert found.carrier is not None
     assert found.carrier.covariance is not None
     axis, pose = found.cam_from_rig[0, :3, 2], found.covariance[found.rig.pose_rows(0), found.rig.pose_rows(0)]
     off = cam_from_table[:3, 2] * np.sign(axis @ cam_from_table[:3, 2]) - axis
@@ -385,7 +349,6 @@ def test_a_table_that_wobbles_is_solved_with_its_camera_in_few_steps(are_free: b
     found = solve_rig(scene.observations, [CameraChoice("opencv")], RigOptions(carrier=carrier))
     assert found.status == "converged"
     assert found.iterations < 300
-    assert found.carrier is not None
     assert abs(found.carrier.carrier_from_target[2, 3]) < 0.5
     assert found.carrier.sigma_rad == pytest.approx(1e-3, rel=0.4)
     axis, rows = found.cam_from_rig[0, :3, 2], found.rig.pose_rows(0)
@@ -421,7 +384,7 @@ def test_one_bad_photo_is_left_out_and_named(is_moved: bool) -> None:
 def test_poses_of_a_robot_that_do_not_fit_are_left_out_and_named() -> None:
     """From the start on: what is found is what the other photos tell, halves of them too."""
     turns = np.random.default_rng(3).uniform(-0.5, 0.5, (14, 3))
-    observations, carrier, _ = camera_in_hand(turns)
+    observations, carrier, _ = rig_views.camera_in_hand(turns)
     lost = np.arange(len(carrier.rig_from_carrier)) % 5 == 2
     moved = carrier.rig_from_carrier.copy()
     moved[lost] = moved[lost] @ make_pose(exp_rotation(np.array([0.2, 0.1, 0.0])), np.array([40.0, 0.0, 20.0]))

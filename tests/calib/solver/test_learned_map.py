@@ -86,16 +86,6 @@ def test_table_is_the_sum_over_knots(wavy: LearnedMap) -> None:
     assert np.abs(moved.jacobian - jacobian_with(wavy, pixel, kernel(pixel, wavy.knot_px, wavy.length_px))).max() < 1e-7
 
 
-def test_jacobian_is_that_of_the_table(wavy: LearnedMap) -> None:
-    """The derivatives are those of the tabled map itself, as Newton's method needs them."""
-    pixel = pixels()
-    jacobian = to_sensor(wavy, SIZE, pixel).jacobian
-    for axis in range(2):
-        step = 1e-4 * np.eye(2)[axis]
-        slope = (to_sensor(wavy, SIZE, pixel + step).point - to_sensor(wavy, SIZE, pixel - step).point) / 2e-4
-        assert np.abs(jacobian[:, :, axis] - slope).max() < 1e-7
-
-
 def test_inverse_is_exact(wavy: LearnedMap) -> None:
     """Where the map is known, its inverse gives the pixel back to 1e-10 px."""
     pixel = pixels()
@@ -145,16 +135,6 @@ def test_what_is_known_is_true() -> None:
         assert np.sqrt((off[known] ** 2).mean()) < 0.7 * NOISE_PX
         assert np.abs(off[known]).max() < 6 * NOISE_PX
         assert np.abs(off[~known]).max() > 20 * NOISE_PX  # what is masked had to be
-
-
-def test_far_from_the_data_nothing_is_known() -> None:
-    """A lens without distortion gives no claim to what was not seen: the map ends near its data."""
-    direction = board_in((0.35, 0.65))
-    noise = NOISE_PX * np.random.default_rng(0).standard_normal((len(direction), 2))
-    part = learn_map(samples_of(sensor_of(direction) + noise, sensor_of(direction)), SIZE).map
-    corners = np.array([[10.0, 10], [2430, 10], [10, 2030], [2430, 2030]])
-    assert not known_at(part, SIZE, corners).any()
-    assert known_at(part, SIZE, sensor_of(direction)).all()
 
 
 def test_map_of_no_distortion_is_a_homography() -> None:
@@ -234,13 +214,6 @@ def test_cells_hold_weighted_means() -> None:
         inside &= used
         if inside.any():
             assert mean[cell] == pytest.approx(np.average(values[inside], axis=0, weights=1 / variance[inside]))
-
-
-def test_cells_of_points_in_a_row() -> None:
-    """Points on a line, or all in one place, have cells too."""
-    line = np.column_stack([np.linspace(0, 100, 50), np.full(50, 7.0)])
-    assert 10 <= len(cells_of(line, np.ones(50), 20).pixel) <= 20
-    assert len(cells_of(np.zeros((5, 2)), np.ones(5), 3).pixel) == 1
 
 
 def test_tables_stay_small() -> None:

@@ -26,7 +26,6 @@ from calib.studies.compare.photographed import (
 )
 from calib.studies.compare.results import CaseResult, Explanation, results_of
 from calib.studies.compare.scene import (
-    OBJECTS,
     ComparedScene,
     fitting_distance_mm,
     make_target,
@@ -40,11 +39,9 @@ from calib.studies.store import open_study
 from calib.studies.tolerance.draw import run_draws
 from calib.studies.tolerance.setting import setting_at
 from designer.base.errors import InputError
-from designer.base.own_files import signed
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.source import Amount
-from tests.support.command_line import calib
 
 CAMERA = camera_or_preset("phase-one-ixg")
 SMALL = 12
@@ -195,14 +192,6 @@ def test_an_explanation_gives_both_numbers() -> None:
     assert not replace(one, multiple=30.0).is_within_reach
 
 
-def test_objects_are_the_papers() -> None:
-    """Five objects in the paper's order with its medians, views and target templates of their own."""
-    assert [one.label for one in OBJECTS] == ["I1", "I2", "I3", "B1", "B2"]
-    assert object_named("ShinyIco").median("reconstruction") == 1.08
-    assert math.isnan(object_named("MattIco").median("intersection"))
-    assert [one.views for one in OBJECTS] == [90, 90, 90, 30, 30]
-
-
 def only_boards(monkeypatch: pytest.MonkeyPatch) -> None:
     """A comparison that takes seconds: one board with few views."""
     few = (replace(object_named("3DBoard"), views=SMALL),)
@@ -248,39 +237,12 @@ def test_outputs_agree(finished: tuple[Path, Comparison]) -> None:
         assert all((folder / "figures" / f"{name}.{suffix}").stat().st_size > 1000 for suffix in ("png", "pdf", "svg"))
 
 
-def test_the_same_study_gives_the_same_files(finished: tuple[Path, Comparison]) -> None:
-    """Output made again from the study's file is the same, byte for byte."""
-    folder, whole = finished
-    with open_study(folder / "study.sqlite", identity(whole.plan), resume=True) as study:
-        again = ComparedObjects(results_of(study, whole), DrawCount(), "out").tables()
-    assert all((folder / name).read_bytes() == signed(name, content) for name, content in again.items())
-
-
 def test_a_study_without_samples_draws(tmp_path: Path, finished: tuple[Path, Comparison]) -> None:
     """An interrupted run that has nothing yet makes empty tables and pictures that say so."""
     _, whole = finished
     with open_study(tmp_path / "study.sqlite", identity(whole.plan), resume=False) as study:
         assert not results_of(study, whole).cases
         assert ComparedObjects(results_of(study, whole), DrawCount(), "out").tables()
-
-
-def command(*words: str) -> str:
-    """What the command refuses with."""
-    answer = calib("study", "compare", *words)
-    assert (answer.code, answer.err.count("\n")) == (2, 1)
-    return answer.err
-
-
-def test_bad_input_is_one_line(tmp_path: Path) -> None:
-    """Wrong numbers, cameras and folders are refused before anything is computed."""
-    out = ("-o", str(tmp_path / "new"))
-    assert "did you mean 'phase-one-ixg'" in command(*out, "--camera", "phase-one-igx")
-    assert "--virtual-sets 5: there are 3 sets" in command(*out, "--sets", "3", "--virtual-sets", "5")
-    assert "--prints" in command(*out, "--prints", "0")
-    file = tmp_path / "file"
-    file.write_text("x")
-    assert str(file) in command("-o", str(file))
-    assert not (tmp_path / "new").exists()
 
 
 def test_a_study_of_another_plan_is_not_gone_on_with(tmp_path: Path) -> None:

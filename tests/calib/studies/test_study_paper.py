@@ -1,5 +1,6 @@
-"""The paper's study at a small scale, run as a user runs it."""
+"""The paper's study at a small scale, run as a user runs it; what `calib study` refuses and leaves alone."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,8 +8,11 @@ import numpy as np
 import pytest
 
 from calib.cameras.camera import camera_to_json
+from calib.core.types import Observations, keep_sightings
+from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
 from calib.renderer.truth import TRUTH
+from calib.studies import bootstrap as pool
 from calib.studies import paper_study
 from calib.studies.paper_table import TARGETS, paper_value
 from designer.base.arrays import Array
@@ -16,13 +20,16 @@ from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
-from tests.support.calibrations import camera
-from tests.support.command_line import calib, refused
+from tests.support.calibrations import board, camera
+from tests.support.command_line import calib, detections_of, refused, write_inputs
 from tests.support.study_commands import (
     BOARD,
     SEEN,
+    TAKEN,
     TRUE,
+    bootstrap,
     contents,
+    edit,
     rows_of,
     table_lines,
     tables,
@@ -33,14 +40,9 @@ from tests.support.study_commands import (
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder to work in, with a target, detections and their truth."""
-    return work_in(tmp_path, monkeypatch)
-
-
-@pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without pictures."""
+    """A folder to work in, with a target, detections and their truth; without pictures."""
     without_pictures(monkeypatch)
+    return work_in(tmp_path, monkeypatch)
 
 
 def small_targets() -> dict[str, TargetGeometry]:
@@ -56,7 +58,7 @@ def small_targets() -> dict[str, TargetGeometry]:
 
 
 @pytest.fixture
-def small_paper(monkeypatch: pytest.MonkeyPatch, quick: None) -> None:
+def small_paper(monkeypatch: pytest.MonkeyPatch) -> None:
     """The paper's study with a small camera, near and small targets, and few photos and samples."""
     Path("camera.json").write_text(camera_to_json(camera("opencv", (448, 336), 480.0)))
     monkeypatch.setattr(paper_study, "CAMERA", "camera.json")
@@ -170,3 +172,92 @@ def test_views_that_keep_few_sightings_go() -> None:
     names = set(SEEN.view_names)
     assert names - set(kept.view_names) == {SEEN.view_names[3]}
     assert (np.bincount(kept.view) >= 10).all()
+
+
+@pytest.mark.parametrize("sizes", ["0", "-1", "many", "", "20,,50", "1e3", "２０", "9" * 5000])
+def test_sizes_are_whole_numbers_each_once(sizes: str) -> None:
+    """Of views, from 1 to 100000; the value is named."""
+    assert (sizes[:9] or "''") in refused(*TAKEN, "-o", "out", f"--sizes={sizes}")
+
+
+def some(views: int) -> Observations:
+    """What the first few views see."""
+    return keep_sightings(SEEN, SEEN.view < views)
+
+
+def other_target() -> None:
+    Path("board.target.json").unlink()
+    write_inputs(SEEN, board(11, 9))
+    write_detections(Path("detections.csv"), detections_of(SEEN, BOARD), BOARD)
+
+
+def other_photos() -> None:
+    text = Path("truth.json").read_text()
+    Path("truth.json").write_text(text.replace('"view_', '"photo_'))
+
+
+def one_view() -> None:
+    write_inputs(some(1), BOARD)
+
+
+def few_points() -> None:
+    """Seven rings a view: eight equations beside those for its pose, and the camera has nine parameters."""
+    rng = np.random.default_rng(0)
+    rows = np.concatenate([rng.choice(np.flatnonzero(SEEN.view == view), 7, replace=False) for view in range(14)])
+    write_inputs(keep_sightings(SEEN, np.isin(np.arange(len(SEEN.view)), rows)), BOARD)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [(other_target, "layout"), (other_photos, "photo_0000.png"), (one_view, "more photos"), (few_points,
+     "size 1: so few views give at most 8 equations for 9 parameters of the camera; draw 2 or more")],
+)  # fmt: skip
+def test_inputs_that_do_not_fit_are_refused(spoil: Callable[[], None], says: str) -> None:
+    """Detections of another target, the truth of other photos, too few views or points: one line, no study."""
+    spoil()
+    assert says in refused(*TAKEN, "--truth", "truth.json", "--sizes", "1", "-o", "out")
+    assert not Path("out").exists()
+
+
+def test_a_study_is_not_changed_by_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without --resume, or with another seed, option or input, a study stays as it is; a line says why, at once."""
+    truth = ("--truth", "truth.json")
+    bootstrap(*truth, samples=3)
+    before = contents("out")
+    with monkeypatch.context() as patch:
+        patch.setattr(pool, "make_pool", lambda *_: pytest.fail("nothing is to be solved"))
+        for options, says in (
+            (truth, "--resume"),
+            ((*truth, "--resume", "--seed", "2"), "seed 1, not 2"),
+            ((*truth, "--resume", "--model", "opencv"), "'opencv'"),
+            ((*truth, "--resume", "--unweighted"), "weighted"),
+            ((*truth, "--resume", "--fix", "k3=0"), "k3=0"),
+        ):
+            assert says in refused(*TAKEN, *options, "--sizes", "6", "-o", "out")
+    assert "truth" in refused(*TAKEN, "--resume", "--sizes", "6", "-o", "out")
+    for name in ("detections.csv", "board.target.json", "truth.json"):
+        Path(name).write_text(Path(name).read_text() + "\n")
+        assert "has changed" in refused(*TAKEN, *truth, "--resume", "--sizes", "6", "-o", "out")
+        Path(name).write_text(Path(name).read_text()[:-1])
+    assert contents("out") == before
+
+
+def test_a_target_of_another_name_is_another_study() -> None:
+    """The name decides what is drawn, so a study that is gone on with keeps it: no second set of samples beside."""
+    bootstrap(samples=3)
+    Path("board.target.json").rename("plate.target.json")
+    options = ("--target", "plate.target.json", "--sizes", "6", "--samples", "3", "--resume", "-o", "out")
+    assert "plate" in refused(*TAKEN, *options)
+    assert len(rows_of()) == 3
+
+
+@pytest.mark.parametrize(
+    ("statement", "says"), [("DELETE FROM sample", "no samples"), ("UPDATE cases SET model = 'periscope'", "periscope")]
+)
+def test_a_study_that_tells_nothing_is_not_drawn(statement: str, says: str) -> None:
+    """Its tables stay as they were."""
+    bootstrap(samples=3)
+    edit(statement)
+    before = contents("out")
+    assert says in refused("study", "plot", "out")
+    assert contents("out") == before

@@ -47,12 +47,6 @@ def test_standard_errors_are_what_repeated_studies_scatter_by(shape: float) -> N
         assert stated == pytest.approx(scatter, rel=0.1)
 
 
-def test_the_error_of_a_gaussians_sigma() -> None:
-    """For a Gaussian it is sigma / sqrt(2 (n - 1))."""
-    found = distribution(POSE, rng().normal(5.0, 2.0, 20_000))
-    assert found.sigma_error == pytest.approx(found.sigma / math.sqrt(2 * 19_999), rel=0.03)
-
-
 @pytest.mark.parametrize(
     ("values", "shape"),
     [
@@ -129,7 +123,6 @@ def test_correlations_of_converged_samples() -> None:
     )
     assert np.isnan(found.matrix[6]).all()
     assert found.count == 1995
-    assert found.strongest is not None
     assert found.strongest[:2] == ("fx_px", "fy_px")
 
 
@@ -158,12 +151,6 @@ def test_the_papers_table_is_whole_and_means_what_it_says() -> None:
     }  # fmt: skip
     assert {key: (TABLE[key].mu, TABLE[key].sigma) for key in quoted} == quoted
     assert paper_value("cube", "pose", 20) is None
-
-
-def test_the_papers_intervals_are_percentiles() -> None:
-    """An error has no negative interval, which the Gaussian of its pose errors would have."""
-    value = TABLE[BOARD, "pose", 20]
-    assert value.mu - 1.96 * value.sigma < 0 < value.low
 
 
 def verdicts(cases: dict[Case, Made]) -> dict[str, Verdict]:

@@ -1,3 +1,5 @@
+"""The file of a study: what is kept in it, and what is no study."""
+
 import shutil
 import sqlite3
 from collections.abc import Callable
@@ -201,7 +203,6 @@ ENDLESS = "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) SELEC
     [
         lambda path: path.write_bytes(b"not a database" * 500),
         lambda path: path.write_bytes(path.read_bytes()[:5000]),
-        lambda path: path.write_bytes(path.read_bytes()[:60]),
         as_folder,
         changed("PRAGMA application_id = 1"),
         changed("PRAGMA user_version = 2"),
@@ -212,12 +213,10 @@ ENDLESS = "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) SELEC
         changed("DELETE FROM identity"),
         changed("UPDATE identity SET value = 'x' WHERE kind = 'seed'"),
         changed("UPDATE cases SET covariance = x'00'"),
-        changed("UPDATE cases SET target = 'another'"),
         changed("UPDATE cases SET size = 'many'"),
         changed("UPDATE cases SET params = 1 << 40"),
         changed("UPDATE cases SET name = CAST(x'ff' AS TEXT)"),
         changed("UPDATE sample SET params = x'00' WHERE number = 1"),
-        changed("UPDATE sample SET params = 'text' WHERE number = 1"),
         changed("UPDATE sample SET status = 'well' WHERE number = 1"),
         changed("UPDATE sample SET pose_mm = 'far' WHERE number = 1"),
         changed("UPDATE sample SET number = -1 WHERE number = 1"),
@@ -225,9 +224,14 @@ ENDLESS = "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) SELEC
     ],
 )
 def test_damaged_and_hostile_files(path: Path, harm: Callable[[Path], None]) -> None:
-    """What is no study, or one that was tampered with, is refused in one line."""
+    """What is no study, or one that was tampered with, is refused in one line, and stays as it is."""
     harm(path)
+    before = None if path.is_dir() else path.read_bytes()
     assert refusal(lambda: read_all(path)).startswith(str(path))
+    try:
+        open_study(path, IDENTITY, resume=True).close()  # samples are not looked at before they are asked for
+    except InputError:
+        assert before is None or path.read_bytes() == before
 
 
 def test_flipped_bytes(path: Path, tmp_path: Path) -> None:

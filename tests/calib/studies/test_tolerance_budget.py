@@ -1,7 +1,13 @@
-"""What tolerance studies conclude from costs: tables, budgets, sweeps and crossovers."""
+"""What tolerance studies conclude from costs: tables, budgets, sweeps and crossovers; draws against predictions.
+
+Draws are kept in a file and gone on with, and images say what simulated observations say.
+"""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from calib.studies.tolerance.budget import allowed_by_draws, budget_row, largest_allowed
 from calib.studies.tolerance.draw import TOGETHER, run_draws
@@ -11,12 +17,18 @@ from calib.studies.tolerance.predict import control_of, linear_table
 from calib.studies.tolerance.quantities import NAMES, QUANTITIES, Requirement, quantity_row
 from calib.studies.tolerance.record import CrossoverRow
 from calib.studies.tolerance.result import Cost, ToleranceTable, table_of_draws
+from calib.studies.tolerance.seen import aimed_at
+from calib.studies.tolerance.setting import make_setting
 from calib.studies.tolerance.sizes import sweep_rows
+from calib.studies.tolerance.stored import DrawPool, Keeping, run_full_draws
 from designer.base.arrays import Array
 from designer.base.errors import InputError
+from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount
-from tests.support.tolerance_settings import errors, ico_setting
+from tests.support.perturbed_targets import ico
+from tests.support.solver_scenes import CAMERAS
+from tests.support.tolerance_settings import DISTANCE_MM, errors, ico_setting
 
 
 def of(row: Array, name: str) -> float:
@@ -135,3 +147,110 @@ def test_crossover() -> None:
 def of_first(table: ToleranceTable, other: ToleranceTable) -> CrossoverRow:
     """Of the first source and quantity."""
     return crossovers(table, other)[0]
+
+
+SEED = 3
+
+
+def mixed_errors() -> ErrorModel:
+    """Faces, rings and the print; a fixed number, a uniform one, one as small as the noise, and one without effect."""
+    few = error_model("fdm-dual-calibrated").only("face_tilt", "ring_jitter", "scale", "ink_bleed")
+    few = few.with_amount("skew", Amount("fixed", 1e-4)).with_amount("ring_jitter", Amount("normal", 5e-4))
+    return few.with_amount("face_offset", Amount("uniform", 0.02))
+
+
+@pytest.mark.parametrize("has_noise", [True, False])
+def test_predictions_of_draws_have_the_mean_that_is_stated(has_noise: bool) -> None:
+    """The mean over many draws of what is predicted of each is the table's square, within what chance allows."""
+    first, errors = first_order(ico_setting()), mixed_errors()
+    numbers = range(300)
+    control = control_of(first, linear_table(ico_setting(), errors), SEED, numbers, factor=1.5, has_noise=has_noise)
+    chance = control.square.std(axis=0, ddof=1) / np.sqrt(len(numbers))
+    scale = np.abs(control.mean).max(axis=0)
+    assert (np.abs(control.square.mean(axis=0) - control.mean) < 4.5 * chance + 1e-10 * scale).all()
+
+
+def test_draws_that_are_as_predicted_are_the_prediction() -> None:
+    """Of draws that the prediction tells exactly, the table is the prediction, and nothing is left to chance."""
+    first, errors = first_order(ico_setting()), mixed_errors()
+    linear = linear_table(ico_setting(), errors)
+    control = control_of(first, linear, SEED, range(3))
+    drawn = control.square.copy()
+    drawn[:, 1:] += drawn[:, :1]
+    table = table_of_draws(errors, np.sqrt(np.maximum(drawn, 0.0)), control)
+    size = linear.baseline.value
+    for found, expected in ((table.cost, linear.cost), (table.together, linear.together)):
+        np.testing.assert_allclose(found.value, expected.value, rtol=1e-9, atol=1e-5 * size.max())
+        assert (found.high - found.low < 1e-5 * (expected.value + size)).all()
+    np.testing.assert_allclose(table.baseline.value, linear.baseline.value, rtol=1e-9)
+
+
+def test_a_table_against_the_prediction_is_that_of_the_draws() -> None:
+    """Held against their prediction draws say the same as without, more precisely, where errors are large, too."""
+    setting, factor = ico_setting(), 4.0
+    errors = error_model("fdm-dual").only("skew", "face_offset", "ring_jitter")
+    numbers = range(24)
+    control = control_of(first_order(setting), linear_table(setting, errors), SEED, numbers, factor=factor)
+    model = errors.scaled(factor)
+    draws = run_draws(setting, model, SEED, numbers)
+    plain, table = table_of_draws(model, draws), table_of_draws(model, draws, control)
+    rows = [quantity_row(name) for name in NAMES if name != "principal_point"]
+    for one, other in ((plain.cost, table.cost), (plain.together, table.together)):
+        assert (np.abs(one.value - other.value) < 4 * np.hypot(one.error, other.error))[..., rows].all()
+        assert np.median(other.error[..., rows] / one.error[..., rows]) < 0.25
+    np.testing.assert_array_equal(plain.failed, table.failed)
+
+
+FEW = ("scale", "face_tilt")
+
+
+def kept(path: Path, model: ErrorModel, *, draws: int = 5, seed: int = SEED, jobs: int = 1, resume: bool = False,
+         told: list[int] | None = None) -> NDArray[np.float64]:  # fmt: skip
+    """The draws of a study."""
+    pool, tell = DrawPool(ico_setting(), model, full=False), (told if told is not None else []).append
+    return Keeping(path.parent, jobs, resume=resume).draws(pool, path.name, {}, seed, draws, tell)
+
+
+def test_draws_are_kept_and_gone_on_with(tmp_path: Path) -> None:
+    """Draws from the file are those computed at once, bit for bit, whatever the jobs; only missing ones are done."""
+    model, told = errors().only(*FEW), []
+    expected = run_draws(ico_setting(), model, SEED, range(5))
+    assert expected.shape[1] == 4
+    np.testing.assert_array_equal(kept(tmp_path / "s", model, draws=2), expected[:2])
+    np.testing.assert_array_equal(kept(tmp_path / "s", model, jobs=2, resume=True, told=told), expected)
+    assert told[0] == 2
+    np.testing.assert_array_equal(kept(tmp_path / "s", model, draws=3, resume=True), expected[:3])
+
+
+def test_another_study_is_refused(tmp_path: Path) -> None:
+    """Draws of other errors, of an amount that is hardly another, or of another seed do not come into the same file."""
+    model = errors().only(*FEW)
+    kept(tmp_path / "s", model, draws=1)
+    before = (tmp_path / "s").read_bytes()
+    with pytest.raises(InputError, match="--resume"):
+        kept(tmp_path / "s", model, draws=1)
+    for other in (model.only("scale"), model.scaled(1 + 1e-12)):
+        with pytest.raises(InputError, match="with errors"):
+            kept(tmp_path / "s", other, resume=True)
+    with pytest.raises(InputError, match="seed"):
+        kept(tmp_path / "s", model, seed=SEED + 1, resume=True)
+    assert (tmp_path / "s").read_bytes() == before
+
+
+TOLD = ("reprojection", "intersection", "reconstruction", "intersection_true", "pose", "focal_length")
+"""Quantities that errors of a tenth of a millimetre set, not noise."""
+
+
+def test_images_say_what_simulated_sightings_say() -> None:
+    """Rendered, detected and calibrated, the same errors cost what they cost without images, and noise stays small."""
+    setting = make_setting(
+        ico(), CAMERAS["opencv"], views=4, photos=aimed_at(ico(), DISTANCE_MM), model="opencv", seed=1
+    )
+    model = errors("fdm-dual").only("face_offset")
+    (full,), (simulated,) = (run(setting, model, 7, range(1)) for run in (run_full_draws, run_draws))
+    assert full.shape == simulated.shape == (3, len(NAMES))
+    assert full[0, NAMES.index("reprojection")] < 3 * simulated[0, NAMES.index("reprojection")]
+    for name in TOLD:
+        k = NAMES.index(name)
+        assert abs(full[1, k] / simulated[1, k] - 1) < 0.1, (name, full[1, k], simulated[1, k])
+    np.testing.assert_array_equal(full[1], full[2])

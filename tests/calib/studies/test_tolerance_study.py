@@ -25,7 +25,7 @@ from calib.solver.solve import solve
 from calib.studies.tolerance.anchor import AnchoredMinimum, minimum_of
 from calib.studies.tolerance.draw import case_names, drawn_noise, drawn_values, run_cases, run_draws, seen_px, solved
 from calib.studies.tolerance.map_error import ImageGrid, map_error_px
-from calib.studies.tolerance.measures import TrueShape, measures, moved_onto, true_shape
+from calib.studies.tolerance.measures import TrueShape, moved_onto, true_shape
 from calib.studies.tolerance.quantities import NAMES, quantity_row
 from calib.studies.tolerance.result import table_of_draws
 from calib.studies.tolerance.seen import EDGE_VARIANCE, FLAT_MINOR, LEAST_MINOR_PX, aimed_at, centre_covariances
@@ -67,7 +67,6 @@ def test_isotropic_scale() -> None:
     shape = displaced_shape(setting.target, {"scale": np.array([[size]])}, model=errors())
     pixel = seen_px(setting, centers_mm(shape))
     row, found = solved(setting, pixel, true_shape(shape, setting.seen), None)
-    assert found is not None
     true = np.array(setting.cam_from_target)
     origin = setting.anchor.problem.origin_mm
     translation = found.cam_from_target[:, :3, 3] - found.cam_from_target[:, :3, :3] @ origin
@@ -90,23 +89,6 @@ def test_rigid_motion_of_the_target_is_no_error() -> None:
     true = moved_onto(made, normal, setting.target.center_mm, setting.seen)
     row, _ = solved(setting, seen_px(setting, made), true, None)
     assert (row < 1e-6).all(), dict(zip(NAMES, row, strict=True))
-
-
-def test_another_frame_changes_no_quantity() -> None:
-    """A made target told in another frame, its cameras with it, has the same errors."""
-    setting = ico_setting()
-    shape = drawn_shape(setting, errors("fdm-dual"), 0)
-    true = true_shape(shape, setting.seen)
-    pixel = seen_px(setting, centers_mm(shape)) + drawn_noise(setting, 0, 0)
-    found = minimum_of(setting.anchor, np.ascontiguousarray(pixel.T))
-    assert found is not None
-    measured = np.ascontiguousarray(pixel.T)
-    motion = make_pose(exp_rotation(np.array([1.0, 2.0, -0.5])), np.array([100.0, -50.0, 30.0]))
-    made = transform(motion @ invert(true.moved_from_made), true.center_mm)
-    normal = true.plane[:, :3] @ (motion @ invert(true.moved_from_made))[:3, :3].T
-    other = replace(setting, cam_from_target=setting.cam_from_target @ invert(motion))
-    again = measures(other, found, measured, moved_onto(made, normal, setting.target.center_mm, setting.seen))
-    np.testing.assert_allclose(again, measures(setting, found, measured, true), rtol=1e-9)
 
 
 def oracle(setting: Setting, found: AnchoredMinimum, pixel: Array, true: TrueShape) -> list[float]:
@@ -135,7 +117,6 @@ def test_quantities_are_those_of_the_metrics() -> None:
     true = true_shape(shape, setting.seen)
     pixel = seen_px(setting, centers_mm(shape)) + drawn_noise(setting, 0, 1)
     row, found = solved(setting, pixel, true, None)
-    assert found is not None
     np.testing.assert_allclose(row[:7], oracle(setting, found, pixel, true), rtol=1e-8)
     off = found.camera.params - CAMERAS["opencv"].params
     assert of(row, "focal_length") == pytest.approx(np.sqrt((off[:2] ** 2).mean()))
@@ -172,17 +153,20 @@ def test_alignment_is_the_best_rigid_motion() -> None:
 
 @pytest.mark.parametrize("name", ["fdm-dual-calibrated", "fdm-dual"])
 def test_minimum_is_that_from_scratch(name: str) -> None:
-    """A draw's camera is the one that a solution from scratch ends at, far below its standard deviation."""
+    """A draw's camera is that of a solution from scratch, far below its standard deviation, wherever it starts."""
     setting = ico_setting()
     for number in range(2):
         shape = drawn_shape(setting, errors(name), number)
         pixel = seen_px(setting, centers_mm(shape)) + drawn_noise(setting, 0, number)
         found = minimum_of(setting.anchor, np.ascontiguousarray(pixel.T))
-        assert found is not None
         scratch = solve(replace(setting.observations, center_px=pixel), "opencv", setting.options)
         sigma = np.sqrt(np.diagonal(scratch.param_covariance))
         assert (np.abs(found.camera.params - scratch.camera.params) < 3e-5 * sigma).all()
         assert found.cost == pytest.approx((scratch.residual_px**2).sum(), rel=1e-9)
+        bare = seen_px(setting, setting.target.center_mm) + drawn_noise(setting, 0, number)
+        start = minimum_of(setting.anchor, np.ascontiguousarray(bare.T))  # of no errors, as draws have it
+        near = minimum_of(setting.anchor, np.ascontiguousarray(pixel.T), start)
+        np.testing.assert_allclose(near.camera.params[:4], found.camera.params[:4], atol=1e-5)
 
 
 def test_large_errors_end_in_a_minimum_too() -> None:
@@ -191,23 +175,10 @@ def test_large_errors_end_in_a_minimum_too() -> None:
     for number in range(3):
         pixel = seen_px(setting, centers_mm(drawn_shape(setting, errors("hand-stickers"), number)))
         found = minimum_of(setting.anchor, np.ascontiguousarray(pixel.T))
-        assert found is not None
         problem = replace(setting.anchor.problem, measured_px=np.ascontiguousarray(pixel.T))
         blocks = view_blocks(problem, found.camera, found.cam_from_target, RobustLoss())
         assert blocks.cost.sum() == pytest.approx(found.cost, rel=1e-12)
         assert damped_step(blocks.products, setting.anchor.tie.row, 0.0).predicted < 1e-10 * found.cost
-
-
-def test_start_does_not_matter() -> None:
-    """The minimum from the solution without errors is that from the truth."""
-    setting = ico_setting()
-    noise = drawn_noise(setting, 0, 0)
-    bare = minimum_of(setting.anchor, np.ascontiguousarray((seen_px(setting, setting.target.center_mm) + noise).T))
-    pixel = np.ascontiguousarray((seen_px(setting, centers_mm(drawn_shape(setting, errors("fdm-dual"), 0))) + noise).T)
-    near, far = minimum_of(setting.anchor, pixel, bare), minimum_of(setting.anchor, pixel)
-    assert near is not None
-    assert far is not None
-    np.testing.assert_allclose(near.camera.params[:4], far.camera.params[:4], atol=1e-5)
 
 
 def test_draws_do_not_depend_on_how_they_are_run() -> None:
@@ -229,16 +200,6 @@ def test_together_is_the_source_if_there_is_one() -> None:
     """Of a single source, all together is that source."""
     draws = run_draws(ico_setting(), errors().only("skew"), 0, range(2))
     np.testing.assert_array_equal(draws[:, 1], draws[:, 2])
-
-
-def test_small_errors_add_in_squares() -> None:
-    """The squared cost of small errors is the sum of those of each, within what chance allows."""
-    model = errors().only("skew", "face_offset", "face_tilt", "ring_jitter").scaled(0.3)
-    table = table_of_draws(model, run_draws(ico_setting(), model, 1, range(40)))
-    excess = table.together.value / np.sqrt((table.cost.value**2).sum(axis=0))
-    assert np.abs(excess - 1).max() < 0.15
-    assert np.abs(excess[[0, 1, 2]] - 1).max() < 0.03
-    np.testing.assert_allclose(table.share.sum(axis=0), 1)
 
 
 def test_errors_that_leave_no_target_are_failed_draws() -> None:
