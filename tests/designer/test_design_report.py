@@ -28,7 +28,7 @@ from designer.base.solid import CODES, TRIANGLE_POSITIONS
 from designer.base.units import skew_matrix
 from designer.formats.folder import OutputFile, write_folder
 from designer.kinds.ico import icosahedron
-from designer.kinds.layout import IMAGE_HALF_DIAGONAL, IMAGE_HALF_HEIGHT, lay_out, opposite_faces
+from designer.kinds.layout import IMAGE_HALF_DIAGONAL, IMAGE_HALF_HEIGHT, opposite_faces
 from designer.kinds.sizing import size_job
 from designer.make.bed import bed_from_target
 from designer.make.estimate import DENSITY_G_PER_CM3, PlateEstimate, PrintEstimate
@@ -55,7 +55,7 @@ from designer.spec.options import Asked
 from designer.target import bounding_radius_mm
 from designer.target_scene import polygon_area_mm2
 from tests.support.browser import open_page, overflow_px, unresolved
-from tests.support.designs import COARSE, asked_for
+from tests.support.designs import COARSE, asked_for, design_of
 
 _LETTERED = {"size": "60x60mm", "columns": 5, "rows": 5, "ring_diameter": "7mm", "pitch": "10mm"}
 SPECS: dict[str, Asked] = {
@@ -210,7 +210,7 @@ def test_a_large_icosahedron_has_lengths_within_reach() -> None:
 
     They are the longest rows of that face, within reach over their outer edges, and the commands name one of them.
     """
-    design = Design(size_job(asked_for("ico", {"edge": "100mm"})).job)
+    design = design_of("ico", edge="100mm")
     target = design.target
     lengths = caliper_lengths(design)
     assert [one.is_long for one in lengths] == [True] * 10 + [False] * 3
@@ -288,9 +288,8 @@ def test_the_simulated_camera_is_the_one_that_is_rendered() -> None:
 )
 def test_a_caliper_reaches_the_example(shape: dict[str, str | int], reach_mm: float) -> None:
     """The length of the commands is within a caliper's reach, over the rings' outer edges, if the board has such."""
-    asked = asked_for("board", {"build": "sheet", "dots": False, **shape})
-    target = lay_out(size_job(asked).job.target)
-    name = example_length(Design(size_job(asked).job)).split(":")[0]
+    design = design_of("board", build="sheet", dots=False, **shape)
+    target, name = design.target, example_length(design).split(":")[0]
     assert length_in(target, name) + 2 * target.radius_outer_mm[0] <= reach_mm
 
 
@@ -457,7 +456,7 @@ def test_a_page_tells_of_a_stand_where_there_is_one() -> None:
 
 def test_hours_and_changes_of_plates_are_told_once() -> None:
     """One table of the page has the minutes of each plate: two would differ by rounding."""
-    design = Design(size_job(asked_for("cube", {"edge": "40mm", "build": "tiles", "chord_error": "20um"})).job)
+    design = design_of("cube", edge="40mm", build="tiles", chord_error=COARSE)
     check = check_printability(design.target, design.job.printing)
     page = design_page(design, check, ())
     plates = [leaf for leaf in leaves(page) if isinstance(leaf, Table) and leaf.title.startswith("Plates")]
@@ -478,7 +477,7 @@ def test_lengths_of_filament_are_plain_numbers() -> None:
 
 def test_a_coupon_is_no_fault_and_leads_to_calib_coupon() -> None:
     """Its fine marks are not warned of, those below a line are; what follows is `calib coupon` with its options."""
-    design = Design(size_job(asked_for("coupon", {"ink_offset": "-30um"})).job)
+    design = design_of("coupon", ink_offset="-30um")
     check = check_printability(design.target, design.job.printing)
     assert not [finding for finding in check.findings if finding.level != "note"]
     lines = [leaf.line for part in trial_sections(design) for leaf in part.blocks if isinstance(leaf, Command)]

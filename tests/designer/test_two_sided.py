@@ -10,7 +10,6 @@ import trimesh
 from designer.base.errors import InputError
 from designer.kinds.board import BACK_DOTS, BOARD_DOTS, lattice_steps
 from designer.kinds.layout import adjacent_faces, inset_per_depth
-from designer.kinds.sizing import size_job
 from designer.make.printability import check_printability
 from designer.make.stand import make_stand
 from designer.produce import Design
@@ -20,7 +19,7 @@ from designer.target import target_from_json, target_to_json
 from designer.tolerance.made import error_model_for
 from designer.tolerance.shape import centers_mm, shape_of
 from designer.tolerance.sources import source_named
-from tests.support.designs import COARSE, asked_for, ink_of, small_board
+from tests.support.designs import COARSE, design_of, ink_of, small_board
 
 each_lattice = pytest.mark.parametrize("lattice", ["square", "triangular"])
 
@@ -29,7 +28,7 @@ each_lattice = pytest.mark.parametrize("lattice", ["square", "triangular"])
 def two_sided(lattice: Lattice = "square", **values: object) -> Design:
     """A board of a few rings on each face, 3.6 mm thick."""
     asked = {"size": "60x50mm", "thickness": "3.6mm", "ring_diameter": "5mm", "pitch": "8mm", "chord_error": COARSE}
-    return Design(size_job(asked_for("board", {**asked, "two_sided": True, "lattice": lattice, **values})).job)
+    return design_of("board", **{**asked, "two_sided": True, "lattice": lattice, **values})
 
 
 def images_of(dots: frozenset[tuple[int, int]], lattice: Lattice) -> list[np.ndarray]:

@@ -23,11 +23,10 @@ from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec, spec_to_toml
 from designer.make.bed import bed_from_target
 from designer.make.printability import check_printability
-from designer.produce import Design
 from designer.spec.kind import KINDS, kind_named, spec_from_mapping, spec_to_mapping
 from designer.spec.options import is_required, options_of
 from designer.target import target_from_json, target_to_json
-from tests.support.designs import COARSE, SMALL, asked_for, ink_of, packages_of, small, wishes
+from tests.support.designs import COARSE, SMALL, asked_for, design_of, ink_of, packages_of, small, wishes
 from tests.support.ring_views import CAMERA, USUAL, misplaced, pose_of
 
 ROOT = Path(__file__).parents[2]
@@ -145,7 +144,7 @@ def test_how_it_is_printed_changes_no_number_of_the_target(name: str) -> None:
         "ink_offset": "0.05mm", "shrink_compensation": "0.5%", "skew_compensation": "xy 0.1deg", "inlay_depth": "0.4mm",
         "body_colour": "#ffff00", "labels": False, "chord_error": "0.1mm", "stand": name != "coupon",
     }  # fmt: skip
-    other = Design(size_job(asked_for(name, {**SMALL[name], **printed})).job)
+    other = design_of(name, **{**SMALL[name], **printed})
     assert target_to_json(other.target) == target_to_json(small(name).target)
     assert other.job.printing != small(name).job.printing
 

@@ -24,6 +24,11 @@ def asked_for(kind: str, values: Mapping[str, object]) -> Asked:
     return parse_spec({"kind": kind, **values}, "")
 
 
+def design_of(kind: str, **values: object) -> Design:
+    """A target as the command makes it."""
+    return Design(size_job(asked_for(kind, values)).job)
+
+
 SMALL: Mapping[str, Mapping[str, object]] = {
     "ico": {"edge": "20mm"},
     "board": {"size": "60x60mm", "thickness": "4mm", "ring_diameter": "7mm", "pitch": "10mm", "columns": 5, "rows": 5},
@@ -36,14 +41,13 @@ SMALL: Mapping[str, Mapping[str, object]] = {
 @cache
 def small(kind: str) -> Design:
     """A small target of a kind, as the command makes it."""
-    return Design(size_job(asked_for(kind, {"chord_error": COARSE, **SMALL[kind]})).job)
+    return design_of(kind, **{"chord_error": COARSE, **SMALL[kind]})
 
 
 @cache
 def small_ico(nozzle_mm: float = 0.4) -> Design:
     """`design ico --edge 20mm`, and the same for a finer nozzle in its scale: 15 rings a face, 300 in all."""
-    sizes = {"edge": f"{50 * nozzle_mm:g}mm", "nozzle": f"{nozzle_mm}mm", "chord_error": COARSE}
-    return Design(size_job(asked_for("ico", sizes)).job)
+    return design_of("ico", edge=f"{50 * nozzle_mm:g}mm", nozzle=f"{nozzle_mm}mm", chord_error=COARSE)
 
 
 def small_board() -> Design:

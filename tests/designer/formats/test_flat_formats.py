@@ -24,7 +24,7 @@ from designer.make.pages import MARK_COLOUR
 from designer.produce import EXPORTERS, Design, make_files
 from designer.spec.build import Format
 from designer.spec.format import FORMATS
-from tests.support.designs import SMALL, asked_for, small
+from tests.support.designs import SMALL, asked_for, design_of, small
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*deprecated")  # in the readers of others
 
@@ -36,7 +36,7 @@ def flat(kind: str, *formats: Format, **more: object) -> Design:
     """A small target on paper or sheet, with a border."""
     build = "sheet" if kind == "board" else "stickers"
     values = {**SMALL[kind], "build": build, "formats": ",".join(formats), "chord_error": "50um", "page": "fit", **more}
-    return Design(size_job(asked_for(kind, values)).job)
+    return design_of(kind, **values)
 
 
 def content_of(design: Design, suffix: str) -> bytes:
@@ -179,7 +179,7 @@ def test_both_sides_of_a_board_lie_where_they_are(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("kind", "more"), [("ico", {}), ("coupon", {}), ("board", {"two_sided": True})])
 def test_every_kind_can_be_cut(kind: str, more: dict[str, object]) -> None:
     """Whatever stands beside the pieces of a kind, its files are made; each ring is engraved once."""
-    design = Design(size_job(asked_for(kind, {**SMALL[kind], "formats": "dxf,laser", "page": "fit", **more})).job)
+    design = design_of(kind, **{**SMALL[kind], "formats": "dxf,laser", "page": "fit", **more})
     drawn = circles(dxf_of(design))
     assert len(drawn) == 2 * design.target.ring_count - int(design.target.is_dot.sum())
     assert b"</svg>" in content_of(design, "laser.svg")

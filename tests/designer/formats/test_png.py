@@ -9,16 +9,11 @@ import pytest
 from PIL import Image
 
 from designer.formats.png import CAPTION_PX, HEIGHT_PX, NET_WIDTH_PX, preview_png
-from designer.kinds.sizing import size_job
-from designer.kinds.spec_file import RawValue, parse_spec
 from designer.produce import Design
 from designer.target import TargetGeometry
+from tests.support.designs import design_of
 
 BODY, INK = "#ff4020", "#2040ff"  # told apart by their hue under any light
-
-
-def design_of(**values: RawValue) -> Design:
-    return Design(size_job(parse_spec(values, "")).job)
 
 
 ICO = design_of(kind="ico", edge="60mm", border="2mm", chord_error="50um")

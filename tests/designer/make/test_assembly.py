@@ -23,6 +23,8 @@ from designer.make.tile import TileSizes, key_places, number_contours
 from designer.produce import Design
 from designer.spec.kind import KINDS, kind_named
 from designer.spec.spec import InkSide
+from designer.target_scene import polygon_area_mm2
+from tests.support import designs
 from tests.support.designs import COARSE, asked_for
 
 SOLIDS = [name for name in KINDS if kind_named(name).spec.form == "solid"]
@@ -34,7 +36,7 @@ each_solid = pytest.mark.parametrize("kind", SOLIDS)
 @cache
 def design_of(kind: str, edge_mm: float = 100.0) -> Design:
     """A design whose rings are coarse: fits do not ask for them."""
-    return Design(size_job(asked_for(kind, {"edge": edge_mm, "chord_error": "0.2mm"})).job)
+    return designs.design_of(kind, edge=edge_mm, chord_error="0.2mm")
 
 
 @cache
@@ -85,13 +87,8 @@ def test_tiles_are_closed_and_hold_the_ink_that_one_piece_has(kind: str, ink_sid
     border = assembly.sizes.outline_at(0.6)
     assert design.target.ring_count
     section = solid_of(assembly.tiles[0].ink or assembly.tiles[0].body).slice(-0.6 + 1e-6).area()
-    window = float(_area(border) - _area(design.target.window_mm[0]))
+    window = float(polygon_area_mm2(border) - polygon_area_mm2(design.target.window_mm[0]))
     assert section == pytest.approx(disc.sum() + window, rel=5e-3)
-
-
-def _area(outline: Array) -> float:
-    x, y = outline.T
-    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
 
 @each_solid

@@ -20,13 +20,12 @@ from designer.make.estimate import DENSITY_G_PER_CM3, changing_layers, estimate
 from designer.make.mesh import Mesh, Part, mesh_of
 from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
 from designer.make.section import Layered, Sliced
-from designer.produce import Design
 from designer.report.costs import costs_of, duration, grams, verdict
 from designer.spec.machine import FilamentChange, Shells, Speeds
 from designer.spec.spec import PrintSpec
 from designer.tolerance.effort import size_of
 from designer.tolerance.error_file import error_model
-from tests.support.designs import asked_for, small
+from tests.support.designs import asked_for, design_of, small
 
 PRINTING = size_job(asked_for("ico", {"edge": "20mm", "printer": "generic"})).job.printing
 LAYER_MM, LINE_MM = PRINTING.printer.layer_height_mm, PRINTING.printer.line_width_mm
@@ -170,7 +169,7 @@ def test_templates_tell_the_hours_and_the_price_of_the_estimate(
     template: str, kind: str, values: dict[str, str]
 ) -> None:
     """`design ways` ranks by formulas; they are within a tenth of what `design` tells."""
-    design, errors = Design(size_job(asked_for(kind, values)).job), error_model(template)
+    design, errors = design_of(kind, **values), error_model(template)
     assert errors.hours is not None
     assert errors.price is not None
     size = size_of(design.target)

@@ -15,20 +15,15 @@ from designer.base.errors import InputError
 from designer.base.solid import Solid
 from designer.kinds.ico import IcoSpec, icosahedron
 from designer.kinds.regular_solid import SolidSpec
-from designer.kinds.sizing import size_job
-from designer.kinds.spec_file import RawValue, parse_spec
+from designer.kinds.spec_file import RawValue
 from designer.make.bed import against_skew
 from designer.make.mesh import Mesh, inlaid, plain_plate, plain_solid, plate_hull, solid_hull
 from designer.make.pattern import make_pattern
 from designer.produce import Design
-from tests.support.designs import wishes
+from tests.support.designs import design_of, wishes
 
 UNIT_VOLUME = 5 * (3 + math.sqrt(5)) / 12
 """Of the icosahedron with edge length 1."""
-
-
-def design_of(**values: RawValue) -> Design:
-    return Design(size_job(parse_spec(values, "")).job)
 
 
 COARSE = "50um"  # chord error, to keep the meshes small where roundness does not matter

@@ -12,17 +12,12 @@ from scipy import ndimage
 from shapely import Polygon
 
 from designer.base.errors import InputError
-from designer.kinds.sizing import size_job
-from designer.kinds.spec_file import RawValue, parse_spec
 from designer.make.pattern import FacePattern, Pattern, circle_polygon, make_pattern
 from designer.produce import Design
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
-
-
-def design_of(**values: RawValue) -> Design:
-    return Design(size_job(parse_spec(values, "")).job)
-
+from designer.target_scene import polygon_area_mm2
+from tests.support.designs import design_of
 
 ICO = design_of(kind="ico", edge="100mm", ring_diameter="7mm", pitch="10mm", border="2mm", labels=False)
 BOARD = design_of(kind="board", size="60x50mm", ring_diameter="7mm", pitch="10mm", labels=False)
@@ -35,12 +30,6 @@ def pattern_of(design: Design, offset_mm: float = 0.0, scale: float = 1.0) -> Pa
     return make_pattern(design.target, printing, scale=scale)
 
 
-def signed_area(contour: np.ndarray) -> float:
-    """Positive if counter-clockwise."""
-    x, y = contour.T
-    return float(0.5 * (x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
-
-
 def contours_of(pattern: Pattern, face: FacePattern) -> list[np.ndarray]:
     """All contours of a face, the ink on their left."""
     contours = [*face.dark_text, *face.light_text] + ([face.outline, face.window] if face.window is not None else [])
@@ -50,7 +39,7 @@ def contours_of(pattern: Pattern, face: FacePattern) -> list[np.ndarray]:
 
 
 def ink_area(pattern: Pattern, face: FacePattern) -> float:
-    return sum(map(signed_area, contours_of(pattern, face)))
+    return sum(map(polygon_area_mm2, contours_of(pattern, face)))
 
 
 # --- circles ------------------------------------------------------------------------------------------------------
@@ -61,7 +50,7 @@ def ink_area(pattern: Pattern, face: FacePattern) -> float:
 def test_circles_have_the_circles_area_and_stay_close(radius_mm: float, chord_error_mm: float) -> None:
     """A counter-clockwise regular polygon of area pi r^2, no point of which is farther from the circle than asked."""
     polygon = circle_polygon(radius_mm, chord_error_mm)
-    assert signed_area(polygon) == pytest.approx(math.pi * radius_mm**2, rel=1e-11)
+    assert polygon_area_mm2(polygon) == pytest.approx(math.pi * radius_mm**2, rel=1e-11)
     corner = np.linalg.norm(polygon, axis=1)
     middle = np.linalg.norm((polygon + np.roll(polygon, -1, axis=0)) / 2, axis=1)
     assert np.ptp(corner) < 1e-12 * radius_mm
@@ -90,11 +79,11 @@ def test_ink_lies_on_the_left_of_every_contour(design: Design) -> None:
     for number, face in enumerate(pattern.faces):
         mine = target.ring_face == number
         rings = math.pi * (target.radius_outer_mm[mine] ** 2 - target.radius_inner_mm[mine] ** 2).sum()
-        border = signed_area(target.outline_mm[number]) - signed_area(target.window_mm[number])
+        border = polygon_area_mm2(target.outline_mm[number]) - polygon_area_mm2(target.window_mm[number])
         assert ink_area(pattern, face) == pytest.approx(rings + border)
-        assert signed_area(face.outline) > 0
+        assert polygon_area_mm2(face.outline) > 0
         assert (face.window is None) == (border == 0)
-        assert face.window is None or signed_area(face.window) < 0
+        assert face.window is None or polygon_area_mm2(face.window) < 0
 
 
 @pytest.mark.parametrize("design", DESIGNS.values(), ids=DESIGNS)
@@ -105,10 +94,10 @@ def test_offset_moves_every_edge_of_the_ink(design: Design, offset_mm: float) ->
     assert len(plain.stamps) == len(grown.stamps)
     for before, after in zip(plain.stamps, grown.stamps, strict=True):
         rim, hole = before.outer_radius_mm + offset_mm, before.inner_radius_mm - offset_mm
-        assert signed_area(after.rim) == pytest.approx(math.pi * rim**2)
+        assert polygon_area_mm2(after.rim) == pytest.approx(math.pi * rim**2)
         assert (after.hole is None) == (before.hole is None)
         if after.hole is not None:
-            assert signed_area(after.hole) == pytest.approx(-math.pi * hole**2)
+            assert polygon_area_mm2(after.hole) == pytest.approx(-math.pi * hole**2)
     for before, after in zip(plain.faces, grown.faces, strict=True):
         assert (after.outline == before.outline).all()
         if before.window is not None:

@@ -9,8 +9,6 @@ import pytest
 
 from calib.core.se3 import exp_rotation
 from designer.base.arrays import Array, Rows
-from designer.kinds.sizing import size_job
-from designer.produce import Design
 from designer.spec.build import BUILDS, Form, builds_of
 from designer.target import TargetGeometry, target_from_json, target_to_json
 from designer.tolerance.made import error_model_for
@@ -19,7 +17,7 @@ from designer.tolerance.prior import ShapePrior, measured_prior, shape_prior
 from designer.tolerance.shape import centers_mm
 from designer.tolerance.source import Amount
 from designer.tolerance.sources import SOURCES
-from tests.support.designs import asked_for
+from tests.support.designs import design_of
 from tests.support.perturbed_targets import FULL, board, ico, made_by_others
 
 SMALL = 0.01
@@ -150,7 +148,7 @@ def test_a_build_that_does_not_suit_a_target_is_not_believed() -> None:
 def test_a_design_says_how_it_is_built() -> None:
     """The target of a design carries the build that was asked for, or the usual one."""
     for build in ("stickers", None):
-        design = Design(size_job(asked_for("ico", {"edge": "100mm", "build": build})).job)
+        design = design_of("ico", edge="100mm", build=build)
         assert design.target.build == (build or "one-piece")
 
 
