@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -11,7 +12,7 @@ from designer.base.errors import InputError
 from designer.base.files import MAX_TOML_BYTES
 from designer.kinds.board import AskedBoard
 from designer.kinds.ico import AskedIco
-from designer.kinds.presets import preset_names, preset_or_file
+from designer.kinds.presets import PresetKind, preset_names, preset_or_file
 from designer.kinds.sizing import printer_of, size_job
 from designer.kinds.spec_file import (
     FORMATS,
@@ -308,6 +309,17 @@ def test_unknown_printers_and_lines_are_refused(values: dict[str, RawValue], mes
     with pytest.raises(InputError, match=message) as raised:
         job_of({**ICO, **values})
     assert len(str(raised.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("kind", get_args(PresetKind))
+def test_what_is_no_template_is_told_with_those_that_there_are(kind: PresetKind, tmp_path: Path) -> None:
+    """Of every kind: a name that is nearly one, a path of nothing, and a file that is no TOML."""
+    name, other = preset_names(kind)[0], tmp_path / "notes.txt"
+    other.write_text("mine")
+    for wrong, said in ((f"{name}x", "unknown"), ("none.toml", "no such file"), (other, "is no TOML file")):
+        with pytest.raises(InputError, match=rf"{said}.*\b{name}\b(?!x)") as raised:
+            preset_or_file(kind, str(wrong))
+        assert len(str(raised.value).splitlines()) == 1
 
 
 def test_an_own_printer_file_is_read(tmp_path: Path) -> None:

@@ -29,6 +29,15 @@ def files_of() -> dict[str, OutputFile]:
     return {file.name.removeprefix(f"{made.name}."): file for file in made.files()}
 
 
+def test_plates_hold_all_tiles_and_all_of_the_core() -> None:
+    """Tiles by their numbers, then the core's parts and nothing else."""
+    made = target_of().design
+    names = [piece.name for plate in made.plates for piece in plate.pieces]
+    tiles = [f"tile {face}" for face in range(made.target.face_count)]
+    assert names[: len(tiles)] == tiles
+    assert set(names[len(tiles) :]) == {part.name for part in assembly_of(made).core}
+
+
 def test_a_plate_holds_one_object_a_tile_in_both_layouts() -> None:
     """As many objects as pieces; a tile for PrusaSlicer has two volumes."""
     plate, packages = target_of().design.plates[0], {}

@@ -37,9 +37,10 @@ def test_any_bytes_after_a_jpeg_s_first(tail: bytes) -> None:
     "content", [b"", b"GIF89a", b"<svg/>", b"RIFFxxxxWEBP", b"\x89PNG\r\n\x1a\n", b"\x89PNG\r\n\x1a\n" + bytes(30)]
 )
 def test_other_files_are_refused(content: bytes) -> None:
-    """Only PNG and JPEG are pictures here."""
-    with pytest.raises(ValueError, match="picture"):
-        raster_of(content)
+    """Only PNG and JPEG are pictures here; of what is none there is no thumbnail."""
+    for read in (raster_of, lambda content: thumbnail(content, 10)):
+        with pytest.raises(ValueError, match="picture"):
+            read(content)
 
 
 def test_thumbnail_is_small_and_the_same_picture() -> None:
@@ -58,6 +59,11 @@ def test_thumbnail_of_pixels_and_of_their_file_agree() -> None:
     """Pixels and the PNG of these pixels give the same thumbnail."""
     pixels = np.random.default_rng(3).integers(0, 256, (80, 120, 3), dtype=np.uint8)
     assert thumbnail(pixels, 60) == thumbnail(encoded(pixels, "PNG"), 60)
+
+
+def test_thumbnail_never_enlarges() -> None:
+    """A small picture keeps its size."""
+    assert thumbnail(ramp(5, 9), 100).width_px == 9
 
 
 def test_thumbnail_ignores_the_orientation() -> None:
