@@ -6,39 +6,13 @@ from shlex import quote
 from typing import TYPE_CHECKING
 
 from calib.app.study_result import computed
+from calib.draw import study_figures as figures
+from calib.draw import study_tables as tables
+from calib.draw import study_words as words
 from calib.draw.sheet import FigureSheet
-from calib.draw.study_figures import (
-    CONVERGENCE_PX,
-    correlations_height_px,
-    draw_convergence,
-    draw_correlations,
-    draw_histograms,
-    histograms_height_px,
-    pairs_of,
-    slug,
-)
-from calib.draw.study_tables import (
-    errors_table,
-    factors_table,
-    falls_table,
-    findings_table,
-    parameters_table,
-    setting_in_words,
-)
-from calib.draw.study_words import (
-    bootstrap_headline,
-    correlations_alt,
-    finding_of,
-    histograms_alt,
-    interval_sentence,
-    paper_headline,
-    reasons,
-    sigma_alt,
-    study_notes,
-)
 from calib.studies.study_table import StudyCases, StudyTable
 from designer.base.words import cut, printable
-from designer.page.blocks import Block, Command, Facts, Figure, Findings, Fold, Headline, Page, Paragraph, Section
+from designer.page.blocks import Block, Command, Facts, Figure, Findings, Fold, Page, Paragraph, Section
 from designer.page.folders import notes
 
 if TYPE_CHECKING:
@@ -60,15 +34,23 @@ SETTING_NAMES = {
 }  # fmt: skip
 LONGEST_SETTING = 200
 ENOUGH_SAMPLES = 1000
+SKEWED = "The samples with fitted Gaussians: where they are skewed, a mean and a sigma say too little."
+TOGETHER = "Parameters that go together are known less well one by one than in what they do together."
 BELOW_AND_ABOVE = "Below the diagonal: over the samples; above: as the solution of all views states it."
 
 
 def bootstrap_page(found: "Bootstrap") -> Page:
     """All that is told of a study."""
     table = found.table
-    last = (Section("Notes", (Findings(told),)),) if (told := study_notes(table)) else ()
-    shared = (_views(table, found), *((_histograms(found),) if table.is_compared else ()), _correlations(found), *last)
-    first = (_findings(table), _table_2(table)) if table.is_compared else (_errors(table, found),)
+    headline = (words.paper_headline if table.is_compared else words.bootstrap_headline)(table)
+    correlations = found.figures(start="correlations")
+    sections = (
+        *(_of_paper(table) if table.is_compared else (_errors(table, found),)), _views(table, found),
+        *((Section("Distributions", _folded(found.figures(start="histograms")), lead=SKEWED),) if table.is_compared
+          else ()),
+        Section("Correlations", _folded(correlations) if len(correlations) > 1 else correlations, lead=TOGETHER),
+        *((Section("Notes", (Findings(told),)),) if (told := words.study_notes(table)) else ()),
+    )  # fmt: skip
     fewest = min(one.samples for one in table.cases)
     sure = f"{fewest} samples tell a sigma to {100 / (2 * max(fewest, 2)) ** 0.5:.0f} %"
     firmer = "a study of the paper without --quick" if table.is_compared else f"--samples {ENOUGH_SAMPLES} --resume"
@@ -77,37 +59,33 @@ def bootstrap_page(found: "Bootstrap") -> Page:
     question = PAPER_QUESTION if table.is_compared else BOOTSTRAP_QUESTION
     lead: tuple[Block, ...] = (Paragraph(question), Facts(tuple(_facts(found))), *notes((*few, *found.remarks)))
     return Page(
-        title, "Study of the paper" if table.is_compared else "", study_headline(table), (*first, *shared), lead=lead,
+        title, "Study of the paper" if table.is_compared else "", headline, sections, lead=lead,
         next_steps=(Command(f"calib study plot {quote(found.place)}", "draws all again"),),
     )  # fmt: skip
-
-
-def study_headline(table: StudyTable) -> Headline:
-    """The answer: of the paper's study what holds, of any other how sure the camera is."""
-    return paper_headline(table) if table.is_compared else bootstrap_headline(table)
 
 
 def study_sheets(cases: StudyCases, table: StudyTable) -> Iterator[FigureSheet]:
     """Histograms and correlations of each way of sampling, and sigma over the number of views."""
     for setting in table.settings:
-        label, way = slug("_".join(setting)), f": {setting_in_words(setting)}" if any(setting) else ""
+        label, way = figures.slug("_".join(setting)), f": {tables.setting_in_words(setting)}" if any(setting) else ""
         chosen = [one for one in table.cases if one.case.setting == setting]
-        draw = partial(draw_histograms, cases=[(one, cases.samples[one.case]) for one in chosen])
-        height_px = histograms_height_px(len({one.case.target for one in chosen}))
+        draw = partial(figures.draw_histograms, cases=[(one, cases.samples[one.case]) for one in chosen])
+        height_px = figures.histograms_height_px(len({one.case.target for one in chosen}))
         title = f"Distributions{way or ' of the errors'}"
-        yield FigureSheet(f"histograms{label}", title, histograms_alt(table, setting), height_px, draw)
-        if pairs := pairs_of(cases, [one.case for one in chosen]):
+        yield FigureSheet(f"histograms{label}", title, words.histograms_alt(table, setting), height_px, draw)
+        if pairs := figures.pairs_of(cases, [one.case for one in chosen]):
             yield FigureSheet(
-                f"correlations{label}", f"Correlations of the parameters{way}", correlations_alt(table, setting),
-                correlations_height_px(len(pairs)), partial(draw_correlations, pairs=pairs), BELOW_AND_ABOVE,
+                f"correlations{label}", f"Correlations of the parameters{way}", words.correlations_alt(table, setting),
+                figures.correlations_height_px(len(pairs)), partial(figures.draw_correlations, pairs=pairs),
+                BELOW_AND_ABOVE,
             )  # fmt: skip
     for sightings in dict.fromkeys(one.case.sightings for one in table.cases):
         counted = [one for one in table.cases if one.case.sightings == sightings]
         if len({one.case.size for one in counted}) > 1:
             title = "Sigma over the number of views" + (f", {printable(sightings)}" if sightings else "")
             yield FigureSheet(
-                f"sigma{slug(sightings)}", title, sigma_alt(table, sightings), CONVERGENCE_PX,
-                partial(draw_convergence, summaries=counted), "Both axes logarithmic; the line is 1/sqrt(N).",
+                f"sigma{figures.slug(sightings)}", title, words.sigma_alt(table, sightings), figures.CONVERGENCE_PX,
+                partial(figures.draw_convergence, summaries=counted), "Both axes logarithmic; the line is 1/sqrt(N).",
             )  # fmt: skip
 
 
@@ -119,7 +97,7 @@ def _facts(found: "Bootstrap") -> Iterator[tuple[str, str]]:
     yield "views of a sample", ", ".join(map(str, table.sizes))
     yield "samples of each case", _range([one.samples for one in table.cases])
     if len(table.settings) > 1:
-        yield "ways of sampling and counting", "; ".join(map(setting_in_words, table.settings))
+        yield "ways of sampling and counting", "; ".join(map(tables.setting_in_words, table.settings))
     for name, title in SETTING_NAMES.items():
         if value := printable(settings.get(name, "")):
             yield title, cut(value, LONGEST_SETTING)
@@ -133,18 +111,10 @@ def _range(numbers: Sequence[int]) -> str:
 
 def _errors(table: StudyTable, found: "Bootstrap") -> Section:
     """Errors and parameters of a person's study, and their histograms."""
-    tables = [*(errors_table(table, target) for target in table.targets), parameters_table(table)]
-    shown = (one for one in tables if one is not None)
+    known = [*(tables.errors_table(table, target) for target in table.targets), tables.parameters_table(table)]
+    shown = (one for one in known if one is not None)
     return Section(
-        "How sure the calibration is", (*shown, *found.figures(start="histograms")), lead=interval_sentence(table)
-    )
-
-
-def _histograms(found: "Bootstrap") -> Section:
-    return Section(
-        "Distributions",
-        _folded(found.figures(start="histograms")),
-        lead="The samples with fitted Gaussians: where they are skewed, a mean and a sigma say too little.",
+        "How sure the calibration is", (*shown, *found.figures(start="histograms")), lead=words.interval_sentence(table)
     )
 
 
@@ -153,18 +123,12 @@ def _views(table: StudyTable, found: "Bootstrap") -> Section:
     if len(table.sizes) < 2:
         line = f"All samples have {table.sizes[0]} views: give several --sizes to see what more views bring."
         return Section("More views", (Paragraph(line),))
-    falls = None if table.is_compared else falls_table(table)
+    falls = None if table.is_compared else tables.falls_table(table)
     return Section(
         "More views",
         (*found.figures(start="sigma"), *(() if falls is None else (falls,))),
         lead="Where sigma falls as 1/sqrt(N), four times as many views halve it.",
     )
-
-
-def _correlations(found: "Bootstrap") -> Section:
-    blocks = found.figures(start="correlations")
-    lead = "Parameters that go together are known less well one by one than in what they do together."
-    return Section("Correlations", _folded(blocks) if len(blocks) > 1 else blocks, lead=lead)
 
 
 def _folded(blocks: Sequence[Block]) -> tuple[Block, ...]:
@@ -175,21 +139,19 @@ def _folded(blocks: Sequence[Block]) -> tuple[Block, ...]:
     )
 
 
-def _findings(table: StudyTable) -> Section:
-    """The paper's claims, why some do not hold, and the numbers behind these."""
-    claims, why = findings_table(table.findings), reasons(table)
-    failing = tuple(finding_of(one, table.findings) for one in table.findings if one.verdict != "holds")
+def _of_paper(table: StudyTable) -> tuple[Section, Section]:
+    """Its claims, why some do not hold and the numbers behind; its table with our rows, and ours over its own."""
+    claims, why = tables.findings_table(table.findings), words.reasons(table)
+    failing = tuple(words.finding_of(one, table.findings) for one in table.findings if one.verdict != "holds")
     blocks: list[Block] = [] if claims is None else [claims]
     blocks += [Findings(why)] if why else []
     if failing:
         title = f"The numbers behind the {len(failing)} that do not hold in full"
         blocks.append(Fold(title, (Findings(failing),)))
     lead = "Each is held against the errors of our samples, in each way of sampling and counting."
-    return Section("The paper's findings", tuple(blocks), lead=lead)
-
-
-def _table_2(table: StudyTable) -> Section:
-    """The paper's table with our rows, and ours over the paper's."""
-    tables = [*(errors_table(table, target) for target in table.targets), factors_table(table)]
-    shown = tuple(one for one in tables if one is not None)
-    return Section("Table 2", shown, lead="In the paper's units; its own rows stand first.")
+    known = [*(tables.errors_table(table, target) for target in table.targets), tables.factors_table(table)]
+    shown = tuple(one for one in known if one is not None)
+    return (
+        Section("The paper's findings", tuple(blocks), lead=lead),
+        Section("Table 2", shown, lead="In the paper's units; its own rows stand first."),
+    )

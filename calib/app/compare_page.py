@@ -8,21 +8,9 @@ from typing import TYPE_CHECKING
 
 from calib.app.study_result import computed
 from calib.cameras import COMMON
-from calib.draw.compare_figures import (
-    ALONE_PX,
-    BOXES_PX,
-    OBJECT_OF,
-    alone_table,
-    draw_alone,
-    draw_boxes,
-    draw_lens,
-    explains,
-    lens_table,
-    objects_table,
-)
+from calib.draw import compare_figures as figures
 from calib.draw.sheet import FigureSheet
-from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, LENS_OBJECTS, PLAIN_DRAWN, WITHOUT_EFFECT
-from calib.studies.compare.results import ComparisonTable, Explanation, Results, short
+from calib.studies.compare import cases as compared
 from calib.studies.compare.scene import CAP_RAD, MODELS, REPROJECTION_RATIO
 from designer.base.words import figure
 from designer.page.blocks import Command, Facts, Finding, Findings, Headline, Page, Paragraph, Section
@@ -51,9 +39,9 @@ def comparison_page(found: "ComparedObjects") -> Page:
         ("seed", str(plan.seed)), *computed(found.sampled, "samples"),
     )  # fmt: skip
     parts = (
-        ("The five objects", "objects", objects_alt(table), objects_table(table), object_notes(table)),
-        ("A smooth lens", "lens", lens_sentence(table), lens_table(table), lens_notes(table)),
-        ("Explanations", "alone", alone_sentence(table), alone_table(table), ()),
+        ("The five objects", "objects", objects_alt(table), figures.objects_table(table), object_notes(table)),
+        ("A smooth lens", "lens", lens_sentence(table), figures.lens_table(table), lens_notes(table)),
+        ("Explanations", "alone", alone_sentence(table), figures.alone_table(table), ()),
     )
     sections = tuple(
         Section(title, (*found.figures(stem), shown, *((Findings(notes),) if notes else ())), lead=lead)
@@ -65,24 +53,26 @@ def comparison_page(found: "ComparedObjects") -> Page:
     return Page(TITLE, "", compare_headline(table), sections, lead=lead, next_steps=(step,))
 
 
-def comparison_sheets(results: Results) -> tuple[FigureSheet, ...]:
+def comparison_sheets(results: compared.Results) -> tuple[FigureSheet, ...]:
     """Boxes of the objects, of the lens, and single errors."""
     table = results.table
     draw = {name: partial(function, results=results) for name, function in
-            (("objects", draw_boxes), ("lens", draw_lens), ("alone", draw_alone))}  # fmt: skip
+            (("objects", figures.draw_boxes), ("lens", figures.draw_lens), ("alone", figures.draw_alone))}  # fmt: skip
     lens = lens_sentence(table) or "Errors of camera models behind a lens that no Brown model fits: none yet."
     alone = f"Reconstruction error of single errors that give the paper's intersection error. {alone_sentence(table)}"
     return (
         FigureSheet(
-            "objects", "Errors of the five objects", objects_alt(table), BOXES_PX, draw["objects"],
+            "objects", "Errors of the five objects", objects_alt(table), figures.BOXES_PX, draw["objects"],
             "Dashed: the paper's medians.",
         ),
-        FigureSheet("lens", "Camera models behind a smooth lens", lens, BOXES_PX, draw["lens"]),
-        FigureSheet("alone", "Single errors that would give the paper's numbers", alone, ALONE_PX, draw["alone"]),
+        FigureSheet("lens", "Camera models behind a smooth lens", lens, figures.BOXES_PX, draw["lens"]),
+        FigureSheet(
+            "alone", "Single errors that would give the paper's numbers", alone, figures.ALONE_PX, draw["alone"]
+        ),
     )  # fmt: skip
 
 
-def compare_headline(table: ComparisonTable) -> Headline:
+def compare_headline(table: compared.ComparisonTable) -> Headline:
     """Which object is best, by what factor, and whether the virtual camera wins."""
     ranked = ranked_objects(table)
     if not ranked:
@@ -91,7 +81,7 @@ def compare_headline(table: ComparisonTable) -> Headline:
     sentence = f"{best} has the smallest intersection error, {figure(least, 2)} mm"
     if worst != best:
         sentence += f", {figure(most / least, 2)} times below {worst} with {figure(most, 2)} mm"
-    found = [table.of(name, FIGURE, COMMON, "intersection") for name, _ in ranked]
+    found = [table.of(name, compared.FIGURE, COMMON, "intersection") for name, _ in ranked]
     factors = [one.paper / one.median for one in found if one is not None and one.paper > 0]
     if factors:
         low, high = min(factors), max(factors)
@@ -99,18 +89,18 @@ def compare_headline(table: ComparisonTable) -> Headline:
     return Headline("note", f"{best} is best", f"{sentence}. {lens_sentence(table)}".strip())
 
 
-def ranked_objects(table: ComparisonTable) -> list[tuple[str, float]]:
+def ranked_objects(table: compared.ComparisonTable) -> list[tuple[str, float]]:
     """Objects by their median intersection error, the smallest first."""
-    names = dict.fromkeys(name for name, _, _ in table.keys(FIGURE))
-    found = [(name, table.median(name, FIGURE, COMMON, "intersection")) for name in names]
+    names = dict.fromkeys(name for name, _, _ in table.keys(compared.FIGURE))
+    found = [(name, table.median(name, compared.FIGURE, COMMON, "intersection")) for name in names]
     return sorted(((name, value) for name, value in found if value > 0), key=lambda pair: pair[1])
 
 
-def lens_sentence(table: ComparisonTable) -> str:
+def lens_sentence(table: compared.ComparisonTable) -> str:
     """How the virtual camera's error compares in photos held out, behind the smooth lens."""
     parts = []
-    for part, made in ((LENS_DRAWN, "as drawn"), (LENS_MADE, "as made")):
-        for name in LENS_OBJECTS:
+    for part, made in ((compared.LENS_DRAWN, "as drawn"), (compared.LENS_MADE, "as made")):
+        for name in compared.LENS_OBJECTS:
             brown = [table.median(name, part, model, "held_intersection") for model in BROWN]
             known = [value for value in brown if value > 0]
             learned = table.median(name, part, VIRTUAL, "held_intersection")
@@ -131,35 +121,33 @@ def _compared(brown: float, learned: float) -> str:
     return f"{figure(max(ratio, 1 / ratio), 2)} times {'smaller' if ratio < 1 else 'larger'} than Brown's"
 
 
-def objects_alt(table: ComparisonTable) -> str:
+def objects_alt(table: compared.ComparisonTable) -> str:
     """What the boxes of the objects show."""
     parts = [f"{name} {figure(value, 2)} mm" for name, value in ranked_objects(table)]
-    found = [table.of(name, FIGURE, COMMON, "intersection") for name, _ in ranked_objects(table)]
+    found = [table.of(name, compared.FIGURE, COMMON, "intersection") for name, _ in ranked_objects(table)]
     paper = [f"{one.object} {one.paper:g} mm" for one in found if one is not None and one.paper > 0]
     theirs = f" In the paper: {', '.join(paper)}." if paper else ""
     return f"Intersection errors of the objects from the smallest: {', '.join(parts) or 'none'}.{theirs}"
 
 
-def alone_sentence(table: ComparisonTable) -> str:
+def alone_sentence(table: compared.ComparisonTable) -> str:
     """Which errors explain the paper's numbers alone."""
     parts = []
     for name in dict.fromkeys(one.object for one in table.alone):
-        fits = [_with_amount(one) for one in table.alone if one.object == name and explains(one)[0] == "yes"]
+        fits = []
+        for one in table.alone:
+            if one.object == name and figures.explains(one)[0] == "yes":
+                sizes = filter(None, (one.amount, f"{compared.short(one.multiple)} times what is assumed"))
+                fits.append(f"{one.source.replace('_', ' ')} ({', '.join(sizes)})")
         parts.append(f"{name}: {', '.join(fits) or 'none'}")
     return f"What explains both of the paper's numbers: {'; '.join(parts) or 'not tried'}."
 
 
-def _with_amount(one: Explanation) -> str:
-    """An error with how large it would be."""
-    size = ", ".join(part for part in (one.amount, f"{short(one.multiple)} times what is assumed") if part)
-    return f"{one.source.replace('_', ' ')} ({size})"
-
-
-def setting_notes(table: ComparisonTable) -> Findings:
+def setting_notes(table: compared.ComparisonTable) -> Findings:
     """From where the photos are taken, and what cannot show."""
     far = ", ".join(f"{name} {distance:g} mm" for name, distance in table.distance_mm.items()) or "not known"
     angle = f"boards from within {math.degrees(CAP_RAD):g} degrees of their normal, icosahedra from all sides"
-    sources = ", ".join(WITHOUT_EFFECT).replace("_", " ")
+    sources = ", ".join(compared.WITHOUT_EFFECT).replace("_", " ")
     return Findings((
         Finding("note", "Distances", f"Where each object just fills the image: {far}; {angle}."),
         Finding(
@@ -170,11 +158,11 @@ def setting_notes(table: ComparisonTable) -> Findings:
     ))  # fmt: skip
 
 
-def object_notes(table: ComparisonTable) -> tuple[Finding, ...]:
+def object_notes(table: compared.ComparisonTable) -> tuple[Finding, ...]:
     """The templates' errors against the paper's medians."""
     rows = []
-    for name, one in OBJECT_OF.items():
-        found = table.of(name, FIGURE, COMMON, "intersection")
+    for name, one in figures.OBJECT_OF.items():
+        found = table.of(name, compared.FIGURE, COMMON, "intersection")
         if found is None or not one.is_known:
             continue
         is_inside = found.low <= one.intersection_mm <= found.high
@@ -185,29 +173,29 @@ def object_notes(table: ComparisonTable) -> tuple[Finding, ...]:
         )
         rows.append(Finding("note", name, text))
     first, second, paper = REPROJECTION_RATIO
-    ours, theirs = (table.median(name, FIGURE, COMMON, "reprojection") for name in (first, second))
+    ours, theirs = (table.median(name, compared.FIGURE, COMMON, "reprojection") for name in (first, second))
     if ours > 0 and theirs > 0:
         text = f"{first} over {second}: {figure(ours / theirs, 2)} with the templates, {paper:g} in the paper."
         rows.append(Finding("note", "Reprojection error", text))
     return tuple(rows)
 
 
-def lens_notes(table: ComparisonTable) -> tuple[Finding, ...]:
+def lens_notes(table: compared.ComparisonTable) -> tuple[Finding, ...]:
     """What the virtual camera's freedom costs where it is not needed."""
-    parts = [(name, PLAIN_DRAWN, f"Without distortion, {name} as drawn") for name in LENS_OBJECTS]
+    parts = [(name, compared.PLAIN_DRAWN, f"Without distortion, {name} as drawn") for name in compared.LENS_OBJECTS]
     parts += [
-        (name, FIGURE, f"Camera {table.plan.camera}, {name} made as {one.errors}")
-        for name, one in OBJECT_OF.items()
+        (name, compared.FIGURE, f"Camera {table.plan.camera}, {name} made as {one.errors}")
+        for name, one in figures.OBJECT_OF.items()
         if one.is_board
     ]
     return tuple(Finding("note", "", text) for name, part, what in parts for text in _price(table, name, part, what))
 
 
-def _price(table: ComparisonTable, name: str, part: str, what: str) -> Iterator[str]:
+def _price(table: compared.ComparisonTable, name: str, part: str, what: str) -> Iterator[str]:
     brown, learned = (table.median(name, part, model, "held_intersection") for model in (COMMON, VIRTUAL))
     if not (brown > 0 and learned > 0):
         return
-    is_lost = part == FIGURE and learned > (1 + ALIKE) * brown
+    is_lost = part == compared.FIGURE and learned > (1 + ALIKE) * brown
     why = "; one photo of the board gives its map, whose bend it takes for the lens's" if is_lost else ""
     yield (
         f"{what}, photos held out: virtual {figure(learned, 2)} mm, {COMMON} {figure(brown, 2)} mm, which is "

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING
 from calib.app.study_result import computed
 from calib.draw.cost_tables import TITLES, costs_table, ratios_table, starts_table
 from calib.solver.costs import IMAGE
-from calib.studies.cost.cases import CONTRAST_TO_NOISE, FARTHEST, SETTINGS, VIEWS
-from calib.studies.cost.errors import WEIGHTED
-from calib.studies.cost.photographed import OUTLIER_PX, OUTLIER_SHARE
-from calib.studies.cost.results import CostRatio, CostTable, StartRow
+from calib.studies.cost.estimates import OUTLIER_PX, OUTLIER_SHARE, WEIGHTED
+from calib.studies.cost.ratios import CONTRAST_TO_NOISE, FARTHEST, SETTINGS, VIEWS, CostRatio, CostTable
 from designer.base.words import figure
 from designer.page.blocks import Command, Facts, Finding, Findings, Headline, Page, Paragraph, Section
 
@@ -122,7 +120,7 @@ def counts_sentence(table: CostTable) -> str:
 def wins_sentence(table: CostTable) -> str:
     """Where distances in space are better than those in the image."""
     others = [one for name in table.costs if name != WEIGHTED for one in table.compared(name)]
-    wins = sorted((one for one in others if one.is_better), key=_ratio)
+    wins = sorted((one for one in others if one.is_better), key=lambda one: one.ratio)
     if not wins:
         return "No distances in space are surely better than those in the image."
     told = [
@@ -133,22 +131,12 @@ def wins_sentence(table: CostTable) -> str:
     return f"Surely better than the distances in the image are: {'; '.join(told)}{more}."
 
 
-def _ratio(one: CostRatio) -> float:
-    return one.ratio
-
-
 def starts_sentence(table: CostTable) -> str:
     """Which cost stands bad starts best."""
-    total = {name: _share([one for one in table.starts if one.cost == name]) for name in _names(table)}
+    total = {}
+    for name in dict.fromkeys((IMAGE, *(one.cost for one in table.starts))):
+        rows = [one for one in table.starts if one.cost == name]
+        total[name] = sum(one.reached for one in rows) / max(sum(one.starts for one in rows), 1)
     ranked = sorted(total, key=lambda name: -total[name])
     told = ", ".join(f"{name} {100 * total[name]:.0f} %" for name in ranked)
     return f"So many of all bad starts lead to the least value: {told} (the image's: {100 * total[IMAGE]:.0f} %)."
-
-
-def _names(table: CostTable) -> tuple[str, ...]:
-    return tuple(dict.fromkeys((IMAGE, *(one.cost for one in table.starts))))
-
-
-def _share(rows: Sequence[StartRow]) -> float:
-    starts = sum(one.starts for one in rows)
-    return sum(one.reached for one in rows) / starts if starts else 0.0

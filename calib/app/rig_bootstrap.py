@@ -5,13 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from calib.app.options import Seed
+from calib.app.options import Dask, Jobs, Resume, Seed
+from calib.app.study_result import STUDY_OUT, kept_samples
 from designer.base.answer import program
 from designer.base.errors import InputError
 from designer.base.marks import Gap
 from designer.base.options import option
 from designer.base.words import printable
 from designer.page.capability import capability
+from designer.page.output import Output, output_of
 from designer.page.progress import Progress, unheard
 from designer.page.result import Result
 
@@ -38,7 +40,10 @@ HONEST = 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class RigBootstrap(Result, kind="rig_bootstrap", title="Bootstrap of a rig"):
+class RigBootstrap(
+    Result, kind="rig_bootstrap", title="Bootstrap of a rig",
+    files={"study.sqlite": "every sample; the study goes on from it"},
+):  # fmt: skip
     """How far samples of a rig scatter: `found.ratio`, `found.pairs[0].baseline_spread_mm`.
 
     In a notebook the result shows its page.
@@ -70,6 +75,10 @@ def rig_bootstrap(
     *,
     samples: Annotated[int, option("each of as many frames as there are", 2, 100_000)] = 200,
     seed: Seed = 1,
+    jobs: Jobs = None,
+    dask: Dask = None,
+    resume: Resume = False,
+    out: Annotated["Place | Output | None", STUDY_OUT] = None,
     progress: Progress = unheard,
 ) -> RigBootstrap:
     """Solve samples of a rig's frames, drawn with replacement: `rig_bootstrap("rig").ratio`.
@@ -81,16 +90,26 @@ def rig_bootstrap(
         rig: a solved rig, or its folder.
         samples: each of as many frames as there are.
         seed: of what is drawn.
+        jobs: processes; None: one per core.
+        dask: address of a cluster's scheduler, which computes the samples instead.
+        resume: go on with the study in the folder.
+        out: a folder for the samples as they come, so that a stopped study goes on, and the page; None: `save` writes
+            that.
         progress: is told what is being done.
 
     Raises:
         InputError: a folder that cannot be read, a rig that is not determined or that a robot or a table carried, or
             too few frames.
+        StudyStoppedError: interrupted; the samples in a folder are kept.
     """
+    import numpy as np
+
     from calib.judge.rig_folder import read_rig
     from calib.rigs.result import RigCalibration
     from calib.solver.problem import SolveOptions
-    from calib.studies.rig_bootstrap import rig_spread
+    from calib.studies import rig_bootstrap as frames_drawn
+    from calib.studies.samples import Case
+    from calib.studies.workers import CaseSpec
 
     options = SolveOptions()
     if isinstance(rig, RigCalibration):
@@ -109,14 +128,25 @@ def rig_bootstrap(
         )
     if found.delay_s is not None:
         raise InputError(f"{name}: its time offsets were estimated, which needs the frames in their order")
-    progress("sampling", 0, samples)
-    spread = rig_spread(found, samples, seed, options, lambda done: progress("sampling", done, samples))
-    return RigBootstrap(
+    output = None if out is None else output_of(out)
+    if output is not None:
+        RigBootstrap.check(output.place)
+    pool = frames_drawn.frame_pool(found, options)
+    case = CaseSpec(Case("rig", frames, frames), pool, samples)
+    identity = frames_drawn.identity(pool, seed)
+    drawn = kept_samples(case, identity, output, jobs, dask, resume=resume, progress=progress)
+    has_rig, is_lost = drawn.status != "failed", np.isin(drawn.status, ("failed", "degenerate"))
+    pairs = frames_drawn.rig_spread(found, drawn)
+    result = RigBootstrap(
         program=program(), settings={"samples": str(samples), "seed": str(seed)}, rig=printable(Path(name).name),
-        cameras=tuple(map(printable, found.observations.camera_names)), frames=frames, samples=spread.samples,
-        failed=spread.failed, ratio=spread.ratio, ratio_of_all=spread.ratio_of_all, pairs=spread.pairs,
+        cameras=tuple(map(printable, found.observations.camera_names)), frames=frames,
+        samples=int(has_rig.sum()), failed=int(is_lost.sum()),
+        ratio=frames_drawn.spread_ratio(pairs), ratio_of_all=frames_drawn.spread_ratio(pairs, of_all=True), pairs=pairs,
         remarks=found.observations.remarks,
     )  # fmt: skip
+    if output is not None:
+        output.files += result.save(output.place, has_page=False)
+    return result
 
 
 def _page(found: RigBootstrap) -> "Page":

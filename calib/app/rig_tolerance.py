@@ -8,7 +8,8 @@ from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
-from calib.app.options import MOST_DISTANCE_MM, MOST_VIEWS, Changes, Errors, Seed
+from calib.app.options import MOST_DISTANCE_MM, MOST_VIEWS, Changes, Dask, Errors, Jobs, Resume, Seed
+from calib.app.study_result import STUDY_OUT, kept_samples
 from designer.base.answer import program
 from designer.base.errors import InputError
 from designer.base.marks import NOT_IN_FILE, Gap
@@ -16,6 +17,7 @@ from designer.base.options import argument, option
 from designer.base.words import cut, printable
 from designer.kinds.presets import rig_templates
 from designer.page.capability import capability
+from designer.page.output import Output, output_of
 from designer.page.progress import Progress, unheard
 from designer.page.result import Result
 
@@ -41,7 +43,10 @@ SURE = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class RigTolerance(Result, kind="rig_tolerance", title="Tolerance study of a rig", doing="predicting"):
+class RigTolerance(
+    Result, kind="rig_tolerance", title="Tolerance study of a rig", doing="predicting",
+    files={"study.sqlite": "every drawn print"},
+):  # fmt: skip
     """What errors of a target cost a rig: `found.together.baseline_mm`, `found.save("tolerance")`.
 
     In a notebook the result shows its page.
@@ -92,6 +97,10 @@ def rig_tolerance(
     draws: Annotated[int, option("prints that are drawn as a check", 0, 10_000)] = 20,
     linear: Annotated[bool, option("no draws: predict from Jacobians, in seconds")] = False,
     seed: Seed = 1,
+    jobs: Jobs = None,
+    dask: Dask = None,
+    resume: Resume = False,
+    out: Annotated["Place | Output | None", STUDY_OUT] = None,
     progress: Progress = unheard,
 ) -> RigTolerance:
     """What errors of a target cost a rig: `rig_tolerance("ico.target.json", "fdm-dual", "stereo-pair")`.
@@ -112,10 +121,16 @@ def rig_tolerance(
         draws: prints that are drawn as a check; 0: none.
         linear: as `draws` of 0.
         seed: of all that is random.
+        jobs: processes; None: one per core.
+        dask: address of a cluster's scheduler, which computes the prints instead.
+        resume: go on with the study in the folder.
+        out: a folder for the prints as they come, so that a stopped study goes on, and the page; None: `save` writes
+            that.
         progress: is told what is being done.
 
     Raises:
         InputError: files or options that break a rule, or frames that do not determine the rig.
+        StudyStoppedError: interrupted; the prints in a folder are kept.
     """
     import numpy as np
 
@@ -123,33 +138,43 @@ def rig_tolerance(
     from calib.app.inputs import target_of
     from calib.renderer.held_target import held_poses
     from calib.rigs.relative import middle_error
-    from calib.studies.tolerance.rig_costs import LENGTH_MM, SimulatedFrames, drawn_cost, predicted_costs
+    from calib.studies.samples import Case
+    from calib.studies.tolerance import rig_costs
+    from calib.studies.workers import CaseSpec
     from designer.target import TargetGeometry
     from designer.tolerance.error_file import error_model
 
     geometry, made, count = target_of(target, "rings"), error_model(errors, changes), 0 if linear else draws
+    for name, is_given in (("--resume", resume), (f"--dask {dask}", dask is not None)):
+        if is_given and not count:
+            raise InputError(f"{name}: no prints are drawn that it could be used for; leave it out, or draw some")
+    output = None if out is None else output_of(out)
+    if output is not None:
+        RigTolerance.check(output.place)
     simulated = simulated_rig(rig)
     if len(simulated.rig.names) < 2:
         raise InputError("--rig: one camera is no rig; leave it out")
     held = held_before(simulated, distance_mm)
     progress("setting up", 0, 0)
     rng = np.random.default_rng(seed)
-    before = SimulatedFrames(simulated.rig, geometry, held_poses(simulated.rig, geometry, held, frames, rng))
+    before = rig_costs.SimulatedFrames(simulated.rig, geometry, held_poses(simulated.rig, geometry, held, frames, rng))
     found = before.solved(geometry, rng)
-    *costs, together, noise = predicted_costs(found, geometry, made)
+    *costs, together, noise = rig_costs.predicted_costs(found, geometry, made)
     middle, drawn = middle_error(found), None
     if count:
-        drawn = drawn_cost(
-            before, None if middle is None else middle.point_mm, made, seed, count,
-            lambda done: progress("drawing prints", done, count),
-        )  # fmt: skip
+        pool = rig_costs.PrintPool(before, None if middle is None else middle.point_mm, made)
+        case, identity = CaseSpec(Case("rig", frames, frames), pool, count), rig_costs.print_identity(pool, seed)
+        kept = kept_samples(
+            case, identity, output, jobs, dask, resume=resume, progress=progress, doing="drawing prints"
+        )
+        drawn = rig_costs.drawn_cost(before, kept)
     remarks = () if geometry.source == "nominal" else (
         f"the target file is a {geometry.source} one; its shape is taken as the drawing",
     )  # fmt: skip
     near, far = held.distance_mm
     file = "target.target.json" if isinstance(target, TargetGeometry) else printable(str(target))
     name = cut(Path(file).name.removesuffix(".json").removesuffix(".target"))
-    return RigTolerance(
+    result = RigTolerance(
         program=program(),
         settings={
             "errors": printable(fspath(errors)), "set": " ".join(changes), "frames": str(frames), "seed": str(seed),
@@ -157,11 +182,14 @@ def rig_tolerance(
         },
         target=name, rig=printable(simulated.name), errors=f"{made.name}: {made.title}",
         cameras=tuple(map(printable, simulated.rig.names)), frames=found.observations.frame_count,
-        sightings=sum(map(len, found.residual_px)), length_mm=LENGTH_MM,
+        sightings=sum(map(len, found.residual_px)), length_mm=rig_costs.LENGTH_MM,
         away_mm=math.nan if middle is None else middle.away_mm, costs=tuple(costs), together=together, noise=noise,
         draws=count, drawn=drawn, remarks=remarks,
         target_file=file,
     )  # fmt: skip
+    if output is not None:
+        output.files += result.save(output.place, has_page=False)
+    return result
 
 
 def _page(found: RigTolerance) -> "Page":

@@ -4,12 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 from calib.app.options import Dask, Grid, ImageSize, Jobs, Pitch, Resume, Seed, Weighted, grid_of
 from calib.app.rig_bootstrap import rig_bootstrap
-from calib.app.study_result import FORMATS, STUDY_OUT, TABLES, StudyResult, rows_to_csv
+from calib.app.study_result import FORMATS, STUDY_OUT, TABLES, StudyResult, rows_to_csv, sampling_in
 from calib.cameras import DEFAULT, learned_models, solved_models
 from designer.base.errors import InputError
 from designer.base.files import place_of, write_files
@@ -22,7 +21,6 @@ from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
     from calib.app.inputs import Observed, Place
-    from calib.core.types import Observations
     from calib.draw.sheet import FigureSheet
     from calib.observe.corners_vnl import PointGrid
     from calib.renderer.truth import Truth
@@ -180,13 +178,13 @@ def bootstrap(
             are kept.
         StudyStoppedError: interrupted; so they are.
     """
-    from calib.app.inputs import load_observations, observations_of, processes_of, target_of, truth_from
+    from calib.app.inputs import load_observations, observations_of, target_of, truth_from
     from calib.renderer.quantities import whole
     from calib.renderer.truth import Truth
     from calib.solver.plan import plan_from_words
     from calib.studies import bootstrap as pools
-    from calib.studies.runner import STUDY_FILE, Sampling
-    from calib.studies.statistics import Case
+    from calib.studies.identity import identity_of, photos_read
+    from calib.studies.samples import Case
     from calib.studies.workers import CaseSpec
 
     plan = plan_from_words(
@@ -213,20 +211,18 @@ def bootstrap(
         raise InputError(f"{told}: of photos of another target; give the truth.json beside the photos")
     name = _name_of(*(one for one in (target, detections) if isinstance(one, str | PathLike)))
     kept = {"model": model, "name": name, **_settings(plan, image_size, corners)}
-    identity = _identity(seed, kept, observations, detections, target, truth)
-    with TemporaryDirectory() as aside:
-        path = (Path(aside) if output is None else output.place) / STUDY_FILE
-        sampling = Sampling(path, processes_of(jobs), dask, resume, progress)
+    identity = identity_of(seed, kept, photos_read(observations, detections, target=target, truth=truth))
+    with sampling_in(output, jobs, dask, resume=resume, progress=progress) as sampling:
         sampling.check(identity)
         progress("solving all views", 0, 0)
         pool = pools.make_pool(observations, model, plan.options_of(model), known)
         for size in views:
             pools.require_enough(pool, size)
-        specs = [CaseSpec(Case(name, size, pool.view_count), pool) for size in views]
+        cases = [CaseSpec(Case(name, size, pool.view_count), pool, samples) for size in views]
         if output is not None:
-            output.finished.append(path)
-        sampled = sampling.run(identity, [(specs, samples)])
-        found = sampled_study(path, sampled, (*observations.remarks, *pool.remarks))
+            output.finished.append(sampling.path)
+        sampled = sampling.run(identity, cases)
+        found = sampled_study(sampling.path, sampled, (*observations.remarks, *pool.remarks))
     return found if output is None else found.saved(output, progress)
 
 
@@ -242,25 +238,6 @@ def sampled_study(path: Path, sampled: "DrawCount", remarks: Sequence[str]) -> B
         cases, identity, mixed = cases_of(study), study.identity, study.mixed_programs()
     said, place = (*remarks, *mixed), str(path.parent)
     return Bootstrap(study_table(cases), cases, identity, sampled, said, path.read_bytes(), place)
-
-
-def _identity(
-    seed: int,
-    settings: dict[str, str],
-    observations: "Observations",
-    observed: "Observed",
-    target: "TargetGeometry | Place | None",
-    truth: "Truth | Place | None",
-) -> "StudyIdentity":
-    """What makes it this study: its files, or what they would hold."""
-    from calib.studies.identity import StudyIdentity, digest_of, identity_of
-
-    named = (("detections", observed), ("target", target), ("truth", truth))
-    files = {name: Path(one) for name, one in named if isinstance(one, str | PathLike)}
-    identity = identity_of(seed, settings, files)
-    if "detections" in files:
-        return identity
-    return StudyIdentity(seed, identity.settings, (("detections", digest_of(observations)), *identity.inputs))
 
 
 def _settings(plan: "SolvePlan", image_size: tuple[int, int] | None, grid: "PointGrid | None") -> dict[str, str]:
@@ -283,7 +260,7 @@ def _settings(plan: "SolvePlan", image_size: tuple[int, int] | None, grid: "Poin
 
 def _name_of(*places: "Place") -> str:
     """What a target is called in tables: after the first file there is."""
-    from calib.studies.paper_table import TARGETS
+    from calib.studies.statistics import TARGETS
 
     if not places:
         return "own target"

@@ -16,7 +16,7 @@ from designer.page.progress import Progress, unheard
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.draw.sheet import FigureSheet
-    from calib.studies.compare.results import Results
+    from calib.studies.compare.cases import Results
     from calib.studies.runner import DrawCount
     from designer.base.files import JsonValue
     from designer.page.blocks import Page
@@ -39,7 +39,7 @@ class ComparedObjects(
 
     def document(self) -> "dict[str, JsonValue]":
         """Medians over sets and prints, and single errors."""
-        from calib.studies.compare.results import ComparisonTable
+        from calib.studies.compare.cases import ComparisonTable
 
         return cast("dict[str, JsonValue]", encode(ComparisonTable, self.results.table))
 
@@ -57,7 +57,7 @@ class ComparedObjects(
 
     def csv(self) -> bytes:
         """Every median, a line a case and error."""
-        from calib.studies.compare.results import CaseRow
+        from calib.studies.compare.cases import CaseRow
 
         return rows_to_csv(CaseRow, self.results.table.cases)
 
@@ -103,9 +103,9 @@ def study_compare(
 
     from calib.app.inputs import processes_of
     from calib.studies.compare import cases
-    from calib.studies.compare.results import results_of
+    from calib.studies.compare.cases import results_of
     from calib.studies.compare.scene import SETS
-    from calib.studies.runner import STUDY_FILE, Sampling
+    from calib.studies.runner import Sampling
     from calib.studies.store import read_study
 
     usual = cases.QUICK if quick else SETS
@@ -117,12 +117,12 @@ def study_compare(
     plan = cases.Plan(name, prints, sets, virtual_sets, 1 if quick else cases.ALONE_PRINTS, seed)
     cases.usable_camera(name)
     identity = cases.identity(plan)
-    sampling = Sampling(output.place / STUDY_FILE, processes_of(jobs), None, resume, progress)
+    sampling = Sampling(output.place, processes_of(jobs), None, resume, progress)
     sampling.check(identity)
     progress("placing cameras", 0, 0)
     comparison = cases.comparison(plan)
     output.finished.append(sampling.path)
-    sampled = sampling.run(identity, [(group.specs, group.samples) for group in comparison.groups], chunk=1)
+    sampled = sampling.run(identity, comparison.cases, chunk=1)
     with read_study(sampling.path) as study:
         found = ComparedObjects(results_of(study, comparison), sampled, str(output.place))
     return found.saved(output, progress)

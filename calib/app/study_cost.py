@@ -1,6 +1,6 @@
 """Which distances to minimise, measured: `calib study cost`, `calib.study_cost("cost")`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from os import PathLike
@@ -20,11 +20,9 @@ from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
     from calib.app.inputs import Observed, Place
-    from calib.core.types import Observations
     from calib.draw.sheet import FigureSheet
     from calib.observe.corners_vnl import PointGrid
-    from calib.studies.cost.cases import RealPhotos
-    from calib.studies.cost.results import CostTable
+    from calib.studies.cost.ratios import CostTable, RealPhotos
     from calib.studies.runner import DrawCount
     from designer.page.blocks import Page
     from designer.target import TargetGeometry
@@ -69,7 +67,7 @@ class CostStudy(
 
     def csv(self) -> bytes:
         """Every comparison, a line each."""
-        from calib.studies.cost.results import CostRatio
+        from calib.studies.cost.ratios import CostRatio
 
         return rows_to_csv(CostRatio, self.table.cases)
 
@@ -127,9 +125,10 @@ def study_cost(
         StudyStoppedError: interrupted; what is finished is kept.
     """
     from calib.app.inputs import processes_of
-    from calib.studies.cost import cases
-    from calib.studies.cost.results import table_of
-    from calib.studies.runner import STUDY_FILE, Sampling
+    from calib.studies.cost import ratios
+    from calib.studies.cost.ratios import table_of
+    from calib.studies.identity import photos_read
+    from calib.studies.runner import Sampling
     from calib.studies.store import read_study
 
     usual, corners = QUICK if quick else USUAL, grid_of(grid, pitch_mm)
@@ -137,25 +136,25 @@ def study_cost(
     output = output_of(out)
     CostStudy.check(output.place)
     real = None
-    digests: tuple[tuple[str, str], ...] = ()
+    own: Mapping[str, Path | str] = {}
     if detections is not None:
         real = _real_photos(detections, target, model or DEFAULT, image_size, corners)
-        digests = _digests(detections, target, real.observations)
+        own = photos_read(real.observations, detections, target=target)
     else:
         of_photos = (("--target", target), ("--model", model), ("--image-size", image_size), ("--grid", grid))
         for name, value in of_photos:
             if value is not None:
                 raise InputError(f"{name}: says nothing without photos of your own; give --detections too")
-    plan = cases.CostPlan(sets, starts, seed, *(("", "") if real is None else (real.name, real.model)))
-    identity = cases.identity(plan, digests)
-    sampling = Sampling(output.place / STUDY_FILE, processes_of(jobs), None, resume, progress)
+    plan = ratios.CostPlan(sets, starts, seed, *(("", "") if real is None else (real.name, real.model)))
+    identity = ratios.identity(plan, own)
+    sampling = Sampling(output.place, processes_of(jobs), None, resume, progress)
     sampling.check(identity)
     progress("placing cameras", 0, 0)
-    groups = cases.groups_of(plan, real)
+    sampled_cases = ratios.cases_of(plan, real)
     output.finished.append(sampling.path)
-    sampled = sampling.run(identity, [(group.specs, group.samples) for group in groups])
+    sampled = sampling.run(identity, sampled_cases)
     with read_study(sampling.path) as study:
-        found = CostStudy(table_of(study, plan, groups), sampled, str(output.place))
+        found = CostStudy(table_of(study, plan), sampled, str(output.place))
     return found.saved(output, progress)
 
 
@@ -169,21 +168,10 @@ def _real_photos(
         InputError: they cannot be read, or there is no such model.
     """
     from calib.app.inputs import load_observations, observations_of
-    from calib.studies.cost.cases import RealPhotos
+    from calib.studies.cost.ratios import RealPhotos
 
     if isinstance(observed, str | PathLike):
         name = cut(printable(Path(observed).name)) or OWN
         seen = load_observations(observed, target, image_size=image_size, grid=grid)
         return RealPhotos(name, seen, model)
     return RealPhotos(OWN, observations_of(observed, target), model)
-
-
-def _digests(
-    observed: "Observed", target: "TargetGeometry | Place | None", seen: "Observations"
-) -> tuple[tuple[str, str], ...]:
-    """What tells these photos from others."""
-    from calib.studies.identity import digest_of, sha256_of
-
-    named: Sequence[tuple[str, object]] = (("detections", observed), ("target", target))
-    found = tuple((name, sha256_of(Path(one))) for name, one in named if isinstance(one, str | PathLike))
-    return found if dict(found).get("detections") else (("detections", digest_of(seen)), *found)

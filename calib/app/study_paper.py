@@ -51,12 +51,12 @@ def study_paper(
     """
     from calib.app.inputs import processes_of
     from calib.studies import paper_study
-    from calib.studies.runner import STUDY_FILE, Sampling
+    from calib.studies.runner import Sampling
 
     output, processes = output_of(out), processes_of(jobs)
     Bootstrap.check(output.place)
     work = paper_study.quick_study(output.place, seed) if quick else paper_study.full_study(output.place, seed)
-    sampling = Sampling(output.place / STUDY_FILE, processes, dask, resume, progress)
+    sampling = Sampling(output.place, processes, dask, resume, progress)
     sampling.check(paper_study.settings_of(work))
     write_files(paper_study.missing_targets(work))
     output.finished.append(output.place)
@@ -64,7 +64,7 @@ def study_paper(
     paper_study.make_photos(work, jobs=processes, tell=lambda done: progress("rendering", done, count))
     paper_study.make_detections(work, jobs=processes, tell=lambda done: progress("searching", done, count))
     progress("solving all views of each set", 0, 0)
-    sampled = sampling.run(paper_study.identity(work), [(list(paper_study.cases_of(work)), work.samples)])
+    sampled = sampling.run(paper_study.identity(work), list(paper_study.cases_of(work)))
     return sampled_study(sampling.path, sampled, ()).saved(output, progress)
 
 

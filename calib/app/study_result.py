@@ -3,10 +3,12 @@
 import csv
 import io
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, ClassVar, Self, TypeVar, cast
 
 from designer.base.codec import encode
@@ -21,7 +23,10 @@ from designer.page.result import Result
 
 if TYPE_CHECKING:
     from calib.draw.sheet import FigureSheet
-    from calib.studies.runner import DrawCount
+    from calib.studies.identity import StudyIdentity
+    from calib.studies.runner import DrawCount, Sampling
+    from calib.studies.samples import Samples
+    from calib.studies.workers import CaseSpec
     from designer.base.files import JsonValue
     from designer.page.blocks import Figure
 
@@ -31,6 +36,31 @@ COMPUTED = "computed"
 STUDY_OUT = option("folder for the study, its tables, figures and page", short="-o", group=OUTPUT)
 MARKDOWN_FILE, CSV_FILE = "table.md", "table.csv"
 TABLES = {MARKDOWN_FILE: "the tables, to paste into a text", CSV_FILE: "every number, a line each"}
+
+
+@contextmanager
+def sampling_in(
+    output: Output | None, jobs: int | None, dask: str | None, *, resume: bool, progress: Progress
+) -> "Iterator[Sampling]":
+    """Where samples are kept, and who computes them: in the folder that was asked for, else where nobody looks."""
+    from calib.app.inputs import processes_of
+    from calib.studies.runner import Sampling
+
+    with TemporaryDirectory() as aside:
+        yield Sampling(Path(aside) if output is None else output.place, processes_of(jobs), dask, resume, progress)
+
+
+def kept_samples(
+    case: "CaseSpec", identity: "StudyIdentity", output: Output | None, jobs: int | None, dask: str | None, *,
+    resume: bool, progress: Progress, doing: str = "sampling",
+) -> "Samples":  # fmt: skip
+    """The samples of a study of one case, those that are not there yet computed."""
+    with sampling_in(output, jobs, dask, resume=resume, progress=progress) as sampling:
+        sampling.check(identity)
+        if output is not None:
+            output.finished.append(sampling.path)
+        samples, _ = sampling.run_one(identity, case, tell=lambda done: progress(doing, done, case.samples))
+    return samples
 
 
 class StudyResult(Result, kind="study", title="Study"):

@@ -1,11 +1,10 @@
 """What errors of a target cost a calibration: `design tolerance`, `ways`; `calib.tolerance("ico.target.json", ...)`."""
 
+import hashlib
 import shlex
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 from calib.app.options import (
@@ -23,7 +22,7 @@ from calib.app.options import (
     Weighted,
 )
 from calib.app.rig_tolerance import rig_tolerance
-from calib.app.study_result import TABLES, StudyResult, figure_formats, rows_to_csv
+from calib.app.study_result import TABLES, StudyResult, figure_formats, rows_to_csv, sampling_in
 from calib.cameras import DEFAULT
 from designer.base.answer import command_line
 from designer.base.errors import InputError
@@ -37,11 +36,9 @@ from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
-    from calib.cameras.camera import Camera
     from calib.draw.sheet import FigureSheet
     from calib.studies.runner import DrawCount
-    from calib.studies.tolerance.explore import PhotographedTarget
-    from calib.studies.tolerance.photographing import Photographing
+    from calib.studies.tolerance.explore import PhotographedTarget, Photographing
     from calib.studies.tolerance.record import ToleranceStudy
     from calib.studies.tolerance.what_if import WhatIf
     from designer.base.answer import Value
@@ -237,16 +234,20 @@ def tolerance(
         InputError: files or options that break a rule, or no workers are left; the draws in a folder are kept.
         StudyStoppedError: interrupted; so they are.
     """
-    from calib.app.inputs import camera_remarks, processes_of
+    from os import fspath
+
+    from calib.app.inputs import camera_of, camera_remarks
+    from calib.cameras.camera import Camera
     from calib.studies.runner import ask_cluster
-    from calib.studies.tolerance.explore import TolerancePlan, compared, explore
+    from calib.studies.tolerance.explore import Photographing, TolerancePlan, compared, explore
     from calib.studies.tolerance.quantities import parse_requirements, quantity_named
-    from calib.studies.tolerance.stored import Keeping
+    from calib.studies.tolerance.stored import check_unused
     from designer.tolerance.sources import source_named
 
     requirements = parse_requirements(require)
     by = quantity_named(by or (requirements[0].quantity if requirements else "intersection")).name
-    photographing = _photographing(camera, views, model, seed, aim_offset_mm, weighted=weighted)
+    camera_name = camera.model if isinstance(camera, Camera) else fspath(camera)
+    photographing = Photographing(views, camera_of(camera), camera_name, model, weighted, seed, aim_offset_mm)
     for name, is_given in (("--full", full), ("--resume", resume), (f"--dask {dask}", dask is not None)):
         if linear and is_given:
             raise InputError(f"{name} does not fit --linear, which draws nothing; leave one of them out")
@@ -256,15 +257,13 @@ def tolerance(
     if output is not None:
         Tolerance.check(output.place)
     progress("setting up", 0, 0)
-    with ExitStack() as stack:
-        place = Path(stack.enter_context(TemporaryDirectory())) if output is None else output.place
-        keeping = Keeping(place, processes_of(jobs), dask, resume)
-        plan = TolerancePlan(draws, seed, requirements, by, full, linear, keeping, progress)
-        first = _photographed(target, errors, changes, distance_mm, photographing, stack)
+    with sampling_in(output, jobs, dask, resume=resume, progress=progress) as sampling:
+        plan = TolerancePlan(draws, seed, requirements, by, full, linear, sampling)
+        first = _photographed(target, errors, changes, distance_mm, photographing)
         other = None
         if against is not None and against_errors is not None:
             far = distance_mm if against_distance_mm is None else against_distance_mm
-            other = _photographed(against, against_errors, against_changes, far, photographing, stack)
+            other = _photographed(against, against_errors, against_changes, far, photographing)
             if other.name == first.name:
                 same = other.errors.name == first.errors.name
                 other = replace(other, name=f"{other.name} ({'other' if same else other.errors.name})")
@@ -273,9 +272,9 @@ def tolerance(
         if full:
             remarks = (*first.words.remarks, "photos of every draw are rendered, detected and calibrated")
             first = replace(first, words=replace(first.words, remarks=remarks))
-        keeping.check_unused(predicts=linear)
+        check_unused(sampling, predicts=linear)
         if output is not None:
-            output.finished.append(place / "study.sqlite")
+            output.finished.append(sampling.path)
         study, table, drawn = explore(first, plan)
         if other is not None:
             study = compared(study, table, other, plan, vary)
@@ -325,40 +324,22 @@ def ways(
     Raises:
         InputError: files or options that break a rule; the message names it.
     """
-    from calib.app.inputs import camera_remarks, target_of
-    from calib.studies.tolerance.explore import TolerancePlan, explore
-    from calib.studies.tolerance.photographing import templates_for
+    from calib.app.inputs import target_of
+    from calib.studies.tolerance.explore import templates_for
     from calib.studies.tolerance.quantities import quantity_named
-    from calib.studies.tolerance.stored import Keeping
     from designer.tolerance.made import error_model_for
 
     geometry, by = target_of(target, "rings"), quantity_named(by).name
     assumed = error_model_for(geometry)
     errors = next(iter(templates_for(geometry))) if assumed is None else assumed.errors.name
-    photographing = _photographing(camera, views, model, seed, aim_offset_mm, weighted=weighted)
-    progress("setting up", 0, 0)
-    with ExitStack() as stack:
-        scene = _photographed(target, errors, (), distance_mm, photographing, stack)
-        keeping = Keeping(Path(), 1)
-        plan = TolerancePlan(0, seed, (), by, full=False, linear=True, keeping=keeping, progress=progress)
-        study, _, drawn = explore(scene, plan)
+    found = tolerance(
+        target, errors, views=views, distance_mm=distance_mm, aim_offset_mm=aim_offset_mm, camera=camera, model=model,
+        weighted=weighted, linear=True, by=by, seed=seed, progress=progress,
+    )  # fmt: skip
     return Ways(
-        study, drawn, seed, scene.errors.layer_height_mm, _file_of(target), camera_remarks(camera), (), command_line()
-    )
-
-
-def _photographing(
-    camera: "Camera | Place", views: int, model: str, seed: int, aim_offset_mm: float | None, *, weighted: bool
-) -> "Photographing":
-    from os import fspath
-
-    from calib.app.inputs import camera_of
-    from calib.cameras.camera import Camera
-    from calib.studies.tolerance.photographing import Photographing
-
-    known = camera_of(camera)
-    name = camera.model if isinstance(camera, Camera) else fspath(camera)
-    return Photographing(views, known, name, model, weighted, seed, aim_offset_mm)
+        found.study, found.drawn, seed, found.layer_height_mm, found.target_file, found.camera_remarks, (),
+        found.made_by,
+    )  # fmt: skip
 
 
 def _check_against(
@@ -379,19 +360,19 @@ def _check_against(
 
 def _photographed(
     target: "TargetGeometry | Place", errors: str, changes: Sequence[str],
-    distance_mm: tuple[float, float] | float | None, by: "Photographing", stack: ExitStack,
+    distance_mm: tuple[float, float] | float | None, by: "Photographing",
 ) -> "PhotographedTarget":  # fmt: skip
     """Read a target and its errors, and set up its photos."""
     from calib.app.inputs import target_of
-    from calib.studies.tolerance.photographing import photographed
+    from calib.studies.identity import sha256_of
+    from calib.studies.tolerance.explore import photographed
     from designer.target import TargetGeometry, target_to_json
 
     geometry, place = target_of(target, "rings"), _path_of(target)
-    if isinstance(target, TargetGeometry):
-        place = Path(stack.enter_context(TemporaryDirectory())) / "target.json"
-        place.write_text(target_to_json(target))
+    made = isinstance(target, TargetGeometry)
+    digest = hashlib.sha256(target_to_json(geometry).encode()).hexdigest() if made else sha256_of(place)
     both = distance_mm if distance_mm is None or isinstance(distance_mm, tuple) else (distance_mm, distance_mm)
-    return photographed(geometry, _name_of(_path_of(target)), place, errors, changes, both, by)
+    return photographed(geometry, _name_of(place), digest, errors, changes, both, by)
 
 
 def _path_of(target: "TargetGeometry | Place") -> Path:

@@ -7,20 +7,8 @@ from typing import TYPE_CHECKING
 
 from calib.app.study_result import computed
 from calib.draw import tolerance_tables as tables
+from calib.draw import tolerance_words as words
 from calib.draw.tolerance_sliders import what_if_section
-from calib.draw.tolerance_words import (
-    against_sentence,
-    best_way,
-    budget_finding,
-    choice_of_ways,
-    cost_notes,
-    cost_sentence,
-    prediction_notes,
-    prediction_sentence,
-    quantities_wanted,
-    swept_sources,
-    tolerance_headline,
-)
 from calib.studies.tolerance.quantities import quantity_named
 from designer.base.words import figure, printable
 from designer.page.blocks import Block, Command, Facts, Finding, Findings, Fold, Headline, Page, Paragraph, Section
@@ -28,7 +16,7 @@ from designer.page.folders import notes, warnings
 
 if TYPE_CHECKING:
     from calib.app.tolerance import Tolerance, Ways
-    from calib.studies.tolerance.record import Crossovers, PhotographedSetting, ToleranceStudy
+    from calib.studies.tolerance.record import PhotographedSetting, ToleranceStudy
 
 QUESTION = "What do errors of manufacturing cost a calibration that takes the drawing for true? "
 DRAWN = "Targets are made with errors drawn at random, photographed, calibrated and compared."
@@ -53,12 +41,17 @@ def tolerance_page(found: "Tolerance") -> Page:
     sections = [_costs(found), *([sliders] if sliders is not None else []), *_ways_section(study, "")]
     if study.budgets:
         missed = [tables.budget_table(study, one) for one in study.budgets if one.met_by_noise_alone]
-        limits = Findings(tuple(budget_finding(study, one) for one in study.budgets))
+        limits = Findings(tuple(words.budget_finding(study, one) for one in study.budgets))
         sections.append(Section("Limits", (limits, *found.figures("budget"), *missed), lead=LIMITS))
     sections.append(_sizes(found))
-    sections += [_against(found, other)] if other is not None else []
+    if other is not None:
+        told: tuple[Block, ...] = (
+            *found.figures("crossover"), tables.totals_table(study, other), tables.crossover_table(study, other),
+            *notes(other.setting.remarks), Facts(tuple(_setting_facts(other.target, other.setting))),
+        )  # fmt: skip
+        sections.append(Section(f"Against {other.target}", told, lead=words.against_sentence(study, other)))
     reach = (tables.reach_table(study),) if study.is_checked else ()
-    said = (Finding("note", "", prediction_sentence(study)), *prediction_notes(study))
+    said = (Finding("note", "", words.prediction_sentence(study)), *words.prediction_notes(study))
     sections += [
         Section("Prediction", (Findings(said), *reach)),
         Section("Assumptions", (tables.amounts_table(study),)),
@@ -69,7 +62,7 @@ def tolerance_page(found: "Tolerance") -> Page:
         "takes the errors of your own print back, once calib run -o camera has seen photos of it",
     )
     lead = (Paragraph(question), Facts(facts), *warnings("Warning", _warnings(study)), *notes(_remarks(found)))
-    return Page(study.target, "", tolerance_headline(study), tuple(sections), lead=lead, next_steps=(measure,))
+    return Page(study.target, "", words.tolerance_headline(study), tuple(sections), lead=lead, next_steps=(measure,))
 
 
 def ways_page(found: "Ways") -> Page:
@@ -81,13 +74,13 @@ def ways_page(found: "Ways") -> Page:
         f"design tolerance {quote(found.target_file)} --errors {ranked[0].way.name} -o tolerance",
         "draws, which check the prediction",
     )
-    headline = Headline("note", "answered", f"{best_way(ranked)} {choice_of_ways(ranked)}")
+    headline = Headline("note", "answered", f"{words.best_way(ranked)} {words.choice_of_ways(ranked)}")
     return replace(page, headline=headline, sections=(*_ways_section(study, WAYS_LEAD), *others), next_steps=(step,))
 
 
 def remarks_of(found: "Tolerance") -> tuple[str, ...]:
     """What a person must know of the numbers."""
-    return (*_warnings(found.study), *_remarks(found), prediction_sentence(found.study))
+    return (*_warnings(found.study), *_remarks(found), words.prediction_sentence(found.study))
 
 
 def _warnings(study: "ToleranceStudy") -> list[str]:
@@ -107,14 +100,16 @@ def _setting_facts(target: str, setting: "PhotographedSetting") -> Iterator[tupl
 
 def _ways_section(study: "ToleranceStudy", lead: str) -> Iterator[Section]:
     if ranked := study.ways():
-        yield Section(tables.WAYS, (tables.ways_table(study, study.ranked_by),), lead=lead or choice_of_ways(ranked))
+        yield Section(
+            tables.WAYS, (tables.ways_table(study, study.ranked_by),), lead=lead or words.choice_of_ways(ranked)
+        )
 
 
 def _costs(found: "Tolerance") -> Section:
     """The ranking first, then all the quantities."""
     study = found.study
-    lead = cost_sentence(study) if study.budgets else "Each error alone, the one that costs most first."
-    notes_of_costs = tuple(cost_notes(study))
+    lead = words.cost_sentence(study) if study.budgets else "Each error alone, the one that costs most first."
+    notes_of_costs = tuple(words.cost_notes(study))
     told = (Findings(notes_of_costs),) if notes_of_costs else ()
     shown = tables.cost_table(study), tables.together_table(study)
     return Section("Costs", (tables.ranking_table(study), *found.figures("ranking"), *shown, *told), lead=lead)
@@ -123,15 +118,8 @@ def _costs(found: "Tolerance") -> Section:
 def _sizes(found: "Tolerance") -> Section:
     """What larger and smaller errors would cost."""
     study, blocks = found.study, list[Block]()
-    wanted = quantities_wanted(study) if study.sweeps else ()
-    blocks += found.figures(*(f"sweep_{name}" for name in wanted if swept_sources(study, name)))
+    wanted = words.quantities_wanted(study) if study.sweeps else ()
+    blocks += found.figures(*(f"sweep_{name}" for name in wanted if words.swept_sources(study, name)))
     if wanted:
         blocks.append(Fold("The same as numbers", tuple(tables.sweep_table(study, name) for name in wanted)))
     return Section("Sizes of errors", (*blocks, tables.sensitivity_table(study)), lead=GROWTH)
-
-
-def _against(found: "Tolerance", other: "Crossovers") -> Section:
-    study, facts = found.study, Facts(tuple(_setting_facts(other.target, other.setting)))
-    blocks: tuple[Block, ...] = tables.totals_table(study, other), tables.crossover_table(study, other)
-    told = (*found.figures("crossover"), *blocks, *notes(other.setting.remarks), facts)
-    return Section(f"Against {other.target}", told, lead=against_sentence(study, other))

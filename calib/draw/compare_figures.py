@@ -10,20 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.draw.study_tables import NOT_KNOWN, text_cell
-from calib.draw.style import BLUE, EMPTY, GREEN, GREY, INK, ORANGE, VERMILION, note, nothing
-from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, LENS_OBJECTS, PLAIN_DRAWN
-from calib.studies.compare.photographed import ALL_PHOTOS
-from calib.studies.compare.results import (
-    METRICS,
-    NEAR,
-    REACH,
-    CaseResult,
-    CaseRow,
-    ComparisonTable,
-    Explanation,
-    Results,
-    short,
-)
+from calib.draw.style import BLUE, EMPTY, GREEN, GREY, INK, ORANGE, VERMILION, log_axis, note, nothing, open_axes
+from calib.studies.compare import cases as compared
+from calib.studies.compare.prints import ALL_PHOTOS
 from calib.studies.compare.scene import MODELS, OBJECTS, PaperObject
 from designer.base.words import figure
 from designer.page.blocks import Cell, Column, Level, Table
@@ -41,12 +30,13 @@ ROOM = 1.37
 """To the right of the largest value, for words."""
 
 
-def draw_boxes(page: "Figure", results: Results) -> None:
+def draw_boxes(page: "Figure", results: compared.Results) -> None:
     """A panel a metric: five objects, three models, all sets of all prints; the paper's medians beside."""
     every = page.subplots(1, 3)
     for axes, metric in zip(every, ("intersection", "reconstruction", "reprojection"), strict=True):
         groups = [
-            (f"{one.label}\n{one.name}", [results.of(one.name, FIGURE, model) for model in MODELS]) for one in OBJECTS
+            (f"{one.label}\n{one.name}", [results.of(one.name, compared.FIGURE, model) for model in MODELS])
+            for one in OBJECTS
         ]
         _panel(axes, metric, groups)
         axes.set_title(f"{metric.capitalize()} error against the drawing")
@@ -54,7 +44,12 @@ def draw_boxes(page: "Figure", results: Results) -> None:
             value = one.median(metric)
             if math.isfinite(value):
                 text = one.intersection_text if metric == "intersection" else f"{value:g}"
-                _mark_paper(axes, place, value, text)
+                ends = [place - 0.42, place + 0.42]
+                axes.plot(ends, [value, value], color=INK, linewidth=2.2, linestyle=PAPER_LINE)
+                axes.annotate(
+                    f"paper {text}", (place, value), (0, 6), textcoords="offset points", ha="center", fontsize=10,
+                    color=INK,
+                )  # fmt: skip
         if metric == "reprojection":
             text = "the paper's text gives no numbers"
             axes.text(0.98, 0.97, text, ha="right", transform=axes.transAxes, fontsize=11, color=GREY)
@@ -68,7 +63,7 @@ def draw_boxes(page: "Figure", results: Results) -> None:
     _legend(page, MODELS, paper=True)
 
 
-def draw_lens(page: "Figure", results: Results) -> None:
+def draw_lens(page: "Figure", results: compared.Results) -> None:
     """A lens that no Brown model fits: errors in photos solved and held out, of perfect and of made objects."""
     every = page.subplots(1, 3)
     titles = {
@@ -77,11 +72,11 @@ def draw_lens(page: "Figure", results: Results) -> None:
         "held_intersection": "Intersection error, photos held out",
     }
     errors = {one.name: one.errors for one in OBJECTS}
-    parts = [(name, part) for name in LENS_OBJECTS for part in (LENS_DRAWN, LENS_MADE)]
+    parts = [(name, part) for name in compared.LENS_OBJECTS for part in (compared.LENS_DRAWN, compared.LENS_MADE)]
     for axes, (metric, title) in zip(every, titles.items(), strict=True):
         groups = []
         for name, part in parts:
-            made = "as drawn" if part == LENS_DRAWN else errors[name]
+            made = "as drawn" if part == compared.LENS_DRAWN else errors[name]
             groups.append((f"{name}\n{made}", [results.of(name, part, model) for model in COLOURS]))
         _panel(axes, metric, groups)
         axes.set_title(title)
@@ -94,10 +89,8 @@ def draw_lens(page: "Figure", results: Results) -> None:
     _legend(page, tuple(COLOURS), paper=False)
 
 
-def _panel(axes: "Axes", metric: str, groups: Sequence[tuple[str, Sequence[CaseResult | None]]]) -> None:
+def _panel(axes: "Axes", metric: str, groups: Sequence[tuple[str, Sequence[compared.CaseResult | None]]]) -> None:
     """Boxes side by side in groups, on a logarithmic scale."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     drawn = False
     for place, (_, cases) in enumerate(groups):
         shown = [one for one in cases if one is not None and len(one.flat(metric))]
@@ -106,27 +99,22 @@ def _panel(axes: "Axes", metric: str, groups: Sequence[tuple[str, Sequence[CaseR
             drawn = True
             where = place + (number - 0.5 * (len(shown) - 1)) * width
             _box(axes, one, metric, where, 0.8 * width)
-            _dot(axes, one, metric, where)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    open_axes(axes, "", "" if not drawn else f"RMSE in {compared.METRICS[metric]}")
     if not drawn:
         nothing(axes, "no samples yet")
         return
     axes.set_yscale("log")
-    axes.set_ylabel(f"RMSE in {METRICS[metric]}")
     axes.set_xticks(range(len(groups)), [label for label, _ in groups])
     axes.tick_params(axis="x", length=0, labelsize=10)
     axes.set_xlim(-0.6, len(groups) - 0.4)
     for place in range(1, len(groups)):
         axes.axvline(place - 0.5, color=EMPTY, linewidth=0.8)
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    log_axis(axes.yaxis)
     axes.grid(visible=True, which="major", axis="y", color=EMPTY, linewidth=0.8)
     axes.set_axisbelow(True)
 
 
-def _box(axes: "Axes", one: CaseResult, metric: str, where: float, width: float) -> None:
+def _box(axes: "Axes", one: compared.CaseResult, metric: str, where: float, width: float) -> None:
     colour = COLOURS[one.model]
     axes.boxplot(
         one.flat(metric), positions=[where], widths=width, whis=(2.5, 97.5), showfliers=False, patch_artist=True,
@@ -134,22 +122,11 @@ def _box(axes: "Axes", one: CaseResult, metric: str, where: float, width: float)
         medianprops={"color": INK, "linewidth": 1.8}, whiskerprops={"color": INK, "linewidth": 1.0},
         capprops={"color": INK, "linewidth": 1.0},
     )  # fmt: skip
-
-
-def _dot(axes: "Axes", one: CaseResult, metric: str, where: float) -> None:
-    """The median again: boxes may be too flat to show their colour."""
+    # The median again: boxes may be too flat to show their colour.
     axes.plot(
-        where, np.median(one.flat(metric)), marker="o", markersize=6, markerfacecolor=COLOURS[one.model],
+        where, np.median(one.flat(metric)), marker="o", markersize=6, markerfacecolor=colour,
         markeredgecolor=INK, markeredgewidth=0.8, zorder=5,
     )  # fmt: skip
-
-
-def _mark_paper(axes: "Axes", place: int, value: float, text: str) -> None:
-    low, high = place - 0.42, place + 0.42
-    axes.plot([low, high], [value, value], color=INK, linewidth=2.2, linestyle=PAPER_LINE)
-    axes.annotate(
-        f"paper {text}", (place, value), (0, 6), textcoords="offset points", ha="center", fontsize=10, color=INK
-    )
 
 
 def _head(page: "Figure", title: str, under: str) -> None:
@@ -168,7 +145,7 @@ def _legend(page: "Figure", models: Sequence[str], *, paper: bool) -> None:
     page.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
 
 
-def draw_alone(page: "Figure", results: Results) -> None:
+def draw_alone(page: "Figure", results: compared.Results) -> None:
     """Reconstruction error of each source where its intersection error is the paper's."""
     known = [one for one in OBJECTS if one.is_known]
     every = page.subplots(2, 2).ravel()
@@ -177,13 +154,13 @@ def draw_alone(page: "Figure", results: Results) -> None:
         _alone_panel(axes, one, sorted(found, key=lambda row: -row.multiple))
     page.suptitle(
         "Each error scaled until it alone gives the paper's intersection error: what reconstruction error then?\n"
-        f"Green: within {100 * NEAR:.0f} % of the paper's (band); pale: more than {REACH:g} times the template's. "
-        "Beside: the amount it takes, and how many times the template's it is",
+        f"Green: within {100 * compared.NEAR:.0f} % of the paper's (band); pale: more than {compared.REACH:g} times "
+        "the template's. Beside: the amount it takes, and how many times the template's it is",
         fontsize=13, x=0.01, ha="left",
     )  # fmt: skip
 
 
-def _alone_panel(axes: "Axes", one: PaperObject, rows: Sequence[Explanation]) -> None:
+def _alone_panel(axes: "Axes", one: PaperObject, rows: Sequence[compared.Explanation]) -> None:
     axes.set_title(f"{one.label} {one.name}")
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
@@ -191,14 +168,13 @@ def _alone_panel(axes: "Axes", one: PaperObject, rows: Sequence[Explanation]) ->
         nothing(axes, "no samples yet")
         return
     note(axes, f"paper: intersection {one.intersection_text} mm, reconstruction {one.reconstruction_mm:g} mm")
-    axes.axvspan(
-        (1 - NEAR) * one.reconstruction_mm, (1 + NEAR) * one.reconstruction_mm, color=EMPTY, linewidth=0, zorder=0
-    )
+    low, high = ((1 + sign * compared.NEAR) * one.reconstruction_mm for sign in (-1, 1))
+    axes.axvspan(low, high, color=EMPTY, linewidth=0, zorder=0)
     axes.axvline(one.reconstruction_mm, color=INK, linewidth=1.8, linestyle=(0, (3, 1.5)))
     for place, row in enumerate(rows):
         alpha = 0.85 if row.is_within_reach else 0.4
         axes.barh(place, row.reconstruction_mm, height=0.62, color=GREEN if row.fits else BLUE, alpha=alpha, zorder=2)
-        times = f"{short(row.multiple)} x"
+        times = f"{compared.short(row.multiple)} x"
         axes.annotate(
             f"{row.amount}, {times}" if row.amount else times, (row.reconstruction_mm, place), (6, 0),
             textcoords="offset points", va="center", fontsize=10, color=INK if row.fits else GREY, zorder=3, bbox=PLATE,
@@ -211,14 +187,14 @@ def _alone_panel(axes: "Axes", one: PaperObject, rows: Sequence[Explanation]) ->
 
 
 LENSES = {
-    LENS_DRAWN: "smooth lens, target as drawn",
-    LENS_MADE: "smooth lens, target as made",
-    PLAIN_DRAWN: "no distortion, target as drawn",
+    compared.LENS_DRAWN: "smooth lens, target as drawn",
+    compared.LENS_MADE: "smooth lens, target as made",
+    compared.PLAIN_DRAWN: "no distortion, target as drawn",
 }
 OBJECT_OF = {one.name: one for one in OBJECTS}
 
 
-def median_cell(found: CaseRow | None, factor: float = 1.0, digits: int = 3) -> Cell:
+def median_cell(found: compared.CaseRow | None, factor: float = 1.0, digits: int = 3) -> Cell:
     """A median and between what 95 % of the prints lie."""
     if found is None:
         return NOT_KNOWN
@@ -228,7 +204,7 @@ def median_cell(found: CaseRow | None, factor: float = 1.0, digits: int = 3) -> 
     return Cell(text, factor * found.median)
 
 
-def objects_table(table: ComparisonTable) -> Table:
+def objects_table(table: compared.ComparisonTable) -> Table:
     """The paper's figure: objects, camera models and errors."""
     columns = (
         Column("object", is_number=False), Column("made as", is_number=False), Column("camera model", is_number=False),
@@ -236,7 +212,7 @@ def objects_table(table: ComparisonTable) -> Table:
         Column("reprojection [px]"), Column("sets"), Column("not converged"),
     )  # fmt: skip
     rows = []
-    for name, part, model in table.keys(FIGURE):
+    for name, part, model in table.keys(compared.FIGURE):
         inter, recon, repro = (
             table.of(name, part, model, metric) for metric in ("intersection", "reconstruction", "reprojection")
         )
@@ -253,12 +229,12 @@ def objects_table(table: ComparisonTable) -> Table:
     return Table("The paper's objects, simulated", columns, tuple(rows), note, visible_rows=16)
 
 
-def _paper(found: CaseRow | None, text: str = "") -> Cell:
+def _paper(found: compared.CaseRow | None, text: str = "") -> Cell:
     """The paper's median, as it prints it."""
     return NOT_KNOWN if found is None else text_cell(found.paper, text or f"{found.paper:g}")
 
 
-def lens_table(table: ComparisonTable) -> Table:
+def lens_table(table: compared.ComparisonTable) -> Table:
     """Camera models behind a lens that no Brown model fits, in photos held out too."""
     columns = (
         Column("lens and target", is_number=False), Column("object", is_number=False),
@@ -273,13 +249,13 @@ def lens_table(table: ComparisonTable) -> Table:
             *(median_cell(table.of(name, part, model, metric)) for metric in metrics),
             *(median_cell(table.of(name, part, model, share), 100.0, 2) for share in ("held_share", "image_share")),
         )
-        for name, part, model in table.keys(LENS_DRAWN, LENS_MADE, PLAIN_DRAWN)
+        for name, part, model in table.keys(compared.LENS_DRAWN, compared.LENS_MADE, compared.PLAIN_DRAWN)
     )  # fmt: skip
     note = "Held out: photos that the camera was not solved from."
     return Table("A lens that no Brown model fits", columns, rows, note, visible_rows=22)
 
 
-def alone_table(table: ComparisonTable) -> Table:
+def alone_table(table: compared.ComparisonTable) -> Table:
     """Single errors scaled until the intersection error is the paper's."""
     columns = (
         Column("object", is_number=False), Column("error", is_number=False), Column("amount it takes"),
@@ -288,18 +264,18 @@ def alone_table(table: ComparisonTable) -> Table:
     )  # fmt: skip
     rows = tuple(map(_alone_row, table.alone))
     note = (
-        f"Yes: the reconstruction error is within {100 * NEAR:.0f} % of the paper's too, at no more than {REACH:g} "
-        "times what is assumed of such prints."
+        f"Yes: the reconstruction error is within {100 * compared.NEAR:.0f} % of the paper's too, at no more than "
+        f"{compared.REACH:g} times what is assumed of such prints."
     )
     return Table("Single errors that give the paper's intersection error", columns, rows, note, visible_rows=20)
 
 
-def _alone_row(one: Explanation) -> tuple[Cell, ...]:
+def _alone_row(one: compared.Explanation) -> tuple[Cell, ...]:
     names = Cell(one.object), Cell(one.source.replace("_", " "))
     theirs = text_cell(one.paper_reconstruction_mm, f"{one.paper_reconstruction_mm:g}")
     if not one.prints or math.isnan(one.multiple):
         return (*names, *[NOT_KNOWN] * 3, theirs, NOT_KNOWN, Cell(one.why or "-"))
-    times = f"{short(one.multiple)} [{short(one.multiple_low)}, {short(one.multiple_high)}]"
+    times = f"{compared.short(one.multiple)} [{compared.short(one.multiple_low)}, {compared.short(one.multiple_high)}]"
     word, level = explains(one)
     return (
         *names, Cell(one.amount or "-", one.multiple), Cell(times, one.multiple),
@@ -308,7 +284,7 @@ def _alone_row(one: Explanation) -> tuple[Cell, ...]:
     )  # fmt: skip
 
 
-def explains(one: Explanation) -> tuple[str, Level]:
+def explains(one: compared.Explanation) -> tuple[str, Level]:
     """Whether an error gives both of the paper's numbers."""
     if not one.fits:
         return "no", "bad"

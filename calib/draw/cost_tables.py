@@ -4,17 +4,15 @@ The picture of a study of costs: each cost's errors over the image's, with inter
 """
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calib.draw.study_tables import NOT_KNOWN, text_cell
-from calib.draw.style import BLUE, EMPTY, GREEN, GREY, INK, ORANGE, VERMILION, nothing
+from calib.draw.style import BLUE, EMPTY, GREEN, GREY, INK, ORANGE, VERMILION, log_axis, nothing, open_axes
 from calib.solver.costs import COSTS
-from calib.studies.cost.cases import REAL
-from calib.studies.cost.photographed import MEASURES
-from calib.studies.cost.results import SHARE, CostRatio, CostTable, StartRow
+from calib.studies.cost.estimates import MEASURES
+from calib.studies.cost.ratios import REAL, SHARE, CostRatio, CostTable, StartRow
 from designer.base.words import figure
 from designer.page.blocks import Cell, Column, Level, Table
 
@@ -40,22 +38,19 @@ def costs_table(table: CostTable) -> Table:
     for name in table.costs:
         found = table.compared(name)
         better, worse = sum(one.is_better for one in found), sum(one.is_worse for one in found)
+        ratios = [[one.ratio for one in found if one.measure == measure] for measure in MEASURES]
+        medians = [float(np.median(of_measure)) if of_measure else math.nan for of_measure in ratios]
         rows.append((
             Cell(name), Cell(COSTS[name].title if name in COSTS else "distances in the image, by their covariances"),
             Cell(str(better), better, level="good" if better else None),
             Cell(str(worse), worse, level="bad" if worse else None), Cell(str(len(found)), len(found)),
-            *(_median_ratio([one for one in found if one.measure == measure]) for measure in MEASURES),
+            *(text_cell(value, f"{value:.3f}") for value in medians),
         ))  # fmt: skip
     note = (
         "Errors over those of the distances in the image, on the same sightings: below 1 is better. Numbers: medians "
         f"over scenes and conditions. Surely: the {SHARE:.0%} interval of the mean ratio says so."
     )
     return Table("Costs against the distances in the image", columns, tuple(rows), note)
-
-
-def _median_ratio(rows: Sequence[CostRatio]) -> Cell:
-    value = float(np.median([one.ratio for one in rows])) if rows else math.nan
-    return text_cell(value, f"{value:.3f}")
 
 
 def ratios_table(table: CostTable) -> Table:
@@ -158,8 +153,6 @@ def draw_costs(page: "Figure", table: CostTable) -> None:
 
 def _panel(axes: "Axes", table: CostTable, measure: str) -> None:
     """Ratios on a logarithmic scale, left of the line better than the image."""
-    from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
-
     drawn, (least, most) = False, LIMITS[measure]
     names = table.costs
     for number, name in enumerate(names):
@@ -176,8 +169,7 @@ def _panel(axes: "Axes", table: CostTable, measure: str) -> None:
             x, [place + shift for place, _ in known], xerr=[low, high], fmt=MARKS[number % len(MARKS)],
             color=COLOURS[number % len(COLOURS)], markersize=5, linewidth=1.2, label=name,
         )  # fmt: skip
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    open_axes(axes, "times the image's error" if drawn else "", "")
     axes.set_title(TITLES[measure])
     if not drawn:
         nothing(axes, "nothing to compare")
@@ -189,8 +181,4 @@ def _panel(axes: "Axes", table: CostTable, measure: str) -> None:
     margin = (most / least) ** 0.03
     axes.set_xlim(least / margin, most * margin)
     shown = [tick for tick in TICKS if LIMITS[measure] == NEAR or tick not in FINE]
-    axes.xaxis.set_major_locator(FixedLocator(shown))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel("times the image's error")
+    log_axis(axes.xaxis, shown)

@@ -9,17 +9,34 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.draw.study_tables import setting_in_words, unit_words
-from calib.draw.style import BLUE, DEEP, EMPTY, GREEN, GREY, INK, ORANGE, PALE, VERMILION, WIDTH_PX, bar_beside, nothing
+from calib.draw.style import (
+    BLUE,
+    DEEP,
+    EMPTY,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    PALE,
+    VERMILION,
+    WIDTH_PX,
+    bar_beside,
+    heading,
+    legend_below,
+    log_axis,
+    nothing,
+    open_axes,
+)
 from calib.draw.style import note as remark
-from calib.studies.paper_table import paper_value
+from calib.studies.samples import Case
 from calib.studies.statistics import (
     METRICS,
-    Case,
     CaseSummary,
     Correlations,
     Distribution,
     Metric,
     SampleArrays,
+    paper_value,
     predicted_correlations,
 )
 from calib.studies.study_table import StudyCases
@@ -91,7 +108,7 @@ def draw_correlations(page: "Figure", pairs: Sequence[Pair]) -> None:
     for place, pair in zip(axes, pairs, strict=True):
         shown = _draw_matrix(place, pair)
     bar_beside(axes[-1], shown, "correlation")
-    page.suptitle("Correlations of the camera's parameters", fontsize=15, fontweight="bold", x=0.01, ha="left")
+    heading(page, "Correlations of the camera's parameters")
 
 
 def _draw_matrix(axes: "Axes", pair: Pair) -> "ScalarMappable":
@@ -131,31 +148,21 @@ def merged(pair: Pair) -> Array:
 
 
 def draw_convergence(page: "Figure", summaries: Sequence[CaseSummary]) -> None:
-    """A panel a metric, double logarithmic: ours, the paper's, and what 1/sqrt(N) would be.
-
-    Args:
-        page: an empty figure.
-        summaries: that count the same observations, of two or more sizes.
-    """
+    """A panel a metric, double logarithmic: ours, the paper's, and what 1/sqrt(N) would be."""
     axes = page.subplots(2, 2).ravel()
     for place, metric in zip(axes, METRICS, strict=True):
         _draw_panel(place, metric, summaries)
     sightings = summaries[0].case.sightings
     of = f" ({printable(sightings)})" if sightings else ""
-    title = f"Standard deviation of the errors over the number of views{of}; bars: standard error"
-    page.suptitle(title, fontsize=15, fontweight="bold", x=0.01, ha="left")
-    known = {label: handle for one in axes for handle, label in zip(*one.get_legend_handles_labels(), strict=True)}
-    page.legend(known.values(), known.keys(), loc="outside lower center", ncols=4, frameon=False, handlelength=3.2)
+    heading(page, f"Standard deviation of the errors over the number of views{of}; bars: standard error")
+    legend_below(page, axes, 4, handle_length=3.2)
 
 
 def _draw_panel(axes: "Axes", metric: Metric, summaries: Sequence[CaseSummary]) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import NullFormatter
 
     axes.set_title(f"{metric.name.capitalize()} error")
-    axes.set_xlabel("N, views of a sample")
-    axes.set_ylabel(f"σ in {unit_words(metric)}")
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    open_axes(axes, "N, views of a sample", f"σ in {unit_words(metric)}")
     sizes = sorted({one.case.size for one in summaries})
     samplings = list(dict.fromkeys(one.case.sampling for one in summaries))
     is_drawn = []
@@ -172,9 +179,7 @@ def _draw_panel(axes: "Axes", metric: Metric, summaries: Sequence[CaseSummary]) 
     axes.set_yscale("log")
     axes.set_xticks(sizes, [str(size) for size in sizes])
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    log_axis(axes.yaxis)
     axes.grid(visible=True, which="major", color="#e4e4e4", linewidth=0.8)
     axes.set_axisbelow(True)
 
@@ -215,12 +220,7 @@ def histograms_height_px(columns: int) -> int:
 
 
 def draw_histograms(page: "Figure", cases: Sequence[tuple[CaseSummary, SampleArrays]]) -> None:
-    """A row a metric, a column a target, all sizes in one panel.
-
-    Args:
-        page: an empty figure.
-        cases: of one way of sampling and counting.
-    """
+    """A row a metric, a column a target, all sizes in one panel."""
     targets = list(dict.fromkeys(one.case.target for one, _ in cases))
     sizes = sorted({one.case.size for one, _ in cases})
     axes = page.subplots(len(METRICS), len(targets), squeeze=False)
@@ -231,19 +231,14 @@ def draw_histograms(page: "Figure", cases: Sequence[tuple[CaseSummary, SampleArr
             _draw_errors(axes[row, column], metric, target, drawn)
     first = cases[0][0].case.setting
     setting = f" ({setting_in_words(first)})" if any(first) else ""
-    page.suptitle(
-        f"Bootstrap errors{setting}: samples and fitted Gaussians. Bars: 95 % of a Gaussian; ticks: of the samples",
-        fontsize=15, fontweight="bold", x=0.01, ha="left",
-    )  # fmt: skip
+    of = f"Bootstrap errors{setting}: samples and fitted Gaussians"
+    heading(page, f"{of}. Bars: 95 % of a Gaussian; ticks: of the samples")
 
 
 def _draw_errors(axes: "Axes", metric: Metric, target: str, drawn: list[tuple[Array, CaseSummary, int]]) -> None:
     """One metric of one target: samples (S,), their statistics, and the place of the colour."""
     axes.set_title(f"{printable(target)}: {metric.name} error")
-    axes.set_xlabel(f"{metric.name} error in {unit_words(metric)}")
-    axes.set_ylabel("share of samples, %")
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    open_axes(axes, f"{metric.name} error in {unit_words(metric)}", "share of samples, %")
     # Beyond that they have no difference, or none in the paper's unit.
     scaled = [metric.in_paper_units(1.0) * values[np.abs(values) < LARGEST] for values, _, _ in drawn]
     if not any(len(values) for values in scaled):

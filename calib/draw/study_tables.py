@@ -4,7 +4,8 @@ import math
 from collections.abc import Sequence
 
 from calib.studies.findings import ABOUT, ROOT, SIGNIFICANT, HeldClaim
-from calib.studies.statistics import CaseSummary, Distribution, Metric, Setting
+from calib.studies.samples import Setting
+from calib.studies.statistics import CaseSummary, Distribution, Metric
 from calib.studies.study_table import StudyTable
 from designer.base.words import figure, printable, with_digits
 from designer.page.blocks import Cell, Column, Level, Table
@@ -189,12 +190,7 @@ def falls_table(table: StudyTable) -> Table | None:
 
 
 def fall_in_words(exponent: float, error: float) -> str:
-    """How fast sigma falls, against 1/sqrt(N).
-
-    Args:
-        exponent: a of sigma = c N^a.
-        error: its standard error.
-    """
+    """How fast sigma falls, against 1/sqrt(N)."""
     if abs(exponent - ROOT) <= ABOUT and SIGNIFICANT * error < -ROOT:
         return "about as 1/sqrt(N)"
     if abs(exponent - ROOT) <= ABOUT + SIGNIFICANT * error:

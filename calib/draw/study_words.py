@@ -6,8 +6,20 @@ from collections.abc import Sequence
 
 from calib.draw.study_tables import LEVEL_OF_VERDICT, setting_in_words
 from calib.studies.findings import HeldClaim
-from calib.studies.paper_table import BOARD, CORRECTION, ICOSAHEDRON, INTERVALS, TARGETS, paper_value
-from calib.studies.statistics import LEAST_P, METRICS, SMALL_SKEWNESS, CaseSummary, Distribution, Setting
+from calib.studies.samples import Setting
+from calib.studies.statistics import (
+    BOARD,
+    CORRECTION,
+    ICOSAHEDRON,
+    INTERVALS,
+    LEAST_P,
+    METRICS,
+    SMALL_SKEWNESS,
+    TARGETS,
+    CaseSummary,
+    Distribution,
+    paper_value,
+)
 from calib.studies.study_table import StudyTable
 from designer.base.words import figure, printable, with_digits
 from designer.page.blocks import Finding, Headline, Level

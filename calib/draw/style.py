@@ -1,13 +1,16 @@
 """How all figures look: colours that everybody can tell apart, sizes that are readable on paper and on a phone."""
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from designer.base.words import printable
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
@@ -186,6 +189,31 @@ def open_axes(axes: "Axes", x_label: str, y_label: str) -> None:
     axes.set_ylabel(y_label)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
+
+
+def heading(page: "Figure", text: str) -> None:
+    """The title of a figure of several axes."""
+    page.suptitle(printable(text), fontsize=15, fontweight="bold", x=0.01, ha="left")
+
+
+def legend_below(page: "Figure", every: "Iterable[Axes]", columns: int, handle_length: float = 2.0) -> None:
+    """One legend for several axes, each label once."""
+    known = {label: handle for axes in every for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    page.legend(
+        known.values(), known.keys(), loc="outside lower center", ncols=columns, frameon=False,
+        handlelength=handle_length,
+    )  # fmt: skip
+
+
+def log_axis(axis: "Axis", ticks: Sequence[float] | None = None) -> None:
+    """Plain numbers on a logarithmic axis, and only at its ticks; None: at 1, 2 and 5."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
+
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)) if ticks is None else FixedLocator(ticks))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+    if ticks is not None:
+        axis.set_minor_locator(NullLocator())
 
 
 def bar_beside(

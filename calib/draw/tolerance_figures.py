@@ -7,25 +7,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib.draw import tolerance_words as words
 from calib.draw.sheet import FigureSheet
-from calib.draw.style import BLUE, EMPTY, GREEN, GREY, INK, ORANGE, VERMILION, note, nothing
-from calib.draw.tolerance_words import (
-    BELOW,
-    HUMAN,
-    against_sentence,
-    amount,
-    amount_of,
-    budget_sentence,
-    quantities_wanted,
-    ranking_alt,
-    sweep_alt,
-    swept_sources,
+from calib.draw.style import (
+    BLUE,
+    EMPTY,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    VERMILION,
+    heading,
+    legend_below,
+    log_axis,
+    note,
+    nothing,
+    open_axes,
 )
 from calib.studies.tolerance.draw import TOGETHER
 from calib.studies.tolerance.quantities import MAIN, quantity_named
 from calib.studies.tolerance.record import NEVER, BudgetRow, CostRow, CrossoverRow, Crossovers, SweepRow, ToleranceStudy
 from calib.studies.tolerance.sizes import FACTORS
-from designer.base.words import capital, figure, printable
+from designer.base.words import capital, figure
 from designer.tolerance.sources import SOURCES
 
 if TYPE_CHECKING:
@@ -56,45 +59,32 @@ def sheets(study: ToleranceStudy) -> Iterator[FigureSheet]:
     other, rows = study.crossovers, len(study.ranking) + 1
     if study.ranking:
         yield FigureSheet(
-            "ranking", f"What each error adds: {study.target}", ranking_alt(study),
+            "ranking", f"What each error adds: {study.target}", words.ranking_alt(study),
             RANKING_HEAD_PX + 2 * (RANKING_PANEL_PX + RANKING_ROW_PX * rows), partial(_draw_ranking, study=study),
             "Bars: one error alone, and all together; dashed: noise alone.",
         )  # fmt: skip
     if study.budgets:
         yield FigureSheet(
-            "budget", "How large may errors be?", " ".join(budget_sentence(study, one) for one in study.budgets),
+            "budget", "How large may errors be?", " ".join(words.budget_sentence(study, one) for one in study.budgets),
             BUDGET_HEAD_PX + len(study.budgets) * (BUDGET_PANEL_PX + BUDGET_ROW_PX * rows),
             partial(_draw_budget, study=study), "Green: there is room; red: this must come down, even alone.",
         )  # fmt: skip
     if other is not None and other.vary:
-        alt = f"Errors of both targets over the size of {other.vary}. {against_sentence(study, other)}"
+        alt = f"Errors of both targets over the size of {other.vary}. {words.against_sentence(study, other)}"
         draw = partial(_draw_crossover, study=study, other=other)
         yield FigureSheet("crossover", f"{study.target} against {other.target}", alt, CROSSOVER_HEIGHT_PX, draw)
-    for name in quantities_wanted(study) if study.sweeps else ():
-        if swept := swept_sources(study, name):
+    for name in words.quantities_wanted(study) if study.sweeps else ():
+        if swept := words.swept_sources(study, name):
             yield FigureSheet(
                 f"sweep_{name}", f"{capital(quantity_named(name).title)} by the size of each error",
-                sweep_alt(study, name), SWEEP_HEAD_PX + SWEEP_PANEL_PX * max(1, -(-len(swept) // COLUMNS)),
+                words.sweep_alt(study, name), SWEEP_HEAD_PX + SWEEP_PANEL_PX * max(1, -(-len(swept) // COLUMNS)),
                 partial(_draw_sweeps, study=study, quantity=name),
                 "Dots: draws; line: prediction; grey: where that is off by more than 10 %.",
             )  # fmt: skip
 
 
-def _heading(page: "Figure", text: str) -> None:
-    """The title of a figure."""
-    page.suptitle(printable(text), fontsize=15, fontweight="bold", x=0.01, ha="left")
-
-
-def _open_sides(axes: "Axes") -> None:
-    """No frame where there is no scale."""
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-
-
 def _plain_log_axis(axes: "Axes", which: str, low: float, high: float) -> None:
     """A logarithmic axis with plain numbers: 1, 2, 5 where few decades are shown, else powers of ten."""
-    from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
-
     axis = axes.xaxis if which == "x" else axes.yaxis
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
     (axes.set_xlim if which == "x" else axes.set_ylim)(low, high)
@@ -102,28 +92,20 @@ def _plain_log_axis(axes: "Axes", which: str, low: float, high: float) -> None:
     powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
     ticks = [step * 10.0**power for power in powers for step in steps]
     inside = [tick for tick in ticks if low <= tick <= high]
-    axis.set_major_locator(FixedLocator(inside[:: max(1, len(inside) // MOST_TICKS)]))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_locator(NullLocator())
-    axis.set_minor_formatter(NullFormatter())
+    log_axis(axis, inside[:: max(1, len(inside) // MOST_TICKS)])
 
 
 def _draw_ranking(page: "Figure", study: ToleranceStudy) -> None:
-    """Bars of the costs with 95 % intervals, all together, and what noise alone gives: a panel for each main quantity.
-
-    Args:
-        page: an empty figure.
-        study: with one error that has an effect, or more.
-    """
+    """Bars of costs with 95 % intervals, all together, and what noise alone gives: a panel for each main quantity."""
     axes = page.subplots(-(-len(MAIN) // COLUMNS), COLUMNS, sharey=True)
     for place, name in zip(axes.ravel(), MAIN, strict=True):
         _draw_costs(place, study, name)
-    names = [*(f"{one.error} {amount(one.unit, one.size)}" for one in study.ranking), "all together"]
+    names = [*(f"{one.error} {words.amount(one.unit, one.size)}" for one in study.ranking), "all together"]
     axes[0, 0].set_yticks(range(len(names)), names)
     axes[0, 0].invert_yaxis()
     kind = "predicted" if study.kind == "linear" else f"{study.draws} draws, whiskers 95 %"
-    _heading(page, f"What each error adds to the errors of a calibration: {study.target}, {kind}")
-    page.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+    heading(page, f"What each error adds to the errors of a calibration: {study.target}, {kind}")
+    legend_below(page, axes[0, :1], 3)
 
 
 def _draw_costs(axes: "Axes", study: ToleranceStudy, name: str) -> None:
@@ -138,7 +120,7 @@ def _draw_costs(axes: "Axes", study: ToleranceStudy, name: str) -> None:
         spread = np.stack([value - np.minimum(low, value), np.maximum(high, value) - value])
         axes.errorbar(value, at, xerr=spread, linestyle="", color="#7f7f7f", capsize=3, linewidth=1.4)
     for y, (bar, end) in enumerate(zip(value.tolist(), high.tolist(), strict=True)):
-        least = BELOW * noise
+        least = words.BELOW * noise
         text = f"< {figure(max(end, least), 2)}" if bar < least else figure(bar, 2)
         axes.annotate(
             "0" if end == 0 else text, (max(bar, end, noise), y), (5, 0), textcoords="offset points", fontsize=10,
@@ -148,22 +130,16 @@ def _draw_costs(axes: "Axes", study: ToleranceStudy, name: str) -> None:
     axes.locator_params(axis="x", nbins=4)
     axes.tick_params(axis="y", length=0)
     axes.set_title(TITLES[name])
-    axes.set_xlabel(unit)
+    open_axes(axes, unit, "")
     note(axes, f"noise alone {figure(noise, 2)} {unit}")
-    _open_sides(axes)
 
 
 def _draw_budget(page: "Figure", study: ToleranceStudy) -> None:
-    """A panel a limit: bars from the assumed amount to the largest one that is allowed.
-
-    Args:
-        page: an empty figure.
-        study: with budgets.
-    """
+    """A panel a limit: bars from the assumed amount to the largest one that is allowed."""
     axes = page.subplots(len(study.budgets), 1, squeeze=False)[:, 0]
     for place, budget in zip(axes, study.budgets, strict=True):
         _draw_limit(place, study, budget)
-    _heading(page, f"How good must it be? Largest errors of {study.target}, each as if it were the only one")
+    heading(page, f"How good must it be? Largest errors of {study.target}, each as if it were the only one")
 
 
 def _draw_limit(axes: "Axes", study: ToleranceStudy, budget: BudgetRow) -> None:
@@ -180,29 +156,28 @@ def _draw_limit(axes: "Axes", study: ToleranceStudy, budget: BudgetRow) -> None:
     low, high = min([*ends, 1.0]) / EDGE, max([*ends, 1.0])
     high *= max((high / low) ** BUDGET_ROOM, EDGE)  # room for words to the right
     for y, (row, bar) in enumerate(zip(study.ranking, bars, strict=True)):
-        largest, is_limited = amount_of(row, bar[0] * row.rms), bar[0] <= NEVER
-        words = f"up to {largest}; assumed {amount(row.unit, row.size)}" if is_limited else "any, for this"
-        _draw_bar(axes, y, bar, words, high, has_interval=study.kind == "draws")
+        largest, is_limited = words.amount_of(row, bar[0] * row.rms), bar[0] <= NEVER
+        told = f"up to {largest}; assumed {words.amount(row.unit, row.size)}" if is_limited else "any, for this"
+        _draw_bar(axes, y, bar, told, high, has_interval=study.kind == "draws")
     factor = together[0]
-    words = f"up to {figure(factor, 3)} times all that is assumed" if factor <= NEVER else "any, for this"
-    _draw_bar(axes, len(bars), together, words, high, has_interval=study.kind == "draws")
+    told = f"up to {figure(factor, 3)} times all that is assumed" if factor <= NEVER else "any, for this"
+    _draw_bar(axes, len(bars), together, told, high, has_interval=study.kind == "draws")
     axes.axvline(1.0, color=INK, linewidth=1.6, linestyle=":")
     axes.set_yticks(range(len(bars) + 1), [*(row.error for row in study.ranking), "all together"])
     axes.invert_yaxis()
     axes.tick_params(axis="y", length=0)
     _plain_log_axis(axes, "x", low, high)
-    axes.set_xlabel("largest allowed over assumed; whiskers: 95 %" if study.draws else "largest over assumed")
+    open_axes(axes, "largest allowed over assumed; whiskers: 95 %" if study.draws else "largest over assumed", "")
     assumed = f"with all errors as assumed {figure(total, 3)} {one.unit}"
     note(axes, f"{assumed}, with noise alone {figure(noise, 2)} {one.unit}")
-    _open_sides(axes)
 
 
-def _draw_bar(axes: "Axes", y: int, bar: tuple[float, ...], words: str, end: float, *, has_interval: bool) -> None:
+def _draw_bar(axes: "Axes", y: int, bar: tuple[float, ...], told: str, end: float, *, has_interval: bool) -> None:
     """Green from the assumed amount up to what is allowed, red down to it."""
     factor, low, high = bar
     if not 0 < factor <= NEVER:
         axes.barh(y, end - 1.0, left=1.0, color=EMPTY, height=0.62)
-        axes.annotate(words, (1.0, y), (8, 0), textcoords="offset points", va="center", fontsize=11)
+        axes.annotate(told, (1.0, y), (8, 0), textcoords="offset points", va="center", fontsize=11)
         return
     left, right = sorted((1.0, factor))
     axes.barh(y, right - left, left=left, color=GREEN if factor >= 1 else VERMILION, height=0.62)
@@ -211,28 +186,22 @@ def _draw_bar(axes: "Axes", y: int, bar: tuple[float, ...], words: str, end: flo
         spread = np.array([[factor - min(low, factor)], [max(upper - factor, 0.0)]])
         axes.errorbar([factor], [y], xerr=spread, color=INK, capsize=4, linewidth=1.4, linestyle="")
         right = max(right, upper)
-    axes.annotate(words, (right, y), (8, 0), textcoords="offset points", va="center", fontsize=11)
+    axes.annotate(told, (right, y), (8, 0), textcoords="offset points", va="center", fontsize=11)
 
 
 def _amount_label(one: CostRow) -> str:
     """What an axis of an error's amounts is."""
-    return f"{KIND.get(one.distribution, one.distribution)} in {HUMAN[one.unit][0]}"
+    return f"{KIND.get(one.distribution, one.distribution)} in {words.HUMAN[one.unit][0]}"
 
 
 def _human_size(one: CostRow) -> float:
     """The size of an error in the unit that a person calls it by, without its sign."""
-    return abs(one.size) * HUMAN[one.unit][1]
+    return abs(one.size) * words.HUMAN[one.unit][1]
 
 
 def _draw_sweeps(page: "Figure", study: ToleranceStudy, quantity: str) -> None:
-    """What one quantity costs over each error's amount, double logarithmic, all panels with the same scale of costs.
-
-    Args:
-        page: an empty figure.
-        study: with an error that costs this quantity something.
-        quantity: by its name.
-    """
-    rows = [study.cost(name, quantity) for name in swept_sources(study, quantity)]
+    """What one quantity costs over each error's amount, double logarithmic, all panels with the same scale of costs."""
+    rows = [study.cost(name, quantity) for name in words.swept_sources(study, quantity)]
     swept = {one.error: one for one in study.sweeps}
     axes = page.subplots(-(-len(rows) // COLUMNS), COLUMNS, sharey=True, squeeze=False).ravel()
     budget = next((one for one in study.budgets if one.quantity == quantity), None)
@@ -246,9 +215,8 @@ def _draw_sweeps(page: "Figure", study: ToleranceStudy, quantity: str) -> None:
     for place in axes[::COLUMNS]:
         place.set_ylabel(f"cost in {one.unit}")
     title = f"{capital(one.title)} by the size of each error"
-    _heading(page, f"{title}: {study.target} (dots: draws with 95 %; line: prediction)")
-    known = {label: handle for place in axes for handle, label in zip(*place.get_legend_handles_labels(), strict=True)}
-    page.legend(known.values(), known.keys(), loc="outside lower center", ncols=7, frameon=False)
+    heading(page, f"{title}: {study.target} (dots: draws with 95 %; line: prediction)")
+    legend_below(page, axes, 7)
 
 
 def _draw_size(axes: "Axes", study: ToleranceStudy, row: CostRow, swept: SweepRow, budget: BudgetRow | None) -> None:
@@ -265,11 +233,10 @@ def _draw_size(axes: "Axes", study: ToleranceStudy, row: CostRow, swept: SweepRo
     axes.axvline(size, color=INK, linestyle=":", linewidth=1.4, label="assumed")
     _draw_draws(axes, row, swept, size)
     axes.set_title(row.error)
-    axes.set_xlabel(f"{capital(SOURCES[row.error].title)}:\n{_amount_label(row)}")
+    open_axes(axes, f"{capital(SOURCES[row.error].title)}:\n{_amount_label(row)}", "")
     _plain_log_axis(axes, "x", *(ends * size))
     axes.grid(visible=True, which="major", color=EMPTY, linewidth=0.8)
     axes.set_axisbelow(True)
-    _open_sides(axes)
 
 
 def _draw_draws(axes: "Axes", row: CostRow, swept: SweepRow, size: float) -> None:
@@ -295,7 +262,7 @@ def _cost_limits(
     """The scale of all panels: from below the noise, or the smallest cost, to the largest."""
     quantity = rows[0].quantity
     noise, costs = study.noise(quantity), [one.predicted for one in rows]
-    low = max(min(noise, FACTORS[0] * min(costs)), BELOW * noise) / SWEEP_EDGE
+    low = max(min(noise, FACTORS[0] * min(costs)), words.BELOW * noise) / SWEEP_EDGE
     drawn = [float(np.nanmax(one.of(quantity).cost_high)) for one in swept]
     high = SWEEP_EDGE * max(FACTORS[-1] * max(costs), *drawn, 0.0)
     if budget is not None:
@@ -304,18 +271,12 @@ def _cost_limits(
 
 
 def _draw_crossover(page: "Figure", study: ToleranceStudy, other: Crossovers) -> None:
-    """Both targets over the amount of the varied error; all other errors are as assumed: a panel a main quantity.
-
-    Args:
-        page: an empty figure.
-        study: of the target that is varied.
-        other: the other target, with an error to vary.
-    """
+    """Both targets over the amount of the varied error; all other errors are as assumed: a panel a main quantity."""
     axes = page.subplots(-(-len(MAIN) // COLUMNS), COLUMNS)
     for place, name in zip(axes.ravel(), MAIN, strict=True):
         _draw_crossing(place, study, other, study.cost(other.vary, name))
-    _heading(page, f"How large may {other.vary} be before {study.target} is worse than {other.target}?")
-    page.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+    heading(page, f"How large may {other.vary} be before {study.target} is worse than {other.target}?")
+    legend_below(page, axes[0, :1], 4)
 
 
 def _draw_crossing(axes: "Axes", study: ToleranceStudy, other: Crossovers, row: CostRow) -> None:
@@ -337,10 +298,8 @@ def _draw_crossing(axes: "Axes", study: ToleranceStudy, other: Crossovers, row: 
     axes.set_ylim(0, 1.15 * max(math.hypot(own, widest * row.cost), found.other))
     axes.locator_params(axis="x", nbins=5)
     axes.set_title(TITLES[row.quantity])
-    axes.set_xlabel(f"{row.error}: {_amount_label(row)}")
-    axes.set_ylabel(row.quantity_unit)
+    open_axes(axes, f"{row.error}: {_amount_label(row)}", row.quantity_unit)
     note(axes, _verdict(row, found))
-    _open_sides(axes)
 
 
 def _verdict(row: CostRow, found: CrossoverRow) -> str:
@@ -349,4 +308,4 @@ def _verdict(row: CostRow, found: CrossoverRow) -> str:
         return f"worse even without {row.error}"
     if found.rms > NEVER * row.rms:
         return "never worse by this"
-    return f"worse from {amount_of(row, found.rms)} on"
+    return f"worse from {words.amount_of(row, found.rms)} on"

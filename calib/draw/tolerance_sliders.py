@@ -38,12 +38,7 @@ BY_DRAWS = ", where all other sections tell what was drawn"
 
 
 def what_if_section(study: ToleranceStudy, command: str) -> Section | None:
-    """The sliders; None where no error does anything.
-
-    Args:
-        study: what was found.
-        command: the line that made it; "" if it is not known.
-    """
+    """The sliders; None where no error does anything."""
     if not study.what_ifs.start.errors:
         return None
     sides = tuple(_sides(study))

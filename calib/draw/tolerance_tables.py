@@ -2,23 +2,13 @@
 
 import math
 
-from calib.draw.tolerance_words import (
-    HUMAN,
-    amount_of,
-    assumed,
-    cost_text,
-    elsewhere,
-    share_text,
-    short,
-    source_title,
-    two_digits,
-)
+from calib.draw import tolerance_words as words
 from calib.studies.tolerance.draw import TOGETHER
-from calib.studies.tolerance.quantities import MAIN, Quantity, other_reference, quantity_named
+from calib.studies.tolerance.quantities import MAIN, other_reference, quantity_named
 from calib.studies.tolerance.record import NEVER, AllowedRow, BudgetRow, CostRow, Crossovers, Together, ToleranceStudy
 from calib.studies.tolerance.what_if import RankedWay
 from designer.base.words import capital, figure
-from designer.page.blocks import Cell, Column, Level, Table
+from designer.page.blocks import Cell, Column, Table
 from designer.tolerance.sources import SOURCES
 
 NOT_KNOWN = Cell("-")
@@ -55,7 +45,7 @@ def _quantity_columns() -> tuple[Column, ...]:
 
 
 def _assumed_cells(one: CostRow) -> tuple[Cell, Cell]:
-    return Cell(one.error), Cell(assumed(one), one.rms)
+    return Cell(one.error), Cell(words.assumed(one), one.rms)
 
 
 def ranking_table(study: ToleranceStudy) -> Table:
@@ -64,7 +54,7 @@ def ranking_table(study: ToleranceStudy) -> Table:
     quantities = (one,) if other is None else (one, other)
     columns: list[Column] = [*_words("error", "assumed")]
     for quantity in quantities:
-        where = _reference(quantity)
+        where = ", true shape" if quantity.name.endswith("_true") else "" if other is None else ", drawing"
         columns += [Column(f"share{where}", note=f"of the squared costs: {quantity.title}")]
         columns += [Column(f"cost{where} [{quantity.unit}]", note=quantity.title)]
     columns.append(Column(f"without it [{one.unit}]", note=f"the {one.title} if this error alone were none"))
@@ -73,15 +63,10 @@ def ranking_table(study: ToleranceStudy) -> Table:
         cells = [*_assumed_cells(row)]
         for quantity in quantities:
             share = study.cost(row.error, quantity.name).share
-            cells += [Cell(share_text(share), share), _cost(study, row.error, quantity.name)]
+            cells += [Cell(words.share_text(share), share), _cost(study, row.error, quantity.name)]
         without = study.without(row)
         rows.append((*cells, Cell(figure(without, 3), without)))
     return Table(f"What each error adds to the {one.title}", tuple(columns), tuple(rows), COST_NOTE, visible_rows=20)
-
-
-def _reference(quantity: Quantity) -> str:
-    other = other_reference(quantity.name)
-    return "" if other is None else ", true shape" if quantity.name.endswith("_true") else ", drawing"
 
 
 def cost_table(study: ToleranceStudy) -> Table:
@@ -105,7 +90,7 @@ def _costs(study: ToleranceStudy, error: str) -> list[Cell]:
 def _cost(study: ToleranceStudy, error: str, quantity: str) -> Cell:
     one = study.cost(error, quantity)
     value = one.cost if math.isfinite(one.cost) else None
-    return Cell(cost_text(one, study.noise(quantity)), value)
+    return Cell(words.cost_text(one, study.noise(quantity)), value)
 
 
 def budget_table(study: ToleranceStudy, budget: BudgetRow) -> Table:
@@ -125,11 +110,11 @@ def budget_table(study: ToleranceStudy, budget: BudgetRow) -> Table:
 def _budget_row(study: ToleranceStudy, one: CostRow, allowed: AllowedRow, quantity: str) -> tuple[Cell, ...]:
     factor = allowed.largest_rms / one.rms
     if factor > NEVER:
-        remark = elsewhere(study, one.error, quantity)
+        remark = words.elsewhere(study, one.error, quantity)
         return (*_assumed_cells(one), Cell("any", math.inf), Cell(""), Cell(""), Cell(remark))
-    low, high = (amount_of(one, end) for end in (allowed.largest_rms_low, allowed.largest_rms_high))
+    low, high = (words.amount_of(one, end) for end in (allowed.largest_rms_low, allowed.largest_rms_high))
     interval = "" if study.kind == "linear" else f"{low} to {high}" if math.isfinite(allowed.largest_rms_high) else ""
-    largest = Cell(amount_of(one, allowed.largest_rms), allowed.largest_rms)
+    largest = Cell(words.amount_of(one, allowed.largest_rms), allowed.largest_rms)
     return (*_assumed_cells(one), largest, Cell(interval), _over_assumed(factor), _found_by(allowed))
 
 
@@ -150,11 +135,7 @@ def _found_by(allowed: AllowedRow | Together) -> Cell:
 
 
 def _over_assumed(factor: float) -> Cell:
-    return Cell(figure(factor, 3), factor, level=_fits(factor))
-
-
-def _fits(factor: float) -> Level:
-    return "good" if factor >= 1 else "bad"
+    return Cell(figure(factor, 3), factor, level="good" if factor >= 1 else "bad")
 
 
 def crossover_table(study: ToleranceStudy, other: Crossovers) -> Table:
@@ -179,9 +160,9 @@ def _crossing(one: CostRow, other: Crossovers, quantity: str) -> Cell:
     factor = found.rms / one.rms if one.rms else math.inf
     if factor > NEVER:
         return Cell("never", math.inf, level="good")
-    ends = [amount_of(one, end) if math.isfinite(end) else "any" for end in (found.rms_low, found.rms_high)]
+    ends = [words.amount_of(one, end) if math.isfinite(end) else "any" for end in (found.rms_low, found.rms_high)]
     interval = f" ({ends[0]} to {ends[1]})" if found.rms_low < found.rms_high else ""
-    return Cell(f"{amount_of(one, found.rms)}{interval}", found.rms, level=_fits(factor))
+    return Cell(f"{words.amount_of(one, found.rms)}{interval}", found.rms, level="good" if factor >= 1 else "bad")
 
 
 def totals_table(study: ToleranceStudy, other: Crossovers) -> Table:
@@ -203,7 +184,7 @@ def sensitivity_table(study: ToleranceStudy) -> Table:
     """The cost by a unit of each error."""
     rows = []
     for one in study.ranking:
-        unit, per = HUMAN[one.unit]
+        unit, per = words.HUMAN[one.unit]
         cells = (_by_unit(study, one.error, name, per) for name in MAIN)
         rows.append((Cell(f"1{unit} of {one.error}"), *cells))
     columns = (*_words("by"), *_quantity_columns())
@@ -226,15 +207,15 @@ def reach_table(study: ToleranceStudy) -> Table:
         first = study.first_off(one.error)
         limit, fails = Cell("all tried", math.inf), ""
         if math.isfinite(first.reach):
-            rms, fails = first.prediction_holds_to_rms, short(first.quantity)
-            limit = Cell(amount_of(one, rms), rms, level=None if rms >= one.rms else "usable")
+            rms, fails = first.prediction_holds_to_rms, words.short(first.quantity)
+            limit = Cell(words.amount_of(one, rms), rms, level=None if rms >= one.rms else "usable")
         ends = (Cell(figure(value, 3), value) for value in (one.cost, one.predicted))
         rows.append((*_assumed_cells(one), limit, Cell(fails), *ends))
     columns = (
         *_words("error", "assumed"), Column("within 10 % up to"), *_words("fails first for"), Column("by draws"),
         Column("predicted"),
     )  # fmt: skip
-    note = f"By draws and predicted: the cost of {short(study.ranked_by)} at what is assumed."
+    note = f"By draws and predicted: the cost of {words.short(study.ranked_by)} at what is assumed."
     return Table("How far the prediction from Jacobians holds", columns, tuple(rows), note, visible_rows=20)
 
 
@@ -248,7 +229,7 @@ def sweep_table(study: ToleranceStudy, quantity: str) -> Table:
         amounts, costs = study.cost(one.error, quantity), one.of(quantity).cost
         cells = [Cell(one.error)]
         for rms, cost in zip(one.rms, costs, strict=True):
-            cells.append(Cell(amount_of(amounts, rms), rms))
+            cells.append(Cell(words.amount_of(amounts, rms), rms))
             cells.append(Cell(figure(cost, 3), cost) if math.isfinite(cost) else NOT_KNOWN)
         rows.append((*cells, *[NOT_KNOWN] * (len(columns) - len(cells))))
     named = quantity_named(quantity)
@@ -257,9 +238,9 @@ def sweep_table(study: ToleranceStudy, quantity: str) -> Table:
 
 def amounts_table(study: ToleranceStudy) -> Table:
     """Where the assumed amounts come from."""
-    sizes = {error: assumed(study.cost(error, MAIN[0])) for error in study.errors}
+    sizes = {error: words.assumed(study.cost(error, MAIN[0])) for error in study.errors}
     rows = tuple(
-        tuple(map(Cell, (name, source_title(name) if name in SOURCES else "", sizes.get(name, ""), where)))
+        tuple(map(Cell, (name, words.source_title(name) if name in SOURCES else "", sizes.get(name, ""), where)))
         for name, where in study.sources_of_amounts.items()
     )
     return Table("Where the assumed amounts come from", _words("error", "is", "assumed", "from"), rows, visible_rows=20)
@@ -274,7 +255,7 @@ def ways_table(study: ToleranceStudy, by: str) -> Table:
     rows = tuple(
         (
             Cell(one.way.name), Cell(one.way.title), *(_total(one, name) for name in names),
-            Cell(source_title(one.worst)), _rough(one.way.price_eur),
+            Cell(words.source_title(one.worst)), _rough(one.way.price_eur),
             _rough(one.way.hours),
         )
         for one in study.ways(by)
@@ -296,4 +277,4 @@ def _total(one: RankedWay, quantity: str) -> Cell:
 
 
 def _rough(value: float) -> Cell:
-    return Cell(two_digits(value), value if math.isfinite(value) else None)
+    return Cell(words.two_digits(value), value if math.isfinite(value) else None)

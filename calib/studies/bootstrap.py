@@ -22,17 +22,19 @@ from calib.solver.metrics.reprojection import reprojection
 from calib.solver.problem import Problem, SolveOptions, Tie, pack, tie_parameters
 from calib.solver.solve_virtual import calibrate
 from calib.studies.near import Expansion, expand, find_near
-from calib.studies.sample_metrics import Sample, SampleResult, draw_counts, failed_sample, sample_errors
+from calib.studies.sample_metrics import Sample, sample_errors
+from calib.studies.samples import SampleResult, draw_counts, failed_sample
+from calib.studies.workers import SamplePool
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
-class Pool:
+class Pool(SamplePool):
     """V views, the camera of all of them, and what is known about it."""
 
     observations: Observations  # of the views that have a pose
-    model: str
+    camera_model: str
     options: SolveOptions
     calibration: Calibration  # of all views
     problem: Problem
@@ -41,6 +43,11 @@ class Pool:
     true_center_mm: Array | None  # (V, 3) where the cameras were, if known; nan for views of which it is not
     remarks: tuple[str, ...]  # on the solution of all views, and on the truth
     expansion: Expansion | None  # None: every sample is to be solved from scratch
+
+    @property
+    def model(self) -> str:
+        """Of the camera."""
+        return self.camera_model
 
     @property
     def view_count(self) -> int:
@@ -59,14 +66,7 @@ class Pool:
 
     @one_thread
     def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
-        """The samples of some numbers, each a function of seed, case and number alone.
-
-        Args:
-            case: the name of what is sampled.
-            size: how many views to draw.
-            seed: of the study.
-            numbers: of the samples.
-        """
+        """The samples of some numbers, each a function of seed, case and number alone."""
         return [run_sample(self, draw_counts(seed, case, n, size, self.view_count), n) for n in numbers]
 
 
@@ -75,12 +75,6 @@ def make_pool(observations: Observations, model: str, options: SolveOptions, tru
 
     Views that the solution leaves out are not in the pool; the calibration's remarks name them. Samples are solved
     from scratch, which is slow, if the model is not its parameters alone or if outliers are weighed anew in each.
-
-    Args:
-        observations: what was seen.
-        model: a camera model's name.
-        options: weights, losses, fixed and shared parameters.
-        truth: of the photos, if they were rendered.
 
     Raises:
         InputError: all views together do not determine the camera, or the truth is of other photos.
@@ -112,13 +106,6 @@ def require_enough(pool: Pool, size: int) -> None:
     """Refuse samples that cannot determine the camera, whichever views are drawn.
 
     A view of n points has 2n - 6 equations beyond those that its own pose takes.
-
-    Args:
-        pool: what is drawn from.
-        size: views of a sample.
-
-    Raises:
-        InputError: fewer equations than parameters.
     """
     unknown = len(set(pool.tie.row[pool.tie.row >= 0].tolist()))
     spare = np.sort(2 * np.bincount(pool.observations.view, minlength=pool.view_count) - 6)[::-1].cumsum()
@@ -131,13 +118,7 @@ def require_enough(pool: Pool, size: int) -> None:
 
 
 def run_sample(pool: Pool, counts: Rows, number: int) -> SampleResult:
-    """The camera and the errors of a sample; whatever becomes of it, there is a result.
-
-    Args:
-        pool: the views.
-        counts: (V,) how often each is drawn.
-        number: of the sample, for the record.
-    """
+    """The camera and the errors of a sample; whatever becomes of it, there is a result."""
     views = np.flatnonzero(counts)
     weight = counts[views]
     found = None if pool.expansion is None else find_near(pool.expansion, views, weight)
@@ -159,20 +140,18 @@ def run_sample(pool: Pool, counts: Rows, number: int) -> SampleResult:
 
 
 def solve_from_scratch(pool: Pool, counts: Rows, number: int) -> SampleResult:
-    """A sample as anyone would solve it: each view as often as it was drawn, from the first guess, and all metrics.
-
-    Args:
-        pool: the views.
-        counts: (V,) how often each is drawn.
-        number: of the sample.
-    """
+    """A sample as anyone would solve it: each view as often as it was drawn, from the first guess, and all metrics."""
     drawn = np.repeat(np.arange(len(counts)), counts)
     distinct = int((counts > 0).sum())
     try:
         found = calibrate(expanded(pool.observations, drawn), pool.model, pool.options)
     except (InputError, np.linalg.LinAlgError) as error:
         return failed_sample(number, distinct, pool.value_count, str(error))
-    prediction = predict(found, _true_poses(pool, found))
+    true = None
+    if pool.true_center_mm is not None:  # axes of true poses mean nothing, and no metric here asks
+        row = {name: view for view, name in enumerate(pool.observations.view_names)}
+        true = make_pose(np.eye(3), -pool.true_center_mm[[row[name] for name in found.observations.view_names]])
+    prediction = predict(found, true)
     says = found.status != "converged" or found.observations.view_count < len(drawn)
     return SampleResult(
         number, found.status, distinct, _rmse(reprojection(prediction)), _rmse(intersection(prediction)),
@@ -189,15 +168,6 @@ def expanded(observations: Observations, drawn: Rows) -> Observations:
     rows = np.repeat(start[drawn], length) + place
     names = tuple(observations.view_names[view] for view in drawn.tolist())
     return replace(keep_sightings(observations, rows), view_names=names, view=np.repeat(np.arange(len(drawn)), length))
-
-
-def _true_poses(pool: Pool, found: Calibration) -> Array | None:
-    """Poses with the true centres of the views that were solved; their axes mean nothing, and no metric here asks."""
-    if pool.true_center_mm is None:
-        return None
-    row = {name: view for view, name in enumerate(pool.observations.view_names)}
-    center = pool.true_center_mm[[row[name] for name in found.observations.view_names]]
-    return make_pose(np.eye(3), -center)
 
 
 def _rmse(errors: Errors | None) -> float:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from calib.studies.identity import Pairs, program_versions
-from calib.studies.sample_metrics import SampleResult
+from calib.studies.samples import SampleResult
 from calib.studies.workers import (
     Answer,
     Chunk,
@@ -139,11 +139,7 @@ def dask_workers(address: str, seed: int, run_chunk: RunChunk) -> Iterator[DaskW
 
 
 def check_cluster(address: str) -> None:
-    """Refuse a cluster that could not be used, by the address of its scheduler.
-
-    Raises:
-        InputError: as `dask_workers`.
-    """
+    """Refuse a cluster that could not be used, by the address of its scheduler."""
     with _connected(address):
         pass
 

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from calib.studies.paper_table import BOARD, ICOSAHEDRON, TARGETS, paper_value
-from calib.studies.statistics import METRICS, Case, CaseSummary, Distribution, Over, Setting
+from calib.studies.samples import Case, Setting
+from calib.studies.statistics import BOARD, ICOSAHEDRON, METRICS, TARGETS, CaseSummary, Distribution, Over, paper_value
 from designer.base.marks import Count, Gap, Length, Line, Word
 from designer.base.words import printable
 
@@ -105,13 +105,26 @@ def findings(summaries: Sequence[CaseSummary]) -> tuple[HeldClaim, ...]:
     targets = tuple(dict.fromkeys(one.case.target for one in summaries))
     ways = tuple(dict.fromkeys(one.case.setting for one in summaries))
     for claim in CLAIMS if set(targets) >= set(TARGETS) else ():
-        found += [_compare(claim, way, _of(summaries, way)) for way in ways]
+        for way in ways:
+            cases = _of(summaries, way)
+            ratios, sure = _ratios(claim, cases, "all"), _ratios(claim, cases, "converged")
+            found.append(HeldClaim(
+                claim.text, "comparison", claim.metric, claim.statistic, claim.lower, *way, _verdict(ratios),
+                _verdict(sure), ratios=ratios,
+            ))  # fmt: skip
     for is_root in (False, True):
         for target in targets:
             for way in ways:
                 cases = [one for one in _of(summaries, way) if one.case.target == target]
-                if len(cases) > 1:
-                    found.append(_fall_of_target(target, way, cases, is_root=is_root))
+                if len(cases) < 2:
+                    continue
+                falls, of_converged = _falls(target, cases, "all"), _falls(target, cases, "converged")
+                found.append(HeldClaim(
+                    f"sigma falls {'about as 1/sqrt(N)' if is_root else 'with N'} for the {printable(target)}",
+                    "root" if is_root else "fall", "", "sigma", target, *way,
+                    _verdict_of_falls(falls, is_root=is_root), _verdict_of_falls(of_converged, is_root=is_root),
+                    exponents=falls,
+                ))  # fmt: skip
     return tuple(found)
 
 
@@ -135,14 +148,6 @@ def relative_error(case: Case, found: Distribution, statistic: Statistic) -> flo
     return math.hypot(found.sigma_error, found.sigma / math.sqrt(2 * max(case.pool - 1, 1))) / value
 
 
-def _compare(claim: Claim, setting: Setting, cases: Sequence[CaseSummary]) -> HeldClaim:
-    ratios = _ratios(claim, cases, "all")
-    return HeldClaim(
-        claim.text, "comparison", claim.metric, claim.statistic, claim.lower, *setting, _verdict(ratios),
-        _verdict(_ratios(claim, cases, "converged")), ratios=ratios,
-    )  # fmt: skip
-
-
 def _ratios(claim: Claim, cases: Sequence[CaseSummary], over: Over) -> tuple[Ratio, ...]:
     """Of all sizes that both targets have."""
     of_size = {(one.case.target, one.case.size): one for one in cases}
@@ -158,20 +163,17 @@ def _ratios(claim: Claim, cases: Sequence[CaseSummary], over: Over) -> tuple[Rat
             relative_error(lower.case, above, claim.statistic), relative_error(higher.case, below, claim.statistic)
         )
         if value > 0 and error > 0:
-            ratios.append(Ratio(size, value, math.log(value) / error, _ratio_of_paper(claim, size)))
+            theirs, other = (paper_value(target, claim.metric, size) for target in (claim.lower, claim.higher))
+            paper = math.nan
+            if theirs is not None and other is not None:
+                paper = theirs.mu / other.mu if claim.statistic == "mu" else theirs.sigma / other.sigma
+            ratios.append(Ratio(size, value, math.log(value) / error, paper))
     return tuple(ratios)
 
 
 def _value(found: Distribution, statistic: Statistic) -> float:
     value = found.mu if statistic == "mu" else found.sigma
     return value if value > 0 else math.nan
-
-
-def _ratio_of_paper(claim: Claim, size: int) -> float:
-    above, below = (paper_value(target, claim.metric, size) for target in (claim.lower, claim.higher))
-    if above is None or below is None:
-        return math.nan
-    return above.mu / below.mu if claim.statistic == "mu" else above.sigma / below.sigma
 
 
 def _verdict(ratios: Sequence[Ratio]) -> Verdict:
@@ -183,16 +185,6 @@ def _verdict(ratios: Sequence[Ratio]) -> Verdict:
     if any(below):
         return "holds" if all(below) else "holds in part"
     return "does not hold" if any(above) else "not decided"
-
-
-def _fall_of_target(target: str, setting: Setting, cases: Sequence[CaseSummary], *, is_root: bool) -> HeldClaim:
-    """Whether sigma falls with the number of views, or as the root of it, for all metrics of a target."""
-    falls, of_converged = _falls(target, cases, "all"), _falls(target, cases, "converged")
-    return HeldClaim(
-        f"sigma falls {'about as 1/sqrt(N)' if is_root else 'with N'} for the {printable(target)}",
-        "root" if is_root else "fall", "", "sigma", target, *setting, _verdict_of_falls(falls, is_root=is_root),
-        _verdict_of_falls(of_converged, is_root=is_root), exponents=falls,
-    )  # fmt: skip
 
 
 def _falls(target: str, cases: Sequence[CaseSummary], over: Over) -> tuple[Fall, ...]:

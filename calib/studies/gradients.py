@@ -1,4 +1,8 @@
-"""Cost and gradient of some of many views, read where they stand: nothing is copied, no normal matrix made."""
+"""Cost and gradient of some of many views, read where they stand: nothing is copied, no normal matrix made.
+
+Whatever the camera, a view's best pose follows from its own points (variable projection; Golub and Pereyra 1973). So of
+the gradient by the poses two parts are taken: what each pose lacks of its best, and what that asks of the camera.
+"""
 
 from dataclasses import dataclass
 
@@ -133,3 +137,41 @@ def _sum_gradients(
         gradient[place, last], gradient[place, last + 1], gradient[place, last + 2] = wx, wy, wz
         gradient[place, last + 3], gradient[place, last + 4], gradient[place, last + 5] = sx, sy, sz
         k += count
+
+
+@dataclass(frozen=True, eq=False)
+class CameraFit:
+    """The camera and the poses that fit some views best."""
+
+    camera: Camera
+    cam_from_target: Array  # (D, 4, 4) from the problem's origin
+    cost: float  # sum of squared whitened residuals, views as often as they count
+    looks: int  # how often the observations were looked at
+
+
+def step_length(decrease: float, deviation: float) -> float:
+    """A step in standard deviations, from the decrease of the cost that it promises; nan uphill."""
+    return float(np.sqrt(decrease)) / deviation if decrease >= 0 else float("nan")
+
+
+@jit
+def reduced_gradient(
+    direction: Array, pose_inverse: Array, views: Rows, weight: Rows, gradient: Array, follow: Array
+) -> tuple[Array, Array, float]:
+    """The sample's gradient by y with the poses at their best (Q,), what these lack (D, 6), and what that promises."""
+    parameters, free = direction.shape
+    reduced, rest, square = np.zeros(free), np.zeros((len(views), 6)), 0.0
+    for place in range(len(views)):
+        w, inverse = weight[place], pose_inverse[views[place]]
+        for i in range(6):
+            for j in range(6):
+                rest[place, i] -= inverse[i, j] * gradient[place, parameters + j]
+            square -= w * rest[place, i] * gradient[place, parameters + i]
+        for q in range(free):
+            total = 0.0
+            for p in range(parameters):
+                total += direction[p, q] * gradient[place, p]
+            for i in range(6):
+                total += follow[place, i, q] * gradient[place, parameters + i]
+            reduced[q] += w * total
+    return reduced, rest, square

@@ -1,6 +1,7 @@
 """What makes a study this study: seed, settings and inputs; and the programs that computed it."""
 
 import hashlib
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -65,27 +66,29 @@ class StudyIdentity:
         return f"{name} has changed since the study began; give the file as it was, or choose another -o"
 
 
-def identity_of(seed: int, settings: Mapping[str, str], inputs: Mapping[str, Path]) -> StudyIdentity:
+def identity_of(seed: int, settings: Mapping[str, str], inputs: Mapping[str, Path | str]) -> StudyIdentity:
     """The identity of a study.
 
     Args:
         seed: of all samples.
         settings: what else decides a sample's result, by name.
-        inputs: the files that are read, by what they are (such as "target"), so that they may be moved.
-
-    Raises:
-        InputError: a file cannot be read.
+        inputs: the files that are read, or digests, by what they are (such as "target"), so that they may be moved.
     """
-    digests = ((name, sha256_of(path)) for name, path in sorted(inputs.items()))
+    digests = ((name, one if isinstance(one, str) else sha256_of(one)) for name, one in sorted(inputs.items()))
     return StudyIdentity(seed, tuple(sorted(settings.items())), tuple(digests))
 
 
-def sha256_of(path: Path) -> str:
-    """The SHA-256 of a file, as hexadecimal digits.
+def photos_read(observations: Observations, detections: object, **others: object) -> dict[str, Path | str]:
+    """A person's files, as inputs; in place of observations that come from none, the digest of what it would hold."""
+    named = {"detections": detections, **others}
+    files: dict[str, Path | str] = {
+        name: Path(one) for name, one in named.items() if isinstance(one, str | os.PathLike)
+    }
+    return files if "detections" in files else {"detections": digest_of(observations), **files}
 
-    Raises:
-        InputError: it cannot be read.
-    """
+
+def sha256_of(path: Path) -> str:
+    """The SHA-256 of a file, as hexadecimal digits."""
     try:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
@@ -94,7 +97,7 @@ def sha256_of(path: Path) -> str:
 
 
 def digest_of(observations: Observations) -> str:
-    """The same of what such a file would hold."""
+    """The SHA-256 of observations."""
     content = hashlib.sha256()
     covariance = np.zeros(0) if observations.cov_px2 is None else observations.cov_px2
     size, place = np.array(observations.image_size), observations.points.position_mm[observations.point]

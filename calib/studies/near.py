@@ -25,7 +25,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.levenberg import move_poses, turn_of_centre
 from calib.solver.problem import MANY, Problem, Tie, select
 from calib.solver.schur import damped_step, reduced_normal
-from calib.studies.gradients import gradients_of
+from calib.studies.gradients import CameraFit, gradients_of, reduced_gradient, step_length
 from designer.base.arrays import Array, Rows
 
 STEP = 3.0
@@ -162,16 +162,6 @@ def _look(at: ExpansionPoint, y: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class NearMinimum:
-    """The minimum of a sample of D distinct views."""
-
-    camera: Camera
-    cam_from_target: Array  # (D, 4, 4) from the problem's origin
-    cost: float  # sum of squared whitened residuals, views as often as drawn
-    looks: int  # how often the observations were looked at
-
-
-@dataclass(frozen=True, eq=False)
 class _GradientSum:
     """The gradient of a sample as a polynomial of y, and the steps of its poses."""
 
@@ -189,7 +179,7 @@ class _GradientSum:
         return self.slope + self.bend @ y
 
 
-def find_near(expansion: Expansion, views: Rows, weight: Rows) -> NearMinimum | None:
+def find_near(expansion: Expansion, views: Rows, weight: Rows) -> CameraFit | None:
     """The minimum of a sample; None if the expansion does not lead there, or if the sample may be degenerate.
 
     Args:
@@ -199,20 +189,24 @@ def find_near(expansion: Expansion, views: Rows, weight: Rows) -> NearMinimum | 
     """
     if not _is_determined(expansion, views, weight):
         return None
-    at, total = expansion.at, _weighted(expansion, views, weight)
+    at, free = expansion.at, expansion.at.direction.shape[1]
+    total = _GradientSum(np.zeros(free), np.zeros((free, free)), np.zeros((free, free, free)))
+    _add_gradients(
+        expansion.value, expansion.slope, expansion.bend, views, weight, total.value, total.slope, total.bend
+    )
     y, bending = _zero_of(total)
     step, follow = _pose_steps(expansion, views, y)
     camera = replace(at.camera, params=at.camera.params + at.direction @ y)
     if not (np.isfinite(y).all() and is_allowed(camera)):
         return None
     poses = move_poses(at.cam_from_target[views], step, turn_of_centre(at.camera, camera))
-    near = NearMinimum(camera, poses, np.nan, 0)
+    near = CameraFit(camera, poses, np.nan, 0)
     return _led_to_zero(at, views, weight, near, total.second(y), follow, bending)
 
 
 def _led_to_zero(
-    at: ExpansionPoint, views: Rows, weight: Rows, near: NearMinimum, second: Array, follow: Array, bending: float
-) -> NearMinimum | None:
+    at: ExpansionPoint, views: Rows, weight: Rows, near: CameraFit, second: Array, follow: Array, bending: float
+) -> CameraFit | None:
     """The minimum by steps with second derivatives that stay as they are.
 
     Costs are not compared: this near to the minimum their differences are lost in rounding.
@@ -229,27 +223,27 @@ def _led_to_zero(
     camera, poses, before = near.camera, near.cam_from_target, np.inf
     for look in range(1, MOST_STEPS + 1):
         there = gradients_of(at.problem, views, camera, poses)
-        reduced, rest, square = _reduced(at.direction, at.pose_inverse, views, weight, there.gradient, follow)
+        reduced, rest, square = reduced_gradient(at.direction, at.pose_inverse, views, weight, there.gradient, follow)
         dy = _solved(second, -reduced)
         promised, cost = square - float(reduced @ dy), float(there.cost @ weight)
-        length = _length(promised, at.scale)
+        length = step_length(promised, at.scale)
         trial = replace(camera, params=camera.params + at.direction @ dy)
         if not (np.isfinite(cost) and length <= NEAR and is_allowed(trial)):
             return None
         # Of a step's length, so much is left: as of the last one, or as the gradient is off a straight line.
         left = max(length / before, bending)
         if look > 1 and left > STEADY:
-            return _descended(at, views, weight, NearMinimum(camera, poses, cost, look), before, bending)
+            return _descended(at, views, weight, CameraFit(camera, poses, cost, look), before, bending)
         poses = move_poses(poses, rest + follow @ dy, turn_of_centre(camera, trial))
         camera, before = trial, length
         if SAFETY * left * length <= CLOSE:
-            return NearMinimum(camera, poses, cost - promised, look)
+            return CameraFit(camera, poses, cost - promised, look)
     return None
 
 
 def _descended(
-    at: ExpansionPoint, views: Rows, weight: Rows, near: NearMinimum, before: float, bending: float
-) -> NearMinimum | None:
+    at: ExpansionPoint, views: Rows, weight: Rows, near: CameraFit, before: float, bending: float
+) -> CameraFit | None:
     """The minimum by Gauss-Newton steps after a step of so many standard deviations; None if they do not shrink."""
     camera, poses = near.camera, near.cam_from_target
     problem = select(at.problem, views, MANY)
@@ -258,7 +252,7 @@ def _descended(
     for look in range(near.looks + 1, MOST_STEPS + 1):
         blocks = view_blocks(problem, camera, poses, RobustLoss())
         step = damped_step(blocks.products, at.row, 0.0)
-        length = _length(step.predicted, at.scale)
+        length = step_length(step.predicted, at.scale)
         if not (step.solvable and length <= CONTRACTION * before):
             return None
         trial = replace(camera, params=camera.params + np.where(at.row >= 0, step.free[at.row], 0.0))
@@ -268,14 +262,9 @@ def _descended(
         camera = trial
         # Each step shortens the distance by about the same factor; the first comes after a step of another kind.
         if length * max(length / before, bending) <= CLOSE:
-            return NearMinimum(camera, poses, float(blocks.cost.sum()) - step.predicted, look)
+            return CameraFit(camera, poses, float(blocks.cost.sum()) - step.predicted, look)
         before = length
     return None
-
-
-def _length(decrease: float, scale: float) -> float:
-    """A step in standard deviations, from the decrease of the cost that it promises; nan uphill."""
-    return float(np.sqrt(decrease)) / scale if decrease >= 0 else float("nan")
 
 
 def _solved(matrix: Array, right: Array) -> Array:
@@ -320,15 +309,6 @@ def _is_determined(expansion: Expansion, views: Rows, weight: Rows) -> bool:
     follows = at.row[:2]
     sigma = at.scale * np.sqrt(np.diagonal(inverse)[follows[follows >= 0]])
     return bool((MARGIN * sigma < UNSURE_FOCAL * at.camera.params[:2][follows >= 0]).all())
-
-
-def _weighted(expansion: Expansion, views: Rows, weight: Rows) -> _GradientSum:
-    free = expansion.at.direction.shape[1]
-    total = _GradientSum(np.zeros(free), np.zeros((free, free)), np.zeros((free, free, free)))
-    _add_gradients(
-        expansion.value, expansion.slope, expansion.bend, views, weight, total.value, total.slope, total.bend
-    )
-    return total
 
 
 def _pose_steps(expansion: Expansion, views: Rows, y: Array) -> tuple[Array, Array]:
@@ -378,26 +358,3 @@ def _steps_at(values: Array, slopes: Array, bends: Array, views: Rows, y: Array,
                     derivative += bends[view, free + i, j, k] * y[k]
                 follow[place, i, j] = derivative
                 step[place, i] += 0.5 * (slope + derivative) * y[j]
-
-
-@jit
-def _reduced(
-    direction: Array, pose_inverse: Array, views: Rows, weight: Rows, gradient: Array, follow: Array
-) -> tuple[Array, Array, float]:
-    """The sample's gradient by y with the poses at their best (Q,), what these lack (D, 6), and what that promises."""
-    parameters, free = direction.shape
-    reduced, rest, square = np.zeros(free), np.zeros((len(views), 6)), 0.0
-    for place in range(len(views)):
-        w, inverse = weight[place], pose_inverse[views[place]]
-        for i in range(6):
-            for j in range(6):
-                rest[place, i] -= inverse[i, j] * gradient[place, parameters + j]
-            square -= w * rest[place, i] * gradient[place, parameters + i]
-        for q in range(free):
-            total = 0.0
-            for p in range(parameters):
-                total += direction[p, q] * gradient[place, p]
-            for i in range(6):
-                total += follow[place, i, q] * gradient[place, parameters + i]
-            reduced[q] += w * total
-    return reduced, rest, square

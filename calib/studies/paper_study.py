@@ -25,9 +25,9 @@ from calib.solver.problem import AS_THE_PAPER
 from calib.solver.solve import solve
 from calib.studies.bootstrap import make_pool
 from calib.studies.identity import StudyIdentity, identity_of
-from calib.studies.paper_table import BOARD, ICOSAHEDRON, POOL, SAMPLES, SIZES, TARGETS
 from calib.studies.runner import Tell, after
-from calib.studies.statistics import Case
+from calib.studies.samples import Case
+from calib.studies.statistics import BOARD, ICOSAHEDRON, POOL, SAMPLES, SIZES, TARGETS
 from calib.studies.workers import CaseSpec
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
@@ -82,11 +82,7 @@ class PhotoSet:
 
 
 def photograph(photos: PhotoSet, target: TargetGeometry, folder: Path, *, jobs: int, tell: Tell) -> None:
-    """Render what is missing of a set, from a hemisphere of poses that look at the target.
-
-    Raises:
-        InputError: the folder holds another set.
-    """
+    """Render what is missing of a set, from a hemisphere of poses that look at the target."""
     grid = PoseGrid(photos.views, np.pi / 2, (DISTANCE_MM, DISTANCE_MM), random_roll=False, aim_offset_mm=0.0)
     poses = grid_poses(grid, np.random.default_rng(photos.seed))
     job = RenderJob(target, camera_or_preset(CAMERA), poses, SAMPLINGS[photos.sampling], seed=photos.seed)
@@ -96,15 +92,7 @@ def photograph(photos: PhotoSet, target: TargetGeometry, folder: Path, *, jobs: 
 def search(
     target: TargetGeometry, photos: Sequence[PhotoFile], camera: Camera | None, *, jobs: int, tell: Tell
 ) -> list[Detections]:
-    """What the detector finds in photos, those without the target left out.
-
-    Args:
-        target: what they show.
-        photos: to be searched.
-        camera: whose lens is known, or None.
-        jobs: photos at a time.
-        tell: told how many are done.
-    """
+    """What the detector finds in photos, those without the target left out."""
     seen = []
 
     def look(photo: PhotoFile, pixels: Pixels) -> Detections:
@@ -124,17 +112,7 @@ def photos_in(folder: Path) -> tuple[PhotoFile, ...]:
 
 
 def search_with_lens(target: TargetGeometry, folder: Path, *, jobs: int, tell: Tell) -> list[Detections]:
-    """What the detector finds with the lens of a first solution, which comes from some of the photos.
-
-    Args:
-        target: what the photos show.
-        folder: where they lie.
-        jobs: photos at a time.
-        tell: told how many are done.
-
-    Raises:
-        InputError: the first search gives no camera.
-    """
+    """What the detector finds with the lens of a first solution, which comes from some of the photos."""
     photos = photos_in(folder)
     # Neighbours in the grid of poses are alike; photos far apart in it tell more.
     some = photos[:: math.ceil(len(photos) / FIRST_PHOTOS)]
@@ -143,11 +121,7 @@ def search_with_lens(target: TargetGeometry, folder: Path, *, jobs: int, tell: T
 
 
 def sightings(seen: Sequence[Detections], target: TargetGeometry, folder: Path) -> Observations:
-    """What a camera is solved from.
-
-    Raises:
-        InputError: nothing that could be used was seen.
-    """
+    """What a camera is solved from."""
     if not seen:
         raise InputError(f"{folder}: no photo shows the target; render them again in another folder")
     return observations_from_detections(seen, target, origin=str(folder))
@@ -214,11 +188,7 @@ def quick_study(folder: Path, seed: int) -> PaperStudy:
 
 
 def missing_targets(study: PaperStudy) -> dict[Path, bytes]:
-    """The targets' files that are not there, and their contents.
-
-    Raises:
-        InputError: a file holds another target.
-    """
+    """The targets' files that are not there, and their contents."""
     files = {study.target_path(name): target_to_json(target).encode() for name, target in paper_targets().items()}
     for path, content in files.items():
         if path.exists() and (not path.is_file() or path.read_bytes() != content):
@@ -226,34 +196,26 @@ def missing_targets(study: PaperStudy) -> dict[Path, bytes]:
     return {path: content for path, content in files.items() if not path.exists()}
 
 
-def make_photos(study: PaperStudy, *, jobs: int, tell: Tell) -> None:
-    """Render the photos that are missing, but for sets that have been searched.
-
-    Raises:
-        InputError: a folder holds other photos.
-    """
-    for place, (photos, target) in enumerate(_with_targets(study)):
+def _unsearched(study: PaperStudy, tell: Tell) -> Iterator[tuple[PhotoSet, TargetGeometry, Tell]]:
+    """The sets that have no detections yet, and whom to tell of what is done of each."""
+    targets = paper_targets()
+    for place, photos in enumerate(study.sets):
         if not study.detections_path(photos).exists():
-            told = after(place * study.views, tell)
-            photograph(photos, target, study.photo_folder(photos), jobs=jobs, tell=told)
+            yield photos, targets[photos.target], after(place * study.views, tell)
         tell((place + 1) * study.views)
+
+
+def make_photos(study: PaperStudy, *, jobs: int, tell: Tell) -> None:
+    """Render the photos that are missing, but for sets that have been searched."""
+    for photos, target, told in _unsearched(study, tell):
+        photograph(photos, target, study.photo_folder(photos), jobs=jobs, tell=told)
 
 
 def make_detections(study: PaperStudy, *, jobs: int, tell: Tell) -> None:
-    """Search the photos of sets that have no detections yet.
-
-    Args:
-        study: the study.
-        jobs: photos at a time.
-        tell: told of progress.
-    """
-    for place, (photos, target) in enumerate(_with_targets(study)):
-        path = study.detections_path(photos)
-        if not path.exists():
-            told = after(place * study.views, tell)
-            seen = search_with_lens(target, study.photo_folder(photos), jobs=jobs, tell=told)
-            write_detections(path, seen, target)
-        tell((place + 1) * study.views)
+    """Search the photos of sets that have no detections yet."""
+    for photos, target, told in _unsearched(study, tell):
+        seen = search_with_lens(target, study.photo_folder(photos), jobs=jobs, tell=told)
+        write_detections(study.detections_path(photos), seen, target)
 
 
 def settings_of(study: PaperStudy) -> StudyIdentity:
@@ -262,11 +224,7 @@ def settings_of(study: PaperStudy) -> StudyIdentity:
 
 
 def identity(study: PaperStudy) -> StudyIdentity:
-    """What makes it this study.
-
-    Raises:
-        InputError: a file is missing.
-    """
+    """What makes it this study."""
     begun = settings_of(study)
     inputs = {f"target {name}": study.target_path(name) for name in TARGETS}
     for photos in study.sets:
@@ -291,9 +249,5 @@ def cases_of(study: PaperStudy) -> Iterator[CaseSpec]:
         for sightings, limit_deg in LIMITS_DEG.items():
             pool = make_pool(only(seen, angle_deg <= limit_deg), MODEL, AS_THE_PAPER, truth)
             for size in SIZES:
-                yield CaseSpec(Case(photos.target, size, pool.view_count, photos.sampling, sightings), pool)
-
-
-def _with_targets(study: PaperStudy) -> Iterator[tuple[PhotoSet, TargetGeometry]]:
-    targets = paper_targets()
-    return ((photos, targets[photos.target]) for photos in study.sets)
+                case = Case(photos.target, size, pool.view_count, photos.sampling, sightings)
+                yield CaseSpec(case, pool, study.samples)

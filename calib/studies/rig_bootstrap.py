@@ -4,15 +4,18 @@ How the sightings scatter is taken from the frames themselves, so that errors wh
 not explain show in the spread, and not in what the solution states.
 """
 
+import hashlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from calib.cameras import parameter_names
 from calib.cameras.rig import Rig
-from calib.core.se3 import invert, log_rotation
+from calib.core.se3 import compose, invert, log_rotation
 from calib.core.types import RigObservations
 from calib.rigs.halves import without_outliers
 from calib.rigs.problem import CameraChoice, RigOptions
@@ -21,11 +24,58 @@ from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.solver.problem import SolveOptions
 from calib.studies.bootstrap import expanded
+from calib.studies.identity import StudyIdentity, digest_of, identity_of
+from calib.studies.samples import SampleResult, Samples, failed_sample, sample_of_values
+from calib.studies.workers import ValuePool
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.base.marks import Gap
 
 LEAST_SAMPLES = 2
+KIND = "rig bootstrap"
+
+
+@dataclass(frozen=True, eq=False)
+class FramePool(ValuePool):
+    """Frames of a rig, solved again as all of them were; the values of a sample are the poses of its cameras."""
+
+    kind: ClassVar[str] = KIND
+    seen: RigObservations  # without what the solution left out
+    choices: tuple[CameraChoice, ...]
+    options: RigOptions
+
+    @property
+    def view_count(self) -> int:
+        """Frames."""
+        return self.seen.frame_count
+
+    @property
+    def value_count(self) -> int:
+        """Of each camera, the first three rows of `cam_from_rig`."""
+        return 12 * len(self.choices)
+
+    def sample(self, seed: int, number: int) -> SampleResult:
+        """The rig of as many frames as there are, drawn with replacement."""
+        drawn = np.sort(np.random.default_rng([seed, number]).integers(0, self.view_count, self.view_count))
+        distinct = len(np.unique(drawn))
+        try:
+            found = solve_rig(drawn_frames(self.seen, drawn), self.choices, self.options)
+        except (InputError, np.linalg.LinAlgError) as error:
+            return failed_sample(number, distinct, self.value_count, str(error))
+        message = "" if found.status == "converged" else " ".join(found.remarks[:1])
+        return sample_of_values(number, found.status, distinct, pose_values(found.rig), found.iterations, message)
+
+
+def pose_values(rig: Rig) -> tuple[float, ...]:
+    """The poses of a rig's cameras as the values of a sample, from which `poses_of` has them."""
+    return tuple(rig.cam_from_rig[:, :3].ravel().tolist())
+
+
+def poses_of(values: Array) -> Array:
+    """`cam_from_rig` of samples (S, 12 C).  # (S, C, 4, 4)"""
+    poses = np.tile(np.eye(4), (len(values), values.shape[1] // 12, 1, 1))
+    poses[:, :, :3] = values.reshape(*poses.shape[:2], 3, 4)
+    return poses
 
 
 @dataclass(frozen=True)
@@ -45,29 +95,11 @@ class PairSpread:
     turn_all_rad: Gap
 
 
-@dataclass(frozen=True, eq=False)
-class RigSpread:
-    """What came of all samples."""
-
-    pairs: tuple[PairSpread, ...]
-    samples: int  # that were solved
-    failed: int  # that do not determine the rig, as frames that tie cameras were not drawn
-
-    @property
-    def ratio(self) -> float:
-        """Spread over sigma by the noise, root mean square over places and turns of all pairs; nan: not known."""
-        return _ratio([(one.place_spread_mm, one.place_sigma_mm) for one in self.pairs]
-                      + [(one.turn_spread_rad, one.turn_sigma_rad) for one in self.pairs])  # fmt: skip
-
-    @property
-    def ratio_of_all(self) -> float:
-        """The same over all that is stated."""
-        return _ratio([(one.place_spread_mm, one.place_all_mm) for one in self.pairs]
-                      + [(one.turn_spread_rad, one.turn_all_rad) for one in self.pairs])  # fmt: skip
-
-
-def _ratio(pairs: Sequence[tuple[float, float]]) -> float:
-    ratios = [spread / sigma for spread, sigma in pairs if sigma > 0 and math.isfinite(spread)]
+def spread_ratio(pairs: Sequence[PairSpread], *, of_all: bool = False) -> float:
+    """Spread over sigma by the noise, or over all that is stated, root mean square over all pairs; nan: not known."""
+    told = [(one.place_spread_mm, one.place_all_mm if of_all else one.place_sigma_mm) for one in pairs]
+    told += [(one.turn_spread_rad, one.turn_all_rad if of_all else one.turn_sigma_rad) for one in pairs]
+    ratios = [spread / sigma for spread, sigma in told if sigma > 0 and math.isfinite(spread)]
     return math.sqrt(float(np.mean(np.square(ratios)))) if ratios else math.nan
 
 
@@ -88,46 +120,39 @@ def drawn_frames(observations: RigObservations, drawn: Rows) -> RigObservations:
     )
 
 
-def rig_spread(
-    found: RigCalibration,
-    samples: int,
-    seed: int,
-    options: SolveOptions,
-    tell: Callable[[int], None] = lambda done: None,
-) -> RigSpread:
-    """Solve samples of a rig's frames, as many as there are, as all of them were solved.
-
-    Args:
-        found: the rig, without a carrier; what it left out stays out.
-        samples: how many.
-        seed: of what is drawn.
-        options: its loss, and what it minimises.
-        tell: told how many are done.
-
-    Raises:
-        InputError: hardly any sample determines the rig.
-    """
-    seen = without_outliers(found)
+def frame_pool(found: RigCalibration, options: SolveOptions) -> FramePool:
+    """The frames of a rig without a carrier, to be solved with its loss; what it left out stays out."""
     as_solved = RigOptions(
         max(found.reference, 0), found.weighted, options.loss, allows_slack=found.slack is not None,
         minimise=options.minimise,
     )  # fmt: skip
-    choices = [_choice(found, camera) for camera in range(len(found.cameras))]
-    rigs, failed = [], 0
-    for number in range(samples):
-        drawn = np.sort(np.random.default_rng([seed, number]).integers(0, seen.frame_count, seen.frame_count))
-        try:
-            one = solve_rig(drawn_frames(seen, drawn), choices, as_solved)
-            rigs.append(one.rig)
-            failed += one.status == "degenerate"
-        except (InputError, np.linalg.LinAlgError):
-            failed += 1
-        tell(number + 1)
-    if len(rigs) < LEAST_SAMPLES:
-        raise InputError(f"of {samples} samples {failed} do not determine the rig: too few frames tie its cameras")
-    count, shared = len(found.cameras), found.observations.shared
-    pairs = [_pair(found, rigs, a, b, int(shared[a, b])) for b in range(count) for a in range(b)]
-    return RigSpread(tuple(pairs), len(rigs), failed)
+    return FramePool(
+        without_outliers(found), tuple(_choice(found, row) for row in range(len(found.cameras))), as_solved
+    )
+
+
+def identity(pool: FramePool, seed: int) -> StudyIdentity:
+    """What makes it this study: what each camera saw in which frames, and how that is solved."""
+    inputs: dict[str, Path | str] = {}
+    for name, seen, frame, choice in zip(
+        pool.seen.camera_names, pool.seen.sightings, pool.seen.frame, pool.choices, strict=True
+    ):
+        given = None if choice.given is None else choice.given.to_json()
+        told = repr((digest_of(seen), frame.tolist(), given, choice.is_refined, choice.fixed))
+        inputs[f"camera {name}"] = hashlib.sha256(told.encode()).hexdigest()
+    return identity_of(seed, {"study": KIND, "options": repr(pool.options)}, inputs)
+
+
+def rig_spread(found: RigCalibration, samples: Samples) -> tuple[PairSpread, ...]:
+    """How far samples of a rig's frames scatter."""
+    has_rig = samples.status != "failed"
+    if has_rig.sum() < LEAST_SAMPLES:
+        raise InputError(
+            f"of {len(has_rig)} samples {(~has_rig).sum()} do not determine the rig: too few frames tie its cameras"
+        )
+    poses, shared = poses_of(samples.params[has_rig]), found.observations.shared
+    count = len(found.cameras)
+    return tuple(_pair(found, poses, a, b, int(shared[a, b])) for b in range(count) for a in range(b))
 
 
 def _choice(found: RigCalibration, camera: int) -> CameraChoice:
@@ -140,10 +165,10 @@ def _choice(found: RigCalibration, camera: int) -> CameraChoice:
     return CameraChoice(one.model, one, is_refined, fixed if is_refined else ())
 
 
-def _pair(found: RigCalibration, rigs: list[Rig], a: int, b: int, frames: int) -> PairSpread:
+def _pair(found: RigCalibration, cam_from_rig: Array, a: int, b: int, frames: int) -> PairSpread:
     stated = relative(replace(found, target_covariance=None).rig, a, b)
     everything = None if found.target_covariance is None else relative(found.rig, a, b)
-    poses = np.stack([relative(one, a, b).b_from_a for one in rigs])
+    poses = compose(cam_from_rig[:, b], invert(cam_from_rig[:, a]))
     center = invert(poses)[:, :3, 3]
     turn = log_rotation(poses[:, :3, :3] @ stated.b_from_a[:3, :3].T)
     return PairSpread(

@@ -1,7 +1,4 @@
-"""Run the samples of a study that are not there yet, whoever computes them and however often it is interrupted.
-
-Where the samples of a study are kept, and who computes them.
-"""
+"""Run the samples of a study that are not there yet, whoever computes them and however often it is interrupted."""
 
 import math
 import time
@@ -15,9 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from calib.studies.identity import StudyIdentity
-from calib.studies.sample_metrics import SampleResult, draw_counts, failed_sample
-from calib.studies.store import Study, check_place, open_study
-from calib.studies.stored_samples import StoredCase
+from calib.studies.samples import SampleResult, Samples, StoredCase, draw_counts, failed_sample
+from calib.studies.store import Study, check_place, open_study, read_study
 from calib.studies.workers import (
     CaseSpec,
     Chunk,
@@ -33,11 +29,19 @@ from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError
 from designer.page.progress import Progress
 
+STUDY_FILE = "study.sqlite"
 CHUNK_S = 0.4
 """What a chunk is to take: little is lost with one, and sending it costs nothing beside."""
 FIRST_CHUNK, LAST_CHUNK, MAX_CHUNK = 4, 4, 1000
 HOPELESS = 3
 """So many samples one after the other that end their worker, and none that comes out: it is not the samples."""
+Tell = Callable[[float], None]
+"""Told how many are done."""
+
+
+def after(before: float, tell: Tell) -> Tell:
+    """Tells of the progress of a part, what came before it included."""
+    return lambda done: tell(before + done)
 
 
 class StudyStoppedError(StoppedError):
@@ -51,57 +55,134 @@ def _kept(reason: str, done: int, total: int) -> str:
     return f"{reason} after {done} of {total} samples, which are kept; go on with --resume"
 
 
+def ask_cluster(dask: str | None, progress: Progress) -> None:
+    """Refuse a cluster that cannot be used, by the address of its scheduler; None: there is none to ask."""
+    if dask is not None:
+        from calib.studies.dask_cluster import check_cluster
+
+        progress("asking the cluster", 0, 0)
+        check_cluster(dask)
+
+
+@dataclass(frozen=True)
+class DrawCount:
+    """How many samples were computed, and how long that took."""
+
+    new: int = 0
+    before: int = 0  # that the folder had
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sampling:
+    """Where the samples of studies are kept, and who computes them."""
+
+    folder: Path
+    jobs: int  # processes on this machine
+    dask: str | None  # address of a cluster's scheduler, which computes the samples instead
+    resume: bool
+    progress: Progress
+
+    @property
+    def path(self) -> Path:
+        """Of the study's file."""
+        return self.folder / STUDY_FILE
+
+    def check(self, identity: StudyIdentity) -> None:
+        """Refuse a place or a cluster that cannot be used, before there is much work behind us."""
+        check_place(self.path, identity, resume=self.resume)
+        ask_cluster(self.dask, self.progress)
+
+    def run(
+        self,
+        identity: StudyIdentity,
+        cases: Sequence[CaseSpec],
+        *,
+        file: str = STUDY_FILE,
+        tell: Tell | None = None,
+        chunk: int | None = None,
+    ) -> DrawCount:
+        """Compute the samples of cases that are missing.
+
+        Args:
+            identity: what makes it this study.
+            cases: whose samples are wanted.
+            file: of the study, below the folder.
+            tell: told how many are done; None: the progress of the sampling.
+            chunk: samples that are computed at a time; None: as many as take a moment.
+
+        Raises:
+            InputError: the file is there and `resume` is not asked for, or is of another study.
+            StudyStoppedError: interrupted, or no workers are left; what there is, is kept.
+        """
+        total, start, there = sum(one.samples for one in cases), time.perf_counter(), list[int]()
+
+        def told(done: int) -> None:
+            there.append(done)  # the first time as many as the file had
+            (self.progress("sampling", done, total) if tell is None else tell(done))
+
+        path = self.folder / file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with open_study(path, identity, resume=self.resume) as study:
+            run_cases(cases, study, jobs=self.jobs, dask=self.dask, on_progress=told, chunk=chunk)
+        return DrawCount(there[-1] - there[0], there[0], time.perf_counter() - start)
+
+    def run_one(
+        self, identity: StudyIdentity, case: CaseSpec, *, file: str = STUDY_FILE, tell: Tell | None = None,
+        chunk: int | None = None,
+    ) -> tuple[Samples, DrawCount]:  # fmt: skip
+        """As `run`, with all samples that there are of the one case then."""
+        count = self.run(identity, [case], file=file, tell=tell, chunk=chunk)
+        with read_study(self.folder / file) as study:
+            return study.load(case.name), count
+
+
 def run_cases(
     cases: Sequence[CaseSpec],
     study: Study,
     *,
-    samples: int,
-    seed: int,
     jobs: int,
     dask: str | None = None,
     on_progress: Callable[[int], None] = lambda done: None,
     run_chunk: RunChunk = run_by_pool,
     chunk: int | None = None,
-    before: int = 0,
-    total: int | None = None,
 ) -> None:
-    """Compute and keep the samples 0 to `samples` of each case that the study does not have.
+    """Compute and keep the samples of each case that the study does not have.
 
     What a sample is depends on (seed, case, number) only, so the study's content does not depend on the rest.
 
     Args:
         cases: what is sampled; their names differ.
         study: where samples are kept.
-        samples: of each case.
-        seed: of the study.
         jobs: processes on this machine.
         dask: address of the scheduler of a cluster that is to do it instead.
         on_progress: told how many samples of all cases are done, those from before included.
         run_chunk: what computes samples; importable by workers.
         chunk: samples of a chunk; else as many as take a moment.
-        before: samples of other cases that are done, for what is said when it ends early.
-        total: samples of all cases of the study; None: of these.
 
     Raises:
         InputError: numbers that make no sense, a file that cannot be written, a cluster that cannot be used, or no
             workers are left; what there is, is kept.
         StudyStoppedError: interrupted.
     """
-    _check(cases, study, samples, seed, jobs)
+    if jobs < 1:
+        raise InputError(f"{jobs} jobs: give 1 or more")
+    if len({case.name for case in cases}) < len(cases):
+        raise ValueError("two cases have the same name")
     for case in cases:
         study.declare(StoredCase(case.case, case.pool.model, case.pool.value_count, case.pool.covariance))
-    todo = _Todo(cases, [sorted(set(range(samples)) - study.done(case.name)) for case in cases], chunk)
-    run = _Run(study, todo, seed, total=samples * len(cases), on_progress=on_progress)
+    todo = _Todo(cases, [sorted(set(range(case.samples)) - study.done(case.name)) for case in cases], chunk)
+    run = _Run(study, todo, total=sum(case.samples for case in cases), on_progress=on_progress)
     on_progress(run.done)
     if run.done == run.total:
         return
     try:
-        with _workers(jobs, dask, seed, run_chunk) as workers:
+        with _workers(jobs, dask, study.identity.seed, run_chunk) as workers:
             run.to_the_end(workers)
     except KeyboardInterrupt:
-        raise StudyStoppedError(before + run.done, total or run.total) from None
+        raise StudyStoppedError(run.done, run.total) from None
     except WorkersGoneError as error:
-        raise InputError(_kept(f"{error}: stopped", before + run.done, total or run.total)) from None
+        raise InputError(_kept(f"{error}: stopped", run.done, run.total)) from None
 
 
 def _workers(jobs: int, dask: str | None, seed: int, run_chunk: RunChunk) -> AbstractContextManager[Workers]:
@@ -110,21 +191,6 @@ def _workers(jobs: int, dask: str | None, seed: int, run_chunk: RunChunk) -> Abs
     from calib.studies.dask_cluster import dask_workers
 
     return dask_workers(dask, seed, run_chunk)
-
-
-def _check(cases: Sequence[CaseSpec], study: Study, samples: int, seed: int, jobs: int) -> None:
-    """Refuse numbers that make no sense."""
-    if samples < 1:
-        raise InputError(f"{samples} samples: give 1 or more")
-    if jobs < 1:
-        raise InputError(f"{jobs} jobs: give 1 or more")
-    for case in cases:
-        if case.size < 1:
-            raise InputError(f"size {case.size}: draw 1 view or more for a sample")
-    if seed != study.identity.seed:
-        raise ValueError(f"the study has seed {study.identity.seed}, not {seed}")
-    if len({case.name for case in cases}) < len(cases):
-        raise ValueError("two cases have the same name")
 
 
 class _Todo:
@@ -175,8 +241,8 @@ def _ranges(numbers: Iterable[int]) -> Iterator[range]:
 class _Run:
     """One run: what is out, what is suspected of killing workers, and what has been kept."""
 
-    def __init__(self, study: Study, todo: _Todo, seed: int, *, total: int, on_progress: Callable[[int], None]) -> None:
-        self._study, self._todo, self._seed, self._on_progress = study, todo, seed, on_progress
+    def __init__(self, study: Study, todo: _Todo, *, total: int, on_progress: Callable[[int], None]) -> None:
+        self._study, self._todo, self._on_progress = study, todo, on_progress
         self.total = total
         self.done = total - todo.count
         self._out = 0
@@ -236,7 +302,7 @@ class _Run:
             self._fail(case, numbers[0], lost.reason)
 
     def _fail(self, case: CaseSpec, number: int, reason: str) -> None:
-        counts = draw_counts(self._seed, case.name, number, case.size, case.pool.view_count)
+        counts = draw_counts(self._study.identity.seed, case.name, number, case.size, case.pool.view_count)
         distinct = int(np.count_nonzero(counts))
         self._failures.append((case, failed_sample(number, distinct, case.pool.value_count, reason)))
         if self._any_good:
@@ -254,87 +320,3 @@ class _Run:
         self._study.add(case.name, results)
         self.done += len(results)
         self._on_progress(self.done)
-
-
-STUDY_FILE = "study.sqlite"
-Tell = Callable[[float], None]
-"""Told how many are done."""
-
-
-def after(before: float, tell: Tell) -> Tell:
-    """Tells of the progress of a part, what came before it included."""
-    return lambda done: tell(before + done)
-
-
-@dataclass(frozen=True)
-class DrawCount:
-    """How many draws were computed, and how long that took."""
-
-    new: int = 0
-    before: int = 0  # that the folder had
-    seconds: float = 0.0
-
-
-def ask_cluster(dask: str | None, progress: Progress) -> None:
-    """Refuse a cluster that cannot be used, by the address of its scheduler; None: there is none to ask.
-
-    Raises:
-        InputError: so it is.
-    """
-    if dask is not None:
-        from calib.studies.dask_cluster import check_cluster
-
-        progress("asking the cluster", 0, 0)
-        check_cluster(dask)
-
-
-@dataclass(frozen=True, eq=False)
-class Sampling:
-    """Where the samples of a study are kept, and who computes them."""
-
-    path: Path  # of the study's file
-    jobs: int  # processes
-    dask: str | None  # address of a cluster's scheduler, which computes the samples instead
-    resume: bool
-    progress: Progress
-
-    def check(self, identity: StudyIdentity) -> None:
-        """Refuse a place or a cluster that cannot be used, before there is much work behind us.
-
-        Raises:
-            InputError: so it is.
-        """
-        check_place(self.path, identity, resume=self.resume)
-        ask_cluster(self.dask, self.progress)
-
-    def run(
-        self, identity: StudyIdentity, groups: Sequence[tuple[Sequence[CaseSpec], int]], chunk: int | None = None
-    ) -> DrawCount:
-        """Compute the samples that are missing.
-
-        Args:
-            identity: what makes it this study.
-            groups: cases, and how many samples are wanted of each of them.
-            chunk: samples that are computed at a time; None: as many as take a moment.
-
-        Raises:
-            StudyStoppedError: interrupted, or no workers are left; what there is, is kept.
-        """
-        total, start = sum(len(specs) * count for specs, count in groups), time.perf_counter()
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        new = before = 0
-        with open_study(self.path, identity, resume=self.resume) as study:
-            for specs, samples in groups:
-                counts: list[int] = []
-                done = before + new
-
-                def tell(count: int, counts: list[int] = counts, done: int = done) -> None:
-                    counts.append(count)
-                    self.progress("sampling", done + count, total)
-
-                run_cases(
-                    specs, study, samples=samples, seed=identity.seed, jobs=self.jobs, dask=self.dask,
-                    on_progress=tell, chunk=chunk, before=done, total=total,
-                )  # fmt: skip
-                before, new = before + counts[0], new + counts[-1] - counts[0]
-        return DrawCount(new, before, time.perf_counter() - start)

@@ -8,8 +8,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calib.studies.identity import StudyIdentity, program_versions
-from calib.studies.sample_metrics import SampleResult
-from calib.studies.stored_samples import Samples, StoredCase, case_from_row, row_of, row_of_case, samples_from_rows
+from calib.studies.samples import (
+    SampleResult,
+    Samples,
+    StoredCase,
+    case_from_row,
+    row_of,
+    row_of_case,
+    samples_from_rows,
+)
 from designer.base.errors import InputError
 from designer.base.words import printable
 
@@ -19,7 +26,7 @@ VERSION = 1
 MAX_FILE_BYTES = 4 * 2**30
 MOST_SAMPLES = 4_000_000
 LONGEST_VALUE_BYTES = 2**24
-"""The covariance of as many parameters as a case may have is half as long; SQLite refuses to read what is longer."""
+"""The covariance of a thousand parameters is half as long; SQLite refuses to read what is longer."""
 BUSY_S = 20.0
 """Another run on the same file holds its lock for milliseconds."""
 
@@ -37,12 +44,6 @@ SCHEMA = {
     'PRIMARY KEY ("case", number)) WITHOUT ROWID',
 }
 """Metrics that are not defined are NULL; parameters and their covariance are float64, little endian."""
-
-CASE_COLUMNS = "name, target, size, pool, sampling, sightings, model, params, covariance"
-COLUMNS = (
-    "number, status, distinct_views, reprojection_px, intersection_mm, reconstruction_mm, pose_mm, params, "
-    "iterations, message"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +68,8 @@ class Study(AbstractContextManager["Study"]):
     def cases(self) -> tuple[StoredCase, ...]:
         """What has been sampled, in the order of its declaration."""
         with _one_line(self.path):
-            rows = self.connection.execute(f"SELECT {CASE_COLUMNS} FROM cases ORDER BY place")  # noqa: S608 - a constant
-            return tuple(case_from_row(self.path, row) for row in rows)
+            rows = self.connection.execute("SELECT * FROM cases ORDER BY place")
+            return tuple(case_from_row(self.path, row[:-1]) for row in rows)
 
     def declare(self, case: StoredCase) -> None:
         """Make a case known before its samples come.
@@ -93,9 +94,6 @@ class Study(AbstractContextManager["Study"]):
         """Keep samples of a declared case: all of them or, if the program dies meanwhile, none.
 
         Samples that are there already stay as they are.
-
-        Raises:
-            InputError: the file cannot be written.
         """
         record = self._case(case)
         rows = [(case, *row_of(result, record.params)) for result in results]
@@ -111,18 +109,16 @@ class Study(AbstractContextManager["Study"]):
             return {number for (number,) in found if isinstance(number, int)}
 
     def load(self, case: str) -> Samples:
-        """All samples of a case, by number.
-
-        Raises:
-            InputError: no such case, or rows that no study has written.
-        """
+        """All samples of a case, by number."""
         record = self._case(case)
         with _one_line(self.path):
-            found = self.connection.execute(
-                f'SELECT {COLUMNS} FROM sample WHERE "case" = ? ORDER BY number',  # noqa: S608 - a constant
-                (case,),
-            )
-            return samples_from_rows(self.path, record, found)
+            found = self.connection.execute('SELECT * FROM sample WHERE "case" = ? ORDER BY number', (case,))
+            return samples_from_rows(self.path, record, (row[1:] for row in found))
+
+    def load_all(self) -> dict[str, Samples]:
+        """The samples of every case that has some, by its name."""
+        found = {one.case.name: self.load(one.case.name) for one in self.cases()}
+        return {name: samples for name, samples in found.items() if len(samples.number)}
 
     def programs(self) -> tuple[tuple[str, str], ...]:
         """Names and versions of the programs that made the samples; twice the same name: it changed meanwhile."""
@@ -151,11 +147,6 @@ class Study(AbstractContextManager["Study"]):
 def open_study(path: Path, identity: StudyIdentity, *, resume: bool) -> Study:
     """Start a study, or go on with it.
 
-    Args:
-        path: of the file; its folder is there.
-        identity: what makes it this study.
-        resume: an existing file is gone on with; else it is refused.
-
     Raises:
         InputError: the file is there and `resume` is not asked for, is of another study, is no study, or cannot be
             written.
@@ -177,16 +168,7 @@ def open_study(path: Path, identity: StudyIdentity, *, resume: bool) -> Study:
 
 
 def check_place(path: Path, identity: StudyIdentity, *, resume: bool) -> None:
-    """Refuse before any work what `open_study` would refuse after it, but for inputs, which need not be there yet.
-
-    Args:
-        path: of the file.
-        identity: of the study that is to be; its inputs do not count.
-        resume: an existing file is to be gone on with.
-
-    Raises:
-        InputError: as `open_study`.
-    """
+    """Refuse before any work what `open_study` would refuse after it, but for inputs, which need not be there yet."""
     if not _is_there(path, resume=resume):
         return
     with _opened(path, "ro") as connection:

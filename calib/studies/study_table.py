@@ -8,24 +8,18 @@ import numpy as np
 
 from calib.cameras import MODELS, told_parameters
 from calib.studies.findings import HeldClaim, findings
-from calib.studies.statistics import (
-    METRICS,
-    Case,
-    CaseSummary,
-    Correlations,
-    Metric,
-    SampleArrays,
-    Setting,
-    correlations,
-    summarise,
-)
+from calib.studies.samples import Case, Setting
+from calib.studies.statistics import METRICS, CaseSummary, Correlations, Metric, SampleArrays, correlations, summarise
 from calib.studies.store import Study
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.marks import INLINE, Gap
 from designer.base.words import shown
 
-DRAWN_BY = {"tolerance": "design tolerance", "compare": "calib study compare", "cost": "calib study cost"}
+DRAWN_BY = {
+    "tolerance": "design tolerance", "rig tolerance": "design tolerance --rig", "compare": "calib study compare",
+    "cost": "calib study cost", "rig bootstrap": "calib study bootstrap --rig",
+}  # fmt: skip
 """Studies of other values than a camera's parameters, by the name of these."""
 FEWEST = 3
 """Converged samples that have a spread."""
@@ -129,8 +123,7 @@ def cases_of(study: Study) -> StudyCases:
         InputError: it has none, they are of other values than a camera's, or its file is damaged.
     """
     stored = study.cases()
-    samples = {one.case: study.load(one.case.name) for one in stored}
-    samples = {case: found for case, found in samples.items() if len(found.number)}
+    samples = {one.case.case: one for one in study.load_all().values()}
     if not samples:
         raise InputError(f"{study.path}: holds no samples yet; run the study again with --resume")
     models = {one.model for one in stored}

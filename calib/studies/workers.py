@@ -5,44 +5,80 @@ import pickle
 import re
 import tempfile
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
-from calib.core.parallel import interrupts_held, serve
-from calib.studies.sample_metrics import SampleResult
-from calib.studies.statistics import Case
+import numpy as np
+
+from calib.core.parallel import interrupts_held, one_thread, serve
+from calib.studies.samples import Case, SampleResult
 from designer.base.arrays import Array
+from designer.base.errors import InputError
 
 if TYPE_CHECKING:
     from joblib.externals.loky import ProcessPoolExecutor
 
 
-class SamplePool(Protocol):
+class SamplePool(ABC):
     """What samples are drawn from; it is pickled to be sent to workers."""
 
     @property
+    @abstractmethod
     def view_count(self) -> int:
         """How many views there are."""
 
     @property
+    @abstractmethod
     def model(self) -> str:
         """What its samples' values are: the name of a camera model, or of a kind of study."""
 
     @property
+    @abstractmethod
     def value_count(self) -> int:
         """How many values a sample has beside the four errors."""
 
     @property
     def covariance(self) -> Array:
         """(P, P) of the values in the solution of all views; (0, 0) if there is none."""
+        return np.zeros((0, 0))
 
+    @abstractmethod
     def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
         """The samples of some numbers, each a function of this, case, size, seed and number alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class ValuePool(SamplePool):
+    """A pool whose samples have values with names, and hang on seed and number alone."""
+
+    kind: ClassVar[str]  # of the values
+    values: ClassVar[tuple[str, ...]]
+
+    @property
+    def model(self) -> str:
+        """The kind of values."""
+        return self.kind
+
+    @property
+    def value_count(self) -> int:
+        """How many."""
+        return len(self.values)
+
+    @one_thread
+    def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
+        """The samples of some numbers."""
+        del case, size
+        return [self.sample(seed, number) for number in numbers]
+
+    @abstractmethod
+    def sample(self, seed: int, number: int) -> SampleResult:
+        """One sample."""
 
 
 RunChunk = Callable[[SamplePool, str, int, int, range], list[SampleResult]]
@@ -62,12 +98,17 @@ LOKY_CODES = re.compile(r"exit codes of the workers are \{(.*?)\}")
 
 @dataclass(frozen=True, eq=False)
 class CaseSpec:
-    """What is sampled, and what of."""
+    """What is sampled, what of, and how often."""
 
     case: Case
     pool: SamplePool
+    samples: int
 
     def __post_init__(self) -> None:
+        if self.samples < 1:
+            raise InputError(f"{self.samples} samples: give 1 or more")
+        if self.size < 1:
+            raise InputError(f"size {self.size}: draw 1 view or more for a sample")
         if self.case.pool != self.pool.view_count:
             raise ValueError(f"{self.case.name}: of {self.case.pool} views, but the pool has {self.pool.view_count}")
 

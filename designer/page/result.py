@@ -115,7 +115,8 @@ class Result(ABC):
         check_folder(folder)
         require_ours(folder / f"{cls.kind}.json", kind=f"{NAME}.{cls.kind}")
         for name in cls.files:
-            require_ours(folder / name)
+            if not name.endswith(".sqlite"):  # the samples of a study are asked where they are opened
+                require_ours(folder / name)
 
     def save(self, folder: str | PathLike[str], *, command: str = "", has_page: bool = True) -> tuple[Path, ...]:
         """Write `KIND.json`, its tables and its page into a folder; return the files.

@@ -31,7 +31,7 @@ from calib.solver.problem import SolveOptions, pack  # noqa: E402
 from calib.solver.schur import damped_step  # noqa: E402
 from calib.solver.solve import solve  # noqa: E402
 from calib.studies.bootstrap import Pool, expanded, make_pool, run_sample  # noqa: E402
-from calib.studies.sample_metrics import draw_counts  # noqa: E402
+from calib.studies.samples import draw_counts  # noqa: E402
 from tests.benchmarks.synthetic import row  # noqa: E402
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around  # noqa: E402
 

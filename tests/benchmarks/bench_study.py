@@ -39,7 +39,7 @@ from joblib.externals.loky import get_reusable_executor  # isort: skip
 from calib.studies.bootstrap import Pool
 from calib.studies.identity import StudyIdentity
 from calib.studies.runner import run_cases
-from calib.studies.statistics import Case
+from calib.studies.samples import Case
 from calib.studies.store import open_study
 from calib.studies.workers import CaseSpec
 from tests.benchmarks.synthetic import row
@@ -73,8 +73,8 @@ class Worker:
     peak_bytes: int
 
 
-def cases_of(target: Target, pool: Pool) -> tuple[CaseSpec, ...]:
-    return tuple(CaseSpec(Case(target.name, size, pool.view_count), pool) for size in SIZES)
+def cases_of(target: Target, pool: Pool, samples: int) -> tuple[CaseSpec, ...]:
+    return tuple(CaseSpec(Case(target.name, size, pool.view_count), pool, samples) for size in SIZES)
 
 
 def study(target: Target, pool: Pool, samples: int, jobs: int) -> Run:
@@ -83,7 +83,7 @@ def study(target: Target, pool: Pool, samples: int, jobs: int) -> Run:
     identity = StudyIdentity(SEED, (), ())
     with TemporaryDirectory() as folder, open_study(Path(folder) / "study.sqlite", identity, resume=False) as kept:
         run_cases(
-            cases_of(target, pool), kept, samples=samples, seed=SEED, jobs=jobs,
+            cases_of(target, pool, samples), kept, jobs=jobs,
             on_progress=lambda done: told.append((time.perf_counter(), done)),
         )  # fmt: skip
     used = list(workers())

@@ -21,9 +21,8 @@ from calib.cameras.camera import Camera  # noqa: E402
 from calib.solver.solve import solve  # noqa: E402
 from calib.studies.tolerance.anchor import minimum_of  # noqa: E402
 from calib.studies.tolerance.draw import drawn_noise, drawn_values, run_draws, seen_px  # noqa: E402
-from calib.studies.tolerance.predict import linear_table  # noqa: E402
+from calib.studies.tolerance.predict import ToleranceTable, linear_table, table_of_draws  # noqa: E402
 from calib.studies.tolerance.quantities import NAMES  # noqa: E402
-from calib.studies.tolerance.result import ToleranceTable, table_of_draws  # noqa: E402
 from calib.studies.tolerance.seen import aimed_at  # noqa: E402
 from calib.studies.tolerance.setting import Setting, make_setting  # noqa: E402
 from designer.kinds.ico import IcoSpec  # noqa: E402

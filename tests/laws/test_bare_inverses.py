@@ -53,7 +53,7 @@ ALLOWED = {
     "calib/studies/tolerance/first_order.py first_order": "rings that face the camera, by their incidence",
     "calib/studies/tolerance/first_order.py _sums": "a shortest solution, which any rings have",
     "calib/studies/tolerance/first_order.py _rebuilt_by_pixel": "of the rings whose rays were found to meet in a point",
-    "calib/studies/tolerance/map_error.py map_error_px": "three turns, seen over a whole image",
+    "calib/studies/tolerance/seen.py map_error_px": "three turns, seen over a whole image",
     "calib/studies/tolerance/setting.py _setting": "Cholesky of the detector's covariances, as its noise is drawn",
     "calib/studies/tolerance/rig_costs.py SimulatedFrames._view": "Cholesky, as the detector's noise is drawn",
     "calib/solver/learn_views.py _combined": "shortest steps with a cut-off that is meant to forget",

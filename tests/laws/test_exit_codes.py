@@ -222,7 +222,7 @@ def test_an_empty_word_is_no_folder(program: Callable[..., Answer], app: typer.T
         ((*SOLVE, "detections.csv"), "calib.judge.solutions.calibrate"),
         (("study", "paper", "--quick", "-o", "out"), "calib.studies.paper_study.missing_targets"),
         (("study", "compare", "--quick", "-o", "out"), "calib.studies.compare.cases.comparison"),
-        (("study", "cost", "--quick", "-o", "out"), "calib.studies.cost.cases.groups_of"),
+        (("study", "cost", "--quick", "-o", "out"), "calib.studies.cost.ratios.cases_of"),
         (BOOTSTRAP, "calib.studies.bootstrap.make_pool"),
         (("convert", "camera.json", "--to", "ros", "-o", "c.yaml"), "calib.cameras.formats.holding.fit_to_format"),
     ],

@@ -87,7 +87,7 @@ def test_an_option_that_names_nothing_is_refused(
     """In a line that has the option or what was given, before anything is sampled or a page is served."""
     for work in ("calib.capture.serving.Serving.until_done", "calib.studies.compare.cases.comparison"):
         monkeypatch.setattr(work, _unused)
-    for work in ("calib.studies.cost.cases.groups_of", "calib.studies.bootstrap.make_pool"):
+    for work in ("calib.studies.cost.ratios.cases_of", "calib.studies.bootstrap.make_pool"):
         monkeypatch.setattr(work, _unused)
     (scene_copy / "robot.csv").write_text(ROBOT)
     answer = run(command, option, NONSENSE)

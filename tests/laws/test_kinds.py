@@ -56,8 +56,8 @@ def names_in(path: Path) -> set[str]:
 LABELS = {
     "calib/__init__.py": {"coupon"},  # the function and the command that look at one
     "calib/cli.py": {"coupon"},
-    "calib/studies/cost/cases.py": {"board"},  # what a scene is called
-    "calib/studies/paper_table.py": {"board"},  # what the paper calls its targets
+    "calib/studies/cost/ratios.py": {"board"},  # what a scene is called
+    "calib/studies/statistics.py": {"board"},  # what the paper calls its targets
     "calib/studies/paper_study.py": {"board", "ico"},  # their specs, as target files have them
     "calib/judge/next_view_words.py": {"board"},  # what people call a thing that is flat
 }

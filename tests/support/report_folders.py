@@ -11,16 +11,12 @@ from calib.app.study_bootstrap import Bootstrap
 from calib.app.study_compare import ComparedObjects
 from calib.app.study_cost import CostStudy
 from calib.app.study_result import StudyResult
-from calib.studies.compare.cases import FIGURE, LENS_DRAWN, Plan
-from calib.studies.compare.results import METRICS, CaseResult, Explanation, tabulated
-from calib.studies.cost.cases import CostPlan
-from calib.studies.cost.results import CostRatio, CostTable, StartRow
+from calib.studies.compare.cases import FIGURE, LENS_DRAWN, METRICS, CaseResult, Explanation, Plan, tabulated
+from calib.studies.cost.ratios import CostPlan, CostRatio, CostTable, StartRow
 from calib.studies.identity import StudyIdentity
 from calib.studies.runner import DrawCount
-from calib.studies.sample_metrics import SampleResult
-from calib.studies.statistics import Case
+from calib.studies.samples import Case, SampleResult, StoredCase
 from calib.studies.store import open_study
-from calib.studies.stored_samples import StoredCase
 from calib.studies.study_table import StudyCases, study_table
 from tests.support.study_cases import NAMES, Made, gamma, made, paper_cases, studied
 from tests.support.tolerance_settings import told, tolerance_study

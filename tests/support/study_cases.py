@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.studies.paper_table import POOL, SIZES, TARGETS, paper_value
-from calib.studies.statistics import METRICS, Case, CaseSummary, summarise
+from calib.studies.samples import Case
+from calib.studies.statistics import METRICS, POOL, SIZES, TARGETS, CaseSummary, paper_value, summarise
 from calib.studies.study_table import StudyCases, StudyTable, study_table
 from designer.base.arrays import Array
 

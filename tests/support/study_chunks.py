@@ -12,8 +12,7 @@ import numpy as np
 
 from calib.solver.problem import SolveOptions
 from calib.studies.bootstrap import Pool, make_pool
-from calib.studies.sample_metrics import SampleResult, draw_counts
-from calib.studies.statistics import Case
+from calib.studies.samples import Case, SampleResult, draw_counts
 from calib.studies.workers import CaseSpec
 
 # What workers do not need is imported where it is used: tests start many of them.
@@ -43,9 +42,9 @@ def small_pool() -> Pool:
     )
 
 
-def cases_of(pool: Pool) -> tuple[CaseSpec, ...]:
+def cases_of(pool: Pool, samples: int = SAMPLES) -> tuple[CaseSpec, ...]:
     """Two cases of a pool."""
-    return tuple(CaseSpec(Case("board", size, pool.view_count), pool) for size in (8, 20))
+    return tuple(CaseSpec(Case("board", size, pool.view_count), pool, samples) for size in (8, 20))
 
 
 def made_up(pool: Pool, case: str, size: int, seed: int, number: int, message: str = "") -> SampleResult:
@@ -112,7 +111,7 @@ def main() -> int:
     with open_study(Path(sys.argv[1]), identity(), resume=True) as study:
         try:
             run_cases(
-                cases_of(small_pool()), study, samples=SAMPLES, seed=SEED, jobs=2, chunk=3,
+                cases_of(small_pool()), study, jobs=2, chunk=3,
                 run_chunk=partial(slow_or_revealing, len(sys.argv) > 2),
                 on_progress=lambda done: print(done, flush=True),
             )  # fmt: skip

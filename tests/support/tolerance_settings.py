@@ -9,18 +9,17 @@ import pytest
 
 from calib.app.tolerance import Tolerance
 from calib.solver.problem import SolveOptions
-from calib.studies.runner import DrawCount
+from calib.studies.runner import DrawCount, Sampling
 from calib.studies.tolerance.explore import PhotographedTarget, TolerancePlan, compared, explore
+from calib.studies.tolerance.predict import ToleranceTable
 from calib.studies.tolerance.quantities import parse_requirements
 from calib.studies.tolerance.record import PhotographedSetting, ToleranceStudy
-from calib.studies.tolerance.result import ToleranceTable
 from calib.studies.tolerance.seen import aimed_at
 from calib.studies.tolerance.setting import Setting, make_setting
 from calib.studies.tolerance.sizes import what_if_table
-from calib.studies.tolerance.stored import Keeping
 from calib.studies.tolerance.what_if import WhatIfTable
 from designer.base.arrays import Array
-from designer.target import target_to_json
+from designer.page.progress import unheard
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount
@@ -94,15 +93,13 @@ def what_ifs() -> WhatIfTable:
 def _explored(*, linear: bool) -> tuple[ToleranceStudy, ToleranceTable]:
     with TemporaryDirectory() as place, pytest.MonkeyPatch.context() as patch:
         patch.setattr("calib.studies.tolerance.sizes.DRAWS", 1)  # the page's law is held to exact ones elsewhere
-        file = Path(place) / "target.json"
-        file.write_text(target_to_json(ico()))
         plan = TolerancePlan(
             DRAWS, 1, parse_requirements(["intersection=0.01mm", "reprojection=50px"]), "intersection", full=False,
-            linear=linear, keeping=Keeping(Path(place), 1), progress=lambda what, done, total: None,
+            linear=linear, sampling=Sampling(Path(place), 1, None, resume=False, progress=unheard),
         )  # fmt: skip
         words = PhotographedSetting("20 faces, 300 rings; 24 views", "fdm-dual: two filaments", (), ("it is near",))
-        scene = PhotographedTarget("ico", file, ico_setting(), few_errors(), words)
+        scene = PhotographedTarget("ico", "0" * 64, ico_setting(), few_errors(), words)
         study, table, _ = explore(scene, plan)
         words = PhotographedSetting("1 face", "fdm-board: two filaments")
-        other = PhotographedTarget("board", file, board_setting(), error_model("fdm-board"), words)
+        other = PhotographedTarget("board", "1" * 64, board_setting(), error_model("fdm-board"), words)
         return compared(study, table, other, plan, None), table

@@ -7,21 +7,18 @@ medians of 12 sets of photos of each object, about 30 photos of a board, about 9
 """
 
 import math
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
-from calib.core.parallel import one_thread
 from calib.core.se3 import exp_rotation, transform
-from calib.core.types import Observations
-from calib.observe.observations import known_points
+from calib.core.types import Observations, keep_sightings
 from calib.renderer.poses import PoseGrid, grid_poses
-from calib.studies.sample_metrics import SampleResult, keyed_generator
-from calib.studies.tolerance.seen import CONTRAST_TO_NOISE, LEAST_RINGS, seen_in
+from calib.studies.samples import keyed_generator
+from calib.studies.tolerance.seen import CONTRAST_TO_NOISE, LEAST_RINGS, views_of
+from calib.studies.workers import ValuePool
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.files import read_spec_file
@@ -67,11 +64,7 @@ def fitting_distance_mm(target: TargetGeometry, camera: Camera) -> float:
 
 
 def scene_of(name: str, target: TargetGeometry, camera: Camera, views: int) -> ComparedScene:
-    """A scene at the distance that fits.
-
-    Raises:
-        InputError: the camera does not see the target from there.
-    """
+    """A scene at the distance that fits."""
     scene = ComparedScene(name, target, camera, fitting_distance_mm(target, camera), views)
     if not len(take_photos(scene, target.center_mm, np.random.default_rng(0), views).view):
         raise InputError(
@@ -106,26 +99,15 @@ def photograph(
 ) -> tuple[Observations, Array]:
     """As `take_photos`, with the poses of the photos that show enough (V, 4, 4)."""
     poses = _poses(scene, rng, views)
-    seen = [seen_in(scene.target, scene.camera, pose, scene.contrast_to_noise) for pose in poses]
-    kept = [number for number, (ring, _, _) in enumerate(seen) if len(ring) >= LEAST_RINGS]
-    if not kept:
-        nothing = np.zeros(0, np.int64)
-        points = known_points(scene.target)
-        empty = Observations(scene.camera.image_size, (), nothing, nothing, np.zeros((0, 2)), None, points)
-        return empty, np.zeros((0, 4, 4))
-    ring = np.concatenate([seen[number][0] for number in kept])
-    covariance = np.concatenate([seen[number][2] for number in kept])
-    view = np.repeat(np.arange(len(kept)), [len(seen[number][0]) for number in kept])
-    point = transform(poses[kept][view], made_mm[ring])
-    off = np.einsum("mij,mj->mi", np.linalg.cholesky(covariance), rng.standard_normal((len(ring), 2)))
+    kept, exact = views_of(scene.target, scene.camera, poses, scene.contrast_to_noise)
+    covariance, poses = exact.cov_px2, poses[kept]
+    if covariance is None or not len(kept):
+        return exact, poses
+    point = transform(poses[exact.view], made_mm[exact.point])
+    off = np.einsum("mij,mj->mi", np.linalg.cholesky(covariance), rng.standard_normal((len(point), 2)))
     pixel = project(scene.camera, point) + noise * off
-    known = np.isfinite(pixel).all(axis=1)
-    names = tuple(f"view {number}" for number in kept)
-    taken = Observations(
-        scene.camera.image_size, names, view[known], ring[known], pixel[known], covariance[known],
-        known_points(scene.target),
-    )  # fmt: skip
-    return taken, poses[kept]
+    taken = replace(exact, center_px=pixel)
+    return keep_sightings(taken, np.isfinite(pixel).all(axis=1)), poses
 
 
 def _poses(scene: ComparedScene, rng: np.random.Generator, views: int) -> Array:
@@ -146,42 +128,15 @@ def _poses(scene: ComparedScene, rng: np.random.Generator, views: int) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class ScenePool(ABC):
-    """Samples of one scene, as `calib.studies.workers.SamplePool`."""
+class ScenePool(ValuePool):
+    """Samples of one scene; what is random hangs on that, seed and number."""
 
-    kind: ClassVar[str]  # of the values that a sample has beside the errors
-    values: ClassVar[tuple[str, ...]]  # their names
     scene: ComparedScene
 
     @property
     def view_count(self) -> int:
         """Photos of a set."""
         return self.scene.views
-
-    @property
-    def model(self) -> str:
-        """The kind of values."""
-        return self.kind
-
-    @property
-    def value_count(self) -> int:
-        """How many."""
-        return len(self.values)
-
-    @property
-    def covariance(self) -> Array:
-        """They have none."""
-        return np.zeros((0, 0))
-
-    @one_thread
-    def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
-        """The samples of some numbers."""
-        del case, size
-        return [self.sample(seed, number) for number in numbers]
-
-    @abstractmethod
-    def sample(self, seed: int, number: int) -> SampleResult:
-        """One sample; what is random hangs on scene, seed and number alone."""
 
 
 VIRTUAL = "virtual"
@@ -231,11 +186,7 @@ REPROJECTION_RATIO = ("ShinyIco", "3DBoard", 2.0)
 
 
 def object_named(name: str) -> PaperObject:
-    """One of `OBJECTS`.
-
-    Raises:
-        StopIteration: there is none of that name.
-    """
+    """One of `OBJECTS`."""
     return next(one for one in OBJECTS if one.name == name)
 
 

@@ -6,12 +6,11 @@ import numpy as np
 
 from calib.cameras import is_allowed
 from calib.cameras.camera import Camera
-from calib.core.jit import jit
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.levenberg import minimise, move_poses, turn_of_centre
 from calib.solver.problem import Problem, Tie
 from calib.solver.schur import reduced_normal
-from calib.studies.gradients import gradients_of
+from calib.studies.gradients import CameraFit, gradients_of, reduced_gradient, step_length
 from designer.base.arrays import Array
 
 CLOSE = 1e-5
@@ -48,16 +47,6 @@ class Anchor:
     deviation: float  # of a whitened residual, by the noise
 
 
-@dataclass(frozen=True, eq=False)
-class AnchoredMinimum:
-    """The minimum of some pixels."""
-
-    camera: Camera
-    cam_from_target: Array  # (V, 4, 4) from the problem's origin
-    cost: float  # sum of squared whitened residuals
-    looks: int
-
-
 def factorise(problem: Problem, tie: Tie, camera: Camera, cam_from_target: Array, deviation: float) -> Anchor:
     """The anchor at a minimum.
 
@@ -76,7 +65,7 @@ def factorise(problem: Problem, tie: Tie, camera: Camera, cam_from_target: Array
     )  # fmt: skip
 
 
-def minimum_of(anchor: Anchor, measured_px: Array, start: AnchoredMinimum | None = None) -> AnchoredMinimum | None:
+def minimum_of(anchor: Anchor, measured_px: Array, start: CameraFit | None = None) -> CameraFit | None:
     """The camera and poses that fit other pixels of the anchor's observations best; None if there are none.
 
     Steps with the anchor's normal matrix, whose fixed point is where the true gradient is zero, each corrected by what
@@ -90,9 +79,7 @@ def minimum_of(anchor: Anchor, measured_px: Array, start: AnchoredMinimum | None
         start: a nearer start.
     """
     problem = replace(anchor.problem, measured_px=measured_px)
-    here = (
-        AnchoredMinimum(anchor.camera, anchor.cam_from_target, np.nan, 0) if start is None else replace(start, looks=0)
-    )
+    here = CameraFit(anchor.camera, anchor.cam_from_target, np.nan, 0) if start is None else replace(start, looks=0)
     matrix = anchor
     for _ in range(MOST_RENEWALS + 1):
         here, arrived = _approach(matrix, problem, here)
@@ -105,24 +92,28 @@ def minimum_of(anchor: Anchor, measured_px: Array, start: AnchoredMinimum | None
     return _descended(anchor, problem, here.looks)
 
 
-def _approach(anchor: Anchor, problem: Problem, here: AnchoredMinimum) -> tuple[AnchoredMinimum, bool]:
+def _approach(anchor: Anchor, problem: Problem, here: CameraFit) -> tuple[CameraFit, bool]:
     """Steps with one matrix, to the minimum or until they are slow; a cost of nan where they lead away."""
-    views = np.arange(problem.view_count)
+    views, once = np.arange(problem.view_count), np.ones(problem.view_count, dtype=np.int64)
     camera, poses = here.camera, here.cam_from_target
     history = _History([], [])
     lengths: list[float] = []
     for look in range(here.looks + 1, here.looks + MOST_LOOKS + 1):
         there = gradients_of(problem, views, camera, poses)
-        reduced, rest, promised = _reduced(anchor.spread, anchor.pose_inverse, anchor.follow, there.gradient)
+        reduced, rest, promised = reduced_gradient(
+            anchor.spread, anchor.pose_inverse, views, once, there.gradient, anchor.follow
+        )
         step = -anchor.free_inverse @ reduced
         promised -= float(reduced @ step)
         cost = float(there.cost.sum())
-        length = float(np.sqrt(promised)) / anchor.deviation if promised >= 0 else np.nan
-        lost = AnchoredMinimum(camera, poses, np.nan, look)
+        length = step_length(promised, anchor.deviation)
+        lost = CameraFit(camera, poses, np.nan, look)
         if not (np.isfinite(cost) and length <= WORST * min(lengths, default=np.inf)):
             return lost, False
-        if len(lengths) >= PATIENCE and _is_far(length, lengths[-2]):
-            return AnchoredMinimum(camera, poses, cost, look), False
+        if len(lengths) >= PATIENCE:
+            rate = min(np.sqrt(length / lengths[-2]), 1 - 1e-3)
+            if np.log(CLOSE / length) / np.log(rate) > MANY:
+                return CameraFit(camera, poses, cost, look), False
         taken = history.corrected(anchor, np.concatenate([step, rest.reshape(-1)]))
         step, rest = taken[: len(step)], taken[len(step) :].reshape(rest.shape)
         trial = replace(camera, params=camera.params + anchor.spread @ step)
@@ -133,18 +124,12 @@ def _approach(anchor: Anchor, problem: Problem, here: AnchoredMinimum) -> tuple[
         # Each step is shorter than the last by about the same factor; the first tells none.
         left = length / lengths[-1] if lengths else 1.0
         if length * left <= CLOSE:
-            return AnchoredMinimum(camera, poses, max(cost - promised, 0.0), look), True
+            return CameraFit(camera, poses, max(cost - promised, 0.0), look), True
         lengths.append(length)
-    return AnchoredMinimum(camera, poses, cost, look), False
+    return CameraFit(camera, poses, cost, look), False
 
 
-def _is_far(length: float, last_but_one: float) -> bool:
-    """Whether steps that shrink like this are many from the minimum."""
-    rate = min(np.sqrt(length / last_but_one), 1 - 1e-3)
-    return bool(np.log(CLOSE / length) / np.log(rate) > MANY)
-
-
-def renewed(anchor: Anchor, problem: Problem, here: AnchoredMinimum) -> Anchor | None:
+def renewed(anchor: Anchor, problem: Problem, here: CameraFit) -> Anchor | None:
     """The anchor with true second derivatives near another minimum, by differences; None if they are not positive.
 
     In coordinates in which poses follow the camera as they did, so that what is left of that is small.
@@ -242,7 +227,7 @@ def _in_deviations(anchor: Anchor, steps: Array) -> Array:
     return np.concatenate([anchor.free_root @ steps[:free], (anchor.pose_root @ pose).reshape(-1, steps.shape[1])])
 
 
-def _descended(anchor: Anchor, problem: Problem, looks: int) -> AnchoredMinimum | None:
+def _descended(anchor: Anchor, problem: Problem, looks: int) -> CameraFit | None:
     """The minimum by Levenberg-Marquardt from the anchor; None if it is not found."""
     found = minimise(
         problem, anchor.camera, anchor.cam_from_target, anchor.tie.row, RobustLoss(), max_iterations=MOST_STEPS
@@ -250,24 +235,4 @@ def _descended(anchor: Anchor, problem: Problem, looks: int) -> AnchoredMinimum 
     cost = float(found.blocks.cost.sum())
     if not (found.converged and np.isfinite(cost)):
         return None
-    return AnchoredMinimum(found.camera, found.cam_from_target, cost, looks + 3 * found.iterations)
-
-
-@jit
-def _reduced(spread: Array, pose_inverse: Array, follow: Array, gradient: Array) -> tuple[Array, Array, float]:
-    """The gradient by the free parameters with the poses at their best (Q,), what these lack (V, 6), its promise."""
-    parameters, free = spread.shape
-    reduced, rest, promised = np.zeros(free), np.zeros((len(gradient), 6)), 0.0
-    for view in range(len(gradient)):
-        for i in range(6):
-            for j in range(6):
-                rest[view, i] -= pose_inverse[view, i, j] * gradient[view, parameters + j]
-            promised -= rest[view, i] * gradient[view, parameters + i]
-        for q in range(free):
-            total = 0.0
-            for p in range(parameters):
-                total += spread[p, q] * gradient[view, p]
-            for i in range(6):
-                total += follow[view, i, q] * gradient[view, parameters + i]
-            reduced[q] += total
-    return reduced, rest, promised
+    return CameraFit(found.camera, found.cam_from_target, cost, looks + 3 * found.iterations)

@@ -18,7 +18,7 @@ import numpy as np
 from calib.cameras import linearise
 from calib.core.se3 import skew
 from calib.solver.metrics.reconstruction import LEAST_SPREAD_RAD
-from calib.studies.tolerance.map_error import turn_jacobian
+from calib.studies.tolerance.seen import turn_jacobian
 from calib.studies.tolerance.setting import Setting
 from designer.base.arrays import Array, Flags, Rows
 
@@ -140,13 +140,7 @@ def _sums(setting: Setting, jacobian: Array, on_face: Array, by_free: Array, is_
 
 
 def _rebuilt_by_pixel(setting: Setting, by_ring: Array, ray: Array) -> tuple[Array, Flags]:
-    """`N^-1 A` of each observation (M, 3, 2), and which rings have rays from different sides (R,).
-
-    Args:
-        setting: what is photographed.
-        by_ring: pixels by ring positions (M, 2, 3).
-        ray: of each observation in the target's frame (M, 3).
-    """
+    """`N^-1 A` of each observation (M, 3, 2), and which rings have rays from different sides (R,)."""
     ring, rings = setting.observations.point, setting.target.ring_count
     unit = ray / np.linalg.norm(ray, axis=1, keepdims=True)
     matrix = np.zeros((rings, 3, 3))

@@ -57,20 +57,12 @@ class Requirement:
 
 
 def quantity_row(name: str) -> int:
-    """The row of a quantity in `QUANTITIES`.
-
-    Raises:
-        ValueError: there is none of that name.
-    """
+    """The row of a quantity in `QUANTITIES`."""
     return NAMES.index(name)
 
 
 def quantity_named(name: str) -> Quantity:
-    """A quantity by its name.
-
-    Raises:
-        InputError: there is none; the message suggests the nearest.
-    """
+    """A quantity by its name."""
     if name not in NAMES:
         hint = suggestion(name, list(NAMES)) or f"; there are {', '.join(NAMES)}"
         raise InputError(f"unknown quantity {name!r}{hint}")
@@ -84,11 +76,7 @@ def other_reference(name: str) -> Quantity | None:
 
 
 def parse_requirements(texts: Sequence[str]) -> tuple[Requirement, ...]:
-    """Limits as people write them, each of another quantity.
-
-    Raises:
-        InputError: no '=', an unknown quantity, a unit of another dimension, not above 0, or a quantity twice.
-    """
+    """Limits as people write them, each of another quantity."""
     found = [_parse(text) for text in several("--require", texts)]
     names = [one.quantity for one in found]
     for name in names:

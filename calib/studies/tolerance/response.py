@@ -15,7 +15,7 @@ The square of a residual over a view is `du' M du - 2 (J' M du)' dx + dx' (J' M 
 only the observations of rings that move are looked at, and a source of single rings costs no more than one of the whole
 print. What such sums lose in rounding is a share of 1e-15 of the squared displacement of the pixels.
 
-Displacements count without the rigid motion that `calib.studies.tolerance.measures` takes out of the true shape, so
+Displacements count without the rigid motion that `calib.studies.tolerance.draw` takes out of the true shape, so
 that the true poses stay where they are; to the solver that motion is one of the poses, so these alone are freed of it.
 
 What the noise of the detected centres costs to first order: the mean of every quantity's square, without draws.

@@ -5,15 +5,16 @@ error of all lenses and places is linear in the displacements of the rings, so t
 drawn prints are simulated and solved again as a check.
 """
 
+import hashlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
 from calib.cameras.rig import Rig
-from calib.core.se3 import log_rotation, transform
+from calib.core.se3 import compose, invert, log_rotation, transform
 from calib.core.types import Observations, RigObservations, keep_frames
 from calib.observe.observations import known_points
 from calib.rigs.problem import CameraChoice, RigOptions
@@ -25,11 +26,16 @@ from calib.space.budget import length_errors
 from calib.space.linear import is_in_image
 from calib.space.sightings import of_rows
 from calib.space.triangulate import triangulate_points
+from calib.studies.identity import StudyIdentity, identity_of
+from calib.studies.rig_bootstrap import pose_values, poses_of
+from calib.studies.samples import SampleResult, Samples, failed_sample, sample_of_values
+from calib.studies.tolerance.draw import error_settings
 from calib.studies.tolerance.seen import CONTRAST_TO_NOISE, LEAST_RINGS, seen_in
+from calib.studies.workers import ValuePool
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.base.marks import Gap, Word
-from designer.target import TargetGeometry
+from designer.target import TargetGeometry, target_to_json
 from designer.tolerance.model import ErrorModel, perturb
 from designer.tolerance.prior import shape_prior
 from designer.tolerance.source import Amount
@@ -38,6 +44,7 @@ LENGTH_MM = 100.0
 """Whose error is told, in the middle of where the target was held."""
 AS_NOTHING = 1e-9
 """Of mm and rad, what is rounding."""
+KIND = "rig tolerance"
 NOISE, TOGETHER, DRAWN = "noise", "all errors", "drawn prints"
 """What costs are told of beside sources: drawn prints have noise, too."""
 
@@ -64,11 +71,7 @@ class SimulatedFrames:
     rig_from_target: Array  # (V, 4, 4)
 
     def seen(self, made: TargetGeometry, rng: np.random.Generator) -> RigObservations:
-        """What the cameras see of a print with noise, told as the rings of the drawing.
-
-        Raises:
-            InputError: a camera sees the target in no frame.
-        """
+        """What the cameras see of a print with noise, told as the rings of the drawing."""
         sightings, frames = [], []
         for row, name in enumerate(self.rig.names):
             views = [self._view(made, row, frame, rng) for frame in range(len(self.rig_from_target))]
@@ -95,11 +98,7 @@ class SimulatedFrames:
         return ring, pixel + noise[:, :, 0], covariance
 
     def solved(self, made: TargetGeometry, rng: np.random.Generator) -> RigCalibration:
-        """The rig from these frames, all lenses free.
-
-        Raises:
-            InputError: they do not determine it.
-        """
+        """The rig from these frames, all lenses free."""
         choices = [CameraChoice(camera.model, camera) for camera in self.rig.cameras]
         found = solve_rig(self.seen(made, rng), choices, RigOptions())
         if found.status == "degenerate":
@@ -134,57 +133,77 @@ def cost_of(found: RigCalibration, name: str, amount: Amount | None = None) -> R
         _, by_rig = length_errors(rig, middle.point_mm[None], np.eye(3), LENGTH_MM, np.ones(len(rig.names)))
         length = _rms(np.sqrt(by_rig).ravel().tolist())
     return RigCost(
-        name, *_told(amount), _rms([one.baseline_sigma_mm for one in pairs]),
+        name, "" if amount is None else amount.kind, math.nan if amount is None else amount.size,
+        _rms([one.baseline_sigma_mm for one in pairs]),
         _rms([math.sqrt(max(np.trace(one.covariance[:3, :3]), 0.0)) for one in pairs]),
         math.nan if middle is None else middle.rig_mm, length,
     )  # fmt: skip
 
 
-def _told(amount: Amount | None) -> tuple[str, float]:
-    return ("", math.nan) if amount is None else (amount.kind, amount.size)
+@dataclass(frozen=True, eq=False)
+class PrintPool(ValuePool):
+    """Prints with errors, each seen by a rig with noise of its own, and solved as if it were as drawn.
 
-
-def drawn_cost(
-    frames: SimulatedFrames, middle_mm: Array | None, errors: ErrorModel, seed: int, draws: int,
-    tell: Callable[[int], None],
-) -> RigCost:  # fmt: skip
-    """What drawn prints and noise together did to the rig, each simulated and solved; nan without draws.
-
-    Args:
-        frames: that are simulated.
-        middle_mm: where points are looked at; None: nowhere.
-        errors: of the prints.
-        seed: of prints and noise.
-        draws: how many.
-        tell: told how many are done.
+    The values of a sample are the cameras' poses and, of a point in the middle and three lengths about it that are
+    then seen without noise, how far they are off.
     """
-    true, off = frames.rig, _Off([], [], [], [])
-    for number in range(draws):
+
+    kind: ClassVar[str] = KIND
+    frames: SimulatedFrames
+    middle_mm: Array | None  # where points are looked at; None: nowhere
+    errors: ErrorModel
+
+    @property
+    def view_count(self) -> int:
+        """Frames."""
+        return len(self.frames.rig_from_target)
+
+    @property
+    def value_count(self) -> int:
+        """Of each camera, the first three rows of `cam_from_rig`; the point and the lengths."""
+        return 12 * len(self.frames.rig.names) + 4
+
+    def sample(self, seed: int, number: int) -> SampleResult:
+        """The print of a number."""
         rng = np.random.default_rng([seed, number])
-        found = frames.solved(perturb(frames.target, errors, rng), rng).rig
-        for b in range(len(true.names)):
-            for a in range(b):
-                here, there = relative(found, a, b), relative(true, a, b)
-                off.baseline_mm.append(here.baseline_mm - there.baseline_mm)
-                turn = here.b_from_a[:3, :3] @ there.b_from_a[:3, :3].T
-                off.turn_rad.append(float(np.linalg.norm(log_rotation(turn))))
-        if middle_mm is not None:
-            _add_space(off, true, found, middle_mm)
-        tell(number + 1)
-    return RigCost(DRAWN, "", math.nan, *map(_rms, (off.baseline_mm, off.turn_rad, off.point_mm, off.length_mm)))
+        try:
+            found = self.frames.solved(perturb(self.frames.target, self.errors, rng), rng)
+        except InputError as error:
+            return failed_sample(number, self.view_count, self.value_count, str(error))
+        off = (math.nan,) * 4 if self.middle_mm is None else _off_in_space(self.frames.rig, found.rig, self.middle_mm)
+        values = (*pose_values(found.rig), *off)
+        return sample_of_values(number, found.status, self.view_count, values, found.iterations)
 
 
-class _Off(NamedTuple):
-    """How far drawn rigs are off."""
+def print_identity(pool: PrintPool, seed: int) -> StudyIdentity:
+    """What makes the draws of prints this study."""
+    rig, poses = pool.frames.rig, pool.frames.rig_from_target
+    told = repr(([camera.to_json() for camera in rig.cameras], rig.cam_from_rig.tolist(), poses.tolist()))
+    texts = {"rig and its frames": told, "target": target_to_json(pool.frames.target)}
+    inputs = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}
+    return identity_of(seed, {"study": KIND, **error_settings(pool.errors)}, inputs)
 
-    baseline_mm: list[float]
-    turn_rad: list[float]
-    point_mm: list[float]
-    length_mm: list[float]
+
+def drawn_cost(frames: SimulatedFrames, samples: Samples) -> RigCost:
+    """What drawn prints and noise together did to the rig."""
+    lost = [message for message, status in zip(samples.message, samples.status, strict=True) if status == "failed"]
+    if lost:
+        raise InputError(f"{len(lost)} of {len(samples.number)} drawn prints: {lost[0]}")
+    found, true = poses_of(samples.params[:, :-4]), frames.rig.cam_from_rig
+    baseline, turn = list[Array](), list[Array]()
+    for b in range(len(true)):
+        for a in range(b):
+            here = compose(found[:, b], invert(found[:, a]))
+            there = compose(true[b], invert(true[a]))
+            baseline.append(np.linalg.norm(here[:, :3, 3], axis=1) - np.linalg.norm(there[:3, 3]))
+            turn.append(np.linalg.norm(log_rotation(here[:, :3, :3] @ there[:3, :3].T), axis=1))
+    point, length = samples.params[:, -4], samples.params[:, -3:]
+    drawn = (np.transpose(baseline).ravel(), np.transpose(turn).ravel(), point, length.ravel())
+    return RigCost(DRAWN, "", math.nan, *(_rms(one[np.isfinite(one)].tolist()) for one in drawn))
 
 
-def _add_space(off: _Off, true: Rig, found: Rig, middle_mm: Array) -> None:
-    """Add how far a point is off, and lengths about it, that are seen without noise."""
+def _off_in_space(true: Rig, found: Rig, middle_mm: Array) -> tuple[float, ...]:
+    """How far a point is off, and lengths about it, that are seen without noise."""
     ends = 0.5 * LENGTH_MM * np.concatenate([np.eye(3), -np.eye(3)])
     points = middle_mm + np.concatenate([np.zeros((1, 3)), ends])
     camera, place, pixel = [], [], []
@@ -198,9 +217,8 @@ def _add_space(off: _Off, true: Rig, found: Rig, middle_mm: Array) -> None:
     told = triangulate_points(found, sightings, np.ones(len(true.names)))
     position = np.full((len(points), 3), np.nan)
     position[[int(told.sightings.name(row)) for row in range(told.sightings.count)]] = told.position_mm
-    off.point_mm.append(float(np.linalg.norm(position[0] - middle_mm)))
     length = np.linalg.norm(position[1:4] - position[4:], axis=1) - LENGTH_MM
-    off.length_mm.extend(length[np.isfinite(length)].tolist())
+    return float(np.linalg.norm(position[0] - middle_mm)), *length.tolist()
 
 
 def _rms(values: Sequence[float]) -> float:

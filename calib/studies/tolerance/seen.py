@@ -17,6 +17,11 @@ variance, along the major axis of rings below 6 px 0.2 to 0.6 times. So the nois
 Nothing that a ring has beyond its stated covariance is in it: the noise of observations is independent, while a bias of
 the fit would be the same each time a ring is seen from one side. Other contrasts scale all variances by the square of
 the noise, which was not measured.
+
+How far a camera is off over the image, its best rotation removed, fast: as `calib.cameras.refit`.
+
+The pixels and rays of the true camera are the same each time, so the rays are computed once. Only the part of the image
+counts in which rings were seen, their convex hull: beyond it a lens polynomial is extrapolated, and means nothing.
 """
 
 import math
@@ -24,10 +29,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.cameras import linearise, project
+from calib.cameras import linearise, project, rays
 from calib.cameras.camera import Camera, linear_part
-from calib.core.se3 import transform
-from calib.core.types import LEAST_RADIUS_PX
+from calib.core.se3 import exp_rotation, transform
+from calib.core.types import LEAST_RADIUS_PX, Observations
+from calib.observe.observations import known_points
 from calib.renderer.poses import PoseGrid, grid_poses, photo_poses
 from designer.base.arrays import Array, Rows
 from designer.kinds.layout import Viewpoints
@@ -100,6 +106,20 @@ def seen_in(
     return ring, pixel[good], centre_covariances(circle[good], ratio, contrast_to_noise)
 
 
+def views_of(
+    target: TargetGeometry, camera: Camera, cam_from_target: Array, contrast_to_noise: float
+) -> tuple[Rows, Observations]:
+    """The poses (V, 4, 4) from which enough rings are seen, and what is: exact pixels, and covariances of noise."""
+    found = [seen_in(target, camera, pose, contrast_to_noise) for pose in cam_from_target]
+    kept = [view for view, (ring, _, _) in enumerate(found) if len(ring) >= LEAST_RINGS]
+    nothing = np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2))
+    ring, pixel, covariance = (np.concatenate([nothing[k], *(found[view][k] for view in kept)]) for k in range(3))
+    names = tuple(f"view {view}" for view in kept)
+    view = np.repeat(np.arange(len(kept)), [len(found[number][0]) for number in kept])
+    points = known_points(target)
+    return np.array(kept, np.int64), Observations(camera.image_size, names, view, ring, pixel, covariance, points)
+
+
 def centre_covariances(image_of_circle: Array, ratio: Array, contrast_to_noise: float = CONTRAST_TO_NOISE) -> Array:
     """Covariances (M, 2, 2) in px^2 of detected centres.
 
@@ -156,13 +176,7 @@ class ViewFit:
 
 
 def view_fit(target: TargetGeometry, camera: Camera, distance_mm: float) -> ViewFit:
-    """How a target sits in photos from all sides, or of a board from a cap, that look at its origin.
-
-    Args:
-        target: nominal.
-        camera: that takes them.
-        distance_mm: of the cameras from the target's origin, outside of it.
-    """
+    """How a target sits in photos from all sides, or of a board from a cap, that look at its origin."""
     grid = _grid(target, aimed_at(target, distance_mm), CHECKED_VIEWS)
     poses = grid_poses(grid, np.random.default_rng(0))
     nearest = float(np.linalg.norm(target.center_mm, axis=1).min())
@@ -201,3 +215,56 @@ def _least_factor(target: TargetGeometry, camera: Camera, poses: Array) -> float
         middle = math.sqrt(low * high)
         low, high = (low, middle) if _fitting(target, camera, poses, middle) == 1 else (middle, high)
     return high
+
+
+COLUMNS = 24
+STEPS = 5
+SMALL_RAD = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class ImageGrid:
+    """Pixels of the true camera, evenly spread over the part of the image that was seen."""
+
+    pixel: Array  # (2, N)
+    ray: Array  # (3, N)
+
+
+def grid_of(camera: Camera, seen_px: Array) -> ImageGrid:
+    """The grid of a true camera within the convex hull of pixels (M, 2)."""
+    import cv2
+
+    hull = cv2.convexHull(seen_px.astype(np.float32))
+    low, high = seen_px.min(axis=0), seen_px.max(axis=0)
+    across, down = (high - low).tolist()
+    rows = max(2, round(down / max(across, 1.0) * COLUMNS))
+    u, v = np.meshgrid(np.linspace(low[0], high[0], COLUMNS), np.linspace(low[1], high[1], min(rows, 4 * COLUMNS)))
+    pixel = np.column_stack([u.ravel(), v.ravel()])
+    inside = np.array([cv2.pointPolygonTest(hull, (x, y), measureDist=False) >= 0 for x, y in pixel.tolist()])
+    ray = rays(camera, pixel)
+    known = inside & np.isfinite(ray).all(axis=1)
+    return ImageGrid(np.ascontiguousarray(pixel[known].T), np.ascontiguousarray(ray[known].T))
+
+
+def map_error_px(grid: ImageGrid, camera: Camera) -> float:
+    """Root mean square distance; nan if the camera does not show all of the rays."""
+    rotation = np.eye(3)
+    residual = np.full_like(grid.pixel, np.nan)
+    for _ in range(STEPS):
+        point = np.ascontiguousarray(rotation @ grid.ray)
+        linear = linearise(camera, point)
+        residual = (linear.pixel - grid.pixel).reshape(-1)
+        if not np.isfinite(residual).all():
+            return float("nan")
+        jacobian = turn_jacobian(point, linear.by_point)
+        step = np.asarray(np.linalg.solve(jacobian.T @ jacobian, -(jacobian.T @ residual)))
+        if np.abs(step).max() < SMALL_RAD:
+            break
+        rotation = exp_rotation(step) @ rotation
+    return float(np.sqrt((residual @ residual) / (len(residual) // 2)))
+
+
+def turn_jacobian(point: Array, by_point: Array) -> Array:
+    """Derivatives (2 N,) of pixels by a turn of points (3, N): a gradient g by y is y x g by w.  # (2 N, 3)"""
+    columns = [np.cross(point, gradient, axis=0) for gradient in by_point]
+    return np.concatenate(columns, axis=1).T

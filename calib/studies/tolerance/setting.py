@@ -10,15 +10,21 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import refit
 from calib.core.se3 import transform
 from calib.core.types import Observations, frozen_array
-from calib.observe.observations import known_points
 from calib.solver.accuracy import accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.descend import is_robust
 from calib.solver.levenberg import minimise
 from calib.solver.problem import AS_THE_PAPER, Problem, SolveOptions, Tie, pack, tie_parameters
 from calib.studies.tolerance.anchor import Anchor, factorise
-from calib.studies.tolerance.map_error import ImageGrid, grid_of
-from calib.studies.tolerance.seen import CONTRAST_TO_NOISE, LEAST_MINOR_PX, LEAST_RINGS, seen_in, views_from
+from calib.studies.tolerance.seen import (
+    CONTRAST_TO_NOISE,
+    LEAST_MINOR_PX,
+    LEAST_RINGS,
+    ImageGrid,
+    grid_of,
+    views_from,
+    views_of,
+)
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.layout import Viewpoints
@@ -70,15 +76,6 @@ def make_setting(
 ) -> Setting:
     """Views on a Fibonacci grid around a target, as `calib render` takes them, rolled at random.
 
-    Args:
-        target: nominal.
-        camera: that takes the photos.
-        views: how many.
-        photos: from where.
-        model: to be solved.
-        seed: of the rolls.
-        options: of the solution.
-
     Raises:
         InputError: no such views, or they do not determine the camera; the message says why.
     """
@@ -102,24 +99,16 @@ def setting_at(
     Raises:
         InputError: nothing is seen, or not enough to determine the camera.
     """
-    found = [seen_in(target, camera, pose, CONTRAST_TO_NOISE) for pose in cam_from_target]
-    is_enough = np.array([len(ring) >= LEAST_RINGS for ring, _, _ in found])
-    kept = np.flatnonzero(is_enough).tolist()
-    if not kept:
+    kept, seen = views_of(target, camera, cam_from_target, CONTRAST_TO_NOISE)
+    if not len(kept):
         raise InputError(
-            f"none of {len(found)} views sees {LEAST_RINGS} rings of the target that are at least "
+            f"none of {len(cam_from_target)} views sees {LEAST_RINGS} rings of the target that are at least "
             f"{2 * LEAST_MINOR_PX:g} px across in the image; move closer or farther, or use a longer lens"
         )
-    lost = len(found) - len(kept)
-    remark = f"{lost} of {len(found)} views see fewer than {LEAST_RINGS} rings and are left out"
-    ring, pixel, covariance = (np.concatenate([found[view][k] for view in kept]) for k in range(3))
-    seen = Observations(
-        camera.image_size, tuple(f"view {view}" for view in kept),
-        np.repeat(np.arange(len(kept)), [len(found[view][0]) for view in kept]), ring, pixel, covariance,
-        known_points(target),
-    )  # fmt: skip
-    poses = np.asarray(cam_from_target)[is_enough]
-    return _setting(target, camera, poses, seen, covariance, model, options, (remark,) if lost else ())
+    lost = len(cam_from_target) - len(kept)
+    remark = f"{lost} of {len(cam_from_target)} views see fewer than {LEAST_RINGS} rings and are left out"
+    poses = np.asarray(cam_from_target)[kept]
+    return _setting(target, camera, poses, seen, model, options, (remark,) if lost else ())
 
 
 def setting_of_observations(setting: Setting, cam_from_target: Array, seen: Observations) -> Setting:
@@ -129,17 +118,11 @@ def setting_of_observations(setting: Setting, cam_from_target: Array, seen: Obse
         setting: whose target, camera and way of solving it is.
         cam_from_target: true poses of the views that are seen (V, 4, 4).
         seen: observations with covariances; their pixels are replaced by those of the drawing.
-
-    Raises:
-        InputError: they do not determine the camera.
     """
-    covariance = seen.cov_px2
-    if covariance is None:
-        raise ValueError("observations with covariances are needed")
     point = transform(cam_from_target[seen.view], setting.target.center_mm[seen.point])
     pixel = linearise(setting.camera, np.ascontiguousarray(point.T)).pixel.T
     return _setting(
-        setting.target, setting.camera, cam_from_target, replace(seen, center_px=pixel), covariance, setting.model,
+        setting.target, setting.camera, cam_from_target, replace(seen, center_px=pixel), setting.model,
         setting.options, setting.remarks,
     )  # fmt: skip
 
@@ -149,12 +132,14 @@ def _setting(
     camera: Camera,
     cam_from_target: Array,
     seen: Observations,
-    covariance: Array,
     model: str,
     options: SolveOptions,
     remarks: tuple[str, ...],
 ) -> Setting:
-    """The setting of some observations, whose pixels are free of noise."""
+    """The setting of some observations, whose pixels are free of noise, with its covariances."""
+    covariance = seen.cov_px2
+    if covariance is None:
+        raise ValueError("observations with covariances are needed")
     if is_robust(options):
         raise InputError("a tolerance study has no outliers; leave --loss and --reject out")
     if model not in fitted_models():
@@ -176,11 +161,7 @@ def _setting(
 
 
 def _anchor(problem: Problem, camera: Camera, poses: Array, model: str, tie: Tie, deviation: float) -> Anchor:
-    """The minimum without errors: the truth, if the solved model can hold it.
-
-    Raises:
-        InputError: the views do not determine the camera.
-    """
+    """The minimum without errors: the truth, if the solved model can hold it."""
     start = _in_model(camera, model, tie)
     if start is not camera:
         found = minimise(problem, start, poses, tie.row, RobustLoss(), max_iterations=MOST_STEPS)
@@ -188,7 +169,7 @@ def _anchor(problem: Problem, camera: Camera, poses: Array, model: str, tie: Tie
     products = view_blocks(problem, start, poses, RobustLoss()).products
     used, views = len(problem.is_used), problem.view_count
     accuracy = accuracy_of(products, tie.row, used)
-    short = 2 * used - 6 * views <= _free_count(tie)
+    short = 2 * used - 6 * views <= int(tie.row.max(initial=-1)) + 1
     if short or not np.isfinite(products).all() or not accuracy.weakest_eigenvalue > SINGULAR:
         raise InputError(
             f"{views} views with {used} observations do not determine the {model} camera; use more views, from more "
@@ -197,14 +178,10 @@ def _anchor(problem: Problem, camera: Camera, poses: Array, model: str, tie: Tie
     return factorise(problem, tie, start, poses, deviation)
 
 
-def _free_count(tie: Tie) -> int:
-    return int(tie.row.max(initial=-1)) + 1
-
-
 def _in_model(camera: Camera, model: str, tie: Tie) -> Camera:
     """The true camera in the solved model, with what is fixed or shared; itself where that changes nothing."""
     fitted = camera if camera.model == model else refit(camera, model).camera
     value = np.where(np.isnan(tie.value), fitted.params, tie.value)
-    for group in range(_free_count(tie)):
+    for group in range(int(tie.row.max(initial=-1)) + 1):
         value[tie.row == group] = value[tie.row == group].mean()
     return fitted if np.array_equal(value, fitted.params) else replace(fitted, params=value)

@@ -26,11 +26,10 @@ import numpy as np
 from calib.core.parallel import one_thread
 from calib.studies.tolerance.draw import BareDraw, bare_draw, drawn_values, with_errors
 from calib.studies.tolerance.first_order import FirstOrder, first_order
-from calib.studies.tolerance.predict import baseline, square_of
+from calib.studies.tolerance.predict import ToleranceTable, baseline, square_of
 from calib.studies.tolerance.quantities import NAMES, QUANTITIES
 from calib.studies.tolerance.record import OFF, SweepCosts, SweepRow, nine_digits
 from calib.studies.tolerance.response import responses
-from calib.studies.tolerance.result import ToleranceTable
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.what_if import SetError, Way, WhatIfTable
 from designer.base.arrays import Array, Flags
@@ -61,16 +60,7 @@ class Reach:
 def reach_of(
     first: FirstOrder, errors: ErrorModel, source: str, baseline: Array, *, seed: int = 0, draws: int = DRAWS
 ) -> Reach:
-    """How far the prediction of one source holds.
-
-    Args:
-        first: the derivatives of what is photographed.
-        errors: of the target.
-        source: the source's name.
-        baseline: of the quantities (Q,): errors far below the noise are no errors.
-        seed: of the study.
-        draws: how many to compare.
-    """
+    """How far the prediction of one source holds."""
     setting, only = first.setting, errors.only(source)
     numbers = [drawn_values(setting, only, seed, number)[source] for number in range(draws)]
     columns = directions(setting.target, only, source)
@@ -174,15 +164,7 @@ class _Source:
 def what_if_table(
     setting: Setting, assumed: ErrorModel, way: str, ways: Mapping[str, ErrorModel], *, seed: int
 ) -> WhatIfTable:
-    """The coefficients of a target, and ways of making to choose from.
-
-    Args:
-        setting: what is photographed.
-        assumed: errors of the study.
-        way: that they are of, as it is called.
-        ways: by what they are called; without sizes that were set.
-        seed: of the study.
-    """
+    """The coefficients of a target, and ways of making to choose from."""
     first, models = first_order(setting), (assumed, *ways.values())
     found = [
         _Source(name, columns, square, _largest(name, models))
@@ -199,13 +181,12 @@ def _way(setting: Setting, name: str, model: ErrorModel, errors: Iterable[str]) 
     """A way of making, with what it takes for this target."""
     size = size_of(setting.target)
     price, hours = (math.nan if one is None else nine_digits(one.of(size)) for one in (model.price, model.hours))
-    found = tuple(_set(model, error) for error in errors)
+    amounts = ((error, model.amount(error)) for error in errors)
+    found = tuple(
+        SetError(error, amount.kind, nine_digits(amount.size), nine_digits(_gain(model, error)))
+        for error, amount in amounts
+    )
     return Way(name, model.title, found, model.suits_target(setting.target), price, hours)
-
-
-def _set(model: ErrorModel, error: str) -> SetError:
-    amount = model.amount(error)
-    return SetError(error, amount.kind, nine_digits(amount.size), nine_digits(_gain(model, error)))
 
 
 def _gain(model: ErrorModel, error: str) -> float:

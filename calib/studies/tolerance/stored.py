@@ -18,16 +18,22 @@ from calib.renderer.options import RenderOptions
 from calib.renderer.scene import scene_from_target
 from calib.renderer.view import render_view
 from calib.studies.identity import identity_of
-from calib.studies.runner import Tell, run_cases
-from calib.studies.sample_metrics import SampleResult
-from calib.studies.statistics import Case
-from calib.studies.store import open_study
-from calib.studies.tolerance.draw import case_names, drawn_values, run_draws, solved, stream
-from calib.studies.tolerance.measures import NONE, true_shape
+from calib.studies.runner import DrawCount, Sampling, Tell
+from calib.studies.samples import Case, SampleResult, SampleStatus, sample_of_values
+from calib.studies.tolerance.draw import (
+    NONE,
+    case_names,
+    drawn_values,
+    error_settings,
+    run_draws,
+    solved,
+    stream,
+    true_shape,
+)
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.seen import CONTRAST_TO_NOISE, LEAST_RINGS
 from calib.studies.tolerance.setting import Setting, setting_of_observations
-from calib.studies.workers import CaseSpec
+from calib.studies.workers import CaseSpec, SamplePool
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
@@ -43,12 +49,6 @@ def run_full_draws(setting: Setting, errors: ErrorModel, seed: int, numbers: ran
     """The quantities of some draws, as `calib.studies.tolerance.draw.run_draws` has them.  # (D, C, Q)
 
     The errors are those of the draws without images; the noise is of the photos' pixels, the same in all cases.
-
-    Args:
-        setting: what is photographed.
-        errors: of the target.
-        seed: of the study.
-        numbers: of the draws.
     """
     result = np.empty((len(numbers), len(errors.amounts) + 2, len(NONE)))
     for place, number in enumerate(numbers):
@@ -85,9 +85,6 @@ def setting_of_detections(setting: Setting, found: list[Detections]) -> tuple[Se
     """The setting with those of its observations that were detected, and their pixels (M, 2).
 
     Rings that are seen flatter or smaller than the setting counts are left out, that the numbers may be compared.
-
-    Raises:
-        InputError: they do not determine the camera.
     """
     every = setting.observations
     counted = [np.isin(one.ring, every.point[every.view == view]) for view, one in enumerate(found)]
@@ -106,15 +103,14 @@ def setting_of_detections(setting: Setting, found: list[Detections]) -> tuple[Se
     return setting_of_observations(setting, setting.cam_from_target[kept], seen), seen.center_px
 
 
-STUDY_FILE, AGAINST_FILE, SWEEPS_FOLDER = "study.sqlite", "against.sqlite", "sweeps"
+AGAINST_FILE, SWEEPS_FOLDER = "against.sqlite", "sweeps"
 KIND = "tolerance"
 CASE = "draws"
-NAN = float("nan")
 
 
 @dataclass(frozen=True, eq=False)
-class DrawPool:
-    """What draws are made from, as `calib.studies.workers.SamplePool`."""
+class DrawPool(SamplePool):
+    """What draws are made from."""
 
     setting: Setting
     errors: ErrorModel
@@ -135,84 +131,51 @@ class DrawPool:
         """All quantities of all cases."""
         return len(case_names(self.errors)) * len(QUANTITIES)
 
-    @property
-    def covariance(self) -> Array:
-        """There is none."""
-        return np.zeros((0, 0))
-
     def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
         """Draws; one in which a case has no solution is not converged."""
-        run = run_full_draws if self.full else run_draws
-        draws = run(self.setting, self.errors, seed, numbers)
-        return [self._result(number, draw) for number, draw in zip(numbers, draws, strict=True)]
+        draws = (run_full_draws if self.full else run_draws)(self.setting, self.errors, seed, numbers)
+        results = []
+        for number, draw in zip(numbers, draws, strict=True):
+            lost = [name for name, row in zip(case_names(self.errors), draw, strict=True) if not np.isfinite(row).all()]
+            message = f"no solution with {', '.join(lost)}" if lost else ""
+            values = tuple(draw.ravel().tolist())
+            status: SampleStatus = "stopped" if lost else "converged"
+            results.append(sample_of_values(number, status, self.view_count, values, message=message))
+        return results
 
-    def _result(self, number: int, draw: Array) -> SampleResult:
-        lost = [name for name, row in zip(case_names(self.errors), draw, strict=True) if not np.isfinite(row).all()]
-        return SampleResult(
-            number, "stopped" if lost else "converged", self.view_count, NAN, NAN, NAN, NAN,
-            tuple(draw.ravel().tolist()), 0, f"no solution with {', '.join(lost)}" if lost else "",
-        )  # fmt: skip
+
+def kept_draws(
+    sampling: Sampling, pool: DrawPool, file: str, inputs: Mapping[str, Path | str], seed: int, count: int, tell: Tell
+) -> tuple[Array, DrawCount]:
+    """The first draws of a study (D, C, Q), and how many of them its file did not have.
+
+    Raises:
+        InputError: the file is there and is not to be gone on with, or is of another study.
+        StudyStoppedError: interrupted, or no workers are left.
+    """
+    case = CaseSpec(Case(CASE, pool.view_count, pool.view_count), pool, count)
+    identity = identity_of(seed, _settings(pool), inputs)
+    kept, drawn = sampling.run_one(identity, case, file=file, tell=tell, chunk=1 if pool.full else None)
+    return kept.params[:count].reshape(-1, len(case_names(pool.errors)), len(QUANTITIES)), drawn
 
 
-@dataclass(frozen=True)
-class Keeping:
-    """Where draws are kept, and who computes them."""
-
-    folder: Path
-    jobs: int  # processes on this machine
-    dask: str | None = None  # address of a cluster's scheduler, instead
-    resume: bool = False  # go on with a file that is there
-
-    def draws(self, pool: DrawPool, file: str, inputs: Mapping[str, Path], seed: int, count: int, tell: Tell) -> Array:
-        """The first draws of a study, those that its file does not have computed.  # (D, C, Q)
-
-        Args:
-            pool: what they are made from.
-            file: of the study, below the folder.
-            inputs: the files that were read, by what they are.
-            seed: of all draws.
-            count: D.
-            tell: told how many are done.
-
-        Raises:
-            InputError: the file is there and `resume` is not asked for, or is of another study.
-            StudyStoppedError: interrupted, or no workers are left.
-        """
-        path = self.folder / file
-        path.parent.mkdir(parents=True, exist_ok=True)
-        spec = CaseSpec(Case(CASE, pool.view_count, pool.view_count), pool)
-        with open_study(path, identity_of(seed, _settings(pool), inputs), resume=self.resume) as study:
-            run_cases(
-                [spec], study, samples=count, seed=seed, jobs=self.jobs, dask=self.dask, on_progress=tell,
-                chunk=1 if pool.full else None,
-            )  # fmt: skip
-            kept = study.load(spec.name)
-        return kept.params[:count].reshape(-1, len(case_names(pool.errors)), len(QUANTITIES))
-
-    def check_unused(self, *, predicts: bool) -> None:
-        """Refuse a folder that holds a study already, unless it is gone on with.
-
-        Raises:
-            InputError: there is one.
-        """
-        sweeps = sorted((self.folder / SWEEPS_FOLDER).glob("*.sqlite"))
-        for path in (self.folder / STUDY_FILE, self.folder / AGAINST_FILE, *sweeps):
-            if path.exists() and predicts:
-                raise InputError(f"{path}: the folder holds a study with draws; choose another -o for the prediction")
-            if path.exists() and not self.resume:
-                raise InputError(f"{path}: there is a study already; go on with it with --resume, or choose another -o")
+def check_unused(sampling: Sampling, *, predicts: bool) -> None:
+    """Refuse a folder that holds a study already, unless it is gone on with."""
+    sweeps = sorted((sampling.folder / SWEEPS_FOLDER).glob("*.sqlite"))
+    for path in (sampling.path, sampling.folder / AGAINST_FILE, *sweeps):
+        if path.exists() and predicts:
+            raise InputError(f"{path}: the folder holds a study with draws; choose another -o for the prediction")
+        if path.exists() and not sampling.resume:
+            raise InputError(f"{path}: there is a study already; go on with it with --resume, or choose another -o")
 
 
 def _settings(pool: DrawPool) -> dict[str, str]:
     """What decides a draw beside the seed."""
     setting, errors = pool.setting, pool.errors
-    amounts = [f"{name}={amount.kind} {amount.size!r}" for name, amount in errors.amounts]
     return {
         "study": KIND,
         "images": "yes" if pool.full else "no",
-        "errors": ", ".join(amounts),
-        "expansion": repr(errors.expansion_per_kelvin),
-        "layer height": repr(errors.layer_height_mm),
+        **error_settings(errors),
         "model": setting.model,
         "options": repr(setting.options),
         "views": str(setting.view_count),

@@ -72,11 +72,7 @@ class WhatIfTable:
     start: Way  # what the study assumed: one of the ways, with sizes that were set
 
     def way(self, name: str) -> Way:
-        """A way of making.
-
-        Raises:
-            InputError: there is none of that name; the message suggests the nearest.
-        """
+        """A way of making."""
         found = {one.name: one for one in self.ways}
         if name not in found:
             hint = suggestion(name, list(found)) or f"; there are {', '.join(found)}"
@@ -84,11 +80,7 @@ class WhatIfTable:
         return found[name]
 
     def ranked(self, quantity: str) -> tuple["RankedWay", ...]:
-        """The ways in which such a target is made, the one that is best for a quantity first.
-
-        Raises:
-            InputError: an unknown quantity.
-        """
+        """The ways in which such a target is made, the one that is best for a quantity first."""
         found = [
             RankedWay(way, self.ask(way.name, {}), quantity_named(quantity).name) for way in self.ways if way.suits
         ]

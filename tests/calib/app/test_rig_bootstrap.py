@@ -59,6 +59,19 @@ def test_samples_scatter_as_honest_sigmas_say_and_show_those_that_are_not() -> N
     assert math.isnan(honest.ratio_of_all)
 
 
+def test_samples_are_kept_and_gone_on_with(tmp_path: Path) -> None:
+    """More samples of the same rig are as if drawn at once; those of another rig or seed do not come into the file."""
+    rig_bootstrap(_found(), samples=2, out=tmp_path)
+    more = rig_bootstrap(_found(), samples=4, out=tmp_path, resume=True, jobs=1)
+    assert more.pairs == rig_bootstrap(_found(), samples=4).pairs
+    with pytest.raises(InputError, match="--resume"):
+        rig_bootstrap(_found(), samples=2, out=tmp_path)
+    with pytest.raises(InputError, match="seed"):
+        rig_bootstrap(_found(), samples=2, seed=2, out=tmp_path, resume=True)
+    with pytest.raises(InputError, match=r"camera .* give the same files|camera left has changed"):
+        rig_bootstrap(rig_before_print()[0], samples=2, out=tmp_path, resume=True)
+
+
 def test_the_command_tells_the_spread_of_a_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A folder with its page; options of studies of one camera are refused, as are rigs that give no samples."""
     monkeypatch.chdir(tmp_path)
@@ -69,7 +82,7 @@ def test_the_command_tells_the_spread_of_a_rig(tmp_path: Path, monkeypatch: pyte
     told = json.loads(answer.out)["answer"]
     assert told["samples"] == 2
     assert told["pairs"][0]["names"] == ["left", "right"]
-    assert files_in(Path("out")) == {"rig_bootstrap.json", "page.json", "index.html"}
+    assert files_in(Path("out")) == {"rig_bootstrap.json", "page.json", "index.html", "study.sqlite"}
     assert calib(*words, "--detections", "seen.csv").code == 2
     assert calib("study", "bootstrap", "-o", "out").code == 2
     with pytest.raises(InputError, match="do not determine"):

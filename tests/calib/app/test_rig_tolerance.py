@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +52,19 @@ def test_drawn_prints_bear_the_prediction_out() -> None:
     for name in ("baseline_mm", "turn_rad", "point_mm", "length_mm"):
         told = np.hypot(getattr(study.together, name), getattr(study.noise, name))
         assert 0.5 < getattr(study.drawn, name) / told < 1.6
+
+
+def test_drawn_prints_are_kept_and_gone_on_with(tmp_path: Path) -> None:
+    """Whatever the jobs and however often it was stopped; where none are drawn there is nothing to go on with."""
+    draw = partial(rig_tolerance, solid(), "fdm-dual-calibrated", _simulated(), changes=FEW, frames=8, out=tmp_path)
+    draw(draws=1, jobs=1)
+    more = draw(draws=2, resume=True).drawn
+    at_once = _found(draws=2).drawn
+    assert more is not None
+    assert at_once is not None
+    assert replace(more, size=0.0) == replace(at_once, size=0.0)
+    with pytest.raises(InputError, match="--resume: no prints are drawn"):
+        draw(linear=True, resume=True)
 
 
 def test_what_is_not_known_is_nan_and_nothing_is_zero() -> None:

@@ -14,8 +14,7 @@ from calib.app.study_bootstrap import bootstrap as bootstrap_from_python
 from calib.draw.sheet import SUFFIXES
 from calib.solver.problem import pack
 from calib.studies.gradients import gradients_of
-from calib.studies.paper_table import TARGETS
-from calib.studies.statistics import METRICS
+from calib.studies.statistics import METRICS, TARGETS
 from designer.base.errors import InputError
 from tests.support.command_line import calib, detections_of, files_in
 from tests.support.study_commands import (

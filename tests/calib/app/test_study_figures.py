@@ -19,8 +19,8 @@ from calib.draw.study_figures import (
 )
 from calib.draw.study_tables import unit_words
 from calib.draw.style import picture
-from calib.studies.paper_table import BOARD, ICOSAHEDRON
-from calib.studies.statistics import METRICS, Case, CaseSummary, correlations, predicted_correlations
+from calib.studies.samples import Case
+from calib.studies.statistics import BOARD, ICOSAHEDRON, METRICS, CaseSummary, correlations, predicted_correlations
 from tests.support.study_cases import (
     NAMES,
     SIZES,

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from calib.draw.study_words import reasons
-from calib.studies.paper_table import BOARD, ICOSAHEDRON, SIZES
-from calib.studies.statistics import Case
+from calib.studies.samples import Case
+from calib.studies.statistics import BOARD, ICOSAHEDRON, SIZES
 from calib.studies.study_table import StudyCases, study_table
 from tests.support.study_cases import NAMES, Made, paper_samples
 

@@ -12,9 +12,9 @@ from calib.app.study_bootstrap import Bootstrap
 from calib.draw.study_tables import errors_table, findings_table
 from calib.draw.study_words import finding_of, study_notes
 from calib.studies.identity import StudyIdentity
-from calib.studies.paper_table import BOARD, CORRECTION, ICOSAHEDRON
 from calib.studies.runner import DrawCount
-from calib.studies.statistics import Case
+from calib.studies.samples import Case
+from calib.studies.statistics import BOARD, CORRECTION, ICOSAHEDRON
 from calib.studies.study_table import StudyCases, StudyTable
 from tests.support.study_cases import SETTINGS, made, paper_cases, table_of_cases, with_failures
 from tests.support.study_commands import nothing_drawn

@@ -25,7 +25,8 @@ from calib.solver.schur import damped_step
 from calib.solver.solve import solve
 from calib.studies.bootstrap import Pool, expanded, make_pool, run_sample, solve_from_scratch
 from calib.studies.near import find_near
-from calib.studies.sample_metrics import Sample, SampleErrors, SampleResult, draw_counts, sample_errors
+from calib.studies.sample_metrics import Sample, SampleErrors, sample_errors
+from calib.studies.samples import SampleResult, draw_counts
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around, random_covariances, rows_of

@@ -14,17 +14,17 @@ from calib.cameras.camera import Camera, camera_or_preset
 from calib.solver.metrics.errors import summarise
 from calib.solver.metrics.evaluation import evaluate
 from calib.studies.compare import cases
-from calib.studies.compare.cases import FIGURE, Comparison, Plan, comparison, identity
-from calib.studies.compare.photographed import (
-    NO_EFFECT,
-    NOISE,
-    OneSource,
-    SetsOfPhotos,
-    calibrate_with,
-    grouped,
-    made_mm,
+from calib.studies.compare.cases import (
+    FIGURE,
+    CaseResult,
+    Comparison,
+    Explanation,
+    Plan,
+    comparison,
+    identity,
+    results_of,
 )
-from calib.studies.compare.results import CaseResult, Explanation, results_of
+from calib.studies.compare.prints import NO_EFFECT, NOISE, OneSource, SetsOfPhotos, calibrate_with, grouped, made_mm
 from calib.studies.compare.scene import (
     ComparedScene,
     fitting_distance_mm,
@@ -209,11 +209,8 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Comparison
         only_boards(patched)
         whole = comparison(plan)
     with open_study(folder / "study.sqlite", identity(plan), resume=False) as study:
-        for group in whole.groups:
-            chosen = [
-                spec for spec in group.specs if spec.case.sightings in ("opencv", "virtual", "warp", "scale", NOISE)
-            ]
-            run_cases(chosen, study, samples=group.samples, seed=1, jobs=1, chunk=8)
+        wanted = ("opencv", "virtual", "warp", "scale", NOISE)
+        run_cases([one for one in whole.cases if one.case.sightings in wanted], study, jobs=1, chunk=8)
         ComparedObjects(results_of(study, whole), DrawCount(), "out").save(folder, has_page=False)
     return folder, whole
 

@@ -16,22 +16,23 @@ from calib.solver.costs import COSTS, IMAGE
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from calib.studies.compare.scene import ComparedScene, make_target, photograph, scene_of, stream
-from calib.studies.cost.cases import SETTINGS, CostPlan, groups_of, identity, scene_named
-from calib.studies.cost.errors import ESTIMATORS, WEIGHTED, held_out, pose_error_mm
-from calib.studies.cost.photographed import (
+from calib.studies.cost.estimates import (
+    ESTIMATORS,
     MEASURES,
     START_VALUES,
     VALUES,
+    WEIGHTED,
     WIDEST_FOCAL,
     CostPool,
     RealPool,
     StartPool,
     bad_start,
+    held_out,
+    pose_error_mm,
     solved_by_all,
 )
-from calib.studies.cost.results import FEWEST, cost_rows, start_rows
-from calib.studies.statistics import Case
-from calib.studies.stored_samples import Samples, StoredCase
+from calib.studies.cost.ratios import FEWEST, SETTINGS, CostPlan, cases_of, cost_rows, identity, scene_named, start_rows
+from calib.studies.samples import Case, Samples, StoredCase
 from designer.base.errors import InputError
 
 CAMERA = Camera("opencv", np.array([790.0, 790.0, 979.0, 546.0, -0.1, 0.01, 0.0, 0.0, 0.0]), (1920, 1080))
@@ -160,7 +161,7 @@ def test_starts_are_counted_in_pairs() -> None:
 def test_a_start_at_the_answer_reaches_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """All costs do from there; what a sample says does not hang on the others."""
     monkeypatch.setattr(
-        "calib.studies.cost.photographed.bad_start", lambda scene, poses, rng: (scene.camera, np.array(poses))
+        "calib.studies.cost.estimates.bad_start", lambda scene, poses, rng: (scene.camera, np.array(poses))
     )
     pool = StartPool(scene())
     first, again = pool.run("", 8, 1, range(3, 4))[0], pool.sample(1, 3)
@@ -172,9 +173,8 @@ def test_cases_are_all_there_and_sets_may_be_added() -> None:
     """What makes the study this one does not hold how many sets there are; scenes have templates that exist."""
     plan = CostPlan(30, 60)
     assert identity(plan) == identity(CostPlan(8, 20))
-    (simulated, starts) = groups_of(plan, None)
-    assert len(simulated.specs) == 4 * len(SETTINGS)
-    assert len(starts.specs) == len(SETTINGS)
+    wanted = [one.samples for one in cases_of(plan, None)]
+    assert wanted == [30] * (4 * len(SETTINGS)) + [60] * len(SETTINGS)
     assert scene_named(SETTINGS[0]).farthest > 1
 
 

@@ -14,7 +14,7 @@ from calib.observe.observations import known_points
 from calib.renderer.truth import TRUTH
 from calib.studies import bootstrap as pool
 from calib.studies import paper_study
-from calib.studies.paper_table import TARGETS, paper_value
+from calib.studies.statistics import TARGETS, paper_value
 from designer.base.arrays import Array
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec

@@ -19,9 +19,8 @@ from calib.studies import dask_cluster
 from calib.studies import identity as identities
 from calib.studies.bootstrap import Pool
 from calib.studies.runner import run_cases
-from calib.studies.sample_metrics import draw_counts
+from calib.studies.samples import draw_counts, row_of
 from calib.studies.store import open_study, read_study
-from calib.studies.stored_samples import row_of
 from calib.studies.workers import RunChunk, run_by_pool
 from designer.base.errors import InputError
 from tests.support.programs import PYTHON, group_is_alive, start
@@ -68,7 +67,7 @@ def run_in(path: Path, pool: Pool, run: RunChunk, *, samples: int = SAMPLES, job
            on_progress: Callable[[int], None] = lambda done: None) -> list[tuple[object, ...]]:  # fmt: skip
     """Run or go on with a study; its content then."""
     with open_study(path, identity(), resume=True) as study:
-        run_cases(cases_of(pool), study, samples=samples, seed=SEED, jobs=jobs, run_chunk=run, chunk=chunk,
+        run_cases(cases_of(pool, samples), study, jobs=jobs, run_chunk=run, chunk=chunk,
                   on_progress=on_progress)  # fmt: skip
     return content(path)
 
@@ -292,7 +291,7 @@ def test_a_worker_is_killed(cluster: Cluster, pool: Pool, tmp_path: Path, monkey
             cluster.workers[0].kill()
 
     with open_study(tmp_path / "s", identity(), resume=True) as study:
-        run_cases(cases_of(pool), study, samples=FEW, seed=SEED, jobs=1, dask=cluster.address, run_chunk=slow,
+        run_cases(cases_of(pool, FEW), study, jobs=1, dask=cluster.address, run_chunk=slow,
                   chunk=3, on_progress=kill_one)  # fmt: skip
     assert cluster.workers[0].wait(1) < 0
     assert cluster.workers[1].poll() is None
@@ -314,13 +313,13 @@ def test_a_cluster_that_goes_away(
 
     with open_study(tmp_path / "s", identity(), resume=True) as study:
         with pytest.raises(InputError, match=r"no workers.* of 60 samples, which are kept") as stopped:
-            run_cases(cases_of(pool), study, samples=FEW, seed=SEED, jobs=1, dask=cluster.address, run_chunk=slow,
+            run_cases(cases_of(pool, FEW), study, jobs=1, dask=cluster.address, run_chunk=slow,
                       chunk=3, on_progress=kill_all)  # fmt: skip
         kept = len(content(tmp_path / "s"))
         assert 20 < kept < 60
         assert f"after {kept} of 60" in str(stopped.value)
         with pytest.raises(InputError, match=r"has no workers; start some with `dask worker tcp:"):
-            run_cases(cases_of(pool), study, samples=FEW, seed=SEED, jobs=1, dask=cluster.address)
+            run_cases(cases_of(pool, FEW), study, jobs=1, dask=cluster.address)
 
 
 @pytest.mark.parametrize("address", ["closed", "mute", "nonsense", "", "tcp://", "http://a:1", "tcp://a b:\n1"])

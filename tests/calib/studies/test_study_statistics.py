@@ -9,8 +9,21 @@ from scipy import stats
 
 from calib.draw.study_words import elsewhere
 from calib.studies.findings import Verdict, findings, relative_error
-from calib.studies.paper_table import BOARD, ICOSAHEDRON, SIZES, TABLE, TARGETS, paper_value
-from calib.studies.statistics import METRICS, Case, Shape, correlations, distribution, predicted_correlations, summarise
+from calib.studies.samples import Case
+from calib.studies.statistics import (
+    BOARD,
+    ICOSAHEDRON,
+    METRICS,
+    SIZES,
+    TABLE,
+    TARGETS,
+    Shape,
+    correlations,
+    distribution,
+    paper_value,
+    predicted_correlations,
+    summarise,
+)
 from designer.base.arrays import Array
 from tests.support.study_cases import NAMES, Made, covariance, gamma, made, paper_cases, summaries_of, with_failures
 

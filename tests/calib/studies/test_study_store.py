@@ -11,10 +11,8 @@ import numpy as np
 import pytest
 
 from calib.studies.identity import StudyIdentity, identity_of
-from calib.studies.sample_metrics import SampleResult
-from calib.studies.statistics import Case
+from calib.studies.samples import Case, SampleResult, StoredCase
 from calib.studies.store import open_study, read_study
-from calib.studies.stored_samples import StoredCase
 from designer.base.errors import InputError
 
 IDENTITY = StudyIdentity(

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.studies.tolerance.budget import allowed_by_draws, budget_row, largest_allowed
+from calib.studies.runner import Sampling
+from calib.studies.tolerance.budget import allowed_by_draws, budget_row, crossovers, largest_allowed
 from calib.studies.tolerance.draw import TOGETHER, run_draws
-from calib.studies.tolerance.explore import crossovers
 from calib.studies.tolerance.first_order import first_order
-from calib.studies.tolerance.predict import control_of, linear_table
+from calib.studies.tolerance.predict import Cost, ToleranceTable, control_of, linear_table, table_of_draws
 from calib.studies.tolerance.quantities import NAMES, QUANTITIES, Requirement, quantity_row
 from calib.studies.tolerance.record import CrossoverRow
-from calib.studies.tolerance.result import Cost, ToleranceTable, table_of_draws
 from calib.studies.tolerance.seen import aimed_at
 from calib.studies.tolerance.setting import make_setting
 from calib.studies.tolerance.sizes import sweep_rows
-from calib.studies.tolerance.stored import DrawPool, Keeping, run_full_draws
+from calib.studies.tolerance.stored import DrawPool, kept_draws, run_full_draws
 from designer.base.arrays import Array
 from designer.base.errors import InputError
+from designer.page.progress import unheard
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount
@@ -208,7 +208,8 @@ def kept(path: Path, model: ErrorModel, *, draws: int = 5, seed: int = SEED, job
          told: list[int] | None = None) -> NDArray[np.float64]:  # fmt: skip
     """The draws of a study."""
     pool, tell = DrawPool(ico_setting(), model, full=False), (told if told is not None else []).append
-    return Keeping(path.parent, jobs, resume=resume).draws(pool, path.name, {}, seed, draws, tell)
+    sampling = Sampling(path.parent, jobs, None, resume, unheard)
+    return kept_draws(sampling, pool, path.name, {}, seed, draws, tell)[0]
 
 
 def test_draws_are_kept_and_gone_on_with(tmp_path: Path) -> None:

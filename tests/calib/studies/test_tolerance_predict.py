@@ -12,11 +12,10 @@ from calib.solver.blocks import RobustLoss, view_blocks
 from calib.studies.tolerance.anchor import minimum_of
 from calib.studies.tolerance.draw import drawn_noise, run_cases, run_draws, seen_px
 from calib.studies.tolerance.first_order import first_order
-from calib.studies.tolerance.predict import baseline, linear_table
+from calib.studies.tolerance.predict import baseline, linear_table, table_of_draws
 from calib.studies.tolerance.quantities import NAMES, QUANTITIES, quantity_row
 from calib.studies.tolerance.record import OFF
 from calib.studies.tolerance.response import noise_squares, responses
-from calib.studies.tolerance.result import table_of_draws
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.sizes import reach_of
 from designer.base.arrays import Array

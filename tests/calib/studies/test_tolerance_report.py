@@ -15,9 +15,8 @@ from calib.studies.tolerance.budget import checked, largest_allowed, searched
 from calib.studies.tolerance.draw import BARE, TOGETHER, bare_draw, drawn_values, run_draws, with_errors
 from calib.studies.tolerance.explore import default_vary
 from calib.studies.tolerance.first_order import first_order
-from calib.studies.tolerance.predict import control_of, linear_table
+from calib.studies.tolerance.predict import control_of, linear_table, table_of_draws
 from calib.studies.tolerance.quantities import NAMES, Requirement, parse_requirements, quantity_row
-from calib.studies.tolerance.result import table_of_draws
 from calib.studies.tolerance.seen import CAP_RAD, view_fit, views_from
 from calib.studies.tolerance.sizes import Reach, what_if_table
 from calib.studies.tolerance.what_if import WhatIf

@@ -22,13 +22,30 @@ from calib.solver.metrics.rotation import rotation
 from calib.solver.problem import SolveOptions
 from calib.solver.schur import damped_step
 from calib.solver.solve import solve
-from calib.studies.tolerance.anchor import AnchoredMinimum, minimum_of
-from calib.studies.tolerance.draw import case_names, drawn_noise, drawn_values, run_cases, run_draws, seen_px, solved
-from calib.studies.tolerance.map_error import ImageGrid, map_error_px
-from calib.studies.tolerance.measures import TrueShape, moved_onto, true_shape
+from calib.studies.tolerance.anchor import CameraFit, minimum_of
+from calib.studies.tolerance.draw import (
+    TrueShape,
+    case_names,
+    drawn_noise,
+    drawn_values,
+    moved_onto,
+    run_cases,
+    run_draws,
+    seen_px,
+    solved,
+    true_shape,
+)
+from calib.studies.tolerance.predict import table_of_draws
 from calib.studies.tolerance.quantities import NAMES, quantity_row
-from calib.studies.tolerance.result import table_of_draws
-from calib.studies.tolerance.seen import EDGE_VARIANCE, FLAT_MINOR, LEAST_MINOR_PX, aimed_at, centre_covariances
+from calib.studies.tolerance.seen import (
+    EDGE_VARIANCE,
+    FLAT_MINOR,
+    LEAST_MINOR_PX,
+    ImageGrid,
+    aimed_at,
+    centre_covariances,
+    map_error_px,
+)
 from calib.studies.tolerance.setting import Setting, make_setting
 from designer.base.arrays import Array
 from designer.base.errors import InputError
@@ -91,7 +108,7 @@ def test_rigid_motion_of_the_target_is_no_error() -> None:
     assert (row < 1e-6).all(), dict(zip(NAMES, row, strict=True))
 
 
-def oracle(setting: Setting, found: AnchoredMinimum, pixel: Array, true: TrueShape) -> list[float]:
+def oracle(setting: Setting, found: CameraFit, pixel: Array, true: TrueShape) -> list[float]:
     """The quantities that `calib.solver.metrics` has, by it."""
     seen = replace(setting.observations, center_px=pixel)
     poses = np.array(found.cam_from_target)

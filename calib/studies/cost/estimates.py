@@ -1,32 +1,104 @@
-"""Samples of the study: simulated sets of photos, real photos of which some are held out, and bad starts."""
+"""Samples of the study: simulated sets of photos, real photos of which some are held out, and bad starts.
+
+What a camera that was solved by some cost is worth: against the truth, and in photos that it was not solved from.
+"""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
 
-from calib.cameras import neutral
+from calib.cameras import neutral, project, rays
 from calib.cameras.camera import Camera
 from calib.core.parallel import one_thread
-from calib.core.se3 import exp_rotation
-from calib.core.types import Observations, keep_views
+from calib.core.se3 import exp_rotation, transform
+from calib.core.types import Observations, keep_sightings, keep_views, sightings_per_view
 from calib.solver.blocks import RobustLoss
 from calib.solver.calibration import Calibration
 from calib.solver.costs import COSTS, IMAGE
 from calib.solver.in_space import in_space, minimise_in_space
-from calib.solver.levenberg import Minimum, minimise
+from calib.solver.levenberg import Minimum, minimise, minimise_poses
+from calib.solver.metrics.errors import centers_mm, is_known
 from calib.solver.problem import Loss, Problem, SolveOptions, Tie, origin_poses, pack, target_poses, tie_parameters
 from calib.solver.solve import solve
-from calib.studies.compare.photographed import made_mm
+from calib.solver.start import solve_poses
+from calib.studies.compare.prints import made_mm
 from calib.studies.compare.scene import ComparedScene, ScenePool, photograph, stream
-from calib.studies.cost.errors import ESTIMATORS, Estimator, held_out, pose_error_mm
-from calib.studies.sample_metrics import SampleResult, failed_sample
-from calib.studies.tolerance.map_error import grid_of, map_error_px
+from calib.studies.samples import SampleResult, SampleStatus, failed_sample, sample_of_values
+from calib.studies.tolerance.seen import grid_of, map_error_px
+from calib.studies.workers import ValuePool
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
+
+MOST_POSE_STEPS = 50
+LEAST_SIGHTINGS = 12
+"""Of a photo held out: a pose is found from half of them."""
+
+
+@dataclass(frozen=True)
+class Estimator:
+    """A way to solve."""
+
+    name: str
+    minimise: str
+    weighted: bool = False  # by the covariances of observations
+
+
+WEIGHTED = "image, weighted"
+ESTIMATORS: tuple[Estimator, ...] = (
+    Estimator(IMAGE, IMAGE),
+    Estimator(WEIGHTED, IMAGE, weighted=True),
+    *(Estimator(name, name) for name in COSTS if name != IMAGE),
+)
+"""Each cost, all observations alike, as mm know nothing of covariances; and what those bring to the image's."""
+
+Pair = tuple[float, float]
+NOTHING: Pair = (math.nan, math.nan)
+
+
+def held_out(camera: Camera, estimator: Estimator, held: Observations) -> Pair:
+    """Root mean square errors in photos held out: px in the image, and mm between rays and rings.
+
+    The pose of a photo minimises the same distances over every second ring; the errors are those of the others.
+    """
+    shown = keep_sightings(held, is_known(rays(camera, held.center_px)))
+    shown = keep_views(shown, sightings_per_view(shown) >= LEAST_SIGHTINGS)
+    if not len(shown.view):
+        return NOTHING
+    is_for_pose = np.arange(len(shown.view)) % 2 == 0
+    poses = _poses(camera, estimator, keep_sightings(shown, is_for_pose))
+    rest = keep_sightings(shown, ~is_for_pose)
+    place = transform(poses[rest.view], rest.points.position_mm[rest.point])
+    ray = rays(camera, rest.center_px)
+    off_px = project(camera, place) - rest.center_px
+    off_mm = place - (ray * place).sum(axis=1, keepdims=True) * ray
+    return _root_mean_square(off_px), _root_mean_square(off_mm)
+
+
+def _root_mean_square(off: Array) -> float:
+    return float(np.sqrt((off**2).sum(axis=1).mean()))
+
+
+def _poses(camera: Camera, estimator: Estimator, seen: Observations) -> Array:
+    """Of photos whose camera is known (V, 4, 4)."""
+    poses = solve_poses(camera, seen, weighted=estimator.weighted).cam_from_target
+    if estimator.minimise == IMAGE or not np.isfinite(poses).all():
+        return poses
+    problem = pack(seen, weighted=estimator.weighted)
+    space = in_space(problem, estimator.minimise, seen.points, seen.point)
+    found = minimise_poses(space, camera, origin_poses(problem, poses), RobustLoss(), max_iterations=MOST_POSE_STEPS)
+    return target_poses(problem, found.cam_from_target)
+
+
+def pose_error_mm(found: Array, true: Array) -> float:
+    """Root mean square distance of the cameras from where they stood, of poses (V, 4, 4)."""
+    if len(found) != len(true):
+        raise InputError("not all photos have a pose")
+    return _root_mean_square(centers_mm(found) - centers_mm(true))
+
 
 Condition = Literal["as drawn", "as made", "outliers", "outliers, Huber"]
 CONDITIONS: tuple[Condition, ...] = ("as drawn", "as made", "outliers", "outliers, Huber")
@@ -45,16 +117,6 @@ REACHED = 1e-3
 
 Row = tuple[float, float, float, float]
 UNKNOWN: Row = (math.nan,) * 4
-
-
-def _result(number: int, views: int, rows: list[Row], iterations: int, why: list[str]) -> SampleResult:
-    """A sample of which some estimators may have failed."""
-    values = tuple(value for row in rows for value in row)
-    nan, known = math.nan, sum(map(math.isfinite, values))
-    return SampleResult(
-        number, "converged" if not why else "stopped" if known else "failed", views, nan, nan, nan, nan, values,
-        iterations, "; ".join(dict.fromkeys(why))[:300],
-    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +167,19 @@ def _in_space(one: Estimator, image: Calibration, options: SolveOptions, why: li
     return SolvedBy(one, found.camera, target_poses(problem, found.cam_from_target), seen.view_names, found.iterations)
 
 
+def _measured(
+    number: int, seen: Observations, model: str, loss: Loss, measure: Callable[[SolvedBy], Row]
+) -> SampleResult:
+    """A sample of which some estimators may have failed."""
+    rows, steps, why = dict.fromkeys(ESTIMATORS, UNKNOWN), 0, list[str]()
+    for found in solved_by_all(seen, model, loss, why):
+        rows[found.estimator] = measure(found)
+        steps += found.iterations
+    values = tuple(value for row in rows.values() for value in row)
+    status: SampleStatus = "converged" if not why else "stopped" if any(map(math.isfinite, values)) else "failed"
+    return sample_of_values(number, status, seen.view_count, values, steps, "; ".join(dict.fromkeys(why))[:300])
+
+
 @dataclass(frozen=True, eq=False)
 class CostPool(ScenePool):
     """Sets of photos of one scene, each solved by all estimators; each set is of a print of its own."""
@@ -127,17 +202,13 @@ class CostPool(ScenePool):
         if self.has_outliers:
             seen = _with_outliers(seen, stream(seed, scene.name, number, "outliers"))
         grid = grid_of(scene.camera, seen.center_px)
-        rows, steps = dict.fromkeys(ESTIMATORS, UNKNOWN), 0
-        why: list[str] = []
-        for found in solved_by_all(seen, scene.camera.model, self.loss, why):
+
+        def measure(found: SolvedBy) -> Row:
             true = poses[np.isin(seen.view_names, found.view_names)]
-            rows[found.estimator] = (
-                map_error_px(grid, found.camera),
-                pose_error_mm(found.cam_from_target, true),
-                *held_out(found.camera, found.estimator, held),
-            )
-            steps += found.iterations
-        return _result(number, seen.view_count, list(rows.values()), steps, why)
+            pose_mm = pose_error_mm(found.cam_from_target, true)
+            return map_error_px(grid, found.camera), pose_mm, *held_out(found.camera, found.estimator, held)
+
+        return _measured(number, seen, scene.camera.model, self.loss, measure)
 
 
 def _with_outliers(seen: Observations, rng: np.random.Generator) -> Observations:
@@ -149,41 +220,31 @@ def _with_outliers(seen: Observations, rng: np.random.Generator) -> Observations
 
 
 @dataclass(frozen=True, eq=False)
-class RealPool:
+class RealPool(ValuePool):
     """Real photos, dealt out to parts: a sample is what the others' camera says of one part."""
 
     observations: Observations
     camera_model: str
     parts: int
 
-    model: ClassVar[str] = "cost"
-    value_count: ClassVar[int] = len(VALUES)
+    kind: ClassVar[str] = "cost"
+    values: ClassVar[tuple[str, ...]] = VALUES
 
     @property
     def view_count(self) -> int:
         """Photos."""
         return self.observations.view_count
 
-    @property
-    def covariance(self) -> Array:
-        """They have none."""
-        return np.zeros((0, 0))
-
-    @one_thread
-    def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
-        """The samples of some parts."""
-        del case, size, seed
-        return [self._sample(number) for number in numbers]
-
-    def _sample(self, number: int) -> SampleResult:
+    def sample(self, seed: int, number: int) -> SampleResult:
+        """What the photos of a part say of the camera of the others."""
+        del seed
         is_held = np.arange(self.view_count) % self.parts == number
         others, held = keep_views(self.observations, ~is_held), keep_views(self.observations, is_held)
-        rows, steps = dict.fromkeys(ESTIMATORS, UNKNOWN), 0
-        why: list[str] = []
-        for found in solved_by_all(others, self.camera_model, "squares", why):
-            rows[found.estimator] = (math.nan, math.nan, *held_out(found.camera, found.estimator, held))
-            steps += found.iterations
-        return _result(number, others.view_count, list(rows.values()), steps, why)
+
+        def measure(found: SolvedBy) -> Row:
+            return math.nan, math.nan, *held_out(found.camera, found.estimator, held)
+
+        return _measured(number, others, self.camera_model, "squares", measure)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,13 +254,10 @@ class StartPool(ScenePool):
     kind: ClassVar[str] = "cost starts"
     values: ClassVar[tuple[str, ...]] = START_VALUES
 
+    @one_thread
     def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
         """The samples of some numbers; the photos and their minima are found once."""
         del case, size
-        return self._run(seed, numbers)
-
-    @one_thread
-    def _run(self, seed: int, numbers: range) -> list[SampleResult]:
         scene = self.scene
         seen, true = photograph(scene, scene.target.center_mm, stream(seed, scene.name, "starts"), scene.views)
         problem = pack(seen, weighted=False)
@@ -213,7 +271,7 @@ class StartPool(ScenePool):
 
     def sample(self, seed: int, number: int) -> SampleResult:
         """One start."""
-        return self._run(seed, range(number, number + 1))[0]
+        return self.run("", 0, seed, range(number, number + 1))[0]
 
     def _start(
         self, seed: int, number: int, problems: dict[str, Problem], least: dict[str, float], poses: Array, tie: Tie
@@ -225,9 +283,8 @@ class StartPool(ScenePool):
             for name, one in found.items()
         }
         steps = [float(one.iterations) if reached[name] else math.nan for name, one in found.items()]
-        nan, total = math.nan, sum(one.iterations for one in found.values())
-        values = (*map(float, reached.values()), *steps)
-        return SampleResult(number, "converged", len(poses), nan, nan, nan, nan, values, total)
+        total, values = sum(one.iterations for one in found.values()), (*map(float, reached.values()), *steps)
+        return sample_of_values(number, "converged", len(poses), values, total)
 
 
 def bad_start(scene: ComparedScene, poses: Array, rng: np.random.Generator) -> tuple[Camera, Array]:

@@ -1,28 +1,109 @@
-"""Samples of a case as arrays, and as the rows of a study file, which are checked as any input."""
+"""A case of a study, its samples, and both as the rows of a study's file, which are checked as any input.
 
+What is drawn for a sample hangs on seed, case and number alone.
+"""
+
+import hashlib
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, islice
 from pathlib import Path
-from typing import cast, get_args
+from typing import Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.solver.calibration import Status
-from calib.studies.sample_metrics import SampleResult
-from calib.studies.statistics import Case
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
+from designer.base.marks import Count, Word
 
-STATUSES = (*get_args(Status), "failed")
-MAX_PARAMS = 1000
+MAX_PARAMS = 4000
+"""Twelve for each of the most cameras that a rig may have."""
 CASE_TYPES = (str, str, int, int, str, str, str, int, bytes)
 """Of the columns of a case."""
 LONGEST_MESSAGE = 10_000
 ROWS_AT_A_TIME = 10_000
 """Checked and packed before the next are read, so that a file of anybody's takes no more memory than its numbers."""
+
+Setting = tuple[str, str]
+"""A way of sampling, and of counting observations."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is sampled: a target's photos, which observations of them count, and how many views a sample has."""
+
+    target: Word
+    size: Count  # views drawn for a sample
+    pool: Count  # views they are drawn from
+    sampling: Word = ""  # of rendered photos, "binary" or "area"
+    sightings: Word = ""  # which observations count, such as "all"
+
+    @property
+    def setting(self) -> Setting:
+        """The way of sampling and counting."""
+        return self.sampling, self.sightings
+
+    @property
+    def pool_key(self) -> tuple[str, str, str]:
+        """What tells the views that samples are drawn from, whatever their number."""
+        return self.target, self.sampling, self.sightings
+
+    @property
+    def name(self) -> str:
+        """What tells it from the others of a study, and its samples' random numbers from theirs."""
+        return f"{self.target}/{self.sampling}/{self.sightings}/{self.size}"
+
+
+SampleStatus = Status | Literal["failed"]
+"""`failed`: no camera came out at all, and the message says why."""
+STATUSES: tuple[SampleStatus, ...] = (*get_args(Status), "failed")
+
+
+@dataclass(frozen=True)
+class SampleResult:
+    """The camera of one sample and its errors: root mean squares over the sample's views, each as often as drawn."""
+
+    number: int
+    status: SampleStatus
+    distinct_views: int
+    reprojection_px: float  # nan, as the others, where it is not defined
+    intersection_mm: float
+    reconstruction_mm: float
+    pose_mm: float
+    params: tuple[float, ...]  # (P,) nan if there is no camera
+    iterations: int
+    message: str = ""  # why the camera is not to be trusted
+
+
+def failed_sample(number: int, distinct_views: int, values: int, reason: str) -> SampleResult:
+    """A sample without a camera, of which so many values are not known."""
+    return sample_of_values(number, "failed", distinct_views, (math.nan,) * values, message=reason)
+
+
+def sample_of_values(
+    number: int, status: SampleStatus, views: int, values: tuple[float, ...], iterations: int = 0, message: str = ""
+) -> SampleResult:
+    """A sample of other values than a camera's errors."""
+    nan = math.nan
+    return SampleResult(number, status, views, nan, nan, nan, nan, values, iterations, message)
+
+
+def keyed_generator(name: str) -> np.random.Generator:
+    """The random numbers of what has this name: the same in whatever order, process or part of a run they are drawn.
+
+    They come from Philox (Salmon et al. 2011), a generator whose streams are told apart by a key: a digest of the name.
+    """
+    key = np.frombuffer(hashlib.sha256(name.encode()).digest()[:16], dtype="<u8")
+    return np.random.Generator(np.random.Philox(key=key))
+
+
+def draw_counts(seed: int, case: str, number: int, size: int, pool: int) -> Rows:
+    """How often each view is drawn, of `size` draws with replacement (Efron 1979).  # (V,)"""
+    drawn = keyed_generator(f"{seed}\n{number}\n{case}").integers(pool, size=size)
+    return np.bincount(drawn, minlength=pool).astype(np.int64, copy=False)
 
 
 @dataclass(frozen=True)
@@ -65,16 +146,7 @@ def row_of(result: SampleResult, params: int) -> Row:
 
 
 def samples_from_rows(path: Path, case: StoredCase, rows: Iterable[Row]) -> Samples:
-    """The samples of a case, each row checked as it comes.
-
-    Args:
-        path: where they are from, for messages.
-        case: what they are samples of.
-        rows: number, status, distinct views, four metrics, parameters, iterations, message.
-
-    Raises:
-        InputError: a row is none that a study has written.
-    """
+    """The samples of a case, each row checked as it comes."""
     left = iter(rows)
     parts = [_samples(case, [])]
     while part := [_checked_row(path, case, row) for row in islice(left, ROWS_AT_A_TIME)]:
@@ -90,13 +162,14 @@ def _samples(case: StoredCase, rows: Sequence[Row]) -> Samples:
     """The samples in rows that were checked."""
     number, status, distinct, *metrics, params, iterations, message = zip(*rows, strict=True) if rows else ((),) * 10
     numbers = np.array([[math.nan if value is None else value for value in column] for column in metrics], dtype=float)
+    values = b"".join(cast("tuple[bytes, ...]", params))
     return Samples(
         case,
         np.array(number, dtype=np.int64),
         np.array(status, dtype="U10"),
         np.array(distinct, dtype=np.int64),
         np.ascontiguousarray(numbers.T),
-        np.frombuffer(b"".join(map(_blob, params)), dtype="<f8").reshape(len(rows), case.params).astype(np.float64),
+        np.frombuffer(values, dtype="<f8").reshape(len(rows), case.params).astype(np.float64),
         np.array(iterations, dtype=np.int64),
         tuple(map(str, message)),
     )
@@ -112,11 +185,7 @@ def row_of_case(stored: StoredCase) -> Row:
 
 
 def case_from_row(path: Path, row: Row) -> StoredCase:
-    """A case from a row.
-
-    Raises:
-        InputError: it is none that a study has written.
-    """
+    """A case from a row."""
     if not all(isinstance(value, kind) for value, kind in zip(row, CASE_TYPES, strict=True)):
         raise _damaged(path, "its list of cases")
     name, target, size, pool, sampling, sightings, model, params, covariance = cast(
@@ -130,10 +199,6 @@ def case_from_row(path: Path, row: Row) -> StoredCase:
     return StoredCase(
         case, model, params, np.frombuffer(covariance, dtype="<f8").reshape(side, side).astype(np.float64)
     )
-
-
-def _blob(value: object) -> bytes:
-    return value if isinstance(value, bytes) else b""
 
 
 def _checked_row(path: Path, case: StoredCase, row: Row) -> Row:

@@ -22,7 +22,7 @@ from calib.solver.problem import AS_THE_PAPER
 from calib.solver.solve_virtual import ALL_VIEWS, calibrate
 from calib.solver.start import solve_poses
 from calib.studies.compare.scene import VIRTUAL, ComparedScene, ScenePool, stream, take_photos
-from calib.studies.sample_metrics import SampleResult, failed_sample
+from calib.studies.samples import SampleResult, failed_sample
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced_shape, draw_values
@@ -79,8 +79,9 @@ class SetsOfPhotos(ScenePool):
         except InputError as error:
             return failed_sample(number, 0, self.value_count, str(error))
         held = take_photos(scene, made, stream(seed, scene.name, copy, photos, "held"), -(-scene.views // HELD_SHARE))
-        row = metrics_of(solved)
-        values = (*_held_out(solved, held), _image_share(solved))
+        row, pixel = metrics_of(solved), image_grid(solved.camera.image_size).reshape(-1, 2)
+        image_share = float(errors.is_known(rays(solved.camera, pixel)).mean())
+        values = (*_held_out(solved, held), image_share)
         return SampleResult(
             number, solved.status, seen.view_count, *row, math.nan, values, solved.iterations,
             "" if solved.status == "converged" else " ".join(solved.remarks[:1]),
@@ -88,11 +89,7 @@ class SetsOfPhotos(ScenePool):
 
 
 def made_mm(scene: ComparedScene, model: ErrorModel | None, seed: int, number: int) -> Array:
-    """Where the rings of a print are.  # (R, 3)
-
-    Raises:
-        InputError: errors so large that no target is left.
-    """
+    """Where the rings of a print are.  # (R, 3)"""
     if model is None:
         return np.asarray(scene.target.center_mm)
     values = draw_values(scene.target, model, stream(seed, scene.name, number, "print"))
@@ -100,11 +97,7 @@ def made_mm(scene: ComparedScene, model: ErrorModel | None, seed: int, number: i
 
 
 def calibrate_with(seen: Observations, camera_model: str) -> Calibration:
-    """The camera by plain least squares, as the paper has it.
-
-    Raises:
-        InputError: the photos do not determine it.
-    """
+    """The camera by plain least squares, as the paper has it."""
     if camera_model == ALL_PHOTOS:
         return calibrate(seen, VIRTUAL, AS_THE_PAPER, ALL_VIEWS)
     return calibrate(seen, camera_model, AS_THE_PAPER)
@@ -140,12 +133,6 @@ def _held_out(solved: Calibration, held: Observations) -> tuple[float, float, fl
     return (*metrics_of(one), share)
 
 
-def _image_share(solved: Calibration) -> float:
-    """For what share of the image the camera has rays."""
-    pixel = image_grid(solved.camera.image_size).reshape(-1, 2)
-    return float(errors.is_known(rays(solved.camera, pixel)).mean())
-
-
 def grouped(values: Array, numbers: Sequence[int], sets: int) -> Array:
     """Samples (N,) by print and set; nan where one is missing.  # (prints, sets)"""
     prints = max((number // sets for number in numbers), default=-1) + 1
@@ -179,11 +166,7 @@ class OneSource(ScenePool):
         )  # fmt: skip
 
     def _search(self, seed: int, number: int) -> tuple[float, MetricRow]:
-        """The multiple and the errors at it.
-
-        Raises:
-            InputError: no effect, or no target or camera is left at the size it takes.
-        """
+        """The multiple and the errors at it."""
         rest = self._errors(seed, number, 0.0).intersection_mm ** 2
         multiple = 1.0
         for _ in range(STEPS):

@@ -1,25 +1,119 @@
-"""What the study says: each cost against the image's, and how many starts it stands.
+"""All that the study samples: scenes, how their targets and sightings are, and real photos if there are any.
+
+What the study says: each cost against the image's, and how many starts it stands.
 
 Costs are compared on the same sightings: of a measure's errors e in N sets the mean of log(e / e_image) is told as a
 ratio, with Student's interval of the mean.
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
+from calib.cameras.camera import camera_or_preset
+from calib.core.types import Observations
 from calib.solver.costs import COSTS, IMAGE
-from calib.studies.compare.cases import Group
-from calib.studies.cost.cases import STARTS, CostPlan
-from calib.studies.cost.errors import ESTIMATORS
-from calib.studies.cost.photographed import MEASURES
+from calib.solver.problem import Loss
+from calib.studies.compare.scene import ComparedScene, make_target, scene_of
+from calib.studies.cost.estimates import CONDITIONS, ESTIMATORS, MEASURES, CostPool, RealPool, StartPool
+from calib.studies.identity import StudyIdentity, identity_of
+from calib.studies.samples import Case, Samples
 from calib.studies.store import Study
-from calib.studies.stored_samples import Samples
+from calib.studies.workers import CaseSpec
 from designer.base.arrays import Array
+from designer.base.errors import InputError
 from designer.base.marks import Gap
+from designer.kinds.presets import preset_or_file
+from designer.tolerance.error_file import error_model
+
+VIEWS = 20
+CONTRAST_TO_NOISE = 50.0
+FARTHEST = 2.0
+"""Photos are taken from where the target fills the image to twice as far: ranges that are all alike would hide much."""
+MOST_PARTS = 24
+"""Of real photos."""
+LEAST_PHOTOS = 4
+STARTS = "bad starts"
+REAL = "photos held out"
+
+
+@dataclass(frozen=True)
+class CostScene:
+    """A target before a camera, by the names of their templates."""
+
+    name: str
+    template: str
+    errors: str  # how the target is made
+    camera: str
+
+
+SETTINGS: tuple[CostScene, ...] = (
+    CostScene("board", "3d-board", "fdm-board", "machine-vision"),
+    CostScene("icosahedron", "shiny-ico", "fdm-dual", "machine-vision"),
+    CostScene("board, wide lens", "3d-board", "fdm-board", "action-camera"),
+)
+
+
+@dataclass(frozen=True)
+class CostPlan:
+    """How much of the study."""
+
+    sets: int  # of photos of each scene and condition
+    starts: int  # of each scene
+    seed: int = 1
+    photos: str = ""  # name of the real ones; "": none
+    model: str = ""  # that they are solved with
+
+
+@dataclass(frozen=True, eq=False)
+class RealPhotos:
+    """Photos of a person's own."""
+
+    name: str
+    observations: Observations
+    model: str
+
+
+def identity(plan: CostPlan, own: Mapping[str, Path | str] = MappingProxyType({})) -> StudyIdentity:
+    """All that a sample depends on beside its case and number, a person's own photos too; sets may be added later."""
+    files = dict(own)
+    for one in SETTINGS:
+        files[f"target {one.template}"] = preset_or_file("targets", one.template)
+        files[f"errors {one.errors}"] = preset_or_file("errors", one.errors)
+        files[f"camera {one.camera}"] = preset_or_file("cameras", one.camera)
+    return identity_of(plan.seed, {"study": "cost", "photos": plan.photos, "model": plan.model}, files)
+
+
+def scene_named(setting: CostScene) -> ComparedScene:
+    """The scene of a setting."""
+    scene = scene_of(setting.name, make_target(setting.template), camera_or_preset(setting.camera), VIEWS)
+    return replace(scene, contrast_to_noise=CONTRAST_TO_NOISE, farthest=FARTHEST)
+
+
+def cases_of(plan: CostPlan, real: RealPhotos | None) -> tuple[CaseSpec, ...]:
+    """The cases of a plan."""
+    own, simulated, starts = list[CaseSpec](), list[CaseSpec](), list[CaseSpec]()
+    if real is not None:
+        count = real.observations.view_count
+        if count < LEAST_PHOTOS:
+            raise InputError(f"{real.name}: {count} photos, of which some are held out; give {LEAST_PHOTOS} or more")
+        pool = RealPool(real.observations, real.model, min(count, MOST_PARTS))
+        own.append(CaseSpec(Case(real.name, count, count, REAL), pool, pool.parts))
+    for one in SETTINGS:
+        scene = scene_named(one)
+        for condition in CONDITIONS:
+            is_huber = condition == "outliers, Huber"
+            loss: Loss = "huber" if is_huber else "squares"
+            errors = error_model(one.errors) if condition == "as made" else None
+            photos = CostPool(scene, errors, is_huber or condition == "outliers", loss)
+            simulated.append(CaseSpec(Case(one.name, VIEWS, VIEWS, condition), photos, plan.sets))
+        starts.append(CaseSpec(Case(one.name, VIEWS, VIEWS, STARTS), StartPool(scene), plan.starts))
+    return (*own, *simulated, *starts)
+
 
 UNITS: Mapping[str, str] = MappingProxyType({name: name.rpartition("_")[2] for name in MEASURES})
 SHARE = 0.99
@@ -103,18 +197,15 @@ class CostTable:
         return next((one for one in found if math.isfinite(one.median)), None)
 
 
-def table_of(study: Study, plan: CostPlan, groups: Sequence[Group]) -> CostTable:
+def table_of(study: Study, plan: CostPlan) -> CostTable:
     """The table of all samples that a study has."""
-    known = {one.case.name for one in study.cases()}
-    cases: list[CostRatio] = []
-    starts: list[StartRow] = []
-    for spec in (spec for group in groups for spec in group.specs):
-        if spec.name not in known or not len((samples := study.load(spec.name)).number):
-            continue
-        if spec.case.sampling == STARTS:
-            starts += start_rows(samples, spec.case.target)
+    cases, starts = list[CostRatio](), list[StartRow]()
+    for samples in study.load_all().values():
+        case = samples.case.case
+        if case.sampling == STARTS:
+            starts += start_rows(samples, case.target)
         else:
-            cases += cost_rows(samples, spec.case.target, spec.case.sampling)
+            cases += cost_rows(samples, case.target, case.sampling)
     return CostTable(plan, tuple(cases), tuple(starts))
 
 
