@@ -54,6 +54,7 @@ ABILITIES: dict[str, Abilities] = {
         is_in_all_wide=True, also_called="rational rationalpolynomial fullopencv radtan8 pinholeradtan8"
     ),
     "opencv12": Abilities(also_called="thinprism"),
+    "opencv14": Abilities(also_called="tilted scheimpflug tiltedmodel"),
     "fisheye": Abilities(
         is_wide=True,
         is_in_all_wide=True,

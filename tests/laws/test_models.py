@@ -127,7 +127,7 @@ def test_a_model_says_what_it_can_do(model: str) -> None:
     else:
         assert set(entry.opencv_lens) <= set(camera.parameters)
         assert camera.distortion.shape == (len(entry.opencv_lens or range(5)),)
-        assert len(camera.distortion) in ((4,) if ABILITIES[model].is_wide else (5, 8, 12))
+        assert len(camera.distortion) in ((4,) if ABILITIES[model].is_wide else (5, 8, 12, 14))
 
 
 def test_defaults_and_choices_are_models() -> None:

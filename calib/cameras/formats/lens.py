@@ -1,7 +1,7 @@
 """Lenses of other tools: those that are a model of ours as they are, their relatives by a fit over the image.
 
-OpenCV's lens of up to 12 coefficients k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 is one of three models, the smallest that has
-those that are not zero.
+OpenCV's lens of up to 14 coefficients k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y is one of four models, the
+smallest that has those that are not zero.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,13 +24,13 @@ Distort = Callable[[Complex, Complex], tuple[Complex, Complex]]
 Rays = Callable[[Array], Array]
 """Directions (N, 3) at pixels (N, 2), of any length; nan where there are none."""
 
-OF_OPENCV = {5: COMMON, 8: "opencv8", 12: "opencv12"}
+OF_OPENCV = {5: COMMON, 8: "opencv8", 12: "opencv12", 14: "opencv14"}
 """Its models by the number of their coefficients."""
 QUICK_OF_OPENCV = (COMMON, "opencv8")
 """Those that are fitted in a moment."""
 PLAINER = {"thin_prism_fisheye": "fisheye"}
 """What a camera of a model is where the numbers beyond are zero."""
-OPENCV_ORDER = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4")
+OPENCV_ORDER = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
 STEP = 1e-30
 MAX_STEPS = 100
 TOLERANCE = 1e-12
@@ -39,7 +39,7 @@ TOLERANCE = 1e-12
 def brown_camera(
     linear: Sequence[float], coefficients: Sequence[float], image_size: tuple[int, int], origin: str
 ) -> ReadCamera:
-    """A camera with fx fy cx cy and up to 12 of OpenCV's coefficients."""
+    """A camera with fx fy cx cy and up to 14 of OpenCV's coefficients."""
     last = max((count for count, value in enumerate(coefficients, start=1) if value), default=0)
     count = next(one for one in OF_OPENCV if one >= last)
     lens = [*coefficients, *[0.0] * count][:count]

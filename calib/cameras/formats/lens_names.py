@@ -13,7 +13,7 @@ from calib.cameras import ABILITIES, COMMON, LINEAR, WIDE
 from calib.cameras.formats.parsing import shown_plain
 from designer.base.errors import InputError
 
-BROWN = (COMMON, "opencv8", "opencv12")
+BROWN = (COMMON, "opencv8", "opencv12", "opencv14")
 """One lens, of which the number of coefficients tells how much of it is there."""
 _KEY = re.compile(
     r"(?:camera|cam|dist|distort|distortion|lens|proj|projection|intrinsics?|calib|calibration|coeffs?)?"

@@ -25,6 +25,7 @@ LENSES = (
     FileLens("standard", "opencv", "fx fy cx cy k1 k2 p1 p2 k3"),
     FileLens("rational", "opencv8", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
     FileLens("thin_prism", "opencv12", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4"),
+    FileLens("tilted", "opencv14", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y"),
     FileLens("fisheye", "fisheye", "fx fy cx cy k1 k2 k3 k4"),
 )
 """What its functions of calib3d take, by the names of their flags; those of `cv2.fisheye` are the last."""
@@ -32,7 +33,6 @@ WIDE = LENSES[-1]
 MOST_NUMBERS = 20
 COUNTS = (0, 4, 5, 8, 12, 14)
 FISHEYES = (4,)
-TILT = slice(12, 14)
 NO_SKEW_PX = 1e-6
 """A skew that moves no pixel by more is rounding."""
 MAX_FILE_BYTES = 2**22
@@ -98,14 +98,12 @@ def camera_by_name(
     if named is not None and not (is_fisheye or named.is_brown):
         raise InputError(f"{origin}: {named.said}: not supported; there are {', '.join(one.name for one in LENSES)}")
     lens = coefficients(given, name, origin, FISHEYES if is_fisheye else counts, is_fisheye=is_fisheye)
-    if any(lens[TILT]):
-        raise InputError(f"{origin}: a tilted sensor (tau) is not supported; calibrate without CALIB_TILTED_MODEL")
     if named is not None and named.is_without and any(lens):
         raise InputError(f"{origin}: {named.said}, but {name} is not zero; leave the one that is right")
     if is_fisheye:
         found = lens_camera(WIDE, [*linear, *lens], size, origin)
     else:
-        found = brown_camera(linear, lens[: TILT.start], size, origin)
+        found = brown_camera(linear, lens, size, origin)
     if abs(skew) * size[1] > NO_SKEW_PX * linear[1]:
         found = _skewed(found.camera, skew, origin)
     return replace(found, remarks=(*found.remarks, *_doubts(lens, name, named)))
