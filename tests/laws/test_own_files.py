@@ -85,6 +85,31 @@ def test_own_files_are_replaced_and_those_of_somebody_else_stay(program: Callabl
         assert there == {**earlier, **planted}
 
 
+PLACED = [one for one in WRITING if {"-o", "--picture"} & set(one.values[1].words)]
+
+
+@pytest.mark.parametrize(("program", "case"), PLACED)
+def test_a_place_that_does_not_suit_is_refused_before_any_work(program: Callable[..., Answer], case: Case) -> None:
+    """A file that is read, a name below a file, a file for a folder, a folder for a file: one line that names it."""
+    if case.before:
+        assert program(*case.before).code == 0
+    at = max(case.words.index(flag) for flag in ("-o", "--picture") if flag in case.words) + 1
+    place, inputs = Path(case.words[at]), [word for word in case.words[1:at] if Path(word).is_file()]
+    Path("file").write_text("x")
+    Path(f"folder{place.suffix}").mkdir()
+    before = contents()
+    other = f"folder{place.suffix}" if place.suffix else "file"
+    for wrong in (
+        *inputs,
+        f"file/{place.name}",
+        *((other,) if case.words[0] != "detect" else ()),
+    ):  # takes a folder, too
+        answer = program(*case.words[:at], wrong, *case.words[at + 1 :])
+        assert (answer.code, answer.out, answer.err.count("\n")) == (2, "", 1), (wrong, answer)
+        assert Path(wrong).name in answer.err or "file: " in answer.err, (wrong, answer)
+        assert contents() == before, wrong
+
+
 def test_a_picture_is_signed_and_shows_the_same(tmp_path: Path) -> None:
     """PNG and JPEG, a package and a text are known for this program's afterwards, and what they hold is as before."""
     pixels = np.arange(48, dtype=np.uint8).reshape(6, 8)

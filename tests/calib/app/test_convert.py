@@ -108,24 +108,6 @@ def test_the_lens_is_chosen_and_can_be_named(capsys: pytest.CaptureFixture[str])
         run("wide.json", to="colmap", out=Path("c.txt"), lens="OPENCV_FISHEY")
 
 
-def test_places_that_must_not_be_written(folder: Path) -> None:
-    """A folder, the input itself and a file that is no camera stay as they are; an earlier result is replaced."""
-    Path("notes.txt").write_text("my notes")
-    Path("empty").touch()
-    for out, rule in (
-        (folder, r"is a folder; name the file with -o, such as .*camera\.yaml"),
-        (Path("barrel.json"), "is a file to read"),
-        (Path("notes.txt"), "not of ringsolid's making"),
-    ):
-        with pytest.raises(InputError, match=rule):
-            run("barrel.json", to="opencv", out=out)
-    assert Path("notes.txt").read_text() == "my notes"
-    for _ in range(2):
-        run("barrel.json", to="opencv", out=Path("empty"))
-    run("barrel.json", to="opencv", out=Path("new/folder/camera.yaml"))
-    assert open_camera("new/folder/camera.yaml").read.camera.image_size == SIZE
-
-
 def test_the_input_is_not_overwritten_however_it_was_named() -> None:
     """A folder stands for its camera.json, and FILE#NAME for a file: neither may be the output, too."""
     Path("solved").mkdir()

@@ -27,7 +27,6 @@ from designer.kinds.sizing import size_job
 from designer.page.capability import command_of
 from designer.target import TargetGeometry, target_to_json
 from tests.support.designs import asked_for
-from tests.support.programs import modules_loaded_by
 from tests.support.sightings import pinhole, sighting, view_from
 
 BOARD = lay_out(size_job(asked_for("board", {"columns": 5, "rows": 4, "pitch": "20mm"})).job.target)
@@ -235,22 +234,6 @@ def test_names_of_any_kind_reach_the_screen(folder: Path, capsys: pytest.Capture
         assert text in said
     assert len(list(Path("o").glob("*.overlay.jpg"))) == 3
     assert printable("a\x1b[31mred\u202e\n b") == "a\\x1b[31mred\\u202e b"
-
-
-def test_a_photo_is_searched_without_what_other_commands_use() -> None:
-    """Search and page load neither statistics nor drawings, studies nor the solver, which take longer."""
-    code = "import calib.cli, calib.observe.search\nimport calib.app.detect_page"
-    heavy = {
-        "scipy.signal",
-        "scipy.stats",
-        "PIL",
-        "matplotlib",
-        "sklearn",
-        "joblib",
-        "calib.studies",
-        "calib.solver.solve",
-    }
-    assert not heavy & modules_loaded_by(code)
 
 
 def test_a_linked_photo_is_the_same_photo(tmp_path: Path) -> None:

@@ -73,30 +73,6 @@ def test_a_picture_is_written(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out == ""
 
 
-def test_only_pictures_of_its_own_are_overwritten(capsys: pytest.CaptureFixture[str]) -> None:
-    """A photo, a folder, or one of the cameras themselves stays as it is, and nothing is told but that."""
-    photo = b"\x89PNG\r\n\x1a\n of last summer"
-    Path("photo.png").write_bytes(photo)
-    Path("folder.png").mkdir()
-    Path("camera.png").write_text(camera_to_json(MOVED))
-    camera = Path("camera.png").read_bytes()
-    for name, rule in {
-        "photo.png": "is there already, and not of ringsolid's making",
-        "folder.png": "cannot be written: a folder has the name",
-        "camera.png": "is a file to read",
-    }.items():
-        with pytest.raises(InputError, match=f"{name}: {rule}"):
-            run("a", "camera.png", out=Path(name))
-    Path("f").write_text("x")
-    with pytest.raises(InputError, match=r"f/d\.png: cannot be"):
-        run("a", "camera.png", out=Path("f/d.png"))
-    assert capsys.readouterr().out == ""
-    assert Path("photo.png").read_bytes() == photo
-    assert Path("camera.png").read_bytes() == camera
-    for _ in range(2):
-        run("a", "camera.png", out=Path("d.png"))
-
-
 def test_what_is_not_known_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
     """Pixels that one camera has no ray for are not compared, and their number is told."""
     Path("c.json").write_text(

@@ -110,13 +110,6 @@ def test_alpha_is_wide_without_black_or_shows_all(lens: Camera) -> None:
         assert one.params[1] / one.params[0] == pytest.approx(lens.params[1] / lens.params[0])
 
 
-def test_the_focal_length_stays_or_is_as_asked() -> None:
-    """Without wishes the pinhole is the camera without its lens."""
-    lens = LENSES["barrel"]
-    assert np.array_equal(pinhole_of(lens).params, lens.params[:4])
-    assert pinhole_of(lens, focal_px=95.0).params == pytest.approx([95.0, 95.5, *lens.params[2:4]])
-
-
 def test_a_lens_that_sees_too_much_is_refused() -> None:
     """Light from the side would need a picture without end."""
     fisheye = Camera("luhmann", np.array([100.0, 100.0, 159.5, 119.5, -9.0, -9.0, 0.0, 0.0, 0.0]), SIZE)
