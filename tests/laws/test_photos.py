@@ -65,6 +65,7 @@ def test_what_is_drawn_beside_photos_is_never_taken_for_one(name: str, again: st
     """A second run over a folder of photos and of what the first left there takes the photos alone."""
     first, second = (summary_of(calib(*COMMANDS[name], photos, "--json")) for photos in ("photos", again))
     assert second["wrote"] == first["wrote"]
+    assert second["answer"].get("without_pose") == first["answer"].get("without_pose")
     assert sum("view_" in path for path in second["wrote"]) == len(PHOTOS)
 
 
