@@ -344,7 +344,6 @@ def test_halves_that_differ_beyond_chance_enlarge_the_uncertainty(ratio: float, 
     assert halves.factor == factor
     run, evidence = solved(sightings(views=6)), _plain(6)
     stated = evidence.uncertainty.image_px
-    assert stated is not None
     uncertain = uncertainty_of(run[0], evidence.coverage, halves.factor)
     enlarged = replace(evidence, halves=halves, uncertainty=uncertain)
     found = next(one for one in judge(enlarged, read_criteria()).checks if one.name == "uncertainty")

@@ -238,7 +238,6 @@ def test_no_ring_owns_the_solution_by_what_it_states(stated_px: float) -> None:
     total = len(found.view)
     line = f"1 of {total} observations state less than 25% of the median standard deviation; they count as if they"
     assert any(remark.startswith(line) for remark in found.remarks)
-    assert found.cov_px2 is not None
     least = np.sqrt(np.linalg.eigvalsh(found.cov_px2)[:, 0].min())
     assert least == pytest.approx(0.25 * SIGMA_PX)
     solved = [solve(one, camera().model) for one in (prepared(seen), found)]

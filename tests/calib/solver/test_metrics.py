@@ -306,7 +306,6 @@ def test_weighted_errors_are_mahalanobis_lengths() -> None:
     """The squared length of a weighted error is e' cov^-1 e; there is none where all sightings are to count alike."""
     calibration = with_accuracies(example(BOARD, np.random.default_rng(3), views=3, noise_px=0.3))
     covariance, plain = calibration.observations.cov_px2, errors_of(calibration, "reprojection").vector
-    assert covariance is not None
     expected = np.einsum("mi,mij,mj->m", plain, np.linalg.inv(covariance), plain)
     assert errors_of(calibration, "weighted").size ** 2 == pytest.approx(expected)
     assert evaluate(replace(calibration, weighted=False)).of("weighted") is None

@@ -154,7 +154,6 @@ def test_changes_are_budgets_of_changed_rigs() -> None:
 def test_one_camera_more_shares_what_the_cameras_share(sign: int) -> None:
     """Where a lens and the other camera's rotation are wrong together, a camera more is wrong with them: no loss."""
     rig = row_of_cameras(2)
-    assert rig.covariance is not None
     together = np.zeros(len(rig.covariance))
     together[2], together[rig.pose_rows(1).start + 1] = 5.0, sign * 5.0 / rig.cameras[0].params[0]
     joined = replace(rig, covariance=0.01 * rig.covariance + np.outer(together, together))

@@ -175,7 +175,6 @@ def started(path: Path, *more: str) -> subprocess.Popen[str]:
 
 def wait_for(program: subprocess.Popen[str], done: int) -> None:
     """Read the progress up to some samples."""
-    assert program.stdout is not None
     for line in program.stdout:
         if int(line) >= done:
             return

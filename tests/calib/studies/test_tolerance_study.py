@@ -235,7 +235,6 @@ def test_noise_has_its_covariance() -> None:
     """Drawn noise has the stated covariance, and is of its draw alone."""
     setting = ico_setting()
     noise = np.stack([drawn_noise(setting, 0, number) for number in range(400)])
-    assert setting.observations.cov_px2 is not None
     root = np.linalg.cholesky(setting.observations.cov_px2)
     white = np.linalg.solve(root, noise[..., None])[..., 0].reshape(-1, 2)
     np.testing.assert_allclose(white.T @ white / len(white), np.eye(2), atol=0.01)
