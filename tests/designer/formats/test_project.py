@@ -162,6 +162,7 @@ def test_each_piece_lies_on_the_plate_that_names_it_as_on_its_own_bed(name: str)
             lies = piece.as_it_lies
             wanted = np.concatenate([mesh.vertices_mm for mesh in (lies.body, lies.ink) if mesh is not None])
             on_bed = by_name[piece.name].corners_mm - [*plate.corner_mm, 0.0]
+            assert ((on_bed > -1e-4) & (on_bed < presets_of(name).plate_mm[0])).all()
             assert on_bed == pytest.approx(wanted, abs=1e-4)
 
 
