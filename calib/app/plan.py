@@ -230,8 +230,6 @@ def plan(
     shape = shape_of(before)
     if shape is None:
         raise InputError("the target's points lie on no known plane, so what a photo shows of it is not known")
-    if distance_mm is not None and distance_mm[0] > distance_mm[1]:
-        raise InputError(f"--distance {distance_mm[0]:g}..{distance_mm[1]:g} mm: the smaller comes first")
     held, angle_deg, at = usual_hold(before, shape, distance_mm), None, None
     if hand is not None and hand.frame == "table":
         if distance_mm is not None:

@@ -2,13 +2,15 @@
 
 The command line's option, its help, how its text is read and what is refused all come from this, and Python is refused
 the same. A name's ending is its unit: `length_mm` is `--length 100mm` in a shell, and a number in Python.
+
+A parameter whose type is a dataclass of such fields is an option for each: `options: RenderOptions | None = None`.
 """
 
 import inspect
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from functools import partial, wraps
 from numbers import Integral, Real
 from pathlib import Path
@@ -34,6 +36,7 @@ class CommandOption:
     most: float = math.inf
     metavar: str = ""
     flag: str = ""  # of a shell, where it is not the name: "--reject"
+    unit: str = ""  # of its number, where the name's ending does not tell: "share"
     short: str = ""  # a letter's flag: "-v"
     parse: Text | None = None  # of a shell's text, where the name's ending does not tell; ValueError: no such thing
     names: Callable[[], tuple[str, ...]] | None = None  # the words that it takes
@@ -80,7 +83,7 @@ UNITS: Mapping[str, Unit] = {
     "sigma": Unit(
         "sigma", partial(_with_unit, units={"": 1.0, "sigma": 1.0}, expected="standard deviations such as 4")
     ),
-    "share": Unit("%", parse_percent, 0.01),
+    "share": Unit("%", lambda text: parse_percent(text) / 100, 0.01),
     "percent": Unit("%", parse_percent),
 }
 """By the ending of a parameter's name. A share of one is written in percent."""
@@ -96,11 +99,19 @@ class Parameter:
     kind: object  # the type, None aside; a text where it is not loaded
     default: object  # `inspect.Parameter.empty`: it has to be given
     others: tuple[object, ...] = ()  # types that Python may give as well
+    within: tuple[str, type] | None = None  # the function's parameter, and its type, of which it is a field
 
     @property
     def unit(self) -> Unit:
         """Of its number."""
-        return UNITS.get(self.name.rpartition("_")[2], PLAIN)
+        return UNITS.get(self.option.unit or self.name.rpartition("_")[2], PLAIN)
+
+    @property
+    def known(self) -> tuple[object, ...]:
+        """All that it can be; (): that is not told."""
+        if get_origin(self.kind) is Literal:
+            return get_args(self.kind)
+        return () if self.option.names is None else self.option.names()
 
     @property
     def flag(self) -> str:
@@ -119,7 +130,9 @@ class Parameter:
         """A value as it is typed."""
         if isinstance(value, tuple) and self._is_number:
             return "..".join(self.text_of(one) for one in value)
-        return f"{value / self.unit.scale:g}{self.unit.name}" if isinstance(value, float) else str(value)
+        if isinstance(value, bool) or not isinstance(value, int | float) or self.kind is int:
+            return str(value)
+        return f"{value / self.unit.scale:g}{self.unit.name}"
 
     @property
     def _is_number(self) -> bool:
@@ -141,6 +154,8 @@ class Parameter:
     def _meant(self, text: str) -> object:
         if self.option.parse is not None:
             return self.option.parse(text)
+        if get_origin(self.kind) is Literal:
+            return next((one for one in self.known if str(one) == text), text)
         if self.kind is int:
             return whole_number(text)
         if self.kind is float:
@@ -156,22 +171,22 @@ class Parameter:
             value: that was given.
             told: as it was written; "": as Python shows it.
         """
-        if value is None or isinstance(value, str) != (
-            self.option.names is not None or get_origin(self.kind) is Literal
-        ):
+        if value is None:
             return
-        if isinstance(value, str):
-            known = tuple(get_args(self.kind)) if self.option.names is None else self.option.names()
-            if value not in known:
-                hint = suggestion(value, list(known)) or f"; use {', '.join(known)}"
+        if (self.option.names is not None and isinstance(value, str)) or get_origin(self.kind) is Literal:
+            if value not in self.known:
+                words = [one for one in self.known if isinstance(one, str)]
+                hint = suggestion(str(value), words) or f"; use {', '.join(map(str, self.known))}"
                 raise InputError(f"{self.label} {shown(value)} is unknown{hint}")
-        elif self._is_number:
+        elif self._is_number and not (isinstance(value, str) and {str, Path} & {*self.others}):
             several = value if isinstance(value, tuple | list) else (value,)
             wanted = () if float in self.others and several == (value,) else get_args(self.kind)
             if wanted and ... not in wanted and len(several) != len(wanted):
                 raise InputError(f"{self.label} {told or shown(value)}: must be {len(wanted)} numbers")
             for one in several:
                 self._check_number(one, told or shown(value))
+            if len(wanted) == 2 and several[0] > several[1]:
+                raise InputError(f"{self.label} {told or shown(value)}: the smaller comes first")
 
     def _check_number(self, value: object, told: str) -> None:
         kind, what = (Integral, "a whole number") if self.kind is int else (Real, "a number")
@@ -213,16 +228,28 @@ def read_range(text: str, parse: Callable[[str], float], unit: str) -> tuple[flo
 
 
 def parameters_of(function: Callable[..., object]) -> dict[str, Parameter]:
-    """Those of a function that say what they are, by their names."""
+    """Those of a function that say what they are, by their names; for one that is made of options, its fields."""
     found = {}
     for name, one in inspect.signature(function).parameters.items():
+        kind = _kinds(one.annotation)[0]
         if get_origin(one.annotation) is Annotated:
             kind, *marks = get_args(one.annotation)
             said = next((mark for mark in marks if isinstance(mark, CommandOption)), None)
             if said is not None:
                 first, *others = _kinds(kind)
                 found[name] = Parameter(name, said, first, one.default, tuple(others))
+        elif isinstance(kind, type) and is_dataclass(kind):
+            found |= {field: replace(each, within=(name, kind)) for field, each in parameters_of(kind).items()}
     return found
+
+
+def packed(parameters: Mapping[str, Parameter], values: Mapping[str, object]) -> dict[str, object]:
+    """Values by the names of a function's own parameters: those of fields together, as what they are fields of."""
+    own, fields = dict[str, object](), dict[tuple[str, type], dict[str, object]]()
+    for name, value in values.items():
+        within = parameters[name].within if name in parameters else None
+        (own if within is None else fields.setdefault(within, {}))[name] = value
+    return own | {name: kind(**given) for (name, kind), given in fields.items()}
 
 
 def _kinds(kind: object) -> tuple[object, ...]:
@@ -238,9 +265,16 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def within_limits(*values: P.args, **options: P.kwargs) -> R:
-        for name, value in signature.bind(*values, **options).arguments.items():
-            if name in parameters:
-                parameters[name].check(value)
+        given = signature.bind(*values, **options).arguments
+        for name, parameter in parameters.items():
+            if parameter.within is None:
+                parameter.check(given.get(name))
+                continue
+            group, kind = parameter.within
+            if (value := given.get(group)) is not None:
+                if not isinstance(value, kind):
+                    raise InputError(f"{group} {shown(value)}: is of type {type(value).__name__}; give {kind.__name__}")
+                parameter.check(getattr(value, name))
         return function(*values, **options)
 
     return within_limits

@@ -17,11 +17,11 @@ from dataclasses import replace
 from functools import partial, wraps
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TypeAlias, TypeVar, cast, overload
+from typing import TYPE_CHECKING, Annotated, Any, Literal, ParamSpec, TypeAlias, TypeVar, cast, get_origin, overload
 
 from designer.base.answer import NegativeError, StoppedError, Summary
 from designer.base.errors import InputError, NoAnswerError
-from designer.base.options import PLAIN, CommandOption, Parameter, checked, parameters_of
+from designer.base.options import PLAIN, CommandOption, Parameter, checked, packed, parameters_of
 from designer.base.units import NO_SKEW
 from designer.page.output import Output
 from designer.page.result import Result
@@ -111,7 +111,7 @@ def command_of(
         option = next((name for name in others if name in texts), "")
         chosen = others.get(option, function)
         made, takes = _result_of(chosen), inspect.signature(chosen).parameters
-        values = dict(_chosen_values(texts, own, chosen, option))
+        values = packed(own[chosen], dict(_chosen_values(texts, own, others, chosen, option)))
         where = cast(Path, place or (folder(values) if folder and not option else _folder_of(made)))
         is_asked = bool(place or folder or made.is_written)
         page = where if made.is_written and not made.is_table(where) else None
@@ -129,7 +129,7 @@ def command_of(
                 output.finished.append(where)
             return tell(result, output)
         except KeyboardInterrupt:
-            raise _stopped(output, again="; go on with --resume" if RESUME in takes else "") from None
+            raise _stopped(output, output.again or ("go on with --resume" if RESUME in takes else "")) from None
         except NoAnswerError as error:
             if isinstance(error.result, Result):
                 return tell(error.result, output, answer=output.answer)
@@ -148,7 +148,7 @@ def command_of(
 
 def _chosen_values(
     texts: Mapping[str, object], own: Mapping[Callable[..., Result], Mapping[str, Parameter]],
-    chosen: Callable[..., Result], option: str,
+    others: Mapping[str, Callable[..., Result]], chosen: Callable[..., Result], option: str,
 ) -> Iterator[tuple[str, object]]:  # fmt: skip
     """What the function that is carried out is given, under its names; what is not of it is refused."""
     flags = {name: parameter for each in own.values() for name, parameter in each.items()}
@@ -156,7 +156,8 @@ def _chosen_values(
         if name in own[chosen]:
             yield name, _read(own[chosen][name], value)
         elif value != flags[name].default:
-            gone = f"does not go with {flags[option].flag}" if option else "goes with another option only: see --help"
+            needed = " or ".join(flags[one].flag for one, function in others.items() if name in own[function])
+            gone = f"does not go with {flags[option].flag}" if option else f"goes with {needed} only"
             raise InputError(f"{flags[name].label}: {gone}; leave it out")
     for name, parameter in own[chosen].items():
         if parameter.default is inspect.Parameter.empty and name not in (*texts, OUT):
@@ -171,7 +172,8 @@ def _merged(
     first, *rest = own.values()
     for name in dict.fromkeys((*first, *(name for each in rest for name in each))):
         parameter = first.get(name, merged[name])
-        if not all(name in each for each in own.values()) and parameter.default is inspect.Parameter.empty:
+        is_of_all = all(name in each for each in own.values())
+        if name in others or (not is_of_all and parameter.default is inspect.Parameter.empty):
             parameter = replace(parameter, default=None)
         for option, function in others.items():
             there = own[function].get(name)
@@ -249,7 +251,7 @@ def _stopped(output: Output, again: str) -> StoppedError:
     from designer.page.terminal import shown
 
     places = ", ".join(shown(path) for path in dict.fromkeys(output.finished) if path.exists())
-    said = f"stopped; finished and kept: {places}{again}" if places else NOTHING_WRITTEN
+    said = f"stopped; finished and kept: {places}{again and f'; {again}'}" if places else NOTHING_WRITTEN
     return StoppedError(said, Summary(output.answer, tuple(output.files)))
 
 
@@ -296,9 +298,8 @@ def _typed(parameter: Parameter) -> inspect.Parameter:
     shown: dict[str, Any] = {
         "help": said.help, "metavar": said.metavar or _metavar(parameter), "show_default": kind is bool,
     }  # fmt: skip
-    if said.names is not None or said.complete is not None:
-        names = said.names
-        shown["autocompletion"] = said.complete or (lambda: list(names()) if names else [])
+    if said.complete is not None or said.names is not None or get_origin(parameter.kind) is Literal:
+        shown["autocompletion"] = said.complete or (lambda: [str(one) for one in parameter.known])
     if not is_needed and parameter.default not in (None, (), False, NO_SKEW) and kind is not bool:
         shown["help"] += f" [default: {parameter.text_of(parameter.default)}]"
     if said.is_argument:

@@ -27,6 +27,7 @@ class Output:
     files: list[Path] = field(default_factory=list)  # all that is written
     finished: list[Path] = field(default_factory=list)  # files and folders that are of use though the rest is missing
     is_asked: bool = True  # False: nobody said where, and the place itself is not written to
+    again: str = ""  # how to go on if a person stops it, beside what is finished
     answer: "Mapping[str, Value]" = field(default_factory=dict)  # as far as it is known, if the work does not end well
 
     @property

@@ -1,10 +1,11 @@
 """Commands that write as they go: whatever ends them, what is finished stays and is told."""
 
 import inspect
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import Annotated, Literal, get_args
 
 import pytest
 
@@ -188,3 +189,46 @@ def test_what_a_screen_tells_is_written_where_it_is_asked_for_alone(
     assert set(inspect.signature(command).parameters) == {"out"}
     assert command(out=Path("words.csv")).wrote == (Path("words.csv"),)
     assert "wrote    .: words.csv" in capsys.readouterr().out
+
+
+@dataclass(frozen=True)
+class Ink:
+    """Options that belong together."""
+
+    colour: Annotated[Literal["black", "blue"], option("of it")] = "black"
+    thinned: Annotated[float, option("water in it", 0, 0.5, unit="share")] = 0.1
+    bits: Annotated[Literal[8, 16], option("of a scan")] = 8
+
+
+@capability
+def print_sheets(
+    *,
+    size_mm: Annotated[float, option("of it", 1, 300)] = 20.0,
+    ink: Ink | None = None,
+    out: Annotated["Output | Path | None", option("folder", short="-o", is_needed=True)] = None,
+) -> Copies:
+    """Print sheets."""
+    if out is not None:
+        output_of(out).write({output_of(out).place / "sheet.txt": f"{size_mm:g} {ink}".encode()})
+    return Copies(1)
+
+
+def test_a_parameter_of_options_is_an_option_for_each_field(tmp_path: Path) -> None:
+    """Read, checked and named like all others, in a shell and in Python."""
+    command = print_sheets.as_command()  # type: ignore[attr-defined]
+    assert list(inspect.signature(command).parameters)[:5] == ["size_mm", "colour", "thinned", "bits", "out"]
+    given = {"size_mm": "3cm", "colour": "blue", "thinned": "20%", "bits": "16", "out": tmp_path, "page": False}
+    command(**given)
+    assert (tmp_path / "sheet.txt").read_text().startswith(f"30 {Ink('blue', 0.2, 16)}")
+    command(out=tmp_path, page=False)
+    assert (tmp_path / "sheet.txt").read_text().startswith("20 None")
+    for name, text, message in (
+        ("thinned", "60%", "--thinned 60%: must be from 0% to 50%"),
+        ("colour", "blak", "--colour 'blak' is unknown; did you mean 'black'"),
+        ("bits", "12", "--bits '12' is unknown; use 8, 16"),
+    ):
+        with pytest.raises(InputError, match=re.escape(message)):
+            command(**{**given, name: text})
+    for ink in (Ink(thinned=0.6), Ink(bits=12), "blue"):  # type: ignore[arg-type]
+        with pytest.raises(InputError):
+            print_sheets(ink=ink)  # type: ignore[arg-type]
