@@ -10,8 +10,6 @@ from importlib import import_module
 
 TYPE_CHECKING = False  # `typing` takes long to load, and Ctrl-C in the meantime leaves a traceback
 if TYPE_CHECKING:
-    from calib.api.rendering import RenderedPhotos, render
-    from calib.api.rendering_rigs import RenderedRig, render_rig
     from calib.app.budget import Budget, budget
     from calib.app.calibration import Run
     from calib.app.convert import Conversion, convert
@@ -26,6 +24,8 @@ if TYPE_CHECKING:
     from calib.app.measured_print import MeasuredPrint, RescaledTarget
     from calib.app.plan import PhotoPlan, plan
     from calib.app.pose import TargetPoses, pose
+    from calib.app.render import render, render_rig
+    from calib.app.rendered_photos import RenderedPhotos, RenderedRig
     from calib.app.rig import rig
     from calib.app.rig_bootstrap import RigBootstrap, rig_bootstrap
     from calib.app.rig_tolerance import RigTolerance, rig_tolerance
@@ -146,8 +146,8 @@ _HOMES = {
     "calib.app.inputs": ("load_camera", "load_observations", "load_rig", "load_rig_observations"),
     "calib.app.measure": ("measure", "rescale"),
     "calib.app.measured_print": ("MeasuredPrint", "RescaledTarget"),
-    "calib.api.rendering": ("RenderedPhotos", "render"),
-    "calib.api.rendering_rigs": ("RenderedRig", "render_rig"),
+    "calib.app.render": ("render", "render_rig"),
+    "calib.app.rendered_photos": ("RenderedPhotos", "RenderedRig"),
     "calib.app.tolerance": ("Tolerance", "Ways", "tolerance", "ways"),
     "calib.app.rig_tolerance": ("RigTolerance", "rig_tolerance"),
     "calib.app.run": ("NothingFoundError", "run"),

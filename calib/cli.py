@@ -38,6 +38,7 @@ LINES = {
     "undistort": "Resample photos to what a pinhole camera would have taken.",
     "plan": "Plan the fewest photos that make a camera known as well as wanted.",
     "detect": "Find a target's rings in photos, name them, and measure their centres.",
+    "render": "Render synthetic photos of a target from known poses.",
     "triangulate": "Find where points are that several cameras see, and how surely.",
     "study bootstrap": "Draw views with replacement, calibrate and measure, thousands of times.",
     "study paper": (

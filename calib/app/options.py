@@ -12,13 +12,15 @@ from calib.solver.costs import COSTS
 from designer.base.errors import InputError
 from designer.base.options import argument, option
 from designer.base.units import Skew, parse_skew_rad
-from designer.kinds.presets import camera_templates, criteria_templates, error_templates, one_of
+from designer.kinds.presets import camera_templates, criteria_templates, error_templates, one_of, rig_templates
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
+    from calib.cameras.rig import Rig
     from calib.judge.verdict import Criteria
     from calib.observe.corners_vnl import PointGrid
+    from calib.renderer.rig_template import SimulatedRig
     from calib.solver.solve_virtual import Reference as ReferenceView
     from designer.target import TargetGeometry
 
@@ -29,6 +31,15 @@ CameraFile = Annotated[
     argument("camera file of ours or of another tool, or a camera template", complete=camera_templates),
 ]
 Target = Annotated["TargetGeometry | Place", argument("the target file (NAME.target.json) of what the photos show")]
+TargetFile = Annotated["TargetGeometry | Place", argument("a target file (NAME.target.json)")]
+RigTemplate = Annotated[
+    "Rig | SimulatedRig | Place",
+    option(
+        "rig template (stereo-pair, ring-of-eight, ...), a TOML file of cameras, a rig.json, another tool's",
+        metavar="NAME|FILE",
+        complete=rig_templates,
+    ),
+]
 Photos = Annotated[
     "Place | Iterable[Place]", argument("images, folders of images, or patterns such as 'run/*.png'", is_many=True)
 ]

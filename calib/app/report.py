@@ -111,7 +111,7 @@ def report(
     elif why:
         raise InputError(f"{why}; move it away to have one written")
     else:
-        done = _rebuilt(folder, criteria, kinds)
+        raise _nothing_in(folder)
     if out is not None:
         out.place, out.page = folder, folder
         out.files += [*(() if done.verdict is None else (done.verdict,)), done.place]
@@ -151,18 +151,26 @@ def _from_blocks(folder: Path, kind: str, page: "Page", criteria: str | None, ki
     return Report(kind, page, folder / PAGE_FILE)
 
 
-def _rebuilt(folder: Path, criteria: str | None, kinds: Collection[str]) -> Report:
-    """Of a folder whose page is built from its results."""
-    from calib.show.folder import build_page, origin_in, why_no_page, write_page
+def _nothing_in(folder: Path) -> InputError:
+    """Why there is no page of a folder, and what to do."""
+    from calib.draw.gallery import OVERLAYS
+    from calib.renderer.options import TRUTH_FILE
+    from designer.page.page_file import BLOCKS_FILE
 
-    origin = origin_in(folder)
-    kind = origin.kind if not kinds or origin.kind in kinds else next(iter(kinds))
-    if why := why_no_page(folder, kind):
-        raise InputError(f"{why}; move it away to have one written")
-    if criteria is not None:
-        raise _no_limits(folder, origin.kind)
-    page = build_page(folder, origin)
-    return Report(origin.kind, page, write_page(folder, origin, page)[1])
+    wrote = "give a folder that calib run, calib measure, calib study or design tolerance wrote"
+    if not folder.is_dir():
+        return InputError(f"{folder}: {'is a file, not a folder' if folder.exists() else 'no such folder'}; {wrote}")
+    if any(folder.glob("*.target.json")):
+        name = next((path.name for path in sorted(folder.glob("*.toml"))), "NAME.toml")
+        return InputError(f"{folder}: is a design's folder: design make {name} -o {folder} writes its page")
+    if (folder / TRUTH_FILE).is_file():
+        return InputError(f"{folder}: holds rendered photos without a page: the same calib render again writes it")
+    if (folder / OVERLAYS / BLOCKS_FILE).is_file():
+        return InputError(
+            f"{folder}: holds no camera, only what was found in photos: calib report {folder / OVERLAYS} writes "
+            "its page"
+        )
+    return InputError(f"{folder}: holds nothing to report; {wrote}")
 
 
 def _require_kind(folder: Path, kind: str, kinds: Collection[str]) -> None:

@@ -8,14 +8,24 @@ from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
-from calib.app.options import MOST_DISTANCE_MM, MOST_VIEWS, Changes, Dask, Errors, Jobs, Resume, Seed
+from calib.app.options import (
+    MOST_DISTANCE_MM,
+    MOST_VIEWS,
+    Changes,
+    Dask,
+    Errors,
+    Jobs,
+    Resume,
+    RigTemplate,
+    Seed,
+    TargetFile,
+)
 from calib.app.study_result import STUDY_OUT, kept_samples
 from designer.base.answer import program
 from designer.base.errors import InputError
 from designer.base.marks import NOT_IN_FILE, Gap
-from designer.base.options import argument, option
+from designer.base.options import option
 from designer.base.words import cut, printable
-from designer.kinds.presets import rig_templates
 from designer.page.capability import capability
 from designer.page.output import Output, output_of
 from designer.page.progress import Progress, unheard
@@ -23,11 +33,8 @@ from designer.page.result import Result
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
-    from calib.cameras.rig import Rig
-    from calib.renderer.rig_template import SimulatedRig
     from calib.studies.tolerance.rig_costs import RigCost
     from designer.page.blocks import Finding, Page
-    from designer.target import TargetGeometry
 
 QUESTION = (
     "What do errors of manufacturing cost a rig that is solved as if the target were as drawn? Frames are simulated "
@@ -77,16 +84,9 @@ class RigTolerance(
 
 @capability
 def rig_tolerance(
-    target: Annotated["TargetGeometry | Place", argument("a target file (NAME.target.json)")],
+    target: TargetFile,
     errors: Errors,
-    rig: Annotated[
-        "Rig | SimulatedRig | Place",
-        option(
-            "rig template (stereo-pair, ring-of-eight, ...), a TOML file of cameras, a rig.json, another tool's",
-            metavar="NAME|FILE",
-            complete=rig_templates,
-        ),
-    ],
+    rig: RigTemplate,
     *,
     changes: Changes = (),
     frames: Annotated[int, option("of a rig: how many", 1, MOST_VIEWS)] = 30,
@@ -134,9 +134,9 @@ def rig_tolerance(
     """
     import numpy as np
 
-    from calib.api.rendering_rigs import held_before, simulated_rig
     from calib.app.inputs import target_of
     from calib.renderer.held_target import held_poses
+    from calib.renderer.rig_template import held_before, simulated_rig
     from calib.rigs.relative import middle_error
     from calib.studies.samples import Case
     from calib.studies.tolerance import rig_costs

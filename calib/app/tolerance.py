@@ -18,6 +18,7 @@ from calib.app.options import (
     Jobs,
     Resume,
     Seed,
+    TargetFile,
     Views,
     Weighted,
 )
@@ -27,7 +28,7 @@ from calib.cameras import DEFAULT
 from designer.base.answer import command_line
 from designer.base.errors import InputError
 from designer.base.marks import INLINE, NOT_IN_FILE
-from designer.base.options import argument, option
+from designer.base.options import option
 from designer.base.words import cut, printable, several
 from designer.kinds.presets import error_templates
 from designer.page.capability import OUTPUT, capability, instead
@@ -47,7 +48,6 @@ if TYPE_CHECKING:
 
 MOST_DRAWS = 1_000_000
 STUDIES = {"study.sqlite": "every draw", "against.sqlite": "every draw of the other target"}
-TargetFile = Annotated["TargetGeometry | Place", argument("a target file (NAME.target.json)")]
 
 
 @dataclass(frozen=True, eq=False)

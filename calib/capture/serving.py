@@ -16,8 +16,8 @@ from calib.capture.server import LOOPBACK, Pages, application
 from calib.capture.sources.source import Frame
 from calib.capture.worker import Worker
 from calib.judge.verdict import Verdict
-from calib.show.folder import PAGE_FILE
 from designer.base.errors import InputError
+from designer.page.page_file import PAGE_FILE
 
 PREVIEW_PX, PREVIEW_QUALITY = 1280, 70
 PAGE_LEAVES_S = 60.0

@@ -6,25 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.cameras import learned_models, models_of_all, models_of_all_wide, solved_models
-from designer.kinds.presets import camera_templates, criteria_templates, error_templates, one_of, rig_templates
+from designer.kinds.presets import criteria_templates, error_templates, one_of
 
 if TYPE_CHECKING:
     pass
 
 TargetArgument = Annotated[Path, typer.Argument(help="the target file (NAME.target.json) of what the photos show")]
-CameraTemplateOption = Annotated[
-    str, typer.Option(help="camera template, or a camera file", autocompletion=camera_templates)
-]
-RigOption = Annotated[
-    str | None,
-    typer.Option(
-        help="rig template (stereo-pair, ring-of-eight, ...), a TOML file of cameras, a rig.json, another tool's",
-        metavar="NAME|FILE",
-        autocompletion=rig_templates,
-    ),
-]
-SeedOption = Annotated[int, typer.Option(help="of all that is random")]
-JobsOption = Annotated[int | None, typer.Option(help="processes (default: one per core)")]
 _SOLVED, _ALL, _ALL_WIDE, _LEARNED = (
     ", ".join(names) for names in (solved_models(), models_of_all(), models_of_all_wide(), learned_models())
 )

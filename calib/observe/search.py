@@ -39,8 +39,8 @@ from calib.observe.photos import (
     searched_photos,
 )
 from calib.observe.records import Records
+from calib.renderer.options import TRUTH_FILE
 from calib.renderer.quantities import whole
-from calib.renderer.truth import TRUTH_FILE
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.page.progress import Progress, unheard

@@ -5,7 +5,7 @@ cameras see: so all of each image is used, and cameras are joined wherever they 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -31,6 +31,8 @@ MOST_WAYPOINTS = 4096
 FASTEST_TURN_RAD_S = 1.0
 """On the way from one pose to the next, on average; a target that is turned far goes the slower."""
 LEAST_S = 0.1
+JITTER = 0.1
+"""Of the largest delay: by which photos of one frame are taken earlier or later besides, as their time stamps say."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +47,38 @@ class TargetWay:
         flat = np.ravel(time_s)
         pose = make_pose(self.turn(flat).as_matrix(), np.asarray(self.position_mm(flat)))
         return pose.reshape(*np.shape(time_s), 4, 4)
+
+
+@dataclass(frozen=True, eq=False)
+class HeldFrames:
+    """How a target is held in V frames, of which C cameras take photos."""
+
+    rig: Rig  # with the delays of the cameras' clocks, where they are not synchronous
+    rig_from_target: Array  # (V, 4, 4) at each frame's time
+    as_seen: Array  # (C, V, 4, 4) when each photo was taken
+    time_s: Array | None = None  # (V,) of each frame; None: the target stands still in each
+    stamp_s: Array | None = None  # (C, V) of each photo
+
+
+def held_frames(
+    rig: Rig, target: TargetGeometry, held: HeldTarget, count: int, delay_s: float, rng: np.random.Generator
+) -> HeldFrames:
+    """Frames before a rig whose clocks but the first differ by up to `delay_s`; 0: the target stands still in each.
+
+    Raises:
+        InputError: as for `held_poses`, or a way that is too long.
+    """
+    if not delay_s:
+        poses = held_poses(rig, target, held, count, rng)
+        return HeldFrames(rig, poses, np.broadcast_to(poses, (len(rig.names), *poses.shape)))
+    time_s = np.arange(count) / held.rate_hz
+    behind_s = rng.uniform(-delay_s, delay_s, len(rig.names))
+    behind_s[0] = 0.0
+    stamp_s = time_s + JITTER * delay_s * rng.uniform(-1, 1, (len(rig.names), count))
+    margin = (1 + JITTER) * delay_s
+    way = way_of(rig, target, held, (-margin, float(time_s[-1]) + margin), rng)
+    as_seen = way.at(stamp_s - behind_s[:, None])
+    return HeldFrames(replace(rig, delay_s=behind_s), way.at(time_s), as_seen, time_s, stamp_s)
 
 
 def held_poses(rig: Rig, target: TargetGeometry, held: HeldTarget, count: int, rng: np.random.Generator) -> Array:

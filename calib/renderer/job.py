@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TypeAlias
 
 import cv2
@@ -16,15 +17,17 @@ import numpy as np
 from calib.cameras.camera import Camera
 from calib.core.parallel import interrupts_held, serve
 from calib.renderer.light import Levels
-from calib.renderer.options import RenderOptions
-from calib.renderer.truth import TRUTH, TRUTH_FILE, FileFormat, FileOptions, Truth, true_views
+from calib.renderer.options import TRUTH_FILE, FileFormat, RenderOptions
+from calib.renderer.truth import TRUTH, FileOptions, Truth, true_views
 from calib.renderer.view import render_view
 from designer.base.arrays import Array
 from designer.base.errors import InputError
+from designer.base.files import write_files
 from designer.base.own_files import require_ours, signed
 from designer.target import TargetGeometry
 
 SUFFIX: dict[FileFormat, str] = {"png": ".png", "tiff": ".tiff", "jpeg": ".jpg"}
+ANOTHER_SET = "holds another set of photos; choose another folder with -o, or add --overwrite"
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +57,7 @@ _Missing: TypeAlias = tuple[RenderJob, int, Path]
 class Rendered:
     """What a run did."""
 
-    written: int
+    rendered: int
     kept: int  # finished by an earlier run
     seconds: float
     processes: int
@@ -69,23 +72,29 @@ def truth_text(job: RenderJob) -> str:
     return TRUTH.text(truth).decode()
 
 
-def run_job(
-    job: RenderJob, folder: Path, *, processes: int, overwrite: bool, on_view: Callable[[int, int], None]
-) -> Rendered:
-    """Render what is missing in a folder, several views at a time; `on_view` is told how many of how many are done.
+def run_jobs(
+    jobs: Mapping[Path, RenderJob], files: Mapping[Path, bytes] = MappingProxyType({}), *, processes: int,
+    overwrite: bool, on_view: Callable[[int, int], None],
+) -> Rendered:  # fmt: skip
+    """Render what is missing in the folder of each set; nothing is written if one of them is refused.
+
+    Args:
+        jobs: by their folders.
+        files: of all sets together, which are written first.
+        processes: views at a time.
+        overwrite: replace other sets that are there.
+        on_view: is told how many of how many views are done.
 
     Raises:
-        InputError: the folder holds another set, or images of unknown origin, and is not to be overwritten.
+        InputError: a folder holds another set, or images of unknown origin, and is not to be overwritten.
     """
-    return run_jobs({folder: job}, processes=processes, overwrite=overwrite, on_view=on_view)
-
-
-def run_jobs(
-    jobs: Mapping[Path, RenderJob], *, processes: int, overwrite: bool, on_view: Callable[[int, int], None]
-) -> Rendered:
-    """The same of several sets, each in a folder of its own; nothing is written if one of them is refused."""
     start = time.perf_counter()
-    require_free(jobs, overwrite=overwrite)
+    for folder, job in jobs.items():
+        _require_free(job, folder, overwrite)
+    for path, content in files.items() if not overwrite else ():
+        if path.exists() and path.read_bytes() != content:
+            raise InputError(f"{path}: {ANOTHER_SET}")
+    write_files(files)
     missing = [(job, index, folder) for folder, job in jobs.items() for index in _claim(job, folder, overwrite)]
     total = sum(len(job.cam_from_target) for job in jobs.values())
     kept = total - len(missing)
@@ -103,23 +112,13 @@ def _old_truth(folder: Path) -> str | None:
     return path.read_text(encoding="utf-8", errors="replace") if path.exists() else None
 
 
-def require_free(jobs: Mapping[Path, RenderJob], *, overwrite: bool) -> None:
-    """Refuse folders with other images, or with images that are not ours to replace.
-
-    Raises:
-        InputError: one is.
-    """
-    for folder, job in jobs.items():
-        _require_free(job, folder, overwrite)
-
-
 def _require_free(job: RenderJob, folder: Path, overwrite: bool) -> None:
     """Refuse a folder with other images, and one whose images are not ours to replace."""
     old, path = _old_truth(folder), folder / TRUTH_FILE
     if old is not None and _is_same(old, truth_text(job)) and not overwrite:
         return
     if old is not None and not overwrite:
-        raise InputError(f"{path}: holds another set of photos; choose another folder with -o, or add --overwrite")
+        raise InputError(f"{path}: {ANOTHER_SET}")
     paths = [folder / name for name in job.file_names]
     found = next((image for image in paths if image.exists()), None)
     if old is None and found is not None and not overwrite:

@@ -1,18 +1,18 @@
-"""What a synthetic photo is to look like."""
+"""What a synthetic photo is to look like, and what is asked of sets of them."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+from designer.base.errors import InputError
+from designer.base.options import option
 
 Sampling = Literal["area", "binary"]
 Bits = Literal[8, 16, 32]
-LIMITS: Mapping[str, tuple[float, float]] = {
-    "black": (0, 1), "white": (0, 1), "background": (0, 1), "light_gradient": (0, 1.9), "shading": (0, 1),
-    "glare": (0, 10), "clutter": (0, 10_000), "occlusion": (0, 0.9), "blur_px": (0, 50), "aperture_mm": (0, 500),
-    "focus_mm": (1, 10_000), "vignetting": (0, 0.95), "contrast_to_noise": (0, 1e6), "read_noise": (0, 1),
-    "full_well": (0, 1e9), "gamma": (0.2, 5),
-}  # fmt: skip
-"""Of each number in `RenderOptions`."""
+FileFormat = Literal["png", "tiff", "jpeg"]
+Region = Literal["hemisphere", "sphere", "cap"]
+
+TRUTH_FILE, RIG_FILE, PHOTO_TABLE = "truth.json", "rig.json", "photos.csv"
+"""Beside photos: what is known of them; of a rig's, the rig too, and which photo is of which frame."""
 
 
 @dataclass(frozen=True)
@@ -22,24 +22,33 @@ class RenderOptions:
     Light is linear, 0 to 1 = full scale. What is zero, or 1 for `gamma`, is off.
     """
 
-    sampling: Sampling = "area"  # binary: one ray a pixel, black or white
-    black: float = 0.1  # light of the ink
-    white: float = 0.8  # light of the white
-    background: float = 0.4
-    blur_px: float = 0.0  # standard deviation of the Gaussian point-spread function
-    aperture_mm: float = 0.0  # diameter of the lens's opening: what is out of focus is spread
-    focus_mm: float | None = None  # distance of best focus; None: the target's origin
-    contrast_to_noise: float = 0.0  # (white - black) over the standard deviation of even noise
-    read_noise: float = 0.0  # standard deviation of even noise, in full scales
-    full_well: float = 0.0  # electrons at full scale, whose number has shot noise
-    vignetting: float = 0.0  # share of the light that is lost in the corners
-    light_gradient: float = 0.0  # change of the light across the target, over its mean
-    shading: float = 0.0  # share of the light that depends on the angle between face and lamp (Lambert)
-    glare: float = 0.0  # peak light of the lamp's mirror image on a glossy target
-    clutter: int = 0  # shapes behind the target, rings among them
-    occlusion: float = 0.0  # share of the target's silhouette that things in front hide
-    gamma: float = 1.0  # the file holds light ** (1 / gamma)
-    bits: Bits = 8  # 32: float32, without rounding and clipping
+    sampling: Annotated[Sampling, option("area: anti-aliased; binary: one ray a pixel, black or white")] = "area"
+    black: Annotated[float, option("light of the ink", 0, 1, unit="share")] = 0.1
+    white: Annotated[float, option("light of the white", 0, 1, unit="share")] = 0.8
+    background: Annotated[float, option("light of the background", 0, 1, unit="share")] = 0.4
+    blur_px: Annotated[float, option("Gaussian blur: its standard deviation", 0, 50)] = 0.0
+    aperture_mm: Annotated[float, option("opening of the lens: defocus of what is nearer or farther", 0, 500)] = 0.0
+    focus_mm: Annotated[float | None, option("distance of best focus (default: the target's origin)", 1, 10_000)] = None
+    contrast_to_noise: Annotated[float, option("even noise: white - black over its sigma; 0: none", 0, 1e6)] = 0.0
+    read_noise: Annotated[float, option("standard deviation of even noise, of full scale", 0, 1, unit="share")] = 0.0
+    full_well: Annotated[float, option("shot noise: electrons at full scale, such as 10000; 0: none", 0, 1e9)] = 0.0
+    vignetting: Annotated[float, option("light lost in the corners", 0, 0.95, unit="share")] = 0.0
+    light_gradient: Annotated[
+        float, option("change of the light across the target, over its mean", 0, 1.9, unit="share")
+    ] = 0.0
+    shading: Annotated[
+        float, option("share of the light that depends on how a face is turned (Lambert)", 0, 1, unit="share"),
+    ] = 0.0  # fmt: skip
+    glare: Annotated[float, option("peak light of a lamp mirrored by a glossy target", 0, 10, unit="share")] = 0.0
+    clutter: Annotated[int, option("shapes behind the target, rings among them", 0, 10_000)] = 0
+    occlusion: Annotated[
+        float, option("share of the target's silhouette that things in front hide", 0, 0.9, unit="share")
+    ] = 0.0
+    gamma: Annotated[
+        float, option("exponent of the tone curve: 2.2 for everyday images; the file holds light ** (1 / gamma)",
+                      0.2, 5),
+    ] = 1.0  # fmt: skip
+    bits: Annotated[Bits, option("8 or 16; 32: float32, without rounding and clipping, in Python only")] = 8
 
     @property
     def noise_sigma(self) -> float:
@@ -48,3 +57,17 @@ class RenderOptions:
         even = (self.white - self.black) / ratio if ratio else 0.0
         sigma: float = (even**2 + self.read_noise**2) ** 0.5
         return sigma
+
+    def require_sense(self) -> None:
+        """Refuse values that do not go together.
+
+        Raises:
+            InputError: so they are.
+        """
+        if self.white <= self.black:
+            raise InputError(
+                f"--white {100 * self.white:g}% is not lighter than --black {100 * self.black:g}%; the target would "
+                "not show"
+            )
+        if self.focus_mm is not None and not self.aperture_mm:
+            raise InputError("--focus says nothing without --aperture; add an --aperture such as 5mm")

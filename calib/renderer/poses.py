@@ -1,9 +1,10 @@
 """Where the camera stands: Fibonacci grids around the target, or poses from a file."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -11,13 +12,15 @@ from calib.cameras import rays
 from calib.cameras.camera import Camera
 from calib.core.csv_table import read_table
 from calib.core.se3 import exp_rotation, look_at, make_pose, rigid_fault, rotation_between
+from calib.renderer.options import Region
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.files import JsonValue, parse_json, read_small_text
-
-Region = Literal["hemisphere", "sphere", "cap"]
+from designer.target import TargetGeometry, bounding_radius_mm
 
 MAX_VIEWS = 100_000
+HALF_ANGLE_RAD: Mapping[Region, float] = {"hemisphere": math.pi / 2, "sphere": math.pi, "cap": math.pi / 3}
+"""Of a region, unless another is wanted of a cap."""
 MAX_DRAWS, DRAWN_AT_ONCE = 200, 2000
 MAX_FILE_BYTES = 64 * 2**20
 GOLDEN_ANGLE_RAD = math.pi * (3 - math.sqrt(5))
@@ -37,6 +40,39 @@ class PoseGrid:
     aim_offset_mm: float  # the camera looks at a random point of a ball of this radius
     is_two_sided: bool = False  # every second camera stands opposite, below the plane z = 0
     aside: Array | None = None  # (V, 3) directions in which the cameras see what they aim at; None: straight ahead
+
+
+def grid_around(
+    target: TargetGeometry, views: int, distance_mm: float | tuple[float, float], region: Region | None,
+    cap_rad: float | None, aim_offset_mm: float, *, random_roll: bool,
+) -> PoseGrid:  # fmt: skip
+    """A grid of cameras that all stand off a target.
+
+    Args:
+        target: in the middle.
+        views: how many.
+        distance_mm: from the target's origin, or the nearest and farthest.
+        region: None: a cap for a flat target, else the sphere.
+        cap_rad: half angle of a cap; None: the usual one.
+        aim_offset_mm: as `PoseGrid` has it.
+        random_roll: as `PoseGrid` has it.
+
+    Raises:
+        InputError: cameras within the target, or a cap's angle without a cap.
+    """
+    near, far = distance_mm if isinstance(distance_mm, tuple | list) else (distance_mm, distance_mm)
+    inside = bounding_radius_mm(target)
+    if not inside + aim_offset_mm < near:
+        raise InputError(
+            f"--distance {near:g}mm: the target reaches {inside:.0f}mm from its origin, "
+            f"and the aim {aim_offset_mm:g}mm; stay farther away"
+        )
+    where: Region = region or ("cap" if target.is_plate else "sphere")
+    if cap_rad is not None and where != "cap":
+        raise InputError(f"--cap-angle: says nothing of a {where}; add --region cap")
+    half_angle = HALF_ANGLE_RAD[where] if cap_rad is None else cap_rad
+    is_two_sided = where == "cap" and target.has_back
+    return PoseGrid(views, half_angle, (near, far), random_roll, aim_offset_mm, is_two_sided)
 
 
 def fibonacci_cap(count: int, half_angle_rad: float) -> Array:
@@ -96,6 +132,26 @@ def directions_over_image(camera: Camera, count: int, limit_rad: float, rng: np.
         if len(seen) >= count:
             return seen[:count]
     raise InputError(f"--aside {math.degrees(limit_rad):g}deg: this camera sees hardly anything there; give more")
+
+
+def poses_of(poses: Array | str | PathLike[str]) -> Array:
+    """Poses `cam_from_target` (V, 4, 4) of a file, or of an array of one or several.
+
+    Raises:
+        InputError: as `load_poses`, or an array of another shape, or of no rigid motions.
+    """
+    if isinstance(poses, str | PathLike):
+        return load_poses(Path(poses))
+    try:
+        where = np.asarray(poses, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError("poses are no numbers: give cam_from_target (V, 4, 4)") from None
+    where = where[None] if where.ndim == 2 else where
+    if where.shape[1:] != (4, 4) or not len(where):
+        raise InputError(f"poses of shape {where.shape}: give cam_from_target (V, 4, 4)")
+    if fault := rigid_fault(where):
+        raise InputError(f"pose {fault[0]}: {fault[1]}; it must be a rigid motion")
+    return where
 
 
 def load_poses(path: Path) -> Array:

@@ -7,8 +7,8 @@ from numbers import Integral, Real
 from typing import TypeVar
 
 from designer.base.errors import InputError
-from designer.base.units import MM_PER_UNIT, parse_length_mm, parse_percent, parse_quantity
-from designer.base.words import shown, suggestion
+from designer.base.units import MM_PER_UNIT, parse_length_mm, parse_quantity
+from designer.base.words import shown
 
 T = TypeVar("T")
 FARTHEST_MM = 1e7
@@ -29,11 +29,6 @@ def bounded(option: str, text: str, parse: Callable[[str], float], low: float, h
     if not low <= value <= high:
         raise InputError(f"{option} {shown(text)}: must be from {low:g}{unit} to {high:g}{unit}")
     return value
-
-
-def share(option: str, text: str, low: float, high: float) -> float:
-    """A percentage as a share of one; the limits are in percent."""
-    return bounded(option, text, parse_percent, low, high, "%") / 100
 
 
 def length(option: str, text: str, low: float, high: float) -> float:
@@ -66,14 +61,6 @@ def number(option: str, value: object) -> float:
     return float(value)
 
 
-def choice(option: str, text: str, known: tuple[str, ...]) -> str:
-    """One of a few words."""
-    if text not in known:
-        hint = suggestion(text, list(known)) or f"; use {', '.join(known)}"
-        raise InputError(f"{option} {shown(text)} is unknown{hint}")
-    return text
-
-
 def parse_degrees(text: str) -> float:
     """An angle in degrees, `60deg` or `60`."""
     return _with_unit(text, ("deg", "°", ""), "an angle such as 60deg")
@@ -82,11 +69,6 @@ def parse_degrees(text: str) -> float:
 def parse_pixels(text: str) -> float:
     """A length in the image, `0.7px` or `0.7`."""
     return _with_unit(text, ("px", ""), "pixels such as 0.7px")
-
-
-def parse_number(text: str) -> float:
-    """A plain number."""
-    return _with_unit(text, ("",), "a number")
 
 
 def parse_distance_mm(text: str) -> float:

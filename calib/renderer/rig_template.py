@@ -8,7 +8,8 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from os import PathLike, fspath
 from pathlib import Path
 from typing import Annotated, cast
 
@@ -156,6 +157,42 @@ def read_simulated_rig(name: str) -> SimulatedRig:
             raise
         raise InputError(f"{path}: {error}") from None
     return SimulatedRig(path.stem, file.title, file.purpose, rig, held)
+
+
+def simulated_rig(rig: Rig | SimulatedRig | str | PathLike[str]) -> SimulatedRig:
+    """The true rig, without what a calibration knows of it, whatever it is given as.
+
+    Raises:
+        InputError: as `read_simulated_rig`, or a value of another type.
+    """
+    if isinstance(rig, SimulatedRig):
+        return rig
+    if isinstance(rig, Rig):
+        found = SimulatedRig("rig", "a rig", "", with_folder_names(rig, "rig"), None)
+    elif isinstance(rig, str | PathLike):
+        found = read_simulated_rig(fspath(rig))
+    else:
+        raise InputError(
+            f"rig {shown(rig)}: is of type {type(rig).__name__}; give a template, a TOML file or a rig.json"
+        )
+    return replace(found, rig=replace(found.rig, covariance=None, noise_px=None, delay_s=None, geometry_id=""))
+
+
+def held_before(simulated: SimulatedRig, distance_mm: float | tuple[float, float] | None) -> HeldTarget:
+    """How the target is held before a rig: as its template says, or at other distances.
+
+    Raises:
+        InputError: neither is known.
+    """
+    if distance_mm is None:
+        if simulated.held is None:
+            raise InputError(
+                f"--rig {simulated.name}: says where the cameras are, not where the target is held; "
+                "add --distance, such as 400mm..800mm"
+            )
+        return simulated.held
+    near, far = distance_mm if isinstance(distance_mm, tuple | list) else (distance_mm, distance_mm)
+    return HeldTarget((near, far)) if simulated.held is None else replace(simulated.held, distance_mm=(near, far))
 
 
 def with_folder_names(rig: Rig, origin: str) -> Rig:

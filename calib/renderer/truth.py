@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 
@@ -15,14 +15,11 @@ from calib.cameras.camera import Camera
 from calib.cameras.rig import MOST_CAMERAS
 from calib.core.se3 import rigid_fault
 from calib.core.types import freeze
-from calib.renderer.options import RenderOptions
+from calib.renderer.options import FileFormat, RenderOptions
 from designer.base.arrays import Array
 from designer.base.file_kind import FileKind
 from designer.base.marks import LEFT_OUT, Hash, Length, Shape, Word
 from designer.base.words import shown
-
-TRUTH_FILE = "truth.json"
-FileFormat = Literal["png", "tiff", "jpeg"]
 
 
 @dataclass(frozen=True)

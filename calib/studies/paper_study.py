@@ -17,10 +17,10 @@ from calib.detector.pipeline import detect
 from calib.observe.dataset import read_detections, write_detections
 from calib.observe.observations import observations_from_detections
 from calib.observe.photos import PhotoFile, Pixels, named_photos, searched_photos
-from calib.renderer.job import RenderJob, run_job
-from calib.renderer.options import RenderOptions
+from calib.renderer.job import RenderJob, run_jobs
+from calib.renderer.options import TRUTH_FILE, RenderOptions
 from calib.renderer.poses import PoseGrid, grid_poses
-from calib.renderer.truth import TRUTH, TRUTH_FILE, Truth
+from calib.renderer.truth import TRUTH, Truth
 from calib.solver.problem import AS_THE_PAPER
 from calib.solver.solve import solve
 from calib.studies.bootstrap import make_pool
@@ -86,7 +86,7 @@ def photograph(photos: PhotoSet, target: TargetGeometry, folder: Path, *, jobs: 
     grid = PoseGrid(photos.views, np.pi / 2, (DISTANCE_MM, DISTANCE_MM), random_roll=False, aim_offset_mm=0.0)
     poses = grid_poses(grid, np.random.default_rng(photos.seed))
     job = RenderJob(target, camera_or_preset(CAMERA), poses, SAMPLINGS[photos.sampling], seed=photos.seed)
-    run_job(job, folder, processes=jobs, overwrite=False, on_view=lambda done, _: tell(done))
+    run_jobs({folder: job}, processes=jobs, overwrite=False, on_view=lambda done, _: tell(done))
 
 
 def search(

@@ -29,7 +29,7 @@ import numpy as np
 
 import calib
 import calib.rigs.adjust
-from calib.api.rendering_rigs import render_rig
+from calib.app.render import render_rig
 from calib.cameras.camera import camera_or_preset
 from calib.cameras.rig import Rig
 from calib.core.se3 import compose, exp_rotation, invert, look_at, make_pose, skew
@@ -348,8 +348,8 @@ def print_delays(rigs: int) -> None:
             moving = render_rig(shown, name, frames=60, unsynchronised_s=0.03, seed=seed)
             found = solve_rig(
                 rig_views.seen_by_all(
-                    moving.rig.names, moving.rig.cameras, np.stack([job.cam_from_target for job in moving.jobs]),
-                    known_points(shown), np.random.default_rng(seed), NOISE_PX, moving.stamp_s,
+                    moving.rig.names, moving.rig.cameras, moving.rig.cam_from_rig[:, None] @ moving.held.as_seen,
+                    known_points(shown), np.random.default_rng(seed), NOISE_PX, moving.held.stamp_s,
                 ),
                 [CameraChoice(one.model) for one in moving.rig.cameras], RigOptions(estimates_delays=True),
             )  # fmt: skip

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.api.rendering import render
 from calib.app.detect import Detector
 from calib.app.measure_page import ink_finding
+from calib.app.render import render
 from calib.core.types import Detections
 from calib.coupon_reading.ink_of_rings import InkBleed, ink_of_cameras, ink_of_rings
 from calib.measure_target.deviations import Estimate

@@ -17,8 +17,8 @@ import pytest
 from playwright.sync_api import Browser
 from shapely import MultiPoint
 
-from calib.commands.camera_argument import read_camera
-from calib.commands.render import render
+from calib.app.inputs import load_camera
+from calib.app.render import render
 from calib.measure_target.lengths import asked_length, length_in
 from calib.renderer.faces import ring_truth
 from calib.renderer.poses import PoseGrid, grid_poses
@@ -259,7 +259,7 @@ def test_simulated_photos_cover_the_image(asked: Asked) -> None:
     aside = float(option["--aim-offset"].removesuffix("mm"))
     grid = PoseGrid(int(option["--views"]), cap, (near, far), "--random-roll" in words, aside)
     assert near > bounding_radius_mm(design.target) + aside  # else calib render refuses
-    camera, scene = read_camera(SIMULATED_CAMERA).camera, scene_from_target(design.target)
+    camera, scene = load_camera(SIMULATED_CAMERA), scene_from_target(design.target)
     truths = [ring_truth(scene, camera, pose) for pose in grid_poses(grid, np.random.default_rng(0))]
     seen = [truth.center_px[truth.whole & (truth.incidence_rad < math.radians(65))] for truth in truths]
     assert MultiPoint(np.concatenate(seen)).convex_hull.area >= 0.75 * math.prod(camera.image_size)
@@ -271,7 +271,7 @@ def test_simulated_photos_cover_the_image(asked: Asked) -> None:
 def test_the_simulated_camera_is_the_one_that_is_rendered() -> None:
     """Angles of view and name are those of the default of `calib render`."""
     assert inspect.signature(render).parameters["camera"].default == SIMULATED_CAMERA
-    camera = read_camera(SIMULATED_CAMERA).camera
+    camera = load_camera(SIMULATED_CAMERA)
     width, height = camera.image_size
     focal_px = camera.params[0]
     assert pytest.approx(height / 2 / focal_px, rel=1e-3) == IMAGE_HALF_HEIGHT

@@ -54,7 +54,6 @@ def test_a_link_to_itself_is_refused(program: Callable[..., Answer], case: Case)
         ("evaluate", "solved/calibration.json"),
         ("evaluate", "solved", "--truth", "truth.json"),
         ("solve", "detections.csv", "--target", "board.target.json", "-o", "out"),
-        ("report", "solved/report.json"),
     ],
 )
 def test_a_key_that_stands_there_twice_is_refused(words: tuple[str, ...]) -> None:

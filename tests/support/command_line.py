@@ -29,7 +29,6 @@ PICTURE = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR4nGNoAAAAggCBd81ytgAAAABJRU5ErkJggg=="
 )
 """Stands for one that is not drawn."""
-PAGE = {"index.html", "report.json"}
 BLOCKS = {"index.html", "page.json"}
 JUDGED = {"verdict.json", "next_views.json"}
 """What the verdict leaves in a folder; `target.json` comes with a target file."""

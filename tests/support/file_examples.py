@@ -28,14 +28,11 @@ from calib.renderer.truth import FileOptions, RigTruth, TrueFrame, TrueView, Tru
 from calib.rigs.halves import PairApart, RigHalves, RigSplit
 from calib.rigs.result import CarrierFit
 from calib.rigs.rig_poses_file import CameraResidual, FrameWithoutPose, RigPosesDocument, RigTargetPose
-from calib.show.parts.origin import Origin
-from calib.show.photos.photos_file import ToldPhoto, ToldPhotos, ToldSection
 from calib.solver.calibration import ImageField, MadeWith, TargetError
 from calib.solver.metrics.errors import ErrorSummary
 from calib.solver.metrics.evaluation_files import FoundParameter, Metrics, MetricSummary
 from calib.solver.plane_bend import PlaneBend
 from calib.solver.problem import SolveOptions
-from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Paragraph, Steps, Table
 from designer.page.page_file import StoredPage
 from tests.support.pages import whole_page
 
@@ -139,21 +136,6 @@ def _rig_verdict() -> JudgedRig:
     )
 
 
-def _photos() -> ToldPhotos:
-    cells = (Cell("3", 3.0), Cell("good", level="good"))
-    finding = Finding("note", "Blur", "it is blurred", "1 px", "0.5 px")
-    blocks = (
-        Findings((finding,)), Table("A table", (Column("x"),), ((Cell("1", 1.0),),)), Command("calib run"),
-        Steps(("do it",)), Paragraph("text"),
-    )  # fmt: skip
-    posed = ToldPhoto("a b.png", cells, "small/a  b.png", "caption", "bad", 0.5, POSE)
-    return ToldPhotos(
-        "photos", Headline("good", "good", "all is well"), (("a", "b"),), (Column("rings"), Column("word", False)),
-        (posed, ToldPhoto("c.png", cells)), "by name", (("a.png", "a photo"),), notes=(finding,),
-        before=(ToldSection("First", blocks),), geometry_id="g1", camera=PINHOLE,
-    )  # fmt: skip
-
-
 def _poses() -> PosesDocument:
     pose = TargetPose("a b.png", 3, 0.1, np.arange(3) / 3, np.ones(3) / 7, 1.0, 0.2, 1e-300, POSE, np.eye(6) / 3)
     return PosesDocument("g1", PINHOLE, (pose,), (PhotoWithoutPose("c.png", "too few"),))
@@ -221,8 +203,6 @@ EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.rig": _rig,
     "ringsolid.rig_calibration": _rig_calibration,
     "ringsolid.rig_verdict": _rig_verdict,
-    "ringsolid.photos": _photos,
     "ringsolid.hand_eye": _hand_eye,
     "ringsolid.poses": _poses,
-    "ringsolid.report": lambda: Origin("calibration", "calib run target.json photos/*.jpg", "ringsolid 1.0"),
 }

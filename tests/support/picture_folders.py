@@ -1,23 +1,19 @@
 """Folders of pictures as commands leave them: rendered, with overlays of rings or of poses."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from calib.app.detect import DetectedPhotos
 from calib.app.pose import TargetPoses
+from calib.app.rendered_photos import RenderedPhotos
 from calib.cameras.camera import Camera
 from calib.core.types import TOO_FLAT, Detections, FaceRecord
 from calib.observe.photos import PhotoFile, PhotoResult, Search
 from calib.observe.target_poses import PhotoWithoutPose, PoseResult, TargetPose
-from calib.renderer.job import RenderJob, truth_text
+from calib.renderer.job import Rendered, RenderJob, truth_text
 from calib.renderer.options import RenderOptions
-from calib.show.parts.kept_target import keep_target
-from calib.show.parts.origin import Origin
-from calib.show.photos.photos_file import write_photos
-from calib.show.photos.photos_page import photos_page
-from calib.show.photos.rendered_photos import told_rendered
 from designer.page.blocks import Page
 from designer.target import TargetGeometry
 from tests.support.calibrations import board, icosahedron, poses_around
@@ -43,14 +39,12 @@ def pictures(folder: Path, names: Sequence[str], content: bytes = b"") -> None:
 
 def rendered(
     folder: Path, target: TargetGeometry = BOARD, options: RenderOptions = PLAIN, views: int = 4, content: bytes = b""
-) -> RenderJob:
-    """What `calib render` leaves."""
+) -> RenderedPhotos:
+    """What `calib render` leaves, but for the page."""
     job = RenderJob(target, CAMERA, poses(views), options, seed=5)
     pictures(folder, job.file_names, content)
     (folder / "truth.json").write_text(truth_text(job))
-    write_photos(folder, told_rendered(job, Path("my.target.json"), folder))
-    keep_target(folder, target, is_again=True)
-    return job
+    return RenderedPhotos(job, target_file="my.target.json", folder=str(folder), done=Rendered(views, 0, 1.0, 1))
 
 
 def face(found: int, expected: int, number: int = 0, flat: int = 0) -> FaceRecord:
@@ -111,11 +105,3 @@ def posed(
     found_poses = PoseResult(ICO, CAMERA, search, found, why)
     by_photo = {("", name): path for name, path in overlays.items()}
     return TargetPoses(found_poses, "my.target.json", "camera.json", Path("poses.json"), folder, by_photo)
-
-
-def page_of(kind: str, folder: Path) -> Page:
-    """The page of a folder."""
-    return photos_page(folder, Origin(kind, f"calib {kind} -o somewhere", "ringsolid 1.2.3"))
-
-
-MAKERS: dict[str, Callable[[Path], object]] = {"photos": rendered}

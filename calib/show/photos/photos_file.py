@@ -1,12 +1,7 @@
-"""`photos.json` in a folder of pictures: what a command tells of its photos, one by one and all together.
+"""What a command tells of its photos, one by one and all together, in the blocks of a page."""
 
-The command that made the pictures knows all there is to be said. It says it once, in the blocks of a page; one builder
-makes the page of them, at once and whenever it is built again.
-"""
-
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
@@ -14,13 +9,9 @@ import numpy as np
 from calib.cameras.camera import Camera
 from calib.core.se3 import rigid_fault
 from designer.base.arrays import Array
-from designer.base.file_kind import FileKind
-from designer.base.files import JsonValue, write_files
 from designer.base.marks import Hash, Length, Shape
-from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph, Steps, Table
 
-PHOTOS_FILE = "photos.json"
 GOOD_SHARE, USABLE_SHARE = 0.95, 0.5
 """Of the rings that could have been measured, of the readable photos with the target or a pose, and of the photos that
 could be read. From 95 % on, what is missing is what nobody can see to: a hair on a ring, a finger at the edge. Below a
@@ -29,7 +20,6 @@ SHARE_RULE = f"good from {100 * GOOD_SHARE:.0f} %, usable from {100 * USABLE_SHA
 _WORST_FIRST: tuple[Level, ...] = ("bad", "usable", "good")
 MOST_PHOTOS = 100_000
 Kind: TypeAlias = Literal["photos"]
-KIND_WORDS: Mapping[Kind, str] = {"photos": "Rendered photos"}
 
 
 def level_of_share(share: float) -> Level:
@@ -113,39 +103,3 @@ def told_table(told: ToldPhotos, is_linked: Callable[[str], bool] = lambda path:
         for photo in told.photos
     )
     return Table("All photos", (Column("photo", is_number=False), *told.columns), rows, told.table_note)
-
-
-PHOTOS = FileKind(
-    ToldPhotos, "photos", "a photos.json", "give the command that made the pictures again", largest_bytes=256 * 2**20
-)
-
-
-def write_photos(folder: Path, told: ToldPhotos) -> Path:
-    """Write `photos.json`; its path.
-
-    Raises:
-        InputError: another file has that name, or it cannot be written.
-    """
-    path = folder / PHOTOS_FILE
-    write_files({path: PHOTOS.text(told)})
-    return path
-
-
-def read_photos(folder: Path) -> ToldPhotos:
-    """Read `photos.json`, all its text but the pictures' paths as one can print it.
-
-    Raises:
-        InputError: it cannot be read, or breaks a rule; the message names file and place.
-    """
-    path = folder / PHOTOS_FILE
-    return PHOTOS.of(_on_one_line(PHOTOS.parsed(path)), str(path))
-
-
-def _on_one_line(value: JsonValue) -> JsonValue:
-    if isinstance(value, str):
-        return printable(value)
-    if isinstance(value, list):
-        return [_on_one_line(one) for one in value]
-    if isinstance(value, dict):
-        return {key: one if key == "picture" else _on_one_line(one) for key, one in value.items()}
-    return value

@@ -2,46 +2,25 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
-from calib.draw.gallery import Shot, gallery, is_there, spread, title_of_pictures
-from calib.show.parts.kept_target import kept_target
-from calib.show.parts.origin import Origin
-from calib.show.photos.photos_file import KIND_WORDS, ToldPhotos, ToldSection, read_photos, told_table
-from designer.page.blocks import Block, Command, Facts, Findings, Page, Section
-from designer.page.folders import files_section, warnings
+from calib.draw.gallery import Shot, gallery, is_there, spread
+from calib.show.photos.photos_file import ToldPhotos, ToldSection, told_table
+from designer.page.blocks import Block, Facts, Findings, Page, Section
 from designer.target import TargetGeometry
 
 
-def photos_page(folder: Path, origin: Origin) -> Page:
-    """Read a folder and build its page.
-
-    Raises:
-        InputError: `photos.json` cannot be read; the message names it.
-    """
-    told = read_photos(folder)
-    target, wrong = kept_target(folder, told.geometry_id) if told.camera is not None and told.posed else (None, "")
-    page = page_told(told, folder, target, wrong)
-    files = files_section(folder, told.files, Command("calib report .", "in this folder: makes this page again"))
-    return replace(
-        page, title=title_of_pictures(folder), kind=KIND_WORDS[told.kind], sections=(*page.sections, files),
-        made_by=origin.command, program=origin.program,
-    )  # fmt: skip
-
-
-def page_told(told: ToldPhotos, folder: Path | None, target: TargetGeometry | None, wrong: str = "") -> Page:
+def page_told(told: ToldPhotos, folder: Path | None, target: TargetGeometry | None) -> Page:
     """What is told of photos, as a page.
 
     Args:
         told: of the photos.
         folder: of their pictures; None: there are none.
         target: that they show; None: it is not drawn.
-        wrong: why it is not, where it should be.
     """
     pictures = () if folder is None else gallery(folder, _shots(told), told.order)
     blocks: tuple[Block, ...] = (
-        *((Findings(told.notes),) if told.notes else ()), *warnings("File", (wrong,) if wrong else ()), *pictures,
+        *((Findings(told.notes),) if told.notes else ()), *pictures,
         *((told_table(told, lambda path: folder is not None and is_there(folder, path)),) if told.columns else ()),
     )  # fmt: skip
     sections = (

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.api.rendering_rigs import render_rig
+from calib.app.render import render_rig
 from calib.app.rig import rig
 from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig

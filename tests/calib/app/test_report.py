@@ -9,13 +9,11 @@ import pytest
 from calib.app.calibration import Run
 from calib.judge.judge import VERDICT, VERDICT_FILE
 from calib.judge.judged_run import read_run
-from calib.show.folder import KINDS, build_page
-from calib.show.parts.origin import LONGEST_COMMAND, ORIGIN, ORIGIN_FILE, Origin, origin_of, read_origin
-from designer.base.errors import InputError
-from designer.page.page_file import BLOCKS_FILE, PAGE
+from designer.page.page_file import BLOCKS_FILE, PAGE, StoredPage
 from designer.target import target_to_json
 from tests.support.calibrations import board
 from tests.support.command_line import calib, refused
+from tests.support.pages import whole_page
 from tests.support.run_folders import BLANK, PANEL, solved, write_overlays, write_run
 
 
@@ -93,29 +91,6 @@ def test_damaged_results_are_refused_in_one_line(run: Path) -> None:
     assert (run / "index.html").read_bytes() == before
 
 
-def origin_text(**changes: object) -> str:
-    """The text of a `report.json` with some keys changed."""
-    whole = {"format": "ringsolid.report", "version": 1, "kind": "rig", "command": "", "program": ""}
-    return json.dumps({**whole, **changes})
-
-
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (origin_text(kind="magic"), "there are"),
-        (origin_text(command="x" * 5000), "command"),
-        ('"' + "x" * 70_000 + '"', "65536 bytes"),
-    ],
-)
-def test_a_damaged_origin_is_refused(tmp_path: Path, content: str, said: str) -> None:
-    """The message names the file and what is wrong in it."""
-    (tmp_path / ORIGIN_FILE).write_text(content)
-    line = refused("report", tmp_path)
-    assert ORIGIN_FILE in line
-    assert said in line
-    assert (tmp_path / ORIGIN_FILE).read_text() == content
-
-
 def test_where_there_is_nothing_to_report(tmp_path: Path) -> None:
     """An empty folder, a file, no folder, a design's folder: each with its remedy."""
     assert "holds nothing to report" in refused("report", tmp_path)
@@ -130,32 +105,8 @@ def test_where_there_is_nothing_to_report(tmp_path: Path) -> None:
 
 def test_limits_are_for_calibrations(tmp_path: Path) -> None:
     """Of a study nothing is judged."""
-    (tmp_path / ORIGIN_FILE).write_bytes(ORIGIN.text(Origin("paper", "", "test")))
+    (tmp_path / BLOCKS_FILE).write_bytes(PAGE.text(StoredPage("paper", whole_page())))
     assert "--criteria" in refused("report", tmp_path, "--criteria", "standard")
-
-
-def test_an_origin_reads_back(tmp_path: Path) -> None:
-    """Even of a command with names that are no text, or far too long."""
-    for command in ("calib run a b", "calib run 'a\nb\udc80'", "x" * 10_000):
-        origin = origin_of("calibration", command, "ringsolid 0.1.0")
-        (tmp_path / ORIGIN_FILE).write_bytes(ORIGIN.text(origin))
-        assert read_origin(tmp_path) == origin
-        assert len(origin.command) <= LONGEST_COMMAND
-        assert origin.command.isprintable()
-
-
-def test_every_kind_has_a_builder(tmp_path: Path) -> None:
-    """Each loads, and an empty folder ends in a page or in one line, never in a crash."""
-    for kind in KINDS:
-        (tmp_path / kind).mkdir()
-        said = ""
-        try:
-            said = build_page(tmp_path / kind, Origin(kind, "", "test")).title
-        except InputError as error:
-            said = str(error)
-            said = said if said.startswith(str(tmp_path / kind)) else ""
-        assert said, kind
-        assert "\n" not in said
 
 
 def test_the_page_works_in_a_browser(

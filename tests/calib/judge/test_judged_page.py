@@ -157,13 +157,13 @@ MINE = "<p>mine"
     ids=lambda words: words[0],
 )
 def test_nobodys_own_page_is_replaced(words: tuple[str, ...]) -> None:
-    """An index.html without report.json stays; the command does its work, and a remark says why there is no page."""
+    """An index.html without page.json stays; the command does its work, and a remark says why there is no page."""
     Path("out").mkdir()
     Path("out/index.html").write_text(MINE)
     answer = calib(*words, "--json")
     assert answer.code == 0, answer
     assert page_text() == MINE
-    assert not Path("out/report.json").exists()
+    assert not Path("out/page.json").exists()
     assert "index.html: is there already and stays as it is" in answer.err
     summary = summary_of(answer)
     assert any("stays as it is" in one for one in summary["remarks"])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from calib.app.calibration import Run
 from calib.app.calibration_page import calibration_page
 from calib.app.detect import DetectedPhotos
+from calib.app.report import report
 from calib.core.types import Detections
 from calib.detector.why_nothing import explained, why_nothing
 from calib.draw.run_photos import photo_rows
@@ -21,7 +22,6 @@ from calib.judge.judged_run import read_run
 from calib.judge.verdict import Verdict
 from calib.observe.photos import Search
 from calib.observe.records import Records, image_record
-from calib.show.folder import origin_in
 from designer.base.errors import InputError
 from designer.kinds.presets import criteria_templates
 from designer.page.page_file import why_no_page
@@ -102,7 +102,7 @@ def test_report_leads_to_the_page_of_the_overlays(tmp_path: Path) -> None:
     """A folder with overlays and no camera names the folder that has a page."""
     overlaid(tmp_path / "overlays")
     with pytest.raises(InputError, match=r"calib report .*overlays"):
-        origin_in(tmp_path)
+        report(tmp_path)
 
 
 def test_rings_of_a_photo_are_counted_as_commands_count_them(tmp_path: Path) -> None:

@@ -1,9 +1,7 @@
 """Pages of folders of pictures: from what they store, honest about what is missing, and safe whatever files hold."""
 
-import json
 import os
 import re
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,21 +9,18 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.app.render_page import option_words
 from calib.draw.gallery import MOST_PICTURES, Shot, spread
 from calib.observe.photos import find_photos
 from calib.renderer.faces import ring_truth
-from calib.renderer.job import run_job
+from calib.renderer.job import run_jobs
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import scene_from_target
-from calib.show.folder import why_no_page
 from calib.show.parts.kept_target import keep_target, kept_target
-from calib.show.parts.origin import ORIGIN, Origin
-from calib.show.photos.photos_file import PHOTOS_FILE
 from calib.show.photos.place_scene import MOST_VIEWS, place_view
-from calib.show.photos.rendered_photos import option_words
-from designer.base.errors import InputError
-from designer.page.blocks import Gallery, Page, Table, View3d
-from designer.page.scene import Cameras, Rings
+from designer.page.blocks import Gallery, Page, Table
+from designer.page.page_file import PAGE, StoredPage
+from designer.page.scene import Cameras
 from designer.page.shell import page_html
 from designer.target import TargetGeometry
 from tests.support.pages import HOSTILE, blocks_of, png
@@ -33,11 +28,9 @@ from tests.support.picture_folders import (
     BOARD,
     CAMERA,
     ICO,
-    MAKERS,
     detected,
     face,
     overlaid,
-    page_of,
     pictures,
     posed,
     poses,
@@ -45,7 +38,6 @@ from tests.support.picture_folders import (
     result,
 )
 
-KINDS = tuple(MAKERS)
 MOST_BYTES = 10_000_000
 
 
@@ -72,39 +64,16 @@ def headline(page: Page) -> tuple[str, str, str]:
     return page.headline.level, page.headline.word, page.headline.sentence
 
 
-def refusal(kind: str, folder: Path) -> str:
-    """Why there is no page; "" if there is one. Any other exception is a fault."""
-    try:
-        page_html(page_of(kind, folder))
-    except InputError as error:
-        return str(error)
-    return ""
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_folder_that_was_copied_has_the_same_page(kind: str, tmp_path: Path) -> None:
-    """The page is made of what the folder stores: the same bytes again, elsewhere, and with an older page in it."""
-    place = tmp_path / "here" / "set"
-    MAKERS[kind](place)
-    first = page_html(page_of(kind, place))
-    other = tmp_path / "there" / "set"
-    shutil.copytree(place, other)
-    (other / "index.html").write_bytes(first)
-    (other / "report.json").write_bytes(ORIGIN.text(Origin(kind, "", "")))
-    assert page_html(page_of(kind, other)) == first
-
-
 def test_rings_that_the_detector_does_not_want_are_called_too_small(tmp_path: Path) -> None:
-    """A set of which no photo shows a ring of 5 px says so at once, as `calib render` does; a nearer one does not."""
-    rendered(tmp_path / "far", ICO, views=3)
-    level, word, sentence = headline(page_of("photos", tmp_path / "far"))
-    assert (level, word) == ("usable", "rings too small")
-    largest = float(re.search(r"radius of ([\d.]+) px; the detector wants 5 px", sentence)[1])  # type: ignore[index]
-    assert largest < 5
-    rendered(tmp_path / "board", BOARD, views=3)
-    rings = ring_sizes_px(BOARD, 3)
-    level, _, sentence = headline(page_of("photos", tmp_path / "board"))
-    assert ("detector wants" in sentence) == (max(rings) < 5)
+    """A set of which no photo shows a ring of 5 px says so at once, and by how much; a nearer one does not."""
+    far = rendered(tmp_path / "far", ICO, views=3)
+    assert headline(far.page())[:2] == ("usable", "rings too small")
+    (warning,) = far.warnings
+    assert max(ring_sizes_px(ICO, 3)) < 5
+    assert f"radius of {max(ring_sizes_px(ICO, 3)):.2g} px; the detector wants 5 px" in warning
+    near = rendered(tmp_path / "board", BOARD, views=3)
+    assert bool(near.warnings) == (min(ring_sizes_px(BOARD, 3)) < 5)
+    assert (headline(near.page())[1] == "rings too small") == (max(ring_sizes_px(BOARD, 3)) < 5)
 
 
 def ring_sizes_px(target: TargetGeometry, views: int) -> list[float]:
@@ -116,8 +85,8 @@ def ring_sizes_px(target: TargetGeometry, views: int) -> list[float]:
 
 def test_a_rendered_set_says_what_it_is(tmp_path: Path) -> None:
     """Target, camera, distance, effects that are on, and seed; what is off is not said."""
-    rendered(tmp_path, ICO, RenderOptions(blur_px=0.7, contrast_to_noise=50, gamma=2.2), views=6)
-    _, _, sentence = headline(page_of("photos", tmp_path))
+    made = rendered(tmp_path, ICO, RenderOptions(blur_px=0.7, contrast_to_noise=50, gamma=2.2), views=6)
+    _, _, sentence = headline(made.page())
     for words in (
         "6 photos of 640 x 480 px",
         "icosahedron",
@@ -147,29 +116,12 @@ def test_every_option_of_a_rendered_set_is_said() -> None:
 
 def test_photos_that_are_gone_are_said(tmp_path: Path) -> None:
     """Photos that are told of and are not there any more are named, and not linked."""
-    rendered(tmp_path)
+    made = rendered(tmp_path)
     (tmp_path / "view_0002.png").unlink()
-    page = page_of("photos", tmp_path)
+    page = made.page_in(tmp_path)
     assert "view_0002.png: is not there" in page_html(page).decode()
     assert [row[0].path for row in the_table(page).rows].count("") == 1
     assert len(the_gallery(page).pictures) == 3
-
-
-def test_the_target_is_drawn_if_it_is_the_right_one(tmp_path: Path) -> None:
-    """With the target: its rings. Without it, or with another: axes, the cameras, and a word why."""
-    rendered(tmp_path, BOARD)
-
-    def shapes() -> list[object]:
-        view = next(block for block in blocks_of(page_of("photos", tmp_path)) if isinstance(block, View3d))
-        return [shape for layer in view.scene.layers for shape in layer.shapes]
-
-    assert any(isinstance(shape, Rings) for shape in shapes())
-    (tmp_path / "target.json").unlink()
-    assert not any(isinstance(shape, Rings) for shape in shapes())
-    assert any(isinstance(shape, Cameras) and len(shape.names) == 4 for shape in shapes())
-    keep_target(tmp_path, ICO, is_again=False)
-    assert not any(isinstance(shape, Rings) for shape in shapes())
-    assert "not the target of these photos" in page_html(page_of("photos", tmp_path)).decode()
 
 
 def test_of_a_great_many_cameras_some_are_drawn() -> None:
@@ -184,11 +136,11 @@ def test_of_a_great_many_cameras_some_are_drawn() -> None:
 
 def test_a_page_does_not_disturb_other_commands(tmp_path: Path) -> None:
     """A finished set with its page is kept by the next run, and only its photos are photos."""
-    job = rendered(tmp_path)
-    (tmp_path / "index.html").write_bytes(page_html(page_of("photos", tmp_path)))
-    (tmp_path / "report.json").write_bytes(ORIGIN.text(Origin("photos", "", "")))
-    again = run_job(job, tmp_path, processes=1, overwrite=False, on_view=lambda *_: None)
-    assert (again.written, again.kept) == (0, 4)
+    made = rendered(tmp_path)
+    made.draw_page(tmp_path)
+    job = made.job
+    again = run_jobs({tmp_path: job}, processes=1, overwrite=False, on_view=lambda *_: None)
+    assert (again.rendered, again.kept) == (0, 4)
     assert [path.name for path in find_photos([str(tmp_path)]).paths] == job.file_names
 
 
@@ -258,43 +210,15 @@ def test_the_worst_pose_comes_first(tmp_path: Path) -> None:
     assert "3.png: too few rings" in page_html(page).decode()
 
 
-@pytest.mark.parametrize("number", ["1e308", "-1e308", "NaN", "Infinity", "1e999", "123456789012345678901234567890"])
-@pytest.mark.parametrize("kind", KINDS)
-def test_no_number_in_a_file_breaks_a_page(kind: str, number: str, tmp_path: Path) -> None:
-    """Whatever number stands wherever a number may: a page, or a line that names the file."""
-    MAKERS[kind](tmp_path)
-    path = tmp_path / PHOTOS_FILE
-    good = path.read_text()
-    places = [match.span() for match in re.finditer(r"(?<=[ \[])-?\d+(\.\d+)?(e-?\d+)?(?=[,\]}])", good)]
-    assert len(places) > 10
-    pictures_gone = [one for one in tmp_path.iterdir() if one.suffix == ".png"]
-    for one in pictures_gone:
-        one.unlink()  # they take time, and are not what is tested
-    for start, end in [*places[:25], *places[-12:]]:
-        path.write_text(good[:start] + number + good[end:])
-        said = refusal(kind, tmp_path)
-        assert not said or PHOTOS_FILE in said
-
-
 def test_hostile_names_stay_text_and_reach_nothing(tmp_path: Path) -> None:
     """Names that are markup, lead upwards or hold control characters: no picture from outside, no link, no markup."""
     pictures(tmp_path, ["secret.png"], png(10, 10, 255))
     names = (*HOSTILE, "../secret.png", str(tmp_path / "secret.png"), "a\\..\\secret.png", "\ud800")
-    rendered(tmp_path / "o", views=len(names))
-    stored = json.loads((tmp_path / "o" / PHOTOS_FILE).read_text())
-    for row, name in enumerate(names):
-        stored["photos"][row]["picture"] = name
-        stored["photos"][row]["name"] = stored["photos"][row]["caption"] = name
-        stored["photos"][row]["cells"][-1]["text"] = name
-    stored["facts"] = [[names[0], names[1]], [names[2], names[2]]]
-    stored["files"] = [["../secret.png", names[0]]]
-    (tmp_path / "o" / PHOTOS_FILE).write_text(json.dumps(stored))
-    told = detected(tmp_path / "d", [result(name, [face(3, 4)], name) for name in names])
-    for page in (page_of("photos", tmp_path / "o"), told):
-        html = page_html(page).decode()
-        assert not any(isinstance(block, Gallery) for block in blocks_of(page))
-        assert "<img src=x" not in html
-        assert "secret.png" not in "".join(re.findall(r'(?:href|src|data-full)="[^"]*"', html))
+    page = detected(tmp_path / "d", [result(name, [face(3, 4)], name) for name in names])
+    html = page_html(page).decode()
+    assert not any(isinstance(block, Gallery) for block in blocks_of(page))
+    assert "<img src=x" not in html
+    assert "secret.png" not in "".join(re.findall(r'(?:href|src|data-full)="[^"]*"', html))
 
 
 def test_photos_with_odd_names_are_shown(tmp_path: Path) -> None:
@@ -306,19 +230,18 @@ def test_photos_with_odd_names_are_shown(tmp_path: Path) -> None:
     assert page_html(page)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_broken_pictures_are_left_out_and_said(kind: str, tmp_path: Path) -> None:
+def test_broken_pictures_are_left_out_and_said(tmp_path: Path) -> None:
     """A picture that is cut off, empty or a folder is no reason to have no page."""
-    MAKERS[kind](tmp_path)
+    made = rendered(tmp_path)
     broken, *others = sorted(tmp_path.glob("*.png"))
     broken.write_bytes(broken.read_bytes()[:40])
-    page = page_of(kind, tmp_path)
+    page = made.page_in(tmp_path)
     assert len(the_gallery(page).pictures) == len(others)
     assert "1 picture cannot be shown" in page_html(page).decode()
     for path in (broken, *others):
         path.unlink()
         path.mkdir()
-    assert page_html(page_of(kind, tmp_path))
+    assert page_html(made.page_in(tmp_path))
 
 
 def test_a_page_stays_small(tmp_path: Path) -> None:
@@ -326,8 +249,7 @@ def test_a_page_stays_small(tmp_path: Path) -> None:
     views = 300
     noise = np.random.default_rng(0).integers(0, 256, (600, 800), dtype=np.uint8)
     content = cv2.imencode(".png", noise, [cv2.IMWRITE_PNG_COMPRESSION, 0])[1].tobytes()
-    rendered(tmp_path, views=views, content=content)
-    page = page_of("photos", tmp_path)
+    page = rendered(tmp_path, views=views, content=content).page_in(tmp_path)
     assert len(page_html(page)) < MOST_BYTES
     assert len(the_table(page).rows) == views
     shown = the_gallery(page).pictures
@@ -347,15 +269,17 @@ def test_of_many_pictures_those_shown_are_spread() -> None:
 
 def test_a_page_replaces_none_of_another_kind(tmp_path: Path) -> None:
     """Free folders and folders of the same kind are taken; others, and somebody's own index.html, stay."""
-    assert why_no_page(tmp_path, "photos") == ""
+    made = rendered(tmp_path)
     (tmp_path / "index.html").write_text("mine")
-    assert "stays as it is" in why_no_page(tmp_path, "photos")
-    (tmp_path / "report.json").write_bytes(ORIGIN.text(Origin("calibration", "", "")))
-    assert "calibration" in why_no_page(tmp_path, "photos")
-    (tmp_path / "report.json").write_bytes(ORIGIN.text(Origin("photos", "", "")))
-    assert why_no_page(tmp_path, "photos") == ""
-    (tmp_path / "report.json").write_text("{}")
-    assert "report.json" in why_no_page(tmp_path, "photos")
+    assert "stays as it is" in made.draw_page(tmp_path)[2]
+    (tmp_path / "page.json").write_bytes(PAGE.text(StoredPage("calibration", made.page())))
+    assert "calibration" in made.draw_page(tmp_path)[2]
+    assert (tmp_path / "index.html").read_text() == "mine"
+    (tmp_path / "page.json").write_bytes(PAGE.text(StoredPage("photos", made.page())))
+    (tmp_path / "index.html").unlink()
+    assert made.draw_page(tmp_path)[2] == ""
+    (tmp_path / "page.json").write_text("{}")
+    assert "page.json" in made.draw_page(tmp_path)[2]
 
 
 def test_a_kept_target_replaces_only_our_own(tmp_path: Path) -> None:

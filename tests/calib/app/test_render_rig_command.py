@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.api.rendering_rigs import render_rig
 from calib.app.inputs import load_rig
+from calib.app.render import render_rig
 from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
 from calib.cli import app
@@ -63,14 +63,15 @@ def test_cameras_that_are_not_synchronous_see_the_target_at_their_own_times(fold
     )
     delay_s = photos.rig.delay_s
     assert delay_s is not None
-    assert photos.stamp_s is not None
-    assert photos.time_s is not None
+    assert photos.held.stamp_s is not None
+    assert photos.held.time_s is not None
     assert delay_s[0] == 0
     assert 0 < abs(delay_s[1]) <= 0.05
-    assert 0 < np.abs(photos.stamp_s - photos.time_s).max() <= 0.005
-    rig_from_target = np.linalg.inv(photos.rig.cam_from_rig)[:, None] @ [job.cam_from_target for job in photos.jobs]
-    velocity = np.gradient(photos.rig_from_target[:, :3, 3], photos.time_s, axis=0)
-    late_s = photos.time_s - (photos.stamp_s - delay_s[:, None])
+    assert 0 < np.abs(photos.held.stamp_s - photos.held.time_s).max() <= 0.005
+    cam_from_target = np.array([one.cam_from_target for one in photos.of.values()])
+    rig_from_target = np.linalg.inv(photos.rig.cam_from_rig)[:, None] @ cam_from_target
+    velocity = np.gradient(photos.rig_from_target[:, :3, 3], photos.held.time_s, axis=0)
+    late_s = photos.held.time_s - (photos.held.stamp_s - delay_s[:, None])
     expected = photos.rig_from_target[:, :3, 3] - late_s[..., None] * velocity
     assert np.linalg.norm(rig_from_target[..., :3, 3] - expected, axis=-1)[:, 1:-1].max() < 0.25
     assert np.linalg.norm(velocity, axis=1).max() * 0.05 > 1  # mm: what is to be seen of a delay
@@ -99,11 +100,11 @@ def test_a_broken_run_goes_on_and_another_set_is_not_touched(folder: Path) -> No
     ("words", "message"),
     [
         (["--rig", "pair.json"], "add --distance"),
-        (["--rig", "stereo-pair", "--views", "3"], "--views says nothing with --rig"),
-        (["--rig", "stereo-pair", "--aim-offset", "3mm"], "--aim-offset says nothing with --rig"),
-        (["--rig", "stereo-pair", "--unsynchronised", "30"], "such as 30ms"),
+        (["--rig", "stereo-pair", "--views", "3"], "--views: does not go with --rig"),
+        (["--rig", "stereo-pair", "--aim-offset", "3mm"], "--aim-offset: does not go with --rig"),
+        (["--rig", "stereo-pair", "--unsynchronised", "30"], "must be from 0s to 1s"),
         (["--rig", "stereo-pair", "--unsynchronised", "-30ms"], "must be from 0s to 1s"),
-        (["--unsynchronised", "30ms"], "says nothing without --rig"),
+        (["--unsynchronised", "30ms"], "--frames: goes with --rig only"),
         (["--rig", "stereo-pair", "--frames", "0"], "--frames 0"),
         (["--rig", "stereo-pair", "--distance", "20mm"], "hold it farther away"),
     ],

@@ -13,13 +13,13 @@ from calib.cameras.camera import Camera, camera_from_mapping
 from calib.cli import app
 from calib.core.se3 import look_at
 from calib.renderer import RenderOptions, render_view
-from calib.renderer.job import RenderJob, render_file, run_job, truth_text
+from calib.renderer.job import RenderJob, render_file, run_jobs, truth_text
 from designer.base.errors import InputError
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry, target_to_json
 from tests.support import command_line
-from tests.support.command_line import PAGE, Answer
+from tests.support.command_line import Answer
 from tests.support.designs import asked_for
 
 CAMERA = Camera("opencv", np.array([300.0, 300, 79.5, 59.5, 0, 0, 0, 0, 0]), (160, 120))
@@ -43,8 +43,8 @@ def job(views: int = 3, **changes: object) -> RenderJob:
 
 def run(one: RenderJob, folder: Path, *, overwrite: bool = False) -> tuple[int, int]:
     """Render in this process; how many were written and kept."""
-    done = run_job(one, folder, processes=1, overwrite=overwrite, on_view=lambda *_: None)
-    return done.written, done.kept
+    done = run_jobs({folder: one}, processes=1, overwrite=overwrite, on_view=lambda *_: None)
+    return done.rendered, done.kept
 
 
 def calib(*arguments: str | Path, cwd: Path) -> Answer:
@@ -143,12 +143,11 @@ def test_the_command_renders_and_says_what_comes_next(target_file: Path, tmp_pat
     arguments = ["render", target_file, "-o", "set", "--views", "3", "--camera", target_file.with_name("small.json")]
     done = calib(*arguments, "--distance", "12cm", "--blur", "0.7px", "--jobs", "2", cwd=tmp_path)
     assert done.code == 0, done.err
-    assert {path.name for path in (tmp_path / "set").iterdir()} == PAGE | {
-        "photos.json",
-        "truth.json", "target.json", "view_0000.png", "view_0001.png", "view_0002.png",
+    assert {path.name for path in (tmp_path / "set").iterdir()} == {
+        "index.html", "page.json", "truth.json", "target.json", "view_0000.png", "view_0001.png", "view_0002.png",
     }  # fmt: skip
     assert "3 photos of 160 x 120 px" in done.out
-    assert re.search(r"^next  calib run .*board\.target\.json set ", done.out, re.MULTILINE)
+    assert re.search(r"^ +calib run .*board\.target\.json set ", done.out, re.MULTILINE)
     again = calib(*arguments, "--distance", "12cm", "--blur", "0.7px", cwd=tmp_path)
     assert "3 were there already" in again.out
 
@@ -157,18 +156,22 @@ def test_the_command_renders_and_says_what_comes_next(target_file: Path, tmp_pat
     ("options", "message"),
     [
         (["--distance", "20mm"], "--distance 20mm: the target reaches"),
-        (["--distance", "400deg"], "--distance '400deg': unknown unit"),
+        (["--distance", "400deg"], "--distance '400deg': unit 'deg' does not fit"),
         (["--views", "0"], "--views 0: must be from 1"),
-        (["--blur", "2mm"], "--blur '2mm': expected pixels"),
-        (["--occlusion", "95%"], "--occlusion '95%': must be from 0% to 90%"),
+        (["--blur", "2mm"], "--blur '2mm': unit 'mm' does not fit; expected pixels"),
+        (["--occlusion", "95%"], "--occlusion 95%: must be from 0% to 90%"),
         (["--white", "5%"], "--white 5% is not lighter than --black 10%"),
-        (["--contrast-to-noise", "nan"], "--contrast-to-noise 'nan': expected a number"),
-        (["--bits", "12"], "--bits 12: must be 8 or 16"),
+        (["--contrast-to-noise", "nan"], "--contrast-to-noise 'nan': not a finite number"),
+        (["--bits", "12"], "--bits '12' is unknown; use 8, 16, 32"),
+        (["--bits", "32"], "--bits 32: is of arrays; files hold 8 or 16"),
         (["--bits", "16", "--format", "jpeg"], "use png or tiff"),
         (["--focus", "300mm"], "says nothing without --aperture"),
         (["--seed", "-1"], "--seed -1: must be"),
         (["--jobs", "0"], "--jobs 0: must be"),
         (["--quality", "0"], "--quality 0: must be"),
+        (["--quality", "50"], "--quality 50: says nothing of png"),
+        (["--poses", "p.json", "--views", "3"], "--views: says nothing with --poses"),
+        (["--region", "sphere", "--cap-angle", "30deg"], "--cap-angle: says nothing of a sphere"),
     ],
 )
 def test_bad_values_are_refused(
@@ -188,10 +191,10 @@ def test_hard_sets_are_warned_of(target_file: Path, tmp_path: Path) -> None:
     small = ["--camera", target_file.with_name("small.json"), "--views", "2", "--jobs", "1"]
     far = calib("render", target_file, "-o", "far", *small, "--distance", "800mm", cwd=tmp_path)
     assert far.code == 0
-    assert "the largest ring has a radius of 1.2 px" in far.err
+    assert "largest ring has a radius of 1.2 px" in far.out
     near = calib(
         "render", target_file, "-o", "near", *small, "--distance", "50mm", "--light-gradient", "60%", cwd=tmp_path
     )
     assert near.code == 0
-    assert "light gradient takes the white beyond full scale" in near.err
-    assert "beyond the image in 100% of the views" in near.err
+    assert "light gradient takes the white beyond full scale" in near.out
+    assert "beyond the image in 100% of the views" in near.out

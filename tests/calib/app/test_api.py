@@ -66,9 +66,12 @@ def test_render_gives_a_view_as_an_array_and_a_set_as_files() -> None:
     photos = calib.render(BOARD, CAMERA, views=2, distance_mm=120.0, options=options, seed=3)
     image = photos.image(1)
     assert (image.shape, image.dtype) == ((120, 160), np.uint8)
-    assert photos.save("photos", jobs=1).written == 2
+    assert [path.name for path in photos.save("photos")][-2:] == ["truth.json", "target.json"]
     assert np.array_equal(cv2.imread("photos/view_0001.png", cv2.IMREAD_UNCHANGED), image)
     assert [path.name for path in photos.files_in("photos")] == ["view_0000.png", "view_0001.png", "truth.json"]
+    again = calib.render(BOARD, CAMERA, views=2, distance_mm=120.0, options=options, seed=3, out="photos", jobs=1)
+    assert again.done is not None
+    assert (again.done.rendered, again.done.kept) == (0, 2)
     one = calib.render(BOARD, CAMERA, poses=photos.cam_from_target[1])
     assert one.cam_from_target.shape == (1, 4, 4)
     with pytest.raises(calib.InputError, match="must be a rigid motion"):
