@@ -34,6 +34,7 @@ from calib.cameras.camera import Camera, linear_part
 from calib.core.se3 import exp_rotation, transform
 from calib.core.types import LEAST_RADIUS_PX, Observations
 from calib.observe.observations import known_points
+from calib.renderer.faces import target_fits
 from calib.renderer.poses import PoseGrid, grid_poses, photo_poses
 from designer.base.arrays import Array, Rows
 from designer.kinds.layout import Viewpoints
@@ -193,14 +194,9 @@ def view_fit(target: TargetGeometry, camera: Camera, distance_mm: float) -> View
 
 def _fitting(target: TargetGeometry, camera: Camera, poses: Array, factor: float) -> float:
     """Share of the views that show all corners of the target, so many times as far away."""
-    frame = target.target_from_face
-    corner = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
-    corner = corner.reshape(-1, 3)
-    in_camera = np.einsum("vij,kj->vki", poses[:, :3, :3], corner) + factor * poses[:, None, :3, 3]
-    with np.errstate(invalid="ignore"):
-        pixel = project(camera, in_camera)
-        inside = (pixel >= -0.5) & (pixel <= np.array(camera.image_size) - 0.5)
-    return float(inside.all(axis=(1, 2)).mean())
+    moved = np.array(poses)
+    moved[:, :3, 3] *= factor
+    return float(np.mean([target_fits(target, camera, pose) for pose in moved]))
 
 
 def _least_factor(target: TargetGeometry, camera: Camera, poses: Array) -> float:
