@@ -28,7 +28,7 @@ from calib.cameras import (
 )
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import least_squares
-from calib.core.se3 import angles_between, exp_rotation, log_rotation
+from calib.core.se3 import angles_between, exp_rotation, log_rotation, nearest_rotation
 from calib.core.types import freeze
 from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
@@ -358,8 +358,7 @@ def _near_image(pixel: Array, camera: Camera) -> Array:
 def _nearest_turn(ray_a: Array, ray_b: Array) -> Array:
     """The rotation that brings the unit directions (N, 3) of A nearest to those of B (Kabsch 1976)."""
     unit_a, unit_b = (ray / np.linalg.norm(ray, axis=1, keepdims=True) for ray in (ray_a, ray_b))
-    left, _, right = np.linalg.svd(unit_b.T @ unit_a)
-    return np.asarray(left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right)
+    return nearest_rotation(unit_b.T @ unit_a)
 
 
 def _least_squares_turn(camera: Camera, pixel: Array, ray: Array, rotation: Array) -> Array:

@@ -117,6 +117,13 @@ def invert(pose: Array) -> Array:
     return make_pose(rotation, -(rotation @ pose[..., :3, 3:])[..., 0])
 
 
+def nearest_rotation(matrix: Array) -> Array:
+    """The rotation R (3, 3) of the largest trace(R' M); with M = sum y x', it brings x nearest to y (Kabsch 1976)."""
+    left, _, right = np.linalg.svd(matrix)
+    rotation: Array = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    return rotation
+
+
 def steps_between(first: Array, second: Array) -> Array:
     """What leads from first poses to second (..., 6): the turns before these as rotation vectors (rad), and the shifts.
 

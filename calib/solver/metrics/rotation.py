@@ -7,7 +7,7 @@ another image plane than the sensor's has other axes. Neither is an error of a v
 
 import numpy as np
 
-from calib.core.se3 import log_rotation
+from calib.core.se3 import log_rotation, nearest_rotation
 from calib.solver.metrics.errors import ErrorMetric, Errors, Prediction, first_reason, is_known
 from calib.solver.metrics.pose import UNKNOWN
 from designer.base.arrays import Array
@@ -39,9 +39,7 @@ def rotation(prediction: Prediction) -> Errors | None:
 def turns_of_views(estimate: Array, true: Array) -> Array:
     """Rotation vectors (V, 3) in radians from true rotations (V, 3, 3) to estimates, after the turn that all share."""
     turn = estimate @ true.transpose(0, 2, 1)
-    left, _, right = np.linalg.svd(turn.sum(axis=0))
-    common = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
-    return log_rotation(common.T @ turn)
+    return log_rotation(nearest_rotation(turn.sum(axis=0)).T @ turn)
 
 
 METRIC = ErrorMetric(NAME, rotation, needs_truth=True)

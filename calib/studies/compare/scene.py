@@ -13,7 +13,7 @@ import numpy as np
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
-from calib.core.se3 import exp_rotation, transform
+from calib.core.se3 import exp_rotation, nearest_rotation, transform
 from calib.core.types import Observations, keep_sightings
 from calib.renderer.poses import PoseGrid, grid_poses
 from calib.studies.samples import keyed_generator
@@ -121,8 +121,7 @@ def _poses(scene: ComparedScene, rng: np.random.Generator, views: int) -> Array:
     if is_board:
         turn[:3, :3] = exp_rotation(np.array([0.0, 0.0, rng.uniform(-math.pi, math.pi)]))
     else:
-        left, _, right = np.linalg.svd(rng.standard_normal((3, 3)))
-        turn[:3, :3] = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+        turn[:3, :3] = nearest_rotation(rng.standard_normal((3, 3)))
     turned: Array = poses @ turn
     return turned
 

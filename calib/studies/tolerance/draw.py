@@ -16,7 +16,7 @@ import numpy as np
 from calib.cameras import project
 from calib.core.jit import jit
 from calib.core.parallel import one_thread
-from calib.core.se3 import invert, make_pose, transform
+from calib.core.se3 import invert, make_pose, nearest_rotation, transform
 from calib.core.types import KnownPoints
 from calib.solver.metrics.errors import centers_mm as camera_centers_mm
 from calib.solver.metrics.rotation import turns_of_views
@@ -51,8 +51,7 @@ def moved_onto(center_mm: Array, normal: Array, onto_mm: Array, weight: Array) -
     """Rings (R, 3) with the normals of their faces (R, 3), moved onto others by least squares with weights (R,)."""
     share = weight[:, None] / weight.sum()
     middle, aim = (share * center_mm).sum(axis=0), (share * onto_mm).sum(axis=0)
-    left, _, right = np.linalg.svd((share * (onto_mm - aim)).T @ (center_mm - middle))
-    rotation = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    rotation = nearest_rotation((share * (onto_mm - aim)).T @ (center_mm - middle))
     motion = make_pose(rotation, aim - rotation @ middle)
     center, turned = transform(motion, center_mm), normal @ rotation.T
     return TrueShape(center, np.column_stack([turned, (turned * center).sum(axis=1)]), motion)
