@@ -246,8 +246,9 @@ def tolerance(
 
     requirements = parse_requirements(require)
     by = quantity_named(by or (requirements[0].quantity if requirements else "intersection")).name
-    camera_name = camera.model if isinstance(camera, Camera) else fspath(camera)
-    photographing = Photographing(views, camera_of(camera), camera_name, model, weighted, seed, aim_offset_mm)
+    taken = camera_of(camera)
+    camera_name = taken.model if isinstance(camera, Camera) else fspath(camera)
+    photographing = Photographing(views, taken, camera_name, model, weighted, seed, aim_offset_mm)
     for name, is_given in (("--full", full), ("--resume", resume), (f"--dask {dask}", dask is not None)):
         if linear and is_given:
             raise InputError(f"{name} does not fit --linear, which draws nothing; leave one of them out")
