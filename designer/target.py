@@ -20,6 +20,7 @@ from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 from designer.base.files import once_each, place_of, read_small_text
 from designer.base.solid import CODES
+from designer.base.words import with_article
 from designer.spec.build import BUILDS, Form, build_name
 from designer.spec.kind import spec_from_mapping, spec_to_mapping
 from designer.spec.spec import Spec
@@ -110,6 +111,14 @@ class TargetGeometry:
             _check_shape(name, array, shape, sizes)
             object.__setattr__(self, name, array)
         _check_rules(self)
+
+    @property
+    def words(self) -> str:
+        """What it is, in a few words: "an icosahedron of edge 60 mm"."""
+        if self.spec is not None:
+            return with_article(self.spec.words)
+        faces = "1 face" if self.is_planar else f"{self.face_count} faces"
+        return f"a target of {faces} and {self.ring_count} rings"
 
     @property
     def ring_count(self) -> int:

@@ -12,7 +12,7 @@ from calib.cameras import MODELS
 from calib.draw import CALIBRATION_PICTURE
 from calib.draw.gallery import OVERLAYS
 from calib.judge.judge import VERDICT, VERDICT_FILE
-from calib.judge.judged_run import RECORDS_FILE, JudgedRun, records_in
+from calib.judge.judged_run import RECORDS_FILE, JudgedRun, keep_target, records_in
 from calib.judge.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextViews
 from calib.judge.solutions import Solution, best_of
 from calib.observe.calibration_file import (
@@ -23,7 +23,6 @@ from calib.observe.calibration_file import (
     write_calibration,
 )
 from calib.observe.records import Records, records_path
-from calib.show.parts.kept_target import keep_target
 from calib.solver.metrics.evaluation import Evaluation
 from calib.solver.metrics.evaluation_files import METRICS_FILE, METRICS_FILES, Metrics, evaluation_files, metrics_of
 from designer.base.codec import encode

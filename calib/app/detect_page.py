@@ -9,11 +9,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib.core.types import NOT_MEASURABLE, UNMEASURABLE_WORDS, FaceRecord
-from calib.draw.gallery import Shot, gallery, is_there, shortened, title_of_pictures
+from calib.draw.gallery import (
+    SHARE_RULE,
+    Shot,
+    gallery,
+    is_there,
+    level_of_share,
+    shortened,
+    title_of_pictures,
+    worst_level,
+)
 from calib.observe.observations import misplaced_pieces
 from calib.observe.photos import PhotoResult, Search
 from calib.observe.records import ImageRecord, common_remarks, median_sigma_px
-from calib.show.photos.photos_file import SHARE_RULE, level_of_share, worst_level
 from designer.base.answer import program
 from designer.base.words import capital, printable
 from designer.base.words import figure as digits

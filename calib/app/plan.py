@@ -219,7 +219,6 @@ def plan(
     from calib.judge.planned_views import calibration_before, front_of, planned_camera, usual_hold
     from calib.judge.verdict import Criteria
     from calib.judge.views import shape_of
-    from calib.show.parts.kept_target import target_words
 
     geometry, given = target_of(target, "rings"), camera_of(camera)
     settings = settings_of(geometry, criteria if isinstance(criteria, Criteria) else fspath(criteria), made=made)
@@ -262,7 +261,7 @@ def plan(
     return PhotoPlan(
         geometry=geometry, camera=planned, program=program(),
         settings={what: named_in_files(Path(one)) for what, one in files.items() if isinstance(one, str | PathLike)},
-        geometry_id=geometry.geometry_id, target=target_words(geometry),
+        geometry_id=geometry.geometry_id, target=geometry.words,
         made="" if settings.made is None else settings.made.sentence, taken_by=HAND if hand is None else hand.carried,
         noise_px=noise_px, goal_px=goal_px, goal_covered=goal_covered,
         photos=_worded(found, table_deg, is_by_hand=hand is None), distance_mm=found.distance_mm,

@@ -77,23 +77,9 @@ class TargetPoses(Result, kind="poses", title="Poses", is_written=False):
 
     def page(self) -> "Page":
         """Whether the poses can be used, photo by photo, and where they are."""
-        from calib.observe.target_poses import PoseResult
-        from calib.show.photos.photos_page import page_told
-        from designer.page.blocks import Command, Finding
+        from calib.app.pose_page import poses_page
 
-        if isinstance(self.found, PoseResult):
-            from calib.app.pose_page import told_posed
-
-            told = told_posed(self, self.found)
-        else:
-            from calib.app.rig_pose_page import told_before_rig
-
-            told = told_before_rig(self, self.found)
-        lines = [*(Finding("note", "", line) for line in (*self.remarks, *((told.lead,) if told.lead else ()))),
-                 *(Finding("usable", "", line) for line in self.undrawn)]  # fmt: skip
-        page = page_told(replace(told, notes=(*told.notes, *lines), lead=""), self.folder, self.found.target)
-        keep = Command("calib pose ... -o poses.json", "the same command with -o keeps the poses as a file")
-        return replace(page, next_steps=(keep,) if self.place is None and self.poses else ())
+        return poses_page(self)
 
     def save(self, place: str | PathLike[str], *, command: str = "", has_page: bool = False) -> tuple[Path, ...]:
         """Write the poses as .json or .csv, by the suffix; return the file.

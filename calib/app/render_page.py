@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 from calib.core.types import LEAST_RADIUS_PX
 from calib.detector.candidates import MIN_RADIUS_PX
 from calib.draw.gallery import Shot, gallery, is_there, spread
+from calib.draw.place_scene import distance_words, place_view, place_words, tilts_deg
 from calib.draw.run_tables import field_of_view_words
 from calib.renderer.options import PHOTO_TABLE, RIG_FILE, TRUTH_FILE
-from calib.show.parts.kept_target import target_words
-from calib.show.photos.place_scene import distance_words, place_view, place_words, tilts_deg
 from designer.base.words import capital, printable
 from designer.base.words import figure as digits
 from designer.page.blocks import Cell, Command, Facts, Finding, Findings, Headline, Page, Section, Table
@@ -61,12 +60,12 @@ def photos_page(made: "RenderedPhotos", folder: Path | None) -> Page:
     headline = Headline(
         "usable" if is_small else "note", "rings too small" if is_small else "rendered",
         f"{'1 photo' if len(photos) == 1 else f'{len(photos)} photos'} of {width} x {height} px of "
-        f"{target_words(job.target)}, by a camera of model {job.camera.model} from {distance_words(poses)}; "
+        f"{job.target.words}, by a camera of model {job.camera.model} from {distance_words(poses)}; "
         f"{_ending(made)}",
     )  # fmt: skip
     focal_px = dict.fromkeys(digits(float(value), 6) for value in job.camera.params[:2])
     facts = (
-        ("target", f"{target_words(job.target)}, id {job.target.geometry_id}"),
+        ("target", f"{job.target.words}, id {job.target.geometry_id}"),
         ("camera model", job.camera.model),
         ("image", f"{width} x {height} px, {_file_words(made)}"),
         ("focal length", f"{' x '.join(focal_px)} px"),
@@ -98,14 +97,14 @@ def rig_photos_page(made: "RenderedRig", folder: Path | None) -> Page:
     headline = Headline(
         "usable" if made.warnings else "note", "hard to calibrate" if made.warnings else "rendered",
         f"{'1 frame' if frames == 1 else f'{frames} frames'} of {made.simulated.title}: {len(made.of)} cameras, "
-        f"{len(photos)} photos of {target_words(first.target)}, {moves}; {_ending(made)}",
+        f"{len(photos)} photos of {first.target.words}, {moves}; {_ending(made)}",
     )  # fmt: skip
     late = f"delays up to {max(map(abs, delays_ms.values())):.3g} ms" if delays_ms else "synchronous"
     facts = (
         ("rig", made.simulated.title),
         ("cameras", f"{len(made.of)}, {late}"),
         ("frames", str(frames)),
-        ("target", f"{target_words(first.target)}, id {first.target.geometry_id}"),
+        ("target", f"{first.target.words}, id {first.target.geometry_id}"),
         ("files", _file_words(made)),
         *option_words(first.options), ("seed", f"{first.seed} of the first camera, one more of each next"),
         *_done(made),

@@ -98,15 +98,17 @@ def report(
     from designer.page.page_file import BLOCKS_FILE, PAGE, why_no_page
 
     folder = Path(folder)
-    stored = PAGE.read(folder / BLOCKS_FILE) if (folder / BLOCKS_FILE).is_file() else None
+    has_blocks = (folder / BLOCKS_FILE).is_file()
     is_rig = is_rig_folder(folder)
     is_judged = is_rig or is_run_folder(folder)
     why = why_no_page(folder, *((RIG,) if is_rig else (CALIBRATION, "detections"))) if is_judged else ""
     if is_judged and not why:
         kind = RIG if is_rig else CALIBRATION
         _require_kind(folder, kind, kinds)
-        done = _judged(folder, kind, criteria, "" if stored is None else stored.page.made_by)
-    elif stored is not None:
+        before = PAGE.keys(folder / BLOCKS_FILE).get("page") if has_blocks else None
+        done = _judged(folder, kind, criteria, str(before.get("made_by", "")) if isinstance(before, dict) else "")
+    elif has_blocks:
+        stored = PAGE.read(folder / BLOCKS_FILE)
         done = _from_blocks(folder, stored.kind, stored.page, criteria, kinds)
     elif why:
         raise InputError(f"{why}; move it away to have one written")

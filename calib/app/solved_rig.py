@@ -220,11 +220,11 @@ class SolvedRig(
 
         from calib.draw.rig_pictures import remove_rig_pictures
         from calib.judge.hand_eye_file import HAND_EYE, HAND_EYE_FILE
+        from calib.judge.judged_run import keep_target
         from calib.judge.next_robot_poses import photo_names
         from calib.judge.rig_folder import is_rig_folder, write_rig
         from calib.observe.rig_sightings import rig_sightings_to_csv
         from calib.observe.robot_poses import robot_poses_to_csv
-        from calib.show.parts.kept_target import keep_target
         from designer.page.page_file import why_no_page
 
         folder, run = out.place, self.run

@@ -1,7 +1,7 @@
-"""Small pictures of the photos in a folder, as many as a page can take."""
+"""Small pictures of the photos in a folder, as many as a page can take, and how good a share of photos or rings is."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,7 +35,23 @@ BYTES_A_PIXEL = 0.09
 """What a JPEG of an overlay takes, about."""
 QUALITIES = (82, 68, 50)
 MAX_PIXELS = 100_000_000
+GOOD_SHARE, USABLE_SHARE = 0.95, 0.5
+"""Of the rings that could have been measured, of the readable photos with the target or a pose, and of the photos that
+could be read. From 95 % on, what is missing is what nobody can see to: a hair on a ring, a finger at the edge. Below a
+half, something is wrong with target file, light or focus, and what was found is no fair sample of the image."""
+SHARE_RULE = f"good from {100 * GOOD_SHARE:.0f} %, usable from {100 * USABLE_SHARE:.0f} %"
+_WORST_FIRST: tuple[Level, ...] = ("bad", "usable", "good")
 ENLARGES = "A click enlarges a picture; the link leads to it in full."
+
+
+def level_of_share(share: float) -> Level:
+    """Of a share of what should have been found."""
+    return "good" if share >= GOOD_SHARE else "usable" if share >= USABLE_SHARE else "bad"
+
+
+def worst_level(rows: Iterable[Finding]) -> Level:
+    """Of checks."""
+    return min((row.level for row in rows), key=_WORST_FIRST.index)
 
 
 @dataclass(frozen=True)

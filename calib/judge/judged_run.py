@@ -20,8 +20,9 @@ from calib.solver.metrics.evaluation_files import METRICS, METRICS_FILE
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.files import write_files
+from designer.base.own_files import is_ours
 from designer.base.words import printable
-from designer.target import TargetGeometry, load_target
+from designer.target import FORMAT, TargetGeometry, load_target, target_to_json
 
 T = TypeVar("T")
 
@@ -72,14 +73,8 @@ def read_run(folder: Path) -> JudgedRun:
     judged = _read(VERDICT, folder / VERDICT_FILE, folder, faults)
     views = _read(NEXT_VIEWS, folder / NEXT_VIEWS_FILE, folder, faults)
     records = records_in(folder, solved[0].calibration.observations.view_names, faults)
-    target = None
-    try:
-        target = load_target(folder / TARGET_FILE) if (folder / TARGET_FILE).exists() else None
-    except InputError as error:
-        faults.append(_within(folder, error))
-    if target is not None and target.geometry_id != solved[0].calibration.observations.points.geometry_id:
-        faults.append(f"{TARGET_FILE}: not the target that the camera was solved with; the rings are drawn without it")
-        target = None
+    target, wrong = kept_target(folder, solved[0].calibration.observations.points.geometry_id)
+    faults += wrong
     run = JudgedRun(tuple(solved), judged, () if views is None else views.views, records, target, tuple(faults))
     if judged is None or judged.observations_sha256 == run.best.provenance.observations_sha256:
         return run
@@ -142,7 +137,7 @@ def _read_cameras(folder: Path, faults: list[str]) -> list[Solution]:
             solved.append(one)
     if not solved:
         raise errors[0] if errors else InputError(f"{folder}: holds no {CALIBRATION_FILE}; give a folder of calib run")
-    faults += [_within(folder, error) for error in errors]
+    faults += [within(folder, error) for error in errors]
     return solved
 
 
@@ -151,7 +146,7 @@ def _read(kind: FileKind[T], path: Path, folder: Path, faults: list[str]) -> T |
     try:
         return kind.read(path) if path.exists() else None
     except InputError as error:
-        faults.append(_within(folder, error))
+        faults.append(within(folder, error))
         return None
 
 
@@ -172,6 +167,35 @@ def _is_of_same_photos(a: Calibration, b: Calibration) -> bool:
     return small <= large
 
 
-def _within(folder: Path, error: InputError) -> str:
+def within(folder: Path, error: InputError) -> str:
     """What is wrong, with paths as they are from the page."""
     return printable(str(error).replace(f"{folder}/", ""))
+
+
+def keep_target(folder: Path, target: TargetGeometry, *, is_again: bool) -> tuple[Path, ...]:
+    """Write `target.json`; its path, or nothing where somebody's own file has that name and stays.
+
+    Args:
+        folder: of the photos.
+        target: as it was used.
+        is_again: whether the same command left results here before: then the target there came with them, while one
+            in another folder was put there by somebody, though this program made it.
+    """
+    path = folder / TARGET_FILE
+    if kept_target(folder, target.geometry_id)[0] is not None:
+        return (path,)
+    if path.exists() and not (is_again and is_ours(path, FORMAT)):
+        return ()
+    write_files({path: target_to_json(target).encode()})
+    return (path,)
+
+
+def kept_target(folder: Path, geometry_id: str) -> tuple[TargetGeometry | None, tuple[str, ...]]:
+    """The target of a folder's photos; None if it is not there, and why it is not used if it is, a line."""
+    try:
+        target = load_target(folder / TARGET_FILE) if (folder / TARGET_FILE).exists() else None
+    except InputError as error:
+        return None, (within(folder, error),)
+    if target is not None and target.geometry_id != geometry_id:
+        return None, (f"{TARGET_FILE}: not the target of these photos, so it is not drawn",)
+    return target, ()

@@ -22,7 +22,7 @@ import numpy as np
 from calib.cameras.rig import LONGEST_DELAY_S, MOST_CAMERAS, POSE, RIG
 from calib.core.se3 import rigid_fault
 from calib.core.types import KnownPoints, RigObservations
-from calib.judge.judged_run import TARGET_FILE
+from calib.judge.judged_run import kept_target, within
 from calib.judge.rig_evidence import RigEvidence, rig_evidence
 from calib.judge.rig_judge import NOT_COMPARED, RIG_VERDICT, RIG_VERDICT_FILE, JudgedRig, judge_rig
 from calib.judge.verdict import Criteria, Verdict
@@ -35,8 +35,8 @@ from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.files import write_files
 from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Count, Length, Line, Shape, Word
-from designer.base.words import printable, shown
-from designer.target import TargetGeometry, load_target
+from designer.base.words import shown
+from designer.target import TargetGeometry
 
 RIG_FILE, RIG_CALIBRATION_FILE, CAMERAS = "rig.json", "rig_calibration.json", "cameras"
 MOST_FRAMES = 1_000_000
@@ -326,22 +326,15 @@ def read_rig_run(folder: Path) -> RigRun:
     found, provenance = read_rig(folder)
     faults: list[str] = []
     judged: JudgedRig | None = None
-    target: TargetGeometry | None = None
     try:
         judged = RIG_VERDICT.read_if_there(folder / RIG_VERDICT_FILE)
     except InputError as error:
-        faults.append(_within(folder, error))
+        faults.append(within(folder, error))
     if judged is not None and judged.solution_sha256 != _digest(folder):
         faults.append(f"{RIG_VERDICT_FILE}: on another solution; calib report with --criteria judges again")
         judged = None
-    try:
-        target = load_target(folder / TARGET_FILE) if (folder / TARGET_FILE).exists() else None
-    except InputError as error:
-        faults.append(_within(folder, error))
-    if target is not None and target.geometry_id != found.observations.points.geometry_id:
-        faults.append(f"{TARGET_FILE}: not the target that the rig was solved with, so it is not drawn")
-        target = None
-    return RigRun(found, provenance, judged, target, tuple(faults))
+    target, wrong = kept_target(folder, found.observations.points.geometry_id)
+    return RigRun(found, provenance, judged, target, (*faults, *wrong))
 
 
 def judge_rig_again(folder: Path, criteria: Criteria) -> JudgedRig:
@@ -358,8 +351,3 @@ def judge_rig_again(folder: Path, criteria: Criteria) -> JudgedRig:
 
 def _digest(folder: Path) -> str:
     return hashlib.sha256((folder / RIG_CALIBRATION_FILE).read_bytes()).hexdigest()
-
-
-def _within(folder: Path, error: InputError) -> str:
-    """What is wrong, with paths as they are from the page."""
-    return printable(str(error).replace(f"{folder}/", ""))

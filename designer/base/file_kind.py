@@ -78,19 +78,30 @@ class FileKind(Generic[T]):
         Raises:
             InputError: as `read`.
         """
-        if not isinstance(document, dict) or document.get("format") != self.format:
-            raise InputError(f'{origin}: not {self.what}: it must hold "format": "{self.format}"; {self.remedy}')
-        version = document.get("version")
-        if type(version) is not int or version != self.version:
-            told = f"this program reads version {self.version}"
-            raise InputError(f"{origin}: version {shown(version)}; {told}: use the version that wrote it")
-        body = {key: value for key, value in document.items() if key not in ("format", "version")}
+        body = self._body(document, origin)
         try:
             return decode(self.holds, body)
         except BadValueError as error:
             raise InputError(f"{origin}: {' '.join(str(error).split())}; {self.remedy}") from None
         except InputError as error:
             raise InputError(f"{origin}: {error}") from None
+
+    def keys(self, path: Path) -> dict[str, JsonValue]:
+        """What a file holds, not yet decoded: to look at a few keys of a large one.
+
+        Raises:
+            InputError: it cannot be read, or is of another format or version.
+        """
+        return self._body(self.parsed(path), str(path))
+
+    def _body(self, document: JsonValue, origin: str) -> dict[str, JsonValue]:
+        if not isinstance(document, dict) or document.get("format") != self.format:
+            raise InputError(f'{origin}: not {self.what}: it must hold "format": "{self.format}"; {self.remedy}')
+        version = document.get("version")
+        if type(version) is not int or version != self.version:
+            told = f"this program reads version {self.version}"
+            raise InputError(f"{origin}: version {shown(version)}; {told}: use the version that wrote it")
+        return {key: value for key, value in document.items() if key not in ("format", "version")}
 
 
 def laid_out(value: JsonValue, indent: str = "") -> str:

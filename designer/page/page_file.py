@@ -51,7 +51,7 @@ def why_no_page(folder: Path, *kinds: str) -> str:
     if not blocks.exists():
         return f"{printable(str(page))}: is there already and stays as it is" if page.exists() else ""
     try:
-        there = PAGE.read(blocks).kind
+        there = str(PAGE.keys(blocks).get("kind"))
     except InputError as error:
         return printable(str(error))
     if there in kinds:

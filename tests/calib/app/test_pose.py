@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from calib.app.pose import TargetPoses
 from calib.app.pose import pose as pose_command
-from calib.app.pose_page import told_posed
 from calib.cameras.camera import Camera, camera_to_json
 from calib.core.se3 import exp_rotation, transform
 from calib.core.types import Detections
@@ -31,6 +30,7 @@ from calib.observe.target_poses import (
 from calib.renderer.poses import load_poses
 from designer.base.arrays import Array
 from designer.base.errors import InputError
+from designer.page.blocks import Table
 from designer.target import TargetGeometry, target_to_json
 from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by
 from tests.support.command_line import rows_of_csv
@@ -296,4 +296,6 @@ def test_what_the_deviations_leave_out_is_told(folder: Path, capsys: pytest.Capt
     search = Search(BOARD, (PhotoResult(PhotoFile(Path(seen.image), seen.image), seen),), (), 0, 1.0)
     for lost, said in ((0, ""), (3, "3 more rings lie where the camera knows no light")):
         found = PoseResult(BOARD, CAMERA, search, (replace(one, rings=one.rings - lost),), ())
-        assert told_posed(TargetPoses(found, "t", "c", None), found).photos[0].cells[-1].text == said
+        (photos,) = (one for one in TargetPoses(found, "t", "c", None).page().sections if one.title == "Photos")
+        (table,) = (block for block in photos.blocks if isinstance(block, Table))
+        assert table.rows[0][-1].text == said

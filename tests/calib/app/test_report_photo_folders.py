@@ -11,13 +11,13 @@ import pytest
 
 from calib.app.render_page import option_words
 from calib.draw.gallery import MOST_PICTURES, Shot, spread
+from calib.draw.place_scene import MOST_VIEWS, place_view
+from calib.judge.judged_run import keep_target, kept_target
 from calib.observe.photos import find_photos
 from calib.renderer.faces import ring_truth
 from calib.renderer.job import run_jobs
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import scene_from_target
-from calib.show.parts.kept_target import keep_target, kept_target
-from calib.show.photos.place_scene import MOST_VIEWS, place_view
 from designer.page.blocks import Gallery, Page, Table
 from designer.page.page_file import PAGE, StoredPage
 from designer.page.scene import Cameras

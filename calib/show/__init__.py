@@ -1,1 +1,0 @@
-"""What people see: results as blocks, and blocks as lines of a terminal."""
