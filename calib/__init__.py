@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from calib.app.hand_eye import hand_eye
     from calib.app.hand_eye_poses import HandEyeOfPoses, hand_eye_poses
     from calib.app.inputs import load_camera, load_observations, load_rig, load_rig_observations
+    from calib.app.live import live, live_rig
     from calib.app.measure import measure, rescale
     from calib.app.measured_print import MeasuredPrint, RescaledTarget
     from calib.app.plan import PhotoPlan, plan
@@ -41,8 +42,6 @@ if TYPE_CHECKING:
     from calib.cameras.camera import Camera
     from calib.cameras.rig import Rig
     from calib.cameras.undistortion import Undistorted
-    from calib.capture.live import live
-    from calib.capture.live_rig import live_rig
     from calib.core.compile_ahead import warm_up
     from calib.core.types import Detections, Observations, RigObservations
     from calib.judge.guide import Guide
@@ -144,6 +143,7 @@ _HOMES = {
     "calib.app.hand_eye": ("hand_eye",),
     "calib.app.hand_eye_poses": ("HandEyeOfPoses", "hand_eye_poses"),
     "calib.app.inputs": ("load_camera", "load_observations", "load_rig", "load_rig_observations"),
+    "calib.app.live": ("live", "live_rig"),
     "calib.app.measure": ("measure", "rescale"),
     "calib.app.measured_print": ("MeasuredPrint", "RescaledTarget"),
     "calib.app.render": ("render", "render_rig"),
@@ -162,8 +162,6 @@ _HOMES = {
     "calib.cameras.camera": ("Camera",),
     "calib.cameras.rig": ("Rig",),
     "calib.cameras.undistortion": ("Undistorted",),
-    "calib.capture.live": ("live",),
-    "calib.capture.live_rig": ("live_rig",),
     "calib.core.compile_ahead": ("warm_up",),
     "calib.core.types": ("Detections", "Observations", "RigObservations"),
     "calib.judge.guide": ("Guide",),

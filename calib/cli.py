@@ -22,6 +22,7 @@ STUDIES = ("bootstrap", "paper", "compare", "cost", "plot")
 STUDY = "Calibrate thousands of samples of a set of photos: how sure is the camera, and what does a target do to it?"
 LINES = {
     "run": "Detect, solve, detect again with the lens known, solve all models, judge.",
+    "live": "Take photos under guidance of a page, until the camera is good.",
     "solve": "Solve the camera, and where it stood, from what was detected, and judge it.",
     "evaluate": "Measure a calibration: reprojection, intersection, reconstruction and pose error.",
     "report": "Write a folder's page, index.html, again from the results it stores.",

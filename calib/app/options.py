@@ -45,14 +45,12 @@ Photos = Annotated[
 ]
 PhotoJobs = Annotated[int | None, option("photos at a time, all in memory (default: one per core)", 1, MOST_JOBS)]
 Weighted = Annotated[bool, option("weigh observations by the covariances they state, or all alike", off="--unweighted")]
-Limits = Annotated[
-    "Criteria | Place",
-    option(
-        "limits of the verdict: a template (standard, metrology, robotics), or a TOML file of one's own",
-        metavar="NAME|FILE",
-        complete=criteria_templates,
-    ),
-]
+LIMITS = option(
+    "limits of the verdict: a template (standard, metrology, robotics), or a TOML file of one's own",
+    metavar="NAME|FILE",
+    complete=criteria_templates,
+)
+Limits = Annotated["Criteria | Place", LIMITS]
 Made = Annotated[
     str | None,
     option(
@@ -120,6 +118,12 @@ def _pair(text: str, most: int) -> tuple[int, int]:
 ImageSize = Annotated[
     tuple[int, int] | None,
     option("of files that do not say it: 2448x2048", parse=partial(_pair, most=MAX_SIDE_PX), metavar="TEXT"),
+]
+CameraSize = Annotated[
+    tuple[int, int] | None,
+    option(
+        "that a camera of this machine is asked for: 1920x1080", parse=partial(_pair, most=MAX_SIDE_PX), metavar="TEXT"
+    ),
 ]
 Grid = Annotated[
     tuple[int, int] | None,

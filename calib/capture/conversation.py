@@ -7,10 +7,13 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
-from typing import Generic, Protocol, Self, TypeVar
+from typing import Protocol, Self, TypeAlias, TypeVar
+
+import numpy as np
 
 from calib.capture.messages import (
     GuidanceMessage,
+    LookMessage,
     Message,
     NoticeMessage,
     PageCommand,
@@ -19,8 +22,18 @@ from calib.capture.messages import (
     StateMessage,
 )
 from calib.capture.photo_folder import PhotoFolder
-from calib.capture.sources.source import Frame, Source
-from calib.judge.guide_told import Guidance, TakenPhoto
+from calib.capture.sources import Frame, Source
+from calib.core.types import Detections
+from calib.detector.frame_quality import frame_quality
+from calib.detector.glance import glance
+from calib.detector.lens import CameraLens
+from calib.detector.plan import plan_for
+from calib.images.photo import Grey
+from calib.judge.guide_told import FrameNote, Guidance, Look, TakenPhoto
+from calib.judge.shutter import notes_of
+from calib.observe.photos import PhotoFile
+from calib.observe.search import look_for
+from calib.solver.calibration import Calibration
 from designer.base.errors import NotWrittenError
 from designer.page.scene import scene_json
 from designer.target import TargetGeometry
@@ -29,6 +42,8 @@ from designer.target_scene import target_scene
 ENDS_IN_S = 10.0
 """Between "it is good" and the end: time enough to read it, and to say that one goes on."""
 BODY, INK = "#f4f4f2", "#2b2b2b"
+MANY_RINGS = 15
+"""So many ring-like things without a name are more than chance."""
 Tell = Callable[[Message], None]
 Show = Callable[[Frame], None]
 
@@ -44,10 +59,7 @@ class Guiding(Protocol):
         """With another proposal."""
 
 
-G = TypeVar("G", bound=Guiding)
-
-
-class Conversation(ABC, Generic[G]):
+class Conversation(ABC):
     """One target, photographed until it is good.
 
     Args:
@@ -61,7 +73,7 @@ class Conversation(ABC, Generic[G]):
     """
 
     def __init__(
-        self, target: TargetGeometry, guide: G, folder: PhotoFolder, sources: tuple[Source, ...], tell: Tell,
+        self, target: TargetGeometry, guide: Guiding, folder: PhotoFolder, sources: tuple[Source, ...], tell: Tell,
         show: Show, now_s: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
         self.target, self.guide, self.folder, self.sources = target, guide, folder, sources
@@ -226,3 +238,55 @@ def described(target: TargetGeometry) -> str:
     """A target in a few words: "icosahedron, edge 60 mm, 420 rings"."""
     rings = f"{len(target.center_mm)} rings"
     return rings if target.spec is None else f"{target.spec.words}, {rings}"
+
+
+def exactly_found(pixels: Grey, name: str, target: TargetGeometry, calibration: Calibration | None) -> Detections:
+    """What a photo shows, by its camera as far as that is known."""
+    camera = None if calibration is None else calibration.camera
+    if camera is not None and camera.image_size != (pixels.shape[1], pixels.shape[0]):
+        camera = None
+    return look_for(target, camera)(PhotoFile(Path(name), name), pixels)
+
+
+def glanced(frame: Frame, target: TargetGeometry, calibration: Calibration | None) -> Detections:
+    """What a frame shows about; what the photos tell of the lens so far saves guessing it."""
+    likely = None if calibration is None else calibration.camera
+    is_same_size = likely is not None and likely.image_size == (frame.pixels.shape[1], frame.pixels.shape[0])
+    lens = CameraLens(likely) if likely is not None and is_same_size else None
+    return glance(frame.pixels, plan_for(target), f"frame {frame.number}", None, lens)
+
+
+def notes_on(
+    frame: Frame, found: Detections, target: TargetGeometry, sharpest_px: float
+) -> tuple[tuple[FrameNote, ...], float]:
+    """What is wrong with a frame, and the blur of the sharpest one so far, which tells what the lens can do."""
+    strange = 0 if found.rejected_px is None else len(found.rejected_px)
+    if not len(found.ring) and strange >= MANY_RINGS and found.remarks:
+        return (FrameNote("target", f"rings, but not this target's: {found.remarks[-1]}", forbids=True),), sharpest_px
+    quality = frame_quality(frame.pixels, found, target)
+    notes = notes_of(quality, sharpest_px)
+    if quality is not None and quality.blur_px > 0 and not notes:
+        sharpest_px = min(sharpest_px, quality.blur_px)
+    return notes, sharpest_px
+
+
+def look_message(frame: Frame, found: Detections, target: TargetGeometry, look: Look, still: float) -> LookMessage:
+    """What the page is told of a frame."""
+    circles = np.column_stack([found.center_px, found.ellipse_px[:, 2]])
+    return LookMessage(frame.source, frame.number, (circles,), labels_of(found, target), look, still)
+
+
+def labels_of(found: Detections, target: TargetGeometry) -> tuple[tuple[float, float, str], ...]:
+    """Where the faces of a solid are in an image, and what they are called; none of a board."""
+    if target.face_count < 2 or not len(found.ring):
+        return ()
+    face = target.ring_face[found.ring]
+    return tuple(
+        (*np.round(found.center_px[face == number].mean(axis=0), 1).tolist(), str(number))
+        for number in np.unique(face).tolist()
+    )
+
+
+S = TypeVar("S", bound=Conversation)
+Begin: TypeAlias = Callable[[Tell, Show], S]
+"""Makes a session, from what it tells the page, and shows it."""

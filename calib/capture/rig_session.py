@@ -5,18 +5,17 @@ all cameras that see it, and their frames came within `AT_ONCE_S` of each other.
 """
 
 import math
+import os
 import re
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from calib.app.detect import Detector
-from calib.capture.conversation import Conversation, Show, Tell
-from calib.capture.frame_seen import exactly_found, glanced, look_message, notes_on
+from calib.capture.conversation import Conversation, Show, Tell, exactly_found, glanced, look_message, notes_on
 from calib.capture.messages import TakenMessage
 from calib.capture.photo_folder import PhotoFolder
-from calib.capture.sources.source import Frame, Source
+from calib.capture.sources import Frame, Source
 from calib.core.types import LEAST_POINTS, Detections
 from calib.images.photo import Grey, read_image
 from calib.judge.guide_told import Look, TakenPhoto
@@ -24,6 +23,7 @@ from calib.judge.rig_guide import RigGuide
 from calib.judge.rig_standing import moment_of
 from calib.judge.shutter import Shutter
 from designer.base.errors import InputError
+from designer.base.files import write_files
 from designer.target import TargetGeometry
 
 AT_ONCE_S = 0.15
@@ -31,6 +31,8 @@ AT_ONCE_S = 0.15
 GONE_S = 1.0
 """A camera that is so far behind is not waited for."""
 
+TABLE_FILE = "photos.csv"
+"""Which photos count, and which were taken at once, as `calib rig --table` reads it."""
 SEPARATORS = "_. -"
 """Of the parts of a file's name."""
 
@@ -57,8 +59,10 @@ class KeptMoment:
         return replace(self, files={**self.files, camera: file}, found={**self.found, camera: found})
 
 
-class RigSession(Conversation[RigGuide]):
+class RigSession(Conversation):
     """One target, photographed until cameras and rig are good; the sources are the guide's cameras, in their order."""
+
+    guide: RigGuide
 
     def __init__(
         self, target: TargetGeometry, guide: RigGuide, folder: PhotoFolder, sources: tuple[Source, ...], tell: Tell,
@@ -69,7 +73,6 @@ class RigSession(Conversation[RigGuide]):
         self._shutters = dict.fromkeys(guide.names, Shutter())
         self._last: dict[str, SeenFrame] = {}
         self._sharpest_px = dict.fromkeys(guide.names, math.inf)
-        self._detector = Detector(target)
 
     @property
     def source_names(self) -> tuple[str, ...]:
@@ -146,7 +149,7 @@ class RigSession(Conversation[RigGuide]):
         self._fit_guide(camera, (frame.pixels.shape[1], frame.pixels.shape[0]))
         self._show(frame)
         if frame.file is None:
-            found = glanced(self._detector, frame, self.guide.guides[camera].calibration)
+            found = glanced(frame, self.target, self.guide.guides[camera].calibration)
         else:
             found = self._exact(camera, frame.pixels, own_moment(camera, frame.file))
         notes, self._sharpest_px[camera] = notes_on(frame, found, self.target, self._sharpest_px[camera])
@@ -232,3 +235,24 @@ def own_moment(camera: str, file: Path) -> str:
     end = "" if camera.isdecimal() else "|$"
     stem = re.sub(rf"(^|[{SEPARATORS}]+){re.escape(camera)}([{SEPARATORS}]+{end})", r"\1", file.stem, count=1)
     return f"{stem.strip(SEPARATORS) or file.stem}{file.suffix}"
+
+
+def write_table(session: RigSession) -> Path:
+    """Write which photos count, and which were taken at once.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+    path = session.folder.folder / TABLE_FILE
+    lines = [
+        f"{camera},{moment},{_cell(os.path.relpath(kept.files[camera], path.parent))}"
+        for moment, kept in session.counted.items()
+        for camera in session.guide.names
+        if camera in kept.files
+    ]
+    write_files({path: "\n".join(["camera,frame,file", *lines, ""]).encode()})
+    return path
+
+
+def _cell(text: str) -> str:
+    return '"' + text.replace('"', '""') + '"' if set(text) & set(',"\n') else text

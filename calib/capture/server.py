@@ -23,7 +23,7 @@ import numpy as np
 
 import designer.page
 from calib.capture.messages import LookMessage, Message, PageCommand, StateMessage, command_from, header_of, text_of
-from calib.capture.sources.source import Frame
+from calib.capture.sources import Frame
 from designer.base.errors import InputError
 
 if TYPE_CHECKING:

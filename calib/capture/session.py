@@ -6,12 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from calib.app.detect import Detector
-from calib.capture.conversation import Conversation, Show, Tell
-from calib.capture.frame_seen import exactly_found, glanced, look_message, notes_on
+from calib.capture.conversation import Conversation, Show, Tell, exactly_found, glanced, look_message, notes_on
 from calib.capture.messages import TakenMessage
 from calib.capture.photo_folder import PhotoFolder
-from calib.capture.sources.source import Frame, Source
+from calib.capture.sources import Frame, Source
 from calib.core.types import Detections
 from calib.images.photo import Grey, read_image
 from calib.judge.guide import Guide
@@ -31,8 +29,10 @@ class Kept:
     is_left_out: bool = False
 
 
-class Session(Conversation[Guide]):
+class Session(Conversation):
     """One target, photographed until its camera is good; arguments as of `Conversation`."""
+
+    guide: Guide
 
     def __init__(
         self, target: TargetGeometry, guide: Guide, folder: PhotoFolder, sources: tuple[Source, ...], tell: Tell,
@@ -42,7 +42,6 @@ class Session(Conversation[Guide]):
         self.kept: dict[str, Kept] = {}
         self._shutter = Shutter()
         self._last: Frame | None = None  # that was looked at
-        self._detector = Detector(target)
         self._sharpest_px = math.inf
 
     def _left_out(self) -> tuple[TakenPhoto, ...]:
@@ -102,7 +101,7 @@ class Session(Conversation[Guide]):
         if self.sources[frame.source].kind != "browser":
             self._show(frame)
         if frame.file is None:
-            found = glanced(self._detector, frame, self.guide.calibration)
+            found = glanced(frame, self.target, self.guide.calibration)
         else:
             found = self._exact(frame.pixels, frame.file.name)
         notes, self._sharpest_px = notes_on(frame, found, self.target, self._sharpest_px)

@@ -48,7 +48,7 @@ LINE = ContextVar("command line", default="")
 
 
 def command_line() -> str:
-    """The command as it was typed, quoted for a shell; "" outside a command."""
+    """The command as it was typed, quoted for a shell, without passwords in addresses; "" outside a command."""
     return LINE.get()
 
 

@@ -6,6 +6,7 @@ import gc
 import inspect
 import io
 import os
+import re
 import shlex
 import signal
 import sys
@@ -243,7 +244,9 @@ def run(app: typer.Typer) -> None:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else all installed packages are asked for some
     name = app.info.name if isinstance(app.info.name, str) else Path(sys.argv[0]).name
     words = sys.argv[1:]
-    line = shlex.join([name, *words])
+    line = re.sub(
+        r"://[^/@\s]*@", "://USER:PASSWORD@", shlex.join([name, *words])
+    )  # of cameras' and clusters' addresses
     before = LINE.set(line)
     try:
         if not _asks_for_json(words):

@@ -11,7 +11,7 @@ an `Output`, so that what is finished can be told if a person stops it, or if it
 import inspect
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial, wraps
@@ -23,6 +23,7 @@ from designer.base.answer import NegativeError, StoppedError, Summary
 from designer.base.errors import InputError, NoAnswerError
 from designer.base.options import PLAIN, CommandOption, Parameter, checked, packed, parameters_of
 from designer.base.units import NO_SKEW
+from designer.base.words import printable
 from designer.page.output import Output
 from designer.page.result import Result
 
@@ -35,8 +36,9 @@ Folder: TypeAlias = Callable[[Mapping[str, object]], Path]
 """Where a command writes unless it is told, from what else it is given."""
 NEGATIVE = 1
 OUTPUT = "Output"
-PROGRESS, OUT, RESUME = "progress", "out", "resume"
-"""The parameters that are told how far the work is, which a shell shows, where to write, and to go on there."""
+PROGRESS, HEARD, OUT, RESUME = "progress", "heard", "out", "resume"
+"""The parameters that are told how far the work is and what happens, which a shell shows, where to write, and to go on
+there."""
 LONGEST_LINE = 400
 """Of a command that is said again; of thousands of file names nobody reads more."""
 
@@ -46,22 +48,24 @@ def capability(function: Callable[P, R]) -> Callable[P, R]: ...
 
 
 @overload
-def capability(*, folder: Folder) -> Callable[[Callable[P, R]], Callable[P, R]]: ...
+def capability(*, folder: Folder, draws: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]: ...
 
 
 def capability(
-    function: Callable[P, R] | None = None, *, folder: Folder | None = None
+    function: Callable[P, R] | None = None, *, folder: Folder | None = None, draws: bool = False
 ) -> Callable[P, R] | Callable[[Callable[P, R]], Callable[P, R]]:
     """Decorate a function as a command, and so that Python is refused what is beyond its options' limits.
 
     Args:
         function: the capability.
         folder: where its command writes unless it is told; None: `exports/KIND`.
+        draws: it writes its page by itself, which nobody can leave away.
     """
 
     def decorated(function: Callable[P, R]) -> Callable[P, R]:
         offered = checked(function)
-        setattr(offered, "as_command", lambda **others: command_of(function, folder, others))  # noqa: B010  # for `Later`
+        made = partial(command_of, function, folder, draws=draws)
+        setattr(offered, "as_command", made)  # noqa: B010  # what `Later` looks for
         return offered
 
     return decorated if function is None else decorated(function)
@@ -70,19 +74,21 @@ def capability(
 def instead(**others: Callable[..., Result]) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Decorate a capability that is another one where an option is given: `@instead(rig=rig_tolerance)`.
 
-    The command has the options of both; what does not go with the one that is carried out is refused.
+    Where it has the option itself, its command is the other where that is given more than once. The command has the
+    options of both; what does not go with the one that is carried out is refused.
     """
 
     def decorate(offered: Callable[P, R]) -> Callable[P, R]:
         functions = {name: inspect.unwrap(other) for name, other in others.items()}
-        own: Callable[..., object] = getattr(offered, "as_command")  # noqa: B009
+        own, takes = partial(getattr(offered, "as_command"), others=functions), inspect.signature(offered).parameters  # noqa: B009
 
         @wraps(offered)
         def either(*args: P.args, **given: P.kwargs) -> R:
-            chosen = next((other for name, other in others.items() if given.get(name) is not None), offered)
+            asked = (name for name in others if name not in takes and given.get(name) is not None)
+            chosen = next((others[name] for name in asked), offered)
             return cast(R, chosen(*args, **given))
 
-        setattr(either, "as_command", lambda: own(**functions))  # noqa: B010
+        setattr(either, "as_command", own)  # noqa: B010
         return either
 
     return decorate
@@ -92,6 +98,8 @@ def command_of(
     function: Callable[..., Result],
     folder: Folder | None = None,
     others: Mapping[str, Callable[..., Result]] = MappingProxyType({}),
+    *,
+    draws: bool = False,
 ) -> Callable[..., Summary]:
     """The function that a shell's command calls, with the texts that were given.
 
@@ -99,6 +107,7 @@ def command_of(
         function: a capability's.
         folder: where it writes unless it is told; None: `exports/KIND`.
         others: functions that are called instead where the option of a name is given.
+        draws: it writes its page by itself.
     """
     own = {one: parameters_of(one) for one in (function, *others.values())}
     parameters, made = own[function], _result_of(function)
@@ -108,7 +117,8 @@ def command_of(
 
         place, verbose, has_page = (given.pop(name, None) for name in (OUT, "verbose", "page"))
         texts = {name: value for name, value in given.items() if value is not None and value != []}
-        option = next((name for name in others if name in texts), "")
+        several = {name for name, value in texts.items() if isinstance(value, list) and len(value) > 1}
+        option = next((name for name in others if name in (several if name in parameters else texts)), "")
         chosen = others.get(option, function)
         made, takes = _result_of(chosen), inspect.signature(chosen).parameters
         values = packed(own[chosen], dict(_chosen_values(texts, own, others, chosen, option)))
@@ -120,16 +130,18 @@ def command_of(
             values[OUT] = output
         elif made.is_written:
             made.check(where)
-        tell = partial(told, command=command_line(), verbose=bool(verbose), has_page=has_page is not False)
+        line, goes_on = command_line(), RESUME in takes
+        again = f"{line} --resume".strip() if goes_on and "--resume" not in line.split() else line
+        tell = partial(told, command=line, again=again, verbose=bool(verbose), has_page=has_page is not False)
         try:
-            with _heard(made, has_progress=PROGRESS in takes) as heard:
+            with _heard(made, takes) as heard:
                 result = chosen(**values, **heard)
             if OUT not in takes and made.is_written:
                 output.files += result.save(where, has_page=False)
                 output.finished.append(where)
             return tell(result, output)
         except KeyboardInterrupt:
-            raise _stopped(output, output.again or ("go on with --resume" if RESUME in takes else "")) from None
+            raise _stopped(output, output.again or (f"go on with {again}" if goes_on else "")) from None
         except NoAnswerError as error:
             if isinstance(error.result, Result):
                 return tell(error.result, output, answer=output.answer)
@@ -139,9 +151,10 @@ def command_of(
     has_own_out = OUT in inspect.signature(function).parameters
     shown = [one for one in _merged(own, others) if one.name != OUT]
     run.__signature__ = inspect.Signature([  # type: ignore[attr-defined]  # what inspect reads
-        *map(_typed, shown), *([_typed(parameters[OUT])] if OUT in parameters else []),
-        *(_of_output(made, folder, has_out=not has_own_out, has_page=not has_own_out or OUT in parameters)
-          if made.is_written else ()),
+        *map(_typed, shown),
+        *([_typed(replace(parameters[OUT], default=None) if folder else parameters[OUT])] if OUT in parameters else []),
+        *(_of_output(made, folder, has_out=not has_own_out,
+                     has_page=not draws and (not has_own_out or OUT in parameters)) if made.is_written else ()),
     ])  # fmt: skip
     return run
 
@@ -184,20 +197,22 @@ def _merged(
 
 
 @contextmanager
-def _heard(made: type[Result], *, has_progress: bool) -> Iterator[dict[str, object]]:
-    """A sign of life while a function works, or what it tells its progress to."""
+def _heard(made: type[Result], takes: Collection[str]) -> Iterator[dict[str, object]]:
+    """A sign of life while a function works, or what it tells its progress to, or what happens, a line each."""
     from designer.page.progress import progress_bars, waiting
 
-    if not has_progress:
+    if HEARD in takes:  # at once: who waits for a line may be a program
+        yield {HEARD: lambda line: print(printable(line), flush=True)}
+    elif PROGRESS in takes:
+        with progress_bars() as progress:
+            yield {PROGRESS: progress}
+    else:
         with waiting(made.doing):
             yield {}
-        return
-    with progress_bars() as progress:
-        yield {PROGRESS: progress}
 
 
 def told(
-    result: Result, output: Output, command: str, *, verbose: bool, has_page: bool,
+    result: Result, output: Output, command: str, again: str, *, verbose: bool, has_page: bool,
     answer: "Mapping[str, Value] | None" = None,
 ) -> Summary:  # fmt: skip
     """Say a result that is written on the screen, write its page, and sum it up for programs.
@@ -206,6 +221,7 @@ def told(
         result: of a command.
         output: where it is written.
         command: line that made it.
+        again: line that makes it once more.
         verbose: say its tables too.
         has_page: whether to write the page.
         answer: for programs; None: the result's.
@@ -217,7 +233,7 @@ def told(
     page, remark = None, ""
     if output.page is not None:
         at = output.page / PAGE_FILE
-        if has_page:
+        if has_page and at not in output.files:
             with waiting("drawing the page"):
                 page, files, remark = result.draw_page(output.page, command)
             output.files += files
@@ -231,7 +247,7 @@ def told(
             say_written(folder, output.files)
     if remark:
         print(remark)
-    again = command if result.remedy and command else ""
+    again = again if result.remedy else ""
     steps = tuple(f"{step.line}{step.purpose and f'   # {step.purpose}'}" for step in page.next_steps)
     look = (f"open {shown(at)} in a browser",) if output.page is not None and at in output.files else ()
     do = (f"{result.remedy}; then run the same command again",) if result.remedy else ()

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.capture.sources.source import Frame
+from calib.capture.sources import Frame
 from calib.core.se3 import exp_rotation
 from calib.judge.guide import Guide
 from calib.renderer import RenderOptions, render_view

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.capture.live_rig import live_rig, sources_of, write_table
+from calib.app.live import live_rig
 from calib.capture.messages import LookMessage, Message, NoticeMessage, PageCommand, TakenMessage
 from calib.capture.photo_folder import PhotoFolder
-from calib.capture.rig_session import RigSession, own_moment
-from calib.capture.sources.source import BrowserCamera, Frame
+from calib.capture.rig_session import RigSession, own_moment, write_table
+from calib.capture.sources import BrowserCamera, Frame, rig_sources
 from calib.core.se3 import look_at, make_pose
 from calib.images.photo import read_image
 from calib.judge.rig_guide import RigGuide
@@ -182,10 +182,10 @@ def test_cameras_are_named_by_where_they_are(tmp_path: Path) -> None:
     for place in ("a/cam.avi", "b/cam.avi"):
         (tmp_path / place).parent.mkdir()
         (tmp_path / place).write_bytes(b"")
-    assert list(sources_of(("0", 2, "rtsp://10.0.0.7/live"), (), None)) == ["camera-0", "camera-2", "network-2"]
+    assert list(rig_sources(("0", 2, "rtsp://10.0.0.7/live"), (), None)) == ["camera-0", "camera-2", "network-2"]
     films = [str(tmp_path / place) for place in ("a/cam.avi", "b/cam.avi")]
-    assert list(sources_of(films, (), None)) == ["a", "b"]
-    assert list(sources_of((), (tmp_path / "a", tmp_path / "b"), None)) == ["a", "b"]
+    assert list(rig_sources(films, (), None)) == ["a", "b"]
+    assert list(rig_sources((), (tmp_path / "a", tmp_path / "b"), None)) == ["a", "b"]
 
 
 @pytest.mark.parametrize(

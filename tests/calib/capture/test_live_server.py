@@ -13,7 +13,7 @@ from websockets.sync.client import connect
 
 from calib.capture.messages import FrameHeader, PageCommand, StateMessage, with_header
 from calib.capture.server import LOOPBACK, NOT_OURS, TAKEN_OVER, Pages, application, bound_socket
-from calib.capture.sources.source import Frame
+from calib.capture.sources import Frame
 from designer.base.errors import InputError
 from tests.support.waiting import WITHIN_S, wait_until
 

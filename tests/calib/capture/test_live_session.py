@@ -11,7 +11,7 @@ from calib.capture.conversation import ENDS_IN_S
 from calib.capture.messages import GuidanceMessage, LookMessage, Message, NoticeMessage, PageCommand, TakenMessage
 from calib.capture.photo_folder import SESSION_FILE, PhotoFolder
 from calib.capture.session import Session
-from calib.capture.sources.source import BrowserCamera, Frame
+from calib.capture.sources import BrowserCamera, Frame
 from calib.judge.guide import Guide
 from designer.base.errors import InputError, NotWrittenError
 from tests.support import ring_views

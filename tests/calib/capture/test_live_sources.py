@@ -8,12 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.capture.live import live
-from calib.capture.live_rig import live_rig
-from calib.capture.sources import watched_folder
-from calib.capture.sources.opencv_camera import OpenCVCamera
-from calib.capture.sources.source import Frame
-from calib.capture.sources.watched_folder import WatchedFolder
+from calib.app.live import live, live_rig
+from calib.capture import sources
+from calib.capture.sources import Frame, OpenCVCamera, WatchedFolder
 from designer.base.errors import InputError
 from tests.support import ring_views
 from tests.support.waiting import wait_until
@@ -34,8 +31,8 @@ class Heard:
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Folders are looked at often, and given up soon."""
-    monkeypatch.setattr(watched_folder, "LOOK_S", 0.02)
-    monkeypatch.setattr(watched_folder, "GIVEN_UP_S", 0.3)
+    monkeypatch.setattr(sources, "LOOK_S", 0.02)
+    monkeypatch.setattr(sources, "GIVEN_UP_S", 0.3)
 
 
 def test_a_video_is_played_and_its_end_is_said(tmp_path: Path) -> None:

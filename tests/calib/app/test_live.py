@@ -15,18 +15,19 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 import calib
+from calib.app.calibration import Run
 from calib.app.calibration_folder import RunFolder
+from calib.capture.conversation import Conversation
 from calib.capture.messages import FrameHeader, with_header
 from calib.capture.photo_folder import SESSION, PhotoFolder
-from calib.capture.sources.source import Frame
-from calib.capture.worker import Worker
-from calib.commands import live_said
+from calib.capture.serving import Serving, Worker
+from calib.capture.sources import Frame
 from calib.judge.guide import Guide
 from calib.judge.judged_run import JudgedRun
-from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError, NotWrittenError
 from designer.page.output import Output
 from designer.target import target_to_json
+from tests.support.command_line import calib as command
 from tests.support.live_frames import SIZE, held, image_at, target
 from tests.support.programs import PYTHON, start
 from tests.support.waiting import WITHIN_S, wait_until
@@ -152,7 +153,7 @@ def test_ctrl_c_reaches_whatever_takes_long(photos: Path, tmp_path: Path, monkey
         with pytest.raises(ConnectionClosed):
             until(page, lambda one: False)
 
-    monkeypatch.setattr("calib.capture.live.run", stopped)
+    monkeypatch.setattr("calib.app.run.run", stopped)
     monkeypatch.setattr("calib.capture.session.Session.resume", lambda self: who.append(threading.get_ident()))
     with pytest.raises(KeyboardInterrupt):
         calib.live(target(), tmp_path / "out", watch=photos, opened=opening(play), **SOLVED)
@@ -243,16 +244,40 @@ def test_photos_that_come_while_nothing_is_taken_wait(tmp_path: Path) -> None:
     assert [one.number for one in looked] == list(range(12))
 
 
-def test_the_line_that_goes_on_is_the_one_that_began(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_line_that_goes_on_is_the_one_that_began(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With all its options, once with --resume, and without passwords."""
-    typed = "calib live a.target.json --camera rtsp://me:secret@10.0.0.7/live --made exact -o out"
-    monkeypatch.setattr(live_said, "command_line", lambda: typed)
-    with pytest.raises(StoppedError) as stopped:
-        live_said.stopped_live(Summary())
-    line = str(stopped.value)
-    assert "secret" not in line
-    assert line.endswith("--camera rtsp://USER:PASSWORD@10.0.0.7/live --made exact -o out --resume")
-    monkeypatch.setattr(live_said, "command_line", lambda: f"{typed} --resume")
-    with pytest.raises(StoppedError) as stopped:
-        live_said.stopped_live(Summary())
-    assert str(stopped.value).count("--resume") == 1
+
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Serving, "until_done", stopped)
+    Path("a.target.json").write_text(target_to_json(target()))
+    words = ("live", "a.target.json", "--camera", "rtsp://me:secret@10.0.0.7/live", "--made", "exact", "-o", "out")
+    goes_on = "calib live a.target.json --camera rtsp://USER:PASSWORD@10.0.0.7/live --made exact -o out --resume"
+    for answer in (command(*words), command(*words, "--resume")):
+        assert answer.code == 130
+        assert answer.err.endswith(f"stopped; finished and kept: out/session.json; go on with {goes_on}\n")
+
+
+def test_a_camera_that_is_given_again_makes_a_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One is a camera's, two are a rig's, of videos and of folders alike; Python is told which function to call."""
+    begun = list[str]()
+
+    def begin(self: Serving[Conversation, Run], *_: object) -> None:
+        begun.append(type(self._session).__name__)
+        raise KeyboardInterrupt
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Serving, "until_done", begin)
+    Path("a.target.json").write_text(target_to_json(target()))
+    Path("left").mkdir()
+    Path("right").mkdir()
+    for number, more in enumerate(
+        (["--camera", "1"], [], ["--watch", "left"], ["--watch", "left", "--watch", "right"])
+    ):
+        one = () if "--watch" in more else ("--camera", "0")
+        command("live", "a.target.json", *one, *more, "-o", f"out{number}")
+    assert begun == ["RigSession", "Session", "Session", "RigSession"]
+    with pytest.raises(InputError, match="live_rig takes photos with several"):
+        calib.live("a.target.json", "out", watch=["left", "right"])

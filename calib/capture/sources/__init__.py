@@ -1,1 +1,0 @@
-"""Where frames come from: a file a kind of source."""
