@@ -25,6 +25,7 @@ SMALL = ("--columns", "6", "--rows", "5", "--pitch", "9mm")
 TAKEN = ("--target", "board.target.json", "--detections", "detections.csv")
 BOOTSTRAP = ("study", "bootstrap", *TAKEN, "--sizes", "6", "--samples", "4", "--jobs", "1", "-o", "out")
 TOLERANCE = ("tolerance", "board.target.json", "--views", "8", "--distance", "200mm", "--linear", "-o", "out")
+OF_A_RIG = ("--errors", "fdm-board", "--rig", "pair.rig.json", "--frames", "8", "--distance", "150mm..250mm")
 SOLVE = ("solve", "--target", "board.target.json", "--model", "pinhole", "-o", "out")
 RUN = ("run", "board.target.json", "photos", "--model", "opencv", "-o", "out")
 FOR_POSES = ("pose", "board.target.json", "camera.json")
@@ -58,6 +59,7 @@ DESIGN = (
     Case((*TOLERANCE, "--errors", "fdm-board", "--require", "intersection=1mm"), 0),
     Case((*TOLERANCE, "--errors", "fdm-board", "--require", "intersection=1um"), 1),
     Case((*TOLERANCE, "--errors", "fdm"), 2),
+    Case((*TOLERANCE[:2], *OF_A_RIG, "--linear", "-o", "out"), 0),
     Case(("ways", *TOLERANCE[1:-3], *TOLERANCE[-2:]), 0),
     Case(("ways", "board.target.json", "--by", "beauty", "-o", "out"), 2),
     Case(("no-command",), 2),
