@@ -35,6 +35,12 @@ def photos(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+@pytest.fixture(scope="module")
+def run(photos: Path) -> calib.Run:
+    """The run of these."""
+    return calib.run(BOARD, photos, **MODEL)
+
+
 def seen() -> Sequence[Detections]:
     """Detections in photos."""
     return detections_of(example(BOARD, np.random.default_rng(1), views=6, noise_px=0.05).observations, BOARD)
@@ -48,28 +54,29 @@ def test_detections_of_arrays_are_told_apart_and_saved() -> None:
     assert any(path.name == "index.html" for path in run.save("x"))
     with pytest.raises(calib.InputError, match="give detections"):
         calib.solve(["a.csv"], BOARD)
+    with pytest.raises(calib.InputError, match="is no path; give a folder"):
+        calib.solve(seen(), BOARD, out="", **MODEL)
 
 
-def test_a_photo_that_is_gone_is_named_on_the_page(photos: Path) -> None:
+def test_a_photo_that_is_gone_is_named_on_the_page(run: calib.Run, photos: Path) -> None:
     """The others have their overlays."""
-    shutil.copytree(photos, "photos")
-    run = calib.run(BOARD, "photos", **MODEL)
-    Path("photos/view_0003.png").unlink()
+    kept = (photos / "view_0003.png").rename("kept.png")
     run.save("c")
+    kept.rename(photos / "view_0003.png")
     assert len(list(Path("c/overlays").iterdir())) == 4
     assert "no overlay for view_0003.png" in Path("c/index.html").read_text()
 
 
-def test_another_runs_photos_are_not_this_ones(photos: Path) -> None:
+def test_another_runs_photos_are_not_this_ones(run: calib.Run) -> None:
     """A camera of other photos, saved into the folder of an earlier run, does not show that run's photos."""
-    calib.run(BOARD, photos, out="a", **MODEL)
+    run.save("a")
     calib.solve([replace(one, image=f"other-{one.image}") for one in seen()], BOARD, **MODEL).save("a")
     assert "<bdi>view_0003.png" not in Path("a/index.html").read_text()
 
 
-def test_what_an_earlier_run_left_goes_and_other_files_stay(photos: Path) -> None:
+def test_what_an_earlier_run_left_goes_and_other_files_stay(run: calib.Run) -> None:
     """Cameras and overlays of ours that are not of this run are removed; whatever else lies there is as it was."""
-    run = calib.run(BOARD, photos, out="a", **MODEL)
+    run.save("a")
     names = ("calibration.json", "camera.json", "observations.csv", "metrics.json", "metrics_views.csv")
     Path("a/luhmann").mkdir()
     for name in names:

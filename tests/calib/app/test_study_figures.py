@@ -20,7 +20,7 @@ from calib.draw.study_figures import (
 from calib.draw.study_tables import unit_words
 from calib.draw.style import picture
 from calib.studies.samples import Case
-from calib.studies.statistics import BOARD, ICOSAHEDRON, METRICS, CaseSummary, correlations, predicted_correlations
+from calib.studies.statistics import ICOSAHEDRON, METRICS, CaseSummary, correlations, predicted_correlations
 from tests.support.study_cases import (
     NAMES,
     SIZES,
@@ -147,11 +147,3 @@ def test_bins_resolve_the_narrowest_distribution_and_hold_all_but_the_wildest() 
 def test_units_are_the_papers() -> None:
     """With real superscripts: the style reads no formulae."""
     assert [unit_words(metric) for metric in METRICS] == ["10⁻² mm", "10⁻² mm", "10⁻¹ px", "10⁻¹ mm"]
-
-
-def test_board_and_icosahedron_stand_side_by_side() -> None:
-    """The histograms of both, wider than high panels."""
-    cases = paper_cases(200, settings=ONE_SETTING)
-    shown = {case: samples for case, samples in cases.items() if case.target in (BOARD, ICOSAHEDRON)}
-    content = picture(histograms_height_px(2), lambda page: draw_histograms(page, beside(shown)))
-    assert Image.open(io.BytesIO(content)).size == (1600, histograms_height_px(2))
