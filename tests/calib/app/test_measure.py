@@ -145,7 +145,6 @@ def test_a_print_is_measured_and_all_is_written(monkeypatch: pytest.MonkeyPatch)
     assert report["size_is_known"] is True
     assert answer.out.startswith("measured, not judged: ")
     assert "leave --held-out 0 away" in answer.out
-    assert len(answer.out.splitlines()) <= 25
     assert "calib solve" not in answer.out
     assert Path("measured.as_built.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 
