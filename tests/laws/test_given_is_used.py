@@ -5,6 +5,7 @@ import inspect
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import get_args
 
 import click
 import pytest
@@ -100,12 +101,13 @@ def _numbers(name: str) -> list[Parameter]:
     place = f"calib.app.tolerance:{STUDIED[name]}" if name in STUDIED else place_of(name)
     module, _, word = place.partition(":")
     of_function = parameters_of(inspect.unwrap(getattr(importlib.import_module(module), word)))
-    return [one for one in of_function.values() if one.kind in (int, float) and one.option.parse is None]
+    is_number = {int, float, *(one.kind for one in of_function.values() if get_args(one.kind)[:1] == (float,))}
+    return [one for one in of_function.values() if one.kind in is_number and one.option.parse is None]
 
 
 def _beyond(one: Parameter) -> Iterator[str]:
-    """Texts of numbers just outside of an option's limits, and of one with a unit that nothing has."""
-    yield "1kg"
+    """Texts of numbers just outside of an option's limits, of none, and of one with a unit that nothing has."""
+    yield from ("1kg", "nan")
     for limit, sign in ((one.option.least, -1), (one.option.most, 1)):
         if math.isfinite(limit) and abs(limit) < 1e15:
             value = limit + sign * (abs(limit) or 1.0)
