@@ -61,15 +61,14 @@ MODULES = {"study plot": "study_paper"}
 def place_of(name: str) -> str:
     """Where the function of a command is: "module:function"."""
     word = name.replace("-", "_").replace(" ", "_")
-    room = "app" if name in LINES else "commands"
-    return f"calib.{room}.{MODULES.get(name, word)}:{FUNCTIONS.get(name, word)}"
+    return f"calib.app.{MODULES.get(name, word)}:{FUNCTIONS.get(name, word)}"
 
 
 def app() -> "typer.Typer":
     """All commands."""
     from designer.base.command import Later, LaterGroup, new_app
 
-    commands = {name: Later(place_of(name), task, LINES.get(name, "")) for task, names in TASKS for name in names}
+    commands = {name: Later(place_of(name), task, LINES[name]) for task, names in TASKS for name in names}
     studies = {name: Later(place_of(f"study {name}"), help=LINES[f"study {name}"]) for name in STUDIES}
     return new_app(
         "calib",
