@@ -196,8 +196,6 @@ def bootstrap(
     )
     if len(set(views)) < len(views):
         raise InputError(f"--sizes {', '.join(map(str, views))}: a size stands there twice; give each once")
-    if dask is not None and jobs is not None:
-        raise InputError("--jobs: is of processes on this machine; --dask has the cluster do it, leave one out")
     output = None if out is None else output_of(out)
     if output is not None:
         Bootstrap.check(output.place)

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, cast
 
-from calib.app.options import CameraTemplate, Jobs, Resume, Seed
-from calib.app.study_result import FORMATS, STUDY_OUT, TABLES, StudyResult, rows_to_csv
+from calib.app.options import CameraTemplate, Dask, Jobs, Resume, Seed
+from calib.app.study_result import FORMATS, STUDY_OUT, TABLES, StudyResult, rows_to_csv, sampling_in
 from designer.base.codec import encode
 from designer.base.errors import InputError
 from designer.base.marks import NOT_IN_FILE
@@ -75,6 +75,7 @@ def study_compare(
     camera: CameraTemplate = "phase-one-ixg",
     seed: Seed = 1,
     jobs: Jobs = None,
+    dask: Dask = None,
     resume: Resume = False,
     progress: Progress = unheard,
 ) -> ComparedObjects:
@@ -92,6 +93,7 @@ def study_compare(
         camera: template or file; it takes the photos.
         seed: of all that is random.
         jobs: processes; None: one per core.
+        dask: address of a cluster's scheduler, which computes the samples instead.
         resume: go on with the comparison in the folder.
         progress: is told what is being done.
 
@@ -101,11 +103,9 @@ def study_compare(
     """
     from os import fspath
 
-    from calib.app.inputs import processes_of
     from calib.studies.compare import cases
     from calib.studies.compare.cases import results_of
     from calib.studies.compare.scene import SETS
-    from calib.studies.runner import Sampling
     from calib.studies.store import read_study
 
     usual = cases.QUICK if quick else SETS
@@ -117,12 +117,12 @@ def study_compare(
     plan = cases.Plan(name, prints, sets, virtual_sets, 1 if quick else cases.ALONE_PRINTS, seed)
     cases.usable_camera(name)
     identity = cases.identity(plan)
-    sampling = Sampling(output.place, processes_of(jobs), None, resume, progress)
-    sampling.check(identity)
-    progress("placing cameras", 0, 0)
-    comparison = cases.comparison(plan)
-    output.finished.append(sampling.path)
-    sampled = sampling.run(identity, comparison.cases, chunk=1)
-    with read_study(sampling.path) as study:
-        found = ComparedObjects(results_of(study, comparison), sampled, str(output.place))
+    with sampling_in(output, jobs, dask, resume=resume, progress=progress) as sampling:
+        sampling.check(identity)
+        progress("placing cameras", 0, 0)
+        comparison = cases.comparison(plan)
+        output.finished.append(sampling.path)
+        sampled = sampling.run(identity, comparison.cases, chunk=1)
+        with read_study(sampling.path) as study:
+            found = ComparedObjects(results_of(study, comparison), sampled, str(output.place))
     return found.saved(output, progress)

@@ -7,8 +7,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from calib.app.options import Grid, ImageSize, Jobs, Pitch, Resume, Seed, grid_of
-from calib.app.study_result import FORMATS, STUDY_OUT, TABLES, StudyResult, rows_to_csv
+from calib.app.options import Dask, Grid, ImageSize, Jobs, Pitch, Resume, Seed, grid_of
+from calib.app.study_result import FORMATS, STUDY_OUT, TABLES, StudyResult, rows_to_csv, sampling_in
 from calib.cameras import DEFAULT, fitted_models
 from designer.base.errors import InputError
 from designer.base.marks import INLINE, NOT_IN_FILE
@@ -93,6 +93,7 @@ def study_cost(
     pitch_mm: Pitch = None,
     seed: Seed = 1,
     jobs: Jobs = None,
+    dask: Dask = None,
     resume: Resume = False,
     progress: Progress = unheard,
 ) -> CostStudy:
@@ -117,6 +118,7 @@ def study_cost(
         pitch_mm: of its corners.
         seed: of all that is random.
         jobs: processes; None: one per core.
+        dask: address of a cluster's scheduler, which computes the samples instead.
         resume: go on with the study in the folder.
         progress: is told what is being done.
 
@@ -124,11 +126,8 @@ def study_cost(
         InputError: numbers, photos or a folder that cannot be used.
         StudyStoppedError: interrupted; what is finished is kept.
     """
-    from calib.app.inputs import processes_of
     from calib.studies.cost import ratios
-    from calib.studies.cost.ratios import table_of
     from calib.studies.identity import photos_read
-    from calib.studies.runner import Sampling
     from calib.studies.store import read_study
 
     usual, corners = QUICK if quick else USUAL, grid_of(grid, pitch_mm)
@@ -147,14 +146,14 @@ def study_cost(
                 raise InputError(f"{name}: says nothing without photos of your own; give --detections too")
     plan = ratios.CostPlan(sets, starts, seed, *(("", "") if real is None else (real.name, real.model)))
     identity = ratios.identity(plan, own)
-    sampling = Sampling(output.place, processes_of(jobs), None, resume, progress)
-    sampling.check(identity)
-    progress("placing cameras", 0, 0)
-    sampled_cases = ratios.cases_of(plan, real)
-    output.finished.append(sampling.path)
-    sampled = sampling.run(identity, sampled_cases)
-    with read_study(sampling.path) as study:
-        found = CostStudy(table_of(study, plan), sampled, str(output.place))
+    with sampling_in(output, jobs, dask, resume=resume, progress=progress) as sampling:
+        sampling.check(identity)
+        progress("placing cameras", 0, 0)
+        cases = ratios.cases_of(plan, real)
+        output.finished.append(sampling.path)
+        sampled = sampling.run(identity, cases)
+        with read_study(sampling.path) as study:
+            found = CostStudy(ratios.table_of(study, plan), sampled, str(output.place))
     return found.saved(output, progress)
 
 

@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, ClassVar, Self, TypeVar, cast
 
 from designer.base.codec import encode
+from designer.base.errors import InputError
 from designer.base.files import check_folder, place_of, write_files
 from designer.base.options import option
 from designer.base.own_files import require_ours
@@ -43,6 +44,8 @@ def sampling_in(
     output: Output | None, jobs: int | None, dask: str | None, *, resume: bool, progress: Progress
 ) -> "Iterator[Sampling]":
     """Where samples are kept, and who computes them: in the folder that was asked for, else where nobody looks."""
+    if dask is not None and jobs is not None:
+        raise InputError("--jobs: is of processes on this machine; --dask has the cluster do it, leave one out")
     from calib.app.inputs import processes_of
     from calib.studies.runner import Sampling
 
