@@ -8,15 +8,25 @@ import pytest
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.learned import known_at
-from calib.core.se3 import invert, look_at, transform
+from calib.core.se3 import exp_rotation, invert, look_at, transform
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration
+from calib.solver.learn_views import _without_gauge
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
-from calib.solver.solve_virtual import solve_virtual
+from calib.solver.solve_virtual import choose_view, on_plane_mm, sensor_points, solve_virtual
 from calib.solver.start import solve_poses
 from designer.base.errors import InputError
-from tests.support.solver_scenes import CAMERAS, SIZE, icosahedron, noisy, observe, poses_around, random_covariances
+from tests.support.solver_scenes import (
+    CAMERAS,
+    SIZE,
+    icosahedron,
+    moved_points,
+    noisy,
+    observe,
+    poses_around,
+    random_covariances,
+)
 from tests.support.virtual_scenes import angle_px, large_board, through_waves, true_rays
 
 NOISE_PX = 0.03
@@ -243,3 +253,52 @@ def test_what_cannot_be_done_ends_in_one_line() -> None:
         solve_virtual(solid, reference="view0.png")
     with pytest.raises(InputError, match="2 views to learn a map of the lens from: at least 3"):
         solve_virtual(solid)
+
+
+def test_of_photos_that_fill_the_image_the_most_frontal_is_the_reference() -> None:
+    """Seen aslant, the sensor would be stretched."""
+    tilted = look_at(np.array([[110.0, 10, 280]]), np.array([[2.0, 1, 0]]), np.array([0.1]))
+    poses = np.concatenate([tilted, FRONT, tilted])
+    both = observe(LENS, large_board(), poses, np.random.default_rng(10))
+    plane = on_plane_mm(both.points, both.point)
+    assert plane is not None
+    assert choose_view(both, plane) == 1
+
+
+def test_gauge_is_taken_out_of_a_step() -> None:
+    """What a turn of the camera or another pinhole does to the sensor's points is not a change of the map."""
+    rng = np.random.default_rng(0)
+    params = np.array([2500.0, 2400, 1200, 1000])
+    point = rng.uniform(0, 2000, (400, 2))
+    ray = np.column_stack([(point - params[2:]) / params[:2], np.ones(400)]) @ exp_rotation(1e-5 * rng.normal(size=3)).T
+    other = params + 1e-2 * rng.normal(size=4)
+    step = ray[:, :2] / ray[:, 2:] * other[:2] + other[2:] - point
+    variance = rng.uniform(0.5, 2, 400)
+    assert np.abs(step).max() > 1e-2
+    assert np.abs(_without_gauge(step, point, params, variance)).max() < 1e-5
+    bend = 1e-2 * ((point[:, :1] - 1000) / 1000) ** 3 * [[1.0, 0.0]]
+    rest = _without_gauge(bend + step, point, params, variance)
+    assert np.abs(rest - _without_gauge(bend, point, params, variance)).max() < 1e-5
+    assert np.abs(rest).max() > 1e-3
+
+
+def test_sensor_is_an_image_of_the_plane() -> None:
+    """The sensor's points are the plane's, turned, scaled and moved: like the image in its middle, never mirrored."""
+    rng = np.random.default_rng(11)
+    seen = observe(CAMERAS["pinhole"], large_board(), FRONT, rng)
+    plane = on_plane_mm(seen.points, seen.point)
+    assert plane is not None
+    for sign in (1, -1):
+        point = sensor_points(seen.center_px, plane[seen.point] * [1, sign])
+        distance = np.linalg.norm(point - point[0], axis=1)
+        millimetres = np.linalg.norm(plane[seen.point] - plane[seen.point][0], axis=1)
+        scale = distance[1:] / millimetres[1:]
+        assert np.ptp(scale) < 1e-9 * scale[0]
+        near = np.linalg.norm(seen.center_px - seen.center_px.mean(axis=0), axis=1) < 200
+        assert np.abs(point - seen.center_px)[near].max() < 10
+    bumpy = replace(seen.points, position_mm=seen.points.position_mm + rng.normal(0, 0.05, (357, 3)))
+    assert on_plane_mm(bumpy, seen.point) is None
+    turned = moved_points(seen.points, look_at(np.array([[5.0, 7, 9]]), np.zeros((1, 3)), np.zeros(1))[0])
+    again = on_plane_mm(turned, seen.point)
+    assert again is not None
+    assert np.linalg.norm(again[5] - again[300]) == pytest.approx(np.linalg.norm(plane[5] - plane[300]))
