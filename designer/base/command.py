@@ -140,7 +140,7 @@ class _ByTask(TyperGroup):
 
 
 class _Command(TyperCommand):
-    """Refuses an empty word for a file or folder, which would be the folder one is in; lists options in groups."""
+    """Refuses an empty word for a file, the folder one is in else, and an option twice; lists options in groups."""
 
     def format_options(self, ctx: "Context", formatter: "HelpFormatter") -> None:
         """Write a section for each group."""
@@ -157,9 +157,14 @@ class _Command(TyperCommand):
 
     def parse_args(self, ctx: "Context", args: list[str]) -> list[str]:
         """Look at the words before they are paths."""
-        given, _, _ = self.make_parser(ctx).parse_args(list(args))
+        given, _, order = self.make_parser(ctx).parse_args(list(args))
         parameters = inspect.signature(cast("Callable[..., Summary]", self.callback)).parameters
         for one in self.params:
+            takes_one = one.param_type_name == "option" and not getattr(one, "multiple", False)
+            if takes_one and (times := order.count(one)) > 1:
+                raise InputError(
+                    f"{one.opts[0]}: given {times} times, and takes one; leave out all but that which is meant"
+                )
             words = given.get(one.name or "")
             is_empty = "" in (words if isinstance(words, list | tuple) else (words,))
             if is_empty and "Path" in str(parameters[str(one.name)].annotation):

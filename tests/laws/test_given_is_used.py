@@ -168,3 +168,14 @@ def test_an_option_that_has_nothing_to_act_on_is_refused(words: tuple[str, ...],
     assert (answer.code, answer.out) == (2, ""), answer
     assert said in answer.err
     assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "option"), [("solve", "--model"), ("budget", "--distance"), ("design tolerance", "--draws")]
+)
+def test_an_option_that_takes_one_is_given_once(name: str, option: str) -> None:
+    """The last of several would be taken, and the others be unseen."""
+    words = (*name.removeprefix("design ").split(), "x", option, "1", option, "2")
+    answer = (design if name in STUDIED else calib)(*words)
+    assert answer.code == 2
+    assert f"{option}: given 2 times" in answer.err
