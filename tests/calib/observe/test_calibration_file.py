@@ -225,6 +225,18 @@ def test_a_broken_table_is_refused(change: Callable[[str], str], rule: str, tmp_
     assert str(table) in message
 
 
+def test_a_table_must_be_there_and_text(tmp_path: Path) -> None:
+    """A calibration.json alone, with a folder beside it, or with bytes that are no text, is refused."""
+    path = written(tmp_path)
+    table = path.parent / "observations.csv"
+    table.write_bytes(table.read_bytes() + b"\xff\xfe,1")
+    assert "not UTF-8" in refused(path)
+    table.unlink()
+    assert "no such file" in refused(path)
+    table.mkdir()
+    assert "no such file" in refused(path)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "rule"),
     [
