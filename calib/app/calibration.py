@@ -254,19 +254,6 @@ def _require_one(solutions: "Sequence[Solution]") -> None:
     raise UndeterminedError(said) if any(one.is_undetermined for one in solutions) else InputError(said)
 
 
-def criteria_of(criteria: "Criteria | Place") -> "Criteria":
-    """Limits, or those of a template or a file.
-
-    Raises:
-        InputError: neither.
-    """
-    from calib.judge.criteria import read_criteria
-    from calib.judge.verdict import Criteria
-    from designer.base.files import place_of
-
-    return criteria if isinstance(criteria, Criteria) else read_criteria(str(place_of(criteria, "limits")))
-
-
 def reference_of(
     reference: "Reference | None", target: "TargetGeometry | Place | None"
 ) -> "tuple[Reference | None, tuple[tuple[str, str], ...]]":

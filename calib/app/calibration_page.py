@@ -23,9 +23,10 @@ from calib.draw.run_tables import (
     headline_by,
     models_table,
     parameters_table,
+    verdict_blocks,
 )
-from calib.judge.apart import Known, apart
 from calib.judge.coverage import lit_part
+from calib.judge.difference import Known, apart
 from calib.judge.halves import HalvesApart, NoHalves, half_split, halves_apart
 from calib.judge.judged_run import JudgedRun
 from calib.judge.next_views import why_no_next_views
@@ -133,14 +134,11 @@ def _checks_words(run: JudgedRun) -> str:
 def verdict_section(run: JudgedRun) -> Section:
     """What was checked, and what is missing."""
     best, verdict = run.best, None if run.judged is None else run.judged.verdict
-    remarks = dict.fromkeys((*best.calibration.remarks, *best.evaluated.remarks))
-    rest = (
-        *((Finding("note", "Not judged", NOT_JUDGED),) if verdict is None else ()),
-        *(Finding("usable", "Not on this page", printable(fault)) for fault in run.faults),
-        *(Finding("note", "Said by the solution", printable(remark)) for remark in remarks),
+    remarks = tuple(dict.fromkeys((*best.calibration.remarks, *best.evaluated.remarks)))
+    blocks = verdict_blocks(
+        verdict, run.faults, remarks, () if verdict else (Finding("note", "Not judged", NOT_JUDGED),)
     )
-    checks = () if verdict is None else (Findings(check_findings(verdict)),)
-    return Section("Verdict", (*checks, *((Findings(rest),) if rest else ())), lead=_checks_words(run))
+    return Section("Verdict", blocks, lead=_checks_words(run))
 
 
 def steps_of(run: JudgedRun) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from calib.app.hand_eye_poses import hand_eye_poses
 from calib.app.options import Fix, FreeBend, Limits, Made, Minimise, Model, PhotoJobs, Points
-from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, rig_criteria_of, settings_of
+from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, settings_of
 from designer.base.errors import InputError
 from designer.base.options import argument, option
 from designer.base.units import parse_angle_rad, parse_length_mm
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
     from calib.core.types import Observations
-    from calib.judge.rig_lenses import CameraWishes
-    from calib.judge.rig_solution import RigSeen
+    from calib.judge.rig_solution import CameraWishes, RigSeen
     from calib.observe.robot_poses import RobotPoses
     from designer.page.output import Output
     from designer.target import TargetGeometry
@@ -117,7 +116,7 @@ def hand_eye(
     Raises:
         InputError: files or options that break a rule, or poses that look inverted or in another unit.
     """
-    from calib.app.inputs import points_of
+    from calib.app.inputs import criteria_of, points_of
     from calib.judge.hand_eye_file import RobotSetting, judged_on_robot
     from calib.observe.robot_poses import RobotPoses, read_robot_poses
     from designer.base.files import place_of
@@ -130,7 +129,7 @@ def hand_eye(
     poses = robot if isinstance(robot, RobotPoses) else read_robot_poses(
         place_of(robot, "a file of robot poses"), unit=unit, euler=euler, is_inverted=inverted
     )  # fmt: skip
-    limits, wishes = rig_criteria_of(criteria), wishes_of_one(camera, model, fix, minimise, refine=refine)
+    limits, wishes = criteria_of(criteria), wishes_of_one(camera, model, fix, minimise, refine=refine)
     seen = seen_by_one(target, photos, table, points_of(points, diameter_mm), wishes, jobs, progress).with_made(made)
     setting = RobotSetting(target_in_hand, target_size, free_bend, *(robot_noise or (None, None)))
     settings = settings_of(("target", target), ("table", table), ("robot", robot))
@@ -147,7 +146,7 @@ def wishes_of_one(
         InputError: what it cannot have.
     """
     from calib.app.inputs import camera_of
-    from calib.judge.rig_lenses import require_wishes, wishes_of
+    from calib.judge.rig_solution import require_wishes, wishes_of
     from calib.observe.rig_search import ALONE
     from calib.solver.plan import ALL, plan_from_words
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from calib.cameras.formats.reading import OpenedCamera
     from calib.cameras.formats.rigs.reading import OpenedRig
     from calib.cameras.rig import Rig
+    from calib.judge.verdict import Criteria
     from calib.observe.corners_vnl import PointGrid
     from calib.observe.photos import FoundPhotos
     from calib.renderer.truth import Truth
@@ -354,3 +355,15 @@ def photos_of(photos: Place | Iterable[Place]) -> "FoundPhotos":
         return find_photos([fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos)])
     except TypeError as error:
         raise InputError(f"photos: {error}; give files, folders or patterns (an array goes to calib.detect)") from None
+
+
+def criteria_of(criteria: "Criteria | Place") -> "Criteria":
+    """Limits, or those of a template or a file.
+
+    Raises:
+        InputError: neither.
+    """
+    from calib.judge.checks import read_criteria
+    from calib.judge.verdict import Criteria
+
+    return criteria if isinstance(criteria, Criteria) else read_criteria(str(place_of(criteria, "limits")))

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from calib.cameras.camera import Camera
     from calib.judge.hand_eye_file import HandEye
     from calib.judge.next_views import NextView
-    from calib.judge.plan_tried import TriedPlan
-    from calib.judge.planned_views import PlannedViews
+    from calib.judge.planned_views import PlannedViews, TriedPlan
     from designer.base.arrays import Array
     from designer.base.files import JsonValue
     from designer.page.blocks import Page
@@ -214,9 +213,15 @@ def plan(
     import numpy as np
 
     from calib.app.inputs import camera_of, target_of
-    from calib.judge.guide_told import settings_of
-    from calib.judge.plan_tried import PlanWish, plan_that_holds
-    from calib.judge.planned_views import calibration_before, front_of, planned_camera, usual_hold
+    from calib.judge.guidance import settings_of
+    from calib.judge.planned_views import (
+        PlanWish,
+        calibration_before,
+        front_of,
+        plan_that_holds,
+        planned_camera,
+        usual_hold,
+    )
     from calib.judge.verdict import Criteria
     from calib.judge.views import shape_of
 

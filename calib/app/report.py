@@ -124,14 +124,12 @@ def _judged(folder: Path, kind: str, criteria: str | None, command: str) -> Repo
     """Of cameras, which are read again: what lies beside them may have changed."""
     from calib.app.calibration import Run
     from calib.app.solved_rig import SolvedRig
-    from calib.judge.criteria import read_criteria, read_rig_criteria
+    from calib.judge.checks import read_criteria
     from calib.judge.judged_run import judge_again, read_run
     from calib.judge.rig_folder import judge_rig_again, read_rig_run
 
-    if criteria is not None and kind == RIG:
-        judge_rig_again(folder, read_rig_criteria(criteria))
-    elif criteria is not None:
-        judge_again(folder, read_criteria(criteria))
+    if criteria is not None:
+        (judge_rig_again if kind == RIG else judge_again)(folder, read_criteria(criteria))
     found = SolvedRig(read_rig_run(folder)) if kind == RIG else Run(read_run(folder), place=folder)
     page, files, remark = found.draw_page(folder, command)
     if page is None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from calib.app.options import Limits, Loss, Made, Minimise, PhotoJobs, Points, Reject, Weighted
-from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, rig_criteria_of, settings_of
+from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, settings_of
 from designer.base.errors import InputError
 from designer.base.options import argument, option
 from designer.base.units import parse_quantity
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
     from calib.core.types import RigObservations
-    from calib.judge.rig_lenses import CameraWishes
-    from calib.judge.rig_solution import RigSeen
+    from calib.judge.rig_solution import CameraWishes, RigSeen
     from calib.observe.rig_search import RigInput
     from calib.rigs.problem import RigOptions
     from calib.solver.problem import SolveOptions
@@ -127,9 +126,8 @@ def rig(
     Raises:
         InputError: files or options that break a rule, or cameras that no frames tie together.
     """
-    from calib.app.inputs import camera_of, points_of
-    from calib.judge.rig_lenses import wishes_of
-    from calib.judge.rig_solution import judged_rig
+    from calib.app.inputs import camera_of, criteria_of, points_of
+    from calib.judge.rig_solution import judged_rig, wishes_of
     from calib.observe.rig_observations import swapped_cameras, with_remarks
     from calib.observe.rig_search import rig_input
     from calib.solver.plan import ALL, plan_from_words
@@ -137,7 +135,7 @@ def rig(
     plan = plan_from_words(
         ALL, fix=(), share=(), focal_px=None, loss=loss, reject=reject_sigma, weighted=weighted, minimise=minimise
     )
-    limits = rig_criteria_of(criteria)
+    limits = criteria_of(criteria)
     lenses = {name: camera_of(one) for name, one in _of_each("--camera", cameras, "left=left/camera.json").items()}
     is_all = isinstance(refine, Collection) and tuple(refine) == (ALL,)
     wishes = wishes_of(_models(model), lenses, is_all or refine, fix, plan.options)
@@ -183,8 +181,7 @@ def _seen(
     """What was seen, of which target, and in which photos."""
     from calib.app.inputs import require_photos_for_jobs, target_of
     from calib.core.types import RigObservations
-    from calib.judge.rig_lenses import require_wishes
-    from calib.judge.rig_solution import RigSeen
+    from calib.judge.rig_solution import RigSeen, require_wishes
     from calib.observe.rig_search import photos_of_rig, search_rig
     from calib.observe.rig_sightings import read_rig_sightings
 

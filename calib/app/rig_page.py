@@ -18,14 +18,15 @@ from calib.draw.rig_tables import (
     places_table,
     ties_table,
 )
-from calib.draw.run_tables import check_findings, headline_by
+from calib.draw.run_tables import headline_by, verdict_blocks
+from calib.judge.halves import NoHalves
 from calib.judge.next_robot_poses import photo_names
 from calib.judge.rig_folder import CAMERAS, RIG_FILE, RigRun, folder_names
-from calib.rigs.halves import NoRigHalves, RigHalves, SplitKind, enlarged
+from calib.judge.rig_halves import RigHalves, SplitKind
 from calib.rigs.relative import center_sigma_mm
 from designer.base.words import capital, printable
 from designer.base.words import figure as digits
-from designer.page.blocks import Block, Command, Facts, Finding, Findings, Headline, Page, Paragraph, Section, Steps
+from designer.page.blocks import Block, Command, Facts, Headline, Page, Paragraph, Section, Steps
 from designer.page.folders import some_of
 
 if TYPE_CHECKING:
@@ -55,13 +56,8 @@ def rig_page(run: RigRun, folder: Path | None = None, *, is_drawn: bool = True) 
     """
     evidence = run.evidence
     seen, halves = run.found.observations, evidence.halves
-    remarks = dict.fromkeys((*run.found.remarks, *seen.remarks))
-    said = (
-        *(Finding("usable", "Not on this page", printable(fault)) for fault in run.faults),
-        *(Finding("note", "Said by the solution", printable(remark)) for remark in some_of(tuple(remarks))),
-    )
-    checks = () if run.verdict is None else check_findings(run.verdict)
-    sections = [Section("Verdict", tuple(Findings(rows) for rows in (checks, said) if rows)), *_next(run)]
+    remarks = some_of(tuple(dict.fromkeys((*run.found.remarks, *seen.remarks))))
+    sections = [Section("Verdict", verdict_blocks(run.verdict, run.faults, remarks)), *_next(run)]
     if is_drawn:
         from calib.draw.solved_rig_scene import rig_view, rig_words
 
@@ -80,11 +76,9 @@ def rig_page(run: RigRun, folder: Path | None = None, *, is_drawn: bool = True) 
     if run.found.carrier is not None:
         sections.append(carrier_section(run.found.carrier, run.found))
     compared = (
-        (Paragraph(f"{capital(halves_words(halves))}."),)
-        if isinstance(halves, NoRigHalves)
-        else (halves_table(halves),)
+        (Paragraph(f"{capital(halves_words(halves))}."),) if isinstance(halves, NoHalves) else (halves_table(halves),)
     )
-    lead = "" if isinstance(halves, NoRigHalves) else f"Rigs solved from halves of the frames: {halves_words(halves)}."
+    lead = "" if isinstance(halves, NoHalves) else f"Rigs solved from halves of the frames: {halves_words(halves)}."
     sections += [
         Section("Halves of the frames", compared, lead=lead),
         Section("What is not in the numbers", tuple(map(Paragraph, limits_of(run)))),
@@ -131,7 +125,7 @@ def rig_facts(run: RigRun) -> Facts:
         ("residuals", _residual_words(run)),
     ]
     if found.carrier is not None:
-        rows.append(("camera", _sits_words(enlarged(found, evidence.halves))))
+        rows.append(("camera", _sits_words(run.stated)))
         rows.append(("carried by", carrier_words(found.carrier)))
     if run.judged is not None and run.judged.next_poses:
         rows.append(("next poses", next_poses_words(run.judged.next_poses)))
@@ -201,9 +195,9 @@ def _distances_words(run: RigRun) -> str:
     return f"{least} to {most} mm between cameras, each known to {worst} mm or better (1 sigma)"
 
 
-def halves_words(halves: RigHalves | NoRigHalves) -> str:
+def halves_words(halves: RigHalves | NoHalves) -> str:
     """What halves of the frames tell of the stated standard deviations."""
-    if isinstance(halves, NoRigHalves):
+    if isinstance(halves, NoHalves):
         return f"not compared: {printable(halves.reason)}"
     parts = [
         f"{words} differ by {digits(ratio, 2)} sigma"
@@ -242,7 +236,7 @@ def limits_of(run: RigRun) -> tuple[str, ...]:
             "The photos of a frame are taken to be of one moment: a target that moved while cameras were not "
             "synchronous shows in the residuals, and its part that repeats in none."
         )
-    if isinstance(run.evidence.halves, NoRigHalves):
+    if isinstance(run.evidence.halves, NoHalves):
         lines.append("Standard deviations are by the residuals' noise alone, and nothing checked them.")
     lines.append(
         "What all frames have in common no halves show: a lens that the camera model does not fit, cameras that sag, "

@@ -91,9 +91,9 @@ def run(
     """
     from contextlib import nullcontext
 
-    from calib.app.calibration import criteria_of, reference_of, solved, view_of_reference
+    from calib.app.calibration import reference_of, solved, view_of_reference
     from calib.app.calibration_folder import RunFolder
-    from calib.app.inputs import photos_of, target_of
+    from calib.app.inputs import criteria_of, photos_of, target_of
     from calib.draw.gallery import OVERLAYS
     from calib.judge.judged_run import is_run_folder
     from calib.judge.solutions import SolveTask

@@ -87,9 +87,9 @@ def solve(
     """
     from os import PathLike
 
-    from calib.app.calibration import criteria_of, reference_of, solved, view_of_reference
+    from calib.app.calibration import reference_of, solved, view_of_reference
     from calib.app.calibration_folder import RunFolder
-    from calib.app.inputs import file_or_observations, rendered_id_of, target_of, truth_from
+    from calib.app.inputs import criteria_of, file_or_observations, rendered_id_of, target_of, truth_from
     from calib.judge.solutions import SolveTask
     from calib.solver.capture_error import capture_of
     from calib.solver.plan import plan_from_words

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from calib.judge.rig_folder import RigRun
     from calib.judge.rig_judge import JudgedRig
     from calib.judge.rig_solution import RigSeen
-    from calib.judge.verdict import Criteria, Verdict
+    from calib.judge.verdict import Verdict
     from calib.rigs.result import RigCalibration
     from designer.base.answer import Value
     from designer.page.blocks import Page
@@ -58,9 +58,7 @@ class SolvedRig(
     @property
     def rig(self) -> "Rig":
         """What a program needs of it, its covariances enlarged if halves of the frames ask for it."""
-        from calib.rigs.halves import enlarged
-
-        return enlarged(self.calibration, self.run.evidence.halves).rig
+        return self.run.stated.rig
 
     @property
     def calibration(self) -> "RigCalibration":
@@ -251,21 +249,6 @@ class SolvedRig(
 def folder_for(name: str, given: Mapping[str, object], target: str = "target") -> Path:
     """Where a command writes unless it is told: beside a target's other results, if there is one."""
     return exports_folder(cast(Path, given[target])) / name if target in given else Path(name)
-
-
-def rig_criteria_of(criteria: "Criteria | Place") -> "Criteria":
-    """Limits, or those of a template or a file.
-
-    Raises:
-        InputError: neither.
-    """
-    from calib.judge.criteria import read_rig_criteria
-    from calib.judge.verdict import Criteria
-    from designer.base.files import place_of
-
-    if isinstance(criteria, Criteria):
-        return criteria
-    return read_rig_criteria(str(place_of(criteria, "a template's name, or a TOML file")))
 
 
 def settings_of(*given: tuple[str, object]) -> tuple[tuple[str, str], ...]:

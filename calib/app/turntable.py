@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from calib.app.hand_eye import Lens, PhotosTaken, Refine, Table, TargetShown, seen_by_one, wishes_of_one
 from calib.app.options import Fix, Limits, Made, Minimise, Model, PhotoJobs, Points
-from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, rig_criteria_of, settings_of
+from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, settings_of
 from designer.base.errors import InputError
 from designer.base.options import option
 from designer.base.units import parse_angle_rad
@@ -78,7 +78,7 @@ def turntable(
     """
     import numpy as np
 
-    from calib.app.inputs import points_of
+    from calib.app.inputs import criteria_of, points_of
     from calib.judge.rig_solution import judged_rig
     from calib.rigs.carrier import turned_by
     from calib.rigs.problem import Carrier, RigOptions
@@ -86,7 +86,7 @@ def turntable(
     if step_deg == 0:
         raise InputError("--step 0deg: a table that does not turn tells nothing; leave it out, or give its turn")
     to = begun(out)
-    limits, wishes = rig_criteria_of(criteria), wishes_of_one(camera, model, fix, minimise, refine=refine)
+    limits, wishes = criteria_of(criteria), wishes_of_one(camera, model, fix, minimise, refine=refine)
     seen = seen_by_one(target, photos, table, points_of(points, diameter_mm), wishes, jobs, progress).with_made(made)
     names = seen.observations.frame_names
     taken = names if seen.search is None else seen.search.photos.frame_names

@@ -29,8 +29,8 @@ from calib.detector.glance import glance
 from calib.detector.lens import CameraLens
 from calib.detector.plan import plan_for
 from calib.images.photo import Grey
-from calib.judge.guide_told import FrameNote, Guidance, Look, TakenPhoto
-from calib.judge.shutter import notes_of
+from calib.judge.guidance import FrameNote, Guidance, Look, TakenPhoto
+from calib.judge.live_frame import notes_of
 from calib.observe.photos import PhotoFile
 from calib.observe.search import look_for
 from calib.solver.calibration import Calibration

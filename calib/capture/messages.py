@@ -17,7 +17,7 @@ import json
 from dataclasses import dataclass
 from typing import Literal, TypeVar, cast
 
-from calib.judge.guide_told import Guidance, Line, Look, TakenPhoto
+from calib.judge.guidance import Guidance, Line, Look, TakenPhoto
 from designer.base.codec import decode, encode
 from designer.base.files import JsonValue
 

@@ -18,10 +18,9 @@ from calib.capture.photo_folder import PhotoFolder
 from calib.capture.sources import Frame, Source
 from calib.core.types import LEAST_POINTS, Detections
 from calib.images.photo import Grey, read_image
-from calib.judge.guide_told import Look, TakenPhoto
-from calib.judge.rig_guide import RigGuide
-from calib.judge.rig_standing import moment_of
-from calib.judge.shutter import Shutter
+from calib.judge.guidance import Look, TakenPhoto
+from calib.judge.live_frame import Shutter
+from calib.judge.rig_guide import RigGuide, moment_of
 from designer.base.errors import InputError
 from designer.base.files import write_files
 from designer.target import TargetGeometry

@@ -12,9 +12,9 @@ from calib.capture.photo_folder import PhotoFolder
 from calib.capture.sources import Frame, Source
 from calib.core.types import Detections
 from calib.images.photo import Grey, read_image
+from calib.judge.guidance import TakenPhoto
 from calib.judge.guide import Guide
-from calib.judge.guide_told import TakenPhoto
-from calib.judge.shutter import Shutter
+from calib.judge.live_frame import Shutter
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 

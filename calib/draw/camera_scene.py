@@ -3,7 +3,7 @@
 import numpy as np
 
 from calib.core.types import KnownPoints
-from calib.draw.rig_scene import body_words, view_of
+from calib.draw.rig_scene import body_words, unit, view_of
 from calib.judge.next_views import NextView
 from calib.judge.solutions import Solution
 from calib.judge.views import view_facts
@@ -53,7 +53,9 @@ def camera_view(one: Solution, target: TargetGeometry | None, proposed: tuple[Ne
     )
     poses, sight = calibration.cam_from_target, view_of(calibration.camera)
     size_mm = camera_size_mm(poses)
-    layers = [*_target(target, calibration.observations.points), camera_layer(poses, sight, names, colours, size_mm)]
+    points = calibration.observations.points
+    body = points_layers(points) if target is None else target_layers(target, body_colour=BODY, ink_colour=INK)
+    layers = [*body, camera_layer(poses, sight, names, colours, size_mm)]
     if proposed:
         where = np.stack([view.cam_from_target for view in proposed])
         said = tuple(f"next {number}: {printable(view.sentence)}" for number, view in enumerate(proposed, start=1))
@@ -61,7 +63,7 @@ def camera_view(one: Solution, target: TargetGeometry | None, proposed: tuple[Ne
         layers.append(Layer("next photos", layer.shapes))
         legend = (*legend, (NEXT, "photo to take next"))
     centre = centers_mm(poses)
-    up, from_direction = first_look(poses, centre, is_flat=len(calibration.observations.points.plane) == 1)
+    up, from_direction = first_look(poses, centre, is_flat=len(points.plane) == 1)
     colours_mean = "its colour the root mean square of its residuals"
     return View3d(
         "Cameras around the target", Scene(tuple(layers), up, from_direction, legend), spread_words(one),
@@ -119,17 +121,7 @@ def first_look(poses: Array, centre: Array, *, is_flat: bool) -> tuple[tuple[flo
         up = np.array([1.0, 0.0, 0.0]) if abs(mean[0]) < 0.7 else np.array([0.0, 1.0, 0.0])
         aside = np.cross(up, mean)
     direction = mean + SIDE * aside / np.linalg.norm(aside) + 0.35 * up
-    return _three(up), _three(direction / np.linalg.norm(direction))
-
-
-def _three(vector: Array) -> tuple[float, float, float]:
-    x, y, z = (round(float(value), 6) for value in vector)
-    return x, y, z
-
-
-def _target(target: TargetGeometry | None, points: KnownPoints) -> tuple[Layer, ...]:
-    """The target as its file has it, or as its points tell."""
-    return points_layers(points) if target is None else target_layers(target, body_colour=BODY, ink_colour=INK)
+    return unit(up), unit(direction)
 
 
 def points_layers(points: KnownPoints) -> tuple[Layer, ...]:

@@ -30,11 +30,11 @@ def scene_size_mm(rig: Rig, points_mm: Array) -> float:
     return max(float(np.linalg.norm(np.ptp(every, axis=0))) / 2, 1.0)
 
 
-def rig_layer(rig: Rig, size_mm: float) -> Layer:
-    """The cameras of a rig with what they see."""
+def rig_layer(rig: Rig, body_mm: float) -> Layer:
+    """The cameras of a rig with what they see: a body each."""
     frames = rig.rig_from_cam
     cameras = tuple(
-        Cameras(frames[row : row + 1], view_of(camera), SHARE * size_mm, (CAMERA,), (printable(name),))
+        Cameras(frames[row : row + 1], view_of(camera), body_mm, (CAMERA,), (printable(name),))
         for row, (name, camera) in enumerate(zip(rig.names, rig.cameras, strict=True))
     )
     return Layer("cameras", cameras)
@@ -59,7 +59,7 @@ def rig_and_errors(
     size_mm = scene_size_mm(rig, points_mm)
     points, enlarged = error_axes(points_mm, covariance_mm2, size_mm)
     legend = (CAMERA, "camera"), (POINT, named)
-    scene = looked_at(rig, (rig_layer(rig, size_mm), points), legend)
+    scene = looked_at(rig, (rig_layer(rig, SHARE * size_mm), points), legend)
     return View3d(title, scene, alt, f"{caption}, {enlarged:g} times enlarged. Point at a camera for its name.")
 
 
@@ -70,10 +70,11 @@ def looked_at(rig: Rig, layers: tuple[Layer, ...], legend: tuple[tuple[str, str]
     up = up if np.linalg.norm(up) > 0.3 else np.array([0.0, -1.0, 0.0])
     side = np.cross(up, back)
     from_direction = back + 0.6 * up + 0.7 * side if np.linalg.norm(side) > 0.3 else np.array([0.6, -0.7, -1.0])
-    return Scene(layers, _unit(up), _unit(from_direction), legend)
+    return Scene(layers, unit(up), unit(from_direction), legend)
 
 
-def _unit(vector: Array) -> tuple[float, float, float]:
+def unit(vector: Array) -> tuple[float, float, float]:
+    """A direction as scenes have it."""
     x, y, z = (vector / np.linalg.norm(vector)).tolist()
     return round(x, 6), round(y, 6), round(z, 6)
 

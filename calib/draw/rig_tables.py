@@ -16,9 +16,9 @@ from calib.draw.run_tables import focal_length
 from calib.draw.style import BLUE, GREY, INK, PALE, svg_panel
 from calib.judge.next_robot_poses import NextPose, gain_words, photo_names
 from calib.judge.rig_folder import RigRun
+from calib.judge.rig_halves import RigHalves
 from calib.observe.rotations import to_quaternion
 from calib.rigs.figures import PairFigures
-from calib.rigs.halves import RigHalves, enlarged
 from calib.rigs.relative import center_covariance, worst
 from calib.rigs.result import CarrierFit, RigCalibration, camera_alone
 from designer.base.arrays import Array, Rows
@@ -40,7 +40,7 @@ TURNS = ("up and down", "left and right", "about its axis")
 
 def cameras_table(run: RigRun) -> Table:
     """A row a camera: its lens, what it leaves over, in how many frames it saw the target, how late it is."""
-    told, evidence = enlarged(run.found, run.evidence.halves), run.evidence
+    told, evidence = run.stated, run.evidence
     has_delays = told.delay_s is not None
     columns = [
         Column("camera", is_number=False),
@@ -123,7 +123,7 @@ def ties_table(run: RigRun) -> Table:
 
 def places_table(run: RigRun) -> Table:
     """A row a camera: where its centre is in the rig's frame, and how surely."""
-    told = enlarged(run.found, run.evidence.halves)
+    told = run.stated
     rig = told.rig
     columns = (
         Column("camera", is_number=False),

@@ -13,9 +13,9 @@ from calib.draw.fields import coverage_drawing, draw_map, residuals_drawing, unc
 from calib.draw.histograms import sizes_drawing
 from calib.draw.sigma_map import SigmaMap, place_on_map
 from calib.draw.style import BLUE, GREEN, ORANGE, PALE, VERMILION, AxesDrawing, figure_of, image_axes
-from calib.judge.apart import Apart, Known, sigma_over
-from calib.judge.checks import made_words
+from calib.judge.camera_checks import made_words
 from calib.judge.coverage import Coverage
+from calib.judge.difference import Apart, Known, sigma_over
 from calib.judge.halves import HalvesApart, NoHalves
 from calib.judge.next_views import NextView
 from calib.judge.verdict import LEAST_PX, px

@@ -21,7 +21,7 @@ from calib.solver.metrics.evaluation import Evaluation, by_face
 from calib.solver.metrics.evaluation_files import FoundParameter, Metrics
 from designer.base.words import capital, printable, with_digits
 from designer.base.words import figure as digits
-from designer.page.blocks import Cell, Column, Finding, Headline, Level, Table
+from designer.page.blocks import Cell, Column, Finding, Findings, Headline, Level, Table
 from designer.page.folders import number, whole
 
 OF_ITS_OWN_SENSOR = (
@@ -211,6 +211,18 @@ def headline_by(verdict: Verdict) -> Headline:
 def as_sentence(text: str) -> str:
     """A text with a capital and a full stop."""
     return f"{capital(text)}{'' if text.endswith(('.', '!', '?')) else '.'}"
+
+
+def verdict_blocks(
+    verdict: Verdict | None, faults: Sequence[str], remarks: Sequence[str], first: tuple[Finding, ...] = ()
+) -> tuple[Findings, ...]:
+    """The checks, and what else there is to know: what is not on the page, and what the solution says."""
+    said = (
+        *first, *(Finding("usable", "Not on this page", printable(fault)) for fault in faults),
+        *(Finding("note", "Said by the solution", printable(remark)) for remark in remarks),
+    )  # fmt: skip
+    checks = () if verdict is None else check_findings(verdict)
+    return tuple(Findings(rows) for rows in (checks, said) if rows)
 
 
 def check_findings(verdict: Verdict) -> tuple[Finding, ...]:

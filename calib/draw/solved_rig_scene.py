@@ -5,22 +5,21 @@ import numpy as np
 from calib.core.se3 import compose, make_pose, transform
 from calib.core.types import KnownPoints
 from calib.draw.camera_scene import first_look, points_layers
-from calib.draw.rig_scene import view_of
+from calib.draw.rig_scene import CAMERA, rig_layer
 from calib.draw.rig_tables import frame_name
 from calib.judge.next_robot_poses import rig_from_target_at
 from calib.judge.rig_folder import RigRun
-from calib.rigs.halves import enlarged
 from calib.rigs.relative import center_covariance
 from calib.rigs.result import RigCalibration
 from designer.base.arrays import Array
 from designer.base.words import figure as digits
 from designer.base.words import printable
 from designer.page.blocks import View3d
-from designer.page.scene import Cameras, Labels, Layer, Scene, Segments
+from designer.page.scene import Labels, Layer, Scene, Segments
 from designer.target_scene import AXES, CAMERA_SHARE
 
-CAMERA, ERROR, NEXT, HELD = "#0072B2", "#D55E00", "#009E73", "#8a9099"
-"""Okabe and Ito's blue, vermilion and green, and a grey: seen on light and dark."""
+ERROR, NEXT, HELD = "#D55E00", "#009E73", "#8a9099"
+"""Okabe and Ito's vermilion and green, and a grey: seen on light and dark."""
 MOST_FRAMES = 1000
 """Whose targets are drawn; of more every second, third, ..."""
 ELLIPSE_STEPS = 40
@@ -34,26 +33,23 @@ HELD_SHARE = 0.35
 
 def rig_view(run: RigRun) -> View3d:
     """The scene and what it shows in words."""
-    found = enlarged(run.found, run.evidence.halves)
+    found = run.stated
     middle, away_mm = _middle(found)
     size_mm = _size_mm(found, away_mm)
-    proposed = (
-        ()
-        if run.judged is None
-        else (
-            *(frame.rig_from_target for frame in run.judged.next_frames),
-            *(rig_from_target_at(found, pose.base_from_flange) for pose in run.judged.next_poses),
-        )
-    )
+    proposed = () if run.judged is None else (
+        *(frame.rig_from_target for frame in run.judged.next_frames),
+        *(rig_from_target_at(found, pose.base_from_flange) for pose in run.judged.next_poses),
+    )  # fmt: skip
     ellipsoids, times = _ellipsoids(found, size_mm)
+    axes = np.stack([np.zeros((3, 3)), 1.5 * size_mm * np.eye(3)], axis=1)
     layers = (
         *points_layers(_held_points(found, middle)),
-        Layer("cameras", _cameras(found, size_mm)),
+        rig_layer(found.rig, size_mm),
         Layer("names", (_names(found, size_mm),)),
         Layer("where the target was", (_held(found, found.rig_from_target, HELD),)),
         *((Layer("next frames", (_held(found, np.stack(proposed), NEXT),)),) if proposed else ()),
         *((Layer("uncertainty of the cameras", (ellipsoids,)),) if ellipsoids is not None else ()),
-        Layer("axes of the rig", (_axes(size_mm),), is_shown=False),
+        Layer("axes of the rig", (Segments(axes, tuple(colour for _, colour in AXES)),), is_shown=False),
     )
     around = compose(found.cam_from_rig, make_pose(np.eye(3), middle))
     up, from_direction = first_look(around, found.rig.center_mm - middle, is_flat=False)
@@ -107,16 +103,6 @@ def _held_points(found: RigCalibration, middle: Array) -> KnownPoints:
     return KnownPoints(transform(pose, points.position_mm), points.face, plane, points.geometry_id)
 
 
-def _cameras(found: RigCalibration, size_mm: float) -> tuple[Cameras, ...]:
-    """A body a camera: each has a view of its own."""
-    return tuple(
-        Cameras(pose[None], view_of(camera), size_mm, (CAMERA,), (printable(name),))
-        for camera, pose, name in zip(
-            found.cameras, found.rig.rig_from_cam, found.observations.camera_names, strict=True
-        )
-    )
-
-
 def _names(found: RigCalibration, size_mm: float) -> Labels:
     """Beside the cameras' centres, from both sides."""
     back = -found.rig.rig_from_cam[:, :3, 2]
@@ -165,9 +151,3 @@ def _round(value: float) -> float:
     """The largest of 1, 2, 5, 10, 20, ... that is not more; of less than 1, of their parts."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(power * max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-9)))
-
-
-def _axes(size_mm: float) -> Segments:
-    ends = np.zeros((3, 2, 3))
-    ends[:, 1] = 1.5 * size_mm * np.eye(3)
-    return Segments(ends, tuple(colour for _, colour in AXES))

@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from calib.cameras import ANY_LENS, free_form_models
-from calib.judge.checks import BY_CHANCE, SURE, checks_of, diameter_words, faults_of, made_words, missing_of
+from calib.judge.camera_checks import BY_CHANCE, SURE, diameter_words, made_words
+from calib.judge.checks import checks_of, faults_of, missing_of
 from calib.judge.evidence import FAR_OFF, CameraEvidence
 from calib.judge.halves import HalvesApart
 from calib.judge.next_view_words import distance_words, short
 from calib.judge.next_views import NextView
 from calib.judge.photo_advice import is_sure, photo_advice
-from calib.judge.verdict import Check, Criteria, px
+from calib.judge.verdict import Criteria, px
 from calib.judge.views import ViewFacts, shape_of, view_facts
 from calib.solver.accuracy import is_parallel
 from calib.solver.calibration import Calibration
@@ -111,8 +112,11 @@ def advice_of(
     if evidence.reading:  # of observations that are read wrongly nothing else is known
         return (evidence.reading,)
     facts = view_facts(calibration)
+    # What the solver says of photos that do not determine the camera; for a map that was learned it has no word.
+    undetermined = "" if evidence.uncertainty.is_map_exact else evidence.status_reason
+    undetermined = undetermined or "take more photos, from different sides: these do not determine the camera"
     faults = (
-        (_step(_undetermined(evidence), "solution"),)
+        (_step(undetermined, "solution"),)
         if evidence.status == "degenerate"
         else (
             _step(_points(evidence, criteria, inputs), "points", "uncertainty"),
@@ -134,12 +138,13 @@ def advice_of(
         ),
         _step(_lens(evidence, criteria, calibration.camera.model, inputs), "systematic", "models"),
         _step("" if is_to_measure else _target_share(evidence, criteria, inputs)),
-        _step("" if calibration.camera.has_dark_corners else _small(facts)),  # a quarter of 190 degrees is much
-        _step(_few_rings(facts)),
-        _step(_one_distance(facts)),
+        _Step(_how_shown(calibration, facts), ()),
         _step(_map(evidence)),
     )
-    order = _wanting(evidence, checks_of(evidence, criteria))
+    # The checks that keep the verdict from being good, as the verdict names them, the worst first.
+    checks = checks_of(evidence, criteria)
+    wanting = (*faults_of(checks, "bad"), *faults_of(checks, "usable"), *missing_of(evidence, checks))
+    order = [check.name for check in wanting]
     ranked = sorted(
         steps, key=lambda step: min((order.index(name) for name in step.mends if name in order), default=99)
     )
@@ -153,12 +158,6 @@ def is_hopeless(calibration: Calibration) -> bool:
 
 def _step(sentence: str, *mends: str, measures: bool = False) -> _Step:
     return _Step((sentence,) if sentence else (), mends, measures)
-
-
-def _wanting(evidence: CameraEvidence, checks: Sequence[Check]) -> list[str]:
-    """Names of the checks that keep the verdict from being good, as the verdict names them, the worst first."""
-    found = (*faults_of(checks, "bad"), *faults_of(checks, "usable"), *missing_of(evidence, checks))
-    return [check.name for check in found]
 
 
 def _points(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> str:
@@ -192,7 +191,8 @@ def _target(calibration: Calibration, evidence: CameraEvidence, criteria: Criter
     """A target that is not as its file says: its rings are off in all photos, or another shape explains them better."""
     on_target, shape, halves = evidence.leftover.target_px, evidence.shape, evidence.halves
     measure = f"measure the target, and solve with the measured one: {inputs.measure}"
-    if _may_bend(calibration):
+    is_learned = calibration.camera.learned is not None
+    if calibration.target_bend is None and not is_learned and is_flat(calibration.observations.points):
         free = f"{inputs.solve} --model {calibration.camera.model} --free-bend"
         measure = f"solve with the bend of the board as an unknown: `{free}`; if that does not do, {measure}"
     if on_target is not None and on_target > criteria["systematic"].good:
@@ -218,12 +218,6 @@ def _target(calibration: Calibration, evidence: CameraEvidence, criteria: Criter
         )
         return _step(sentence, "halves", measures=True)
     return _step("")
-
-
-def _may_bend(calibration: Calibration) -> bool:
-    """Whether the target's bend can be made an unknown, and was not."""
-    is_learned = calibration.camera.learned is not None
-    return calibration.target_bend is None and not is_learned and is_flat(calibration.observations.points)
 
 
 def _target_share(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> str:
@@ -260,13 +254,6 @@ def _lens(evidence: CameraEvidence, criteria: Criteria, model: str, inputs: Inpu
     )
 
 
-def _undetermined(evidence: CameraEvidence) -> str:
-    """What the solver says of photos that do not determine the camera; for a map that was learned it has no word."""
-    if evidence.status_reason and not evidence.uncertainty.is_map_exact:
-        return evidence.status_reason
-    return "take more photos, from different sides: these do not determine the camera"
-
-
 def _odd_photos(facts: ViewFacts, criteria: Criteria) -> str:
     """Photos with much larger residuals than the others."""
     known = np.flatnonzero(np.isfinite(facts.rms_px))
@@ -280,16 +267,11 @@ def _odd_photos(facts: ViewFacts, criteria: Criteria) -> str:
     if not len(odd):
         return ""
     odd = odd[np.argsort(-facts.rms_px[odd], kind="stable")]
-    worst = float(facts.rms_px[odd[0]])
+    whose, them = ("its", "it") if len(odd) == 1 else ("their", "them")
     return (
-        f"look at {_names(facts, odd)}: {'its' if len(odd) == 1 else 'their'} residuals are up to {px(worst)}, the "
-        f"median photo's {px(middle)}; blurred, moved, or points taken for others: take {_them(odd)} again, or leave "
-        f"{_them(odd)} out"
+        f"look at {_names(facts, odd)}: {whose} residuals are up to {px(float(facts.rms_px[odd[0]]))}, the median "
+        f"photo's {px(middle)}; blurred, moved, or points taken for others: take {them} again, or leave {them} out"
     )
-
-
-def _them(rows: Rows) -> str:
-    return "it" if len(rows) == 1 else "them"
 
 
 def _far_off(calibration: Calibration, criteria: Criteria, facts: ViewFacts, inputs: Inputs) -> str:
@@ -351,36 +333,28 @@ def _tilts(evidence: CameraEvidence, criteria: Criteria, facts: ViewFacts) -> st
     )
 
 
-def _small(facts: ViewFacts) -> str:
-    size = float(np.nanmedian(facts.size))
-    if size >= SMALL_SIZE:
-        return ""
-    return (
-        f"come closer, or use a larger target: in the median photo it fills {100 * size:.0f} % of the image's width or "
-        "height, and a small target tells little of the lens"
-    )
-
-
-def _few_rings(facts: ViewFacts) -> str:
-    rings = float(np.median(facts.rings))
-    if rings >= FEW_RINGS:
-        return ""
-    return (
-        f"use a target with more points: the median photo shows {rings:.0f}, whose {2 * rings:.0f} coordinates also "
-        "pay for the 6 unknowns of its pose"
-    )
-
-
-def _one_distance(facts: ViewFacts) -> str:
-    """All photos from one distance: what that does depends on the target."""
-    if len(facts.name) < 2 or facts.distance_ratio >= ONE_DISTANCE:
-        return ""
-    distance = float(np.median(facts.distance_mm))
-    return (
-        "take some photos from nearer and some from farther away, as far as they stay sharp: all are from "
-        f"{distance_words(distance)}, alike to {max(1.0, 100 * (facts.distance_ratio - 1)):.0f} %, so nothing shows "
-        "whether the camera holds at other distances"
-    )
+def _how_shown(calibration: Calibration, facts: ViewFacts) -> tuple[str, ...]:
+    """A target that is small, or has few points, or was taken from one distance: what that does depends on it."""
+    steps = []
+    size, rings = float(np.nanmedian(facts.size)), float(np.median(facts.rings))
+    if size < SMALL_SIZE and not calibration.camera.has_dark_corners:  # a quarter of 190 degrees is much
+        steps.append(
+            f"come closer, or use a larger target: in the median photo it fills {100 * size:.0f} % of the image's "
+            "width or height, and a small target tells little of the lens"
+        )
+    if rings < FEW_RINGS:
+        steps.append(
+            f"use a target with more points: the median photo shows {rings:.0f}, whose {2 * rings:.0f} coordinates "
+            "also pay for the 6 unknowns of its pose"
+        )
+    if len(facts.name) > 1 and facts.distance_ratio < ONE_DISTANCE:
+        distance = float(np.median(facts.distance_mm))
+        steps.append(
+            "take some photos from nearer and some from farther away, as far as they stay sharp: all are from "
+            f"{distance_words(distance)}, alike to {max(1.0, 100 * (facts.distance_ratio - 1)):.0f} %, so nothing "
+            "shows whether the camera holds at other distances"
+        )
+    return tuple(steps)
 
 
 def _map(evidence: CameraEvidence) -> str:

@@ -4,7 +4,7 @@ A place is given by two numbers from -1 to 1: the target's box in the image at t
 right (bottom) end of where it has room.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -73,6 +73,15 @@ class _Turns:
     is_upright: Flags  # (T,)
     like_view: Rows  # (T,)
 
+    @staticmethod
+    def ahead(rotation: Array) -> "_Turns":
+        """Of a solid in the middle, like no view."""
+        count = len(rotation)
+        return _Turns(
+            rotation, np.tile([0.0, 0.0, 1.0], (count, 1)), np.full(count, np.nan), np.zeros((count, 2)),
+            np.zeros(count, dtype=bool), np.full(count, -1),
+        )  # fmt: skip
+
 
 def tilt_rotation(tilt_rad: float, away: Array) -> Array:
     """The turn of a target that faces the camera which moves the side at `away` (right, down) away from the camera.
@@ -98,7 +107,9 @@ def candidates_of(
     """
     turns = _flat_turns(shape) if shape.is_flat else _turns_of_views(calibration, shape)
     near, far = habits.distance_mm
-    depth = min(_depth_mm(shape), 0.9 * near)  # a solution may place the camera inside of a solid
+    # How far the faces of a solid lie before its middle; a solution may place the camera inside of it.
+    before = ((shape.middle_mm - shape.center_mm) * shape.normal).sum(axis=1)
+    depth = 0.0 if shape.is_flat else min(max(float(np.nanmax(before)), 0.0), 0.9 * near)
     distances = depth + np.geomspace(reach[0] * (near - depth), reach[1] * (far - depth), DISTANCES)
     overshoots = (0.0, OVERSHOOT) if not shape.is_flat else tuple({0.0, round(0.7 * (1 - habits.face_share), 2)})
     places = np.array([(*place, over) for over in overshoots for place in PLACES if not over or 1 in np.abs(place)])
@@ -124,61 +135,37 @@ def candidates_at(shape: TargetShape, cam_from_target: Array) -> CandidateViews:
     )  # fmt: skip
 
 
-def _depth_mm(shape: TargetShape) -> float:
-    """How far the faces of a solid lie before its middle; 0 of a flat target."""
-    before = ((shape.middle_mm - shape.center_mm) * shape.normal).sum(axis=1)
-    return 0.0 if shape.is_flat else max(float(np.nanmax(before)), 0.0)
-
-
 def _flat_turns(shape: TargetShape) -> _Turns:
     """Straight on and tilted to sides and corners, with the long side level and, if it is long, upright."""
     tilts = [(0.0, (0.0, 0.0))]
     tilts += [(tilt, side) for tilt in TILTS_DEG for side in SIDES]
     tilts += [(TILTS_DEG[-1], corner) for corner in CORNERS]
-    level = np.stack([shape.axes[0], shape.axes[1], -shape.axes[2]])
     upright = np.stack([-shape.axes[1], shape.axes[0], -shape.axes[2]])
-    faces = [(level, False)] + ([(upright, True)] if shape.aspect > LONG else [])
+    faces = [(shape.level, False)] + ([(upright, True)] if shape.aspect > LONG else [])
     rows = [(tilt, away, face, turned) for face, turned in faces for tilt, away in tilts]
-    return _Turns(
-        np.stack([tilt_rotation(np.radians(tilt), np.array(away)) @ face for tilt, away, face, _ in rows]),
-        np.tile([0.0, 0.0, 1.0], (len(rows), 1)),
-        np.array([tilt for tilt, *_ in rows]),
-        np.array([away for _, away, *_ in rows]),
-        np.array([turned for *_, turned in rows]),
-        np.full(len(rows), -1),
-    )
+    turns = [tilt_rotation(np.radians(tilt), np.array(away)) @ face for tilt, away, face, _ in rows]
+    return replace(
+        _Turns.ahead(np.stack(turns)),
+        tilt_deg=np.array([tilt for tilt, *_ in rows]), away=np.array([away for _, away, *_ in rows]),
+        is_upright=np.array([turned for *_, turned in rows]),
+    )  # fmt: skip
 
 
 def _turns_of_views(calibration: Calibration, shape: TargetShape) -> _Turns:
     """As a solid was turned in some of the used views, evenly spread over their order; without any all ways."""
     count = len(calibration.cam_from_target)
     if not count:
-        return _turns_all_round()
+        return _Turns.ahead(np.stack([side_turn(number) for number in range(TURNS_ALL_ROUND)]))
     views = np.unique(np.linspace(0, count - 1, min(count, MOST_LIKE)).round().astype(np.int64))
     pose = calibration.cam_from_target[views]
     sight = transform(pose, shape.center_mm)
-    return _Turns(
-        pose[:, :3, :3],
-        sight / np.linalg.norm(sight, axis=1, keepdims=True),
-        np.full(len(views), np.nan),
-        np.zeros((len(views), 2)),
-        np.zeros(len(views), dtype=bool),
-        views,
-    )
+    turned = _Turns.ahead(pose[:, :3, :3])
+    return replace(turned, sight=sight / np.linalg.norm(sight, axis=1, keepdims=True), like_view=views)
 
 
-def _turns_all_round() -> _Turns:
-    """A solid turned to the camera with one side after the other."""
-    number = np.arange(TURNS_ALL_ROUND)
-    vectors = np.stack([0.6 + 0.7 * number, 0.4 + 0.9 * number, 0.0 * number], axis=1)
-    return _Turns(
-        np.stack([exp_rotation(vector) for vector in vectors]),
-        np.tile([0.0, 0.0, 1.0], (len(number), 1)),
-        np.full(len(number), np.nan),
-        np.zeros((len(number), 2)),
-        np.zeros(len(number), dtype=bool),
-        np.full(len(number), -1),
-    )
+def side_turn(number: int) -> Array:
+    """How a solid is turned to the camera with one side after the other.  # (3, 3)"""
+    return exp_rotation(np.array([0.6 + 0.7 * number, 0.4 + 0.9 * number, 0.0]))
 
 
 def _placed(
@@ -190,7 +177,10 @@ def _placed(
     place and an overshoot, (C, 3).
     """
     camera, (first, last) = lit.camera, lit.box_px
-    place, overshoot = _within_rim(lit, wanted[:, :2]), wanted[:, 2:]
+    place, overshoot = wanted[:, :2], wanted[:, 2:]
+    if not lit.is_lit(np.where(np.array(CORNERS) > 0, last, first)).all():
+        # Dark corners of the box around what is lit: places are moved in to the rim of its ellipse.
+        place = place / np.maximum(np.linalg.norm(place, axis=1, keepdims=True), 1.0)
     size = last - first + 1
     aim = np.tile(0.5 * (first + last), (len(rotation), 1))
     pose = np.tile(np.eye(4), (len(rotation), 1, 1))
@@ -215,17 +205,6 @@ def _placed(
     has_room = (size - span > LITTLE_ROOM * size) | (overshoot > 0) | (place == 0)
     is_in_front = np.isfinite(project(camera, pose[:, :3, 3])).all(axis=1)
     return pose, ok & has_room.all(axis=1) & is_in_front
-
-
-def _within_rim(lit: LitPart, place: Array) -> Array:
-    """Places (C, 2) in the box around what is lit; corners that are dark are moved in to the rim of its ellipse."""
-    first, last = lit.box_px
-    corner = np.where(np.array(CORNERS) > 0, last, first)
-    if lit.is_lit(corner).all():
-        return place
-    length = np.linalg.norm(place, axis=1, keepdims=True)
-    moved: Array = place / np.maximum(length, 1.0)
-    return moved
 
 
 def faces_seen(shape: TargetShape, pose: Array) -> tuple[Flags, Array, Array]:
@@ -286,14 +265,8 @@ def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, ro
     of_face = (face[:, None] == np.arange(len(shape.normal))).astype(np.float64)
     share = inside @ of_face / np.maximum(of_face.sum(axis=0), 1.0)
     is_read = inside & (share >= habits.face_share - 1e-9)[:, face]
-    return ShownPoints(is_read, is_read * _fine(pitch, habits)[:, face], pixel)
-
-
-def _fine(pitch: Array, habits: Habits) -> Array:
-    """How much a ring tells whose neighbours are so far away in the image (C, F).
-
-    A centre's variance falls with the number of pixels at the ring's edge.
-    """
-    if not habits.fine_pitch_px > 0:
-        return np.ones_like(pitch)
-    return np.nan_to_num(pitch / habits.fine_pitch_px).clip(0.0, 1.0)
+    # A centre's variance falls with the number of pixels at the ring's edge.
+    fine = np.ones_like(pitch)
+    if habits.fine_pitch_px > 0:
+        fine = np.nan_to_num(pitch / habits.fine_pitch_px).clip(0.0, 1.0)
+    return ShownPoints(is_read, is_read * fine[:, face], pixel)

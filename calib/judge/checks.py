@@ -1,420 +1,220 @@
-"""Each check: what was measured against its limits, and what that means in one sentence."""
+"""All checks of cameras and of rigs, and the limits that they are judged by: templates, or a person's own TOML file.
 
-from collections.abc import Mapping, Sequence
+A file of one's own needs to hold only what differs from the template `standard`. Of a check that both have, the limits
+are the same.
+"""
 
-from calib.judge.capture_check import LIMITS, judge_capture
-from calib.judge.evidence import FAR_OFF, CameraEvidence, ModelApart
-from calib.judge.halves import HalvesApart, NoHalves
-from calib.judge.target_shape import ShapeEffect
-from calib.judge.verdict import (
-    LEAST_PX,
-    Check,
-    CheckKind,
-    Criteria,
-    Found,
-    Grade,
-    Limits,
-    at_least,
-    at_most,
-    measured_text,
-    px,
-)
-from calib.solver.calibration import CircleDoubt, TargetError
-from designer.base.words import figure
-from designer.tolerance.made import EXACT, MEASURED
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Union
 
-NOISY = 3.0
-"""Residuals this many times the stated noise of the detector are said to be something else."""
-BY_CHANCE = 2.0
-"""Sigmas of the effect of the target's shape that chance exceeds in about 1 of 100 honest runs (simulated)."""
-SURE = 3.0
-"""Sigmas beyond which the target is to blame, as is usual for a claim."""
-REFUTED = 1.05
-"""A model that leaves over so many times as much as the judged one does not fit the lens: its dissent tells nothing."""
-OWN_ROTATION = "its own rotation removed"
-"""Said of the covered area: the rotation is that which fits it, not the whole image, best."""
-IRRELEVANT = 0.25
-"""Of what good models may differ by: halves that differ by less do no harm, whatever they should."""
-LARGE_SHARE = 0.5
-"""Of the residuals: a systematic part that is worth a word although it is small."""
+from calib.judge import camera_checks, rig_checks
+from calib.judge.evidence import CameraEvidence
+from calib.judge.verdict import Check, Criteria, Found, Grade, Limits
+from designer.base.errors import InputError
+from designer.base.files import read_spec_file
+from designer.base.words import shown, suggestion
+from designer.kinds.presets import preset_or_file
+
+if TYPE_CHECKING:
+    from calib.judge.rig_judge import RigEvidence
+
+Evidence = Union[CameraEvidence, "RigEvidence"]
+
+STANDARD = "standard"
+LONGEST_TITLE = 200
+_NUMBER = re.compile(r"\s*(\d{1,9}\.?\d{0,9}|\.\d{1,9})\s*([A-Za-z%]{0,8})\s*")
+NO_LIMITS = Limits(0.0, 0.0)
+_KEYS = ("good", "usable", "source")
 
 
-def _solution(evidence: CameraEvidence, _: Criteria) -> Found | None:
+@dataclass(frozen=True)
+class CheckKind:
+    """Something that is checked: what it is called, and how it is judged by given limits; None: nothing to say."""
+
+    name: str  # a key of a criteria file
+    title: str
+    unit: str  # of the value and of its limits; "": nothing is measured
+    camera: "Callable[[CameraEvidence, Criteria], Found | None] | None" = None  # None: not of a camera alone
+    rig: "Callable[[RigEvidence, Criteria], Found | None] | None" = None  # None: not of a rig
+    limits: Limits = NO_LIMITS  # where neither the criteria nor the template `standard` have some
+    most: float = 1000.0  # that a limit may be
+    is_at_least: bool = False  # the value must be at least the limits, not at most
+    is_needed: bool = False  # without it nothing is called good
+
+    def check(self, evidence: Evidence, criteria: Criteria) -> Check | None:
+        """What came of it for one camera or rig."""
+        if isinstance(evidence, CameraEvidence):
+            found = self.camera and self.camera(evidence, criteria)
+        else:
+            found = self.rig and self.rig(evidence, criteria)
+        if found is None:
+            return None
+        limits = criteria[self.name] if self.unit else self.limits
+        usable = limits.usable if found.usable is None else found.usable
+        return Check(
+            self.name, self.title, found.grade, found.value, self.unit, limits.good, usable, self.is_at_least,
+            found.sentence,
+        )  # fmt: skip
+
+
+def _solution(evidence: Evidence, _: Criteria) -> Found | None:
     if evidence.status == "converged":
         return None
-    fault = {"degenerate": "the photos do not determine the camera", "stopped": "the solution is not at its end"}
-    reason = f": {evidence.status_reason}" if evidence.status_reason else ""
-    return Found("bad", None, f"{fault.get(evidence.status, '')}{reason}")
+    what = "the photos do not determine the camera"
+    if not isinstance(evidence, CameraEvidence):
+        what = "the frames do not determine the rig"
+    fault = {"degenerate": what, "stopped": "the solution is not at its end"}.get(evidence.status, "")
+    return Found("bad", None, f"{fault}: {evidence.status_reason}" if evidence.status_reason else fault)
 
 
-def _reading(evidence: CameraEvidence, _: Criteria) -> Found | None:
-    return Found("bad", None, evidence.reading) if evidence.reading else None
-
-
-def _uncertainty(evidence: CameraEvidence, criteria: Criteria) -> Found:
-    found, limits, area = evidence.uncertainty, criteria["uncertainty"], evidence.coverage.area
-    if not found.is_estimated:
-        return Found("unknown", None, "no parameter was estimated, so none is uncertain")
-    inside = ""
-    if found.covered_px is not None:
-        inside = f"; where the target was seen, {px(found.covered_px)} ({OWN_ROTATION})"
-    if found.factor > 1:
-        inside += (
-            f"; the part of the noise is {figure(found.factor, 2)} times what the solution states, as halves of the "
-            "photos differ"
-        )
-    if found.photo_error is not None:
-        inside += (
-            f"; the centres of a photo err alike, so that parameters are {figure(found.photo_error.times, 2)} times "
-            "(RMS) as uncertain as by independent errors, which is in it"
-        )
-    if found.target_error is not None and found.by_target:
-        inside += f"; {px(found.target_px)} of it is what a target {made_as(found.target_error)} may be off"
-    if found.image_field is not None and found.by_field and found.field_px >= LEAST_PX:
-        inside += (
-            f"; {px(found.field_px)} of it is what the camera may have taken of a field of "
-            f"{px(found.image_field.left_px)} fixed in the image that the lens model does not follow"
-        )
-    if found.by_circles and found.circle_px >= LEAST_PX:
-        inside += f"; {px(found.circle_px)} of it is what the camera may be off if its points are centres of circles"
-    if found.is_map_exact:
-        sentence = f"not known: the learned map is taken as exact, and covers {100 * found.known:.0f} % of the image"
-        return Found("unknown", None, sentence)
-    if found.image_px is None:
-        what = (
-            "the lens model breaks down in the outer"
-            if found.known < 1
-            else "the photos do not determine the camera in"
-        )
-        sentence = f"{what} {100 * max(1 - found.known, 0.05):.0f} % of the {area}{inside}"
-        return Found("bad", None, sentence)
-    value = found.image_px
-    sentence = f"the camera is uncertain by up to {px(value)} in 95 % of the {area} (1 sigma){inside}"
-    return Found(at_most(value, limits), value, sentence)
-
-
-def circle_words(doubt: CircleDoubt, what: str, off: str) -> str:
-    """What photos tell of points that nobody said are corners or centres of circles, and what is off by that."""
-    if doubt.told_mm is None:
-        return (
-            "not known: nobody said whether the points are corners or centres of circles, and the photos do not tell "
-            f"it; {what} may be {off} by that, which its uncertainty contains (--points says what they are)"
-        )
-    return (
-        f"the points fit as the centres of circles of about {diameter_words(*doubt.told_mm)} diameter "
-        f"({figure(doubt.sigmas, 2)} sigma), and taken for points they leave {what} {off}; --points says what they are"
-    )
-
-
-def diameter_words(diameter_mm: float, sigma_mm: float) -> str:
-    """A diameter that photos tell: `13 ± 1.2 mm`."""
-    return f"{figure(diameter_mm, 2)} ± {figure(sigma_mm, 2)} mm"
-
-
-def _points(evidence: CameraEvidence, criteria: Criteria) -> Found | None:
-    """Points that nobody said are corners or centres of circles, where that matters."""
-    found, limits = evidence.uncertainty, criteria["uncertainty"]
-    if not found.by_circles or found.circle_px < LEAST_PX or found.circle_doubt is None:
-        return None
-    sentence = circle_words(found.circle_doubt, "the camera", f"off by up to {px(found.circle_px)}")
-    is_told = found.circle_doubt.told_mm is not None
-    return Found(at_most(found.circle_px, limits) if is_told else "unknown", None, sentence)
-
-
-def _coverage(evidence: CameraEvidence, criteria: Criteria) -> Found:
-    limits = criteria["coverage"]
-    percent = 100 * evidence.coverage.share
-    grade = at_least(percent, limits)
-    covered = evidence.coverage
-    text = measured_text(percent, "%", (limits.good, limits.usable))
-    sentence = f"the observations surround {text} % of the {covered.area}"
-    if covered.missing_words:
-        sentence += f"; mostly without: {covered.missing_words}"
-    return Found(grade, percent, sentence)
-
-
-def _halves(evidence: CameraEvidence, criteria: Criteria) -> Found:
-    """Within the limit of the ratio it is good; beyond, what matters is how far the halves are apart in pixels.
-
-    If that is irrelevant, it is good too: the ratio enlarges the stated standard deviations, and that is all.
-
-    How far apart two cameras from the same photos may be, the limits on models say. Halves that agree as well as good
-    models do make a camera usable, though its standard deviations are not; halves that differ by more than usable ones
-    do not. Those that may differ by more than that by noise alone show nothing by agreeing.
-    """
-    found, limits = evidence.halves, criteria["halves"]
-    if isinstance(found, NoHalves):
-        return Found("unknown", None, found.reason)
-    grade, is_stated = at_most(found.ratio, limits), evidence.uncertainty.photo_error is not None
-    if grade != "good" and found.percentile_95_px <= IRRELEVANT * criteria["models"].good:
-        sentence = (
-            f"cameras solved from halves of the photos differ {figure(found.ratio, 2)} times more than their standard "
-            f"deviations let expect, but only by {px(found.percentile_95_px)} in 95 % of where the target was seen: "
-            + (
-                "which the stated uncertainty contains"
-                if is_stated
-                else "take the standard deviations so many times as large"
-            )
-        )
-        return Found("good", found.ratio, sentence)
-    if grade == "good" and found.stated_px > criteria["models"].usable:
-        sentence = (
-            f"halves of the photos are so uncertain that {px(found.stated_px)} between them is expected, "
-            f"more than {criteria['models'].usable:g} px, so that they differ by {px(found.rms_px)} (RMS) shows "
-            "neither good nor bad"
-        )
-        return Found("unknown", found.ratio, sentence)
-    if grade != "good":
-        within = criteria["models"].good if grade == "bad" else criteria["models"].usable
-        grade = "usable" if found.percentile_95_px <= within else "bad"
-    return Found(grade, found.ratio, _halves_sentence(found, grade, criteria, is_stated=is_stated))
-
-
-def _halves_sentence(found: HalvesApart, grade: Grade, criteria: Criteria, *, is_stated: bool) -> str:
-    times = figure(found.ratio, 2)
-    differ = (
-        f"cameras solved from halves of the photos differ by {px(found.rms_px)} (RMS) where the target was seen, "
-        f"{times} times what their standard deviations let expect"
-    )
-    if grade == "good":
-        return differ
-    limit = criteria["models"].usable
-    is_within = found.percentile_95_px <= limit
-    decides = f"in 95 % of it by {px(found.percentile_95_px)}, {'within' if is_within else 'more than'} {limit:g} px"
-    told = (
-        "what they differ by is in the stated ones"
-        if is_stated
-        else (f"take the noise's part of standard deviations {times} times as large")
-    )
-    return (
-        f"{differ}: {told}; something is systematic (target, lens model, focus). Beyond {criteria['halves'].good:g} "
-        f"sigma the difference itself decides: "
-        f"{decides}"
-    )
-
-
-def _residuals(evidence: CameraEvidence, criteria: Criteria) -> Found:
-    limits = criteria["residuals"]
-    found = evidence.leftover
-    sentence = f"the residuals are {px(found.rmse_px)} (RMS of {found.count} observations)"
-    grade = at_most(found.rmse_px, limits)
-    if found.stated_sigma_px and found.sigma_px > NOISY * found.stated_sigma_px:
-        times = f"{figure(found.sigma_px / found.stated_sigma_px, 2)} times the noise that is stated"
-        sentence += (
-            f": within the limit, though {times}, a hint that some of it comes from target, lens or moving things"
-            if grade == "good"
-            else f", {times}: most of it is not noise, but target, lens or moving things"
-        )
-    return Found(grade, found.rmse_px, sentence)
-
-
-def _systematic(evidence: CameraEvidence, criteria: Criteria) -> Found:
-    limits = criteria["systematic"]
-    found = evidence.leftover
-    known = [value for value in (found.image_px, found.target_px) if value is not None]
-    if not known:
-        return Found("unknown", None, "too few observations for means")
-    value = max(known)
-    on_target = found.target_px is not None and found.target_px == value
-    where = "of a point of the target in all photos" if on_target else "of a place in the image"
-    grade = at_most(value, limits)
-    is_certain = grade != "good" and (not on_target or _is_other_shape(evidence))
-    cause = (
-        f"the target {'is not' if is_certain else 'may not be'} quite as given"
-        if on_target
-        else f"the model {'does' if is_certain else 'may'} not fit the lens, or the target bends"
-    )
-    if value <= LEAST_PX:
-        sentence = "the mean residuals of places in the image, and of the target's points, are no larger than noise"
-        return Found(grade, value, sentence)
-    sentence = f"the mean residual {where} is {px(value)} beyond what noise gives (RMS)"
-    if value > limits.good or value > LARGE_SHARE * found.rmse_px:
-        sentence += f": {cause}"
-    return Found(grade, value, sentence)
-
-
-def _is_other_shape(evidence: CameraEvidence) -> bool:
-    """Whether it is sure that the target has another shape; where that cannot be told, its rings' means say it."""
-    return evidence.shape is None or evidence.shape.ratio > SURE
-
-
-def _outliers(evidence: CameraEvidence, criteria: Criteria) -> Found:
-    """Outliers that were left out do no harm by themselves, but many tell that something is amiss.
-
-    So those come on top of the limit within which a solution is usable.
-    """
-    limits = criteria["outliers"]
-    found = evidence.leftover
-    percent = 100 * (found.far_share + found.left_out_share)
-    usable = limits.usable + 100 * found.left_out_share
-    grade = at_most(percent, Limits(limits.good, usable))
-    sentence = (
-        f"{_percent(found.far_share)} of the observations are off by more than {FAR_OFF:g} robust standard deviations"
-    )
-    if found.stated_sigma_px is not None:
-        sentence += ", both in pixels and of the stated noise"
-    if found.left_out_share > 0:
-        sentence += f", and {_percent(found.left_out_share)} were left out, which come on top of what is usable"
-    elif grade != "good":
-        sentence += f": look at them, and solve with --reject {FAR_OFF:g}"
-    return Found(grade, percent, sentence, usable)
-
-
-def _percent(share: float) -> str:
-    return f"{figure(100 * share, 2)} %"
-
-
-def _target(evidence: CameraEvidence, criteria: Criteria) -> Found:
-    """Beyond chance, the change of the camera counts, but only what is sure makes a camera unusable.
-
-    Below, the photos must be able to tell a change from none.
-    """
-    limits = criteria["target"]
-    found = evidence.shape
-    if found is None:
-        is_learned = evidence.uncertainty.is_map_exact
-        why = "a learned map takes up the target's shape" if is_learned else "too little is known of the target's faces"
-        return Found("unknown", None, why)
-    if found.ratio <= BY_CHANCE:
-        return _target_by_chance(evidence, found, limits)
-    grade, is_sure = at_most(found.percentile_95_px, limits), found.ratio > SURE
-    blamed = "may not be" if not is_sure or evidence.may_be_lens else "is not"
-    other = ", or the model does not fit the lens" if evidence.may_be_lens else ""
-    sentence = (
-        f"the target {blamed} quite as given{other} ({figure(found.ratio, 2)} sigma; "
-        f"bent by about {figure(found.bow_mm, 2)} mm): allowed for, it moves the camera by up to "
-        f"{px(found.percentile_95_px)} in 95 % of the covered image"
-    )
-    if grade == "bad" and not is_sure:
-        grade = "usable"
-        sentence += (
-            f"; more than {limits.usable:g} px, but below {SURE:g} sigma a suspicion: it makes no camera unusable"
-        )
-    return Found(grade, found.percentile_95_px, sentence)
-
-
-def _target_by_chance(evidence: CameraEvidence, found: ShapeEffect, limits: Limits) -> Found:
-    """Nothing shows that the target is not as its file says: it is not, or the photos could not show it."""
-    error, by_target = evidence.uncertainty.target_error, evidence.uncertainty.target_px
-    if found.sigma_px <= limits.good:
-        sentence = (
-            "nothing speaks against the target as given: one that may bend and stretch explains the photos no better"
-        )
-        if error is not None:
-            sentence += f"; it is taken to be {made_as(error)}"
-        return Found("good", found.percentile_95_px, sentence)
-    told = f"a target of another shape could change the camera by {px(found.sigma_px)} (1 sigma)"
-    if error is None:
-        sentence = f"not known: {told}, and how this one was made is not known (--made tells it)"
-        return Found("unknown", None, sentence)
-    if by_target < LEAST_PX:
-        sentence = f"not known: {told}; this one is taken to be {made_as(error)}"
-        return Found("unknown", None, sentence)
-    sentence = (
-        f"the photos do not tell the target's shape: {made_as(error)}, it may be off so far that the camera is off by "
-        f"{px(by_target)} (1 sigma), which the camera's uncertainty contains"
-    )
-    return Found("good" if by_target <= limits.good else "usable", by_target, sentence)
-
-
-def made_words(error: TargetError) -> str:
-    """How the target is taken to be made."""
-    return error.made if error.made in (EXACT, MEASURED) else f"made as '{error.made}'"
-
-
-def made_as(error: TargetError) -> str:
-    """How the target is taken to be made, and what says so."""
-    made = made_words(error)
-    assumed = "" if error.made in (EXACT, MEASURED) else "assumed: "
-    return f"{made} ({assumed}{error.because}; --made tells otherwise)" if error.because else made
-
-
-def _models(evidence: CameraEvidence, criteria: Criteria) -> Found:
-    """Models that fit the same photos alike and yet differ show what the photos leave open.
-
-    A learned map rests on few photos, so its dissent alone makes no camera unusable.
-    """
-    limits = criteria["models"]
-    judged_px = evidence.leftover.rmse_px
-    refuted = [one for one in evidence.models if not one.is_learned and one.rmse_px > REFUTED * judged_px]
-    known = [
-        (one, one.percentile_95_px)
-        for one in evidence.models
-        if one.percentile_95_px is not None and one not in refuted
-    ]
-    others = [f"{one.model} {one.reason}" for one in evidence.models if one.percentile_95_px is None]
-    others += [
-        f"{one.model} does not fit the lens (residuals of {px(one.rmse_px)}, {evidence.model} {px(judged_px)})"
-        for one in refuted
-    ]
-    if not known:
-        why = "; ".join(others) or "no other model was solved"
-        return Found("unknown", None, why)
-
-    def order(pair: tuple[ModelApart, float]) -> tuple[bool, float]:
-        one, value = pair
-        return _models_grade(one, value, limits) == "bad", value
-
-    worst, value = max(known, key=order)
-    up_to = "" if value < LEAST_PX else "up to "
-    sentence = f"{worst.model} differs by {up_to}{px(value)} in 95 % of the covered image"
-    if worst.is_learned:
-        sentence += f", where its map is known ({100 * worst.shared:.0f} % of it)"
-    rest = [f"{one.model} by {px(other)}" for one, other in known if one is not worst]
-    rest += others
-    sentence += f"; {', '.join(rest)}" if rest else ""
-    return Found(_models_grade(worst, value, limits), value, sentence)
-
-
-def _models_grade(one: ModelApart, value: float, limits: Limits) -> Grade:
-    grade = at_most(value, limits)
-    return "usable" if grade == "bad" and one.is_learned else grade
-
-
-CHECKS: Mapping[str, CheckKind[CameraEvidence]] = {
+CHECKS: dict[str, CheckKind] = {
     kind.name: kind
     for kind in (
-        CheckKind("solution", "Solution", "", _solution),
-        CheckKind("reading", "How the observations read", "", _reading),
-        CheckKind("points", "What the points are", "", _points),
-        CheckKind("uncertainty", "Uncertainty over the image", "px", _uncertainty, is_needed=True),
-        CheckKind("coverage", "Sensor coverage", "%", _coverage, most=100.0, is_at_least=True, is_needed=True),
-        CheckKind("halves", "Cross-validation by halves", "sigma", _halves, is_needed=True),
-        CheckKind("residuals", "Residuals", "px", _residuals, is_needed=True),
-        CheckKind("systematic", "Systematic residuals", "px", _systematic),
-        CheckKind("outliers", "Outliers", "%", _outliers, most=100.0),
-        CheckKind("target", "Shape of the target", "px", _target),
-        CheckKind("capture", "Alike in all photos", "px", judge_capture, LIMITS),
-        CheckKind("models", "Agreement of the models", "px", _models),
+        CheckKind("solution", "Solution", "", camera=_solution, rig=_solution),
+        CheckKind("reading", "How the observations read", "", camera=camera_checks.reading),
+        CheckKind(
+            "frames", "Frames that join the cameras", "frames", rig=rig_checks.frames, is_at_least=True, is_needed=True
+        ),
+        CheckKind("points", "What the points are", "", camera=camera_checks.points, rig=rig_checks.points),
+        CheckKind("lenses", "Lenses that were kept", "", rig=rig_checks.lenses),
+        CheckKind("uncertainty", "Uncertainty over the image", "px", camera=camera_checks.uncertainty, is_needed=True),
+        CheckKind(
+            "coverage",
+            "Sensor coverage",
+            "%",
+            camera=camera_checks.coverage,
+            rig=rig_checks.coverage,
+            most=100.0,
+            is_at_least=True,
+            is_needed=True,
+        ),
+        CheckKind(
+            "halves",
+            "Cross-validation by halves",
+            "sigma",
+            camera=camera_checks.halves,
+            rig=rig_checks.halves,
+            is_needed=True,
+        ),
+        CheckKind(
+            "residuals", "Residuals", "px", camera=camera_checks.residuals, rig=rig_checks.residuals, is_needed=True
+        ),
+        CheckKind("systematic", "Systematic residuals", "px", camera=camera_checks.systematic),
+        CheckKind("outliers", "Outliers", "%", camera=camera_checks.outliers, rig=rig_checks.outliers, most=100.0),
+        CheckKind("delays", "Delays", "px", rig=rig_checks.delays),
+        CheckKind("carrier", "Errors of what carries", "deg", rig=rig_checks.carrier, most=180.0),
+        CheckKind("baselines", "Distances of the cameras", "%", rig=rig_checks.baselines, most=100.0),
+        CheckKind("space", "Error in space", "%", rig=rig_checks.space, most=100.0),
+        CheckKind("target", "Shape of the target", "px", camera=camera_checks.target),
+        CheckKind("capture", "Alike in all photos", "px", camera=camera_checks.capture, limits=Limits(0.1, 0.3)),
+        CheckKind("models", "Agreement of the models", "px", camera=camera_checks.models),
     )
 }
-"""All checks in the order of reading. Their limits are in `templates/criteria`."""
+"""In the order of reading. Their limits are in `templates/criteria`."""
 FIRST = (
-    "reading", "solution", "points", "capture", "target", "residuals", "outliers", "halves", "systematic",
-    "uncertainty", "coverage", "models",
+    "carrier", "reading", "solution", "points", "capture", "target", "residuals", "outliers", "halves", "systematic",
+    "frames", "delays", "baselines", "space", "lenses", "uncertainty", "coverage", "models",
 )  # fmt: skip
 """Of checks that are beyond their limits alike, the one that is named first: what spoils the data comes before what a
 few more photos mend."""
 
 
-def checks_of(evidence: CameraEvidence, criteria: Criteria) -> tuple[Check, ...]:
-    """All checks in the order of reading; one of the solution itself only if it has a fault."""
+def checks_of(evidence: Evidence, criteria: Criteria) -> tuple[Check, ...]:
+    """All checks that have something to say, in the order of reading."""
     return tuple(check for kind in CHECKS.values() if (check := kind.check(evidence, criteria)) is not None)
 
 
-def missing_of(evidence: CameraEvidence, checks: Sequence[Check]) -> tuple[Check, ...]:
+def missing_of(evidence: Evidence, checks: Sequence[Check]) -> tuple[Check, ...]:
     """The checks without which nothing is called good, and that could not be made.
 
-    What the target may be off is in the uncertainty, unless nobody knows how it was made.
+    What the target may be off is in a camera's uncertainty, unless nobody knows how it was made.
     """
-    also = () if evidence.uncertainty.target_error is not None else ("target",)
+    is_made_known = not isinstance(evidence, CameraEvidence) or evidence.uncertainty.target_error is not None
+    also = () if is_made_known else ("target",)
     return tuple(
         check for check in checks if check.grade == "unknown" and (CHECKS[check.name].is_needed or check.name in also)
     )
 
 
 def faults_of(checks: Sequence[Check], grade: Grade) -> tuple[Check, ...]:
-    """The checks of a grade, the one that is farthest beyond its limit first."""
+    """The checks of a grade, the one that is farthest beyond its limit first; last one that nothing fails by.
+
+    A carrier that is lost is told before all: what it spoils may be beyond every limit.
+    """
     order = list(dict.fromkeys((*FIRST, *CHECKS)))
-    faults = (check for check in checks if check.grade == grade)
-    return tuple(sorted(faults, key=lambda check: (-check.times_beyond, order.index(check.name))))
+
+    def rank(check: Check) -> tuple[bool, bool, float, int]:
+        fails_nothing, is_lost = check.is_at_least and check.usable == 0, check.name == "carrier" and grade == "bad"
+        return fails_nothing, not is_lost, -check.times_beyond, order.index(check.name)
+
+    return tuple(sorted((check for check in checks if check.grade == grade), key=rank))
+
+
+def read_criteria(name_or_path: str = STANDARD) -> Criteria:
+    """The criteria of a template, or of a person's TOML file.
+
+    Raises:
+        InputError: neither, or a key or value that breaks a rule; the message says which.
+    """
+    path = preset_or_file("criteria", name_or_path)
+    values = {**read_spec_file(preset_or_file("criteria", STANDARD)), **read_spec_file(path)}
+    try:
+        _require_known(values, ("title", *CHECKS))
+        title = values["title"]
+        if not isinstance(title, str) or not 0 < len(title) <= LONGEST_TITLE:
+            raise ValueError(f"title {shown(title)}: must be a text of 1 to {LONGEST_TITLE} characters")
+        limits = {
+            name: _limits(kind, values[name]) if name in values else kind.limits
+            for name, kind in CHECKS.items()
+            if kind.unit
+        }
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    return Criteria(path.stem, title, limits)
+
+
+def applied(criteria: Criteria, evidence: Evidence) -> Criteria:
+    """The limits that are a camera's, or a rig's: what is kept of a verdict on it."""
+    is_camera = isinstance(evidence, CameraEvidence)
+    names = [name for name, kind in CHECKS.items() if kind.unit and (kind.camera if is_camera else kind.rig)]
+    return Criteria(criteria.name, criteria.title, {name: criteria[name] for name in names if name in criteria.limits})
+
+
+def _limits(kind: CheckKind, table: object) -> Limits:
+    """The limits of one check."""
+    if not isinstance(table, dict):
+        raise ValueError(f"{kind.name} {shown(table)}: must be a table with good and usable")
+    _require_known(table, _KEYS, f"{kind.name}.")
+    for key in ("good", "usable"):
+        if key not in table:
+            raise ValueError(f"{kind.name}.{key} is missing; give both limits, good and usable")
+    good, usable = (_quantity(f"{kind.name}.{key}", table[key], kind) for key in ("good", "usable"))
+    if (good < usable) if kind.is_at_least else (good > usable):
+        rule, what = ("less", "least") if kind.is_at_least else ("more", "most")
+        raise ValueError(f"{kind.name}: good {good:g} must not be {rule} than usable {usable:g}: it is at {what} so")
+    source = table.get("source", "")
+    if not isinstance(source, str):
+        raise ValueError(f"{kind.name}.source {shown(source)}: must be a text")
+    return Limits(good, usable, source)
+
+
+def _quantity(key: str, value: object, kind: CheckKind) -> float:
+    """A number of a unit, with or without it."""
+    number = value
+    if isinstance(value, str):
+        match = _NUMBER.fullmatch(value)
+        if match is None or match[2] not in ("", kind.unit):
+            raise ValueError(f"{key} {shown(value)}: must be a number of {kind.unit}, such as '1{kind.unit}'")
+        number = float(match[1])
+    if isinstance(number, bool) or not isinstance(number, int | float) or not 0 <= number <= kind.most:
+        raise ValueError(f"{key} {shown(value)}: must be from 0 to {kind.most:g}{kind.unit}")
+    return float(number)
+
+
+def _require_known(values: Mapping[str, object], known: tuple[str, ...], within: str = "") -> None:
+    for key in values:
+        if key not in known:
+            hint = suggestion(key, list(known)) or "; there are " + ", ".join(known)
+            raise ValueError(f"unknown key {shown(within + key)}{hint}")

@@ -21,7 +21,7 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
 from calib.core.jit import jit
 from calib.core.se3 import transform
-from calib.core.types import frozen_array
+from calib.core.types import freeze
 from calib.solver.accuracy import projected_sigma_px, share_px
 from calib.solver.calibration import Calibration
 from designer.base.arrays import Array, Flags, Rows
@@ -150,8 +150,8 @@ class Coverage:
     remark: str = ""  # why it is no more
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "views", frozen_array(self.views, np.int64))
-        object.__setattr__(self, "is_lit", frozen_array(self.is_lit, np.bool_))
+        freeze(self, "views", dtype=np.int64)
+        freeze(self, "is_lit", dtype=np.bool_)
 
     @property
     def is_covered(self) -> Flags:
@@ -195,6 +195,11 @@ def coverage_of(calibration: Calibration) -> Coverage:
     seen, counted = calibration.observations, ~calibration.is_outlier
     face = seen.points.face[seen.point]
     return coverage(seen.image_size, seen.center_px[counted], seen.view[counted], face[counted], lit_part(calibration))
+
+
+def area_of(image_size: tuple[int, int], center_px: Array, face: Rows) -> Flags:
+    """The cells that the sightings (N, 2) of one view surround.  # (R, C)"""
+    return coverage(image_size, center_px, np.zeros(len(face), dtype=np.int64), face).is_covered
 
 
 def coverage(
@@ -299,7 +304,10 @@ def _regions(is_covered: Flags, is_lit: Flags) -> tuple[Region, ...]:
     part = slice(*_span(is_lit, 0)), slice(*_span(is_lit, 1))
     is_covered, is_lit, all_lit = is_covered[part], is_lit[part], bool(is_lit.all())
     rows, columns = is_covered.shape
-    bands = [_bands(count) for count in (rows, columns)]
+    bands = []
+    for count in (rows, columns):
+        band = max(1, round(BAND * count))
+        bands.append((slice(0, band), slice(band, count - band), slice(count - band, count)))
     found = []
     for vertical, down in zip(("top", "", "bottom"), bands[0], strict=True):
         for horizontal, across in zip(("left", "", "right"), bands[1], strict=True):
@@ -314,12 +322,6 @@ def _span(is_lit: Flags, axis: int) -> tuple[int, int]:
     """The first row or column of which some is lit, and the one after the last."""
     rows = np.flatnonzero(is_lit.any(axis=1 - axis))
     return (int(rows[0]), int(rows[-1]) + 1) if len(rows) else (0, is_lit.shape[axis])
-
-
-def _bands(count: int) -> tuple[slice, slice, slice]:
-    """The first, middle and last of so many rows or columns."""
-    band = max(1, round(BAND * count))
-    return slice(0, band), slice(band, count - band), slice(count - band, count)
 
 
 def _region_name(vertical: str, horizontal: str, all_lit: bool) -> str:

@@ -9,8 +9,8 @@ import numpy as np
 from calib.cameras import rays
 from calib.cameras.refit import image_grid
 from calib.core.linear_algebra import sums_by
-from calib.judge.apart import Known, apart, sigma_over
 from calib.judge.coverage import Coverage, coverage_of, lit_part, sigma_over_lit_px
+from calib.judge.difference import Known, apart, sigma_over
 from calib.judge.halves import HalfSplit, HalvesApart, NoHalves, halves_apart
 from calib.judge.reading import reading_of
 from calib.judge.target_shape import ShapeEffect, shape_effect
@@ -132,10 +132,9 @@ def evidence_of(calibrations: Sequence[Calibration], best: int, halves: HalfSpli
     others = [one for row, one in enumerate(calibrations) if row != best]
     reason = judged.remarks[0] if judged.status != "converged" and judged.remarks else ""
     found = halves_apart(halves, covered)
-    factor = found.factor if isinstance(found, HalvesApart) else 1.0
     return CameraEvidence(
         judged.camera.model, judged.status, reason, judged.observations.view_count,
-        uncertainty_of(judged, covered, factor), covered, found, _leftover(evaluate(judged)),
+        uncertainty_of(judged, covered, found.factor), covered, found, _leftover(evaluate(judged)),
         shape_effect(judged, covered),
         tuple(_model_apart(judged, other, covered) for other in others), reading_of(judged),
     )  # fmt: skip
@@ -241,10 +240,10 @@ def _model_apart(judged: Calibration, other: Calibration, covered: Coverage) -> 
     if found is None:
         return ModelApart(model, None, "is known nowhere in the covered area", 0.0, is_learned)
     shared = float(found.is_known.sum()) / max(int(found.is_covered.sum()), 1)
-    return ModelApart(model, found.percentile_95_px, "", shared, is_learned, _rmse_px(other))
+    return ModelApart(model, found.percentile_95_px, "", shared, is_learned, rms_px(other))
 
 
-def _rmse_px(calibration: Calibration) -> float:
-    """Root mean square length of the residuals that count."""
+def rms_px(calibration: Calibration) -> float:
+    """Root mean square length of the residuals that count; nan of none."""
     residual = calibration.residual_px[~calibration.is_outlier]
     return math.sqrt(float((residual**2).sum(axis=1).mean())) if len(residual) else math.nan

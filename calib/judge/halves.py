@@ -15,15 +15,15 @@ from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import sums_by
 from calib.core.parallel import one_thread
 from calib.core.types import Observations, keep_sightings, keep_views
-from calib.judge.apart import Known, apart
 from calib.judge.coverage import Coverage
+from calib.judge.difference import Known, apart
 from calib.solver.accuracy import SHARE_PERCENT
 from calib.solver.calibration import Calibration
 from calib.solver.problem import SolveOptions
 from calib.solver.solve_virtual import calibrate
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
-from designer.base.marks import INLINE, Key, Length
+from designer.base.marks import INLINE, Key, Length, Line
 
 LEAST_VIEWS = 4
 BY_CHANCE_APART = 1.35
@@ -69,7 +69,12 @@ class Halves:
 class NoHalves:
     """Why there are none."""
 
-    reason: str  # "3 photos cannot be halved; take 4 or more"
+    reason: Line  # "3 photos cannot be halved; take 4 or more"
+
+    @property
+    def factor(self) -> float:
+        """What standard deviations are to be multiplied with that nothing checked: they stay as they are stated."""
+        return 1.0
 
 
 HalfSplit = Halves | NoHalves
@@ -165,20 +170,26 @@ def splits(calibration: Calibration) -> tuple[Flags, ...]:
     alike in that direction, and in the others not on purpose: halves with the same poses would make the same errors.
     The order in which the views are given does not matter but for ties.
     """
-    feature = _features(calibration)
-    feature -= feature.mean(axis=0)
+    # Of hundreds of parameters a split takes megabytes to keep, and tells much by itself.
+    most = MOST_SPLITS if surface_model(calibration.camera.model) is None else 1
+    # A half and its complement are the same split.
+    found: dict[bytes, Flags] = {}
+    for is_first in by_turns(_features(calibration), most):
+        found.setdefault((is_first == is_first[0]).tobytes(), is_first)
+    return tuple(found.values())
+
+
+def by_turns(feature: Array, most: int) -> list[Flags]:
+    """Halves (V,) of views or frames, which differ in their features (V, K), that are alike along the principal axes.
+
+    They are ordered along an axis and taken first, second, second, first.
+    """
+    feature = feature - feature.mean(axis=0)
     axes = np.linalg.svd(feature, full_matrices=False)[2]
     # An axis may point either way; which one must not depend on the order of the views.
     axes *= np.sign(np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1))
-    found: dict[bytes, Flags] = {}
-    # Of hundreds of parameters a split takes megabytes to keep, and tells much by itself.
-    most = MOST_SPLITS if surface_model(calibration.camera.model) is None else 1
-    for axis in axes[:most]:
-        rank = np.argsort(np.argsort(feature @ axis, kind="stable"))
-        is_first = np.isin(rank % 4, (0, 3))
-        # A half and its complement are the same split.
-        found.setdefault((is_first == is_first[0]).tobytes(), is_first)
-    return tuple(found.values())
+    ranks = (np.argsort(np.argsort(feature @ axis, kind="stable")) for axis in axes[:most])
+    return [np.isin(rank % 4, (0, 3)) for rank in ranks]
 
 
 def _features(calibration: Calibration) -> Array:

@@ -14,8 +14,7 @@ from calib.core.se3 import invert
 from calib.core.types import freeze, keep_views
 from calib.judge.next_robot_poses import MOST_POSES, NextPose
 from calib.judge.rig_folder import RigRun
-from calib.judge.rig_lenses import CameraWishes, choices_of
-from calib.judge.rig_solution import RigSeen, judged_rig
+from calib.judge.rig_solution import CameraWishes, RigSeen, choices_of, judged_rig
 from calib.judge.verdict import Criteria
 from calib.observe.rig_observations import alone_as_rig
 from calib.observe.rig_search import ALONE
@@ -45,9 +44,7 @@ class HandEye:
     frame: Annotated[str, Length(1, 100)]  # the camera's pose is in: flange, base or table
     frame_from_cam: Annotated[Array, Shape(4, 4)]
     quaternion_xyzw: Annotated[Array, Shape(4)]  # of its rotation
-    covariance: (
-        Annotated[Array, Shape(6, 6), PACKED] | None
-    )  # of its inverse: rotation vector (rad), shift (mm), camera axes
+    covariance: Annotated[Array, Shape(6, 6), PACKED] | None  # of its inverse, camera axes: turn (rad), shift (mm)
     carrier_from_target: Annotated[Array, Shape(4, 4)]  # base_from_target; target in hand: flange_from_target
     robot_sigma_rad: float  # of the carrier's own errors, a coordinate
     robot_sigma_mm: float
@@ -171,7 +168,11 @@ def judged_on_robot(
         one, bend = bent_alone(seen.observations.sightings[0], choice)
         bent = replace(alone_as_rig(ALONE, one), remarks=(*seen.observations.remarks, *one.remarks))
         seen = replace(seen, observations=bent, bend=bend)
-    size_sigma = _size_sigma(seen) if setting.solves_size is None else FREE_SIZE * setting.solves_size
+    size_sigma = FREE_SIZE * (setting.solves_size is not False)
+    if setting.solves_size is None and seen.target is not None and seen.made is not None:
+        # Of a target against a robot's lengths, by how both were made.
+        prior = seen.made.prior
+        size_sigma = math.hypot(ROBOT_LENGTHS, 0.0 if prior is None else prior.size_sigma(seen.target.center_mm))
     carrier = Carrier(
         TARGET_IN_HAND if setting.is_target_in_hand else IN_HAND,
         base_from_flange if setting.is_target_in_hand else invert(base_from_flange),
@@ -220,11 +221,3 @@ def _with_poses(
     if why := why_wrong(alone.cam_from_target, poses, np.array(rows), is_camera_in_hand=is_camera_in_hand):
         raise InputError(f"{poses.origin}: {why}")
     return replace(seen, observations=kept), poses.base_from_flange[rows]
-
-
-def _size_sigma(seen: RigSeen) -> float:
-    """Standard deviation of a target's size against a robot's lengths, by how both were made."""
-    if seen.target is None or seen.made is None:
-        return FREE_SIZE
-    prior = seen.made.prior
-    return math.hypot(ROBOT_LENGTHS, 0.0 if prior is None else prior.size_sigma(seen.target.center_mm))

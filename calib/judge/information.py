@@ -4,9 +4,8 @@ The camera's parameters are written `p = p0 + basis q` with q of unit covariance
 identity and a photo adds `A - B C^-1 B'` to it: A of q with itself, C of the pose with itself, B of both (Schur
 complement; Triggs et al. 2000, section 6). What a photo does not tell stays as well known as it was.
 
-In the directions q of `calib.judge.information`, in which the solution's noise is the identity, a camera's error e is
-the noise, enlarged by what halves of the photos show, and what the target is off. Photos with the information X on q,
-and Y between q and the numbers s of the target's shape, move the solution; its error is then
+A camera's error e is the noise, enlarged by what halves of the photos show, and what the target is off. Photos with the
+information X on q, and Y between q and the numbers s of the target's shape, move the solution; its error is then
 
     e' = (1 + X)^-1 (e - Y s + noise of the photos).
 
@@ -56,7 +55,10 @@ class Knowledge:
 
 def knowledge_of(calibration: Calibration) -> Knowledge:
     """What a calibration knows of its camera; it must state a scale."""
-    noise_px = _noise_px(calibration)
+    noise_px, stated = calibration.scale, calibration.observations.cov_px2
+    if calibration.weighted and stated is not None:  # weighted observations by their mean weight
+        variance = 0.5 * np.trace(stated[~calibration.is_outlier], axis1=1, axis2=2)
+        noise_px /= math.sqrt(float((1 / variance).mean()))
     covariance = calibration.param_covariance
     is_determined = bool(np.isfinite(covariance).all()) and calibration.status != "degenerate"
     if not is_determined:
@@ -67,15 +69,6 @@ def knowledge_of(calibration: Calibration) -> Knowledge:
     free = value > TIED * max(float(value[-1]), 1e-300)
     basis = scale[:, None] * vector[:, free] * np.sqrt(value[free])
     return Knowledge(lit_part(calibration).camera, basis, noise_px, is_determined)
-
-
-def _noise_px(calibration: Calibration) -> float:
-    """What a coordinate of an observation is off by; weighted ones by their mean weight."""
-    covariance = calibration.observations.cov_px2
-    if not calibration.weighted or covariance is None:
-        return calibration.scale
-    variance = 0.5 * np.trace(covariance[~calibration.is_outlier], axis1=1, axis2=2)
-    return calibration.scale / math.sqrt(float((1 / variance).mean()))
 
 
 def _covariance_with_guess(calibration: Calibration) -> Array:

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from calib.core.parallel import one_thread
+from calib.judge import camera_checks, rig_checks
 from calib.judge.advice import DETECTED, Inputs, advice_of, is_hopeless
-from calib.judge.checks import OWN_ROTATION, checks_of, faults_of, missing_of
+from calib.judge.checks import Evidence, applied, checks_of, faults_of, missing_of
 from calib.judge.evidence import CameraEvidence, evidence_of
 from calib.judge.halves import Half, HalfSplit, Halves, NoHalves
 from calib.judge.next_views import NextView, next_views
-from calib.judge.verdict import Check, Criteria, Grade, Verdict, px
+from calib.judge.verdict import Check, Criteria, Grade, Verdict
 from calib.solver.calibration import Calibration, without_surface
 from calib.solver.target_error import left_open, stated_prior
 from designer.base.file_kind import FileKind
@@ -19,10 +20,12 @@ from designer.base.marks import Key, Line, Word
 from designer.target import TargetGeometry
 
 WORSE: tuple[Grade, ...] = ("good", "usable", "bad")
+OF_A_RIG = "rig"
+"""What a verdict says in the place of a camera's model."""
 
 
-def judge(evidence: CameraEvidence, criteria: Criteria, advice: Sequence[str] = ()) -> Verdict:
-    """The verdict on a camera.
+def judge(evidence: Evidence, criteria: Criteria, advice: Sequence[str] = ()) -> Verdict:
+    """The verdict on a camera or a rig.
 
     The grade is the worst of the checks that are known. If one of those that are needed could not be made, it is
     "usable" at best: three photos, or a single one of an icosahedron, may determine a camera well, but nothing in them
@@ -36,52 +39,26 @@ def judge(evidence: CameraEvidence, criteria: Criteria, advice: Sequence[str] = 
     if missing and grade == "good":
         grade = "usable"
     sentence, leads_with = _reason(evidence, checks, missing, grade)
-    return Verdict(grade, evidence.model, sentence, checks, tuple(advice), leads_with)
+    model = evidence.model if isinstance(evidence, CameraEvidence) else OF_A_RIG
+    return Verdict(grade, model, sentence, checks, tuple(advice), leads_with)
 
 
-def _reason(
-    evidence: CameraEvidence, checks: Sequence[Check], missing: Sequence[Check], grade: Grade
-) -> tuple[str, str]:
+def _reason(evidence: Evidence, checks: Sequence[Check], missing: Sequence[Check], grade: Grade) -> tuple[str, str]:
     """The main reason of a grade, and the check that it is the sentence of."""
     if grade == "good":
-        return _why_good(evidence), ""
+        of = camera_checks.why_good(evidence) if isinstance(evidence, CameraEvidence) else rig_checks.why_good(evidence)
+        return of, ""
     faults = faults_of(checks, grade)
     if not faults:
         return f"no fault was found, but not everything could be checked: {missing[0].sentence}", missing[0].name
     names = {check.name for check in faults}
-    if grade == "bad" and "coverage" in names and names <= {"uncertainty", "coverage"}:
-        narrow = _good_inside(evidence, faults)
-        if narrow:
+    is_narrow = grade == "bad" and "coverage" in names and names <= {"uncertainty", "coverage"}
+    if is_narrow and isinstance(evidence, CameraEvidence):
+        limit = next((check.usable for check in faults if check.name == "uncertainty"), math.inf)
+        if narrow := camera_checks.good_inside(evidence, limit):
             return narrow, ""
     also = ", ".join(check.title.lower() for check in faults[1:])
     return faults[0].sentence + (f" (also: {also})" if also else ""), faults[0].name
-
-
-def _good_inside(evidence: CameraEvidence, faults: Sequence[Check]) -> str:
-    """Why a camera is not to be used that is good where the target was seen; "" if it is not."""
-    inside, outside = evidence.uncertainty.covered_px, evidence.uncertainty.image_px
-    limit = next((check.usable for check in faults if check.name == "uncertainty"), math.inf)
-    if inside is None or inside > limit or evidence.uncertainty.is_map_exact:
-        return ""
-    seen = f"{100 * evidence.coverage.share:.0f} % of the {evidence.coverage.area}"
-    covered = f"the observations surround only {seen}, where it is known to"
-    if math.isinf(limit):
-        elsewhere = "the lens model only continues what it learned there"
-    elif outside is None:
-        elsewhere = "the lens model breaks down"
-    else:
-        elsewhere = f"it is uncertain by up to {px(outside)} (1 sigma)"
-    return f"{covered} {px(inside)} ({OWN_ROTATION}); elsewhere {elsewhere}, and nothing was seen to check it"
-
-
-def _why_good(evidence: CameraEvidence) -> str:
-    uncertain, halves, area = evidence.uncertainty.image_px, evidence.halves, evidence.coverage.area
-    parts = [f"{100 * evidence.coverage.share:.0f} % of the {area} is covered"]
-    if uncertain is not None:
-        parts.insert(0, f"the camera is uncertain by at most {px(uncertain)} in 95 % of the {area} (1 sigma)")
-    if not isinstance(halves, NoHalves):
-        parts.append("two halves of the photos agree")
-    return f"{', '.join(parts[:-1])}, and {parts[-1]}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +127,7 @@ def judged_by(
     """The verdict by what was measured of a camera, and by the photos to take next; None: nobody looked for any."""
     advice = advice_of(calibration, evidence, criteria, views, inputs)
     reason, pairs = (halves.reason, None) if isinstance(halves, NoHalves) else (None, halves.pairs)
-    return Judged(judge(evidence, criteria, advice), criteria, pairs, reason)
+    return Judged(judge(evidence, criteria, advice), applied(criteria, evidence), pairs, reason)
 
 
 def inputs_of(settings: Sequence[tuple[str, str]]) -> Inputs:

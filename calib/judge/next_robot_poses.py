@@ -2,35 +2,34 @@
 
 Candidates are turned as poses of the robot that were used, or by one more turn about an axis of the flange, with the
 target at places of the image and distances like those that were used. What one would tell is what
-`calib.rigs.carried_information` has for any frame, with the robot's own noise. The next pose is the one after which
+`calib.rigs.carried_information` has for any frame, with the robot's own noise. The next pose (`calib.judge.greedy`)
+is the one after which
 
     tr(S_turn) d^2 + tr(S_place)
 
 is least, of the covariances of the camera's direction and of its centre, d being the usual distance of the target:
 about how badly what the camera sees there is placed on the robot. What the motions so far leave open has a wide prior,
 by which a pose that ends that comes first.
-
-Which of a target's points a camera of a rig would see of it, held anywhere.
-
-A few of many candidates that stand in order, without a rhythm that would meet that of the order.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 
-from calib.cameras import project
 from calib.cameras.rig import POSE
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.core.se3 import exp_rotation, invert, make_pose, rigid_fault, transform
-from calib.core.types import KnownPoints, Observations, RigObservations, frozen_array
+from calib.core.types import KnownPoints, freeze
+from calib.judge.greedy import best_of, one_by_one
+from calib.judge.halves import NoHalves
+from calib.judge.next_frames import AROUND, few_of_many, imagined, is_new, shown_at, sights, some_points
 from calib.judge.next_view_words import short
+from calib.judge.rig_halves import RigHalves
 from calib.rigs.carried_information import expected_information, frame_information
-from calib.rigs.halves import NoRigHalves, RigHalves
 from calib.rigs.relative import center_covariance
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.rigs.target_error import carrier_prior
@@ -39,65 +38,8 @@ from designer.base.arrays import Array, Flags, Rows
 from designer.base.marks import ONE_LINE, Gap, Length, Shape
 from designer.base.words import figure
 
-POINTS = 150
-"""Of the target, by which candidates are compared."""
-LEAST_SEEN_FACING = 0.34
-"""Cosine of the largest angle from which rings are read."""
-NEW_SHARE = 0.1
-"""Of the target, seen where a camera has seen nothing: what it then tells is not known well."""
-
-
-def some_points(found: RigCalibration) -> KnownPoints:
-    """A few of the points, spread over their order, on planes whose normals point to where they were seen from."""
-    points, faces = found.observations.points, len(found.observations.points.plane)
-    seen_from = np.zeros(faces)
-    for pose, seen, frames in zip(
-        found.cam_from_rig, found.observations.sightings, found.observations.frame, strict=True
-    ):
-        center = invert(pose @ found.rig_from_target[frames])[:, :3, 3]
-        above = np.sign(center @ points.plane[:, :3].T - points.plane[:, 3])  # (V, F)
-        face = points.face[seen.point]
-        rows = np.flatnonzero(face >= 0)
-        np.add.at(seen_from, face[rows], above[seen.view[rows], face[rows]])
-    points = replace(points, plane=np.where(seen_from < 0, -1.0, 1.0)[:, None] * points.plane)
-    rows = np.unique(np.linspace(0, len(points.face) - 1, POINTS).astype(np.int64))
-    return replace(points, position_mm=points.position_mm[rows], face=points.face[rows])
-
-
-def that_look(in_camera: Array, cam_from_target: Array, points: KnownPoints, least: float = LEAST_SEEN_FACING) -> Flags:
-    """Which points (K, S) lie on planes that look at the camera, or on none."""
-    if not len(points.plane):
-        return np.ones(in_camera.shape[:2], dtype=bool)
-    normal = points.plane[points.face, :3] @ cam_from_target[:, :3, :3].transpose(0, 2, 1)
-    cosine = -(in_camera * normal).sum(axis=2) / np.maximum(np.linalg.norm(in_camera, axis=2), 1e-9)
-    looks: Flags = (cosine > least) | (points.face < 0)
-    return looks
-
-
-def is_new(found: RigCalibration, camera: int, pose: Array) -> bool:
-    """Whether a camera would see much of the target where it has seen none of it so far, and knows its lens badly."""
-    pixel = found.cameras[camera].project(
-        transform(found.cam_from_rig[camera] @ pose, found.observations.points.position_mm)
-    )
-    seen = found.observations.sightings[camera].center_px
-    with np.errstate(invalid="ignore"):
-        beyond = ((pixel < seen.min(axis=0)) | (pixel > seen.max(axis=0))).any(axis=1)
-    return bool(found.is_refined[camera] and beyond.mean() > NEW_SHARE)
-
-
-GOLDEN = 0.6180339887498949
-"""Its multiples, less their whole parts, fill a circle evenly whatever number of them is taken."""
-
-
-def few_of_many(count: int, most: int) -> Rows:
-    """So many rows of `count` at most, ascending: every so many-th of nested loops would share the inner value."""
-    return np.sort(np.argsort((np.arange(count) * GOLDEN) % 1.0, kind="stable")[:most])
-
-
 MOST_POSES = 5
 """A robot takes a few more in a minute; what is known after them is to be solved before more are chosen by it."""
-LITTLE_GAIN = 0.97
-"""A pose that leaves more than this of the deviation is not worth taking."""
 MOST_CANDIDATES = 1000
 MOST_UNKNOWNS = 60
 """Of a camera: those of a lens with a surface, solved with the robot, are hundreds, and would take minutes."""
@@ -137,7 +79,7 @@ class NextPose:
     place_sigma_mm_after: Gap
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "base_from_flange", frozen_array(self.base_from_flange))
+        freeze(self, "base_from_flange")
         if fault := rigid_fault(self.base_from_flange[None]):
             raise ValueError(f"base_from_flange {fault[1]}")
 
@@ -154,7 +96,7 @@ class _TriedPoses:
 
 
 @one_thread
-def next_robot_poses(found: RigCalibration, halves: RigHalves | NoRigHalves) -> tuple[NextPose, ...]:
+def next_robot_poses(found: RigCalibration, halves: RigHalves | NoHalves) -> tuple[NextPose, ...]:
     """The poses to go to next, the most useful first; none if more do little, or if no robot carries one camera."""
     fit = found.carrier
     if fit is None or found.rig_frame == "table" or len(found.cameras) != 1 or found.status == "stopped":
@@ -166,21 +108,22 @@ def next_robot_poses(found: RigCalibration, halves: RigHalves | NoRigHalves) -> 
     if not len(tried.like_frame) or basis.shape[1] > MOST_UNKNOWNS:
         return ()
     told = frame_information(found, basis).sum(axis=0) + _weak(found, basis)
-    each = frame_information(_imagined(found, fit, tried, points), basis)
-    factor = halves.factor if isinstance(halves, RigHalves) else 1.0
+    each = frame_information(imagined(found, tried.rig_from_target, (tried.shown,), points), basis)
     moves, count = _moves(found, basis), basis.shape[1]
-    chosen: list[NextPose] = []
-    while len(chosen) < MOST_POSES:
-        before, after = symmetric_inverse(told).inverse, symmetric_inverse(told + each).inverse
-        least = _badness(moves, after)
-        best = int(np.argmin(least))
-        if not least[best] <= LITTLE_GAIN * _badness(moves, before[None])[0]:
-            break
-        sigmas = [_stated(found, factor**2 * basis @ one[:count, :count] @ basis.T) for one in (before, after[best])]
-        chosen.append(_told(found, tried, best, *sigmas))
-        told = told + each[best]
-        each[best] = 0.0  # the same pose again would show what it hides again, too
-    return tuple(chosen)
+
+    def choose(known: tuple[Array, list[int]]) -> int | None:
+        left = _badness(moves, symmetric_inverse(known[0] + each).inverse)
+        left[known[1]] = np.inf  # the same pose again would show what it hides again, too
+        return best_of(left, float(_badness(moves, symmetric_inverse(known[0]).inverse[None])[0]))
+
+    def add(known: tuple[Array, list[int]], row: int) -> tuple[Array, list[int]]:
+        return known[0] + each[row], [*known[1], row]
+
+    def stated(known: tuple[Array, list[int]]) -> tuple[float, float]:
+        return _stated(found, halves.factor**2 * basis @ symmetric_inverse(known[0]).inverse[:count, :count] @ basis.T)
+
+    steps = one_by_one((told, list[int]()), choose, add, MOST_POSES)
+    return tuple(_told(found, tried, one.choice, stated(one.before), stated(one.after)) for one in steps)
 
 
 def photo_names(poses: Sequence[NextPose]) -> tuple[str, ...]:
@@ -284,7 +227,9 @@ def _candidates(found: RigCalibration, fit: CarrierFit, points: KnownPoints) -> 
     is_vague = _is_vague(found)
     angles = TILTS_RAD[:1] if is_vague else TILTS_RAD
     tilts = np.concatenate([np.zeros((1, 3)), *(sign * angle * np.eye(3) for angle in angles for sign in (1, -1))])
-    seen_at = _places(found, across=0.0 if is_vague else ACROSS)
+    # Where the target's middle is tried, in the camera's frame.
+    ray = sights(found.cameras[0], np.unique((0.0 if is_vague else ACROSS) * AROUND, axis=0))
+    seen_at = (np.array(DISTANCES)[:, None, None] * _usual_mm(found) * ray).reshape(-1, 3)
     frame, tilt, place = (one.ravel() for one in np.indices((len(frames), len(tilts), len(seen_at))))
     like, tilt_rad = frames[frame], tilts[tilt]
     turn = used[like, :3, :3] @ exp_rotation(tilt_rad)
@@ -293,59 +238,15 @@ def _candidates(found: RigCalibration, fit: CarrierFit, points: KnownPoints) -> 
     held = make_pose(turned, in_rig - turned @ _middle(found))
     goal = held @ invert(fit.carrier_from_target)
     goal = invert(goal) if found.rig_frame == "flange" else goal
-    shown = _shown(found, held, points)
+    shown = shown_at(found, 0, held, points, LEAST_FACING)
     usual = np.median([np.bincount(seen.view).max() for seen in found.observations.sightings])
     share = len(found.observations.points.position_mm) / len(points.position_mm)
-    good = np.flatnonzero((shown.sum(axis=1) * share >= USUAL_SHARE * usual) & _in_reach(found, goal, used))
+    beside, flange = REACH * _usual_mm(found), used[:, :3, 3]
+    low, high = flange.min(axis=0) - beside, flange.max(axis=0) + beside
+    is_in_reach = ((goal[:, :3, 3] >= low) & (goal[:, :3, 3] <= high)).all(axis=1)
+    good = np.flatnonzero((shown.sum(axis=1) * share >= USUAL_SHARE * usual) & is_in_reach)
     rows = good[few_of_many(len(good), MOST_CANDIDATES)]
     return _TriedPoses(goal[rows], held[rows], like[rows], tilt_rad[rows], shown[rows])
-
-
-def _places(found: RigCalibration, across: float) -> Array:
-    """Where the target's middle is tried, in the camera's frame.  # (K, 3)"""
-    half = 0.5 * (np.array(found.cameras[0].image_size) - 1)
-    off = np.unique(across * np.array([(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)]), axis=0)
-    ray = found.cameras[0].rays(half + half * off)
-    ray = ray[np.isfinite(ray).all(axis=1)]
-    places: Array = (np.array(DISTANCES)[:, None, None] * _usual_mm(found) * ray).reshape(-1, 3)
-    return places
-
-
-def _in_reach(found: RigCalibration, goal: Array, used: Array) -> Flags:
-    """Which places of the flange are among those where it has been, or not far beside."""
-    beside = REACH * _usual_mm(found)
-    low, high = used[:, :3, 3].min(axis=0) - beside, used[:, :3, 3].max(axis=0) + beside
-    return np.asarray(((goal[:, :3, 3] >= low) & (goal[:, :3, 3] <= high)).all(axis=1))
-
-
-def _shown(found: RigCalibration, held: Array, points: KnownPoints) -> Flags:
-    """Which of some points a photo would show.  # (K, S)"""
-    size = 1.0 if found.carrier is None else found.carrier.size
-    cam_from_target = found.cam_from_rig[0] @ held
-    in_camera = transform(cam_from_target[:, None], size * points.position_mm)
-    pixel = project(found.cameras[0], in_camera.reshape(-1, 3)).reshape(*in_camera.shape[:2], 2)
-    with np.errstate(invalid="ignore"):
-        inside = ((pixel > 0) & (pixel < np.array(found.cameras[0].image_size) - 1)).all(axis=2)
-    return np.asarray(inside & that_look(in_camera, cam_from_target, points, LEAST_FACING))
-
-
-def _imagined(found: RigCalibration, fit: CarrierFit, tried: _TriedPoses, points: KnownPoints) -> RigCalibration:
-    """The rig with photos from the tried poses in the place of its own, of a few points that stand for all."""
-    view, point = np.nonzero(tried.shown)
-    count = len(tried.like_frame)
-    names = tuple(map(str, range(count)))
-    seen = Observations(found.cameras[0].image_size, names, view, point, np.zeros((len(view), 2)), None, points)
-    share = len(found.observations.points.position_mm) / len(points.position_mm)
-    return replace(
-        found,
-        observations=RigObservations(found.observations.camera_names, names, (seen,), (np.arange(count),)),
-        rig_from_target=tried.rig_from_target,
-        residual_px=(np.zeros((len(view), 2)),),
-        is_outlier=(np.zeros(len(view), dtype=bool),),
-        scale=found.noise_px / math.sqrt(share),
-        weighted=False,
-        carrier=replace(fit, error=np.zeros((count, POSE))),
-    )
 
 
 def _told(

@@ -1,13 +1,13 @@
 """The next photos that would make a camera better known: of many that could be taken, those that tell most.
 
-Photos are chosen one after the other. As long as the camera is not known as well as wanted, the next is the one after
-which the deviation that 95 % of the image stays within is least, with all chosen before it taken (greedy optimal
-design; as guidance in Richardson et al. 2013, "AprilCal"); then the one that shows most of what no photo has shown.
+As long as the camera is not known as well as wanted, the next is the one after which the deviation that 95 % of the
+image stays within is least (`calib.judge.greedy`); then the one that shows most of what no photo has shown.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated
 
 import numpy as np
@@ -17,24 +17,12 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
 from calib.core.linear_algebra import covariance_with_prior
 from calib.core.se3 import rigid_fault, transform
-from calib.core.types import frozen_array
-from calib.judge.candidate_views import CandidateViews, faces_seen
-from calib.judge.choose_views import (
-    CandidatePhoto,
-    SoFar,
-    ViewChoice,
-    compared_px,
-    for_accuracy,
-    for_coverage,
-    new_area,
-    of_candidates,
-    scene_of,
-    start_of,
-    with_photo,
-)
-from calib.judge.coverage import LitPart, lit_part
+from calib.core.types import freeze, frozen_array
+from calib.judge.candidate_views import LONG, faces_seen
+from calib.judge.greedy import LITTLE_GAIN, one_by_one
 from calib.judge.information import image_change, sigma_px
 from calib.judge.next_view_words import Hold, ViewGain, place_of, sentence_of
+from calib.judge.view_search import CandidatePhoto, SoFar, ViewSearch, view_search
 from calib.judge.views import TargetShape
 from calib.solver.accuracy import NO_FIT, SHARE_PERCENT, share_px
 from calib.solver.calibration import Calibration, without_surface
@@ -48,8 +36,6 @@ MOST_FOR_ACCURACY = 4
 """What is known after so many photos is to be solved before more are chosen by it."""
 LITTLE_AREA = 0.01
 """Of the image: a photo that adds less than this to what is covered adds nothing."""
-LITTLE_GAIN = 0.97
-"""A photo that leaves more than this of the deviation is not worth taking."""
 ROUGH_PX = 3.0
 """Where the image is no better known than this, the lens may be another one, and what a photo will show with it."""
 SAME_FROM_ANY_SIDE = 1.15
@@ -78,7 +64,7 @@ class NextView:
     outline_px: Annotated[tuple[_Line, ...], Length(0, 1000)] = ()  # of the faces that look at the camera, closed
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "cam_from_target", frozen_array(self.cam_from_target))
+        freeze(self, "cam_from_target")
         object.__setattr__(self, "outline_px", tuple(frozen_array(line) for line in self.outline_px))
         if fault := rigid_fault(self.cam_from_target[None]):
             raise ValueError(f"cam_from_target {fault[1]}")
@@ -141,67 +127,56 @@ def next_views(
     """
     calibration = without_surface(calibration)  # what tells most of the base tells most of what lies around it
     is_able = not why_no_next_views(calibration)
-    scene = scene_of(calibration, face_share, factor, opened, shape=shape) if is_able else None
-    if scene is None:
+    search = view_search(calibration, face_share, factor, opened, shape=shape) if is_able else None
+    if search is None:
         return ()
-    if is_avoided is not None:
-        scene = of_candidates(scene, ~is_avoided(scene.candidates.cam_from_target))
-    change = image_change(scene.known)
-    if not len(change) or not len(scene.candidates.distance_mm):
+    search = search if is_avoided is None else search.without(is_avoided)
+    change = image_change(search.known)
+    if not len(change) or not len(search):
         return ()
-    lit = lit_part(calibration)
-    everywhere = int(lit.is_lit(image_grid(calibration.camera.image_size)).sum())
-    is_known = scene.known.is_determined and len(change) >= SHARE_PERCENT / 100 * everywhere
+    everywhere = int(search.lit.is_lit(image_grid(calibration.camera.image_size)).sum())
+    is_whole = search.known.is_determined and len(change) >= SHARE_PERCENT / 100 * everywhere
     # Where the lens model breaks down in more than the rest, numbers can only be of what it reaches.
-    pixels = everywhere if is_known else len(change)
+    pixels = everywhere if is_whole else len(change)
 
-    def within_px(told: Array) -> float:
-        return share_px(sigma_px(change, scene.stated.after(told)), pixels)
+    @cache
+    def within_px(so_far: SoFar) -> float:
+        return share_px(sigma_px(change, search.stated.after(so_far.told)), pixels)
 
-    so_far = start_of(scene, calibration)
-    before = within_px(so_far.told)
-    is_rough = not is_known or before > ROUGH_PX
-    chosen: list[NextView] = []
-    while len(chosen) < most:
-        wants_accuracy = not is_known or before > goal_px
-        photo = _more_accurate(scene, so_far, within_px, little_gain * before) if wants_accuracy else None
-        if photo is None and so_far.covered < goal_covered:
-            photo = for_coverage(scene, so_far)
-            photo = None if photo is None or new_area(so_far, photo.area) <= LITTLE_AREA else photo
-        if photo is None:
-            break
-        then = with_photo(so_far, photo)
-        after = within_px(then.told)
-        shown = before if is_known else math.inf
-        wants_area = so_far.covered < goal_covered
+    def choose(so_far: SoFar) -> CandidatePhoto | None:
+        before = within_px(so_far)
+        photos = search.for_accuracy(so_far) if len(so_far.chosen) < MOST_FOR_ACCURACY and wants(so_far, before) else ()
+        for photo in photos:
+            if within_px(so_far.with_photo(photo)) <= little_gain * before:
+                return photo
+        new = search.for_coverage(so_far) if so_far.covered < goal_covered else None
+        return None if new is None or so_far.new_area(new.area) <= LITTLE_AREA else new
+
+    def wants(so_far: SoFar, before: float) -> bool:
+        return before > goal_px or (not is_whole and not so_far.chosen)
+
+    start = search.start()
+    is_rough = not is_whole or within_px(start) > ROUGH_PX
+    views = []
+    for step in one_by_one(start, choose, SoFar.with_photo, most):
+        before, after = within_px(step.before), within_px(step.after)
+        shown = before if is_whole or step.before.chosen else math.inf
         gain = ViewGain(
-            shown, after, so_far.covered, then.covered, is_rough=is_rough,
-            tells_sigma=wants_accuracy and after <= little_gain * shown,
-            tells_area=wants_area and new_area(so_far, photo.area) > LITTLE_AREA,
+            shown, after, step.before.covered, step.after.covered, is_rough=is_rough,
+            tells_sigma=wants(step.before, before) and after <= little_gain * shown,
+            tells_area=step.before.covered < goal_covered and step.before.new_area(step.choice.area) > LITTLE_AREA,
         )  # fmt: skip
-        chosen.append(proposed_view(scene, calibration, lit, photo, gain))
-        so_far, before, is_known = then, after, True
-    return tuple(chosen)
+        views.append(proposed_view(search, step.choice, gain))
+    return tuple(views)
 
 
-def _more_accurate(
-    scene: ViewChoice, so_far: SoFar, within_px: Callable[[Array], float], worth_px: float
-) -> CandidatePhoto | None:
-    """The photo after which the camera is known better than something, by information; None if none is worth it."""
-    photos = for_accuracy(scene, so_far) if len(so_far.chosen) < MOST_FOR_ACCURACY else ()
-    return next((photo for photo in photos if within_px(so_far.told + photo.information) <= worth_px), None)
-
-
-def proposed_view(
-    scene: ViewChoice, calibration: Calibration, lit: LitPart, photo: CandidatePhoto, gain: ViewGain
-) -> NextView:
+def proposed_view(search: ViewSearch, photo: CandidatePhoto, gain: ViewGain) -> NextView:
     """A photo that was chosen, as it is told."""
-    one = scene.candidates[np.array([photo.row])]
-    pose = one.cam_from_target[0]
-    outline = outline_px(calibration.camera, scene.shape, pose)
-    sentence = sentence_of(_hold(scene, one, calibration, lit, outline), gain)
+    pose = search.candidates.cam_from_target[photo.row]
+    outline = outline_px(search.calibration.camera, search.shape, pose)
     before, after = round(gain.covered_before, 6), round(gain.covered_after, 6)
     lines = tuple(np.array([[round(u, 2), round(v, 2)] for u, v in line.tolist()]) for line in outline)
+    sentence = sentence_of(_hold(search, photo.row, outline), gain)
     return NextView(pose, sentence, gain.before_px, gain.after_px, before, after, lines)
 
 
@@ -215,39 +190,28 @@ def photos_needed(photos: int, sigma_px_now: float, limit_px: float) -> int:
     return max(photos, math.ceil(photos * (sigma_px_now / limit_px) ** 2 - 1e-9))
 
 
-def _hold(
-    scene: ViewChoice, one: CandidateViews, calibration: Calibration, lit: LitPart, outline: tuple[Array, ...]
-) -> Hold:
+def _hold(search: ViewSearch, row: int, outline: tuple[Array, ...]) -> Hold:
     """How a candidate is to be held, as plain numbers."""
-    like = int(one.like_view[0])
-    (left, top), (width, height) = (part.tolist() for part in (lit.box_px[0], lit.box_px[1] - lit.box_px[0] + 1))
-    away_mm = np.linalg.norm(transform(calibration.cam_from_target, scene.shape.center_mm), axis=1)
-    any_side = like < 0 or _is_same_from_any_side(scene, one)
+    one, shape, calibration = search.candidates, search.shape, search.calibration
+    like, distance_mm = int(one.like_view[row]), float(one.distance_mm[row])
+    first, last = search.lit.box_px
+    away_mm = np.linalg.norm(transform(calibration.cam_from_target, shape.center_mm), axis=1)
+    x, y, z = transform(one.cam_from_target[row], shape.center_mm).tolist()
+    # Whether a solid tells about as much at a place, whichever of its sides is shown.
+    alike = (one.place == one.place[row]).all(axis=1) & np.isclose(one.distance_mm, distance_mm)
+    share = search.compared_px(covariance_with_prior(search.information[alike]))
+    any_side = like < 0 or float(share.max()) <= SAME_FROM_ANY_SIDE * float(share.min())
     return Hold(
-        place=place_of(outline, (width, height), (left, top)),
-        off_axis_deg=_off_axis_deg(scene, one) if lit.off_axis_rad is not None else None,
-        distance_mm=float(one.distance_mm[0]),
-        usual_distance_mm=None if scene.known.is_determined else float(np.median(away_mm)),
-        tilt_deg=float(one.tilt_deg[0]),
-        away=(float(one.away[0, 0]), float(one.away[0, 1])),
-        long_side="" if scene.shape.aspect <= 1.15 or like >= 0 else "upright" if one.is_upright[0] else "level",
+        place=place_of(outline, (last - first + 1).tolist(), first.tolist()),
+        off_axis_deg=None if search.lit.off_axis_rad is None else math.degrees(math.atan2(math.hypot(x, y), z)),
+        distance_mm=distance_mm,
+        usual_distance_mm=None if search.known.is_determined else float(np.median(away_mm)),
+        tilt_deg=float(one.tilt_deg[row]),
+        away=(float(one.away[row, 0]), float(one.away[row, 1])),
+        long_side="" if shape.aspect <= LONG or like >= 0 else "upright" if one.is_upright[row] else "level",
         like_photo="" if any_side else calibration.observations.view_names[like],
-        is_flat=scene.shape.is_flat,
+        is_flat=shape.is_flat,
     )
-
-
-def _off_axis_deg(scene: ViewChoice, one: CandidateViews) -> float:
-    """The angle between the axis and the target's middle."""
-    x, y, z = transform(one.cam_from_target[0], scene.shape.center_mm).tolist()
-    return math.degrees(math.atan2(math.hypot(x, y), z))
-
-
-def _is_same_from_any_side(scene: ViewChoice, one: CandidateViews) -> bool:
-    """Whether a solid tells about as much at a place, whichever of its sides is shown."""
-    all_of = scene.candidates
-    alike = (all_of.place == one.place).all(axis=1) & np.isclose(all_of.distance_mm, one.distance_mm[0])
-    share = compared_px(scene, covariance_with_prior(scene.information[alike]))
-    return float(share.max()) <= SAME_FROM_ANY_SIDE * float(share.min())
 
 
 def outline_px(camera: Camera, shape: TargetShape, cam_from_target: Array) -> tuple[Array, ...]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from calib.judge.checks import SURE
+from calib.judge.camera_checks import SURE
 from calib.judge.evidence import CameraEvidence
 from calib.judge.next_views import NextView, photos_needed, why_no_next_views
 from calib.judge.verdict import Criteria, px
@@ -30,47 +30,30 @@ def photo_advice(
         criteria: the limits it is judged by.
         views: the next photos that were found for it; None: nobody looked for any.
     """
-    after = _after_them(evidence, criteria, views)
-    return (
-        *_photos(calibration, evidence, criteria, views),
-        *_uncovered(calibration, evidence, criteria, views),
-        *((after,) if after else ()),
-    )
-
-
-def _photos(
-    calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, views: Sequence[NextView] | None
-) -> tuple[str, ...]:
-    """The next photos one after the other, or why there are none."""
+    sentences: list[str] = []
     if views:
         of_all = f" of {len(views)}" if len(views) > 1 else ""
         sentences = [
             f"next photo{f' {number}{of_all}' if of_all else ''}: {view.sentence}"
             for number, view in enumerate(views, start=1)
         ]
-        sentences[0] += f" (wanted: {_wanted(evidence, criteria)})"
-    elif (
+        wanted = [] if is_sure(evidence, criteria) else [px(criteria["uncertainty"].good)]
+        if 100 * evidence.coverage.share < criteria["coverage"].good or not wanted:
+            wanted.append(f"{criteria['coverage'].good:.0f} % covered")
+        sentences[0] += f" (wanted: {', '.join(wanted)})"
+    elif not (
         views is None
         or is_sure(evidence, criteria)
         or _is_sure_as_stated(evidence, criteria)
         or evidence.uncertainty.by_target  # what to do then is said of the target
     ):
-        sentences = []
-    else:
         why = why_no_next_views(calibration) or (
             "none of the places and tilts tried, at 0.7 to 1.4 times the distances so far, would make the camera "
             "better known; use a target that fills more of the image"
         )
         sentences = [f"no next photo can be proposed: {why}"]
-    return tuple(sentences)
-
-
-def _wanted(evidence: CameraEvidence, criteria: Criteria) -> str:
-    """What is missing, as it should be."""
-    parts = [] if is_sure(evidence, criteria) else [px(criteria["uncertainty"].good)]
-    if 100 * evidence.coverage.share < criteria["coverage"].good or not parts:
-        parts.append(f"{criteria['coverage'].good:.0f} % covered")
-    return ", ".join(parts)
+    after = _after_them(evidence, criteria, views)
+    return (*sentences, *_uncovered(calibration, evidence, criteria, views), *((after,) if after else ()))
 
 
 def _after_them(evidence: CameraEvidence, criteria: Criteria, views: Sequence[NextView] | None) -> str:
@@ -98,15 +81,11 @@ def _photos_alike(photos: int, sigma_px: float, limit_px: float, *, others: bool
     if needed > HOPELESS_TIMES * photos:
         return f"{instead}more photos like the {photos} so far would not do"
     if needed > MANY_TIMES * photos:
-        return f"{instead}more photos like the {photos} so far would not do: {_round_up(needed)} would be needed"
-    more = _count(needed - photos, "more photo")
+        step = 10 ** max(len(str(needed)) - 2, 0)
+        about = -(-needed // step) * step
+        return f"{instead}more photos like the {photos} so far would not do: about {about} would be needed"
+    more = f"{needed - photos} more photo{'s' * (needed - photos != 1)}"
     return f"{instead}{more} like the {photos} so far would bring {px(limit_px)} too"
-
-
-def _round_up(count: int) -> str:
-    """A large number of photos, to two digits."""
-    step = 10 ** max(len(str(count)) - 2, 0)
-    return f"about {-(-count // step) * step}"
 
 
 def _uncovered(
@@ -157,7 +136,3 @@ def _is_sure_as_stated(evidence: CameraEvidence, criteria: Criteria) -> bool:
     """Whether it is by the standard deviations of the solution."""
     sigma = evidence.uncertainty.noise_px
     return sigma is not None and sigma <= criteria["uncertainty"].good
-
-
-def _count(count: int, what: str) -> str:
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"

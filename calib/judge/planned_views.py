@@ -1,16 +1,19 @@
 """Photos to take of a camera that nobody has photos of: as few as make it known as well as wanted.
 
-They are chosen one after the other as `calib.judge.next_views` chooses; then each is left out, or exchanged for a
-better one, as long as that helps (Fedorov 1972).
+They are chosen one after the other as `calib.judge.next_views` chooses, and exchanged (`calib.judge.greedy`). What is
+known of a camera before any photo is told as a calibration from no photos: `calibration_before(camera, points, 0.05)`.
 
-What is known of a camera before any photo: `calibration_before(camera, points, 0.05)`.
-
-It is told as a calibration from no photos, so that what chooses photos after photos chooses the first ones, too.
+A plan is tried: photos are simulated as somebody takes them after it, and the camera is solved from them. That says
+what it is worth where nobody holds a target quite as it says, and what the target's making adds. The shortest plan that
+reaches what is wanted each time it is tried is `plan_that_holds(PlanWish(...))`.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache, reduce
+from itertools import accumulate, pairwise
+from typing import Annotated
 
 import numpy as np
 
@@ -19,37 +22,35 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid, refit
 from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import symmetric_inverse
-from calib.core.se3 import make_pose, transform
-from calib.core.types import KnownPoints, Observations
-from calib.judge.choose_views import (
-    CandidatePhoto,
-    SoFar,
-    ViewChoice,
-    for_accuracy,
-    for_coverage,
-    new_area,
-    scene_of,
-    start_of,
-    with_photo,
-)
-from calib.judge.coverage import LitPart, lit_part
+from calib.core.parallel import one_thread
+from calib.core.se3 import exp_rotation, make_pose, rotation_of_quaternion, transform
+from calib.core.types import KnownPoints, Observations, keep_views
+from calib.judge.candidate_views import shown_in
+from calib.judge.coverage import coverage_of, lit_part
+from calib.judge.evidence import uncertainty_of
+from calib.judge.greedy import Exchange, one_by_one
+from calib.judge.halves import half_split, halves_apart
 from calib.judge.information import LENS_UNSURE, image_change, sigma_px
 from calib.judge.next_view_words import ViewGain
-from calib.judge.next_views import NextView, proposed_view
+from calib.judge.next_views import MAX_PX, NextView, proposed_view
+from calib.judge.view_search import CandidatePhoto, SoFar, view_search
 from calib.judge.views import READABLE_PITCH_PX, Habits, TargetShape
 from calib.solver.accuracy import share_px
 from calib.solver.calibration import Calibration
+from calib.solver.problem import SolveOptions
+from calib.solver.solve import solve
+from calib.solver.target_error import with_target_error
 from designer.base.arrays import Array
+from designer.base.errors import InputError
+from designer.base.marks import AtLeast, AtMost, NullIs
 from designer.base.words import figure
 from designer.target import TargetGeometry
+from designer.tolerance.made import Made
 
 FEWEST = 6
 """So that halves of three photos each tell whether the stated deviations hold."""
 MOST = 40
 LITTLE_AREA = 0.001
-WORTH_A_SWAP = 0.98
-ROUNDS = 3
-"""Of exchanges, through all photos."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,35 +71,6 @@ class PlannedViews:
         return self.is_accurate and self.is_covered
 
 
-@dataclass(frozen=True, eq=False)
-class _Goal:
-    scene: ViewChoice
-    lit: LitPart
-    start: SoFar
-    change: Array  # (N, 2, Q)
-    pixels: int
-    goal_px: float
-    goal_covered: float
-
-    def after(self, photos: Sequence[CandidatePhoto]) -> SoFar:
-        so_far = self.start
-        for photo in photos:
-            so_far = with_photo(so_far, photo)
-        return so_far
-
-    def within_px(self, so_far: SoFar) -> float:
-        """What 95 % of the image stays within, by the photos alone; infinite if they leave something open."""
-        found = symmetric_inverse(so_far.told)
-        if int(found.rank) < len(so_far.told):
-            return float("inf")
-        return share_px(sigma_px(self.change, found.inverse), self.pixels)
-
-    def is_met(self, photos: Sequence[CandidatePhoto]) -> bool:
-        so_far = self.after(photos)
-        enough = len(photos) >= FEWEST and so_far.covered >= self.goal_covered
-        return enough and self.within_px(so_far) <= self.goal_px
-
-
 def planned_views(
     before: Calibration, held: Habits, *, goal_px: float, goal_covered: float, most: int = MOST, at: Array | None = None
 ) -> PlannedViews | None:
@@ -112,82 +84,54 @@ def planned_views(
         most: photos at most.
         at: the only poses that the target can have (C, 4, 4); None: any.
     """
-    scene = scene_of(before, None, held=held, at=at)
-    if scene is None or not len(scene.candidates.distance_mm):
+    search = view_search(before, held=held, at=at)
+    if search is None or not len(search):
         return None
-    lit = lit_part(before)
-    pixels = int(lit.is_lit(image_grid(before.camera.image_size)).sum())
-    goal = _Goal(scene, lit, start_of(scene, before), image_change(scene.known), pixels, goal_px, goal_covered)
-    greedy = _greedy(goal, most)
+    change, start = image_change(search.known), search.start()
+    pixels = int(search.lit.is_lit(image_grid(before.camera.image_size)).sum())
+
+    def after(photos: Sequence[CandidatePhoto]) -> SoFar:
+        return reduce(SoFar.with_photo, photos, start)
+
+    @cache
+    def within_px(so_far: SoFar) -> float:
+        """What 95 % of the image stays within, by the photos alone; infinite if they leave something open."""
+        found = symmetric_inverse(so_far.told)
+        if int(found.rank) < len(so_far.told):
+            return math.inf
+        return share_px(sigma_px(change, found.inverse), pixels)
+
+    def is_met(so_far: SoFar, covered: float) -> bool:
+        return len(so_far.chosen) >= FEWEST and so_far.covered >= covered and within_px(so_far) <= goal_px
+
+    def choose(so_far: SoFar) -> CandidatePhoto | None:
+        if is_met(so_far, goal_covered):
+            return None
+        wants_area = len(so_far.chosen) >= FEWEST - 1 and within_px(so_far) <= goal_px
+        photo = search.for_coverage(so_far) if wants_area and so_far.covered < goal_covered else None
+        if photo is not None and so_far.new_area(photo.area) < LITTLE_AREA:
+            return None
+        return photo or next(search.for_accuracy(so_far), None)
+
+    photos = tuple(step.choice for step in one_by_one(start, choose, SoFar.with_photo, most))
+    greedy_count, reached = len(photos), after(photos)
     # What cannot be covered is not asked for any more, so that photos are no more than the rest needs.
-    reach = replace(goal, goal_covered=min(goal_covered, goal.after(greedy).covered))
-    photos = _exchanged(reach, greedy) if reach.is_met(greedy) else greedy
-    so_far = goal.after(photos)
-    one_by_one = scene.candidates[np.array([photo.row for photo in photos], dtype=np.int64)]
-    gains = _gains(goal, photos)
-    views = (proposed_view(scene, before, lit, photo, gain) for photo, gain in zip(photos, gains, strict=True))
+    reach = min(goal_covered, reached.covered)
+    if is_met(reached, reach):
+        photos = Exchange[CandidatePhoto](
+            lambda some: is_met(after(some), reach), lambda some: within_px(after(some)),
+            lambda rest: next(search.for_accuracy(after(rest)), None), FEWEST,
+        ).improved(photos)  # fmt: skip
+    states = list(accumulate(photos, SoFar.with_photo, initial=start))
+    gains = tuple(
+        ViewGain(within_px(a), within_px(b), a.covered, b.covered, tells_area=True) for a, b in pairwise(states)
+    )
+    rows = np.array([photo.row for photo in photos], dtype=np.int64)
     return PlannedViews(
-        tuple(views), gains, one_by_one.distance_mm, one_by_one.tilt_deg, len(greedy),
-        goal.within_px(so_far) <= goal_px, so_far.covered >= goal_covered,
+        tuple(proposed_view(search, photo, gain) for photo, gain in zip(photos, gains, strict=True)), gains,
+        search.candidates.distance_mm[rows], search.candidates.tilt_deg[rows], greedy_count,
+        within_px(states[-1]) <= goal_px, states[-1].covered >= goal_covered,
     )  # fmt: skip
-
-
-def _gains(goal: _Goal, photos: Sequence[CandidatePhoto]) -> tuple[ViewGain, ...]:
-    """What is known and covered before and after each photo."""
-    gains, so_far = [], goal.start
-    for photo in photos:
-        then = with_photo(so_far, photo)
-        gains.append(
-            ViewGain(goal.within_px(so_far), goal.within_px(then), so_far.covered, then.covered, tells_area=True)
-        )
-        so_far = then
-    return tuple(gains)
-
-
-def _greedy(goal: _Goal, most: int) -> tuple[CandidatePhoto, ...]:
-    photos: list[CandidatePhoto] = []
-    while len(photos) < most and not goal.is_met(photos):
-        so_far = goal.after(photos)
-        wants_area = len(photos) >= FEWEST - 1 and goal.within_px(so_far) <= goal.goal_px
-        photo = for_coverage(goal.scene, so_far) if wants_area and so_far.covered < goal.goal_covered else None
-        if photo is not None and new_area(so_far, photo.area) < LITTLE_AREA:
-            break
-        photo = photo or next(for_accuracy(goal.scene, so_far), None)
-        if photo is None:
-            break
-        photos.append(photo)
-    return tuple(photos)
-
-
-def _exchanged(goal: _Goal, photos: tuple[CandidatePhoto, ...]) -> tuple[CandidatePhoto, ...]:
-    """As few as still meet the goal: photos left out, and others put in their place."""
-    photos = _without_spare(goal, photos)
-    for _ in range(ROUNDS):
-        before = photos
-        for number in range(len(photos)):
-            rest = (*photos[:number], *photos[number + 1 :])
-            best = next(for_accuracy(goal.scene, goal.after(rest)), None)
-            if best is None:
-                continue
-            swapped = (*photos[:number], best, *photos[number + 1 :])
-            is_better = goal.within_px(goal.after(swapped)) < WORTH_A_SWAP * goal.within_px(goal.after(photos))
-            if is_better and goal.is_met(swapped):
-                photos = swapped
-        photos = _without_spare(goal, photos)
-        if photos == before:
-            break
-    return photos
-
-
-def _without_spare(goal: _Goal, photos: tuple[CandidatePhoto, ...]) -> tuple[CandidatePhoto, ...]:
-    """Without those that are not needed, the least useful first."""
-    while len(photos) > FEWEST:
-        fewer = [(*photos[:number], *photos[number + 1 :]) for number in range(len(photos))]
-        met = [some for some in fewer if goal.is_met(some)]
-        if not met:
-            break
-        photos = min(met, key=lambda some: goal.within_px(goal.after(some)))
-    return photos
 
 
 FOCAL_UNSURE = 0.3
@@ -259,7 +203,7 @@ def usual_hold(before: Calibration, shape: TargetShape, distance_mm: tuple[float
 
 def _distance_mm(camera: Camera, shape: TargetShape, fill: float, size_px: Array) -> float:
     """From where a target that faces the camera fills so much of the image."""
-    turn = np.stack([shape.axes[0], shape.axes[1], -shape.axes[2]]) if shape.is_flat else np.eye(3)
+    turn = shape.level if shape.is_flat else np.eye(3)
     extent = float(np.ptp(shape.position_mm, axis=0).max())
     near, far = 0.6 * extent, 1000.0 * extent
     for _ in range(SIZING_STEPS):
@@ -272,3 +216,154 @@ def _distance_mm(camera: Camera, shape: TargetShape, fill: float, size_px: Array
         else:
             near = middle
     return far
+
+
+TURNED_RAD, SHIFTED_MM, OF_DISTANCE = math.radians(5), 20.0, 0.1
+"""Standard deviations of how a person holds a target who was told where, whichever shift is less; twice at most."""
+STILL_READ = 0.25
+"""Of a face: rings are named by their neighbours, so that a part of it is read which nobody would plan for."""
+
+
+_Sigma = Annotated[float, AtLeast(0), AtMost(MAX_PX), NullIs(math.inf)]
+
+
+@dataclass(frozen=True)
+class TriedPlan:
+    """What a camera states that was solved from photos taken after a plan: what 95 % of the image stays within."""
+
+    stated_px: _Sigma  # 1 sigma, as the verdict states it: with what the target's making may do; infinite: unknown
+    by_noise_px: _Sigma  # by the noise alone, enlarged as halves of the photos differ
+    by_target_px: _Sigma  # by the target's making alone
+
+
+NOT_DETERMINED = TriedPlan(math.inf, math.inf, 0.0)
+
+
+def tried_plan(
+    camera: Camera, points: KnownPoints, shape: TargetShape, held: Habits, cam_from_target: Array, noise_px: float,
+    made: Made | None, rng: np.random.Generator, *, is_held_exactly: bool,
+) -> TriedPlan:  # fmt: skip
+    """Take the photos of a plan (V, 4, 4) once, and solve.
+
+    Args:
+        camera: that takes them; its model is solved.
+        points: of the target.
+        shape: of the same.
+        held: which points are read.
+        cam_from_target: where the plan has the target.
+        noise_px: of a coordinate of an observation.
+        made: how the target was; None: nobody knows.
+        rng: of noise and of how the target is held.
+        is_held_exactly: a robot or a turntable holds it.
+    """
+    poses = cam_from_target if is_held_exactly else held_by_hand(cam_from_target, shape, rng)
+    seen = _photographed(camera, points, shape, held, poses, noise_px, rng)
+    if not seen.view_count:
+        return NOT_DETERMINED
+    try:
+        found = solve(seen, camera.model, SolveOptions())
+    except InputError:
+        return NOT_DETERMINED
+    if found.status != "converged":
+        return NOT_DETERMINED
+    stated = with_target_error(found, made)  # as the verdict on these photos has it
+    covered = coverage_of(stated)
+    halves = halves_apart(half_split(stated, SolveOptions()), covered)
+    known = uncertainty_of(stated, covered, halves.factor)
+    if known.image_px is None or known.noise_px is None:
+        return NOT_DETERMINED
+    return TriedPlan(known.image_px, halves.factor * known.noise_px, known.target_px)
+
+
+def held_by_hand(cam_from_target: Array, shape: TargetShape, rng: np.random.Generator) -> Array:
+    """The poses as a person holds them: a solid with any side to the camera, as a plan says."""
+    count = len(cam_from_target)
+    sides = np.eye(3) if shape.is_flat else rotation_of_quaternion(rng.standard_normal((count, 4)))
+    turn = TURNED_RAD * rng.standard_normal((count, 3)).clip(-2, 2)
+    middle = transform(cam_from_target, shape.center_mm)
+    most_mm = np.minimum(SHIFTED_MM, OF_DISTANCE * np.linalg.norm(middle, axis=1))
+    there = middle + most_mm[:, None] * rng.standard_normal(middle.shape).clip(-2, 2)
+    rotation = exp_rotation(turn) @ cam_from_target[:, :3, :3] @ sides
+    return make_pose(rotation, there - rotation @ shape.center_mm)
+
+
+def _photographed(
+    camera: Camera, points: KnownPoints, shape: TargetShape, held: Habits, poses: Array, noise_px: float,
+    rng: np.random.Generator,
+) -> Observations:  # fmt: skip
+    """What is found in the photos."""
+    still = replace(held, face_share=min(held.face_share, STILL_READ))
+    shown = shown_in(camera, shape, still, poses, np.arange(len(shape.face)))
+    is_read = shown.is_read & (shown.is_read.sum(axis=1, keepdims=True) >= held.rings)
+    view, row = np.nonzero(is_read)
+    point = np.flatnonzero(points.face >= 0)[row]
+    sigma_px = noise_px / np.sqrt(shown.weight[view, row])
+    pixel = shown.pixel[view, row] + sigma_px[:, None] * rng.standard_normal((len(view), 2))
+    names = tuple(map(str, range(1, len(poses) + 1)))
+    covariance = sigma_px[:, None, None] ** 2 * np.eye(2)
+    seen = Observations(camera.image_size, names, view, point, pixel, covariance, points)
+    return keep_views(seen, is_read.any(axis=1))
+
+
+TRIES = 5
+ROUNDS = 5
+"""Of planning for less noise, where photos that were tried did not reach the goal."""
+TIGHTER, SPARE = 0.5, 0.97
+
+
+@dataclass(frozen=True, eq=False)
+class PlanWish:
+    """What is asked for."""
+
+    before: Calibration  # of `calib.judge.planned_views.calibration_before`
+    shape: TargetShape
+    held: Habits
+    goal_px: float  # what 95 % of the image is to stay within, 1 sigma
+    goal_covered: float  # of the image, 0 to 1
+    most: int  # photos
+    made: Made | None  # how the target was; None: nobody knows
+    at: Array | None = None  # (C, 4, 4) the only poses that the target can have; None: any
+    is_held_exactly: bool = False  # by a robot or a turntable
+
+
+@one_thread
+def plan_that_holds(wish: PlanWish) -> tuple[PlannedViews, tuple[TriedPlan, ...]] | None:
+    """The shortest of a few plans that reach the goal each time they are tried; the last one if none does.
+
+    Plans are made for goals between one that was too easy and one that was hard enough. None: the target is read in no
+    pose that it can have.
+    """
+    goal_px, passed_px, failed_px = wish.goal_px, 0.0, 0.0
+    for _ in range(ROUNDS):
+        found = planned_views(
+            wish.before, wish.held, goal_px=goal_px, goal_covered=wish.goal_covered, most=wish.most, at=wish.at
+        )
+        if found is None or not found.views:
+            return None
+        before, poses = wish.before, np.stack([one.cam_from_target for one in found.views])
+        tried = tuple(
+            tried_plan(
+                before.camera, before.observations.points, wish.shape, wish.held, poses, before.scale, wish.made,
+                np.random.default_rng(number), is_held_exactly=wish.is_held_exactly,
+            )
+            for number in range(TRIES)
+        )  # fmt: skip
+        if max(one.stated_px for one in tried) <= wish.goal_px:
+            best, passed_px = (found, tried), goal_px
+            if not failed_px:
+                break
+        else:
+            failed_px = goal_px
+            if not passed_px:
+                best = found, tried
+                if not found.is_accurate:
+                    break
+        if passed_px:
+            goal_px = math.sqrt(passed_px * failed_px)
+            continue
+        # By the noise alone, what leaves as much for the target's making as it took.
+        by_target_px = max(one.by_target_px for one in tried)
+        room_px = math.sqrt(max(wish.goal_px**2 - by_target_px**2, 0.0))
+        tighter = max(TIGHTER, SPARE * room_px / max(one.by_noise_px for one in tried))
+        goal_px = tighter * min(goal_px, found.views[-1].sigma_px_after)
+    return best

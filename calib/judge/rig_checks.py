@@ -1,15 +1,15 @@
 """Each check of a rig: what was measured against its limits, and what that means in one sentence."""
 
 import math
-from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from calib.judge.checks import circle_words
-from calib.judge.verdict import Check, CheckKind, Criteria, Found, Grade, at_least, at_most, measured_text, px
+from calib.judge.camera_checks import circle_words
+from calib.judge.halves import NoHalves
+from calib.judge.verdict import Criteria, Found, at_least, at_most, measured_text, px
 from designer.base.words import figure, printable
 
 if TYPE_CHECKING:
-    from calib.judge.rig_evidence import RigEvidence
+    from calib.judge.rig_judge import RigEvidence
 
 NOISY = 2.0
 """Residuals of a camera this many times the noise that is stated for it are said to be something else."""
@@ -20,23 +20,12 @@ OF_ROBOTS = 2.0
 NOT_KNOWN = "the covariance of the cameras' poses is not known"
 
 
-def _solution(evidence: "RigEvidence", _: Criteria) -> Found | None:
-    if evidence.status == "converged":
-        return None
-    fault = {"degenerate": "the frames do not determine the rig", "stopped": "the solution is not at its end"}
-    reason = f": {evidence.status_reason}" if evidence.status_reason else ""
-    return Found("bad", None, f"{fault.get(evidence.status, '')}{reason}")
-
-
-def _frames(evidence: "RigEvidence", criteria: Criteria) -> Found:
+def frames(evidence: "RigEvidence", criteria: Criteria) -> Found:
     """The weakest link of the best chain between cameras; of a single camera, its frames."""
     limits = criteria["frames"]
     if not evidence.ties:
-        return Found(
-            at_least(evidence.frames, limits),
-            float(evidence.frames),
-            f"the target was seen in {evidence.frames} frames",
-        )
+        words = f"the target was seen in {evidence.frames} frames"
+        return Found(at_least(evidence.frames, limits), float(evidence.frames), words)
     weakest = min(evidence.ties, key=lambda tie: tie.joining_frames)
     count, name = weakest.joining_frames, printable(evidence.names[weakest.camera])
     sentence = f"each camera shares {count} frames or more with another"
@@ -45,7 +34,7 @@ def _frames(evidence: "RigEvidence", criteria: Criteria) -> Found:
     return Found(at_least(count, limits), float(count), sentence)
 
 
-def _lenses(evidence: "RigEvidence", _: Criteria) -> Found | None:
+def lenses(evidence: "RigEvidence", _: Criteria) -> Found | None:
     """Lenses that were given and kept: residuals of a rig hardly show what they are off by, its places do."""
     kept = [printable(name) for name, one in zip(evidence.names, evidence.coverages, strict=True) if one is None]
     if not kept:
@@ -54,7 +43,7 @@ def _lenses(evidence: "RigEvidence", _: Criteria) -> Found | None:
     return Found("usable", None, f"the lens of {whose} is kept as it was given; what it is off by is in no number here")
 
 
-def _coverage(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+def coverage(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     """Of cameras whose lenses were solved here; a lens that was given was learned elsewhere.
 
     It makes no rig unusable: where the cameras look at together they saw the target, and `space` judges that.
@@ -77,11 +66,10 @@ def _coverage(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     return Found("good" if percent >= limits.good else "usable", percent, sentence, usable=0.0)
 
 
-def _halves(evidence: "RigEvidence", criteria: Criteria) -> Found:
-    from calib.rigs.halves import NoRigHalves
-
+def halves(evidence: "RigEvidence", criteria: Criteria) -> Found:
+    """Whether stated deviations hold, and nothing moved; a camera on a robot is judged by where the target is then."""
     found, limits = evidence.halves, criteria["halves"]
-    if isinstance(found, NoRigHalves):
+    if isinstance(found, NoHalves):
         return Found("unknown", None, found.reason)
     by_turns, in_order = (figure(found.ratio_of(kind), 2) for kind in ("by turns", "in order"))
     sentence = f"rigs solved from alike halves of the frames differ by {by_turns} standard deviations"
@@ -105,7 +93,7 @@ def _is_in_mm(evidence: "RigEvidence") -> bool:
     return evidence.carried is not None and math.isfinite(evidence.carried.sigma_mm)
 
 
-def _residuals(evidence: "RigEvidence", criteria: Criteria) -> Found:
+def residuals(evidence: "RigEvidence", criteria: Criteria) -> Found:
     """Of the worst camera. Those of one on a robot spoil it later: what they do at the target `space` tells in mm."""
     limits = criteria["residuals"]
     worst = max(evidence.cameras, key=lambda one: one.rms_px if math.isfinite(one.rms_px) else math.inf)
@@ -123,7 +111,7 @@ def _residuals(evidence: "RigEvidence", criteria: Criteria) -> Found:
     return Found(grade, worst.rms_px, sentence)
 
 
-def _outliers(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+def outliers(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     """Sightings that were left out, of the camera that has most of them."""
     shares = [(one.left_out / max(one.sightings + one.left_out, 1), one.name) for one in evidence.cameras]
     share, name = max(shares)
@@ -135,7 +123,8 @@ def _outliers(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     return Found(at_most(100 * share, criteria["outliers"]), 100 * share, sentence)
 
 
-def _delays(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+def delays(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+    """What the least known delay moves the sightings of its camera by."""
     if not evidence.delay_px:
         return None
     known = [
@@ -148,7 +137,7 @@ def _delays(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     return Found(at_most(value, criteria["delays"]), value, sentence)
 
 
-def _baselines(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+def baselines(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     """The pair whose distance is known worst, in relation to itself."""
     if not evidence.pairs:
         return None
@@ -163,7 +152,7 @@ def _baselines(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     return Found(at_most(100 * share, criteria["baselines"]), 100 * share, sentence)
 
 
-def _carrier(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+def carrier(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     """How far the carrier's own turns are off those that photos show: what is not a robot's, or table's, to be."""
     carrier = evidence.carrier
     if carrier is None or not math.isfinite(carrier.sigma_rad):
@@ -179,42 +168,34 @@ def _carrier(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     return Found(grade, degrees, sentence)
 
 
-def _carried(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
-    """What the lens and the pose of one camera on its carrier do to what it sees there, as a share of its distance."""
-    found = evidence.carried
-    if found is None:
-        return None
-    if not math.isfinite(found.sigma_mm):
-        return Found("unknown", None, NOT_KNOWN)
-    share = 100 * found.sigma_mm / found.away_mm
-    sentence = (
-        f"the target, seen from {figure(found.away_mm, 3)} mm away through this lens, is placed to "
-        f"{figure(found.sigma_mm, 2)} mm (1 sigma) in the frame of what holds the camera"
-    )
-    return Found(at_most(share, criteria["space"]), share, sentence)
-
-
-def _space(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
-    """A point in the middle, as a share of how far away it is."""
-    found = evidence.middle
-    if evidence.carried is not None:
-        return _carried(evidence, criteria)
-    if found is None:
-        if len(evidence.cameras) < 2:
-            return None
-        if not all(math.isfinite(pair.relative.baseline_sigma_mm) for pair in evidence.pairs):
+def space(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+    """A point in the middle, or what one camera on its carrier sees there, as a share of how far away it is."""
+    found, carried = evidence.middle, evidence.carried
+    if carried is not None:
+        if not math.isfinite(carried.sigma_mm):
             return Found("unknown", None, NOT_KNOWN)
+        share = 100 * carried.sigma_mm / carried.away_mm
+        sentence = (
+            f"the target, seen from {figure(carried.away_mm, 3)} mm away through this lens, is placed to "
+            f"{figure(carried.sigma_mm, 2)} mm (1 sigma) in the frame of what holds the camera"
+        )
+    elif found is not None:
+        share = 100 * found.sigma_mm / found.away_mm
+        sentence = (
+            f"a point in the middle of where the target was, {figure(found.away_mm, 3)} mm from the nearest camera, is "
+            f"placed in the rig's frame to {figure(found.sigma_mm, 2)} mm (1 sigma): {figure(found.noise_mm, 2)} mm by "
+            f"the noise of one sighting a camera, {figure(found.rig_mm, 2)} mm by the rig"
+        )
+    elif len(evidence.cameras) < 2:
+        return None
+    elif not all(math.isfinite(pair.relative.baseline_sigma_mm) for pair in evidence.pairs):
+        return Found("unknown", None, NOT_KNOWN)
+    else:
         return Found("unknown", None, "no two cameras see the middle of where the target was")
-    share = 100 * found.sigma_mm / found.away_mm
-    sentence = (
-        f"a point in the middle of where the target was, {figure(found.away_mm, 3)} mm from the nearest camera, is "
-        f"placed in the rig's frame to {figure(found.sigma_mm, 2)} mm (1 sigma): {figure(found.noise_mm, 2)} mm by the "
-        f"noise of one sighting a camera, {figure(found.rig_mm, 2)} mm by the rig"
-    )
     return Found(at_most(share, criteria["space"]), share, sentence)
 
 
-def _points(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+def points(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     """Points that nobody said are corners or centres of circles, where that matters."""
     found = evidence.by_circles
     if found is None or found.sigma_mm <= found.noise_mm:
@@ -224,62 +205,15 @@ def _points(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     return Found("unknown" if found.doubt.told_mm is None else at_most(share, criteria["space"]), None, sentence)
 
 
-RIG_CHECKS: "Mapping[str, CheckKind[RigEvidence]]" = {
-    kind.name: kind
-    for kind in (
-        CheckKind("solution", "Solution", "", _solution),
-        CheckKind("frames", "Frames that join the cameras", "frames", _frames, is_at_least=True, is_needed=True),
-        CheckKind("points", "What the points are", "", _points),
-        CheckKind("lenses", "Lenses that were kept", "", _lenses),
-        CheckKind("coverage", "Sensor coverage", "%", _coverage, most=100.0, is_at_least=True),
-        CheckKind("halves", "Cross-validation by halves", "sigma", _halves, is_needed=True),
-        CheckKind("residuals", "Residuals", "px", _residuals, is_needed=True),
-        CheckKind("outliers", "Outliers", "%", _outliers, most=100.0),
-        CheckKind("delays", "Delays", "px", _delays),
-        CheckKind("carrier", "Errors of what carries", "deg", _carrier, most=180.0),
-        CheckKind("baselines", "Distances of the cameras", "%", _baselines, most=100.0),
-        CheckKind("space", "Error in space", "%", _space, most=100.0),
-    )
-}
-"""All checks in the order of reading. Their limits are in `templates/criteria`, beside those of cameras."""
-FIRST = (
-    "carrier",
-    "solution",
-    "points",
-    "residuals",
-    "outliers",
-    "halves",
-    "frames",
-    "delays",
-    "baselines",
-    "space",
-    "lenses",
-    "coverage",
-)
-"""Of checks that are beyond their limits alike, the one that is named first: what spoils the data comes before what a
-few more frames mend."""
-
-
-def rig_checks(evidence: "RigEvidence", criteria: Criteria) -> tuple[Check, ...]:
-    """All checks that have something to say, in the order of reading."""
-    return tuple(check for kind in RIG_CHECKS.values() if (check := kind.check(evidence, criteria)) is not None)
-
-
-def rig_faults(checks: Sequence[Check], grade: Grade) -> tuple[Check, ...]:
-    """The checks of a grade, the one that is farthest beyond its limit first; coverage last, which no rig fails by.
-
-    A carrier that is lost is told before all: what it spoils may be beyond every limit.
-    """
-    order = list(dict.fromkeys((*FIRST, *RIG_CHECKS)))
-    faults = (check for check in checks if check.grade == grade)
-    return tuple(
-        sorted(
-            faults,
-            key=lambda check: (
-                check.name == "coverage",
-                check.name != "carrier" or grade != "bad",
-                -check.times_beyond,
-                order.index(check.name),
-            ),
-        )
-    )
+def why_good(evidence: "RigEvidence") -> str:
+    """The main reason of a rig that is good."""
+    parts = []
+    if evidence.pairs:
+        worst = max(pair.relative.baseline_sigma_mm for pair in evidence.pairs)
+        parts.append(f"the distances of the cameras are known to {figure(worst, 2)} mm or better")
+    if evidence.middle is not None:
+        parts.append(f"a point in the middle to {figure(evidence.middle.sigma_mm, 2)} mm")
+    if evidence.carried is not None:
+        parts.append(f"the target is placed to {figure(evidence.carried.sigma_mm, 2)} mm")
+    parts.append("halves of the frames agree")
+    return f"{', '.join(parts[:-1])}{',' if len(parts) > 2 else ''} and {parts[-1]}" if parts[1:] else parts[0]

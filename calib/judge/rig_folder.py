@@ -23,11 +23,18 @@ from calib.cameras.rig import LONGEST_DELAY_S, MOST_CAMERAS, POSE, RIG
 from calib.core.se3 import rigid_fault
 from calib.core.types import KnownPoints, RigObservations
 from calib.judge.judged_run import kept_target, within
-from calib.judge.rig_evidence import RigEvidence, rig_evidence
-from calib.judge.rig_judge import NOT_COMPARED, RIG_VERDICT, RIG_VERDICT_FILE, JudgedRig, judge_rig
+from calib.judge.rig_halves import enlarged
+from calib.judge.rig_judge import (
+    NOT_COMPARED,
+    RIG_VERDICT,
+    RIG_VERDICT_FILE,
+    JudgedRig,
+    RigEvidence,
+    judge_rig,
+    rig_evidence,
+)
 from calib.judge.verdict import Criteria, Verdict
 from calib.observe.calibration_file import CALIBRATION_FILE, Provenance, calibration_files, read_calibration
-from calib.rigs.halves import enlarged
 from calib.rigs.result import CarrierFit, RigCalibration, camera_alone
 from calib.solver.calibration import Calibration, CircleDoubt, Status
 from designer.base.arrays import Array, Rows
@@ -310,6 +317,11 @@ class RigRun:
     def verdict(self) -> Verdict | None:
         """On the rig."""
         return None if self.judged is None else self.judged.verdict
+
+    @cached_property
+    def stated(self) -> RigCalibration:
+        """With deviations as they are told: enlarged as halves of the frames tell."""
+        return enlarged(self.found, self.evidence.halves)
 
     @cached_property
     def evidence(self) -> RigEvidence:

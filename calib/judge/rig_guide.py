@@ -1,27 +1,120 @@
-"""Guidance while several cameras see one target: a guide for each of them, and one for how they stand together."""
+"""Guidance while several cameras see one target: of each of them, and how well they are known against each other."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from os import PathLike
+from pathlib import PurePath
+from typing import Literal
 
 import numpy as np
 
+from calib.cameras.rig import Rig
+from calib.core.parallel import one_thread_with_scipy
 from calib.core.se3 import compose
 from calib.core.types import Detections
-from calib.judge.criteria import STANDARD, read_rig_criteria
+from calib.judge.checks import STANDARD
+from calib.judge.guidance import ALL, Bar, CameraGuidance, FrameNote, Ghost, Guidance, Look, Stage, TakenPhoto
+from calib.judge.guidance_words import bar_of, ghost_at
 from calib.judge.guide import Guide
-from calib.judge.guide_held import are_near, ghost_lines, held_at
-from calib.judge.guide_told import ALL, Bar, CameraGuidance, FrameNote, Ghost, Guidance, Look, Stage, TakenPhoto
-from calib.judge.looking import LookedFor, look_at_frame
-from calib.judge.rig_next_frames import NextFrame
-from calib.judge.rig_standing import RigStanding, join_bars, moment_of, rig_standing_of, shared_moments
-from calib.judge.telling import ghost_at
-from calib.observe.rig_observations import require_names
+from calib.judge.live_frame import LookedFor, look_at_frame
+from calib.judge.next_frames import NextFrame
+from calib.judge.rig_halves import enlarged, half_solver, rig_halves
+from calib.judge.rig_judge import JudgedRig, judge_rig
+from calib.judge.target_hints import are_near, ghost_lines, held_at
+from calib.judge.verdict import Grade, Limits, at_most, measured_text
+from calib.observe.rig_observations import RigSightings, require_names, rig_observations
+from calib.rigs.problem import CameraChoice, RigOptions
+from calib.rigs.relative import relative
+from calib.rigs.result import RigCalibration
+from calib.rigs.solve import solve_rig
+from calib.rigs.target_error import with_target_error
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import figure, shown
 from designer.target import TargetGeometry, load_target
+
+MOST_PAIRS = 8
+"""That are listed, of a rig with many cameras those that are known worst."""
+ALWAYS = ("frames", "halves", "space")
+"""Checks of a rig that have a bar besides those of its pairs."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigStanding:
+    """A rig that is solved, and what is to be said of it."""
+
+    calibration: RigCalibration
+    judged: JudgedRig
+
+
+def moment_of(image: str) -> str:
+    """What a photo's moment is called: photos of one moment are named alike."""
+    return PurePath(image).stem
+
+
+@one_thread_with_scipy
+def rig_standing_of(guides: Mapping[str, Guide]) -> RigStanding | None:
+    """Solve and judge the rig of cameras that are each known whole; None as long as they do not make one."""
+    cameras, choices = [], []
+    for name, guide in guides.items():
+        seen, known = guide.observations, guide.calibration
+        if seen is None or known is None or guide.verdict is None:
+            return None
+        cameras.append(RigSightings(name, seen, {view: moment_of(view) for view in seen.view_names}))
+        choices.append(CameraChoice(known.camera.model, known.camera))
+    moments = sorted({moment for one in cameras for moment in one.frame.values()})
+    try:
+        observations, options = rig_observations(cameras, moments), RigOptions()
+        solved = solve_rig(observations, choices, options)
+    except InputError:  # no frames tie some of them to the others yet
+        return None
+    settings = next(iter(guides.values())).settings
+    found = with_target_error(solved, settings.made)
+    halves = rig_halves(found, half_solver(found, choices, options))
+    return RigStanding(found, judge_rig(found, halves, settings.criteria))
+
+
+def shared_moments(guides: Mapping[str, Guide]) -> Mapping[tuple[str, str], int]:
+    """In how many moments each two cameras see the target."""
+    moments = {
+        name: set() if one.observations is None else {moment_of(view) for view in one.observations.view_names}
+        for name, one in guides.items()
+    }
+    return {(a, b): len(moments[a] & moments[b]) for a, b in combinations(guides, 2)}
+
+
+def join_bars(guides: Mapping[str, Guide], standing: RigStanding | None) -> tuple[Bar, ...]:
+    """How well the cameras of each pair are known against each other, and what else the rig's verdict asks."""
+    if standing is None:
+        seen = sorted(shared_moments(guides).items(), key=lambda one: one[1])[:MOST_PAIRS]
+        return tuple(_bar(pair, f"seen together {count} time{'s' * (count != 1)}", 0.0) for pair, count in seen)
+    rig = enlarged(standing.calibration, standing.judged.compared).rig
+    pairs = [
+        _pair_bar(rig, *pair, standing.judged.criteria["baselines"]) for pair in combinations(range(len(rig.names)), 2)
+    ]
+    checks = [one for one in standing.judged.verdict.checks if one.name in ALWAYS or one.grade != "good"]
+    worst = sorted(pairs, key=lambda bar: bar.share)[:MOST_PAIRS]
+    return (*worst, *(bar_of(one) for one in checks if one.name != "baselines"))
+
+
+def _pair_bar(rig: Rig, a: int, b: int, limit: Limits) -> Bar:
+    """The distance of two cameras."""
+    pair, names = relative(rig, a, b), (rig.names[a], rig.names[b])
+    percent = 100 * pair.baseline_sigma_mm / max(pair.baseline_mm, 1e-9)
+    if not math.isfinite(percent):
+        return _bar(names, "not to be told yet", 0.0)
+    measured = measured_text(percent, "%", (limit.good, limit.usable))
+    known = f"{figure(pair.baseline_sigma_mm, 2)} mm of {figure(pair.baseline_mm, 3)} mm"
+    share = min(limit.good / percent, 1.0) if percent > 0 else 1.0
+    return _bar(names, f"{known}, {measured} %, {limit.good:g} % wanted", share, at_most(percent, limit))
+
+
+def _bar(names: tuple[str, str], text: str, share: float, grade: Grade | Literal["unknown"] = "unknown") -> Bar:
+    return Bar(f"pair {names[0]} {names[1]}", f"{names[0]} and {names[1]}", text, share, grade)
+
 
 TOGETHER = 2
 """So many cameras are to see the target at once for a photo that joins them."""
@@ -60,7 +153,6 @@ class RigGuide:
         geometry = target if isinstance(target, TargetGeometry) else load_target(target, "rings")
         one = Guide(geometry, criteria=criteria, model=model, made=made)
         self.guides = dict.fromkeys(names, one)
-        self._limits = read_rig_criteria(criteria)
         self._skipped: tuple[Array, ...] = ()  # `rig_from_target` (4, 4) that cannot be held
 
     @property
@@ -146,8 +238,10 @@ class RigGuide:
             replace(told.cameras[0], name=name, ghost_px=self._lines(name, told.cameras[0]))
             for name, told in parts.items()
         )
-        worst = (_worst_bar(name, told) for name, told in parts.items())
-        bars = (*worst, *join_bars(self.guides, self.standing, self._limits))
+        # Of a camera's bars, the one that says how far it is.
+        worst = ((name, min(told.bars, key=lambda bar: bar.share)) for name, told in parts.items())
+        own = (replace(bar, name=f"camera {name}", title=f"{name}: {bar.title}") for name, bar in worst)
+        bars = (*own, *join_bars(self.guides, self.standing))
         remarks = tuple(f"{name}: {remark}" for name, told in parts.items() for remark in told.remarks)
         return Guidance(self._stage, self._headline, bars, cameras, self._ghost, self._photos, remarks)
 
@@ -155,7 +249,8 @@ class RigGuide:
     def _stage(self) -> Stage:
         if self._worst is not None:
             return "first" if all(one.calibration is None for one in self.guides.values()) else "guiding"
-        if self.standing is not None and self.standing.is_good and all(one.is_good for one in self.guides.values()):
+        is_joined = self.standing is not None and self.standing.judged.verdict.grade == "good"
+        if is_joined and all(one.is_good for one in self.guides.values()):
             return "good"
         return "guiding" if self._frame is not None or self._untied is not None else "exhausted"
 
@@ -175,7 +270,7 @@ class RigGuide:
     @cached_property
     def standing(self) -> RigStanding | None:
         """The rig as far as it is known; None as long as a camera is not, or they are not joined."""
-        return rig_standing_of(self.guides, self._limits) if len(self.guides) > 1 else None
+        return rig_standing_of(self.guides) if len(self.guides) > 1 else None
 
     @cached_property
     def _worst(self) -> str | None:
@@ -212,7 +307,9 @@ class RigGuide:
         frame, standing = self._frame, self.standing
         if frame is None or standing is None or camera not in frame.cameras:
             return None
-        return compose(standing.cam_from_rig[camera], frame.rig_from_target)
+        found = standing.calibration
+        row = found.observations.camera_names.index(camera)
+        return compose(found.cam_from_rig[row], frame.rig_from_target)
 
     def _lines(self, name: str, told: CameraGuidance) -> tuple[Array, ...]:
         held, guide = self._held(name), self.guides[name]
@@ -240,12 +337,12 @@ class RigGuide:
     @cached_property
     def _joining(self) -> dict[str, LookedFor]:
         """What frames of each camera are compared with once only joins are wanted."""
-        shared = self._together
+        seen_in = [moment_of(photo.image) for one in self.guides.values() for photo in one.photos]
         looked = {}
         for name, guide in self.guides.items():
             held, seen = self._held(name), guide.observations
             names = () if seen is None else seen.view_names
-            rows = np.array([moment_of(view) in shared for view in names], dtype=np.bool_)
+            rows = np.array([seen_in.count(moment_of(view)) >= TOGETHER for view in names], dtype=np.bool_)
             wanted = None if held is None else held_at(guide.camera, guide.shape, held)
             last = guide.photos[-1] if guide.photos else None
             looked[name] = LookedFor(
@@ -254,35 +351,22 @@ class RigGuide:
         return looked
 
     @property
-    def _together(self) -> set[str]:
-        """Moments in which several cameras see the target."""
-        seen = [moment_of(photo.image) for one in self.guides.values() for photo in one.photos]
-        return {moment for moment in seen if seen.count(moment) >= TOGETHER}
-
-    @property
     def _photos(self) -> tuple[TakenPhoto, ...]:
-        of_moment: dict[str, list[tuple[str, TakenPhoto]]] = {moment: [] for moment in self.moments}
-        for name, guide in self.guides.items():
-            for photo in guide.told.photos:
-                of_moment[moment_of(photo.name)].append((name, photo))
-        return tuple(_together_told(photos) for photos in of_moment.values())
+        """The photos of each moment as one."""
+        photos = []
+        for moment in self.moments:
+            parts = [
+                (name, photo)
+                for name, guide in self.guides.items()
+                for photo in guide.told.photos
+                if moment_of(photo.name) == moment
+            ]
+            rings, is_counted = sum(one.rings for _, one in parts), any(one.is_counted for _, one in parts)
+            remark = "; ".join(f"{name}: {one.remark}" for name, one in parts if one.remark)
+            photos.append(replace(parts[0][1], rings=rings, is_counted=is_counted, remark=remark))
+        return tuple(photos)
 
     def _with(self, changed: dict[str, Guide]) -> "RigGuide":
         other = object.__new__(RigGuide)
-        other.guides = {**self.guides, **changed}
-        other._limits, other._skipped = self._limits, self._skipped
+        other.guides, other._skipped = {**self.guides, **changed}, self._skipped
         return other
-
-
-def _worst_bar(name: str, told: Guidance) -> Bar:
-    """Of a camera's bars, the one that says how far it is."""
-    worst = min(told.bars, key=lambda bar: bar.share)
-    return replace(worst, name=f"camera {name}", title=f"{name}: {worst.title}")
-
-
-def _together_told(photos: Sequence[tuple[str, TakenPhoto]]) -> TakenPhoto:
-    """The photos of a moment as one."""
-    remark = "; ".join(f"{name}: {photo.remark}" for name, photo in photos if photo.remark)
-    rings = sum(photo.rings for _, photo in photos)
-    is_counted = any(photo.is_counted for _, photo in photos)
-    return replace(photos[0][1], rings=rings, is_counted=is_counted, remark=remark)

@@ -1,27 +1,208 @@
-"""A rig from what its cameras saw: each lens chosen, all solved together, and judged."""
+"""A rig from what its cameras saw: how each lens is to be solved, all solved together, and judged."""
 
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from calib.core.types import RigObservations
+from calib.cameras import COMMON, MODELS, free_form_models, learned_models, parameter_names, told_parameters
+from calib.cameras.camera import Camera
+from calib.core.types import Observations, RigObservations
 from calib.judge.rig_folder import RigRun
+from calib.judge.rig_halves import RigHalves, half_solver, rig_halves
 from calib.judge.rig_judge import judge_rig
-from calib.judge.rig_lenses import CameraWishes, choices_of
+from calib.judge.solutions import SolveTask, best_of, compared, solve_models
 from calib.judge.verdict import Criteria
 from calib.observe.calibration_file import Provenance
 from calib.observe.rig_observations import with_remarks
 from calib.observe.rig_search import RigSearch
 from calib.rigs.accuracy import with_circle_doubt
 from calib.rigs.bent import with_bend_error
-from calib.rigs.halves import RigHalves, half_solver, rig_halves
-from calib.rigs.problem import RigOptions
+from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.shared_errors import with_shared_errors
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error
+from calib.solver.plan import ALL, SolvePlan, models_of, plan_from_words
 from calib.solver.plane_bend import PlaneBend
+from calib.solver.problem import SolveOptions
 from designer.base.answer import program
+from designer.base.errors import InputError
+from designer.base.words import several, shown, suggestion
 from designer.page.progress import Progress
 from designer.target import TargetGeometry
 from designer.tolerance.made import Made, how_made
+
+OF_ONE = ":"
+"""Between a camera's name and what is asked of it alone, as in `left:k3=0`."""
+
+
+@dataclass(frozen=True, eq=False)
+class CameraWishes:
+    """What a person asked for of the cameras."""
+
+    model: str | Mapping[str, str]  # of all cameras, or of each by its name; `all` chooses
+    given: Mapping[str, Camera]  # from earlier runs
+    refined: bool | Collection[str]  # which of the given ones are solved on
+    fix: tuple[str, ...]
+    options: SolveOptions  # what holds for all cameras
+
+    def plan_of(self, name: str) -> SolvePlan:
+        """How a camera is to be solved on its own.
+
+        Raises:
+            InputError: a model or a parameter that there is not.
+        """
+        model = self.given[name].model if name in self.given else self._model_of(name)
+        known = {one.name for part in models_of(model) if part in MODELS for one in told_parameters(part)}
+        fix = [
+            text for owner, text in map(_split, self.fix) if owner == name or (not owner and _parameter(text) in known)
+        ]
+        one = self.options
+        return plan_from_words(
+            model, fix=fix, share=(), focal_px=None, loss=one.loss, reject=one.reject_sigma, weighted=one.weighted
+        )
+
+    def _model_of(self, name: str) -> str:
+        return self.model if isinstance(self.model, str) else self.model.get(name, ALL)
+
+    def is_refined(self, name: str) -> bool:
+        """Whether a camera's own parameters are unknowns."""
+        return name not in self.given or (self.refined if isinstance(self.refined, bool) else name in self.refined)
+
+
+def wishes_of(
+    model: str | Mapping[str, str], given: Mapping[str, Camera], refine: bool | Collection[str], fix: Sequence[str],
+    options: SolveOptions,
+) -> CameraWishes:  # fmt: skip
+    """What was asked for.
+
+    Raises:
+        InputError: a lens that no rig can have.
+    """
+    for name, camera in given.items():
+        if camera.learned is not None or camera.model in free_form_models():
+            raise InputError(
+                f"camera {shown(name)}: model {camera.model} is solved alone; give a camera of another model, such as "
+                f"{COMMON}"
+            )
+    refined = refine if isinstance(refine, bool) else tuple(map(str, several("--refine", refine)))
+    return CameraWishes(model, given, refined, tuple(map(str, several("--fix", fix))), options)
+
+
+def require_wishes(wishes: CameraWishes, names: Sequence[str]) -> None:
+    """Refuse what is asked of a camera that there is not, and parameters that none has.
+
+    Raises:
+        InputError: the message has the name.
+    """
+    refined = () if isinstance(wishes.refined, bool) else wishes.refined
+    models = () if isinstance(wishes.model, str) else tuple(wishes.model)
+    owners = [owner for owner, _ in map(_split, wishes.fix) if owner]
+    for option, asked in (("--camera", wishes.given), ("--refine", refined), ("--model", models), ("--fix", owners)):
+        for name in asked:
+            if name not in names:
+                hint = suggestion(name, list(names)) or f"; there are {', '.join(map(shown, names))}"
+                raise InputError(f"{option} {shown(name)}: no such camera{hint}")
+    without = [name for name in refined if name not in wishes.given]
+    if without:
+        raise InputError(f"--refine {shown(without[0])}: is solved anyway, as no camera was given for it; leave it out")
+    named = set(names) if isinstance(wishes.model, str) and wishes.model != ALL else set(models)
+    told_twice = [name for name in wishes.given if name in named]
+    if told_twice and (models or len(wishes.given) == len(names)):
+        raise InputError(
+            f"--model: camera {shown(told_twice[0])} is of the model {wishes.given[told_twice[0]].model}, as its file "
+            "says; leave out --model or --camera"
+        )
+    plans = [wishes.plan_of(name) for name in names if wishes.is_refined(name)]
+    if wishes.fix and not plans:
+        raise InputError(f"--fix {shown(wishes.fix[0])}: all cameras are kept as they were given; --refine them too")
+    for plan in plans:
+        _together(plan)
+    used = {name for plan in plans for name, _ in plan.options.fixed}
+    for owner, text in map(_split, wishes.fix):
+        if not owner and _parameter(text) not in used:
+            model = next((plan.models[0] for plan in plans), COMMON)
+            plan_from_words(model, fix=[text], share=(), focal_px=None, loss="squares", reject=None, weighted=True)
+        if owner and not wishes.is_refined(owner):
+            raise InputError(
+                f"--fix {shown(text)}: camera {shown(owner)} is kept as it was given; --refine {owner} too"
+            )
+
+
+def _split(text: str) -> tuple[str, str]:
+    """The camera that a wish is of, "" for all, and the wish."""
+    owner, colon, rest = text.rpartition(OF_ONE)
+    return (owner.strip(), rest) if colon else ("", text)
+
+
+def _parameter(text: str) -> str:
+    return text.partition("=")[0].strip()
+
+
+def choices_of(
+    observations: RigObservations, wishes: CameraWishes, progress: Progress
+) -> tuple[tuple[CameraChoice, ...], tuple[str, ...]]:
+    """How each camera is to be solved, and remarks on what was chosen."""
+    choices, said = [], []
+    for number, (name, seen) in enumerate(zip(observations.camera_names, observations.sightings, strict=True)):
+        progress("choosing lenses", number, observations.camera_count)
+        choice, remark = _choice(name, seen, wishes)
+        choices.append(choice)
+        said += [f"{name}: {remark}"] if remark else []
+    return tuple(choices), tuple(said)
+
+
+def _choice(name: str, seen: Observations, wishes: CameraWishes) -> tuple[CameraChoice, str]:
+    """How one camera is to be solved, and a word on it."""
+    camera = wishes.given.get(name)
+    if camera is not None:
+        if camera.image_size != seen.image_size:
+            raise InputError(
+                f"camera {shown(name)}: what it saw is of {seen.image_size[0]} x {seen.image_size[1]} px, its camera "
+                f"file of {camera.image_size[0]} x {camera.image_size[1]} px; give the lens that took the photos"
+            )
+        if not wishes.is_refined(name):
+            said = "its lens is kept as it was given; what that is off by is in no sigma here"
+            return CameraChoice(camera.model, camera, is_refined=False), said
+        return _refined(camera, wishes.plan_of(name).options.fixed), ""
+    plan, suited = wishes.plan_of(name).suited(seen)
+    said = "; ".join(remark for remark in suited.remarks if remark not in seen.remarks)
+    model = _model_of(suited, plan)
+    return CameraChoice(model, fixed=plan.options_of(model).fixed), said
+
+
+def _refined(camera: Camera, fixed: tuple[tuple[str, float | None], ...]) -> CameraChoice:
+    """A given lens as the start, with the values at which parameters are to be kept."""
+    names, params = parameter_names(camera.model), camera.params.copy()
+    for name, value in fixed:
+        if value is not None:
+            params[names.index(name)] = value
+    return CameraChoice(camera.model, replace(camera, params=params), fixed=fixed)
+
+
+def _together(plan: SolvePlan) -> list[str]:
+    """The models of a plan that a rig can have.
+
+    Raises:
+        InputError: it has none.
+    """
+    together = [model for model in plan.models if model not in {*learned_models(), *free_form_models()}]
+    if not together:
+        raise InputError(f"--model {plan.models[0]}: is solved alone, not in a rig; give another, such as {COMMON}")
+    return together
+
+
+def _model_of(seen: Observations, plan: SolvePlan) -> str:
+    """The model of a camera: the one that other programs share, or of a wide lens what leaves least in photos held out.
+
+    Raises:
+        InputError: a model was asked for that is solved alone.
+    """
+    together = _together(plan)
+    if len(together) == 1 or COMMON in together:
+        return COMMON if COMMON in together else together[0]
+    solved = compared(
+        tuple(solve_models(SolveTask(seen, replace(plan, models=tuple(together), is_compared=False)))), plan
+    )
+    return best_of(solved).model if any(one.evaluation is not None for one in solved) else together[0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,8 @@ import numpy as np
 from calib.core.linear_algebra import worse_sigma
 from calib.core.parallel import one_thread
 from calib.core.types import KnownPoints
-from calib.judge.apart import in_sigmas, moved_over
 from calib.judge.coverage import Coverage
+from calib.judge.difference import in_sigmas, moved_over
 from calib.judge.views import in_plane
 from calib.solver.accuracy import SHARE_PERCENT
 from calib.solver.calibration import Calibration

@@ -1,12 +1,9 @@
-"""What a verdict is, and the limits it is given by.
-
-What a check is: what is measured against its limits, and what came of it in one sentence.
-"""
+"""What a verdict, its checks and the limits that it is given by are."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Generic, Literal, TypeVar
+from typing import Annotated, Literal
 
 from designer.base.marks import AtLeast, AtMost, Length, Line, Word
 from designer.base.words import figure
@@ -94,12 +91,8 @@ def measured_text(value: float, unit: str, limits: tuple[float, ...]) -> str:
     return next((text for text, sides in zip(texts, beside[1:], strict=True) if sides == beside[0]), texts[-1])
 
 
-Evidence = TypeVar("Evidence")
-
 LEAST_PX = 0.001
 """Nobody needs to know a camera better."""
-
-NO_LIMITS = Limits(0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -110,37 +103,6 @@ class Found:
     value: float | None  # in the check's unit; None: not known
     sentence: str  # what was found and what it means
     usable: float | None = None  # the limit that applies here, where it is not that of the criteria
-
-
-@dataclass(frozen=True)
-class CheckKind(Generic[Evidence]):
-    """Something that is checked of a camera or a rig: what it is called, and how it is judged by given limits."""
-
-    name: str  # a key of a criteria file
-    title: str
-    unit: str  # of the value and of its limits
-    judge: Callable[[Evidence, Criteria], Found | None]  # None: there is nothing to say
-    limits: Limits = NO_LIMITS  # where neither the criteria nor the template `standard` have some
-    most: float = 1000.0  # that a limit may be
-    is_at_least: bool = False  # the value must be at least the limits, not at most
-    is_needed: bool = False  # without it nothing is called good
-
-    @property
-    def has_limits(self) -> bool:
-        """Whether there is something to measure."""
-        return bool(self.unit)
-
-    def check(self, evidence: Evidence, criteria: Criteria) -> Check | None:
-        """What came of it for one camera or rig."""
-        found = self.judge(evidence, criteria)
-        if found is None:
-            return None
-        limits = criteria[self.name] if self.has_limits else self.limits
-        usable = limits.usable if found.usable is None else found.usable
-        return Check(
-            self.name, self.title, found.grade, found.value, self.unit, limits.good, usable, self.is_at_least,
-            found.sentence,
-        )  # fmt: skip
 
 
 def at_most(value: float, limits: Limits) -> Grade:

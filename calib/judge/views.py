@@ -37,6 +37,11 @@ class TargetShape:
     is_flat: bool
     pitch_mm: float  # usual distance between neighbours
 
+    @property
+    def level(self) -> Array:
+        """How a flat target that faces the camera is turned with its long side level.  # (3, 3)"""
+        return np.stack([self.axes[0], self.axes[1], -self.axes[2]])
+
 
 @dataclass(frozen=True)
 class Habits:

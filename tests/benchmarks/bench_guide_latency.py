@@ -14,8 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from calib.judge.guide import Guide
-from calib.judge.insight import insight_of
-from calib.judge.standing import proposal_of, standing_of
+from calib.judge.guide_state import insight_of, proposal_of, standing_of
 from designer.target import TargetGeometry
 from tests.support.guided_scenes import WEBCAM, board_target, found_at, held_by_person, ico_target
 from tests.support.verdict_cases import all_over

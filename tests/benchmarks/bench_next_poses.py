@@ -18,9 +18,9 @@ import numpy as np
 
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose, skew
 from calib.core.types import keep_frames
+from calib.judge.halves import NoHalves
 from calib.judge.next_robot_poses import next_robot_poses, poses_in_reach
 from calib.rigs.carrier import turned_by
-from calib.rigs.halves import NoRigHalves
 from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.relative import center_sigma_mm
 from calib.rigs.result import RigCalibration
@@ -94,7 +94,7 @@ def print_poses(draws: int) -> None:
         for kind, noise, is_free, draw in cases:
             one, rng = arm(draw, kind, noise), np.random.default_rng([3, draw])
             found = one.solved(one.base_from_flange, rng, is_free=is_free, is_given=is_given)
-            poses = next_robot_poses(found, NoRigHalves("not compared"))
+            poses = next_robot_poses(found, NoHalves("not compared"))
             reach = poses_in_reach(found)
             drawn = reach[rng.choice(len(reach), len(poses), replace=False)]
             proposed = np.stack([pose.base_from_flange for pose in poses])

@@ -22,8 +22,8 @@ from calib.core.se3 import exp_rotation, look_at
 from calib.core.types import Detections
 from calib.detector import pipeline
 from calib.detector.frame_quality import frame_quality
-from calib.judge.guide_told import Look
-from calib.judge.shutter import MOST_MOTION_PX, Shutter, notes_of
+from calib.judge.guidance import Look
+from calib.judge.live_frame import MOST_MOTION_PX, Shutter, notes_of
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import scene_from_target
 from designer.base.arrays import Array, Flags

@@ -31,8 +31,8 @@ import numpy as np  # noqa: E402
 
 from calib.cameras.camera import Camera  # noqa: E402
 from calib.cameras.refit import camera_difference  # noqa: E402
+from calib.judge.checks import read_criteria  # noqa: E402
 from calib.judge.coverage import coverage_of  # noqa: E402
-from calib.judge.criteria import read_criteria  # noqa: E402
 from calib.judge.halves import half_split  # noqa: E402
 from calib.judge.judge import Judged  # noqa: E402
 from calib.judge.verdict import Criteria, Grade, Limits  # noqa: E402

@@ -20,7 +20,7 @@ from calib.cameras.camera import Camera, camera_or_preset
 from calib.cameras.refit import image_grid
 from calib.core.linear_algebra import least_squares, worse_sigma
 from calib.core.types import KnownPoints
-from calib.judge.apart import in_sigmas
+from calib.judge.difference import in_sigmas
 from calib.observe.observations import known_points
 from calib.solver.accuracy import GRID, projected_covariance_px2
 from calib.solver.calibration import Calibration

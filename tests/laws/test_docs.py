@@ -23,8 +23,7 @@ from calib.cameras.camera import Camera
 from calib.cameras.formats import FORMATS
 from calib.cli import app as calib_app
 from calib.detector.pipeline import detect
-from calib.judge.checks import CHECKS
-from calib.judge.criteria import read_criteria
+from calib.judge.checks import CHECKS, read_criteria
 from calib.judge.halves import NoHalves
 from calib.judge.judged_run import read_run
 from designer.base.errors import InputError

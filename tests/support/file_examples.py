@@ -11,21 +11,21 @@ from calib.cameras.camera import Camera, CameraDocument, LearnedMap
 from calib.cameras.rig import Rig
 from calib.capture.photo_folder import SessionRecord
 from calib.core.types import FaceRecord
-from calib.judge.apart import Known
+from calib.judge.difference import Known
 from calib.judge.halves import Half
 from calib.judge.judge import Judged
+from calib.judge.next_frames import NextFrame
 from calib.judge.next_robot_poses import NextPose
 from calib.judge.next_views import NextView, NextViews
 from calib.judge.rig_folder import HeldCamera, RigRecord, SolvedFrame
+from calib.judge.rig_halves import PairApart, RigHalves, RigSplit
 from calib.judge.rig_judge import JudgedRig
-from calib.judge.rig_next_frames import NextFrame
 from calib.judge.verdict import Check, Criteria, Limits, Verdict
 from calib.observe.calibration_file import CalibrationRecord, Provenance, SolvedView
 from calib.observe.records import ImageRecord, Records
 from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
 from calib.renderer.options import RenderOptions
 from calib.renderer.truth import FileOptions, RigTruth, TrueFrame, TrueView, Truth
-from calib.rigs.halves import PairApart, RigHalves, RigSplit
 from calib.rigs.result import CarrierFit
 from calib.rigs.rig_poses_file import CameraResidual, FrameWithoutPose, RigPosesDocument, RigTargetPose
 from calib.solver.calibration import ImageField, MadeWith, TargetError

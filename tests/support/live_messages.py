@@ -8,7 +8,7 @@ import numpy as np
 from calib.cameras import project
 from calib.capture.messages import GuidanceMessage, LookMessage, SourceKind, SourceState, StateMessage
 from calib.core.se3 import transform
-from calib.judge.guide_told import Bar, CameraGuidance, Ghost, Guidance, Look, SensorMap, Stage, TakenPhoto
+from calib.judge.guidance import Bar, CameraGuidance, Ghost, Guidance, Look, SensorMap, Stage, TakenPhoto
 from designer.base.arrays import Array
 from designer.page.scene import scene_json
 from designer.target_scene import target_scene

@@ -8,7 +8,7 @@ import numpy as np
 from calib.core.se3 import exp_rotation, look_at, make_pose
 from calib.core.types import KnownPoints, Observations
 from calib.judge.candidate_views import tilt_rotation
-from calib.judge.criteria import read_criteria
+from calib.judge.checks import read_criteria
 from calib.judge.evidence import evidence_of
 from calib.judge.halves import HalfSplit, HalvesApart, half_split
 from calib.judge.judge import Judged, judged_by

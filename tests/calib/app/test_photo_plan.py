@@ -12,8 +12,7 @@ import calib
 from calib.cameras import project
 from calib.core.se3 import angles_between, exp_rotation, invert, make_pose, transform
 from calib.judge.hand_eye_file import HAND_EYE, HandEye
-from calib.judge.plan_tried import TriedPlan, held_by_hand
-from calib.judge.planned_views import calibration_before
+from calib.judge.planned_views import TriedPlan, calibration_before, held_by_hand
 from calib.judge.views import shape_of
 from calib.observe.observations import known_points
 from calib.observe.robot_poses import read_robot_poses

@@ -16,7 +16,7 @@ from calib.core.types import Detections
 from calib.detector.why_nothing import explained, why_nothing
 from calib.draw.run_photos import photo_rows
 from calib.draw.study_tables import fall_in_words
-from calib.judge.criteria import read_criteria
+from calib.judge.checks import read_criteria
 from calib.judge.judge import Judged
 from calib.judge.judged_run import read_run
 from calib.judge.verdict import Verdict

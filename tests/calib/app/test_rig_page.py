@@ -10,11 +10,12 @@ import pytest
 from calib.app.report import report
 from calib.app.rig_page import limits_of, rig_page
 from calib.draw.rig_pictures import WORST, pictured
-from calib.judge.criteria import read_rig_criteria
+from calib.judge.checks import read_criteria
+from calib.judge.halves import NoHalves
 from calib.judge.rig_folder import RigRun, read_rig_run, write_rig
+from calib.judge.rig_halves import RigHalves, RigSplit
 from calib.judge.rig_judge import JudgedRig, judge_rig
 from calib.observe.calibration_file import Provenance
-from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
 from calib.rigs.result import CarrierFit, RigCalibration
 from designer.base.errors import InputError
 from designer.page.blocks import Figure, Page, Steps, View3d
@@ -36,7 +37,7 @@ def found() -> RigCalibration:
 @cache
 def judged() -> JudgedRig:
     """The verdict on it."""
-    return judge_rig(found(), AGREE, read_rig_criteria())
+    return judge_rig(found(), AGREE, read_criteria())
 
 
 def page_of(one: RigCalibration, verdict: JudgedRig | None = None) -> Page:
@@ -140,7 +141,7 @@ def test_one_camera_on_a_robot_has_a_page(refined: bool) -> None:
         is_refined=(refined,), reference=-1, rig_frame="flange",
         carrier=CarrierFit("robot, camera in hand", np.eye(4), np.eye(6), 1e-3, 1.0, error, None, ("its height",)),
     )  # fmt: skip
-    page = page_of(alone, judge_rig(alone, NoRigHalves("too few"), read_rig_criteria()))
+    page = page_of(alone, judge_rig(alone, NoHalves("too few"), read_criteria()))
     assert "Distances and angles" not in titles(page)
     place = table_of(page, "Places in the frame of flange").rows[0]
     assert place[1].value == pytest.approx(alone.rig.center_mm[0, 0])
@@ -157,7 +158,7 @@ def test_what_is_not_determined_has_a_page() -> None:
         covariance=np.full_like(found().covariance, np.nan),
         frame_covariance=np.full_like(found().frame_covariance, np.nan),
     )  # fmt: skip
-    page = page_of(lost, judge_rig(lost, NoRigHalves("no"), read_rig_criteria()))
+    page = page_of(lost, judge_rig(lost, NoHalves("no"), read_criteria()))
     assert page.headline is not None
     assert "all rotations are about one axis" in page.headline.sentence
     view = next(block for block in blocks_of(page) if isinstance(block, View3d))

@@ -12,7 +12,7 @@ from PIL import Image
 from playwright.sync_api import Page
 
 from calib.capture.messages import FrameHeader, GuidanceMessage, LookMessage, NoticeMessage, TakenMessage
-from calib.judge.guide_told import FrameNote
+from calib.judge.guidance import FrameNote
 from tests.support import live_messages as told
 from tests.support.browser import complaints, new_page, overflow_px, started_browser, wait_for
 from tests.support.live_server import ScriptedServer, scripted_server

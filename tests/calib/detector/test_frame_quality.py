@@ -8,7 +8,7 @@ from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.detector import pipeline
 from calib.detector.frame_quality import FrameQuality, frame_quality
-from calib.judge.shutter import notes_of
+from calib.judge.live_frame import notes_of
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import scene_from_target
 from designer.base.arrays import Array

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from calib.judge.advice import advice_of
-from calib.judge.checks import px
+from calib.judge.checks import read_criteria
 from calib.judge.coverage import Region
-from calib.judge.criteria import read_criteria
 from calib.judge.evidence import CameraEvidence, evidence_of
 from calib.judge.halves import half_split
 from calib.judge.judge import judge
 from calib.judge.next_views import NextView, next_views
-from calib.judge.verdict import Criteria
+from calib.judge.verdict import Criteria, px
 from calib.judge.views import view_facts
 from calib.solver.calibration import Calibration
 from calib.solver.problem import SolveOptions

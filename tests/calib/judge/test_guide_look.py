@@ -8,12 +8,11 @@ import pytest
 
 from calib.core.se3 import exp_rotation, look_at
 from calib.core.types import Detections
+from calib.judge.guidance import FrameNote, Look
+from calib.judge.guidance_words import bars_of, headline_of
 from calib.judge.guide import Guide
-from calib.judge.guide_held import ghost_lines, held_at, turn_between
-from calib.judge.guide_told import FrameNote, Look
-from calib.judge.hints import hint_of, place_short
-from calib.judge.shutter import Shutter
-from calib.judge.telling import bars_of, headline_of
+from calib.judge.live_frame import Shutter
+from calib.judge.target_hints import ghost_lines, held_at, hint_of, place_short, turn_between
 from calib.judge.views import shape_of_points
 from calib.observe.observations import known_points
 from designer.base.arrays import Array

@@ -12,7 +12,7 @@ import calib
 from calib.core.se3 import exp_rotation
 from calib.core.types import Detections
 from calib.judge.guide import Guide
-from calib.judge.standing import FEWEST_PHOTOS
+from calib.judge.guide_state import FEWEST_PHOTOS
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.target import TargetGeometry

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.judge.criteria import read_criteria
+from calib.judge.checks import read_criteria
 from calib.judge.judge import VERDICT, VERDICT_FILE
 from designer.kinds.spec_file import read_spec_file
 from designer.page.page_file import PAGE
@@ -97,7 +97,9 @@ def test_the_limits_are_the_standard_ones_if_nobody_asks(folder: Path) -> None:
     for name, asked in (("out", ()), ("named", ("standard",)), ("other", ("metrology",))):
         calib(*SOLVE[:-1], name, "--no-page", *(word for one in asked for word in ("--criteria", one)))
     stored = {name: Path(name, "verdict.json").read_bytes() for name in ("out", "named", "other")}
-    assert VERDICT.read(Path("out") / VERDICT_FILE).criteria == read_criteria("standard")
+    kept = VERDICT.read(Path("out") / VERDICT_FILE).criteria
+    assert kept.name == "standard"
+    assert all(read_criteria("standard")[name] == limits for name, limits in kept.limits.items())
     assert stored["out"] == stored["named"] != stored["other"]
 
 

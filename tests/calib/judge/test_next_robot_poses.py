@@ -10,17 +10,17 @@ from calib.cameras.camera import Camera
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose
 from calib.core.types import KnownPoints, keep_frames
+from calib.judge.checks import read_criteria
 from calib.judge.coverage import lit_part, sigma_over_lit_px
-from calib.judge.criteria import read_criteria
-from calib.judge.halves import half_split
+from calib.judge.halves import NoHalves, half_split
 from calib.judge.judge import Judged
 from calib.judge.next_robot_poses import next_robot_poses
 from calib.judge.next_views import NextView, next_views
 from calib.judge.planned_views import FEWEST, PlannedViews, calibration_before, planned_views, usual_hold
+from calib.judge.rig_halves import RigHalves, RigSplit
 from calib.judge.views import shape_of
 from calib.observe.robot_poses import read_robot_poses, robot_poses_to_csv
 from calib.rigs.carried_information import expected_information, frame_information
-from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
 from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.relative import center_sigma_mm
 from calib.rigs.result import RigCalibration
@@ -34,7 +34,7 @@ from tests.support import rig_views, solver_scenes
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, observe, poses_around
 from tests.support.verdict_cases import judge_run
 
-ALONE = NoRigHalves("not compared")
+ALONE = NoHalves("not compared")
 HAND, TARGET = "robot, camera in hand", "robot, target in hand"
 NOISE = 1e-3, 0.1
 """Of the robot: rad, mm."""

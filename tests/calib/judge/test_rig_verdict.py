@@ -9,23 +9,22 @@ import numpy as np
 import pytest
 
 from calib.app.inputs import load_rig
+from calib.judge.checks import CHECKS, read_criteria
 from calib.judge.coverage import Coverage
-from calib.judge.criteria import read_criteria, read_rig_criteria
-from calib.judge.rig_checks import RIG_CHECKS
-from calib.judge.rig_evidence import RigEvidence, rig_evidence
+from calib.judge.halves import NoHalves
+from calib.judge.next_frames import next_frames
 from calib.judge.rig_folder import CAMERAS, RIG_CALIBRATION_FILE, RIG_FILE, folder_names, read_rig, write_rig
-from calib.judge.rig_judge import judge_rig, rig_verdict
-from calib.judge.rig_next_frames import next_frames
+from calib.judge.rig_halves import RigHalves, RigSplit
+from calib.judge.rig_judge import RigEvidence, judge_rig, rig_evidence, rig_verdict
 from calib.judge.verdict import Grade
 from calib.observe.calibration_file import Provenance, read_calibration
-from calib.rigs.halves import NoRigHalves, RigHalves, RigSplit
 from calib.rigs.relative import CarriedError, relative
 from calib.rigs.result import CarrierFit, RigCalibration
 from designer.base.errors import InputError
 from tests.support.file_examples import same
 from tests.support.rig_views import RigScene, ring, scene_of, solved_slowly, stereo_pair
 
-STANDARD = read_rig_criteria()
+STANDARD = read_criteria()
 AGREE = RigHalves((RigSplit("by turns", 1.0, 60, 1.0, ()), RigSplit("in order", 1.0, 60, 1.0, ())))
 
 
@@ -112,7 +111,7 @@ def test_a_lens_that_was_kept_makes_no_rig_good() -> None:
 
 def test_what_was_not_checked_is_not_called_good() -> None:
     """Without halves nothing tells whether the standard deviations hold: usable at best, and the reason leads."""
-    verdict = rig_verdict(evidence(halves=NoRigHalves("5 frames cannot be halved")), STANDARD)
+    verdict = rig_verdict(evidence(halves=NoHalves("5 frames cannot be halved")), STANDARD)
     assert verdict.grade == "usable"
     assert verdict.leads_with == "halves"
 
@@ -174,7 +173,7 @@ def test_a_rig_that_is_not_determined_is_not_used() -> None:
         covariance=np.full_like(found().covariance, np.nan),
         frame_covariance=np.full_like(found().frame_covariance, np.nan),
     )  # fmt: skip
-    judged = judge_rig(lost, NoRigHalves("the frames do not determine the rig"), STANDARD)
+    judged = judge_rig(lost, NoHalves("the frames do not determine the rig"), STANDARD)
     assert (judged.verdict.grade, judged.verdict.leads_with) == ("bad", "solution")
     assert "left and right move freely" in judged.verdict.sentence
     assert judged.next_frames == ()
@@ -197,15 +196,15 @@ def test_delays_are_judged_by_what_they_move() -> None:
 
 
 def test_one_file_holds_the_limits_of_cameras_and_rigs() -> None:
-    """Limits of checks that both have are the same; each reads its own of the rest."""
-    camera, rig = read_criteria(), STANDARD
-    assert rig["residuals"] == camera["residuals"]
-    assert set(rig.limits) == {name for name, kind in RIG_CHECKS.items() if kind.has_limits}
-    assert "uncertainty" in camera.limits
-    assert "baselines" not in camera.limits
+    """Limits of checks that both have are the same; of a verdict on a rig only those of rigs are kept."""
+    kept = judge_rig(found(), AGREE, STANDARD).criteria
+    assert set(kept.limits) == {name for name, kind in CHECKS.items() if kind.unit and kind.rig}
+    assert kept["residuals"] == STANDARD["residuals"]
+    assert "uncertainty" in STANDARD.limits
+    assert "uncertainty" not in kept.limits
 
 
-ALONE = NoRigHalves("not compared")
+ALONE = NoHalves("not compared")
 
 
 def with_frame(scene: RigScene, rig_from_target: np.ndarray) -> RigScene:

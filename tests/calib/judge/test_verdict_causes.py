@@ -11,9 +11,9 @@ import pytest
 from calib.cameras.camera import Camera, LearnedMap
 from calib.core.se3 import exp_rotation
 from calib.core.types import Observations
-from calib.judge.apart import Known, apart
+from calib.judge.checks import read_criteria
 from calib.judge.coverage import coverage_of
-from calib.judge.criteria import read_criteria
+from calib.judge.difference import Known, apart
 from calib.judge.halves import NoHalves
 from calib.judge.judge import Judged
 from calib.judge.reading import reading_of, turned, unit_doubt

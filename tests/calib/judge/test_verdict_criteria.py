@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calib.draw.run_tables import check_findings
+from calib.judge.checks import read_criteria
 from calib.judge.coverage import coverage_of
-from calib.judge.criteria import read_criteria
 from calib.judge.halves import Halves, halves_apart
 from calib.judge.judge import VERDICT, VERDICT_FILE, Judged
 from calib.judge.verdict import Check, Criteria, Limits

@@ -7,8 +7,8 @@ import pytest
 
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
-from calib.judge.apart import Known, apart, in_sigmas
 from calib.judge.coverage import Coverage, coverage_of
+from calib.judge.difference import Known, apart, in_sigmas
 from calib.judge.halves import Halves, NoHalves, half_split, halves_apart, splits
 from calib.solver.calibration import Calibration
 from tests.support.solver_scenes import observe, poses_around

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calib.core.types import Observations
-from calib.judge.criteria import read_criteria
+from calib.judge.checks import read_criteria
 from calib.judge.evidence import CameraEvidence, evidence_of, uncertainty_of
 from calib.judge.halves import NoHalves, half_split
 from calib.judge.judge import WORSE, judge

@@ -8,7 +8,8 @@ import pytest
 from calib.cameras import project
 from calib.core.se3 import transform
 from calib.core.types import Observations, RigObservations, keep_frames, keep_views
-from calib.rigs.halves import NoRigHalves, RigHalves, half_solver, rig_halves, ways_to_halve, without_outliers
+from calib.judge.halves import NoHalves
+from calib.judge.rig_halves import RigHalves, half_solver, rig_halves, ways_to_halve, without_outliers
 from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration
 from calib.rigs.shared_errors import with_shared_errors
@@ -23,7 +24,7 @@ from tests.support import rig_views
 from tests.support.rig_views import RigScene, solved_slowly, stereo_pair
 
 
-def solved(scene: RigScene) -> tuple[RigCalibration, RigHalves | NoRigHalves]:
+def solved(scene: RigScene) -> tuple[RigCalibration, RigHalves | NoHalves]:
     """A rig and its halves."""
     choices = [CameraChoice(one.model) for one in scene.cameras]
     found = solve_rig(scene.observations, choices)
@@ -97,9 +98,9 @@ def test_why_there_are_no_halves_is_said() -> None:
     """Few frames, and a rig that is not determined, have no halves."""
     few = solved_slowly(stereo_pair(frames=5), steps=0)
     solve = half_solver(few, [CameraChoice("opencv")] * 2, RigOptions())
-    assert rig_halves(few, solve) == NoRigHalves("5 frames cannot be halved; take 6 or more")
+    assert rig_halves(few, solve) == NoHalves("5 frames cannot be halved; take 6 or more")
     lost = rig_halves(replace(few, status="degenerate"), solve)
-    assert isinstance(lost, NoRigHalves)
+    assert isinstance(lost, NoHalves)
     assert "do not determine the rig" in lost.reason
 
 

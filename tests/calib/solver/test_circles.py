@@ -10,11 +10,10 @@ from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.se3 import transform
 from calib.core.types import KnownPoints, Observations, RigObservations
-from calib.judge.criteria import read_rig_criteria
-from calib.judge.rig_checks import rig_checks
-from calib.judge.rig_evidence import rig_evidence
+from calib.judge.checks import checks_of, read_criteria
+from calib.judge.halves import NoHalves
+from calib.judge.rig_judge import rig_evidence
 from calib.rigs.accuracy import with_circle_doubt as with_rig_circle_doubt
-from calib.rigs.halves import NoRigHalves
 from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
@@ -35,7 +34,7 @@ CAMERAS = {
     "fisheye": Camera("fisheye", np.array([600.0, 600, 805, 596, 0.03, -0.01, 0.002, 0.0]), SIZE),
 }
 DISTANCE_MM = {"fisheye": 130.0}
-STANDARD = read_rig_criteria("standard")
+STANDARD = read_criteria("standard")
 NOISE_PX, PITCH_MM = 0.04, 20.0
 RIM = 720
 
@@ -207,7 +206,7 @@ def test_a_rig_of_points_of_which_nobody_spoke_states_what_they_may_do(diameter_
         assert abs(error) < 3 * np.sqrt(found.stated_covariance[row, row])
     said = _pair(diameter_mm, 0.0, noise_px=0.03)
     assert with_rig_circle_doubt(said) is said
-    check = next((one for one in rig_checks(rig_evidence(found, NoRigHalves("not asked")), STANDARD)
+    check = next((one for one in checks_of(rig_evidence(found, NoHalves("not asked")), STANDARD)
                   if one.name == "points"), None)  # fmt: skip
     assert (check is not None) == bool(diameter_mm)
     assert check is None or ("--points says what they are" in check.sentence and "±" in check.sentence)

@@ -9,7 +9,7 @@ import pytest
 from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
 from calib.core.se3 import exp_rotation
-from calib.judge.criteria import read_criteria
+from calib.judge.checks import read_criteria
 from calib.judge.evidence import evidence_of
 from calib.judge.halves import half_split
 from calib.judge.next_views import next_views

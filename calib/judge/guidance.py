@@ -14,8 +14,8 @@ import numpy as np
 from calib.cameras import ABILITIES, COMMON, solved_models
 from calib.cameras.camera import Camera
 from calib.cameras.surface import surface_model
-from calib.core.types import KnownPoints, frozen_array
-from calib.judge.criteria import STANDARD, read_criteria
+from calib.core.types import KnownPoints, freeze
+from calib.judge.checks import STANDARD, read_criteria
 from calib.judge.verdict import Criteria, Grade
 from calib.judge.views import TargetShape, shape_of_points
 from calib.observe.observations import known_points
@@ -52,8 +52,8 @@ class SensorMap:
     wanted_px: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "sigma_px", frozen_array(self.sigma_px))
-        object.__setattr__(self, "is_covered", frozen_array(self.is_covered, np.bool_))
+        freeze(self, "sigma_px")
+        freeze(self, "is_covered", dtype=np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ class FrameNote:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What one frame shows, and whether it is worth taking; stillness is another matter (`calib.judge.shutter`)."""
+    """What one frame shows, and whether it is worth taking; stillness is another matter (`calib.judge.live_frame`)."""
 
     cam_from_target: Array | None  # (4, 4) by the camera as it is known; None: not to be told
     outline_px: tuple[Line, ...]  # (K, 2) around what was found

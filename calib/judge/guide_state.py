@@ -1,4 +1,4 @@
-"""What the photos so far tell of a camera: as many of its parameters as they determine, and how sure they are.
+"""What the photos so far tell of a camera, how good that is, and which view would make it better.
 
 Each solution starts from the photos alone, so that what was first believed of a camera does no harm later. Where the
 photos do not determine all of a model, a part of its parameters is solved with the others as of a camera without
@@ -17,17 +17,27 @@ from calib.cameras import WIDE, told_parameters
 from calib.core.parallel import one_thread
 from calib.core.types import LEAST_POINTS, Detections, Observations, keep_views
 from calib.judge.coverage import lit_part, sigma_over_lit_px
-from calib.judge.guide_told import GuideSettings
+from calib.judge.evidence import CameraEvidence, evidence_of, rms_px, uncertainty_of
+from calib.judge.greedy import LITTLE_GAIN
+from calib.judge.guidance import GuideSettings
+from calib.judge.halves import half_split
 from calib.judge.information import knowledge_of
+from calib.judge.judge import judge
+from calib.judge.next_views import NextView, next_views
+from calib.judge.target_hints import are_near
+from calib.judge.verdict import Verdict
+from calib.judge.views import TargetShape
 from calib.observe.observations import observations_from_detections
 from calib.solver.accuracy import NO_FIT, UNSURE_FOCAL
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
+from calib.solver.capture_error import with_capture_error
 from calib.solver.outliers import shift_of_photo
 from calib.solver.problem import SolveOptions, origin_poses, pack, tie_parameters
 from calib.solver.solve import solve
 from calib.solver.suited import lens_kind
 from calib.solver.target_error import LeftOpen, target_told
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 
 FOCAL_CENTRE = ("fx_px", "fy_px", "cx_px", "cy_px")
@@ -122,18 +132,15 @@ def _camera(seen: Observations, settings: GuideSettings) -> tuple[Calibration | 
     is_of_noise = found is not None and found.status == "converged" and found.weighted and found.scale < NOISY
     if settings.may_be_wide and not is_of_noise and lens_kind(seen).is_wide:
         found = _solved(seen, WIDE)
-    if found is None or not _fits(found):
+    if found is None or not (math.isfinite(found.scale) and found.scale > 0):
+        return None, None
+    if not rms_px(found) < NO_FIT * max(found.camera.image_size):  # points are not about where they were seen
         return None, None
     if found.status == "converged":
         return target_told(found, settings.made)
     basis = knowledge_of(found).basis
     focal = math.sqrt(float(basis[0] @ basis[0])) / float(found.camera.params[0])
     return (found if focal < UNSURE else None), None
-
-
-def _fits(found: Calibration) -> bool:
-    """Whether a solution shows the points about where they were seen, and states by how much it does not."""
-    return math.isfinite(found.scale) and found.scale > 0 and _rms_px(found) < NO_FIT * max(found.camera.image_size)
 
 
 def _solved(seen: Observations, model: str) -> Calibration | None:
@@ -145,8 +152,9 @@ def _solved(seen: Observations, model: str) -> Calibration | None:
             if found.status == "converged" and sigma_over_lit_px(lit_part(found), found.param_covariance) < rough_px:
                 if not options.fixed:
                     return found
-                if _is_usual(found):
-                    return _opened(found)
+                if _is_usual(found):  # that the rest is not known is told by a covariance that is not
+                    unknown = np.full_like(found.param_covariance, np.nan)
+                    return replace(found, status="degenerate", fixed=(), param_covariance=unknown)
     return None
 
 
@@ -165,12 +173,6 @@ def _is_usual(found: Calibration) -> bool:
     return max(off, default=0.0) < MOST_OF_LENS
 
 
-def _opened(found: Calibration) -> Calibration:
-    """A camera of which a part was solved: that the rest is not known is told by a covariance that is not."""
-    open_covariance = np.full_like(found.param_covariance, np.nan)
-    return replace(found, status="degenerate", fixed=(), param_covariance=open_covariance)
-
-
 def _fewer_and_fewer(model: str) -> Iterator[SolveOptions]:
     """All parameters; without the centre and with ever fewer of the lens; at last the focal length alone."""
     lens = tuple(parameter.name for parameter in told_parameters(model) if parameter.name not in FOCAL_CENTRE)
@@ -179,12 +181,6 @@ def _fewer_and_fewer(model: str) -> Iterator[SolveOptions]:
     for kept, centre in ((2, ()), (1, FOCAL_CENTRE[2:]), (0, FOCAL_CENTRE[2:])):
         if len(lens) >= kept:
             yield SolveOptions(fixed=tuple((name, None) for name in (*centre, *lens[kept:])), shared=square)
-
-
-def _rms_px(calibration: Calibration) -> float:
-    """Root mean square length of the residuals that count."""
-    square = (calibration.residual_px[~calibration.is_outlier] ** 2).sum(axis=1)
-    return math.sqrt(float(square.mean())) if len(square) else math.inf
 
 
 def odd_photo(found: Calibration) -> tuple[str, str] | None:
@@ -217,3 +213,125 @@ def _shifted(found: Calibration) -> tuple[str, str] | None:
         return None
     why = f"is shifted by about {np.hypot(shift.right_px, shift.down_px):.2g} px: another zoom, focus or stabiliser"
     return found.observations.view_names[shift.view], why
+
+
+ENOUGH_PHOTOS = 12
+"""With so many, checks that fail although the camera is known as well as wanted fail for another reason than chance."""
+FEWEST_PHOTOS = 6
+"""Halves of four photos agree by chance too often for their word to be taken: the true error of cameras that were good
+after so few was beyond twice the stated one in 2 of 9 (`bench_guidance`)."""
+LITTLE_BY_TARGET = 0.3
+"""Of the uncertainty: a smaller part by the target enlarges it by less than a twentieth."""
+LITTLE_OF_NOISE = 0.995
+"""A photo that leaves more than this of the deviation is not worth taking, where noise is most of it: several do."""
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What is to be said of a camera that the photos determine whole."""
+
+    calibration: Calibration
+    evidence: CameraEvidence
+    verdict: Verdict
+
+    @property
+    def is_good(self) -> bool:
+        """Whether nothing is left to be wished for but more photos."""
+        return self.verdict.grade == "good"
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether so few photos as there are may be trusted to be good."""
+        return self.is_good and self.calibration.observations.view_count >= FEWEST_PHOTOS
+
+
+@one_thread
+def standing_of(insight: Insight, settings: GuideSettings) -> Standing | None:
+    """The verdict on a camera; None as long as the photos do not determine all of it."""
+    found = insight.whole
+    if found is None:
+        return None
+    halves = half_split(found, SolveOptions())
+    standing = Standing(found, evidence := evidence_of([found], 0, halves), judge(evidence, settings.criteria))
+    if not standing.is_good:
+        return standing
+    # What is alike in all photos or fixed in the image takes as long as the rest, and may only make worse what is good.
+    found = with_capture_error(found)
+    known = uncertainty_of(found, evidence.coverage, evidence.uncertainty.factor)
+    evidence = replace(evidence, uncertainty=known)
+    return Standing(found, evidence, judge(evidence, settings.criteria))
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A view to take next."""
+
+    cam_from_target: Array  # (4, 4)
+    view: NextView | None  # what it gives; None: no camera is known
+    is_for_accuracy: bool = True  # the camera is better known by it; else a part of the image is shown first
+
+
+@one_thread
+def proposal_of(
+    calibration: Calibration,
+    standing: Standing | None,
+    settings: GuideSettings,
+    shape: TargetShape,
+    avoided: Sequence[Array],
+    opened: LeftOpen | None = None,
+) -> Proposal | None:
+    """The view that tells most of those that are not avoided; None if none tells anything.
+
+    Args:
+        calibration: what is known, whole or in part.
+        standing: of the whole; None: in part.
+        settings: what is asked.
+        shape: of the target.
+        avoided: poses of what cannot be done (4, 4).
+        opened: what is open of the target's shape; None: nothing.
+    """
+    if standing is not None and standing.is_enough:
+        return None
+    uncertain = None if standing is None else standing.evidence.uncertainty
+    # To follow what photos tell of the target's shape takes a while, and is worth it where that is a part of the error.
+    is_targets = uncertain is not None and uncertain.target_px > LITTLE_BY_TARGET * (uncertain.image_px or 0.0)
+    weighed = opened if is_targets else None
+
+    def is_avoided(poses: Array) -> Flags:
+        near = np.zeros(len(poses), dtype=np.bool_)
+        for pose in avoided:
+            near |= are_near(shape, pose, poses)
+        return near
+
+    for goal_px, goal_covered, little_gain in _goals(standing, settings, calibration.observations.view_count):
+        views = next_views(
+            calibration, most=1, goal_px=goal_px, goal_covered=goal_covered, opened=weighed, little_gain=little_gain,
+            factor=1.0 if uncertain is None else uncertain.factor, is_avoided=is_avoided if avoided else None,
+            shape=shape,
+        )  # fmt: skip
+        if views:
+            view = views[0]
+            tells = view.sigma_px_before > goal_px and view.sigma_px_after <= little_gain * view.sigma_px_before
+            return Proposal(view.cam_from_target, view, tells)
+    return None
+
+
+def _goals(standing: Standing | None, settings: GuideSettings, photos: int) -> list[tuple[float, float, float]]:
+    """What views are sought for, one after the other: the deviation, what is covered, and which gain is little.
+
+    As long as some of the image is not covered, a view that hardly makes the camera better known gives way to one that
+    shows more. What is as good as wanted, and yet not good in the verdict, is to be better than wanted.
+    """
+    wanted_px, wanted_share = settings.criteria["uncertainty"].good, settings.criteria["coverage"].good / 100
+    beyond = [(0.0, 1.0, LITTLE_OF_NOISE)] if photos < ENOUGH_PHOTOS else []
+    if standing is None:
+        return [(wanted_px, wanted_share, LITTLE_GAIN), *beyond]
+    uncertain, covered = standing.evidence.uncertainty, standing.evidence.coverage.share
+    is_sure = uncertain.image_px is not None and uncertain.image_px <= wanted_px
+    if is_sure and covered >= wanted_share:
+        return beyond
+    if not is_sure and (uncertain.by_target or uncertain.by_field):
+        # More photos than are reckoned with here also tell the target's shape: some are always taken.
+        return [(wanted_px, wanted_share, LITTLE_GAIN), *beyond]
+    some = [(wanted_px, wanted_share, LITTLE_GAIN)] if covered < wanted_share else []
+    return [*some, (wanted_px, wanted_share, LITTLE_OF_NOISE), *beyond]

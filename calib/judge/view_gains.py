@@ -1,12 +1,8 @@
-"""What a view would add to what is known: its information on the camera, and the part of the image it shows first.
+"""What a frame would add to what is known, as a part of what the proposed view would; and where the first photos help.
 
-A view is worth what it takes off the deviation that 95 % of the image stays within, as a part of what the proposed view
-would take off; where the part of the image that is covered is to grow, as a part of that growth.
-
-Where to hold a target while nothing is known of the camera: so that a first few photos tell it.
-
-A solid shows planes at many slants at once. Of a board each photo tells two numbers of a camera, if it is tilted, and
-those that are tilted to the same side tell the same two.
+Where the part of the image that is covered is to grow, it is a part of that growth. While nothing is known of the
+camera, a few photos are to tell it: a solid shows planes at many slants at once; of a board each photo tells two
+numbers of a camera, if it is tilted, and those that are tilted to the same side tell the same two.
 """
 
 import math
@@ -18,17 +14,18 @@ from calib.cameras import COMMON, project
 from calib.cameras.camera import Camera
 from calib.cameras.refit import plain_camera
 from calib.core.linear_algebra import covariance_with_prior
-from calib.core.se3 import exp_rotation, make_pose, transform
-from calib.judge.candidate_views import faces_seen, shown_in, tilt_rotation
-from calib.judge.coverage import Coverage, coverage
+from calib.core.se3 import make_pose, transform
+from calib.core.types import KnownPoints
+from calib.judge.candidate_views import faces_seen, shown_in, side_turn, tilt_rotation
+from calib.judge.coverage import Coverage, area_of
 from calib.judge.information import Knowledge, image_change, knowledge_of, sigma_px, view_information
 from calib.judge.next_views import NextView
+from calib.judge.view_search import COARSE_MAP
 from calib.judge.views import TargetShape, habits_of
 from calib.solver.accuracy import SHARE_PERCENT
 from calib.solver.calibration import Calibration
 from designer.base.arrays import Array, Rows
 
-COARSE_MAP = (16, 12)
 MOST_POINTS = 300
 """Of a view, that its worth is told by."""
 LITTLE = 1e-3
@@ -37,16 +34,42 @@ LITTLE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class ViewGains:
-    """What views are measured against."""
+    """What views are measured against, and what they are worth of the view that is proposed."""
 
     known: Knowledge
-    change: Array  # (N, 2, Q) how what is known moves a coarse map
-    position_mm: Array  # (K, 3) of the target
-    face: Rows  # (K,)
+    coarse: Array  # (N, 2, Q) how what is known moves a coarse map
+    points: KnownPoints  # of the target
     covered: Coverage
-    sigma_px: float  # that 95 % of the map stays within now
-    by_accuracy: float  # what the proposal takes off that; 0: it is for the area
-    by_area: float  # of the image, that the proposal shows first; 0: it is for accuracy
+    is_for_accuracy: bool  # else the proposal is to show a part of the image first
+    sigma_px: float = 0.0  # that 95 % of the map stays within now
+    proposed: float = 0.0  # what the proposal gains: px off that, or a part of the image
+
+    def worth(self, pose: Array, rows: Rows, pixel: Array) -> float:
+        """What a view is worth of the proposal, 0 to 1.
+
+        Args:
+            pose: of the view (4, 4).
+            rows: of the points it shows (N,).
+            pixel: where (N, 2).
+        """
+        is_measure = self.proposed > LITTLE * (self.sigma_px if self.is_for_accuracy else 1.0)
+        return min(self.gain(pose, rows, pixel) / self.proposed, 1.0) if is_measure else 0.0
+
+    def gain(self, pose: Array, rows: Rows, pixel: Array) -> float:
+        """What a view takes off the deviation (px), or of the image what it shows first."""
+        if not self.is_for_accuracy:
+            shown = area_of(self.covered.image_size, pixel, self.points.face[rows])
+            return self.covered.share_of(shown & ~self.covered.is_covered)
+        some = rows[:: max(1, -(-len(rows) // MOST_POINTS))]
+        if not len(some):
+            return 0.0
+        weight = np.full((1, len(some)), len(rows) / len(some))
+        told = view_information(self.known, pose[None], self.points.position_mm[some], weight)[0]
+        return max(self.sigma_px - self.within_px(covariance_with_prior(told)), 0.0)
+
+    def within_px(self, covariance: Array) -> float:
+        """What 95 % of the map stays within, by a covariance of q (Q, Q)."""
+        return float(np.percentile(sigma_px(self.coarse, covariance), SHARE_PERCENT)) if len(self.coarse) else 0.0
 
 
 def gains_of(
@@ -54,50 +77,12 @@ def gains_of(
 ) -> ViewGains:
     """What views of a calibration's target are measured against, with one that is proposed."""
     known, points = knowledge_of(calibration), calibration.observations.points
-    change = image_change(known, *COARSE_MAP)
-    before = _within_px(change, np.eye(change.shape[2]))
-    none = ViewGains(known, change, points.position_mm, points.face, covered, before, 0.0, 0.0)
+    gains = ViewGains(known, image_change(known, *COARSE_MAP), points, covered, is_for_accuracy)
+    gains = replace(gains, sigma_px=gains.within_px(np.eye(known.basis.shape[1])))
     pose, every = view.cam_from_target, np.arange(len(shape.face))
     shown = shown_in(known.camera, shape, habits_of(calibration, shape), pose[None], every)
     rows, pixel = np.flatnonzero(points.face >= 0)[shown.is_read[0]], shown.pixel[0, shown.is_read[0]]
-    if is_for_accuracy:
-        return replace(none, by_accuracy=_accuracy(none, pose, rows))
-    return replace(none, by_area=_area(none, rows, pixel))
-
-
-def worth_of(gains: ViewGains, pose: Array, rows: Rows, pixel: Array) -> float:
-    """What a view is worth of the proposal, 0 to 1.
-
-    Args:
-        gains: what it is measured against.
-        pose: of the view (4, 4).
-        rows: of the points it shows (N,).
-        pixel: where (N, 2).
-    """
-    if gains.by_accuracy > LITTLE * gains.sigma_px:
-        return min(_accuracy(gains, pose, rows) / gains.by_accuracy, 1.0)
-    return min(_area(gains, rows, pixel) / gains.by_area, 1.0) if gains.by_area > LITTLE else 0.0
-
-
-def _accuracy(gains: ViewGains, pose: Array, rows: Rows) -> float:
-    """What a view takes off the deviation (px)."""
-    some = rows[:: max(1, -(-len(rows) // MOST_POINTS))]
-    if not len(some):
-        return 0.0
-    weight = np.full((1, len(some)), len(rows) / len(some))
-    told = view_information(gains.known, pose[None], gains.position_mm[some], weight)[0]
-    return max(gains.sigma_px - _within_px(gains.change, covariance_with_prior(told)), 0.0)
-
-
-def _area(gains: ViewGains, rows: Rows, pixel: Array) -> float:
-    """Of the image, what a view shows first."""
-    face, covered = gains.face[rows], gains.covered
-    shown = coverage(covered.image_size, pixel, np.zeros(len(rows), dtype=np.int64), face).is_covered
-    return covered.share_of(shown & ~covered.is_covered)
-
-
-def _within_px(change: Array, covariance: Array) -> float:
-    return float(np.percentile(sigma_px(change, covariance), SHARE_PERCENT)) if len(change) else 0.0
+    return replace(gains, proposed=gains.gain(pose, rows, pixel))
 
 
 USUAL_FOCAL = 0.9
@@ -133,11 +118,9 @@ def first_pose(camera: Camera, shape: TargetShape, taken: Array) -> Array:
 
 
 def _turned_pose(camera: Camera, shape: TargetShape, number: int) -> Array:
+    turn = side_turn(number)
     if shape.is_flat:
-        facing = np.stack([shape.axes[0], shape.axes[1], -shape.axes[2]])
-        turn = tilt_rotation(math.radians(TILT_DEG), np.array(TO_SIDES[number % len(TO_SIDES)])) @ facing
-    else:
-        turn = exp_rotation(np.array([0.6 + 0.7 * number, 0.4 + 0.9 * number, 0.0]))
+        turn = tilt_rotation(math.radians(TILT_DEG), np.array(TO_SIDES[number % len(TO_SIDES)])) @ shape.level
     extent = float(np.ptp(shape.position_mm, axis=0).max())
     distance = extent * float(camera.params[0]) / max(camera.image_size)
     pose = _ahead(shape, turn, distance)

@@ -9,14 +9,12 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
 from calib.core.types import Detections
 from calib.judge.coverage import Coverage, lit_part
-from calib.judge.guide_held import held_at
-from calib.judge.guide_told import Bar, Ghost, GuideSettings, Line, SensorMap, Stage, TakenPhoto
-from calib.judge.hints import short_of, side_words
+from calib.judge.guidance import Bar, Ghost, GuideSettings, Line, SensorMap, Stage, TakenPhoto
+from calib.judge.guide_state import FEWEST_PHOTOS, Insight, Proposal, Standing
 from calib.judge.information import knowledge_of
-from calib.judge.insight import Insight
 from calib.judge.next_view_words import place_of, place_words, thing_word, tilt_words
-from calib.judge.next_views import NextView, outline_px
-from calib.judge.standing import FEWEST_PHOTOS, Proposal, Standing
+from calib.judge.next_views import outline_px
+from calib.judge.target_hints import held_at, short_of, side_words
 from calib.judge.verdict import Check, Grade, px
 from calib.judge.views import TargetShape
 from calib.solver.accuracy import projected_sigma_px, share_px
@@ -138,11 +136,13 @@ def bar_of(check: Check) -> Bar:
 
 def ghost_of(proposal: Proposal, camera: Camera, shape: TargetShape, *, is_rough: bool) -> Ghost:
     """A proposed view in words."""
-    pose, view = proposal.cam_from_target, proposal.view
-    if view is None:
-        return ghost_at(pose, camera, shape, "", "", is_rough=is_rough)
-    gain = _gain(view, is_for_accuracy=proposal.is_for_accuracy)
-    return ghost_at(pose, camera, shape, view.sentence, gain, is_rough=is_rough)
+    view, sentence, gain = proposal.view, "", ""
+    if view is not None:
+        sentence, gain = view.sentence, f"{100 * view.covered_before:.0f} -> {100 * view.covered_after:.0f} % covered"
+        if proposal.is_for_accuracy:
+            before = f"{figure(view.sigma_px_before, 2)} -> " if math.isfinite(view.sigma_px_before) else ""
+            gain = f"{before}{figure(view.sigma_px_after, 2)} px"
+    return ghost_at(proposal.cam_from_target, camera, shape, sentence, gain, is_rough=is_rough)
 
 
 def ghost_at(pose: Array, camera: Camera, shape: TargetShape, sentence: str, gain: str, *, is_rough: bool) -> Ghost:
@@ -153,25 +153,13 @@ def ghost_at(pose: Array, camera: Camera, shape: TargetShape, sentence: str, gai
     if not sentence:
         how = "any side to the camera"
         if shape.is_flat:
-            how = tilt_words(5 * round(held.tilt_deg / 5), _sides(held.away))
+            side = side_words(held.away)  # the nearest of eight
+            right, down = ("right" in side) - ("left" in side), ("bottom" in side) - ("top" in side)
+            how = tilt_words(5 * round(held.tilt_deg / 5), (float(right), float(down)))
         thing = thing_word(is_flat=shape.is_flat)
         sentence = f"hold the {thing} {place_words(place)}, {how}, so that it fills most of it"
     tilt = held.tilt_deg if shape.is_flat else math.nan
     return Ghost(pose, sentence, short_of(held, place, is_flat=shape.is_flat), held.distance_mm, tilt, gain, is_rough)
-
-
-def _sides(away: Array) -> tuple[float, float]:
-    """A direction, right and down, by the nearest of eight."""
-    words = side_words(away)
-    return float(("right" in words) - ("left" in words)), float(("bottom" in words) - ("top" in words))
-
-
-def _gain(view: NextView, *, is_for_accuracy: bool) -> str:
-    """What a view gives: "0.21 -> 0.13 px", "40 -> 55 % covered"."""
-    if is_for_accuracy:
-        before = f"{figure(view.sigma_px_before, 2)} -> " if math.isfinite(view.sigma_px_before) else ""
-        return f"{before}{figure(view.sigma_px_after, 2)} px"
-    return f"{100 * view.covered_before:.0f} -> {100 * view.covered_after:.0f} % covered"
 
 
 def photos_of(photos: Sequence[Detections], insight: Insight, face: Rows) -> tuple[TakenPhoto, ...]:

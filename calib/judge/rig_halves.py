@@ -17,6 +17,7 @@ import numpy as np
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import skew, steps_between
 from calib.core.types import RigObservations, keep_frames, keep_sightings, keep_views, sightings_per_view
+from calib.judge.halves import PER_RIGHT_ANGLE, NoHalves, by_turns
 from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.relative import relative
 from calib.rigs.result import RigCalibration
@@ -24,7 +25,7 @@ from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import carrier_prior
 from designer.base.arrays import Flags
 from designer.base.errors import InputError
-from designer.base.marks import LEFT_OUT, AtLeast, AtMost, Length, Line, Word
+from designer.base.marks import LEFT_OUT, AtLeast, AtMost, Length, Word
 
 SplitKind = Literal["by turns", "in order"]
 KINDS: tuple[SplitKind, ...] = ("by turns", "in order")
@@ -41,8 +42,6 @@ RARE = 1.96
 """Normal quantile of what chance exceeds in 1 of 40 honest rigs."""
 STEADIER = 0.85
 """What halves in order leave over, of what alike halves do, if something moved between them."""
-PER_RIGHT_ANGLE = 0.35
-"""Of a turn by a right angle, against a shift by the distance of the target."""
 _Size = Annotated[float, AtLeast(0), AtMost(1e9)]
 
 
@@ -135,20 +134,13 @@ def _by_chance(unknowns: int) -> float:
     return math.pow(1 - part + RARE * math.sqrt(part), 1.5)
 
 
-@dataclass(frozen=True)
-class NoRigHalves:
-    """Why there are none."""
-
-    reason: Line
-
-
-def rig_halves(found: RigCalibration, solve_half: HalfSolver) -> RigHalves | NoRigHalves:
+def rig_halves(found: RigCalibration, solve_half: HalfSolver) -> RigHalves | NoHalves:
     """Compare solutions of halves of the frames; halves that do not determine the rig are skipped."""
     count = len(found.rig_from_target)
     if found.status != "converged":
-        return NoRigHalves("the frames do not determine the rig, so neither does half of them")
+        return NoHalves("the frames do not determine the rig, so neither does half of them")
     if count < LEAST_FRAMES:
-        return NoRigHalves(f"{count} frames cannot be halved; take {LEAST_FRAMES} or more")
+        return NoHalves(f"{count} frames cannot be halved; take {LEAST_FRAMES} or more")
     splits, reasons = [], []
     for kind, is_first in ways_to_halve(found):
         try:
@@ -161,13 +153,13 @@ def rig_halves(found: RigCalibration, solve_half: HalfSolver) -> RigHalves | NoR
         elif (split := _compared(kind, found, *halves)) is not None:
             splits.append(split)
     if not splits:
-        return NoRigHalves(reasons[0] if reasons else "no pose was estimated, so none can differ")
+        return NoHalves(reasons[0] if reasons else "no pose was estimated, so none can differ")
     return RigHalves(tuple(splits))
 
 
-def enlarged(found: RigCalibration, halves: RigHalves | NoRigHalves, *, as_target: bool = False) -> RigCalibration:
+def enlarged(found: RigCalibration, halves: RigHalves | NoHalves, *, as_target: bool = False) -> RigCalibration:
     """The rig with the noise's part of its covariances as halves of the frames show it, or as they place the target."""
-    if isinstance(halves, NoRigHalves):
+    if isinstance(halves, NoHalves):
         return found
     square = (halves.target_factor if as_target else halves.factor) ** 2
     if square == 1:
@@ -214,14 +206,8 @@ def ways_to_halve(found: RigCalibration) -> tuple[tuple[SplitKind, Flags], ...]:
     place, rotation = found.rig_from_target[:, :3, 3], found.rig_from_target[:, :3, :3]
     away = max(float(np.median(np.linalg.norm(place[None] - found.rig.center_mm[:, None], axis=2))), 1e-9)
     feature = np.concatenate([place / away, PER_RIGHT_ANGLE * rotation[:, :, :2].reshape(count, 6)], axis=1)
-    feature -= feature.mean(axis=0)
-    axes = np.linalg.svd(feature, full_matrices=False)[2]
-    # An axis may point either way; which one must not depend on the order of the frames.
-    axes *= np.sign(np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1))
     ways: list[tuple[SplitKind, Flags]] = []
-    for axis in axes[: BY_TURNS if count <= MANY_FRAMES else 1]:
-        rank = np.argsort(np.argsort(feature @ axis, kind="stable"))
-        ways.append(("by turns", np.isin(rank % 4, (0, 3))))
+    ways += [("by turns", one) for one in by_turns(feature, BY_TURNS if count <= MANY_FRAMES else 1)]
     return (*ways, ("in order", np.arange(count) < count // 2))
 
 

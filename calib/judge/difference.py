@@ -13,7 +13,7 @@ from calib.cameras import linearise, project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
 from calib.core.linear_algebra import least_squares, moved_covariance, worse_sigma
-from calib.core.types import frozen_array
+from calib.core.types import freeze
 from calib.judge.coverage import Coverage
 from calib.solver.accuracy import SHARE_PERCENT
 from designer.base.arrays import Array, Flags
@@ -35,7 +35,7 @@ class Known:
     param_covariance: Annotated[Array, Shape("P", "P"), PACKED]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "param_covariance", frozen_array(self.param_covariance))
+        freeze(self, "param_covariance")
 
     @staticmethod
     def exactly(camera: Camera) -> "Known":
@@ -53,21 +53,18 @@ class Apart:
     is_covered: Flags  # (R, C) where something was seen
 
     def __post_init__(self) -> None:
-        for name in ("pixel", "difference_px", "covariance_px2"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
-        object.__setattr__(self, "is_covered", frozen_array(self.is_covered, np.bool_))
+        freeze(self, "pixel", "difference_px", "covariance_px2")
+        freeze(self, "is_covered", dtype=np.bool_)
 
     @property
     def length_px(self) -> Array:
         """Lengths (R, C)."""
-        length: Array = np.linalg.norm(self.difference_px, axis=-1)
-        return length
+        return np.asarray(np.linalg.norm(self.difference_px, axis=-1))
 
     @property
     def is_known(self) -> Flags:
         """Where both cameras are known.  # (R, C)"""
-        known: Flags = np.isfinite(self.length_px)
-        return known
+        return np.asarray(np.isfinite(self.length_px))
 
     @property
     def percentile_95_px(self) -> float:
