@@ -13,8 +13,8 @@ TYPE_CHECKING = False  # `typing` takes long to load, and Ctrl-C in the meantime
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from designer.app.design import DesignedTarget, design, load
     from designer.base.errors import InputError
-    from designer.designing import DesignedTarget, design, load
     from designer.target import TargetGeometry, load_target
 
     ico: Callable[..., DesignedTarget]
@@ -25,7 +25,7 @@ __all__ = ["DesignedTarget", "InputError", "TargetGeometry", "design", "load", "
 """Besides a function for each kind of target, by its name."""
 
 _HOMES = {
-    "designer.designing": ("DesignedTarget", "design", "load"),
+    "designer.app.design": ("DesignedTarget", "design", "load"),
     "designer.base.errors": ("InputError",),
     "designer.target": ("TargetGeometry", "load_target"),
 }
@@ -41,7 +41,7 @@ def __getattr__(name: str) -> object:
     from designer.spec.kind import KINDS
 
     if name in KINDS:
-        from designer.designing import function_of
+        from designer.app.design import function_of
 
         globals()[name] = made = offered(function_of(name), __name__)
         return made

@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
+from designer.builds.design import Design, Maker
+from designer.builds.slicing import print_settings, slicer_folds
 from designer.formats.folder import OutputFile
 from designer.make.bed import Piece, Plate, bed_from_target
 from designer.page.blocks import Section
-from designer.produce import Design, Maker
-from designer.report.making import print_settings, slicer_folds
 from designer.spec.spec import PrintSpec
 
 
@@ -22,10 +22,16 @@ class OnePiece(Maker):
         return printer_words(printing)
 
     def making(self, design: Design, files: Sequence[OutputFile]) -> Section:
-        """The settings, and a fold a slicer."""
-        folds = slicer_folds(design, [file.name for file in files])
-        blocks = (*print_settings(design, design.job.printing.printer.machine.shells), *folds)
-        return Section("Making it", blocks, "One object in two filaments, as it lies in the file.")
+        """The settings, and the steps in a slicer."""
+        target = design.target
+        lying = f"as in the file: face {target.face_count - 1} down"
+        if target.has_back:
+            lying = "as in the file: the back (face 1) down, as flat and glossy as the bed; the front shows its lines"
+        elif target.is_plate:
+            lying = "as in the file: printed side down, so that the bed makes the ink flat"
+        settings = print_settings(design, design.job.printing.printer.machine.shells, lying)
+        lead = "One object in two filaments, as it lies in the file."
+        return Section("Making it", (settings, *slicer_folds(design, files)), lead)
 
     def next_step(self, design: Design, stem: str) -> str:
         """Open the package."""

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
+from designer.base.units import SCALE_BAR_MM
+from designer.builds.design import Design, Maker
+from designer.builds.pictures import sheet_figures
 from designer.formats.folder import OutputFile
 from designer.make.bed import Plate
-from designer.page.blocks import Section
-from designer.produce import Design, Maker
-from designer.report.making import sheet_blocks
-from designer.report.pictures import sheet_figures
+from designer.page.blocks import Section, Steps
 from designer.spec.spec import PrintSpec
 
 
@@ -24,7 +24,18 @@ class Sheet(Maker):
 
     def making(self, design: Design, files: Sequence[OutputFile]) -> Section:
         """What to tell the shop."""
-        return Section("Making it", (*sheet_blocks(design), *sheet_figures(design)), "A sheet from a print shop.")
+        name = design.job.name
+        shop = Steps((
+            f"Send {name}.pdf, or {name}.svg to shops that cut: to be printed at 100 %, not traced. Magenta lines are "
+            "the cut, all else is ink.",
+            "Matt, no gloss laminate: mirrored lamps hide rings. Deep black on white.",
+            "On a stiff flat plate, such as aluminium composite of 3 mm or more, or glass; printed straight on it "
+            f"there is neither glue nor bubbles. {name}.body.stl is a bare plate to print, which warps.",
+            f"Measure the scale bar when it comes: {SCALE_BAR_MM:g} mm, and along both directions of the board: "
+            "carriage and feed can be off by different amounts.",
+            "Keep it flat: hold it by its edges, store it lying.",
+        ))  # fmt: skip
+        return Section("Making it", (shop, *sheet_figures(design)), "A sheet from a print shop.")
 
     def next_step(self, design: Design, stem: str) -> str:
         """Send it."""

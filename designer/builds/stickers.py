@@ -2,13 +2,18 @@
 
 from collections.abc import Sequence
 
+from designer.base.units import NO_SKEW, SCALE_BAR_MM
+from designer.base.words import capital
+from designer.builds.design import Design, Maker
 from designer.builds.one_piece import printer_words
+from designer.builds.pictures import sheet_figures
+from designer.builds.slicing import scale_words, turn_words
 from designer.formats.folder import OutputFile
+from designer.kinds.layout import adjacent_faces
 from designer.make.bed import Piece, Plate, bed_from_target
-from designer.page.blocks import Section
-from designer.produce import Design, Maker
-from designer.report.making import sticker_blocks
-from designer.report.pictures import sheet_figures
+from designer.make.printability import COUNT
+from designer.page.blocks import Fold, Section, Steps
+from designer.spec.machine import Shells
 from designer.spec.spec import PrintSpec
 
 
@@ -25,8 +30,38 @@ class Stickers(Maker):
 
     def making(self, design: Design, files: Sequence[OutputFile]) -> Section:
         """Print, cut, glue."""
-        lead = f"A body in one filament, and {design.target.face_count} printed stickers."
-        return Section("Making it", sticker_blocks(design, sheet_figures(design)), lead)
+        job, printing, count = design.job, design.job.printing, len(design.pages)
+        beside = adjacent_faces(design.target)[0].tolist()
+        lies = f"{capital(turn_words(printing))}. " if printing.skew_compensation_rad != NO_SKEW else ""
+        body = Steps((
+            f"Open {job.name}.body.stl in your slicer; one filament, matt. Every face is "
+            f"{printing.sticker_thickness_mm:g} mm lower than the target's, for the sticker. "
+            f"{lies}{capital(scale_words(printing))}.",
+            f"Layer height {printing.printer.layer_height_mm:g} mm, {Shells().words()}; ironing off. Remove blobs and "
+            "seams: a sticker over them is not flat.",
+        ))  # fmt: skip
+        sheets = Steps((
+            f"Print {job.name}.pdf, {count} page{'s' * (count > 1)} of {job.page}, at 100 %, never 'fit to page', on "
+            f"matt label stock {printing.sticker_thickness_mm:g} mm thick.",
+            f"Measure the scale bar of every sheet: {SCALE_BAR_MM:g} mm; if off by more than 0.1 mm (0.1 %), mend the "
+            "printer's scale and print again.",
+            "Cut along the thin line with knife and ruler; the marks at the corners show where to lay it.",
+        ))  # fmt: skip
+        glue = Steps((
+            f"A triangle outside a sticker points at its code corner; 'FACE 0' is its number, 'joins {beside[0]}' "
+            "names the face across that edge.",
+            f"Glue face 0 on any face, its border along the {COUNT[len(beside)]} edges; then those that it joins: its "
+            f"edge 'joins {beside[0]}' meets the edge 'joins 0' of face {beside[0]}.",
+            "Rub down from the middle outwards: bubbles and folds are errors of the target.",
+            "Compare with the net before the glue sets: calib leaves out a face in another's place, or turned.",
+        ))  # fmt: skip
+        return Section(
+            "Making it",
+            (Fold("1. The body", (body,), is_open=True),
+             Fold("2. The sheets", (sheets, *sheet_figures(design)), is_open=True),
+             Fold("3. Glue by numbers", (glue,), is_open=True)),
+            f"A body in one filament, and {design.target.face_count} printed stickers.",
+        )  # fmt: skip
 
     def next_step(self, design: Design, stem: str) -> str:
         """Both printers."""

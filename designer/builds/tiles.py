@@ -6,6 +6,8 @@ A solid's faces are glued to a core; a board that is larger than the bed is join
 from collections.abc import Sequence
 from functools import lru_cache
 
+from designer.builds.assembling import assembling_section, jointing_section
+from designer.builds.design import Design, Maker
 from designer.builds.one_piece import printer_words
 from designer.formats.folder import OutputFile
 from designer.formats.project import MOST_PLATES
@@ -13,8 +15,6 @@ from designer.make.assembly import Assembly, assemble, plates_of
 from designer.make.bed import Plate
 from designer.make.board_tiles import BoardInPieces, board_in_pieces, board_plates
 from designer.page.blocks import Section
-from designer.produce import Design, Maker
-from designer.report.assembling import assembling_section, jointing_section
 from designer.spec.spec import PrintSpec
 
 

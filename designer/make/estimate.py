@@ -388,3 +388,23 @@ class _Laid:
     area_mm2: tuple[float, ...]  # of body and ink
     filled_mm2: tuple[float, ...]
     time_s: float
+
+
+def duration(time_s: float) -> str:
+    """`40 min`, `3 h 20 min`, `39 h`."""
+    minutes = max(round(time_s / 60), 1)
+    if minutes < 60:
+        return f"{minutes} min"
+    if minutes < 600:
+        return f"{minutes // 60} h" + (f" {minutes % 60} min" if minutes % 60 else "")
+    return f"{round(minutes / 60)} h"
+
+
+def grams(mass_g: float) -> str:
+    """`0.72 g`, `120 g`."""
+    return f"{few_digits(mass_g)} g"
+
+
+def few_digits(value: float) -> str:
+    """Two digits, three of those above 100."""
+    return f"{float(f'{value:.{3 if value >= 100 else 2}g}'):g}"

@@ -115,7 +115,8 @@ def command_of(
     def run(**given: object) -> Summary:
         from designer.base.answer import command_line
 
-        place, verbose, has_page = (given.pop(name, None) for name in (OUT, "verbose", "page"))
+        place = given.pop(OUT, None)
+        verbose, has_page = (None if name in parameters else given.pop(name, None) for name in ("verbose", "page"))
         texts = {name: value for name, value in given.items() if value is not None and value != []}
         several = {name for name, value in texts.items() if isinstance(value, list) and len(value) > 1}
         option = next((name for name in others if name in (several if name in parameters else texts)), "")

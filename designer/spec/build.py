@@ -14,7 +14,7 @@ CircuitInk = Literal["legend", "mask"]
 
 @dataclass(frozen=True)
 class Build:
-    """A way to build targets, as far as sizes, files and studies ask; `designer.produce.maker_of` makes them."""
+    """A way to build targets, as far as sizes, files and studies ask; `designer.builds.design.maker_of` makes them."""
 
     name: str
     title: str  # as in a table of them

@@ -1,4 +1,4 @@
-"""The formats of a target's files: an entry here for each; `designer.produce.EXPORTERS` makes them."""
+"""The formats of a target's files: an entry here for each; `designer.builds.design.EXPORTERS` makes them."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace

@@ -107,21 +107,18 @@ def draw_values(target: TargetGeometry, model: ErrorModel, rng: np.random.Genera
     return draws
 
 
-def perturb(
-    target: TargetGeometry, model: ErrorModel, rng: np.random.Generator, *, bed_from_target: Array | None = None
-) -> TargetGeometry:
+def perturb(target: TargetGeometry, model: ErrorModel, rng: np.random.Generator) -> TargetGeometry:
     """A target as it may come out.
 
     Args:
         target: the nominal geometry.
         model: how it is made.
         rng: the draw.
-        bed_from_target: how it lies on the bed; without it, on its last face.  # (4, 4)
 
     Raises:
         InputError: an amount so large that no target is left; the message names the source and its value.
     """
-    return displaced(target, draw_values(target, model, rng), model=model, bed_from_target=bed_from_target)
+    return displaced(target, draw_values(target, model, rng), model=model)
 
 
 def displaced(

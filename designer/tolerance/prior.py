@@ -25,9 +25,7 @@ STEP: dict[Unit, float] = {"mm": 1e-3, "rad": 1e-4, "1": 1e-3, "K": 1.0}
 """Of the central differences."""
 
 
-def displacements(
-    target: TargetGeometry, errors: ErrorModel, name: str, bed_from_target: Array | None = None
-) -> tuple[Array, Rows]:
+def displacements(target: TargetGeometry, errors: ErrorModel, name: str) -> tuple[Array, Rows]:
     """Displacement of each ring by a unit of each number of the instance it belongs to, (R, 3, components), and that.
 
     Without other errors a face, piece or ring moves on its own, so one difference serves all instances at once.
@@ -36,7 +34,6 @@ def displacements(
         target: the nominal geometry.
         errors: what else the source needs to know of the way of making; amounts do not matter.
         name: of the source.
-        bed_from_target: how the target lay on the bed, see `designer.tolerance.shape.shape_of`.  # (4, 4)
 
     Returns:
         The displacements, and each ring's instance (R,).
@@ -47,10 +44,7 @@ def displacements(
     for component in range(source.components):
         step = np.zeros(size)
         step[:, component] = step_length
-        ahead, behind = (
-            centers_mm(displaced_shape(target, {name: one}, model=errors, bed_from_target=bed_from_target))
-            for one in (step, -step)
-        )
+        ahead, behind = (centers_mm(displaced_shape(target, {name: one}, model=errors)) for one in (step, -step))
         change[:, :, component] = (ahead - behind) / (2 * step_length)
     instance = {
         "print": np.zeros(target.ring_count, dtype=np.int64),
@@ -61,9 +55,9 @@ def displacements(
     return change, instance
 
 
-def directions(target: TargetGeometry, errors: ErrorModel, name: str, bed_from_target: Array | None = None) -> Array:
+def directions(target: TargetGeometry, errors: ErrorModel, name: str) -> Array:
     """Displacements of the rings by a unit of each number of a source, (R, 3, instances x components)."""
-    change, instance = displacements(target, errors, name, bed_from_target)
+    change, instance = displacements(target, errors, name)
     source, rings = SOURCES[name], np.arange(target.ring_count)
     result = np.zeros((target.ring_count, 3, source.instances(target), source.components))
     result[rings, :, instance] = change
@@ -92,7 +86,7 @@ class ShapePrior:
         return float(np.sqrt((shared**2).sum() + (own**2).sum()))
 
 
-def shape_prior(target: TargetGeometry, errors: ErrorModel, bed_from_target: Array | None = None) -> ShapePrior:
+def shape_prior(target: TargetGeometry, errors: ErrorModel) -> ShapePrior:
     """The prior of a way of making: every source that moves centres, with its standard deviation.
 
     A source of a fixed size is one number: what it is, is not known better than how large.
@@ -100,15 +94,14 @@ def shape_prior(target: TargetGeometry, errors: ErrorModel, bed_from_target: Arr
     Args:
         target: the nominal geometry.
         errors: of the way of making.
-        bed_from_target: how it lay on the bed; without it, on its last face.  # (4, 4)
     """
     modes, own = [np.zeros((0, target.ring_count, 3))], [np.zeros((target.ring_count, 3, 0))]
     for name, amount in errors.amounts:
         if SOURCES[name].scope == "ring" and amount.kind != "fixed":
-            change, _ = displacements(target, errors, name, bed_from_target)
+            change, _ = displacements(target, errors, name)
             own.append(amount.sigma * change[:, :, (change != 0).any(axis=(0, 1))])
             continue
-        columns = amount.sigma * directions(target, errors, name, bed_from_target)
+        columns = amount.sigma * directions(target, errors, name)
         if amount.kind == "fixed":
             columns = columns.sum(axis=2, keepdims=True)
         modes.append(columns[:, :, (columns != 0).any(axis=(0, 1))].transpose(2, 0, 1))

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
+from designer.builds.design import Design
 from designer.formats.stl import stl_bytes
 from designer.kinds.sizing import size_job
 from designer.make.bed import mapped
 from designer.make.estimate import DENSITY_G_PER_CM3, PrintEstimate, estimate
-from designer.produce import Design
 from tests.support.designs import asked_for, packages_of
 from tests.support.gcode import FILAMENT_MM, find_slicer, machine_settings, run_slicer
 

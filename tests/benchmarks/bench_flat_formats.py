@@ -16,8 +16,8 @@ import svgelements
 from scipy.spatial import cKDTree
 
 import designer
+from designer.builds.design import Design
 from designer.make.cutting import cuttings
-from designer.produce import Design
 from tests.designer.formats.test_flat_formats import Array, circles, content_of, dxf_of, flashes, gerbers_of, ring_of
 
 

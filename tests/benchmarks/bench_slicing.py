@@ -13,10 +13,10 @@ import tempfile
 import time
 from pathlib import Path
 
+from designer.builds.design import Design
 from designer.formats.threemf import plate_files
 from designer.kinds.sizing import size_job
 from designer.make.estimate import DENSITY_G_PER_CM3
-from designer.produce import Design
 from tests.support.designs import asked_for, ink_of, packages_of
 from tests.support.gcode import (
     FILAMENT_MM,

@@ -23,24 +23,9 @@ from calib.measure_target.lengths import asked_length, length_in
 from calib.renderer.faces import ring_truth
 from calib.renderer.poses import PoseGrid, grid_poses
 from calib.renderer.scene import scene_from_target
-from designer.base.errors import InputError
-from designer.base.solid import CODES, TRIANGLE_POSITIONS
-from designer.base.units import skew_matrix
-from designer.formats.folder import OutputFile, write_folder
-from designer.kinds.ico import icosahedron
-from designer.kinds.layout import IMAGE_HALF_DIAGONAL, IMAGE_HALF_HEIGHT, opposite_faces
-from designer.kinds.sizing import size_job
-from designer.make.bed import bed_from_target
-from designer.make.estimate import DENSITY_G_PER_CM3, PlateEstimate, PrintEstimate
-from designer.make.printability import PrintCheck, PrintFinding, check_printability
-from designer.make.stand import make_stand, stand_from_target
-from designer.page.blocks import Block, Command, Facts, FileList, Fold, Leaf, Page, Steps, Table, View3d
-from designer.page.scene import Rings, Surface
-from designer.produce import Design, make_files
-from designer.report.costs import BuildCosts, Costs, cost_section
-from designer.report.design_page import DOT, PAGE_FILE, code_blocks, design_page, headline, page_file
-from designer.report.making import BODY_SLOT, INK_SLOT, usual_slicer
-from designer.report.measuring import (
+from designer.app.costs import BuildCosts, Costs, cost_section
+from designer.app.design_page import DOT, code_blocks, design_page, headline, page_file
+from designer.app.measuring import (
     READING,
     SIMULATED_CAMERA,
     caliper_lengths,
@@ -50,7 +35,23 @@ from designer.report.measuring import (
     skew_effect_mm,
     skew_per_mm_deg,
 )
-from designer.report.stands import stand_section, trial_sections
+from designer.app.stands import stand_section, trial_sections
+from designer.base.errors import InputError
+from designer.base.solid import CODES, TRIANGLE_POSITIONS
+from designer.base.units import skew_matrix
+from designer.builds.design import Design, make_files
+from designer.builds.slicing import BODY_SLOT, INK_SLOT, SLICERS, usual_slicer
+from designer.formats.folder import OutputFile, write_folder
+from designer.kinds.ico import icosahedron
+from designer.kinds.layout import IMAGE_HALF_DIAGONAL, IMAGE_HALF_HEIGHT, opposite_faces
+from designer.kinds.sizing import size_job
+from designer.make.bed import bed_from_target
+from designer.make.estimate import DENSITY_G_PER_CM3, PlateEstimate, PrintEstimate, duration
+from designer.make.printability import PrintCheck, PrintFinding, check_printability
+from designer.make.stand import make_stand, stand_from_target
+from designer.page.blocks import Block, Command, Facts, Figure, FileList, Fold, Leaf, Page, Steps, Table, View3d
+from designer.page.page_file import PAGE_FILE
+from designer.page.scene import Rings, Surface
 from designer.spec.options import Asked
 from designer.target import bounding_radius_mm
 from designer.target_scene import polygon_area_mm2
@@ -329,9 +330,10 @@ def test_the_printers_own_slicer_comes_first_and_open() -> None:
         assert usual_slicer(design.job.printing.printer) == first
         (making,) = [section for section in page_of(build).sections if section.title == "Making it"]
         folds = [block for block in making.blocks if isinstance(block, Fold)]
-        assert len(folds) == 3
-        assert folds[0].title == first
-        assert [fold.is_open for fold in folds] == [True, False, False]
+        assert [fold.is_open for fold in folds] == [True, False]
+        assert folds[0].title == f"In {first}"
+        (others,) = [block for block in folds[1].blocks if isinstance(block, Table)]
+        assert {row[0].text for row in others.rows} == {one.title for one in SLICERS} - {first}
 
 
 def test_compensation_is_said_where_it_is_in_the_files() -> None:
@@ -454,15 +456,14 @@ def test_a_page_tells_of_a_stand_where_there_is_one() -> None:
         assert ("The stand" in titles) == made(build)[0].job.printing.stand
 
 
-def test_hours_and_changes_of_plates_are_told_once() -> None:
-    """One table of the page has the minutes of each plate: two would differ by rounding."""
+def test_what_a_plate_takes_is_told_below_its_picture_alone() -> None:
+    """Each plate's hours and changes once: two would differ by rounding."""
     design = design_of("cube", edge="40mm", build="tiles", chord_error=COARSE)
-    check = check_printability(design.target, design.job.printing)
-    page = design_page(design, check, ())
-    plates = [leaf for leaf in leaves(page) if isinstance(leaf, Table) and leaf.title.startswith("Plates")]
-    assert len(plates) == 2
-    for head in ("time", "changes"):
-        assert sum(head in [column.title for column in table.columns] for table in plates) == 1
+    page = design_page(design, check_printability(design.target, design.job.printing), ())
+    captions = [leaf.caption for leaf in leaves(page) if isinstance(leaf, Figure) and leaf.title.startswith("Plate")]
+    for plate, caption in zip(design.estimate.plates, captions, strict=True):
+        assert caption.startswith(f"{duration(plate.time_s)}, ")
+        assert (f"{plate.changes} changes" in caption) == bool(plate.inked_layers)
 
 
 def test_lengths_of_filament_are_plain_numbers() -> None:
@@ -470,9 +471,8 @@ def test_lengths_of_filament_are_plain_numbers() -> None:
     printing = made("ico")[0].job.printing
     plate = PlateEstimate("", 1, 1, 1, 1.0, 1.0, 1.0, 530e3, 20e3, 1e3)
     own = BuildCosts("one-piece", True, PrintEstimate((plate,), printing.printer.machine, 25.0))
-    slots = cost_section(Costs(own, ()), printing).blocks[1]
-    assert isinstance(slots, Table)
-    assert [row[3].text for row in slots.rows] == ["220 m", "8.3 m", "0.42 m"]
+    (slots,) = (block for block in cost_section(Costs(own, ()), printing).blocks if isinstance(block, Facts))
+    assert [value.rpartition(", ")[2] for _, value in slots.rows[:3]] == ["220 m", "8.3 m", "0.42 m"]
 
 
 def test_a_coupon_is_no_fault_and_leads_to_calib_coupon() -> None:

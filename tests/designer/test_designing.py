@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import designer
-from designer import produce
-from designer.designing import LENGTHS
-from designer.produce import Design, make_files
+from designer.app.design import LENGTHS
+from designer.builds import design as making
+from designer.builds.design import Design, make_files
 from designer.spec.kind import KINDS, kind_named
 from designer.spec.options import options_of
 from tests.support.command_line import design
@@ -112,7 +112,7 @@ def test_a_process_that_makes_a_file_ends_with_ctrl_c(monkeypatch: pytest.Monkey
 
     def slow(design: Design) -> Iterator[tuple[str, bytes, str]]:
         process.append(subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE))
-        produce._PROCESSES.add(process[0])
+        making._PROCESSES.add(process[0])
         begun.set()
         process[0].wait()
         yield "step", b"", ""
@@ -121,7 +121,7 @@ def test_a_process_that_makes_a_file_ends_with_ctrl_c(monkeypatch: pytest.Monkey
         assert begun.wait(60)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(produce, "EXPORTERS", {**produce.EXPORTERS, "step": slow})
+    monkeypatch.setattr(making, "EXPORTERS", {**making.EXPORTERS, "step": slow})
     made = designer.board(size_mm=(60, 60)).design
     with pytest.raises(KeyboardInterrupt):
         make_files(replace(made, job=replace(made.job, formats=("step",))), interrupt)

@@ -7,11 +7,11 @@ from functools import cache
 
 import pytest
 
+from designer.app.design import DesignedTarget, design
+from designer.builds.plates import plate_picture
 from designer.builds.tiles import assembly_of
-from designer.designing import DesignedTarget, design
 from designer.formats.folder import OutputFile
 from designer.make.mounts import MOUNTS as BUILT_MOUNTS
-from designer.report.plates import plate_picture
 from designer.spec.build import MOUNTS
 from tests.support.designs import COARSE
 

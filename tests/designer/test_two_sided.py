@@ -8,11 +8,11 @@ import pytest
 import trimesh
 
 from designer.base.errors import InputError
+from designer.builds.design import Design
 from designer.kinds.board import BACK_DOTS, BOARD_DOTS, lattice_steps
 from designer.kinds.layout import adjacent_faces, inset_per_depth
 from designer.make.printability import check_printability
 from designer.make.stand import make_stand
-from designer.produce import Design
 from designer.spec.kind import spec_to_mapping
 from designer.spec.spec import Lattice
 from designer.target import target_from_json, target_to_json

@@ -15,7 +15,7 @@ from typer.main import get_command
 
 import calib
 import designer
-import designer.designing
+import designer.app.design
 import designer.kinds.spec_file
 import designer.spec.kind
 from calib.app import calibration_page
@@ -109,7 +109,7 @@ def test_kind_of_ones_own_is_designed_and_found_in_a_photo(monkeypatch: pytest.M
     module = example("OctaSpec")
     monkeypatch.setitem(sys.modules, "designer.kinds.octa", module)
     monkeypatch.setattr(designer.spec.kind, "KINDS", (*designer.spec.kind.KINDS, "octa"))
-    for module_of in (designer.kinds.spec_file, designer.designing):
+    for module_of in (designer.kinds.spec_file, designer.app.design):
         monkeypatch.setattr(module_of, "KINDS", designer.spec.kind.KINDS)
     made = designer.design("octa", edge_mm=100, chord_error="50um", formats="pdf", stand=True)
     files = {file.name for file in made.save(tmp_path).files}

@@ -24,9 +24,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from shapely import MultiPoint
 
+from designer.app.design import DesignedTarget, design
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
-from designer.designing import DesignedTarget, design
 from designer.formats.folder import OutputFile
 from designer.kinds.sizing import size_job
 from designer.make import cad

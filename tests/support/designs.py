@@ -5,11 +5,11 @@ from functools import cache
 
 from hypothesis import strategies as st
 
+from designer.builds.design import Design
 from designer.formats.threemf import ThreeMfFiles, plate_files
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec
 from designer.make.mesh import Mesh
-from designer.produce import Design
 from designer.spec.build import BUILDS, MOUNTS
 from designer.spec.format import FORMATS
 from designer.spec.kind import KINDS, kind_named

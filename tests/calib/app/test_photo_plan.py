@@ -17,9 +17,9 @@ from calib.judge.views import shape_of
 from calib.observe.observations import known_points
 from calib.observe.robot_poses import read_robot_poses
 from designer.base.errors import InputError
+from designer.builds.design import Design
 from designer.kinds.sizing import size_job
 from designer.page.blocks import Gallery, Headline
-from designer.produce import Design
 from tests.support.designs import SMALL, asked_for, small
 from tests.support.solver_scenes import CAMERAS
 

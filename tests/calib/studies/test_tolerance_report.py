@@ -20,9 +20,9 @@ from calib.studies.tolerance.quantities import NAMES, Requirement, parse_require
 from calib.studies.tolerance.seen import CAP_RAD, view_fit, views_from
 from calib.studies.tolerance.sizes import Reach, what_if_table
 from calib.studies.tolerance.what_if import WhatIf
+from designer.app.measuring import simulated_line
 from designer.base.errors import InputError
 from designer.kinds.layout import advised_photos
-from designer.report.measuring import simulated_line
 from designer.target import TargetGeometry, bounding_radius_mm
 from designer.tolerance.error_file import error_model, parse_amount
 from designer.tolerance.model import ErrorModel

@@ -18,10 +18,10 @@ from pygerber.gerberx3.parser2.commands2.flash2 import Flash2
 import calib
 from designer.base.arrays import Array
 from designer.base.errors import InputError
+from designer.builds.design import EXPORTERS, Design, make_files
 from designer.kinds.sizing import size_job
 from designer.make.cutting import CUT, ENGRAVE, LABEL
 from designer.make.pages import MARK_COLOUR
-from designer.produce import EXPORTERS, Design, make_files
 from designer.spec.build import Format
 from designer.spec.format import FORMATS
 from tests.support.designs import SMALL, asked_for, design_of, small
@@ -240,7 +240,7 @@ def test_every_format_is_made() -> None:
 @pytest.mark.parametrize("name", [name for name, entry in FORMATS.items() if entry.guide])
 def test_formats_of_other_makers_are_told_on_the_page(name: Format) -> None:
     """A file that goes to a laser or a board house comes with what to do there, which names the file."""
-    from designer.report.design_page import other_makers
+    from designer.app.design_page import other_makers
 
     kinds = [kind for kind in ("board", "ico") if small(kind).target.form in FORMATS[name].forms]
     for design in (flat(kind, name, page="A4" if kind == "ico" else "fit") for kind in kinds):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from designer.builds.design import Design
 from designer.formats.png import CAPTION_PX, HEIGHT_PX, NET_WIDTH_PX, preview_png
-from designer.produce import Design
 from designer.target import TargetGeometry
 from tests.support.designs import design_of
 

@@ -14,15 +14,15 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from designer.app.design import DesignedTarget, design
 from designer.base.arrays import Array
 from designer.base.errors import InputError
-from designer.designing import DesignedTarget, design
+from designer.builds.design import EXPORTERS
 from designer.formats.project import MOST_PLATES, PRIME_MM3, plate_corner_mm
 from designer.kinds.presets import preset_names, preset_or_file
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import read_printer_file
 from designer.make.bed import Plate
-from designer.produce import EXPORTERS
 from designer.spec.machine import Presets
 from tests.support.designs import asked_for
 from tests.support.gcode import require_slicer

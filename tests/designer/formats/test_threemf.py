@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from designer.base.errors import InputError
+from designer.builds.design import Design
 from designer.formats.threemf import ThreeMfFiles, decimals, plate_files, text_lines, whole_numbers
 from designer.make.bed import Piece, bed_from_target
 from designer.make.mesh import Mesh
-from designer.produce import Design
 from designer.spec.kind import KINDS
 from tests.support.designs import ink_of, packages_of, small, small_board
 

@@ -12,6 +12,7 @@ from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.solid import Polyhedron
 from designer.base.units import skew_matrix
+from designer.builds.design import Design
 from designer.builds.tiles import assembly_of as assembly_in_tiles
 from designer.kinds.sizing import size_job
 from designer.make.assembly import Assembly, assemble, plates_of
@@ -20,7 +21,6 @@ from designer.make.mesh import cone, cylinder, frame_along, placed, prism, solid
 from designer.make.mounts import MOUNTS, mounted, room_mm
 from designer.make.pattern import moved_in
 from designer.make.tile import TileSizes, key_places, number_contours
-from designer.produce import Design
 from designer.spec.kind import KINDS, kind_named
 from designer.spec.spec import InkSide
 from designer.target_scene import polygon_area_mm2

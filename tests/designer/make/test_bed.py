@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from shapely import Polygon, box
 
 from designer.base.solid import Solid, regular_polygon
+from designer.builds.design import Design
 from designer.kinds.ico import icosahedron
 from designer.kinds.sizing import printer_of, size_job
 from designer.make.assembly import BED_RIM_MM, nest
 from designer.make.bed import TOWER_MM, bed_from_target, printed_size_mm
-from designer.produce import Design
 from designer.spec.machine import BRIM_MM, Machine
 from designer.spec.options import AskedPrinting
 from designer.spec.spec import PrinterProfile

@@ -9,10 +9,10 @@ import pytest
 from manifold3d import Manifold
 
 from designer.base.errors import InputError
+from designer.builds.design import Design
 from designer.kinds.sizing import size_job
 from designer.make.board_tiles import CLOSED_LAYERS, BoardInPieces, board_in_pieces, board_plates
 from designer.make.mesh import Mesh, solid_of
-from designer.produce import Design
 from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM
 from designer.spec.spec import Job
 from tests.support.designs import asked_for

@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from manifold3d import Manifold
 
 import designer
+from designer.app.costs import costs_of, verdict
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.sizing import size_job
 from designer.make.bed import TOWER_BRIM_MM, TOWER_MM, Piece, Plate, purged
-from designer.make.estimate import DENSITY_G_PER_CM3, changing_layers, estimate
+from designer.make.estimate import DENSITY_G_PER_CM3, changing_layers, duration, estimate, grams
 from designer.make.mesh import Mesh, Part, mesh_of
 from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
 from designer.make.section import Layered, Sliced
-from designer.report.costs import costs_of, duration, grams, verdict
 from designer.spec.machine import FilamentChange, Shells, Speeds
 from designer.spec.spec import PrintSpec
 from designer.tolerance.effort import size_of

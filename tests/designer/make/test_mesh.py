@@ -13,13 +13,13 @@ from scipy.sparse.csgraph import connected_components
 
 from designer.base.errors import InputError
 from designer.base.solid import Solid
+from designer.builds.design import Design
 from designer.kinds.ico import IcoSpec, icosahedron
 from designer.kinds.regular_solid import SolidSpec
 from designer.kinds.spec_file import RawValue
 from designer.make.bed import against_skew
 from designer.make.mesh import Mesh, inlaid, plain_plate, plain_solid, plate_hull, solid_hull
 from designer.make.pattern import make_pattern
-from designer.produce import Design
 from tests.support.designs import design_of, wishes
 
 UNIT_VOLUME = 5 * (3 + math.sqrt(5)) / 12

@@ -12,8 +12,8 @@ from scipy import ndimage
 from shapely import Polygon
 
 from designer.base.errors import InputError
+from designer.builds.design import Design
 from designer.make.pattern import FacePattern, Pattern, circle_polygon, make_pattern
-from designer.produce import Design
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 from designer.target_scene import polygon_area_mm2

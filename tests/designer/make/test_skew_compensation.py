@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.units import MOST_SKEW_DEG, NO_SKEW, Skew, format_skew, parse_skew_rad
+from designer.builds.design import Design, make_files
 from designer.formats.stl import stl_bytes
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import RawValue, parse_spec
 from designer.make.bed import bed_from_target, printed_corners_mm, printed_size_mm
 from designer.make.mesh import Mesh
 from designer.make.printability import check_printability
-from designer.produce import Design, make_files
 from designer.tolerance.shape import shape_of
 from designer.tolerance.sources import SOURCES
 from tests.support import command_line

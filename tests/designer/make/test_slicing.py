@@ -9,11 +9,11 @@ import pytest
 import shapely
 
 from designer.base.arrays import Array, Flags
+from designer.builds.design import Design
 from designer.formats.threemf import plate_files
 from designer.make.bed import Piece, bed_from_target
 from designer.make.mesh import Mesh, Part
 from designer.make.pattern import FacePattern, Pattern
-from designer.produce import Design
 from designer.spec.kind import KINDS
 from tests.support.designs import ink_of, packages_of, small, small_board, small_ico
 from tests.support.gcode import Toolpaths, machine_settings, require_slicer, run_slicer, slice_3mf, slicer_settings

@@ -1,49 +1,57 @@
-"""What lies on which plate, as a table and in pictures, and how plates are opened in each slicer."""
+"""What lies on which plate, in pictures with time and weight."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from manifold3d import CrossSection, JoinType
 
 from designer.base.arrays import Array
-from designer.base.words import capital
+from designer.builds.design import Design
 from designer.kinds.board_cuts import strip_mm
 from designer.make.bed import TOWER_MM, Piece, Plate
+from designer.make.estimate import duration, grams
 from designer.make.mesh import solid_of
-from designer.page.blocks import Figure, Fold, Leaf, Link, Steps, Svg, Table, text_table
-from designer.produce import Design
-from designer.report.costs import grams
-from designer.report.making import SLICERS, Slicer, colour_words, usual_slicer
+from designer.page.blocks import Figure, Fold, Leaf, Link, Paragraph, Svg
 from designer.spec.machine import Area
 
 _LINE, _INK, _HIDDEN = "#22262b", "#22262b", 'stroke="#8a9099" stroke-width="0.3" stroke-dasharray="1 0.7"'
 _PX_PER_MM = 96 / 25.4
 
 
-def plate_table(design: Design) -> Table:
-    """What is on which plate, and its weight; hours and changes are told once, with the costs."""
-    rows = []
-    for plate, takes in zip(design.plates, design.estimate.plates, strict=True):
-        filaments = "1 and 2" if plate.is_two_filament else "1"
-        weight = grams(takes.body_g * (1 + takes.ink_mm3 / takes.body_mm3))
-        rows.append((plate.name.replace("-", " "), plate.words, filaments, weight))
-    heads = ("plate", "holds", "filaments", "weight")
-    return text_table("Plates, in this order", heads, rows, visible_rows=20)
-
-
 def plate_figures(design: Design) -> tuple[Leaf, ...]:
-    """Each plate as its slicer shows it from above, with its files."""
-    printing, has_files, figures = design.job.printing, "3mf" in design.job.formats, []
-    below = "Dashed: rings and dots on the side that lies on the bed" if printing.ink_side == "down" else ""
-    hatched = "Hatched: may not be printed on" if printing.printer.excluded_mm else ""
-    for plate in design.plates:
+    """Each plate as its slicer shows it from above, what it takes, and its files."""
+    has_files, figures = "3mf" in design.job.formats, []
+    for plate, takes in zip(design.plates, design.estimate.plates, strict=True):
         stem = f"{design.job.name}.{plate.name}"
         links = tuple(Link(f"{stem}.{kind}.3mf", f"{stem}.{kind}.3mf") for kind in ("prusa", "bambu") if has_files)
-        alt = f"The bed from above with {plate.words}{' and a free place for the prime tower' * plate.is_two_filament}."
-        caption = ". ".join(part for part in ("Seen from above", below * plate.is_two_filament, hatched) if part)
+        free = " and a free place for the prime tower" * plate.is_two_filament
+        alt = f"The bed of {plate.name} from above with {plate.words}{free}."
+        weight, layers = grams(takes.body_g * (1 + takes.ink_mm3 / takes.body_mm3)), f"{takes.layers} layers"
+        inked = f"{takes.inked_layers} of {layers} with ink, {takes.changes} changes" if takes.inked_layers else layers
+        caption = f"{duration(takes.time_s)}, {weight}, {inked}."
         title = f"{plate.name.replace('-', ' ').capitalize()}: {plate.words}"
-        figures.append(Figure(title, plate_picture(design, plate), alt, f"{caption}.", links))
+        figures.append(Figure(title, plate_picture(design, plate), alt, caption, links))
     return tuple(figures)
+
+
+def plate_folds(design: Design) -> tuple[Fold, ...]:
+    """The pictures of all plates, with how to read them; those without ink are closed."""
+    printing, plates = design.job.printing, design.plates
+    said = (
+        "Seen from above, in the order to print",
+        "dashed rings and dots lie on the bed" * (printing.ink_side == "down"),
+        "hatched places may not be printed on" * bool(printing.printer.excluded_mm),
+    )
+    words, figures = Paragraph(f"{'; '.join(filter(None, said))}."), plate_figures(design)
+    inked, plain = (
+        tuple(one for one, plate in zip(figures, plates, strict=True) if plate.is_two_filament is has_ink)
+        for has_ink in (True, False)
+    )
+    others = f"{len(plain)} plate{'s' * (len(plain) > 1)} in one filament"
+    return (
+        Fold(f"{len(inked)} plate{'s' * (len(inked) > 1)} in two filaments", (words, *inked), is_open=True),
+        *((Fold(others, plain),) if plain else ()),
+    )
 
 
 def plate_picture(design: Design, plate: Plate) -> Svg:
@@ -140,53 +148,3 @@ def _shadow(piece: Piece) -> list[Array]:
     else:
         outline = solid_of(body).project().offset(0.3, JoinType.Miter).offset(-0.3, JoinType.Miter)
     return [np.asarray(polygon) for polygon in outline.to_polygons()]
-
-
-def plate_folds(design: Design, files: Sequence[str]) -> tuple[Fold, ...]:
-    """A fold for each slicer, that of the printer first."""
-    first = usual_slicer(design.job.printing.printer)
-    folds = ((one.title, _steps(design, one, files)) for one in sorted(SLICERS, key=lambda one: one.title != first))
-    return tuple(Fold(title, (steps,)) for title, steps in folds if steps is not None)
-
-
-def _steps(design: Design, slicer: Slicer, files: Sequence[str]) -> Steps | None:
-    """From the files to the printer; None: there are none for it."""
-    printing, slot = design.job.printing, slicer.slot
-    project, first = f"{design.job.name}.{slicer.project}", f"{design.job.name}.plate-1.{slicer.package}"
-    is_project = project in files
-    if not is_project and first not in files:
-        return None
-    one_by_one = f"open {first}, later the other plates, each as a project of its own"
-    opening = (slicer.choose, f"{capital(one_by_one)}. {slicer.opened}")
-    if is_project:
-        opening = _opening_project(design, project, one_by_one if first in files else "write --formats 3mf and open it")
-    tower = "it stands there" if is_project else "put it there"
-    body, ink = colour_words(printing.body_colour), colour_words(printing.ink_colour)
-    return Steps((
-        *opening,
-        f"{capital(slot)} 1 is {body}, {slot} 2 is {ink}, of one material.",
-        "If it asks whether objects of equal height are parts of one object: no. What has ink is an object with two "
-        "parts, body and ink; what has none, an object with one.",
-        f"Look at the object list: body in {slot} 1 and ink in {slot} 2 in every object with ink. If a number differs, "
-        "set it on the part, not on the object.",
-        f"Don't arrange: the plate is full, and the free corner or strip is the prime tower's: {tower}. A piece "
-        "may be moved; don't turn any: the axes of calib measure are then not the printer's.",
-        f"Set the values of the table above. {slicer.purge}".strip(),
-        f"Slice, and look at the preview by {slicer.preview}: on plates with ink every ring whole, and one filament "
-        "only above the ink; all others in one filament.",
-    ))  # fmt: skip
-
-
-def _opening_project(design: Design, project: str, instead: str) -> tuple[str, str]:
-    """One file for all of them, and what to do if it is not taken for one."""
-    presets = design.job.printing.printer.presets
-    assert presets is not None  # noqa: S101 - else there is no project
-    return (
-        f"Open {project} as a project (File, Open Project): it holds the {len(design.plates)} plates, named and "
-        f"locked, with the pieces in place. It asks for the presets {presets.printer}, {presets.process} and "
-        f"{presets.filament}, unchanged, and for the plate type {presets.plate_type}: put your own filaments and plate "
-        "in their place.",
-        "This file keeps to the rules in the published sources of both programs; it was not opened in the programs "
-        "themselves. Compare with the pictures of the plates before you slice. If there is but one plate, or a notice "
-        f"says that only geometry is loaded, {instead}.",
-    )

@@ -5,18 +5,19 @@ And whether that is sensible: a design can be printable and yet nothing that any
 
 import math
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 
 from designer.base.answer import Value
 from designer.base.errors import InputError
+from designer.builds.design import Design
+from designer.builds.slicing import colour_words
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec, spec_to_toml
-from designer.make.estimate import DENSITY_G_PER_CM3, DIAMETER_MM, SPOOL_G, PrintEstimate
+from designer.make.estimate import DENSITY_G_PER_CM3, DIAMETER_MM, SPOOL_G, PrintEstimate, duration, few_digits, grams
 from designer.make.printability import check_printability
-from designer.page.blocks import Cell, Column, Level, Section, Table, text_table
-from designer.produce import Design
-from designer.report.making import colour_words
+from designer.page.blocks import Cell, Facts, Fold, Level, Paragraph, Section, Table
+from designer.page.folders import Shown, table_of
 from designer.spec.build import BUILDS, builds_of
 from designer.spec.spec import FILAMENT_PRICE, PrintSpec
 
@@ -125,57 +126,26 @@ def _changes(count: int) -> str:
     return f"{count} change{'s' * (count != 1)}"
 
 
-def duration(time_s: float) -> str:
-    """`40 min`, `3 h 20 min`, `39 h`."""
-    minutes = max(round(time_s / 60), 1)
-    if minutes < 60:
-        return f"{minutes} min"
-    if minutes < 600:
-        return f"{minutes // 60} h" + (f" {minutes % 60} min" if minutes % 60 else "")
-    return f"{round(minutes / 60)} h"
+def cost_table(costs: Costs, printing: PrintSpec) -> Table:
+    """This build against the others."""
+    assumed, currency = (", which is assumed", ", EUR") if printing.filament_price == FILAMENT_PRICE else ("", "")
+    shown = Shown[BuildCosts]
+    return table_of(
+        (costs.own, *costs.others),
+        shown("build", lambda one: f"{one.build}, this design" if one is costs.own else one.build),
+        shown("plates", lambda one: len(one.estimate.plates)),
+        shown("time", lambda one: _cell(duration, one.estimate.time_s, "usable" if one.faults else None)),
+        shown("changes", lambda one: one.estimate.changes, "of the filament"),
+        shown("purge", lambda one: _cell(grams, one.estimate.purge_g), "filament that changes throw away"),
+        shown("filament", lambda one: _cell(grams, one.estimate.total_g), "all that comes off the spools"),
+        shown(f"price{currency}", lambda one: Cell(f"{one.estimate.price:.2f}", one.estimate.price),
+              f"at {printing.filament_price:g} a kilogram{assumed}: --filament-price"),
+        title="This build and the others",
+    )  # fmt: skip
 
 
-def grams(mass_g: float) -> str:
-    """`0.72 g`, `120 g`."""
-    return f"{_few_digits(mass_g)} g"
-
-
-def _few_digits(value: float) -> str:
-    """Two digits, three of those above 100."""
-    return f"{float(f'{value:.{3 if value >= 100 else 2}g}'):g}"
-
-
-def cost_table(costs: Costs, printing: PrintSpec, layers: float) -> Table:
-    """This build against the others; a plate has so many layers."""
-    is_assumed = printing.filament_price == FILAMENT_PRICE
-    assumed, currency = (", which is assumed", ", EUR") if is_assumed else ("", "")
-    columns = (
-        Column("build", is_number=False),
-        Column("plates"),
-        Column("time", note="of all plates, one after the other, with heating up"),
-        Column("changes", note="of the filament"),
-        Column("purge", note="filament that changes throw away"),
-        Column("filament", note="all that comes off the spools"),
-        Column("spools", note="of 1 kg"),
-        Column(f"price{currency}", note=f"at {printing.filament_price:g} a kilogram{assumed}: --filament-price"),
-    )
-    rows = tuple(_cost_row(way, is_own=way is costs.own) for way in (costs.own, *costs.others))
-    return Table("What it takes", columns, rows, note=_rests_on(printing, layers))
-
-
-def _cost_row(way: BuildCosts, *, is_own: bool) -> tuple[Cell, ...]:
-    one = way.estimate
-    level: Level | None = "usable" if way.faults else None
-    return (
-        Cell(f"{way.build}, this design" if is_own else way.build),
-        Cell(str(len(one.plates)), len(one.plates)),
-        Cell(duration(one.time_s), one.time_s, level=level),
-        Cell(str(one.changes), one.changes),
-        Cell(grams(one.purge_g), one.purge_g),
-        Cell(grams(one.total_g), one.total_g),
-        Cell(f"{one.spools:.2f}", one.spools),
-        Cell(f"{one.price:.2f}", one.price),
-    )
+def _cell(words: Callable[[float], str], value: float, level: Level | None = None) -> Cell:
+    return Cell(words(value), value, level=level)
 
 
 def _rests_on(printing: PrintSpec, layers: float) -> str:
@@ -185,58 +155,38 @@ def _rests_on(printing: PrintSpec, layers: float) -> str:
     changing = f"a change of {change.time_s:g} s with {change.purge_to_ink_mm3:g} or {change.purge_to_body_mm3:g} mm³"
     if change.is_tool_changer:
         changing = f"a nozzle for each filament, {change.time_s:g} s and {change.purge_to_ink_mm3:g} mm³ a change"
-    left_out = f"Brim{', stand' * printing.stand} and supports"
     return (
-        f"Estimated before slicing, from the model and the profile of {printing.printer.name}: "
-        f"{machine.shells.words(layers)}, layers of {printing.printer.layer_height_mm:g} mm, {changing}. "
-        "PrusaSlicer with the same settings differs by "
-        f"up to 15 % in time and 5 % in plastic, real printers by more. {machine.start_s / 60:.2g} min a plate "
-        f"for heating and levelling are as the profile assumes. {left_out} are not in it."
+        f"Estimated from the model and the profile of {printing.printer.name}: {machine.shells.words(layers)}, layers "
+        f"of {printing.printer.layer_height_mm:g} mm, {changing}, {machine.start_s / 60:.2g} min a plate for heating "
+        "and levelling. PrusaSlicer differs by up to 15 % in time and 5 % in plastic, printers by more. Without "
+        f"brim{', stand' * printing.stand} and supports."
     )
 
 
 def cost_section(costs: Costs, printing: PrintSpec, plate_layers: float = math.inf) -> Section:
-    """This build against the others, its filament by slot, its time by plate."""
+    """This build against the others, and its filament by slot."""
     one = costs.own.estimate
     layers = "1 layer holds" if one.inked_layers == 1 else f"{one.inked_layers} layers hold"
     why = f" {layers} ink, which makes {_changes(one.changes)}." if one.changes else ""
-    blocks = (cost_table(costs, printing, plate_layers), _slot_table(one, printing), _plate_table(one))
-    return Section(COSTS_TITLE, blocks, f"{cost_sentence(one)}{why}")
+    start_s = sum(plate.start_s for plate in one.plates)
+    parts = (("printing", one.time_s - one.changing_s - start_s), ("changing", one.changing_s), ("heating up", start_s))
+    times = ", ".join(f"{name} {duration(time_s)}" for name, time_s in parts if time_s)
+    facts = Facts((*_slots(one, printing), ("time", times)))
+    note = Fold("What the estimate rests on", (Paragraph(_rests_on(printing, plate_layers)),))
+    return Section(COSTS_TITLE, (facts, cost_table(costs, printing), note), f"{cost_sentence(one)}{why}")
 
 
-def _slot_table(one: PrintEstimate, printing: PrintSpec) -> Table:
-    """What comes off each spool."""
+def _slots(one: PrintEstimate, printing: PrintSpec) -> Iterator[tuple[str, str]]:
+    """What comes off each spool, of PLA of 1.75 mm."""
     body, ink = colour_words(printing.body_colour), colour_words(printing.ink_colour)
-    rows = [("1, body", body if one.ink_g else "any", one.body_g)]
-    if one.ink_g:
-        rows.append(("2, ink", ink, one.ink_g))
-    if one.purge_g:
-        rows.append(("both, purged", "", one.purge_g))
-    columns = (Column("slot", is_number=False), Column("colour", is_number=False), Column("weight"), Column("length"))
-    cells = tuple(
-        (Cell(slot), Cell(colour), Cell(grams(mass), mass), Cell(f"{_few_digits(_length_m(mass))} m", _length_m(mass)))
-        for slot, colour, mass in rows
-    )
-    return Table(
-        "Filament of each slot", columns, cells, note="PLA, 1.24 g/cm³ by its makers; length of filament of 1.75 mm."
-    )
-
-
-def _plate_table(one: PrintEstimate) -> Table:
-    """Each print for itself."""
-    heads = ("plate", "time", "printing", "changing", "heating up", "layers", "of them with ink", "changes")
-    rows = []
-    for number, plate in enumerate(one.plates, start=1):
-        times = (plate.time_s, plate.printing_s, plate.changing_s, plate.start_s)
-        counts = (plate.layers, plate.inked_layers, plate.changes)
-        name = plate.name.replace("-", " ") or str(number)
-        rows.append((name, *(duration(time) if time else "" for time in times), *map(str, counts)))
-    return text_table("Plates", heads, rows)
-
-
-def _length_m(mass_g: float) -> float:
-    """Of filament."""
-    return mass_g / DENSITY_G_PER_CM3 / (math.pi / 4 * DIAMETER_MM**2)
+    slots = (
+        ("slot 1", f"{body if one.ink_g else 'any colour'}, body", one.body_g), ("slot 2", f"{ink}, ink", one.ink_g),
+        ("purged", "of both", one.purge_g),
+    )  # fmt: skip
+    for slot, what, mass_g in slots:
+        if mass_g:
+            length_m = mass_g / DENSITY_G_PER_CM3 / (math.pi / 4 * DIAMETER_MM**2)
+            yield slot, f"{grams(mass_g)} {what}, {few_digits(length_m)} m"
 
 
 def costs_summary(costs: Costs) -> Value:

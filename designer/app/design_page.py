@@ -3,28 +3,31 @@
 It follows from the spec and the files alone, so `design make` on the folder's TOML file writes the same bytes.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from importlib import import_module
-from pathlib import Path
 from typing import cast
 
+from designer.app.costs import Costs, cost_section, cost_sentence, costs_of, verdict
+from designer.app.measuring import measure_blocks, photo_blocks
+from designer.app.stands import stand_section, trial_sections
 from designer.base.answer import program
 from designer.base.solid import CODES, code_positions
 from designer.base.units import NO_SKEW, format_skew
 from designer.base.words import capital, with_article
+from designer.builds.design import Design, maker_of
+from designer.builds.pictures import Panels, preview_panels, printed_ink, printed_scene
+from designer.builds.slicing import colour_words, layers_of
 from designer.formats.folder import OutputFile
 from designer.kinds.layout import adjacent_faces, opposite_faces
 from designer.make.bed import printed_size_mm
 from designer.make.printability import RULES, PrintCheck, sentence
 from designer.page.blocks import (
     Block,
-    Cell,
-    Column,
     Facts,
     Figure,
     FileList,
     FileRow,
+    Findings,
     Fold,
     Headline,
     Leaf,
@@ -33,40 +36,24 @@ from designer.page.blocks import (
     Paragraph,
     Section,
     Steps,
-    Table,
     View3d,
+    text_table,
 )
+from designer.page.folders import Shown, table_of
+from designer.page.page_file import PAGE_FILE
 from designer.page.shell import page_html
-from designer.produce import Design, maker_of
-from designer.report.costs import Costs, cost_section, cost_sentence, costs_of, verdict
-from designer.report.making import colour_words, layers_of
-from designer.report.measuring import measure_blocks, photo_blocks
-from designer.report.pictures import Panels, preview_panels, printed_ink, printed_scene
-from designer.report.stands import stand_section, trial_sections
 from designer.spec.format import FORMATS
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
-PAGE_FILE = "index.html"
 RULES_TITLE = "Printability"
-_MEASURE_LEAD = (
-    "The print is not the drawing. A length and the photos say by how much, and the calibration uses what was printed."
-)
+_MEASURE_LEAD = "A length and the photos say how far the print is from the drawing; the calibration uses the print."
+MOST_FILES = 12
+"""That are listed at once."""
 DOT, RING = "●", "○"
 
 Guide = Callable[[str, TargetGeometry, str], tuple[str, ...]]
 """What to do with the files of a format for lasers, cutters or board houses."""
-
-
-@dataclass(frozen=True, eq=False)
-class Written:
-    """What a run wrote, and what an earlier run of the same name left beside it."""
-
-    folder: Path
-    files: tuple[OutputFile, ...]
-    left: tuple[str, ...]
-    replaced: tuple[str, ...]  # a line on another target that stood under this name
-    page: Page  # of which the terminal tells the lead
 
 
 def page_file(page: Page) -> OutputFile:
@@ -86,6 +73,7 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile], 
     job, costs = design.job, costs or costs_of(design)
     preview = next((file.content for file in files if file.name == f"{job.name}.png"), None)
     panels, others = None if preview is None else preview_panels(preview), other_makers(design, files)
+    listed = FileList(tuple(FileRow(file.name, file.purpose, len(file.content)) for file in files))
     return Page(
         title=job.name,
         kind="Target",
@@ -93,53 +81,59 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile], 
         lead=_lead(design, panels),
         sections=(
             *((cost_section(costs, job.printing, layers_of(design)),) if costs.is_printed else ()),
-            Section(RULES_TITLE, (check.told(),), _rule_lead(job.printing, check)),
+            Section(RULES_TITLE, rule_blocks(check), _rule_lead(job.printing, check)),
             maker_of(job.printing).making(design, files),
             *((stand_section(design),) if job.printing.stand else ()),
             *(() if others is None else (others,)),
             *_use_sections(design, panels),
-            Section(
-                "Files",
-                (FileList(tuple(FileRow(file.name, file.purpose, len(file.content)) for file in files)),),
-                f"{job.name}.target.json is the file that calib reads.",
-            ),
+            Section("Files", (listed if len(files) <= MOST_FILES else Fold(f"All {len(files)}", (listed,)),),
+                    f"{job.name}.target.json is what calib reads."),
         ),
         made_by=f"design make {job.name}.toml",
         program=program(),
+    )  # fmt: skip
+
+
+def rule_blocks(check: PrintCheck) -> tuple[Block, ...]:
+    """What rules say against a print; those that hold are a line that opens."""
+    rows = check.told().rows
+    holding = [row for row in rows if row.level == "good"]
+    told = tuple(row for row in rows if row.level != "good")
+    table = text_table(
+        "", ("rule", "here", "limit"), [(row.title, row.measured, row.rule or row.text) for row in holding]
     )
+    count = f"{len(holding)} rule{'s hold' if len(holding) > 1 else ' holds'}"
+    names = ", ".join(row.title.lower() for row in holding)
+    return (*((Findings(told),) if told else ()), *((Fold(f"{count}: {names}", (table,)),) if holding else ()))
 
 
 def other_makers(design: Design, files: Sequence[OutputFile]) -> Section | None:
-    """A fold for each such format; None where there is none.
-
-    Args:
-        design: what is made.
-        files: of the folder.
-    """
-    folds = tuple(_folds(design, [file.name for file in files]))
-    lead = "The same pattern, made in another way; each file is all that a maker needs."
-    return Section("Lasers, cutters, board houses", folds, lead) if folds else None
-
-
-def _folds(design: Design, names: Sequence[str]) -> Iterator[Fold]:
+    """A fold for each format of lasers, cutters and board houses, with its files; None where there is none."""
+    folds = []
     for format_name in design.job.formats:
         entry = FORMATS[format_name]
-        if not entry.guide:
-            continue
-        steps = cast(Guide, import_module(f"designer.formats.{entry.guide}").steps)
-        mine = [name for name in names if name.endswith(entry.suffix)]
-        listed = " and ".join(mine) if len(mine) < 3 else f"{mine[0]} to {mine[-1]}"
-        yield Fold(capital(entry.title), (Steps(steps(listed, design.target, format_name)),), is_open=True)
+        if entry.guide:
+            steps = cast(Guide, import_module(f"designer.formats.{entry.guide}").steps)
+            mine = [file.name for file in files if file.name.endswith(entry.suffix)]
+            listed = " and ".join(mine) if len(mine) < 3 else f"{mine[0]} to {mine[-1]}"
+            told = Steps(steps(listed, design.target, format_name))
+            folds.append(Fold(capital(entry.title), (told,), is_open=True))
+    lead = "The same pattern, made in another way; each file is all that a maker needs."
+    return Section("Lasers, cutters, board houses", tuple(folds), lead) if folds else None
 
 
 def _use_sections(design: Design, panels: Panels | None) -> tuple[Section, ...]:
     """What to do with the print."""
     if design.job.target.is_graded:
         return trial_sections(design)
+    target = design.target
+    codes = "Three dots tell how the board is turned: the table of them" if target.is_dot.any() else "No dots"
+    if target.has_codes:
+        codes = f"Three dots tell each of the {target.face_count} faces: the table of codes"
     return (
         Section("Photos and the camera", photo_blocks(design), "Type the commands in this folder."),
         Section("What was printed: measure it", measure_blocks(design), _MEASURE_LEAD),
-        Section("Codes", (*code_blocks(design), *_net(design, panels))),
+        Section("Codes", (*_net(design, panels), Fold(codes, code_blocks(design)))),
     )
 
 
@@ -157,10 +151,10 @@ def headline(printing: PrintSpec, check: PrintCheck, costs: Costs | None = None)
         rules = f"{warned} of {count} design rules warn on {how}: {which}."
     if costs is not None and (against := verdict(costs)):
         return Headline("usable", "printable, but not sensible", f"{against} {rules}")
-    cost = f" {cost_sentence(costs.own.estimate)}" if costs and costs.is_printed else ""
+    cost = f"{cost_sentence(costs.own.estimate)} " if costs and costs.is_printed else ""
     if warnings:
-        return Headline("usable", "printable with care", f"{rules}{cost}")
-    return Headline("good", "printable", f"{rules}{cost}")
+        return Headline("usable", "printable with care", f"{cost}{rules}")
+    return Headline("good", "printable", f"{cost}{rules}")
 
 
 def _rule_lead(printing: PrintSpec, check: PrintCheck) -> str:
@@ -169,7 +163,7 @@ def _rule_lead(printing: PrintSpec, check: PrintCheck) -> str:
     if printing.is_two_filament:
         held += f" and layers of {printing.printer.layer_height_mm:g} mm"
     if any(finding.level == "warning" for finding in check.findings):
-        return f"{held}. What warns can be made, but comes out less true to the drawing."
+        return f"{held}. What warns comes out less true to the drawing."
     return f"{held}."
 
 
@@ -192,20 +186,12 @@ def _net(design: Design, panels: Panels | None) -> tuple[Block, ...]:
     """All faces unfolded, from the preview."""
     if panels is None or panels.net is None:
         return ()
-    path = f"{design.job.name}.png"
+    links = (Link(f"{design.job.name}.png", f"{design.job.name}.png"),)
     if design.target.is_plate:
-        alt = "The back of the board with its rings and its own three dots."
-        return (Figure("The back", panels.net, alt, "Face 1, as seen from behind.", (Link(path, path),)),)
-    return (
-        Figure(
-            "All faces unfolded",
-            panels.net,
-            "The net of the target: all faces side by side with their numbers and codes.",
-            "As seen from outside; numbers are those of the faces.",
-            (Link(path, path),),
-            is_wide=True,
-        ),
-    )
+        alt = f"The back of the board with its own three dots among {design.target.ring_count // 2} rings."
+        return (Figure("The back", panels.net, alt, "Face 1, as seen from behind.", links),)
+    alt = f"The net of the target: all {design.target.face_count} faces side by side with their numbers and codes."
+    return (Figure("All faces unfolded", panels.net, alt, "Seen from outside.", links, is_wide=True),)
 
 
 def dimension_facts(design: Design) -> Facts:
@@ -223,7 +209,6 @@ def dimension_facts(design: Design) -> Facts:
         ("border", f"{spec.border_mm:g} mm" if spec.border_mm else "none"),
         *_print_rows(design),
         ("target id", target.geometry_id),
-        ("layout id", target.layout_id),
     ))  # fmt: skip
 
 
@@ -258,31 +243,25 @@ def code_blocks(design: Design) -> tuple[Leaf, ...]:
 
 def _face_codes(target: TargetGeometry) -> tuple[Leaf, ...]:
     opposite = {a: b for pair in opposite_faces(target) for a, b in (pair, pair[::-1])}
-    columns = (
-        Column("face"),
-        Column("marks", is_number=False, note="positions row by row from the code corner; ● dot, ○ ring"),
-        Column("dots at (i, j)", is_number=False, note="index in the face's lattice, as in the target file"),
-        Column("beside it", is_number=False, note="the faces across its edges, counter-clockwise from the code corner"),
-        Column("opposite"),
-    )
-    beside = adjacent_faces(target).tolist()
-    rows = tuple(
-        (
-            Cell(str(face), float(face)),
-            Cell(_code_marks(int(code))),
-            Cell(", ".join(str(index) for index in sorted(CODES[int(code)]))),
-            Cell(", ".join(map(str, beside[face]))),
-            Cell(str(opposite[face]), opposite[face]) if face in opposite else Cell(""),
-        )
-        for face, code in enumerate(target.face_code.tolist())
-    )
-    positions = len(code_positions(int(target.face_code[0])))
+    beside, codes, shown = adjacent_faces(target).tolist(), target.face_code.tolist(), Shown[int]
     note = (
-        f"Three of the {positions} positions in the corner of a face carry dots, in {target.face_count} different ways:"
-        " so one face tells which it is and how it is turned. i counts from the code corner down the left side, j down "
-        "the right side, the face seen from outside with its code corner up."
+        f"Three of the {len(code_positions(codes[0]))} positions in a face's corner carry dots: they tell the face and "
+        "its turn. i counts from the code corner down the left side, j down the right one, seen from outside with that "
+        "corner up."
     )
-    return (Table("Codes of the faces", columns, rows, note=note, visible_rows=20),)
+    table = table_of(
+        range(target.face_count),
+        shown("face", lambda face: face),
+        shown("marks", lambda face: _code_marks(codes[face]),
+              "positions row by row from the code corner; ● dot, ○ ring"),
+        shown("dots at (i, j)", lambda face: ", ".join(map(str, sorted(CODES[codes[face]]))),
+              "index in the face's lattice, as in the target file"),
+        shown("beside it", lambda face: ", ".join(map(str, beside[face])),
+              "the faces across its edges, counter-clockwise from the code corner"),
+        shown("opposite", lambda face: opposite.get(face, "")),
+        title="Codes of the faces", note=note, visible_rows=20,
+    )  # fmt: skip
+    return (table,)
 
 
 def _code_marks(code: int) -> str:
@@ -295,35 +274,21 @@ def _code_marks(code: int) -> str:
 def _origin_mark(target: TargetGeometry) -> tuple[Leaf, ...]:
     (dots,) = target.is_dot.nonzero()
     if not len(dots):
-        text = "No dots: origin and orientation cannot be told from a photo, only up to the symmetry of the lattice."
+        text = "Origin and orientation cannot be told from a photo, only up to the symmetry of the lattice."
         return (Paragraph(text),)
-    several = not target.is_planar
-    columns = (
-        *((Column("face", note="0 is the front, 1 the back"),) if several else ()),
-        Column("ring", note="row in the target file"),
-        Column("index (i, j)", is_number=False),
-        Column("x mm", note="from the middle of the board, to the right as one looks at the face"),
-        Column("y mm", note="upwards"),
-    )
-    place = target.center_in_face_mm
-    rows = tuple(
-        (
-            *((Cell(str(target.ring_face[dot]), float(target.ring_face[dot])),) if several else ()),
-            Cell(str(dot), float(dot)),
-            Cell(f"({target.ring_index[dot, 0]}, {target.ring_index[dot, 1]})"),
-            Cell(f"{place[dot, 0]:.3f}", float(place[dot, 0])),
-            Cell(f"{place[dot, 1]:.3f}", float(place[dot, 1])),
-        )
-        for dot in dots.tolist()
-    )
-    note = (
-        "Three dots instead of rings mark origin and orientation; no turn and no mirror image maps them onto "
-        "themselves. Keep them in every photo: a board whose dots are all hidden cannot be named."
-    )
+    several, place, shown = not target.is_planar, target.center_in_face_mm, Shown[int]
+    keep = "Keep them in every photo: a board whose dots are all hidden cannot be named."
+    note = f"No turn and no mirror image maps the three dots onto themselves. {keep}"
     if several:
-        note = (
-            "Three dots on each face mark origin, orientation and face; no two of the back's are as far apart as two "
-            "of the front's, so that two dots tell the face. Keep them in every photo: a board whose dots are all "
-            "hidden cannot be named."
-        )
-    return (Table("The marks of both faces" if several else "The origin mark", columns, rows, note=note),)
+        note = f"No two dots of the back are as far apart as two of the front: two tell the face. {keep}"
+    table = table_of(
+        dots.tolist(),
+        *((shown("face", lambda dot: int(target.ring_face[dot]), "0 is the front, 1 the back"),) if several else ()),
+        shown("ring", lambda dot: dot, "row in the target file"),
+        shown("index (i, j)", lambda dot: f"({target.ring_index[dot, 0]}, {target.ring_index[dot, 1]})"),
+        shown("x mm", lambda dot: f"{place[dot, 0]:.3f}",
+              "from the middle of the board, to the right as one looks at the face"),
+        shown("y mm", lambda dot: f"{place[dot, 1]:.3f}", "upwards"),
+        title="The marks of both faces" if several else "The origin mark", note=note,
+    )  # fmt: skip
+    return (table,)

@@ -7,18 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from designer.app.measuring import READING, corner_rings, made_with, ring_to_ring_mm
 from designer.base.units import format_mm
+from designer.builds.design import Design
+from designer.builds.pictures import printed_scene
 from designer.kinds.presets import preset_names
 from designer.make.bed import Piece, Plate, bed_words
-from designer.make.estimate import estimate
+from designer.make.estimate import duration, estimate, grams
 from designer.make.mesh import Mesh, Part
 from designer.make.stand import make_stand, stand_from_target
 from designer.page.blocks import Cell, Column, Command, Facts, Paragraph, Section, Steps, Table, View3d
 from designer.page.scene import Layer, Scene, Surface
-from designer.produce import Design
-from designer.report.costs import duration, grams
-from designer.report.measuring import READING, corner_rings, made_with, ring_to_ring_mm
-from designer.report.pictures import printed_scene
 from designer.spec.spec import Job
 
 STAND_COLOUR = "#9aa1a9"

@@ -10,10 +10,10 @@ import numpy as np
 from designer.base.arrays import Array
 from designer.base.units import NO_SKEW, format_skew
 from designer.base.words import capital
+from designer.builds.design import Design
 from designer.kinds.layout import advised_photos, opposite_faces
 from designer.make.bed import bed_from_target
-from designer.page.blocks import Block, Cell, Column, Command, Leaf, Paragraph, Steps, Table, text_table
-from designer.produce import Design
+from designer.page.blocks import Block, Cell, Column, Command, Fold, Paragraph, Steps, Table, text_table
 from designer.spec.spec import PrintSpec
 from designer.target import PARALLEL, TargetGeometry
 from designer.tolerance.error_file import error_model
@@ -38,16 +38,11 @@ class Caliper:
 
     what: str  # "face 0 to face 15"
     length_mm: float  # of the design
-    lean_deg: float | None = None  # from the printer's upright axis; None: that does not matter
+    is_upright: bool = False  # it shows the printer's z axis alone
     option: str = ""  # the name in `calib measure --length NAME:VALUE`; "": not one of its lengths
     error_source: str = ""  # what is off at both of its ends, of the error models' sources
     is_modelled: bool = True  # whether the error models tell how far it usually is off
     is_long: bool = False  # out of reach of the usual caliper; of rings over their outer edges
-
-    @property
-    def is_upright(self) -> bool:
-        """Whether it shows the printer's z axis alone."""
-        return self.lean_deg is not None and self.lean_deg < 1
 
 
 @dataclass(frozen=True)
@@ -102,16 +97,15 @@ def _solid_lengths(design: Design) -> tuple[Caliper, ...]:
     """All pairs of opposite faces; where they are out of reach of a caliper, also the sides of the topmost face."""
     target, is_printed = design.target, design.job.printing.is_two_filament
     up, normals = bed_from_target(target, design.job.printing)[2, :3], target.target_from_face[:, :3, 2]
+    is_in_parts = design.job.printing.way.is_in_parts
     rows = []
     for first, second in opposite_faces(target):
-        lean = math.degrees(math.acos(min(abs(float(normals[first] @ up)), 1.0)))
         name, length = f"face {first} to face {second}", face_to_face_mm(target, first, second)
         # Nobody knows how the body below stickers lay, and tiles lay flat.
-        lean_deg = lean if is_printed and not design.job.printing.way.is_in_parts else None
-        rows.append(Caliper(name, length, lean_deg, name, "face_offset", is_long=length > REACH_MM))
+        is_upright = is_printed and not is_in_parts and abs(float(normals[first] @ up)) > math.cos(math.radians(1))
+        rows.append(Caliper(name, length, is_upright, name, "face_offset", is_long=length > REACH_MM))
     # Of stickers the length of a row is that of the sheet, not that of the body.
     if is_printed and all(one.is_long for one in rows):
-        is_in_parts = design.job.printing.way.is_in_parts
         face = 0 if is_in_parts else int(np.argmax(normals @ up))
         rows += _sides_of_face(target, face, f"{'tile' if is_in_parts else 'top face'} ({face})")
     return tuple(rows)
@@ -163,7 +157,7 @@ def _plate_lengths(design: Design) -> tuple[Caliper, ...]:
         "diagonal up right": (0, 2), "diagonal up left": (1, 3),
     }  # fmt: skip
     if not target.is_planar:
-        rows[2] = Caliper("thickness: face 0 to face 1", sides[2], None, "face 0 to face 1", "face_offset")
+        rows[2] = Caliper("thickness: face 0 to face 1", sides[2], False, "face 0 to face 1", "face_offset")
     rings = [_between_rings(target, name, corners[a], corners[b]) for name, (a, b) in pairs.items()]
     inside = _within_reach(target)
     if inside != corners[0] and all(one.is_long for one in rings):
@@ -174,7 +168,7 @@ def _plate_lengths(design: Design) -> tuple[Caliper, ...]:
 def _between_rings(target: TargetGeometry, name: str, first: int, second: int) -> Caliper:
     option, length = f"ring {first} to ring {second}", ring_to_ring_mm(target, first, second)
     is_long = length + 2 * float(target.radius_outer_mm.max()) > REACH_MM
-    return Caliper(f"{name}: {option}", length, None, option, "ring_jitter", is_long=is_long)
+    return Caliper(f"{name}: {option}", length, False, option, "ring_jitter", is_long=is_long)
 
 
 def _within_reach(target: TargetGeometry) -> int:
@@ -215,32 +209,39 @@ def skew_per_mm_deg(target: TargetGeometry) -> float:
 def measure_blocks(design: Design) -> tuple[Block, ...]:
     """The lengths, what a deviation means, and the commands that use them."""
     measuring = _Measuring(design)
-    if design.target.is_plate:
-        return (_length_table(measuring), _plate_hints(measuring), _plate_meaning(measuring), *_commands(measuring))
-    return (_length_table(measuring), _solid_hints(measuring), _solid_meaning(measuring), *_commands(measuring))
+    is_plate = design.target.is_plate
+    hints = _plate_hints(measuring) if is_plate else _solid_hints(measuring)
+    told = [(name, capital(why)) for name, why in (_plate_meaning if is_plate else _solid_meaning)(measuring)]
+    deviations = Fold("What deviations mean", (text_table("", ("what you find", "what it means"), told),))
+    return (_length_table(measuring), hints, deviations, *_commands(measuring))
 
 
 def _length_table(measuring: _Measuring) -> Table:
-    """Design values, and between which values a print usually lies."""
+    """Design values, and between which values a print usually lies; lengths that are alike are a row."""
     columns = (
         Column("length", is_number=False),
         Column("design, mm", note="what a perfect print has after cooling"),
         Column("usual, mm", note=f"two standard deviations of the error template {measuring.errors.name}"),
     )
-    notes, rows = [], []
+    alike: dict[tuple[str, bool], list[Caliper]] = {}
     for one in measuring.lengths:
-        axis = "" if one.lean_deg is None else ", along z" if one.is_upright else f", {one.lean_deg:.1f}° off z"
+        mark = f"{one.length_mm:.2f}" if one.option.startswith("face") else one.what
+        alike.setdefault((mark, one.is_upright), []).append(one)
+    rows = []
+    for lengths in alike.values():
+        one, count = lengths[0], len(lengths)
+        what = one.what if count == 1 else f"each of {count} pairs of opposite faces, as {one.what}"
         usual_mm = measuring.usual_mm(one) if one.is_modelled else None
         rows.append((
-            Cell(f"{one.what}{axis}"),
+            Cell(f"{what}{', along z' if one.is_upright else ''}"),
             Cell(f"{one.length_mm:.2f}{' *' * one.is_long}", one.length_mm),
             Cell("" if usual_mm is None else f"± {usual_mm:.2f}", usual_mm),
         ))  # fmt: skip
-    if any(one.is_long for one in measuring.lengths):
-        notes.append(f"* longer than a caliper of {REACH_MM:g} mm reaches.")
-    if any(one.lean_deg is not None for one in measuring.lengths):
-        notes.append("z is the printer's upright axis.")
-    return Table("Lengths for the caliper", columns, tuple(rows), note=" ".join(notes), visible_rows=13)
+    notes = (
+        f"* longer than a caliper of {REACH_MM:g} mm reaches." * any(one.is_long for one in measuring.lengths),
+        "z is the printer's upright axis." * any(one.is_upright for one in measuring.lengths),
+    )
+    return Table("Lengths for the caliper", columns, tuple(rows), " ".join(filter(None, notes)), visible_rows=13)
 
 
 def _solid_hints(measuring: _Measuring) -> Steps:
@@ -248,22 +249,22 @@ def _solid_hints(measuring: _Measuring) -> Steps:
     pairs = [one for one in measuring.lengths if one.option.startswith("face")]
     reach: tuple[str, ...] = ()
     if all(one.is_long for one in pairs):
-        words = f"Across the faces it is {pairs[0].length_mm:.2f} mm: that takes a caliper of 200 mm or a height gauge"
+        words = f"Across the faces, {pairs[0].length_mm:.2f} mm, it takes a caliper of 200 mm or a height gauge"
         if not measuring.is_face_to_face:
             in_parts = measuring.design.job.printing.way.is_in_parts
             which = "a tile" if in_parts else "the top face, opposite the face on the bed"
             words += (
-                f", and is the better length: 'face-to-face' in the commands below. With one of {REACH_MM:g} mm "
-                f"measure the sides of {which}; its corners count counter-clockwise "
-                f"from the code corner, 0. {_ring_words(measuring)}"
+                f": the better length, 'face-to-face' in the commands below. With one of {REACH_MM:g} mm measure the "
+                f"sides of {which}, whose corners count counter-clockwise from the code corner, 0. "
+                f"{_ring_words(measuring)}"
             )
         reach = (f"{words.removesuffix('.')}.",)
     return Steps((
         "Let the print cool to the room. Cut brim and blobs off.",
         *reach,
-        "Close the jaws flat on two opposite faces, in their middles, and turn the part for the least reading.",
-        "Measure as many of the pairs as you can: their mean is the size, their differences are the shape. Over the "
-        "corners a caliper reads too little: print rounds them.",
+        "Close the jaws flat on opposite faces, in their middles, and turn the part for the least reading; over the "
+        "corners, which print rounds, it is too little.",
+        "Measure as many pairs as you can: their mean is the size, their differences are the shape.",
     ))  # fmt: skip
 
 
@@ -274,7 +275,6 @@ def _plate_hints(measuring: _Measuring) -> Steps:
         "Let the print cool to the room." if is_printed else "Measure the sheet on its carrier, as it will be used.",
         _ring_words(measuring),
         "The plate: outside, at both ends and in the middle; its thickness at the four corners.",
-        "A straight edge along both diagonals shows how bent the plate is: light under it is an error of the target.",
     ))  # fmt: skip
 
 
@@ -282,13 +282,12 @@ def _ring_words(measuring: _Measuring) -> str:
     """How the distance of two rings is taken."""
     example, diameter = measuring.example, 2 * float(measuring.design.target.radius_outer_mm.max())
     return (
-        "Ring to ring is centre to centre: measure over the two outer edges, then between the edges that face each "
-        f"other, and take the mean; bleeding ink cancels out. Of {example.option} these are "
-        f"{example.length_mm + diameter:.2f} and {example.length_mm - diameter:.2f} mm."
+        "Ring to ring is centre to centre, the mean of over the outer and between the inner edges, so that bleed "
+        f"cancels: of {example.option} {example.length_mm + diameter:.2f} and {example.length_mm - diameter:.2f} mm."
     )
 
 
-def _solid_meaning(measuring: _Measuring) -> Table:
+def _solid_meaning(measuring: _Measuring) -> list[tuple[str, str]]:
     design, skew_rad = measuring.design, measuring.sigma("skew")
     length, skew = max(one.length_mm for one in measuring.lengths), skew_effect_mm(design, skew_rad)
     differ = "axes of the printer that are off one by one; a skew changes none of these lengths"
@@ -298,9 +297,7 @@ def _solid_meaning(measuring: _Measuring) -> Table:
     size = ("all pairs off alike", f"size: 0.1 mm is {10 / length:.2g} %. {_size_remedy(design)}")
     if design.job.printing.way.is_in_parts:
         badly = "a tile that sits badly: glue on a pad, a blob in a hole, a bow. calib measure names the tile"
-        return _meanings(
-            [size, ("one pair too long", badly), ("all pairs too long", "thick glue, or pads that stand proud")]
-        )
+        return [size, ("one pair too long", badly), ("all pairs too long", "thick glue, or pads that stand proud")]
     rows = [
         size,
         ("pairs differ", f"{differ}. Photos tell the three angles: calib measure, then --skew-compensation"),
@@ -312,10 +309,10 @@ def _solid_meaning(measuring: _Measuring) -> Table:
     ]
     if design.job.printing.way.has_stickers:
         rows.append(("one pair too long", "glue, bubbles, or a seam below a sticker"))
-    return _meanings(rows)
+    return rows
 
 
-def _plate_meaning(measuring: _Measuring) -> Table:
+def _plate_meaning(measuring: _Measuring) -> list[tuple[str, str]]:
     design, example = measuring.design, measuring.example
     one_axis = "carriage or feed of the printer alone: calib measure tells it"
     if design.job.printing.is_two_filament:
@@ -325,18 +322,12 @@ def _plate_meaning(measuring: _Measuring) -> Table:
     skew = (
         f"each 0.1 mm between the two is {0.1 * skew_per_mm_deg(design.target):.2g} deg; {usual_deg:.2g} deg is usual"
     )
-    return _meanings([
+    return [
         ("all lengths off alike", size),
         ("rows off, columns not", one_axis),
         ("diagonals differ", f"skew: {skew}"),
-        ("light under the edge", "the plate is bent. calib measure takes a bow back, but not one that changes"),
-    ])  # fmt: skip
-
-
-def _meanings(rows: list[tuple[str, str]]) -> Table:
-    """What is seen and what it means."""
-    told = [(found, capital(meaning)) for found, meaning in rows]
-    return text_table("Deviations", ("what you find", "what it means"), told)
+        ("light under a straight edge along a diagonal", "a bent plate: calib measure takes a bow back that stays"),
+    ]
 
 
 def _size_remedy(design: Design) -> str:
@@ -346,24 +337,21 @@ def _size_remedy(design: Design) -> str:
     made = design.job.printing.shrink_compensation_percent
     had = f" (this one has {made:g}%)" if made else ""
     return (
-        "Give the length to calib measure, which also tells the --shrink-compensation of the next print"
-        f"{had}; photos alone never tell size"
+        f"Give the length to calib measure, which tells the --shrink-compensation of the next print{had}; photos "
+        "alone never tell size"
     )
 
 
 def example_length(design: Design) -> str:
     """A length as calib measure reads it, once a reading stands in its place."""
-    return _example_text(_Measuring(design))
-
-
-def _example_text(measuring: _Measuring) -> str:
+    measuring = _Measuring(design)
     name = "face-to-face" if measuring.is_face_to_face else measuring.example.option
     return f"{name}:{READING}mm+-{_CALIPER_MM:g}mm"
 
 
-def _commands(measuring: _Measuring) -> tuple[Leaf, ...]:
+def _commands(measuring: _Measuring) -> tuple[Block, ...]:
     """From a reading to the measured target file and the camera."""
-    job, length = measuring.design.job, _example_text(measuring)
+    job, length = measuring.design.job, example_length(measuring.design)
     what = "the mean of your readings of all pairs" if measuring.is_face_to_face else "your reading"
     percent = job.printing.shrink_compensation_percent
     shrunk, made = f" --shrink-compensation {percent:g}%" if percent else "", made_with(job.printing)
@@ -372,20 +360,18 @@ def _commands(measuring: _Measuring) -> tuple[Leaf, ...]:
         made = f' --length "face 0 to face 1:{READING}mm+-{_CALIPER_MM:g}mm"{made}'
     return (
         Paragraph(
-            f"Put {what} in place of {READING}, as in 12.34mm. The measured target file is then used instead of "
-            f"{target}, and no new print is needed. +-{_CALIPER_MM:g}mm is what a caliper may be off up to 100 mm (DIN "
-            "862, display of 0.01 mm): put what yours may."
-        ),
-        Command(
-            f'calib measure {target} --measured-length "{length}"{shrunk} -o measured/{target}',
-            "the quick way: the size from one length, the shape as designed",
+            f"Put {what} in place of {READING}, and for +-{_CALIPER_MM:g}mm (DIN 862, up to 100 mm) what your caliper "
+            "may be off. No new print is needed."
         ),
         Command(
             f'calib measure {target} camera/detections.csv --length "{length}"{made} -o measured/{target}',
-            "the thorough way, after calib run: size, shape and every face, from the photos and one length",
+            "after calib run: size, shape and every face, from the photos and one length",
         ),
-        Command(f"calib run measured/{target} photos -o camera", "the camera again, from the target as it was printed"),
-    )
+        Command(f"calib run measured/{target} photos -o camera", "the camera again, from the target as printed"),
+        Fold("Quicker: the size from one length, the shape as designed", (
+            Command(f'calib measure {target} --measured-length "{length}"{shrunk} -o measured/{target}'),
+        )),
+    )  # fmt: skip
 
 
 def made_with(printing: PrintSpec) -> str:
@@ -398,46 +384,38 @@ def made_with(printing: PrintSpec) -> str:
 def photo_blocks(design: Design) -> tuple[Block, ...]:
     """How to take the photos, and the commands that follow, run in the folder of the page."""
     name, ring_mm = design.job.name, design.job.target.ring_diameter_mm
-    count = (
-        "20 to 30 photos from all sides; turn the target between them. One can be solved, but hardly checked; to "
-        "measure the print takes 20 or more."
-    )
+    count = "20 to 30 photos from all sides; turn the target between them. Fewer than 20 hardly measure the print."
     if design.job.printing.way.is_in_parts:
         count = (
-            "20 to 30 photos from all sides calibrate a camera; to measure how the tiles sit takes 40 or more, several "
-            "tiles in each. Turn the target between them."
+            "20 to 30 photos from all sides, turned between them; to measure how tiles sit 40, five tiles in each: of "
+            "15, simulated, a tenth of the tiles stayed unknown, of 40 none."
         )
     if design.target.is_plate:
-        count = (
-            "20 to 30 photos, tilted by 20 to 50 degrees about different axes, and a few straight on. Fewer than 6 "
-            "cannot be checked."
-        )
+        count = "20 to 30 photos, tilted by 20 to 50 degrees about different axes, a few straight on; 6 at the least."
     if design.target.has_back:
-        count = (
-            f"{count} A photo of either side counts; cameras that face each other with the board between them are "
-            "tied together by photos taken at the same time, one from each side."
-        )
+        count += " Of either side; cameras that face each other need photos of both taken at the same time."
     rules = Steps((
-        "Fix focus, zoom and aperture; no image stabilisation, full resolution, no lens correction in the camera.",
-        "Even, soft light: where a lamp is mirrored, rings are lost.",
+        "Fix focus, zoom and aperture; no stabilisation or lens correction, full resolution; soft light, no lamp "
+        "mirrored.",
         count,
-        "Fill the image: rings up to its edges and corners in some photos, two or more distances.",
-        f"Near enough that a ring is {_LEAST_RING_PX} pixels or more across: no farther than "
-        f"{1000 * ring_mm / _LEAST_RING_PX:.0f} mm for each 1000 pixels of focal length.",
-        "The photos of one camera in a folder photos beside this page.",
+        "Rings up to the image's edges and corners in some, two or more distances; a ring "
+        f"{_LEAST_RING_PX} pixels or more across: no farther than {1000 * ring_mm / _LEAST_RING_PX:.0f} mm for each "
+        "1000 pixels of focal length.",
+        "One camera's photos in a folder photos beside this page.",
     ))  # fmt: skip
     errors = _Measuring(design).errors
     return (
         rules,
         Command(f"calib run {name}.target.json photos -o camera", "from the photos to the camera, with a verdict"),
-        Command(simulated_line(design), "no print yet: simulated photos with known truth"),
-        Command(f"calib run {name}.target.json simulated -o simulated-camera", "and the camera that they give"),
-        Command(
-            f"design tolerance {name}.target.json --errors {errors.name} --linear -o tolerance",
-            f"what usual errors would cost, in seconds: {errors.title}",
-        ),
-        Command(f"design make {name}.toml -o .", "all files of this folder again, byte for byte"),
-    )
+        Fold("Without a print: simulated photos, and what usual errors would cost", (
+            Command(simulated_line(design), "simulated photos with known truth"),
+            Command(f"calib run {name}.target.json simulated -o simulated-camera", "and the camera that they give"),
+            Command(
+                f"design tolerance {name}.target.json --errors {errors.name} --linear -o tolerance",
+                f"what usual errors would cost, in seconds: {errors.title}",
+            ),
+        )),
+    )  # fmt: skip
 
 
 def simulated_line(design: Design) -> str:

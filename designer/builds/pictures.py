@@ -8,6 +8,8 @@ from manifold3d import triangulate
 from PIL import Image
 
 from designer.base.arrays import Array, Rows
+from designer.builds.design import Design
+from designer.builds.slicing import colour_words
 from designer.formats.png import CAPTION_PX, HEIGHT_PX
 from designer.formats.svg import svg_bytes
 from designer.make.pages import SheetPage
@@ -15,8 +17,6 @@ from designer.make.pattern import Contour, Pattern
 from designer.page.blocks import Figure, Leaf, Link, Paragraph, Raster, Svg
 from designer.page.pictures import thumbnail
 from designer.page.scene import Layer, Scene, Surface
-from designer.produce import Design
-from designer.report.making import colour_words
 from designer.target import bounding_radius_mm
 from designer.target_scene import polygon_area_mm2, target_scene
 

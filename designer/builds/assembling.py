@@ -12,35 +12,20 @@ import numpy as np
 from manifold3d import triangulate
 
 from designer.base.arrays import Array
+from designer.builds.design import Design
+from designer.builds.plates import plate_folds
+from designer.builds.slicing import print_settings, slicer_folds
 from designer.formats.folder import OutputFile
 from designer.formats.svg import decimal
 from designer.make.assembly import Assembly
 from designer.make.bed import Plate
 from designer.make.board_tiles import KEY_END_MM, KEY_REACH_MM, KEY_WAIST_MM, BoardInPieces, Seam
+from designer.make.estimate import grams
 from designer.make.mesh import mesh_of, wall_strip
 from designer.make.mounts import Mount
-from designer.page.blocks import (
-    Block,
-    Cell,
-    Column,
-    Command,
-    Figure,
-    Fold,
-    Leaf,
-    Section,
-    Steps,
-    Svg,
-    Table,
-    View3d,
-    text_table,
-)
+from designer.page.blocks import Block, Cell, Column, Figure, Fold, Section, Steps, Svg, Table, View3d, text_table
 from designer.page.pictures import drawing_of_svg
 from designer.page.scene import Labels, Layer, Scene, Surface
-from designer.produce import Design
-from designer.report.costs import grams
-from designer.report.making import colour_words, print_settings
-from designer.report.measuring import example_length
-from designer.report.plates import plate_figures, plate_folds, plate_table
 from designer.target import TargetGeometry
 from designer.target_scene import target_layers
 
@@ -128,6 +113,7 @@ _LIES = {
 def assembling_section(design: Design, assembly: Assembly, files: Sequence[OutputFile]) -> Section:
     """How to print and assemble it."""
     count, inked = len(design.target.target_from_face), sum(plate.is_two_filament for plate in design.plates)
+    sizes = assembly.sizes
     lead = (
         f"{count} flat tiles on {inked} plate{'s' * (inked > 1)} in two filaments, a core in one; each tile fits one "
         "seat in one orientation, and each can be printed again alone."
@@ -138,67 +124,31 @@ def assembling_section(design: Design, assembly: Assembly, files: Sequence[Outpu
         f"{count} numbered tiles around a core; the colour of their backs tells the plate that they are printed on.",
         caption="The number of a tile is engraved on its back and in its seat.",
     )
+    lying = (
+        "face up: ink in the last layers, matt, less flat than the bed; --ink-side down gives smooth ones that shine"
+    )
+    gloss: tuple[str, ...] = ()
+    if sizes.ink_side == "down":
+        lying = "face down: ink in the first layers, as flat as the bed and as glossy; a textured sheet gives it grain"
+        gloss = ("If faces shine, mat them: a thin coat of matt varnish, or wet abrasive of grit 1000; try one tile.",)
+    outline = (
+        f"; a chamfer of {sizes.chamfer_mm:g} mm is there for the foot, {sizes.clearance_mm:g} mm between neighbours"
+    )
+    look = Steps((
+        "Let the bed cool before you take tiles off: bent warm they stay bent.",
+        "A steel rule along the three heights or both diagonals: a bow of more than 0.1 mm, half a layer, is printed "
+        "again.",
+        "Cut off strings and blobs at the edge or on the back: they keep a tile off its seat.",
+        *gloss,
+    ))  # fmt: skip
     blocks: tuple[Block, ...] = (
         view,
-        plate_table(design),
-        Fold("1. Print the plates", (_settings(design, assembly), *plate_figures(design)), is_open=True),
-        *plate_folds(design, [file.name for file in files]),
-        Fold("2. Look at the tiles", (_checks(assembly),), is_open=True),
-        Fold("3. Assemble", (_core_table(design, assembly), _steps(design, assembly)), is_open=True),
-        Fold("4. Measure it", _measuring(design), is_open=True),
-    )
+        print_settings(design, design.job.printing.printer.machine.shells, lying, outline),
+        *plate_folds(design),
+        *slicer_folds(design, files),
+        Fold("Look at the tiles, then assemble", (look, _core_table(design, assembly), _steps(design, assembly))),
+    )  # fmt: skip
     return Section("Making it", blocks, lead)
-
-
-def _settings(design: Design, assembly: Assembly) -> Table:
-    """What holds in every slicer."""
-    printing, printer, sizes = design.job.printing, design.job.printing.printer, assembly.sizes
-    if sizes.ink_side == "down":
-        lying = (
-            "printed face down, as the files have it: the ink is in the first layers, as flat as the bed, and as "
-            "glossy as a smooth one. A textured sheet mats it, but rings then have its grain; else mat the face after "
-            "printing, or --ink-side up"
-        )
-    else:
-        lying = (
-            "printed face up, as the files have it: the ink is in the last layers, matt, with the lines of the top "
-            "layer to be seen and less flat than the bed; --ink-side down gives smooth faces that shine"
-        )
-    rows = {
-        "printer": f"{printer.name}, nozzle {printer.nozzle_mm:g} mm",
-        "how tiles lie": lying,
-        "filament 1": f"body and core, {colour_words(printing.body_colour)}; the core may be of any colour",
-        "filament 2": f"ink, {colour_words(printing.ink_colour)}",
-        "surface": "matt plastic for both: on glossy plastic lamps are mirrored, and glare hides the edges of rings",
-        "dry filament": "dry it by its maker's table: moist filament strings, and pits the black",
-        "layer height": f"{printer.layer_height_mm:g} mm, the first layer too: the ink is "
-        f"{printing.inlay_mm / printer.layer_height_mm:.3g} layers deep, a tile {sizes.thickness_mm:g} mm",
-        "line width": f"{printer.line_width_mm:g} mm",
-        "walls, infill": f"{printer.machine.shells.words()}",
-        "supports": "off, for tiles and core",
-        "brim": "off for tiles, if they hold: it would have to be cut off the edge that meets the neighbour",
-        "ironing": "off: it drags ink over white",
-        "outline": "XY and elephant-foot compensation at 0: the edge on the bed has a chamfer of "
-        f"{sizes.chamfer_mm:g} mm for the foot, and neighbours are {sizes.clearance_mm:g} mm apart",
-        "prime tower": "on, in the free corner that the pictures show; only the layers with ink change filament",
-    }
-    return text_table("Settings in every slicer", ("setting", "value"), rows.items(), visible_rows=len(rows))
-
-
-def _checks(assembly: Assembly) -> Steps:
-    """What to do with tiles off the bed."""
-    gloss = (
-        "If the face shines, mat it: a thin coat of matt clear varnish, or wet abrasive of grit 1000 or finer; try it "
-        "on one tile.",
-    )
-    return Steps((
-        "Let the bed cool before you take them off: a tile that is bent warm stays bent.",
-        "Lay a steel rule across each face, along its three heights or both diagonals: light that shows through in the "
-        "middle or at the ends is a bow; print a tile again that shows more than 0.1 mm, half a "
-        "layer, as the error template fdm-tiles assumes.",
-        "Strings and blobs at the edge or on the back keep a tile off its seat: cut them off.",
-        *(gloss if assembly.sizes.ink_side == "down" else ()),
-    ))  # fmt: skip
 
 
 def _core_table(design: Design, assembly: Assembly) -> Table:
@@ -229,10 +179,10 @@ def _steps(design: Design, assembly: Assembly) -> Steps:
     """From pieces to a solid."""
     sizes, split = assembly.sizes, {part.name: part for part in assembly.core}
     key = (
-        "Its pins go into the seat's holes in one orientation only; a tile that does not go in flat belongs elsewhere."
+        "Pins go into the seat's holes in one orientation; a tile that does not go in flat belongs elsewhere."
         if sizes.has_pins
         else f"Cut {3 * len(assembly.tiles)} pegs of {sizes.peg_length_mm - 0.5:.1f} mm from filament of 1.75 mm, "
-        "three a tile; with them in its back a tile goes into one seat in one orientation only."
+        "three a tile; with them in its back it goes into one seat in one orientation."
     )
     upper = split.get("cap") or split.get("lid")
     order = [
@@ -241,23 +191,19 @@ def _steps(design: Design, assembly: Assembly) -> Steps:
     ]
     steps = [
         f"Put all tiles on dry first, by their numbers. {key}",
-        "Each must touch the three pads of its seat and not rock, and neighbours must not touch each other along a "
-        "seam. If one is too high, clean pads and holes; push it out from inside, through the hole in the seat's "
-        "middle.",
-        "Glue: a thin film of slow glue (epoxy, or a flexible one) around the hole of the seat, none on the pads; the "
-        f"gap for it is {sizes.glue_gap_mm:g} mm. Press the tile on its pads until it holds; wipe off what comes out "
-        "of the seams.",
-        f"Order: {', '.join(map(str, order[:-1]))} and {order[-1]}. Any other will do: each can be put in last.",
+        "Each touches the three pads of its seat without rocking, and no neighbour. If one is too high, clean pads and "
+        "holes; push it out through the hole in the seat's middle.",
+        "Glue: a thin film of slow glue around the hole of the seat, none on the pads; the gap for it is "
+        f"{sizes.glue_gap_mm:g} mm. Press the tile on its pads until it holds; wipe the seams.",
+        f"Order: {', '.join(map(str, order[:-1]))} and {order[-1]}, or any other.",
     ]
     if "ring" in split:
         steps.append(
-            "Glue the ring into the cap, its gap over the rib in there, and put the cap on the bowl, whose rib lets "
-            "it in one way. A few drops of glue hold it; without, it comes off again with its tiles."
+            "Glue the ring into the cap, its gap over the rib, and put the cap on the bowl, whose rib lets it in one "
+            "way. A few drops hold it; without, it comes off again with its tiles."
         )
     if "lid" in split and upper is not None:
-        steps.append(
-            f"Put the lid into the core before tile {upper.seats[0]}: the tile lies on the rim around it, and holds it."
-        )
+        steps.append(f"Put the lid in before tile {upper.seats[0]}, which lies on the rim around it and holds it.")
     if assembly.mounted is not None:
         steps.insert(0, _mounting(assembly.mounted.mount, has_socket="socket" in split))
     return Steps((*steps, "Let the glue harden for a day before you measure: it shrinks."))
@@ -276,26 +222,6 @@ def _mounting(mount: Mount, *, has_socket: bool) -> str:
     )
 
 
-def _measuring(design: Design) -> tuple[Leaf, ...]:
-    """The commands at the end."""
-    target = f"{design.job.name}.target.json"
-    reading = example_length(design)
-    return (
-        Steps((
-            "Take 40 photos or more all around, sharp, in even light, five tiles or more in each; and one length with "
-            "a caliper, as told below. In simulations of an icosahedron 15 photos left a tenth of the tiles unknown, "
-            "40 none.",
-            "calib measure finds how each tile really sits, and names those that are worth taking off again. Its "
-            "target file is the one to calibrate with: put your reading in.",
-        )),
-        Command(f"calib run {target} photos -o camera", "the camera, and where the rings were seen"),
-        Command(
-            f'calib measure {target} camera/detections.csv --photos photos --length "{reading}" -o measured/{target}',
-            "how each tile sits, and the target as built",
-        ),
-    )  # fmt: skip
-
-
 _PIECE, _LINE, _KEY, _INK, _PAPER = "#e4e4e4", "#6b6b6b", "#d55e00", "#1a1a1a", "#ffffff"
 
 
@@ -307,14 +233,14 @@ def jointing_section(design: Design, board: BoardInPieces, files: Sequence[Outpu
         f"{len(board.pieces)} flat pieces on {inked} plate{'s' * (inked > 1)} in two filaments, and {keys} keys in "
         "one; the keys join the pieces from behind."
     )
+    lying = "as in the file: printed side down, so that the bed makes the ink flat"
     blocks: tuple[Block, ...] = (
         _plan(design, board),
         _pieces_table(board, plates),
-        plate_table(design),
-        Fold("Plates", plate_figures(design)),
-        *print_settings(design, design.job.printing.printer.machine.shells),
-        *plate_folds(design, [file.name for file in files]),
-        Fold("Join the pieces", (_joining_steps(design, board),), is_open=True),
+        print_settings(design, design.job.printing.printer.machine.shells, lying),
+        *plate_folds(design),
+        *slicer_folds(design, files),
+        Fold("Join the pieces", (_joining_steps(design, board),)),
     )
     return Section("Making it", blocks, lead)
 
@@ -388,22 +314,19 @@ def _joining_steps(design: Design, board: BoardInPieces) -> Steps:
     """Face down on something flat."""
     printer = design.job.printing.printer
     return Steps((
-        "Cut brims off flush and wipe the edges: what stands out of an edge opens the seam. A straight edge over each "
-        "piece shows whether it is flat; print one that rocks again.",
-        "Lay a flat surface, larger than the board: a pane of glass or a stone top, with a sheet of baking paper on it."
-        " What is joined on it becomes as flat as it is.",
-        "Lay the pieces face down as in the plan: their numbers up, readable, and at each seam the small numbers name "
-        "the piece beside. No two seams have their keys the same way apart, so pockets that do not meet show a piece "
-        "in the wrong place or the wrong way round.",
-        f"Push them together until the two pads of each seam touch. Between the pads the seam stays open by "
-        f"{printer.clearance_mm:g} mm; no glue goes in there.",
-        f"Try all keys dry. They have {printer.clearance_mm:g} mm on every side and end a layer below the back. Too "
-        "tight or loose: the printer's clearance is in its file (--printer), print the keys again.",
-        "Glue the keys: a drop of superglue or slow epoxy in each pocket, key in, a flat weight on it. Begin in the "
-        "middle and go outwards.",
-        "Keys hold pieces beside each other, not flat: glue the back on a stiff plate (aluminium composite of 6 mm, or "
-        "glass), all over and with the face still on the flat surface.",
-        "Straight edge over every seam, both ways: light under it is an error of the target. calib measure finds "
-        "where each ring lies by itself, and so how the pieces lie: it has no number for a piece. Calibrate with its "
-        "target file.",
+        "Cut brims off flush: what stands out of an edge opens the seam. Print a piece again that rocks under a "
+        "straight edge.",
+        "Lay baking paper on a flat surface larger than the board, glass or stone: the board becomes as flat as that.",
+        "Lay the pieces face down as in the plan, numbers readable; at each seam small numbers name the piece beside. "
+        "Pockets that do not meet show a piece in the wrong place or turned.",
+        f"Push together until the two pads of each seam touch; between them it stays open by {printer.clearance_mm:g} "
+        "mm, without glue.",
+        f"Try all keys dry: {printer.clearance_mm:g} mm on every side, a layer below the back. Too tight or loose: "
+        "change the clearance in the printer's file (--printer), print the keys again.",
+        "Glue the keys, from the middle outwards: a drop of superglue or slow epoxy in each pocket, a flat weight on "
+        "it.",
+        "Keys do not hold pieces flat: glue the back on a stiff plate (aluminium composite of 6 mm, or glass), all "
+        "over, the face still on the flat surface.",
+        "Light under a straight edge over a seam is an error of the target. calib measure finds where each ring lies: "
+        "calibrate with its target file.",
     ))  # fmt: skip

@@ -15,21 +15,20 @@ import numpy as np
 from designer.base.errors import InputError
 from designer.base.files import place_of, read_spec_file
 from designer.base.words import shown
+from designer.builds.design import Design, make_files, maker_of
 from designer.formats.folder import OutputFile, files_left, replaced_target, write_folder
 from designer.kinds.presets import preset_or_file
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import RawValue, parse_spec, replaced
 from designer.make.estimate import PrintEstimate
 from designer.make.printability import PrintCheck, check_printability
-from designer.produce import Design, make_files, maker_of
 from designer.spec.kind import KINDS, kind_named, kinds
 from designer.spec.options import Value, options_of
 from designer.target import TargetGeometry
 
 if TYPE_CHECKING:
+    from designer.app.costs import Costs
     from designer.page.blocks import Page
-    from designer.report.costs import Costs
-    from designer.report.design_page import Written
 
 Place: TypeAlias = str | PathLike[str]
 Wish: TypeAlias = str | float | bool | tuple[float, ...] | tuple[str, ...] | None
@@ -40,6 +39,17 @@ LENGTHS: tuple[Value, ...] = ("length", "length above 0", "length from 0", "chor
 
 def unheard(stage: str) -> None:
     """Nobody is told."""
+
+
+@dataclass(frozen=True, eq=False)
+class Written:
+    """What a run wrote, and what an earlier run of the same name left beside it."""
+
+    folder: Path
+    files: tuple[OutputFile, ...]
+    left: tuple[str, ...]
+    replaced: tuple[str, ...]  # a line on another target that stood under this name
+    page: "Page"
 
 
 @dataclass(frozen=True)
@@ -72,7 +82,7 @@ class DesignedTarget:
     @cached_property
     def costs(self) -> "Costs":
         """The same against the other builds of the target."""
-        from designer.report.costs import costs_of
+        from designer.app.costs import costs_of
 
         return costs_of(self.design)
 
@@ -86,7 +96,7 @@ class DesignedTarget:
 
     def _with_page(self, on_stage: Callable[[str], None]) -> tuple[tuple[OutputFile, ...], "Page"]:
         """The files, and the page before it was written down."""
-        from designer.report.design_page import design_page, page_file
+        from designer.app.design_page import design_page, page_file
 
         _ = self.design.plates  # of which both make use
         with ThreadPoolExecutor(1) as beside:  # while files are compressed
@@ -96,7 +106,7 @@ class DesignedTarget:
         page = design_page(self.design, self.check, files, costs.result())
         return (*files, page_file(page)), page
 
-    def save(self, folder: Place | None = None, on_stage: Callable[[str], None] = unheard) -> "Written":
+    def save(self, folder: Place | None = None, on_stage: Callable[[str], None] = unheard) -> Written:
         """Write the files that `design` writes: `target.save("exports/ico")`; what was written.
 
         Args:
@@ -108,7 +118,6 @@ class DesignedTarget:
         """
         place = Path("exports") / self.name if folder is None else place_of(folder, "a folder")
         replaced_lines = replaced_target(place, self.name, self.geometry)
-        from designer.report.design_page import Written
 
         files, page = self._with_page(on_stage)
         write_folder(place, files)

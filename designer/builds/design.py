@@ -256,7 +256,7 @@ def _step(design: Design) -> Made:
         raise InputError(
             "--formats step: needs build123d, which is not installed; pip install 'ringsolid[cad]', or leave step out"
         )
-    line = "from designer.produce import step_from_spec; step_from_spec()"
+    line = "from designer.builds.design import step_from_spec; step_from_spec()"
     process = subprocess.Popen(  # noqa: S603 - this program again
         [sys.executable, "-P", "-c", line], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},

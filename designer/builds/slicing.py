@@ -1,0 +1,206 @@
+"""How to print in two filaments: the settings, the steps in the printer's own slicer, and what differs in others."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from designer.base.units import NO_SKEW, format_skew
+from designer.base.words import capital
+from designer.builds.design import Design
+from designer.formats.folder import OutputFile
+from designer.make.bed import overhang, printed_size_mm
+from designer.make.printability import COUNT
+from designer.page.blocks import Block, Fold, Steps, Table, text_table
+from designer.spec.machine import BRIM_MM, Shells
+from designer.spec.spec import PrinterProfile, PrintSpec
+
+_COLOUR_NAMES = {"#ffffff": "white", "#000000": "black"}
+BODY_SLOT, INK_SLOT = 1, 2
+
+
+@dataclass(frozen=True)
+class Slicer:
+    """A slicer that reads one of the two packages, and what is special about it."""
+
+    title: str
+    package: str  # suffix of the file that it reads
+    slot: str  # what it calls the place of a filament
+    choose: str  # the printer
+    mind: str  # said when the file is open, and of its object list
+    purge: str
+    preview: str  # by what to look at it
+    project: str = ""  # suffix of the file of all plates that it reads; "": it reads none
+
+
+SLICERS = (
+    Slicer(
+        "Bambu Studio, OrcaSlicer", "bambu.3mf", "filament",
+        "the printer and its nozzle, two filaments in the list",
+        "That only geometry is loaded is right. Open the file as a whole, not as two objects.",
+        "Flushing volumes computed from the colours; flush into objects' infill off: dark infill shows through.",
+        "filament", "bambu-orca.3mf",
+    ),
+    Slicer(
+        "PrusaSlicer", "prusa.3mf", "extruder",
+        "a printer with two filaments, an MMU or XL profile: with one, all is printed in that, without a word",
+        "A notice that it holds no settings is right. The bambu.3mf falls into two objects here: don't take it.",
+        "On an MMU check purging volumes: white after black needs the most.",
+        "tool",
+    ),
+    Slicer(
+        "Cura", "bambu.3mf", "extruder", "a printer with two extruders",
+        "The parts come as one group: don't ungroup them; Ctrl-click selects one.", "", "material colour",
+    ),
+)  # fmt: skip
+
+
+def colour_words(colour: str) -> str:
+    """`white (#ffffff)`; only the code where a colour has no plain name."""
+    name = _COLOUR_NAMES.get(colour)
+    return f"{name} ({colour})" if name else colour
+
+
+def usual_slicer(printer: PrinterProfile) -> str:
+    """The title of the slicer that comes with a printer."""
+    name = printer.name.lower()
+    if "prusa" in name:
+        return "PrusaSlicer"
+    return "Cura" if "ultimaker" in name else "Bambu Studio, OrcaSlicer"
+
+
+def slicer_folds(design: Design, files: Sequence[OutputFile]) -> tuple[Block, ...]:
+    """The steps in the printer's own slicer, and what differs in those others whose files are in the folder."""
+    first, names = usual_slicer(design.job.printing.printer), {file.name for file in files}
+    there = [
+        (one, opened) for one in sorted(SLICERS, key=lambda one: one.title != first)
+        if (opened := _file_of(design, one, names))
+    ]  # fmt: skip
+    if not there:
+        return ()
+    (own, opened), *others = there
+    rows = [
+        (one.title, name, one.choose, f"{one.mind} {one.purge}".strip(), f"{one.slot}, {one.preview}")
+        for one, name in others
+    ]
+    steps = Fold(f"In {own.title}", (_steps(design, own, opened, names),), is_open=True)
+    if not rows:
+        return (steps,)
+    table = text_table("", ("slicer", "open", "choose", "mind", "slots, preview by"), rows)
+    return (steps, Fold(f"What differs in {' and '.join(one.title for one, _ in others)}", (table,)))
+
+
+def _file_of(design: Design, slicer: Slicer, names: set[str]) -> str:
+    """The file to open first; "": there is none for it."""
+    stem = f"{design.job.name}.plate-1" if design.job.printing.way.is_in_parts else design.job.name
+    wanted = (f"{design.job.name}.{slicer.project}", f"{stem}.{slicer.package}")
+    return next((name for name in wanted if name in names), "")
+
+
+def _steps(design: Design, slicer: Slicer, opened: str, names: set[str]) -> Steps:
+    """From the file to the preview."""
+    printing, slot, is_plates = design.job.printing, slicer.slot, design.job.printing.way.is_in_parts
+    is_project = bool(slicer.project) and opened.endswith(slicer.project)
+    body, ink = colour_words(printing.body_colour), colour_words(printing.ink_colour)
+    opening: tuple[str, ...] = (f"Open {opened}{', then the other plates, each alone' * is_plates}. {slicer.mind}",)
+    if is_project:
+        opening = _opening_project(design, slicer, opened, names)
+    objects = f"one object with two parts, body in {slot} {BODY_SLOT} and ink in {slot} {INK_SLOT}"
+    if is_plates:
+        there = "" if is_project else ", put it there"
+        objects = f"what has ink is an object with two parts, body in {slot} {BODY_SLOT} and ink in {slot} {INK_SLOT}"
+        tower = (
+            f"Don't arrange or turn the pieces: the free corner or strip is the prime tower's{there}. "
+            "If it asks whether objects of equal height are parts of one: no."
+        )
+    elif design.target.has_back:
+        tower = "Prime tower on: the first and the last layers change filament, so it grows as high as the part."
+    elif design.target.is_plate:
+        tower = "Prime tower on: only the first layers change filament."
+    else:
+        tower = "Prime tower on, with room: every layer changes filament, so it grows as high as the part."
+    return Steps((
+        f"Choose {slicer.choose}. {capital(slot)} {BODY_SLOT} is {body}, {slot} {INK_SLOT} {ink}.",
+        *opening,
+        f"Object list: {objects}; if numbers differ, set them on the parts.",
+        f"Set the values of the table above. {tower} {slicer.purge}".strip(),
+        f"Slice; preview by {slicer.preview}: every ring whole, no ink elsewhere.",
+    ))  # fmt: skip
+
+
+def _opening_project(design: Design, slicer: Slicer, project: str, names: set[str]) -> tuple[str, ...]:
+    """One file for all plates, and what to do if it is not taken for one."""
+    presets, first = design.job.printing.printer.presets, f"{design.job.name}.plate-1.{slicer.package}"
+    assert presets is not None  # noqa: S101 - else there is no project
+    instead = f"open {first} and the others one by one" if first in names else "write --formats 3mf and open it"
+    return (
+        f"Open {project} as a project: {len(design.plates)} plates, with the presets {presets.printer}, "
+        f"{presets.process}, {presets.filament} and {presets.plate_type}: put your own filaments and plate in.",
+        "It follows the sources of both programs, but was not opened in them: compare with the pictures. If there is "
+        f"but one plate, or only geometry, {instead}.",
+    )
+
+
+def print_settings(design: Design, shells: Shells, how_it_lies: str, outline: str = "") -> Table:
+    """What holds in every slicer.
+
+    Args:
+        design: in two filaments.
+        shells: walls and infill.
+        how_it_lies: on the bed, and why.
+        outline: what more to know of the outline's compensation.
+    """
+    printing, printer = design.job.printing, design.job.printing.printer
+    ink_layers = printing.inlay_mm / printer.layer_height_mm
+    supports, over = "off: nothing overhangs", None
+    brim = "only if the part comes loose; cut it off flush, or it adds to the caliper's lengths"
+    if printing.way.is_in_parts:
+        brim = "off, if pieces hold: it has to be cut off the edge that meets the neighbour"
+    else:
+        over = overhang(design.target, printing)
+        if design.target.is_plate:
+            brim = "worth it if corners lift; cut it off flush"
+        if printer.place_mm(printed_size_mm(design.target, printing)[:2], BRIM_MM) is None:
+            brim = f"off: one of {BRIM_MM:g} mm has no room on this bed"
+    if over is not None:
+        supports = (
+            f"off: the steepest overhang rises at {math.degrees(over[1]):.1f} deg from the bed; if your printer needs "
+            f"them, they scar the {COUNT[over[0]]} faces beside the lowest"
+        )
+    offset = f"{printing.ink_offset_mm:+g} mm" if printing.ink_offset_mm else "none"
+    rows = {
+        "printer": f"{printer.name}, nozzle {printer.nozzle_mm:g} mm, lines {printer.line_width_mm:g} mm",
+        "how it lies": how_it_lies,
+        "filaments": f"1 body, {colour_words(printing.body_colour)}; 2 ink, {colour_words(printing.ink_colour)}; of "
+        "one material, dry, and matt: glare hides rings",
+        "layer height": f"{printer.layer_height_mm:g} mm, the first too: the ink is {printing.inlay_mm:g} mm deep, "
+        f"{ink_layers:.3g} layer{'s' * (ink_layers != 1)} of a flat face",
+        "walls, infill": shells.words(layers_of(design)),
+        "supports": supports,
+        "brim": brim,
+        "ironing": "off: it drags ink over white",
+        "outline": f"XY and elephant-foot compensation 0; against bleed there is --ink-offset (here {offset}){outline}",
+        "size": f"{scale_words(printing)}; {turn_words(printing)}",
+    }
+    return text_table("Settings in every slicer", ("setting", "value"), rows.items(), visible_rows=len(rows))
+
+
+def layers_of(design: Design) -> float:
+    """How many layers a plate has; a solid has more than its shells."""
+    printer = design.job.printing.printer
+    return round(design.job.target.depth_mm * design.scale / printer.layer_height_mm, 3)
+
+
+def scale_words(printing: PrintSpec) -> str:
+    """What is done about shrinkage, and where."""
+    percent = printing.shrink_compensation_percent
+    if percent:
+        return f"100 %: files are {percent:+g} % against the design already"
+    return "100 %; against shrinkage there is --shrink-compensation"
+
+
+def turn_words(printing: PrintSpec) -> str:
+    """Why a part lies as it lies."""
+    if printing.skew_compensation_rad != NO_SKEW:
+        skew = format_skew(printing.skew_compensation_rad)
+        return f"don't turn or mirror it: files are sheared against {skew} as they lie"
+    return "don't turn it, or tell calib measure by --bed-turn"
