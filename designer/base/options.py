@@ -178,7 +178,7 @@ class Parameter:
                 words = [one for one in self.known if isinstance(one, str)]
                 hint = suggestion(str(value), words) or f"; use {', '.join(map(str, self.known))}"
                 raise InputError(f"{self.label} {shown(value)} is unknown{hint}")
-        elif self._is_number and not (isinstance(value, str) and {str, Path} & {*self.others}):
+        elif self._is_number and not (isinstance(value, str) and self._takes_word(value)):
             several = value if isinstance(value, tuple | list) else (value,)
             wanted = () if float in self.others and several == (value,) else get_args(self.kind)
             if wanted and ... not in wanted and len(several) != len(wanted):
@@ -187,6 +187,10 @@ class Parameter:
                 self._check_number(one, told or shown(value))
             if len(wanted) == 2 and several[0] > several[1]:
                 raise InputError(f"{self.label} {told or shown(value)}: the smaller comes first")
+
+    def _takes_word(self, value: str) -> bool:
+        """Whether a text may stand for the number: any, or one of those that the annotation names."""
+        return any(one in (str, Path) or value in get_args(one) for one in self.others)
 
     def _check_number(self, value: object, told: str) -> None:
         kind, what = (Integral, "a whole number") if self.kind is int else (Real, "a number")
