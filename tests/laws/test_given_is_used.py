@@ -54,11 +54,16 @@ def _commands() -> Iterator[tuple[str, click.Command]]:
 
 
 def run(name: str, *more: str) -> Answer:
-    """A line of a command that has what it takes, with more words."""
+    """A line of a command that has what it takes, with more words; an option of both is as those say."""
     words = tuple(name.removeprefix("design ").split())
     program, cases = (design, DESIGN) if name in STUDIED else (calib, CALIB)
     usual = (case.words for case in cases if case.words[: len(words)] == words and case.code == 0)
-    return program(*(OF_COMMAND[name] if name in OF_COMMAND else next(usual)), *more)
+    line = list(OF_COMMAND[name] if name in OF_COMMAND else next(usual))
+    for option in {one for one in more if one.startswith("-")} & {*line}:
+        place = line.index(option)
+        takes_word = place + 1 < len(line) and not line[place + 1].startswith("-")
+        del line[place : place + 1 + takes_word]
+    return program(*line, *more)
 
 
 def _cases() -> list[tuple[str, str]]:
