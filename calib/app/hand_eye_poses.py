@@ -77,6 +77,10 @@ class HandEyeOfPoses(
         """The place, how sure it is, and which poses do not follow."""
         return _page(self)
 
+    def words(self, page: "Page | None" = None) -> "Page":
+        """The same without the figure."""
+        return page or _page(self, is_drawn=False)
+
     def tables(self) -> dict[str, bytes]:
         """`pose_errors.csv`."""
         from calib.core.csv_table import csv_bytes, csv_cell
@@ -259,7 +263,9 @@ def _inverse_slope(pose: "Array") -> "Array":
     return -np.block([[turn, np.zeros((3, 3))], [turn @ skew(pose[:3, 3]), turn]])
 
 
-def _page(found: HandEyeOfPoses) -> "Page":
+def _page(found: HandEyeOfPoses, *, is_drawn: bool = True) -> "Page":
+    from calib.draw.pose_errors import pose_errors_drawing
+    from calib.draw.style import figure_of
     from designer.page.blocks import Facts, Page, Section
     from designer.page.folders import Shown, notes, table_of
 
@@ -296,13 +302,9 @@ def _page(found: HandEyeOfPoses) -> "Page":
         few = ", ".join(cut(printable(one), 40) for one in found.left_out[:MOST_ROWS])
         more = len(found.left_out) - MOST_ROWS
         said.append(f"left out, as they do not follow the others: {few}{f' and {more} more' if more > 0 else ''}")
-    return Page(
-        "",
-        QUESTION,
-        _headline(found),
-        (Section("Noise", (noise, *notes((*said, MEANING)))),),
-        lead=(Facts(tuple(facts)),),
-    )
+    drawn = [figure_of(pose_errors_drawing(found.found))] if is_drawn else []
+    sections = Section("Poses", (*drawn, *notes(said))), Section("Noise", (noise, *notes((MEANING,))))
+    return Page("", QUESTION, _headline(found), sections, lead=(Facts(tuple(facts)),))
 
 
 def _headline(found: HandEyeOfPoses) -> "Headline":

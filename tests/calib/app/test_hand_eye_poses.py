@@ -1,5 +1,6 @@
 """`calib hand-eye` of poses alone."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +69,12 @@ def test_a_shell_gives_both_files(tmp_path: Path) -> None:
     assert "11 of 12" in answer.out
     assert "left out" in answer.out.lower()
     assert {one.name for one in place.iterdir()} >= {"hand_eye_poses.json", "pose_errors.csv", "index.html"}
+    told = json.loads(run_calib("hand-eye", *files, "-o", tmp_path / "again", "--json").out)
+    kept = json.loads((place / "hand_eye_poses.json").read_text())
+    assert told["answer"]["place"] == kept["place"]
+    page = (place / "index.html").read_bytes()
+    assert run_calib("report", place).code == 0
+    assert (place / "index.html").read_bytes() == page
 
 
 @pytest.mark.parametrize(
