@@ -52,24 +52,18 @@ PLAIN = {
 
 @dataclass(frozen=True)
 class Later:
-    """A command, or a group of commands, whose module is loaded when it is used."""
+    """A command whose module is loaded when it is used."""
 
-    place: str  # "module:name" of a function, or of an app
+    place: str  # "module:name" of a capability
     task: str | None = None  # under which the program's help lists it
     help: str = ""  # its line in that list; "": it is loaded to be asked
 
     def loaded(self, name: str) -> "Command":
         """The command, under its name on the command line."""
         module, _, word = self.place.partition(":")
-        kept = getattr(import_module(module), word)
-        if not isinstance(kept, typer.Typer):
-            kept = kept.as_command() if hasattr(kept, "as_command") else kept
-            alone = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-            command(alone, name, self.task)(kept)
-            return typer.main.get_command(alone)
-        group = typer.main.get_group(kept)
-        group.name, group.rich_help_panel = name, self.task
-        return group
+        alone = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+        command(alone, name, self.task)(getattr(import_module(module), word).as_command())
+        return typer.main.get_command(alone)
 
 
 @dataclass(frozen=True)
@@ -307,7 +301,7 @@ def _carried_out(app: typer.Typer, name: str, words: Sequence[str]) -> tuple[Sum
     except (typer.Abort, KeyboardInterrupt):
         return _stopped(NOTHING_WRITTEN, Summary())
     except typer.TyperException as error:
-        return _refused(_beyond_limits(error) or error.format_message())
+        return _refused(error.format_message())
     except InputError as error:
         return _refused(str(error))
     except OSError as error:
@@ -318,21 +312,6 @@ def _carried_out(app: typer.Typer, name: str, words: Sequence[str]) -> tuple[Sum
     if ended == STOPPED:  # what typer makes of Ctrl-C
         return _stopped(NOTHING_WRITTEN, Summary())
     return Summary(exit_code=ended or 0), None
-
-
-def _beyond_limits(error: typer.TyperException) -> str:
-    """What is wrong with a number beyond an option's limits, worded as our own checks do; "" of anything else."""
-    from pydantic import ValidationError
-
-    option, cause = getattr(error, "param", None), error.__cause__
-    low, high = getattr(option, "min", None), getattr(option, "max", None)
-    if option is None or low is None or not isinstance(cause, ValidationError):
-        return ""
-    fault = cause.errors()[0]
-    if fault["type"] not in ("greater_than_equal", "less_than_equal"):
-        return ""
-    rule = f"must be {low} or more" if high is None else f"must be from {low} to {high}"
-    return f"{option.opts[0]} {fault['input']}: {rule}"
 
 
 def _refused(message: str) -> tuple[Summary, str]:
