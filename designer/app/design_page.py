@@ -48,8 +48,6 @@ from designer.target import TargetGeometry
 
 RULES_TITLE = "Printability"
 _MEASURE_LEAD = "A length and the photos say how far the print is from the drawing; the calibration uses the print."
-MOST_FILES = 12
-"""That are listed at once."""
 DOT, RING = "●", "○"
 
 Guide = Callable[[str, TargetGeometry, str], tuple[str, ...]]
@@ -86,7 +84,7 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile], 
             *((stand_section(design),) if job.printing.stand else ()),
             *(() if others is None else (others,)),
             *_use_sections(design, panels),
-            Section("Files", (listed if len(files) <= MOST_FILES else Fold(f"All {len(files)}", (listed,)),),
+            Section("Files", (Fold(f"{len(files)} files", (listed,)),),
                     f"{job.name}.target.json is what calib reads."),
         ),
         made_by=f"design make {job.name}.toml",

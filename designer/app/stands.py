@@ -100,21 +100,20 @@ def trial_sections(design: Design) -> tuple[Section, ...]:
     return (
         Section("Photo or scan", (
             Steps((
-                "Let the print cool. Pattern up, flat on an even, dark or grey ground; tape an edge down that lifts.",
-                "Squarely from above, within a few degrees, the print filling the picture; main camera, no portrait "
-                "mode, no digital zoom.",
-                "Even light, from a window for example: no lamp mirrored, no shadow of the hand.",
-                "Sharp, and white not burnt out: tap on the print to focus, then turn the exposure down a little.",
+                "Let it cool. Pattern up, flat on an even, dark or grey ground; tape an edge down that lifts.",
+                "Squarely from above, within a few degrees, filling the picture; main camera, no portrait mode or "
+                "zoom.",
+                "Even light: no lamp mirrored, no shadow of the hand; focused on the print, a little darker than "
+                "usual.",
                 "The camera's own JPEG or PNG, without filter, crop, or a messenger in between.",
                 "One is enough. Four, turned by a quarter between them, tell axes and skew better.",
             )),
             Table(
                 "Lengths for the caliper", (Column("length", is_number=False), Column("design, mm")),
                 tuple((Cell(name), Cell(f"{length_mm:.2f}", length_mm)) for name, length_mm in pairs),
-                "From the left rim of one ring to the left rim of the other, or from lower rim to lower rim, so that "
-                "bleed cancels. Any of them tell the size, all four also axes and skew, however the photo was taken. "
-                "Rings count row by row from below, from the left, from 0, with the target id at the bottom. "
-                "Nothing else in a photo tells the size; a scan does.",
+                "From left rim to left rim, or lower to lower, so that bleed cancels. One tells the size, all four "
+                "also axes and skew. Rings count from 0, row by row from below, from the left, the target id at the "
+                "bottom.",
             ),
         ), "Bleed, axes and skew come from the picture; the size from a caliper or a scanner."),
         Section("What it tells", (
@@ -127,11 +126,7 @@ def trial_sections(design: Design) -> tuple[Section, ...]:
                 f"or a flatbed's scan at {SCAN_DPI} dpi; no caliper",
             ),
             Command(f"design ico --edge 100mm --printer {PRINTER_FILE}", "a target, printed with what was found"),
-            Command(f"design make {design.job.name}.toml -o .", "all files of this folder again, byte for byte"),
-            Paragraph(
-                "Print the target with the same filaments, layers and speeds: bleed and scale are theirs too, not only "
-                "the printer's."
-            ),
+            Paragraph("Print the target with the same filaments, layers and speeds: bleed and scale are theirs, too."),
         ), "Type the commands in this folder, with the picture in it."),
     )  # fmt: skip
 

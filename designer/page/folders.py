@@ -8,19 +8,7 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from designer.base.words import capital, figure, printable
-from designer.page.blocks import (
-    Block,
-    Cell,
-    Column,
-    Command,
-    FileList,
-    FileRow,
-    Finding,
-    Findings,
-    Section,
-    Table,
-    is_linkable,
-)
+from designer.page.blocks import Block, Cell, Column, FileList, FileRow, Finding, Findings, Table, is_linkable
 
 Row = TypeVar("Row")
 
@@ -72,13 +60,6 @@ def file_list(folder: Path, purposes: Sequence[tuple[str, str]]) -> FileList:
     """Those of the named files that are in the folder, in the order given: paths within it and what they are for."""
     known = [(name, why, size_bytes(folder / name)) for name, why in purposes if is_linkable(name)]
     return FileList(tuple(FileRow(name, why, size) for name, why, size in known if size is not None))
-
-
-def files_section(folder: Path, purposes: Sequence[tuple[str, str]], again: Command) -> Section:
-    """The files of the folder that are there, and the command that makes tables or figures again."""
-    files = file_list(folder, purposes)
-    blocks: tuple[Block, ...] = (files,) if files.rows else ()
-    return Section("Files", (*blocks, again))
 
 
 @dataclass(frozen=True)
