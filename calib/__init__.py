@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from calib.judge.rig_guide import RigGuide
     from calib.renderer.options import RenderOptions
     from calib.solver.calibration import Calibration
-    from calib.space.sightings import PointSightings
+    from calib.space.propagate import PointSightings
     from designer.base.errors import InputError
 
 __all__ = [
@@ -169,7 +169,7 @@ _HOMES = {
     "calib.judge.hand_eye_file": ("HandEye",),
     "calib.renderer.options": ("RenderOptions",),
     "calib.solver.calibration": ("Calibration",),
-    "calib.space.sightings": ("PointSightings",),
+    "calib.space.propagate": ("PointSightings",),
     "designer.base.errors": ("InputError",),
 }
 

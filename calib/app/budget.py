@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from calib.cameras.rig import Rig
     from calib.space.budget import ChangedRig, Expected, KnownExactly
     from calib.space.budget_views import DepthCurve, ErrorSlice
-    from calib.space.linear import PointErrors
+    from calib.space.propagate import PointErrors
     from calib.space.volume import WorkingVolume
     from designer.base.arrays import Array
     from designer.page.blocks import Page, Table
@@ -157,7 +157,7 @@ def budget(
     from calib.space import budget as space
     from calib.space.budget import what_ifs
     from calib.space.budget_views import depth_curve, slices
-    from calib.space.linear import errors_of, rms_errors
+    from calib.space.propagate import errors_of, rms_errors
     from calib.space.triangulate import noise_of, noise_of_each
     from calib.space.volume import box_volume, default_volume, volume_between
 
@@ -199,7 +199,7 @@ def _lengths(
     import numpy as np
 
     from calib.space.budget import length_errors
-    from calib.space.linear import errors_of
+    from calib.space.propagate import errors_of
 
     noise, shared = length_errors(rig, expected.point_mm, volume.rig_from_volume[:3, :3], length_mm, noise_px)
     total = noise if expected.by_calibration is None else noise + shared

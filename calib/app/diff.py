@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from calib.cameras.refit import CameraDifference
     from calib.cameras.rig import Rig
     from calib.cameras.undistortion import ZoneDifference
-    from calib.rigs.compared import CameraApart, PairDifference, RigDifference
+    from calib.rigs.relative import CameraApart, PairDifference, RigDifference
     from designer.base.files import JsonValue
     from designer.page.blocks import Cell, Headline, Page, Table
     from designer.page.output import Output
@@ -154,7 +154,7 @@ def diff(
     from calib.cameras.camera import Camera
     from calib.cameras.refit import camera_difference
     from calib.cameras.rig import Rig
-    from calib.rigs.compared import compare_rigs
+    from calib.rigs.relative import compare_rigs
     from designer.page.output import asked_output
 
     output = asked_output(out)

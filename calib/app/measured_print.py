@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from calib.measure_target.lengths import CaliperLength
     from calib.measure_target.record import AsBuiltRecord
     from calib.measure_target.result import AsBuilt
-    from calib.measure_target.seats import Seat
+    from calib.measure_target.tile_fit import Seat
     from designer.base.answer import Value
     from designer.page.blocks import Page
     from designer.target import TargetGeometry
@@ -44,7 +44,7 @@ def checked_place(path: str | PathLike[str], nominal: Path | None) -> Path:
         InputError: another name, or a place that is the target's own, or of another target that is not a measured one,
             or not to be written.
     """
-    from calib.measure_target.table import TABLE_FORMAT
+    from calib.measure_target.record import TABLE_FORMAT
     from designer.target import FORMAT, load_target
 
     out = place_of(path, "a name, such as as_built.target.json")
@@ -145,7 +145,7 @@ class MeasuredPrint(Result, kind="as_built", title="Measured print"):
         Raises:
             InputError: another name, a file of somebody else's, or the target it was measured against.
         """
-        from calib.measure_target.table import table_to_csv
+        from calib.measure_target.record import table_to_csv
         from designer.target import target_to_json
 
         place = checked_place(path, self.measured_against)

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from calib.cameras.rig import Rig
     from calib.core.types import RigObservations
     from calib.space.known_lengths import LengthBin, LengthCheck
-    from calib.space.linear import PointErrors
-    from calib.space.sightings import PointSightings
+    from calib.space.propagate import PointErrors, PointSightings
     from calib.space.tables import GrossSighting, SeenByCamera
     from calib.space.triangulate import TriangulatedPoints
     from designer.page.blocks import Figure, Finding, Headline, Level, Page, Table
@@ -164,7 +163,7 @@ def triangulate(
     from calib.app.inputs import rig_of
     from calib.observe.rig_sightings import read_point_table
     from calib.space.known_lengths import check_lengths, triangulate_target
-    from calib.space.sightings import PointSightings, as_points
+    from calib.space.propagate import PointSightings, as_points
     from calib.space.triangulate import noise_of_each, triangulate_points
 
     known = rig_of(rig)
@@ -227,7 +226,7 @@ def _all_are_given(name: str) -> NoReturn:
 def _told(points: "TriangulatedPoints", settings: dict[str, str], lengths: "LengthCheck | None") -> Triangulation:
     import numpy as np
 
-    from calib.space.linear import rms_errors
+    from calib.space.propagate import rms_errors
     from calib.space.tables import gross_sightings, seen_by_cameras
     from calib.space.triangulate import REASONS
 

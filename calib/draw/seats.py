@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from calib.draw.print_errors import told
 from calib.measure_target.deviations import Estimate
-from calib.measure_target.seats import PARTS, Fault, Seat, Seats
+from calib.measure_target.tile_fit import PARTS, Fault, Seat, Seats
 from designer.base.words import capital, figure, with_digits
 from designer.page.blocks import Cell, Column, Finding, Level, Table
 

@@ -22,9 +22,8 @@ from calib.judge.photo_advice import is_sure, photo_advice
 from calib.judge.verdict import Criteria, px
 from calib.judge.views import ViewFacts, shape_of, view_facts
 from calib.solver.accuracy import is_parallel
-from calib.solver.calibration import Calibration
+from calib.solver.calibration import Calibration, is_flat
 from calib.solver.outliers import deviations
-from calib.solver.plane_bend import is_flat
 from designer.base.arrays import Rows
 from designer.base.words import figure
 

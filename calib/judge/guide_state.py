@@ -33,9 +33,9 @@ from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
 from calib.solver.capture_error import with_capture_error
 from calib.solver.outliers import shift_of_photo
+from calib.solver.plan import lens_kind
 from calib.solver.problem import SolveOptions, origin_poses, pack, tie_parameters
 from calib.solver.solve import solve
-from calib.solver.suited import lens_kind
 from calib.solver.target_error import LeftOpen, target_told
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError

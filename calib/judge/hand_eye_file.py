@@ -20,11 +20,11 @@ from calib.observe.rig_observations import alone_as_rig
 from calib.observe.rig_search import ALONE
 from calib.observe.robot_poses import RobotPoses, poses_of
 from calib.observe.rotations import to_quaternion
-from calib.rigs.bent import bent_alone
 from calib.rigs.carrier import turned_by
 from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.result import RigCalibration
 from calib.rigs.robot_readings import why_size, why_wrong
+from calib.rigs.shared_errors import bent_alone
 from calib.rigs.start import solve_alone
 from calib.solver.plan import ALL
 from designer.base.arrays import Array

@@ -25,9 +25,9 @@ from calib.judge.greedy import best_of, one_by_one
 from calib.judge.halves import NoHalves
 from calib.judge.next_view_words import distance_words, place_of, place_words, short
 from calib.judge.rig_halves import RigHalves, enlarged
-from calib.rigs.carried_information import frame_information
 from calib.rigs.relative import relative
 from calib.rigs.result import RigCalibration
+from calib.rigs.target_error import frame_information
 from designer.base.arrays import Array, Flags, Rows
 from designer.base.marks import ONE_LINE, AtLeast, AtMost, Length, Shape, Word
 from designer.base.words import figure, printable

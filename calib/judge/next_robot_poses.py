@@ -2,7 +2,7 @@
 
 Candidates are turned as poses of the robot that were used, or by one more turn about an axis of the flange, with the
 target at places of the image and distances like those that were used. What one would tell is what
-`calib.rigs.carried_information` has for any frame, with the robot's own noise. The next pose (`calib.judge.greedy`)
+`calib.rigs.target_error` has for any frame, with the robot's own noise. The next pose (`calib.judge.greedy`)
 is the one after which
 
     tr(S_turn) d^2 + tr(S_place)
@@ -29,10 +29,9 @@ from calib.judge.halves import NoHalves
 from calib.judge.next_frames import AROUND, few_of_many, imagined, is_new, shown_at, sights, some_points
 from calib.judge.next_view_words import short
 from calib.judge.rig_halves import RigHalves
-from calib.rigs.carried_information import expected_information, frame_information
 from calib.rigs.relative import center_covariance
 from calib.rigs.result import CarrierFit, RigCalibration
-from calib.rigs.target_error import carrier_prior
+from calib.rigs.target_error import carrier_prior, expected_information, frame_information
 from calib.solver.free_shape import free_directions
 from designer.base.arrays import Array, Flags, Rows
 from designer.base.marks import ONE_LINE, Gap, Length, Shape

@@ -6,8 +6,7 @@ from calib.judge.camera_checks import SURE
 from calib.judge.evidence import CameraEvidence
 from calib.judge.next_views import NextView, photos_needed, why_no_next_views
 from calib.judge.verdict import Criteria, px
-from calib.solver.calibration import Calibration
-from calib.solver.plane_bend import is_flat
+from calib.solver.calibration import Calibration, is_flat
 from designer.base.words import figure
 
 MANY_TIMES = 5

@@ -15,13 +15,12 @@ from calib.observe.calibration_file import Provenance
 from calib.observe.rig_observations import with_remarks
 from calib.observe.rig_search import RigSearch
 from calib.rigs.accuracy import with_circle_doubt
-from calib.rigs.bent import with_bend_error
 from calib.rigs.problem import CameraChoice, RigOptions
-from calib.rigs.shared_errors import with_shared_errors
+from calib.rigs.shared_errors import with_bend_error, with_shared_errors
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error
+from calib.solver.calibration import PlaneBend
 from calib.solver.plan import ALL, SolvePlan, models_of, plan_from_words
-from calib.solver.plane_bend import PlaneBend
 from calib.solver.problem import SolveOptions
 from designer.base.answer import program
 from designer.base.errors import InputError

@@ -20,9 +20,8 @@ from calib.solver.circles import with_circle_doubt
 from calib.solver.metrics.errors import summarise
 from calib.solver.metrics.evaluation import Evaluation, evaluate, held_out_px
 from calib.solver.metrics.evaluation_files import Metrics, metrics_of
-from calib.solver.plan import SolvePlan
+from calib.solver.plan import SolvePlan, ruled_out
 from calib.solver.solve_virtual import calibrate
-from calib.solver.suited import ruled_out
 from calib.solver.target_error import with_target_error
 from designer.base.answer import program
 from designer.base.arrays import Array

@@ -2,7 +2,8 @@
 
 Cameras that are held together while they look at a print: poses of frames and cameras instead of one a photo.
 
-Equations over photos become equations over frames and cameras as `calib.solver.chain` says, the rings' couplings too.
+Equations over photos become equations over frames and cameras as `calib.solver.eliminate` says, with the rings'
+couplings.
 """
 
 from collections.abc import Sequence
@@ -13,8 +14,7 @@ import numpy as np
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
 from calib.measure_target.unknowns import TargetUnknowns, Unknowns
-from calib.solver.chain import Chain, through_camera
-from calib.solver.eliminate import Normal
+from calib.solver.eliminate import Chain, Normal, through_camera
 from calib.solver.levenberg import move_poses
 from calib.solver.problem import Problem, Tie, pack
 from designer.base.arrays import Array, Flags, Rows

@@ -11,8 +11,8 @@ from calib.core.parallel import one_thread
 from calib.core.types import Observations
 from calib.measure_target.accuracy import TargetAccuracy, accuracy_of, far_off, outlying_faces, remarks_of
 from calib.measure_target.back import tells_thickness, with_back
+from calib.measure_target.blocks import TargetMinimum, minimise
 from calib.measure_target.datum import SeenParts, gauge_rows, laid_over, moved_target, what_is_seen
-from calib.measure_target.descend import TargetMinimum, minimise
 from calib.measure_target.expected import (
     is_same_spread,
     with_expected_deviations,

@@ -18,8 +18,16 @@ from calib.cameras.camera import Camera, camera_to_json
 from calib.core.se3 import rigid_fault
 from calib.core.types import KnownPoints, Observations
 from calib.observe.observation_table import MAX_RESIDUAL_PX, observations_to_csv, read_sightings
-from calib.solver.calibration import Calibration, CaptureError, CircleDoubt, ImageField, PhotoError, Status, TargetError
-from calib.solver.plane_bend import PlaneBend
+from calib.solver.calibration import (
+    Calibration,
+    CaptureError,
+    CircleDoubt,
+    ImageField,
+    PhotoError,
+    PlaneBend,
+    Status,
+    TargetError,
+)
 from calib.solver.problem import SolveOptions
 from designer.base.arrays import Array
 from designer.base.codec import decode, encode

@@ -38,7 +38,7 @@ from calib.observe.dataset import MAX_SIDE_PX
 from calib.observe.observations import knows_fronts, prepare
 from calib.observe.photos import in_order
 from calib.observe.rig_observations import RigSightings, rig_observations
-from calib.space.sightings import PointSightings, of_rows
+from calib.space.propagate import PointSightings, of_rows
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import shown, suggestion

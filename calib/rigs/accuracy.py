@@ -13,16 +13,14 @@ import numpy as np
 from calib.core.linear_algebra import symmetric_inverse
 from calib.rigs.carrier import carrier_errors, error_derivatives
 from calib.rigs.descend import RigEquations, params_of
-from calib.rigs.problem import RigProblem, RigState, seen_poses
+from calib.rigs.problem import RigProblem, RigState, seen_poses, slack_evidence
 from calib.rigs.result import RigCalibration, camera_alone
-from calib.rigs.slack import slack_evidence
 from calib.rigs.target_error import posed_unknowns
 from calib.solver.blocks import RobustLoss
-from calib.solver.chain import through_camera
 from calib.solver.circles import circle_shift_px, doubt_of, unsaid_mm
-from calib.solver.descent import Descent
-from calib.solver.eliminate import Normal
-from calib.solver.extra_parameters import extra_of
+from calib.solver.eliminate import Normal, through_camera
+from calib.solver.free_shape import extra_of
+from calib.solver.levenberg import Descent
 from calib.solver.outliers import robust_covariance_factor, whitened
 from designer.base.arrays import Array, Flags
 

@@ -37,7 +37,7 @@ def carrier_errors(prior: CarrierPrior, rig_from_target: Array, carrier_from_tar
 def error_derivatives(prior: CarrierPrior, rig_from_target: Array, carrier_from_target: Array) -> tuple[Array, Array]:
     """Of the errors by steps of the frames' poses and of `carrier_from_target`: (V, 6, 6) each.
 
-    Steps as those of `calib.solver.chain`.
+    Steps as those of `calib.solver.eliminate`.
     """
     error, turn, model = _errors(prior, rig_from_target, carrier_from_target)
     carried = prior.carrier.rig_from_carrier[:, :3, :3]
@@ -81,7 +81,7 @@ def _inverse_left_jacobian(vector: Array) -> Array:
     return jacobian
 
 
-def weights(prior: CarrierPrior) -> Array:
+def error_weights(prior: CarrierPrior) -> Array:
     """Inverse standard deviations of the errors' coordinates; zero of the turn that a free angle takes up.  # (6,)"""
     weight = np.repeat(1 / prior.sigma, 3)
     if prior.carrier.has_free_angles:
@@ -100,7 +100,7 @@ def add_prior(into: Normal, prior: CarrierPrior, state: RigState, first_camera: 
     """
     error = carrier_errors(prior, state.rig_from_target, state.carrier_from_target)
     by_frame, by_target = error_derivatives(prior, state.rig_from_target, state.carrier_from_target)
-    weight = weights(prior)
+    weight = error_weights(prior)
     first, second, white = weight[:, None] * by_frame, weight[:, None] * by_target, weight * error
     column = prior.column
     into.pose[:] += first.transpose(0, 2, 1) @ first

@@ -1,4 +1,4 @@
-"""The descent over cameras, their places, and all frames; see `calib.solver.chain` for the equations."""
+"""The descent over cameras, their places, and all frames; see `calib.solver.eliminate` for the equations."""
 
 from dataclasses import dataclass, replace
 
@@ -7,13 +7,30 @@ import numpy as np
 from calib.cameras import is_allowed
 from calib.core.se3 import exp_rotation
 from calib.rigs.carrier import add_prior
-from calib.rigs.problem import RigProblem, RigState, SeenByOne, seen_poses, speeds, with_scale
-from calib.rigs.slack import WithoutSlack, eliminated, slack_step
+from calib.rigs.problem import (
+    RigProblem,
+    RigState,
+    SeenByOne,
+    WithoutSlack,
+    eliminated,
+    seen_poses,
+    slack_step,
+    speeds,
+    with_scale,
+)
 from calib.solver.blocks import Blocks, RobustLoss, view_blocks
-from calib.solver.chain import Chain, add_chained, no_equations, through_camera
-from calib.solver.descent import FIRST_DAMPING, PERFECT_PX, SMALL_DECREASE, Descent, levenberg_marquardt
-from calib.solver.eliminate import JointStep, Normal, damped_step
-from calib.solver.levenberg import SHORT, move_poses, moved_camera, turn_of_centre
+from calib.solver.eliminate import Chain, JointStep, Normal, add_chained, damped_step, no_equations, through_camera
+from calib.solver.levenberg import (
+    FIRST_DAMPING,
+    PERFECT_PX,
+    SHORT,
+    SMALL_DECREASE,
+    Descent,
+    levenberg_marquardt,
+    move_poses,
+    moved_camera,
+    turn_of_centre,
+)
 from calib.solver.problem import Loss
 from designer.base.arrays import Array, Rows
 

@@ -18,7 +18,7 @@ from calib.rigs.hand_eye import HandEyeStart, start_hand_eye
 from calib.rigs.motion import motion_of
 from calib.rigs.problem import Carrier, RigOptions, RigProblem, RigState, frame_times, pack_rig
 from calib.rigs.start import Alone, frame_candidates, joined, relative_poses, synchronised
-from calib.rigs.worth import LEAST_SCALE, LEAST_SIGMA
+from calib.rigs.variance_components import LEAST_SCALE, LEAST_SIGMA
 from calib.solver.problem import few_per_view, select
 from designer.base.arrays import Flags
 from designer.base.errors import InputError

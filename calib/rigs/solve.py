@@ -1,6 +1,6 @@
 """From what the cameras of a rig saw to where they stand, and how sure that is.
 
-With a slack of each photo (`calib.rigs.slack`) a frame that was not taken at once spoils nothing but itself, and each
+With a slack of each photo (`calib.rigs.problem`) a frame that was not taken at once spoils nothing but itself, and each
 camera's lens comes from its own photos. Where these hardly tell it, as a small board far away, the lens is lost with
 what the other cameras said of it: four webcams of others place corners 1.2 mm off with slacks, and .92 mm without. So
 photos have slack where they do not fit together and each camera tells its lens by itself.
@@ -18,7 +18,7 @@ from calib.rigs.adjust import adjusted
 from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration, camera_alone
 from calib.rigs.start import Alone, solve_alone, view_rms
-from calib.rigs.worth import DISAGREES
+from calib.rigs.variance_components import DISAGREES
 from calib.solver.calibration import Calibration
 from calib.solver.circles import through_circles
 from calib.solver.in_space import require_planes

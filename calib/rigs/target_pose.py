@@ -16,8 +16,7 @@ from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.core.se3 import exp_rotation, invert, make_pose, skew, transform
 from calib.core.types import Detections, freeze
-from calib.space.linear import LinearSight, calibration_factor, linear_sight
-from calib.space.propagate import whitening
+from calib.space.propagate import LinearSight, calibration_factor, linear_sight, whitening
 from designer.base.arrays import Array, Flags
 
 POSE = 6

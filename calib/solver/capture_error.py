@@ -6,7 +6,7 @@
 A target that always moves the same way while the shutter rolls, a focal length that follows the distance or the time,
 and centres that are off along the tilt, or as the middles of discs' outlines are, displace the sightings of all photos
 alike. Poses and lens take up most of it, and halves of the photos agree on it. Each is a parameter more
-(`calib.solver.extra_parameters`). With the precision L of their amplitudes a, what the way of capture lets expect of
+(`calib.solver.free_shape`). With the precision L of their amplitudes a, what the way of capture lets expect of
 them beforehand, N(0, diag(p^2)), and what the camera took of a unit of each, T, the photos leave
 
     a:  mean m = (L + diag(p^-2))^-1 L a_hat,  covariance S = (L + diag(p^-2))^-1
@@ -30,8 +30,7 @@ from calib.core.parallel import one_thread
 from calib.core.types import KnownPoints
 from calib.solver.accuracy import projected_change, share_px
 from calib.solver.calibration import Calibration, Capture, CaptureEffect, CaptureError
-from calib.solver.extra_parameters import ExtraParameters, extra_parameters
-from calib.solver.free_shape import free_directions
+from calib.solver.free_shape import ExtraParameters, extra_parameters, free_directions
 from calib.solver.image_field import with_image_field, with_photo_error
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError

@@ -23,7 +23,7 @@ from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration, CircleDoubt, without_surface
-from calib.solver.extra_parameters import ExtraParameters, extra_parameters
+from calib.solver.free_shape import ExtraParameters, extra_parameters
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 
@@ -101,7 +101,7 @@ def with_circle_doubt(calibration: Calibration) -> Calibration:
     """The calibration with what its parameters may be off if points of which nobody spoke are centres of circles.
 
     The square of their diameter, in units of a usual one, is standard normal beforehand, and told by the residuals
-    (`calib.solver.extra_parameters`). The mean square of what is then known of it, times what the parameters are off
+    (`calib.solver.free_shape`). The mean square of what is then known of it, times what the parameters are off
     for a unit, is added: little where the photos show points, the error itself where they show circles.
     """
     unit_mm = unsaid_mm(calibration.observations)

@@ -15,8 +15,7 @@ from calib.cameras import neutral
 from calib.cameras.camera import Camera
 from calib.core.types import LEAST_POINTS
 from calib.solver.blocks import RobustLoss, view_misfit
-from calib.solver.descent import FIRST_DAMPING
-from calib.solver.levenberg import Minimum, minimise
+from calib.solver.levenberg import FIRST_DAMPING, Minimum, minimise
 from calib.solver.outliers import deviations, forgetful, robust_covariance_factor, robust_sigma, whitened
 from calib.solver.problem import Loss, Problem, SolveOptions, Tie, few_per_view, select
 from designer.base.arrays import Array, Flags, Rows

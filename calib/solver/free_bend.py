@@ -15,10 +15,9 @@ from calib.cameras.surface import surface_model
 from calib.core.types import Observations
 from calib.solver.accuracy import Accuracy, UndeterminedError, accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
-from calib.solver.calibration import Calibration
+from calib.solver.calibration import Calibration, PlaneBend, plane_bend
 from calib.solver.costs import IMAGE
 from calib.solver.outliers import robust_covariance_factor, robust_sigma, whitened
-from calib.solver.plane_bend import PlaneBend, plane_bend
 from calib.solver.problem import SolveOptions, origin_poses, pack, target_covariance, tie_parameters
 from calib.solver.schur import damped_step
 from calib.solver.surface import step_of_points

@@ -21,8 +21,7 @@ from calib.solver.accuracy import Accuracy, UndeterminedError
 from calib.solver.blocks import Blocks, Misfit, RobustLoss, view_misfit
 from calib.solver.costs import IMAGE
 from calib.solver.descend import ROUNDS, Descended, is_robust, lost_views
-from calib.solver.descent import FIRST_DAMPING
-from calib.solver.levenberg import Minimum, move_poses, turn_of_centre
+from calib.solver.levenberg import FIRST_DAMPING, Minimum, move_poses, turn_of_centre
 from calib.solver.outliers import deviations, robust_covariance_factor, robust_sigma, whitened
 from calib.solver.problem import Loss, Problem, SolveOptions, Tie
 from calib.solver.surface_equations import (

@@ -20,8 +20,16 @@ from calib.cameras.rig import Rig
 from calib.core.linear_algebra import least_squares, symmetric_inverse
 from calib.core.se3 import make_pose, rotation_between, skew
 from calib.core.types import freeze
-from calib.space.linear import NOT_KNOWN, PointErrors, calibration_factor, errors_of, rms_error_mm
-from calib.space.propagate import Propagated, Rays, propagate
+from calib.space.propagate import (
+    NOT_KNOWN,
+    PointErrors,
+    Propagated,
+    Rays,
+    calibration_factor,
+    errors_of,
+    propagate,
+    rms_error_mm,
+)
 from calib.space.triangulate import UNSURE
 from calib.space.volume import WorkingVolume, seen_by_cameras
 from designer.base.arrays import Array, Flags, Rows

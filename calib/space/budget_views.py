@@ -9,7 +9,7 @@ from calib.cameras.rig import Rig
 from calib.core.se3 import transform
 from calib.core.types import freeze
 from calib.space.budget import Expected, expected_errors
-from calib.space.linear import rms_error_mm
+from calib.space.propagate import rms_error_mm
 from calib.space.volume import WorkingVolume
 from designer.base.arrays import Array
 from designer.base.errors import InputError

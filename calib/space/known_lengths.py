@@ -12,9 +12,15 @@ import numpy as np
 
 from calib.cameras.rig import Rig
 from calib.core.parallel import one_thread
-from calib.space.linear import calibration_factor
-from calib.space.propagate import Rays, propagate, whitening
-from calib.space.sightings import PointSightings, keep_places, with_noise
+from calib.space.propagate import (
+    PointSightings,
+    Rays,
+    calibration_factor,
+    keep_places,
+    propagate,
+    whitening,
+    with_noise,
+)
 from calib.space.triangulate import TriangulatedPoints, triangulate_points
 from designer.base.arrays import Array, Rows
 from designer.base.marks import Count, Gap, Length

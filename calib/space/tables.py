@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.space.linear import rms_error_mm
-from calib.space.sightings import with_noise
+from calib.space.propagate import rms_error_mm, with_noise
 from calib.space.triangulate import ONE_CAMERA, REASONS, TriangulatedPoints
 from designer.base.arrays import Array
 from designer.base.marks import Gap

@@ -13,9 +13,19 @@ import numpy as np
 from calib.cameras.rig import Rig
 from calib.core.parallel import in_chunks, one_thread
 from calib.core.types import freeze
-from calib.space.linear import calibration_factor, linear_sight, rays_in_rig
-from calib.space.propagate import Rays, inverse_3x3, normal_matrices, propagate, sums_at, whitening
-from calib.space.sightings import PointSightings, with_noise
+from calib.space.propagate import (
+    PointSightings,
+    Rays,
+    calibration_factor,
+    inverse_3x3,
+    linear_sight,
+    normal_matrices,
+    propagate,
+    rays_in_rig,
+    sums_at,
+    whitening,
+    with_noise,
+)
 from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 

@@ -9,7 +9,7 @@ from calib.cameras.rig import Rig
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import invert, make_pose, transform
 from calib.core.types import freeze
-from calib.space.linear import is_in_image, rays_in_rig
+from calib.space.propagate import is_in_image, rays_in_rig
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.marks import Line, NullIs, Shape

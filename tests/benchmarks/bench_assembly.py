@@ -21,8 +21,8 @@ import calib
 from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations, keep_views
 from calib.measure_target.datum import best_motion
-from calib.measure_target.seats import seats_of
 from calib.measure_target.solve import measure
+from calib.measure_target.tile_fit import seats_of
 from calib.measure_target.unknowns import AsBuiltOptions
 from calib.observe.observations import known_points, observations_from_detections
 from calib.solver.solve import solve

@@ -24,7 +24,7 @@ from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.space.budget import expected_errors, without_rigid_motion
-from calib.space.linear import rms_error_mm
+from calib.space.propagate import rms_error_mm
 from calib.space.triangulate import triangulate_points
 from designer.base.arrays import Array
 from tests.support.rig_views import RigScene, residuals_of, ring, stereo_pair

@@ -27,10 +27,10 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, invert, log_rotation, look_at, make_pose, skew, transform
 from calib.core.types import KnownPoints, Observations, RigObservations, keep_frames
 from calib.observe.robot_poses import read_robot_poses
-from calib.rigs.bent import bent_alone
 from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.relative import carried_error
 from calib.rigs.result import RigCalibration
+from calib.rigs.shared_errors import bent_alone
 from calib.rigs.solve import solve_rig
 from calib.solver.solve import solve
 from calib.solver.start import solve_poses

@@ -36,7 +36,7 @@ from calib.core.se3 import exp_rotation, log_rotation, make_pose, transform  # n
 from calib.core.types import Observations, RigObservations, keep_frames  # noqa: E402
 from calib.rigs.problem import CameraChoice  # noqa: E402
 from calib.rigs.solve import solve_rig  # noqa: E402
-from calib.space.sightings import PointSightings  # noqa: E402
+from calib.space.propagate import PointSightings  # noqa: E402
 from calib.space.triangulate import triangulate_points  # noqa: E402
 from tests.benchmarks.bench_solve import grid  # noqa: E402
 from tests.benchmarks.synthetic import row  # noqa: E402

@@ -27,7 +27,7 @@ from calib.cameras.rig import Rig
 from calib.core.types import KnownPoints, Observations, RigObservations, without_empty_views
 from calib.observe.observations import prepare
 from calib.observe.rig_observations import RigSightings, rig_observations
-from calib.space.sightings import of_rows
+from calib.space.propagate import of_rows
 from calib.space.triangulate import triangulate_points
 from designer.base.arrays import Array, Flags, Rows
 

@@ -28,10 +28,9 @@ from calib.renderer.options import RenderOptions
 from calib.renderer.truth import FileOptions, RigTruth, TrueFrame, TrueView, Truth
 from calib.rigs.result import CarrierFit
 from calib.rigs.rig_poses_file import CameraResidual, FrameWithoutPose, RigPosesDocument, RigTargetPose
-from calib.solver.calibration import ImageField, MadeWith, TargetError
+from calib.solver.calibration import ImageField, MadeWith, PlaneBend, TargetError
 from calib.solver.metrics.errors import ErrorSummary
 from calib.solver.metrics.evaluation_files import FoundParameter, Metrics, MetricSummary
-from calib.solver.plane_bend import PlaneBend
 from calib.solver.problem import SolveOptions
 from designer.page.page_file import StoredPage
 from tests.support.pages import whole_page

@@ -7,7 +7,7 @@ import numpy as np
 from calib.cameras.camera import Camera
 from calib.cameras.rig import POSE, Rig
 from calib.core.se3 import exp_rotation, invert, make_pose, transform
-from calib.space.sightings import PointSightings
+from calib.space.propagate import PointSightings
 from designer.base.arrays import Array
 from tests.support.rig_views import SIZE, camera
 

@@ -23,8 +23,7 @@ from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import unseen_errors
 from calib.space.budget import length_errors
-from calib.space.linear import is_in_image
-from calib.space.sightings import of_rows
+from calib.space.propagate import is_in_image, of_rows
 from calib.space.triangulate import triangulate_points
 from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.rig_bootstrap import pose_values, poses_of

@@ -20,11 +20,11 @@ from calib.judge.planned_views import FEWEST, PlannedViews, calibration_before, 
 from calib.judge.rig_halves import RigHalves, RigSplit
 from calib.judge.views import shape_of
 from calib.observe.robot_poses import read_robot_poses, robot_poses_to_csv
-from calib.rigs.carried_information import expected_information, frame_information
 from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.relative import center_sigma_mm
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
+from calib.rigs.target_error import expected_information, frame_information
 from calib.solver.calibration import Calibration
 from calib.solver.free_shape import free_directions
 from calib.solver.problem import SolveOptions

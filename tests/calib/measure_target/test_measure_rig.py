@@ -7,9 +7,8 @@ import pytest
 
 from calib.core.se3 import invert
 from calib.core.types import Observations, RigObservations, keep_sightings
-from calib.measure_target.blocks import normal_equations
+from calib.measure_target.blocks import moved_state, normal_equations
 from calib.measure_target.datum import best_motion, gauge_rows, what_is_seen
-from calib.measure_target.descend import moved_state
 from calib.measure_target.problem import HeldPoses, State, chains_of, joint_problem
 from calib.measure_target.result import AsBuilt
 from calib.measure_target.solve import measure, measure_rig

@@ -14,8 +14,8 @@ from calib.measure_target.deviations import Compensation
 from calib.measure_target.lengths import CaliperLength
 from calib.measure_target.record import deviations_of, record_of
 from calib.measure_target.result import AsBuilt
-from calib.measure_target.seats import PARTS, SOURCE_OF, Seats, limits_of, seats_of
 from calib.measure_target.solve import measure
+from calib.measure_target.tile_fit import PARTS, SOURCE_OF, Seats, limits_of, seats_of
 from calib.measure_target.unknowns import AsBuiltOptions, TargetUnknowns
 from calib.observe.observations import known_points
 from calib.solver.solve import solve

@@ -11,14 +11,13 @@ from calib.core.se3 import exp_rotation, invert, make_pose, steps_between, trans
 from calib.core.types import Observations, RigObservations
 from calib.observe.observations import known_points
 from calib.observe.robot_poses import RobotPoses
-from calib.rigs.bent import bent_alone, with_bend_error
 from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.relative import carried_error
 from calib.rigs.result import RigCalibration
-from calib.rigs.shared_errors import with_shared_errors
+from calib.rigs.shared_errors import bent_alone, with_bend_error, with_shared_errors
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error
-from calib.solver.plane_bend import plane_bend
+from calib.solver.calibration import plane_bend
 from calib.solver.start import solve_poses
 from designer.base.arrays import Array
 from designer.base.errors import InputError

@@ -11,10 +11,9 @@ import pytest
 from calib.cameras.rig import Rig
 from calib.core.se3 import compose, exp_rotation, invert, log_rotation, make_pose, skew
 from calib.judge.rig_halves import RigHalves, RigSplit, enlarged
-from calib.rigs.compared import compare_rigs
 from calib.rigs.figures import camera_figures, epipolar_distances, pair_figures, seen_by_both, ties_of, widest_chain
 from calib.rigs.problem import CameraChoice, RigOptions
-from calib.rigs.relative import Relative, middle_error, relative
+from calib.rigs.relative import Relative, compare_rigs, middle_error, relative
 from calib.rigs.solve import solve_rig
 from designer.base.errors import InputError
 from tests.support import foreign_rigs

@@ -20,12 +20,12 @@ from calib.rigs.problem import (
     RigOptions,
     RigProblem,
     RigState,
+    SlackPrior,
     pack_rig,
     without_params,
 )
 from calib.rigs.result import RigCalibration
 from calib.rigs.rig_start import start_rig
-from calib.rigs.slack import SlackPrior
 from calib.rigs.solve import solve_rig
 from calib.rigs.start import solve_alone
 from calib.solver.in_space import in_space

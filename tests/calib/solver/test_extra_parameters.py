@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.core.types import Observations
-from calib.solver.extra_parameters import extra_parameters
+from calib.solver.free_shape import extra_parameters
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.base.arrays import Array

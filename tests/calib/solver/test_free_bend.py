@@ -12,10 +12,9 @@ from calib.core.se3 import exp_rotation
 from calib.core.types import KnownPoints, Observations
 from calib.observe.calibration_file import Provenance, read_calibration, write_calibration
 from calib.solver.accuracy import UndeterminedError
-from calib.solver.calibration import Calibration
+from calib.solver.calibration import Calibration, plane_bend
 from calib.solver.metrics.errors import summarise
 from calib.solver.metrics.evaluation import evaluate_held_out, evaluate_on
-from calib.solver.plane_bend import plane_bend
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.base.arrays import Array

@@ -17,11 +17,10 @@ from calib.judge.solutions import Solution, SolveTask, best_of, solve_models
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration, ImageField
 from calib.solver.metrics.evaluation import evaluate
-from calib.solver.plan import ALL, SolvePlan, plan_from_words
+from calib.solver.plan import ALL, SolvePlan, lens_kind, plan_from_words, ruled_out
 from calib.solver.problem import SolveOptions, pack, tie_parameters
 from calib.solver.schur import damped_step
 from calib.solver.solve import solve
-from calib.solver.suited import lens_kind, ruled_out
 from designer.base.errors import InputError
 from tests.support.lenses import conventional
 from tests.support.solver_scenes import CAMERAS, board, observe, poses_around, rows_of

@@ -15,7 +15,7 @@ from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.space.known_lengths import check_lengths
-from calib.space.linear import calibration_factor, linear_sight
+from calib.space.propagate import calibration_factor, linear_sight
 from calib.space.triangulate import (
     BEHIND,
     CONTRADICT,

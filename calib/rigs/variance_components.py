@@ -12,8 +12,7 @@ import numpy as np
 from calib.core.types import RigObservations
 from calib.rigs.accuracy import Found, camera_redundancy, carrier_sigmas, slack_size
 from calib.rigs.descend import descend_rig, rig_equations
-from calib.rigs.problem import RigOptions, RigProblem, RigState, seen_poses, with_scale
-from calib.rigs.slack import SlackPrior
+from calib.rigs.problem import RigOptions, RigProblem, RigState, SlackPrior, seen_poses, with_scale
 from calib.rigs.start import Alone
 from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.outliers import deviations, robust_sigma, whitened
