@@ -4,8 +4,6 @@ An observation depends on its view's pose (6), its ring's offset (3), its camera
 unknowns. Blocks that stand on the diagonal are kept apart; all else is dense.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from calib.cameras import is_allowed, linearise
@@ -17,6 +15,7 @@ from calib.solver.levenberg import (
     FIRST_DAMPING,
     PERFECT_PX,
     SMALL_DECREASE,
+    Descent,
     levenberg_marquardt,
     move_poses,
     moved_camera,
@@ -244,14 +243,7 @@ def _add_priors(joint: Joint, state: State, ring: Array, ring_row: Array, other:
     return cost
 
 
-@dataclass(frozen=True, eq=False)
-class TargetMinimum:
-    """Where the descent ended."""
-
-    state: State
-    normal: Normal  # there
-    iterations: int
-    converged: bool
+TargetMinimum = Descent[State, Normal]
 
 
 def minimise(
@@ -262,19 +254,10 @@ def minimise(
     damping: float = FIRST_DAMPING,
     small_decrease: float = SMALL_DECREASE,
 ) -> TargetMinimum:
-    """Descend to the nearest minimum.
-
-    Args:
-        joint: what was seen, and priors.
-        state: where to start.
-        max_iterations: of trial steps.
-        damping: to begin with; little where the start is near the minimum.
-        small_decrease: ends the descent when a step promises less, as a part of the cost.
-    """
-    found = levenberg_marquardt(
+    """Descend to the nearest minimum; arguments as those of `levenberg_marquardt`."""
+    return levenberg_marquardt(
         _Printed(joint), state, max_iterations=max_iterations, small_decrease=small_decrease, damping=damping
     )
-    return TargetMinimum(found.state, found.equations, found.iterations, found.converged)
 
 
 class _Printed:
@@ -285,19 +268,15 @@ class _Printed:
         self.perfect = (PERFECT_PX / joint.scale) ** 2 * sum(len(one.ring) for one in joint.sets)
 
     def equations(self, state: State) -> Normal:
-        """As `Solvable`."""
         return normal_equations(self.joint, state)
 
     def cost(self, equations: Normal) -> float:
-        """As `Solvable`."""
         return equations.cost
 
     def step(self, state: State, equations: Normal, damping: float) -> JointStep | None:
-        """As `Solvable`."""
         return damped_step(equations, damping)
 
     def trial(self, state: State, equations: Normal, step: JointStep) -> tuple[State, Normal] | None:
-        """As `Solvable`."""
         moved = moved_state(self.joint, state, step)
         if not all(is_allowed(camera) for camera in moved.cameras):
             return None

@@ -148,8 +148,8 @@ def _measured(
 ) -> AsBuilt:
     """From a start to the result."""
     started = start.cameras
-    descended = _descend(start, target, options)
-    joint, found, seen = descended.joint, descended.minimum, descended.seen
+    joint, found, seen = _descend(start, target, options)
+    iterations = found.iterations
     joint, found, accuracy = _accurate(joint, found, seen, options)
     state = laid_over(joint.unknowns, seen, found.state)
     noise_mm = _centre_noise_mm(joint, state)
@@ -162,7 +162,7 @@ def _measured(
         scale = scale_from(unscaled, sizes, is_determined if is_determined.any() else None)
         state = moved_target(joint.unknowns, state, scale.value, np.eye(3), np.zeros(3))
     minimum = _Measured(joint, found, seen, accuracy, state, noise_mm, is_determined, scale)
-    built = _as_built(started, target, minimum, descended.iterations, begin)
+    built = _as_built(started, target, minimum, iterations, begin)
     errors = None if options.made is None else options.made.errors
     return with_back(built, errors, [one for one in lengths if one not in sizes])
 
@@ -173,15 +173,7 @@ def with_known_weights(options: AsBuiltOptions, sets: Sequence[Observations]) ->
     return replace(options, solve=replace(options.solve, weighted=weighted))
 
 
-@dataclass(frozen=True, eq=False)
-class _Descended:
-    joint: Joint
-    minimum: TargetMinimum
-    seen: SeenParts
-    iterations: int
-
-
-def _descend(start: _Start, target: TargetGeometry, options: AsBuiltOptions) -> _Descended:
+def _descend(start: _Start, target: TargetGeometry, options: AsBuiltOptions) -> tuple[Joint, TargetMinimum, SeenParts]:
     """Down to the minimum at which the observations are worth what their residuals say."""
     started = start.cameras
     unknowns = with_expected_deviations(unknowns_of(target, options), options)
@@ -206,7 +198,7 @@ def _descend(start: _Start, target: TargetGeometry, options: AsBuiltOptions) -> 
         scale = _posterior_scale(joint, found, seen)
         spread = joint.unknowns
         if options.ring_sigma_from_photos:
-            spread = with_seen_spread(spread, seen, found.state.shape, found.normal)
+            spread = with_seen_spread(spread, seen, found.state.shape, found.equations)
         spread = with_seen_deviations(spread, seen, found.state.shape)
         is_last = number > 0 and abs(scale / joint.scale - 1) < SAME_SCALE
         is_last = is_last and is_same_spread(spread, joint.unknowns, SAME_SPREAD)
@@ -216,7 +208,7 @@ def _descend(start: _Start, target: TargetGeometry, options: AsBuiltOptions) -> 
         if is_last:
             break
     seen = replace(seen, outlying=outlying_faces(joint.unknowns, seen, found.state.shape))
-    return _Descended(joint, found, seen, iterations)
+    return joint, replace(found, iterations=iterations), seen
 
 
 def _kept(
@@ -228,18 +220,14 @@ def _kept(
         return [one.problem.is_used for one in joint.sets]
     return [
         np.asarray(deviations(residual, seen.cov_px2) <= limit)
-        for residual, seen in zip(found.normal.residual_px, observations, strict=True)
+        for residual, seen in zip(found.equations.residual_px, observations, strict=True)
     ]
 
 
 def _posterior_scale(joint: Joint, found: TargetMinimum, seen: SeenParts, effective: float | None = None) -> float:
-    """Standard deviation of an observation, the unknowns that the photos determine taken off.
+    """Standard deviation of an observation, the unknowns beside the poses that the photos determine taken off.
 
-    Args:
-        joint: what was seen.
-        found: the minimum.
-        seen: which faces.
-        effective: how many unknowns beside the poses the photos determine; None: about, where they are few, else exact.
+    `effective` is how many these are; None: about, where they are few, else exact.
 
     Raises:
         InputError: as many as there are observations.
@@ -248,14 +236,14 @@ def _posterior_scale(joint: Joint, found: TargetMinimum, seen: SeenParts, effect
     if effective is None:
         effective = _about_effective(joint, found, seen)
         if equations - 6 * joint.pose_count - effective < FEW * equations:
-            effective = _require(accuracy_of(joint, found.state.shape, seen, found.normal)).effective
+            effective = _require(accuracy_of(joint, found.state.shape, seen, found.equations)).effective
     redundancy = equations - 6 * joint.pose_count - effective
     if redundancy < 1:
         raise InputError(
             f"{equations // 2} observations for {6 * joint.pose_count + effective:.0f} unknowns: too few; take more "
             "photos, or expect smaller deviations"
         )
-    return max(joint.scale * float(np.sqrt(found.normal.squares / redundancy)), PERFECT)
+    return max(joint.scale * float(np.sqrt(found.equations.squares / redundancy)), PERFECT)
 
 
 def _about_effective(joint: Joint, found: TargetMinimum, seen: SeenParts) -> float:
@@ -264,7 +252,7 @@ def _about_effective(joint: Joint, found: TargetMinimum, seen: SeenParts) -> flo
     of_faces = (unknowns.count - unknowns.first_motion) * float(seen.face.mean())
     effective = joint.param_count + unknowns.first_motion + of_faces - len(joint.gauge)
     if unknowns.ring_sigma_mm is not None:
-        inverse = np.linalg.inv(found.normal.ring)
+        inverse = np.linalg.inv(found.equations.ring)
         effective += float((1 - np.einsum("rii->ri", inverse) / unknowns.ring_sigma_mm**2).sum())
     return effective
 
@@ -273,13 +261,13 @@ def _accurate(
     joint: Joint, found: TargetMinimum, seen: SeenParts, options: AsBuiltOptions
 ) -> tuple[Joint, TargetMinimum, TargetAccuracy]:
     """The minimum with the exact posterior scale, and the accuracies there."""
-    accuracy = _require(accuracy_of(joint, found.state.shape, seen, found.normal))
+    accuracy = _require(accuracy_of(joint, found.state.shape, seen, found.equations))
     scale = _posterior_scale(joint, found, seen, accuracy.effective)
     if abs(scale / joint.scale - 1) < SAME_SCALE or scale <= PERFECT:
         return joint, found, accuracy
     joint = replace(joint, scale=scale)
     found = minimise(joint, found.state, max_iterations=options.solve.max_iterations, damping=NEAR)
-    return joint, found, _require(accuracy_of(joint, found.state.shape, seen, found.normal))
+    return joint, found, _require(accuracy_of(joint, found.state.shape, seen, found.equations))
 
 
 def _require(accuracy: TargetAccuracy | None) -> TargetAccuracy:
@@ -372,7 +360,7 @@ def _as_built(
         cameras=state.cameras,
         param_covariance=tuple(params),
         poses=state.poses,
-        residual_px=tuple(np.ascontiguousarray(residual.T) for residual in found.normal.residual_px),
+        residual_px=tuple(np.ascontiguousarray(residual.T) for residual in found.equations.residual_px),
         is_outlier=tuple(~one.problem.is_used for one in joint.sets),
         scale=joint.scale,
         strain=strain_matrix(state.shape.strain),
@@ -410,7 +398,7 @@ def _remarks(started: Sequence[Calibration], target: TargetGeometry, measured: _
         said.extend(line for line in one.remarks if ": left out: " in line)
     if not measured.minimum.converged:
         said.append("stopped short of the minimum")
-    for one, residual in zip(started, measured.minimum.normal.residual_px, strict=True):
+    for one, residual in zip(started, measured.minimum.equations.residual_px, strict=True):
         said.extend(far_off(one.observations, residual))
     left_out = sum(int((~one.problem.is_used).sum()) for one in measured.joint.sets)
     if left_out:

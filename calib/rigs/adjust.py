@@ -5,7 +5,7 @@ To the rig that minimises distances in space it goes from that in the image, as 
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,20 +30,13 @@ from calib.solver.problem import Problem, target_covariance, target_poses
 from designer.base.arrays import Array
 
 
-@dataclass(frozen=True, eq=False)
-class RigInSpace:
-    """What came of it, told in the image."""
-
-    found: Found  # the equations are those of the image there
-    scale: Array  # (C,) standard deviation of an observation
-
-
 def rig_in_space(
     problem: RigProblem, image: Found, observations: RigObservations, alone: Sequence[Alone], options: RigOptions
-) -> RigInSpace:
+) -> tuple[Found, Array]:
     """From the minimum in the image to that in space, without what the first left out.
 
-    What distances of each camera, a carrier and single photos are worth is judged anew: noise is in mm there.
+    What distances of each camera, a carrier and single photos are worth is judged anew: noise is in mm there. What
+    comes of it is told in the image: its equations there, and the standard deviation of an observation (C,).
 
     Raises:
         UndeterminedError: what is least in space is nowhere near.
@@ -63,7 +56,7 @@ def rig_in_space(
         equations=rig_equations(problem, found.state, problem.loss),
         iterations=image.iterations + found.iterations,
     )
-    return RigInSpace(told, camera_scales(problem, told, options.loss))
+    return told, camera_scales(problem, told, options.loss)
 
 
 def _require_near(before: RigState, after: RigState, names: Sequence[str], minimise: str) -> None:
@@ -166,11 +159,11 @@ def _unlikeliness(problem: RigProblem) -> float:
 
 
 def _calibration(
-    image: Found, problem: RigProblem, there: RigInSpace | None, start: RigStart, begin: float
+    image: Found, problem: RigProblem, there: tuple[Found, Array] | None, start: RigStart, begin: float
 ) -> RigCalibration:
     """The result, of the minimum in the image or of that in space if there is one."""
     observations, alone, options, remarks = start.observations, start.alone, start.options, start.remarks
-    found, scale = (image, problem.scale) if there is None else (there.found, there.scale)
+    found, scale = there or (image, problem.scale)
     state, packed = found.state, _sized(problem, found.state)
     accuracy = accuracy_of_rig(problem, image, _labels(problem, observations, state), KNEE[options.loss])
     if there is not None:

@@ -178,7 +178,8 @@ def turned_by(angle_rad: Array) -> Array:
 def _angles(seen: Array) -> Array:
     """Turns about the axis that all relative turns have in common, from the first pose on."""
     count = len(seen)
-    axis = np.linalg.eigh(_scatter(relative_turns(seen)))[1][:, 2]
+    turns = relative_turns(seen)
+    axis = np.linalg.eigh(turns.T @ turns)[1][:, 2]
     turns = relative_turns(seen, np.arange(count), np.zeros(count, dtype=np.int64))
     # The turn about the axis that leaves least of R: by the trace of Rz(-a) R (in a frame with z along the axis).
     length = np.linalg.norm(turns, axis=1)
@@ -188,11 +189,6 @@ def _angles(seen: Array) -> Array:
     steps = np.diff(angle)
     signs = np.sign(np.arctan2(np.sin(steps), np.cos(steps)))
     return np.asarray(-angle if signs.sum() < 0 else angle)
-
-
-def _scatter(turns: Array) -> Array:
-    scatter: Array = turns.T @ turns
-    return scatter
 
 
 def _anchored(x: Array, z: Array) -> tuple[Array, Array]:

@@ -195,15 +195,12 @@ class _Rig:
         self.refused = 0
 
     def equations(self, state: RigState) -> RigEquations:
-        """As `Solvable`."""
         return rig_equations(self.problem, state, self.loss)
 
     def cost(self, equations: RigEquations) -> float:
-        """As `Solvable`."""
         return equations.normal.cost
 
     def step(self, state: RigState, equations: RigEquations, damping: float) -> RigStep | None:
-        """As `Solvable`."""
         if not self.problem.slack:
             step = damped_step(equations.normal, damping)
             return None if step is None else RigStep(step, equations, step.predicted)
@@ -214,7 +211,6 @@ class _Rig:
         return RigStep(step, damped, step.predicted + sum(one.promised for one in damped.slack))
 
     def trial(self, state: RigState, equations: RigEquations, step: RigStep) -> tuple[RigState, RigEquations] | None:
-        """As `Solvable`."""
         moved = moved_state(self.problem, state, step.equations, step.joint)
         if not all(is_allowed(camera) for camera in moved.cameras):
             return None
@@ -222,7 +218,6 @@ class _Rig:
         return moved, rig_equations(self.problem, moved, self.loss, near)
 
     def gives_up(self, there: RigEquations) -> bool:
-        """As `Solvable`."""
         self.refused += 1
         return self.refused > PATIENCE
 

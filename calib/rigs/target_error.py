@@ -112,7 +112,8 @@ def posed_unknowns(
         these directions with zeros for the others (N, Q + ...), and the equations of the frames by all.
     """
     basis = free_directions(found.covariance) if basis is None else basis
-    wide = np.concatenate([basis, np.zeros((len(basis), _besides(found)))], axis=1)
+    besides = 0 if found.carrier is None else POSE + tells_size(found)  # the target's size, and its place on a carrier
+    wide = np.concatenate([basis, np.zeros((len(basis), besides))], axis=1)
     posed = posed_frames(found, wide, frames)
     return wide, posed if found.carrier is None else _carried(found, posed, frames, wide.shape[1])
 
@@ -132,11 +133,6 @@ def _for_all(equations: ShapeEquations, times: float) -> ShapeEquations:
         own=replace(own, block=times * own.block, by_poses=np.sqrt(times) * own.by_poses, cross=times * own.cross,
                     gradient=times * own.gradient),
     )  # fmt: skip
-
-
-def _besides(found: RigCalibration) -> int:
-    """How many unknowns there are beside cameras and frames: the target's size, and where it is on its carrier."""
-    return 0 if found.carrier is None else POSE + tells_size(found)
 
 
 def tells_size(found: RigCalibration) -> bool:

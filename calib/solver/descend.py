@@ -16,7 +16,7 @@ from calib.cameras.camera import Camera
 from calib.core.types import LEAST_POINTS
 from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.levenberg import FIRST_DAMPING, Minimum, minimise
-from calib.solver.outliers import deviations, forgetful, robust_covariance_factor, robust_sigma, whitened
+from calib.solver.outliers import deviations, forgetful, robust_scale, robust_sigma, whitened
 from calib.solver.problem import Loss, Problem, SolveOptions, Tie, few_per_view, select
 from designer.base.arrays import Array, Flags, Rows
 
@@ -133,18 +133,22 @@ def descend(
         shown, is_used = _forgiving(problem, shown, tie, options, cov_px2)
     else:
         is_used = problem.is_used & ~shown.is_beyond
-    found = shown.minimum
-    residual = found.blocks.residual_px
-    robust = None
+    found, robust = shown.minimum, None
     if options.loss != "squares":
-        standard = whitened(problem.whitener, residual)
-        sigma, length = robust_sigma(standard), np.hypot(*standard)[is_used]
-        robust = sigma, robust_covariance_factor(length[np.isfinite(length)], RobustLoss(options.loss, sigma))
+        standard = whitened(problem.whitener, found.blocks.residual_px)
+        robust = robust_scale(standard, is_used, RobustLoss(options.loss, robust_sigma(standard)))
+    return descended_at(problem, found, is_used, shown.is_beyond, robust, cov_px2)
+
+
+def descended_at(
+    problem: Problem, minimum: Minimum, is_used: Flags, is_beyond: Flags, robust: tuple[float, float] | None,
+    cov_px2: Array | None,
+) -> Descended:  # fmt: skip
+    """A minimum, with how far off each observation is there."""
+    residual = minimum.blocks.residual_px
     sigma_px = robust_sigma(residual)
-    return Descended(
-        found, is_used, shown.is_beyond, sigma_px, deviations(residual, cov_px2, sigma_px), robust,
-        lost_views(problem, is_used),
-    )  # fmt: skip
+    deviation = deviations(residual, cov_px2, sigma_px)
+    return Descended(minimum, is_used, is_beyond, sigma_px, deviation, robust, lost_views(problem, is_used))
 
 
 def descend_again(problem: Problem, found: Descended, tie: Tie, options: SolveOptions) -> Descended:

@@ -17,7 +17,7 @@ from calib.solver.accuracy import Accuracy, UndeterminedError, accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration, PlaneBend, plane_bend
 from calib.solver.costs import IMAGE
-from calib.solver.outliers import robust_covariance_factor, robust_sigma, whitened
+from calib.solver.outliers import robust_scale, robust_sigma, whitened
 from calib.solver.problem import SolveOptions, origin_poses, pack, target_covariance, tie_parameters
 from calib.solver.schur import damped_step
 from calib.solver.surface import step_of_points
@@ -36,11 +36,6 @@ Solve = Callable[[Observations], Calibration]
 
 def solve_bent(observations: Observations, solve: Solve, options: SolveOptions) -> Calibration:
     """Solve the camera, the poses and the bend of a flat target; the points of what comes out are bent.
-
-    Args:
-        observations: of the flat target.
-        solve: solves a camera, the target as it is.
-        options: as `solve` has them.
 
     Raises:
         InputError: the target is not flat, the photos do not tell its bend, or options that do not go together.
@@ -94,8 +89,7 @@ def _step(found: Calibration, bend: PlaneBend, options: SolveOptions) -> _BendSt
     if options.loss != "squares":
         standard = whitened(problem.whitener, np.ascontiguousarray(found.residual_px.T))
         loss = RobustLoss(options.loss, robust_sigma(standard))
-        length = np.hypot(*standard)[problem.is_used]
-        robust = loss.sigma, robust_covariance_factor(length[np.isfinite(length)], loss)
+        robust = robust_scale(standard, problem.is_used, loss)
     modes = np.ascontiguousarray(bend.modes_mm(seen.points.position_mm)[:, seen.point].transpose(0, 2, 1))
     tie = tie_parameters(found.camera.model, options)
     if surface_model(found.camera.model) is None:

@@ -1,6 +1,6 @@
 """From the solution that minimises distances in the image to one that minimises distances in space; how sure it is."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,9 +11,9 @@ from calib.core.types import KnownPoints
 from calib.solver.accuracy import Accuracy, accuracy_of, projected_change, share_px
 from calib.solver.blocks import RobustLoss, view_blocks, view_misfit
 from calib.solver.costs import COSTS, DISTANCES, IMAGE
-from calib.solver.descend import ROUNDS, Descended, ShownMinimum, lost_views, minimise_shown
+from calib.solver.descend import ROUNDS, Descended, ShownMinimum, descended_at, minimise_shown
 from calib.solver.distance import InSpace
-from calib.solver.outliers import deviations, robust_sigma, whitened
+from calib.solver.outliers import robust_sigma, whitened
 from calib.solver.problem import Problem, SolveOptions, Tie
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
@@ -40,14 +40,7 @@ def require_planes(minimise: str, points: KnownPoints, seen: Rows) -> None:
 
 
 def in_space(problem: Problem, minimise: str, points: KnownPoints, seen: Rows) -> Problem:
-    """The problem of distances in space.
-
-    Args:
-        problem: in the image.
-        minimise: a cost of `COSTS` that is none of the image.
-        points: that were seen.
-        seen: row of the points of each observation (M,).
-    """
+    """The problem of distances in space, by a cost of `COSTS`; `seen` are rows of the points (M,)."""
     cost = COSTS[minimise]
     distance, axes = DISTANCES[cost.distance], None
     if distance.needs_planes:
@@ -77,20 +70,13 @@ def minimise_in_space(problem: Problem, camera: Camera, poses: Array, tie: Tie, 
     return replace(shown, minimum=replace(shown.minimum, iterations=taken))
 
 
-@dataclass(frozen=True, eq=False)
-class SolvedInSpace:
-    """What came of it, with the accuracy, and a word on what it changed."""
-
-    descended: Descended
-    accuracy: Accuracy
-    remark: str
-
-
 def descend_in_space(
     problem: Problem, points: KnownPoints, seen: Rows, start: Descended, tie: Tie, options: SolveOptions,
     cov_px2: Array | None,
-) -> SolvedInSpace | None:  # fmt: skip
+) -> tuple[Descended, Accuracy, str] | None:  # fmt: skip
     """From the solution in the image to that in space, without what the first left out; None if that is the solution.
+
+    With the accuracy, and a word on what it changed.
 
     It is told in the image as all solutions are: its residuals and blocks are those of the image there. The estimate in
     the image is the surest one, so its error has nothing to do with how far another estimate is from it (Hausman 1978,
@@ -105,13 +91,9 @@ def descend_in_space(
     found = minimise_in_space(space, minimum.camera, minimum.cam_from_target, tie, options)
     there, is_used = found.minimum, start.is_used & ~found.is_beyond
     blocks = view_blocks(replace(problem, is_used=is_used), there.camera, there.cam_from_target, RobustLoss())
-    residual = blocks.residual_px
-    sigma_px = robust_sigma(residual)
-    descended = Descended(
-        replace(there, blocks=blocks, iterations=minimum.iterations + there.iterations), is_used,
-        start.is_beyond | found.is_beyond, sigma_px, deviations(residual, cov_px2, sigma_px), start.robust,
-        lost_views(problem, is_used),
-    )  # fmt: skip
+    told = replace(there, blocks=blocks, iterations=minimum.iterations + there.iterations)
+    is_beyond = start.is_beyond | found.is_beyond
+    descended = descended_at(problem, told, is_used, is_beyond, start.robust, cov_px2)
     sure = accuracy_of(minimum.blocks.products, tie.row, int(start.is_used.sum()), start.robust)
     step = there.camera.params - minimum.camera.params
     moved = steps_between(minimum.cam_from_target, there.cam_from_target)
@@ -122,29 +104,18 @@ def descend_in_space(
         pose_covariance=sure.pose_covariance + moved[:, :, None] * moved[:, None, :],
     )
     pixel = problem.measured_px.T[is_used]
-    change = camera_change(minimum.camera, step, sure.param_covariance, pixel)
-    return SolvedInSpace(descended, accuracy, _remark(options.minimise, *change))
+    off_px, sigma_px = camera_change(minimum.camera, step, sure.param_covariance, pixel)
+    remark = (
+        f"minimised: {COSTS[options.minimise].title}; where points were seen, 95 % are within {off_px:.2g} px of the "
+        f"camera that the distances in the image give, itself sure to {sigma_px:.2g} px there; what is stated has the "
+        "difference in it"
+    )
+    return descended, accuracy, remark
 
 
 def camera_change(camera: Camera, step: Array, covariance: Array, pixel: Array) -> tuple[float, float]:
-    """By how much a step of the parameters moves 95 % of the pixels where something was seen (M, 2), and their sigma.
-
-    Args:
-        camera: before the step.
-        step: of the parameters (P,).
-        covariance: of the parameters.
-        pixel: where something was seen.
-    """
+    """By how much a step of the parameters moves 95 % of the pixels (M, 2) where something was seen; their sigma."""
     some = pixel[:: max(len(pixel) // ENOUGH, 1)]
     change = projected_change(camera, some, some)
     off_px = share_px(np.hypot(*(change @ step).T))
     return off_px, share_px(worse_sigma(change @ np.nan_to_num(covariance) @ change.transpose(0, 2, 1)))
-
-
-def _remark(minimise: str, off_px: float, sigma_px: float) -> str:
-    """By how much the camera is another one."""
-    return (
-        f"minimised: {COSTS[minimise].title}; where points were seen, 95 % are within {off_px:.2g} px of the camera "
-        f"that the distances in the image give, itself sure to {sigma_px:.2g} px there; what is stated has the "
-        "difference in it"
-    )

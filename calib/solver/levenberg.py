@@ -207,15 +207,12 @@ class _OneCamera:
         self.in_the_way: Flags | None = None
 
     def equations(self, state: _CameraState) -> Blocks:
-        """As `Solvable`."""
         return view_blocks(self.problem, state.camera, state.cam_from_target, self.loss)
 
     def cost(self, equations: Blocks) -> float:
-        """As `Solvable`."""
         return float(equations.cost.sum())
 
     def step(self, state: _CameraState, equations: Blocks, damping: float) -> Step | None:
-        """As `Solvable`."""
         step = damped_step(equations.products, self.tie, damping)
         return step if step.solvable else None
 

@@ -84,6 +84,12 @@ def robust_covariance_factor(length: Array, loss: RobustLoss) -> float:
     return float(weight.mean() * 0.5 * (weight**2 * length**2).mean() / slope.mean() ** 2)
 
 
+def robust_scale(standard: Array, is_used: Flags, loss: RobustLoss) -> tuple[float, float]:
+    """A loss' sigma of a whitened coordinate, and the factor of covariances by the residuals (2, M) that count."""
+    length = np.hypot(*standard)[is_used]
+    return loss.sigma, robust_covariance_factor(length[np.isfinite(length)], loss)
+
+
 def deviations(residual_px: Array, cov_px2: Array | None, sigma_px: float | None = None) -> Array:
     """Lengths (M,) of residuals (2, M) in robust standard deviations, `sigma_px` if that is known already.
 

@@ -160,7 +160,8 @@ def _down(
     found = descend_in_space(problem, observations.points, observations.point, lens, tie, options, noise_px2)
     if found is None:
         return _Down(lens, lens)
-    return _Down(found.descended, found.descended, found.accuracy, remarks=(found.remark,))
+    descended, accuracy, remark = found
+    return _Down(descended, descended, accuracy, remarks=(remark,))
 
 
 def _check(options: SolveOptions) -> None:

@@ -20,9 +20,9 @@ from calib.core.parallel import one_thread_with_scipy
 from calib.solver.accuracy import Accuracy, UndeterminedError
 from calib.solver.blocks import Blocks, Misfit, RobustLoss, view_misfit
 from calib.solver.costs import IMAGE
-from calib.solver.descend import ROUNDS, Descended, is_robust, lost_views
+from calib.solver.descend import ROUNDS, Descended, descended_at, is_robust, lost_views
 from calib.solver.levenberg import FIRST_DAMPING, Minimum, move_poses, turn_of_centre
-from calib.solver.outliers import deviations, robust_covariance_factor, robust_sigma, whitened
+from calib.solver.outliers import deviations, robust_scale, robust_sigma, whitened
 from calib.solver.problem import Loss, Problem, SolveOptions, Tie
 from calib.solver.surface_equations import (
     POSE,
@@ -146,16 +146,7 @@ def without_rejection(options: SolveOptions) -> SolveOptions:
 def bend(
     problem: Problem, base: Descended, model: SurfaceModel, tie: Tie, options: SolveOptions, cov_px2: Array | None
 ) -> tuple[Descended, Accuracy]:
-    """Solve all together, from a minimum of the base: the minimum of both, and how sure it is.
-
-    Args:
-        problem: what was seen.
-        base: where to start.
-        model: whose surface.
-        tie: of the base's parameters.
-        options: weights, losses, the limit of outliers.
-        cov_px2: by which it is told what is far off, as `solve` has it.
-    """
+    """Solve all together, from a minimum of the base: the minimum of both, and how sure it is; see `descend`."""
     minimum, straight = base.minimum, np.zeros(2 * model.control_rows * model.control_columns)
     camera = Camera(model.name, np.concatenate([minimum.camera.params, straight]), problem.image_size)
     state = _State(camera, minimum.cam_from_target, iterations=minimum.iterations)
@@ -190,16 +181,9 @@ def step_of_points(
     modes_mm: Array,
     robust: tuple[float, float] | None,
 ) -> tuple[Array, Accuracy]:
-    """What the equations at a minimum ask of displacements of the points (S,), and how sure all unknowns are there.
+    """What the equations at a minimum ask of displacements (S, 3, M) of the points, and how sure all is there.
 
-    Args:
-        problem: what was seen.
-        camera: with a surface.
-        cam_from_target: poses (V, 4, 4) from the problem's origin.
-        tie: of the base's parameters.
-        loss: of the minimum.
-        modes_mm: displacements (S, 3, M).
-        robust: see `calib.solver.accuracy.accuracy_of`.
+    The poses (V, 4, 4) are from the problem's origin; `robust` as in `calib.solver.accuracy.accuracy_of`.
     """
     model = surface_model(camera.model)
     if model is None:
@@ -336,19 +320,13 @@ def _bent(
     residual, equations = misfit.residual_px, _equations(task, state, loss)
     robust = None
     if options.loss != "squares":
-        length = np.hypot(*whitened(problem.whitener, residual))[problem.is_used]
-        robust = loss.sigma, robust_covariance_factor(length[np.isfinite(length)], loss)
+        robust = robust_scale(whitened(problem.whitener, residual), problem.is_used, loss)
     accuracy = _accuracy(task, state, equations, robust)
     minimum = Minimum(
         state.camera, state.cam_from_target, Blocks(misfit.cost, residual, equations.pose), state.iterations,
         state.converged,
     )  # fmt: skip
-    sigma_px = robust_sigma(residual)
-    descended = Descended(
-        minimum, problem.is_used, is_beyond, sigma_px, deviations(residual, cov_px2, sigma_px), robust,
-        lost_views(problem, problem.is_used),
-    )  # fmt: skip
-    return descended, accuracy
+    return descended_at(problem, minimum, problem.is_used, is_beyond, robust, cov_px2), accuracy
 
 
 def _accuracy(
