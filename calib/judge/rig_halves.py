@@ -175,11 +175,6 @@ def half_solver(found: RigCalibration, choices: Sequence[CameraChoice], options:
     """What solves the rig of some of a solution's frames as all were solved: what all left out stays out.
 
     The cameras found are only where each half starts from.
-
-    Args:
-        found: the solution.
-        choices: of its cameras, as it was solved with.
-        options: likewise.
     """
     seen = without_outliers(found)
     near = [replace(choice, given=camera) for choice, camera in zip(choices, found.cameras, strict=True)]

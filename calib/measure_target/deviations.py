@@ -127,9 +127,7 @@ def bed_axes(target: TargetGeometry, turn_rad: float = 0.0) -> Array:
     On its last face, the longer of its two horizontal extents along x (see `designer.make.bed`; of a bed that is deeper
     than wide it is y).
 
-    Args:
-        target: what was printed.
-        turn_rad: by which a person turned it further, about the bed's normal.
+    `turn_rad` is by how much a person turned it further, about the bed's normal.
     """
     quarter = math.pi / 2 if is_turned(target) else 0.0
     turned: Array = exp_rotation(np.array([0.0, 0.0, quarter + turn_rad])) @ face_down(target)

@@ -137,14 +137,8 @@ def joint_problem(
 ) -> Joint:  # fmt: skip
     """All sightings, packed; each view has some.
 
-    Args:
-        sets: of each camera.
-        ties: of each camera's parameters.
-        unknowns: of the target.
-        gauge: that holds what photos do not tell.
-        weighted: by the covariances of the observations.
-        frame: of each camera's views, if the cameras are held together.
-        reference: the camera whose frame the rig's is, or -1.
+    Cameras are held together if `frame` of each camera's views is given; `reference` is the one whose frame is the
+    rig's, or -1.
     """
     packed, view, param = [], 0, 0
     for seen, tie in zip(sets, ties, strict=True):

@@ -61,9 +61,7 @@ class AsBuilt:
 def face_shift_mm(target: TargetGeometry, square: Array) -> Array:
     """How far the motions of faces shift their rings, root mean square along an axis.  # (F,)
 
-    Args:
-        target: the nominal geometry.
-        square: the motions' products with themselves, or their covariances (F, 6, 6).
+    By the motions' products with themselves, or their covariances (F, 6, 6).
     """
     design = rigid_design(target.center_in_face_mm)
     each = np.einsum("rij,rjk,rik->r", design, square[target.ring_face], design) / 3

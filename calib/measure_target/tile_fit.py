@@ -129,10 +129,6 @@ def seats_of(found: AsBuilt, made: ErrorModel | None) -> Seats | None:
     Motions are told against the pieces that sit well, so that a piece's fault is not told of its neighbours. That all
     stand out alike is told once, and taken off the heights; what the axes of the body's printer do to all is no piece's
     fault either.
-
-    Args:
-        found: the measured target.
-        made: the errors of its way of making, with what its pieces are called.
     """
     count = found.nominal.face_count
     if made is None or made.piece is None or count < LEAST_PIECES or not found.motion_covariance.any():

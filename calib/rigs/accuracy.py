@@ -34,11 +34,7 @@ def motion_covariance(
     equations tell what follows. Errors e are those of the process, and as far as frames leave speeds open, all speeds
     together by as large a part of themselves: what the process itself is, is a guess there.
 
-    Args:
-        problem: what was seen.
-        found: the minimum.
-        shared: the inverse normal matrix of the shared unknowns (G, G).
-        coupling: what frames take from them (V, 6, G), see `calib.rigs.accuracy`.
+    `shared` is their inverse normal matrix (G, G), `coupling` what frames take from them (V, 6, G).
     """
     count, state, motion = problem.shared_count, found.state, problem.motion
     total = np.zeros((count, count))
@@ -231,11 +227,8 @@ def _error_covariance(problem: RigProblem, found: Found) -> Array:
 def accuracy_of_rig(problem: RigProblem, found: Found, labels: Sequence[str], knee: float) -> RigAccuracy:
     """The covariances at the minimum.
 
-    Args:
-        problem: what was seen.
-        found: the minimum.
-        labels: what the shared unknowns are called (G,).
-        knee: where the loss bends, in standard deviations; infinite: it does not.
+    `labels` are what the shared unknowns are called (G,); the loss bends at `knee` standard deviations, if
+    that is finite.
     """
     inverse = shared_inverse(found.equations.normal)
     factor = _robust_factor(problem, found) if np.isfinite(knee) else 1.0

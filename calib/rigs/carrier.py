@@ -92,11 +92,7 @@ def error_weights(prior: CarrierPrior) -> Array:
 def add_prior(into: Normal, prior: CarrierPrior, state: RigState, first_camera: Rows) -> float:
     """Add the carrier's equations to those of the sightings; returns the sum of its squares.
 
-    Args:
-        into: equations, of which the arrays are changed.
-        prior: what the carrier says.
-        state: where.
-        first_camera: the shared unknowns of the first camera's pose (6,).
+    `first_camera` are the shared unknowns of the first camera's pose (6,).
     """
     error = carrier_errors(prior, state.rig_from_target, state.carrier_from_target)
     by_frame, by_target = error_derivatives(prior, state.rig_from_target, state.carrier_from_target)

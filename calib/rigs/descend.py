@@ -54,11 +54,7 @@ def rig_equations(
 ) -> RigEquations:
     """The normal equations at a state.
 
-    Args:
-        problem: what was seen.
-        state: where.
-        loss: of the whitened residuals.
-        near: blocks so near that only their gradients differ.
+    Of blocks that are `near` only the gradients are renewed.
     """
     blocks, chains = [], []
     for number, one in enumerate(problem.seen):
@@ -80,12 +76,7 @@ def assembled(
 ) -> RigEquations:
     """The normal equations of all cameras' views together, with what is expected of the unknowns.
 
-    Args:
-        problem: what was seen.
-        state: where.
-        blocks: of each camera's views (C,).
-        chains: likewise.
-        damping: of the views' slacks, which are eliminated here; that of all else is for later.
+    The damping is of the views' slacks, which are eliminated here; that of all else is for later.
     """
     into = no_equations(problem.frame_count, problem.shared_count)
     views: list[WithoutSlack] = []
@@ -137,11 +128,7 @@ def _add_delays(into: Normal, problem: RigProblem, state: RigState) -> float:
 def chain_of(problem: RigProblem, state: RigState, camera: int, frames: Array) -> Chain:
     """How a camera's poses hang on frames, on where it stands, and on when it takes its photos.
 
-    Args:
-        problem: what was seen.
-        state: where.
-        camera: which.
-        frames: rig_from_target at the times of its photos (V_c, 4, 4).
+    `frames` is rig_from_target at the times of its photos (V_c, 4, 4).
     """
     one: SeenByOne = problem.seen[camera]
     by_frame, by_camera = through_camera(state.cam_from_rig[camera], frames)

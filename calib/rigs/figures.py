@@ -146,9 +146,7 @@ def pair_figures(found: RigCalibration) -> tuple[PairFigures, ...]:
 def ties_of(rig: Rig, shared: Rows) -> tuple[CameraTie, ...]:
     """By what each camera hangs on the others; nothing of a single one.
 
-    Args:
-        rig: with its joint covariance.
-        shared: in how many frames cameras see the target together (C, C).
+    `shared` is in how many frames cameras see the target together (C, C).
     """
     count = len(rig.names)
     widest = widest_chain(shared)

@@ -178,13 +178,7 @@ class Trajectory:
 
 
 def delay_between(first_time_s: Array, first: Array, second: Trajectory) -> float:
-    """By how much the first camera's stamps run behind the second's; 0 where the target did not move.
-
-    Args:
-        first_time_s: of the first camera's poses, ascending (N,).
-        first: these (N, 4, 4).
-        second: the second camera's.
-    """
+    """By how much the first camera's stamps run behind the second's; 0 where the target did not move."""
     width = FARTHEST * second.step_s
     best = 0.0
     for _ in range(3):

@@ -78,10 +78,7 @@ def slack_step(view: WithoutSlack, params_step: Array, pose_step: Array) -> Arra
 def slack_evidence(prior: SlackPrior, value: Array, covariance: Array) -> tuple[float, float]:
     """Squares of the values, and how many of them the photos tell: the size is their ratio (Foerstner 1979).
 
-    Args:
-        prior: of one camera.
-        value: of its views (V_c, 6).
-        covariance: of these (V_c, 6, 6) by the whole adjustment.
+    Of one camera: values (V_c, 6) of its views, and their covariance (V_c, 6, 6) by the whole adjustment.
     """
     squares = float(np.einsum("vd,vde,ve->", value, prior.weight, value))
     return squares, float(value.size - np.einsum("vde,ved->", prior.precision, covariance))

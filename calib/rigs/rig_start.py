@@ -127,11 +127,6 @@ class RigStart:
 def start_rig(observations: RigObservations, alone: Sequence[Alone], options: RigOptions) -> RigStart:
     """All unknowns of a rig as its cameras tell them one by one.
 
-    Args:
-        observations: what was seen.
-        alone: each camera by itself.
-        options: as those of `solve_rig`.
-
     Raises:
         InputError: no frames join some cameras to the others, or those of one would have to be shifted to fit.
     """

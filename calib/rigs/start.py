@@ -208,12 +208,7 @@ def frame_candidates(
 ) -> tuple[Array, Flags]:
     """Each frame's pose by the camera whose own pose suits all cameras best, and which frames have one.
 
-    Args:
-        problem: what was seen, thinned.
-        observations: the same frames.
-        alone: of each camera.
-        cam_from_rig: where the cameras stand (C, 4, 4).
-        origin_mm: the problem's own origin.
+    The problem is thinned; `origin_mm` is its own origin.
     """
     count = observations.frame_count
     best, least = np.tile(np.eye(4), (count, 1, 1)), np.full(count, np.inf)

@@ -108,9 +108,7 @@ def with_capture_error(calibration: Calibration, capture: Capture | None = None)
     Without the former of a learned map or a surface, which are not told by few parameters, and of a camera that the
     photos do not determine, beside which anything seems to move.
 
-    Args:
-        calibration: solved as if all were at rest.
-        capture: how the photos were taken; None: it is assumed.
+    How photos were taken is assumed if `capture` does not say it.
     """
     camera = calibration.camera
     if calibration.status == "degenerate" or camera.learned is not None or surface_model(camera.model) is not None:

@@ -233,11 +233,7 @@ def no_equations(frames: int, shared: int) -> Normal:
 def add_chained(into: Normal, products: Array, params: Rows, chain: Chain) -> None:
     """Add one camera's equations over views to those over frames.
 
-    Args:
-        into: equations, of which the arrays are changed.
-        products: blocks of the views (B, P + 7, P + 7), see `calib.solver.blocks`.
-        params: the shared unknown that each parameter is (P,); -1: fixed.
-        chain: of the camera.
+    Of blocks of its views (B, P + 7, P + 7); `params` are the shared unknowns of its parameters (P,); -1: fixed.
     """
     columns = np.concatenate([params, chain.column])
     free, place = np.unique(columns[columns >= 0], return_inverse=True)

@@ -297,10 +297,7 @@ def extra_parameters(calibration: Calibration, moved_px: Array) -> ExtraParamete
 def extra_of(posed: Iterable[tuple[PosedSightings, Array]], basis: Array, count: int) -> ExtraParameters | None:
     """The same of what each pose moves, with where a unit of each of `count` parameters moves it, whitened, (M, 2, K).
 
-    Args:
-        posed: pose by pose, by directions of all other unknowns.
-        basis: these directions (P, Q).
-        count: of parameters, K.
+    By directions (P, Q) of all other unknowns, pose by pose.
     """
     inner, blocks, square, equations = basis.shape[1], [], np.zeros(count), -basis.shape[1]
     for view, moved in posed:

@@ -228,9 +228,7 @@ def shared_by_photos(views: Iterable[PosedSightings], stated: Array) -> tuple[fl
 
     None if photos share nothing beyond chance, or are too few to tell.
 
-    Args:
-        views: all photos, or frames of several cameras, each with a pose.
-        stated: covariance (Q, Q) of their directions, by noise and all else that is known.
+    Of photos, or frames of several cameras, each with a pose; `stated` is the covariance (Q, Q) of their directions.
     """
     blocks, equations = [], -len(stated)
     for view in views:

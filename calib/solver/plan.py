@@ -76,11 +76,8 @@ def lens_kind(observations: Observations, options: SolveOptions | None = None) -
     """Whether a lens is a wide one: `lens_kind(observations).is_wide`.
 
     It is if a wide model determines a camera that shows the points, and each ordinary model leaves points out that
-    this one shows, finds none, or leaves residuals that are clearly larger.
-
-    Args:
-        observations: of any lens.
-        options: weights and losses; which parameters are fixed or shared is of no account.
+    this one shows, finds none, or leaves residuals that are clearly larger. Which parameters the options fix or share
+    is of no account.
     """
     options = replace(options or SolveOptions(), fixed=(), shared=(), focal_px=None)
     problem = pack(observations, weighted=False)
@@ -99,14 +96,7 @@ def lens_kind(observations: Observations, options: SolveOptions | None = None) -
 
 
 def ruled_out(model: str, solved: Calibration | None, observations: Observations, options: SolveOptions) -> str:
-    """Why the field of view rules a model out and what to take instead, in a line; "" if it does not.
-
-    Args:
-        model: any.
-        solved: what came of it; None: nothing.
-        observations: that it was solved from.
-        options: weights and losses.
-    """
+    """Why the field of view rules a model out and what to take instead, in a line; "" if it does not."""
     if ABILITIES[model].is_wide:
         return ""
     if solved is not None and _lost_share(solved, observations) <= LOST_SHARE and _left_px(solved) <= SUSPECT_PX:

@@ -92,14 +92,7 @@ class KnownExactly:
 
 
 def expected_errors(rig: Rig, point_mm: Array, noise_px: Array, seen_by: int = 2) -> Expected:
-    """What is to be expected at points (N, 3) of the rig's frame; nan where fewer cameras see it.
-
-    Args:
-        rig: with its covariance.
-        point_mm: in the rig's frame.
-        noise_px: of a coordinate in each camera (C,).
-        seen_by: so many cameras have to.
-    """
+    """What is to be expected at points (N, 3) of the rig's frame, by noise (C,) of cameras; nan where fewer see it."""
     seen = seen_by_cameras(rig, point_mm)
     use = seen.sum(axis=1) >= seen_by
     spread = _propagated(rig, point_mm[use], seen[use], noise_px)
@@ -316,12 +309,7 @@ def with_baseline(rig: Rig, times: float) -> Rig:
 def with_camera(rig: Rig, like: int, eye_mm: Array, aim_mm: Array, name: str = "another") -> Rig:
     """One more camera like one of the rig's, calibrated with the others as that one is.
 
-    Args:
-        rig: to add it to.
-        like: the row of the camera that it is like, whose own axes it has but for the smallest turn.
-        eye_mm: where it is.  # (3,)
-        aim_mm: where it looks.  # (3,)
-        name: of it.
+    `like` is the row of the camera that it is like, whose own axes it has but for the smallest turn.
     """
     frame = rig.rig_from_cam[like, :3, :3]
     ahead = (aim_mm - eye_mm) / np.linalg.norm(aim_mm - eye_mm)

@@ -82,11 +82,7 @@ def _variance(covariance_mm2: Array, direction: Array) -> Array:
 def slices(rig: Rig, volume: WorkingVolume, noise_px: Array, seen_by: int) -> tuple[ErrorSlice, ...]:
     """Planes through the volume: seen from above and across, or along the axes; those on which something is seen.
 
-    Args:
-        rig: with its covariance.
-        volume: whose middle they go through; seen from above the plane goes through the rig's.
-        noise_px: of a coordinate in each camera (C,).
-        seen_by: cameras that have to see a point.
+    They go through the volume's middle; seen from above through the rig's.
     """
     middle = (volume.low_mm + volume.high_mm) / 2
     if volume.is_ahead:

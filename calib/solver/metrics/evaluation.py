@@ -184,11 +184,6 @@ def evaluate_held_out(calibration: Calibration, solve: Solve, folds: int, truth:
 def evaluate_on(calibration: Calibration, observations: Observations, name: str) -> Evaluation:
     """Find the poses of sightings that a camera was not solved from, and apply all metrics; the camera stays as it is.
 
-    Args:
-        calibration: whose camera it is.
-        observations: of the same camera.
-        name: what they are called.
-
     Raises:
         InputError: images of another size, or no view has a pose that shows its points.
     """
