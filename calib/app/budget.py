@@ -141,12 +141,8 @@ def budget(
     >>> calib.budget("rig.json", distance_mm=(500, 4000)).by_noise.median_mm
 
     Args:
-        rig: the cameras with their joint covariance, or the file of them.
-        distance_mm: nearest and farthest: what the cameras see between them.
         volume: instead of it corners low and high, each x, y, z in mm in the rig's frame.
         noise_px: of a coordinate, of all cameras or each; None: the rig's.
-        seen_by: cameras that have to see a point.
-        length_mm: whose error is told, too.
 
     Raises:
         InputError: a file that cannot be read, options that break a rule, or a volume that too few cameras see.

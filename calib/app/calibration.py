@@ -257,12 +257,7 @@ def _require_one(solutions: "Sequence[Solution]") -> None:
 def reference_of(
     reference: "Reference | None", target: "TargetGeometry | Place | None"
 ) -> "tuple[Reference | None, tuple[tuple[str, str], ...]]":
-    """The photo that a map is learned from, the name of a view, or what a photo of another board shows; for the record.
-
-    Args:
-        reference: the photo.
-        target: the board that it shows, if it is another than the run's.
-    """
+    """The photo that a map is learned from: a view's name, or what a photo of another board shows; for the record."""
     from calib.app.inputs import target_of
 
     named = (("reference", reference if isinstance(reference, str) else "observations"),) if reference else ()

@@ -204,13 +204,7 @@ class RunFolder:
 
 
 def solutions_answer(solutions: Sequence[Solution], best: str | None, folder: Path) -> "dict[str, Value]":
-    """All models, and the one to go on with.
-
-    Args:
-        solutions: what came of each.
-        best: its name; None: none.
-        folder: where a run's files are.
-    """
+    """All models, and the one to go on with."""
     return {"best": best, "models": [_solution_answer(one, folder / one.path) for one in solutions]}
 
 

@@ -184,13 +184,7 @@ def halves_of(run: JudgedRun) -> HalvesApart | NoHalves:
 
 
 def accuracy_section(run: JudgedRun, found: "SigmaMap", halves: HalvesApart | NoHalves) -> Section:
-    """The residuals, and how certain the camera is.
-
-    Args:
-        run: whose verdict's checks the captions quote.
-        found: how uncertain the best camera is over the image.
-        halves: how far cameras of halves of its photos lie apart.
-    """
+    """The residuals, and how certain the camera is."""
     from calib.draw.fields import systematic_drawing
     from calib.draw.histograms import distribution_drawing
     from calib.draw.run_figures import (
@@ -364,8 +358,6 @@ def calibration_words(run: JudgedRun, notes: Sequence[str], skipped: Sequence[st
     """What a screen says of a run: its lead, what is not good, and the page's tables.
 
     Args:
-        run: that is told.
-        notes: what to know of photos, observations and cameras, one line each.
         skipped: photos that could not be searched, likewise.
     """
     best, judged = run.best, run.judged

@@ -164,11 +164,6 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
     def save(self, place: str | PathLike[str], *, command: str = "", has_page: bool = False) -> tuple[Path, ...]:
         """Write the file, or the folder's files, signed as of their kind, whatever their names; return them.
 
-        Args:
-            place: of the file, or of the folder.
-            command: has no say here.
-            has_page: likewise: these files are for other tools.
-
         Raises:
             InputError: a file where a folder has to be, or the other way round, a file that was read, or somebody
                 else's.
@@ -262,20 +257,6 @@ def convert(
 
     >>> calib.convert("camera.json", "opencv").save("camera.yaml")
     >>> calib.convert("rig.json", "kalibr", out="camchain.yaml").max_px
-
-    Args:
-        camera: a camera or a rig, a file of any kind, a folder with one, or a template.
-        to: the kind of file.
-        source: the kind of the file to read; None: found out.
-        model: the camera model to write; None: what the file can hold.
-        lens: one of the format's lenses, by the format's own name, such as `ds-none`; None: chosen as told above.
-        without: lens parameters to leave out, such as `k3`.
-        accept_px: how far the file's lens may be off, anywhere in the image; None: .1 px, or as far as it is where a
-            model, a lens, or a parameter to leave out was asked for.
-        cameras: of a rig, those to write, in this order; (): all.
-        unit: of lengths in a rig's files, "mm" or "m", where their tool takes any; None: the usual one.
-        source_unit: likewise of the files to read; None: as they say, or as usual.
-        out: where it goes, refused before any work is done if it cannot; None: nothing is written, `save` does.
 
     Raises:
         InputError: a file that cannot be read, a format, model, lens or parameter that is none, a camera that sees

@@ -144,17 +144,7 @@ def coupon(
     >>> told.found.bleed_mm, told.next_print.ink_offset_mm
 
     Args:
-        photos: images, folders of images, or patterns.
-        target: the coupon as designed, or its file; None: the one that `design coupon` makes.
-        lengths: of a caliper, between rings, which tell the size.
         dpi: the pictures are a flatbed's scans of this resolution; "file": the one that they state; None: photos.
-        ink_offset_mm: that this coupon was printed with, to tell that of the next print.
-        shrink_compensation_percent: likewise.
-        skew_compensation_rad: likewise, of xy, xz and yz.
-        save: a printer's file to write with what was found; `save_printer` of the result does the same.
-        printer: whose other lines that takes over.
-        out: folder for the page and `coupon.json`; None: nothing is written there.
-        progress: is told how many photos were read.
 
     Raises:
         InputError: files or options that break a rule, or not one photo that can be used; it says why.

@@ -155,15 +155,6 @@ def detect_photos(
     >>> found = calib.detect_photos("ico.target.json", "photos/*.jpg", out="detections.csv")
     >>> run = calib.solve(found.search.detections, "ico.target.json")
 
-    Args:
-        target: what the photos show: a geometry, or its file.
-        photos: images, folders of images, or patterns.
-        camera: that took them, if it is known.
-        overlay: a folder for pictures of what was found, and for the page; None: none are drawn.
-        jobs: photos at a time; None: one per core.
-        out: a `.csv` for the detections, or the folder of a `detections.csv`; None: nothing is written.
-        progress: is told how many photos are searched.
-
     Raises:
         InputError: a file that cannot be read, no photos, or a place that takes no such file.
     """
@@ -272,10 +263,6 @@ class Detector:
 
     def draw(self, image: "Pixels | Place", found: "Detections") -> "Image":
         """A picture of what was found in a photo and what was not, for a person: red, green, blue.  # (H', W', 3)
-
-        Args:
-            image: the photo, as for `detect`.
-            found: in it.
 
         Raises:
             InputError: no such file, no image, or found in a photo of another size or with another target.

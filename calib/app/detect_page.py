@@ -55,9 +55,6 @@ def detected_page(search: Search, at: SearchFiles, remarks: Sequence[str], folde
     """What is to be said of photos that were searched.
 
     Args:
-        search: what was found in them.
-        at: the files.
-        remarks: on the camera that they were searched with.
         folder: of the page, with the pictures; None: a page without them.
     """
     records = [result.record for result in search.results]

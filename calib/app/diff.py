@@ -141,12 +141,6 @@ def diff(
 
     >>> calib.diff("a/camera.json", "b.yaml").zones["corners"].rms_px
 
-    Args:
-        a: a camera or a rig, a file of any kind, a folder with one, or a template.
-        b: another camera of the same image size, or a rig of the same cameras, which are known by their names.
-        radius_px: fit the rotation only this near to the centre; 0: remove none; None: fit it to the whole image.
-        out: where the map of two cameras is drawn, a PNG.
-
     Raises:
         InputError: a file that cannot be read, one rig and one camera, other image sizes, or nothing that both know.
     """

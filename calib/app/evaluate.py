@@ -213,14 +213,6 @@ def evaluate(
 
     Args:
         calibration: a run, whose best camera is meant, a `calibration.json`, or the folder it lies in.
-        truth: of rendered photos, which adds the errors of poses; None: what a run knows.
-        held_out: hold every N-th photo out in turn, solve from the others, and evaluate those; 0: do not.
-        on: find the poses of these sightings, which the camera was not solved from, and evaluate them; None: do not.
-        target: that detections in `on` show.
-        image_size: width and height in px of a file `on` that does not say it.
-        grid: of a corners.vnl in `on`: columns and rows.
-        pitch_mm: of its corners.
-        figures: whether `save` draws them.
 
     Raises:
         InputError: a file that cannot be read, a truth of other photos, photos too few to hold some out, or sightings

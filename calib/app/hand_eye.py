@@ -89,29 +89,9 @@ def hand_eye(
     >>> found.hand_eye.flange_from_cam, found.hand_eye.robot_sigma_mm
 
     Args:
-        target: what the photos show, a geometry or its file; None: a table has points.
-        photos: files, folders or patterns.
         robot: base_from_flange of each photo, or the file that holds it.
-        table: instead of photos: observations, or their file (`detections.csv`, or image,u,v,X,Y,Z).
-        points: what the table's points are: `corner`, `ring` or `circle`; None: as it says itself.
         diameter_mm: of circles.
-        target_in_hand: the robot holds the target, the camera stands beside it.
-        inverted: the robot's file holds flange_from_base.
-        unit: of its columns that do not name it: `mm`, `m,deg`.
-        euler: convention of its Euler angles, such as `xyz-extrinsic` or `kuka`.
-        camera: the lens from an earlier run, which is kept.
-        refine: solve it on.
-        model: of the camera; `all` chooses.
-        fix: parameters to keep.
-        minimise: distances in the image, or in space.
-        target_size: solve the target's size by the robot's ways alone, or keep it; None: as sure as it was made so.
-        free_bend: solve the bend of a flat target, by the photos alone: two curvatures, along its sides.
         robot_noise: standard deviations of a coordinate of the robot's errors, rad and mm; None: estimated.
-        made: how the target was made.
-        criteria: limits of the verdict.
-        jobs: photos at a time; None: one per core.
-        out: a folder to write everything to.
-        progress: is told what is being done.
 
     Raises:
         InputError: files or options that break a rule, or poses that look inverted or in another unit.

@@ -136,14 +136,6 @@ def hand_eye_poses(
         poses: base_from_flange of each pose (V, 4, 4) in mm, or its file; or a stream with times.
         covariances: (V, 6, 6) of the camera's poses: a turn (rad) and a shift (mm) on the left, in the camera's axes;
             None: those of a table of `calib pose`, or estimated.
-        target_in_hand: the robot holds the target, the camera stands beside it.
-        inverted: the robot's file holds flange_from_base.
-        target_inverted: the camera's file holds target_from_cam, or world_from_cam.
-        unit: of columns that do not name it: `mm`, `m,deg`.
-        euler: convention of Euler angles, such as `xyz-extrinsic` or `kuka`.
-        free_scale: the camera's lengths are in a unit of their own, as of monocular odometry.
-        odometry: errors of the camera's poses add up from pose to pose; None: as the poses say.
-        same_clock: times are of one clock.
 
     Raises:
         InputError: files that break a rule, poses that do not pair, or fewer than three.

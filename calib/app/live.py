@@ -77,17 +77,6 @@ def live_rig(
     As `live`; at the end all is as after `calib.rig` of the photos.
 
     Args:
-        target: what is photographed: a geometry, or its file.
-        out: the folder that photos and results are written to.
-        cameras: of this machine by number, addresses (rtsp://...), or video files.
-        watch: instead, a folder a camera that other programs write photos to, those of one moment named alike.
-        size: as of `live`, like all options that are named alike.
-        resume: go on with the session in the folder.
-        model: a camera model's name for all cameras, or `all`.
-        made: how the target was made.
-        criteria: when cameras and rig are good: a template's name, or a file.
-        port: of the page.
-        browser: open the page in the browser.
         opened: is told the page's address instead.
         heard: is told a line of each photo, and of what goes wrong.
 
@@ -151,17 +140,6 @@ def live(
     the end the folder is as after calib run.
 
     Args:
-        target: what is photographed: a geometry, or its file.
-        out: the folder that photos and results are written to.
-        cameras: of this machine by number, an address (rtsp://...), or a video file; none: the browser's.
-        watch: a folder that another program writes photos to, instead of a camera.
-        size: width and height in px that a camera of this machine is asked for.
-        resume: go on with the session in the folder.
-        model: a camera model's name, or `all`.
-        made: how the target was made, as for `run`.
-        criteria: when a camera is good: a template's name, or a file.
-        port: of the page; 0: any that is free.
-        browser: open the page in the browser.
         opened: is told the page's address instead, once.
         heard: is told a line of each photo, and of what goes wrong.
 

@@ -135,34 +135,13 @@ def measure(
     >>> measured.target, measured.why_not
 
     Args:
-        target: as designed: a geometry, or its file.
         observed: in photos of the print: a file, what was found in photos, or observations; several files or
             observations are of a camera each.
         rig: instead: a solved rig, or its folder, whose cameras saw the print in frames; all faces are then measured at
             once, with a pose a frame and not one a photo.
-        lengths: of a caliper, which tell the size.
         photos: that `observed` was found in, of one camera: searched again with the lens and the target as measured,
             and measured once more. Centres found through the lens of the target as designed bend the camera.
         measured_length: without photos: raises, in Python `rescale` does it.
-        model: of the cameras; None: that of the best camera of the run whose `detections.csv` is given, else the one
-            with the smaller residuals, as `run` chooses. `remarks` say which and why.
-        one_camera: all files are of one camera.
-        rings: `free`: each ring may be off a little; `rigid`: only faces move.
-        bow: whether faces may be bent; None: a board may.
-        made: how it was made, which says what to expect where the photos do not tell; None: assumed from its build.
-        weighted: weigh observations by their covariances, or all alike.
-        reject_sigma: leave out what is off by more than so many robust standard deviations.
-        fix: parameters to keep as they start, or at a value.
-        share: parameters that have one value.
-        shrink_compensation_percent: that this print was made with, to tell that of the next.
-        skew_compensation_rad: likewise, of xy, xz and yz.
-        bed_turn_rad: by which the print was turned on the bed against `design`.
-        image_size: of files that do not say it.
-        held_out: hold every N-th photo out in turn (cross-validation) to judge the gain; None: 5, fewer of few; 0: do
-            not.
-        truth: of rendered photos: the target they show, to judge the gain by too.
-        out: the file of the measured target, beside which its report and the page are written; None: nothing is.
-        progress: is told what is being done.
 
     Raises:
         InputError: files or options that break a rule, or photos too few.

@@ -144,19 +144,7 @@ def solved(
     lengths: Sequence[CaliperLength],
     progress: Progress,
 ) -> tuple[AsBuilt, list[Observations], tuple[str, ...]]:
-    """The print, what it was measured from in the end, and what to know of that.
-
-    Args:
-        sets: what each camera saw.
-        items: as they were given.
-        rig: that saw it instead.
-        photos: to search again with the lens and the target as measured; None: none.
-        nominal: as designed.
-        model: of cameras.
-        options: how the target is, and how cameras are solved.
-        lengths: of a caliper.
-        progress: is told how many photos are searched.
-    """
+    """The print, what it was measured from in the end, and what to know of that."""
     if rig is not None:
         return measure_rig(rig, nominal, options, lengths), sets, ()
     found = measure(sets, nominal, model, options, lengths)
@@ -301,8 +289,6 @@ def rig_to_measure_from(rig: RigCalibration | Place, nominal: TargetGeometry, *,
     """The rig with the target's rings as designed.
 
     Args:
-        rig: solved, or its folder.
-        nominal: as designed.
         is_alone: whether nothing else is given that says what was seen, or how cameras are solved.
 
     Raises:

@@ -36,10 +36,6 @@ PURPOSES = (
 def checked_place(path: str | PathLike[str], nominal: Path | None) -> Path:
     """Where a measured target goes; places that hold something else are refused, before any work is done.
 
-    Args:
-        path: of the target file, beside which the others lie.
-        nominal: the file that it is measured against.
-
     Raises:
         InputError: another name, or a place that is the target's own, or of another target that is not a measured one,
             or not to be written.

@@ -193,19 +193,6 @@ def plan(
     Photos are chosen one after the other by what they tell, then left out and exchanged. Each plan is tried: photos
     are simulated as a person holds the target (a robot exactly), and the camera is solved from them.
 
-    Args:
-        target: that will be photographed: a geometry, or its file.
-        camera: about as it is: a camera, its file, or a template.
-        within_px: what 95 % of the image is to stay within (1 sigma); None: as the criteria have it.
-        criteria: when a camera is good: a template's name, a file, or limits.
-        noise_px: standard deviation of a coordinate of a large ring's centre.
-        distance_mm: nearest and farthest that the target may be; None: so that it fills a good part of the image.
-        most: photos at most.
-        made: how the target was made; None: assumed from the target.
-        hand_eye: what `calib hand-eye` or `calib turntable` found, its file, or its folder: poses are the robot's then,
-            or the table's angles.
-        progress: is told that plans are tried.
-
     Raises:
         InputError: a file that cannot be read, options that break a rule, or a target that cannot be held so that it
             is read.

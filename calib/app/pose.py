@@ -84,11 +84,6 @@ class TargetPoses(Result, kind="poses", title="Poses", is_written=False):
     def save(self, place: str | PathLike[str], *, command: str = "", has_page: bool = False) -> tuple[Path, ...]:
         """Write the poses as .json or .csv, by the suffix; return the file.
 
-        Args:
-            place: of the file.
-            command: has no say here.
-            has_page: likewise: the page lies beside pictures.
-
         Raises:
             InputError: another suffix, or a file of somebody else's.
         """
@@ -129,17 +124,6 @@ def pose(
     Photo by photo; or where the target is before a rig, frame by frame. The exit code is 1 if no photo gives a pose.
 
     >>> calib.pose("ico.target.json", photos=["left", "right"], rig="rig.json").poses[0].rig_from_target
-
-    Args:
-        target: what the photos show: a geometry, or its file.
-        camera: that took them: a camera, a file of ours or another tool's, or a template.
-        photos: images, folders of images, or patterns; of a rig a folder a camera, named as in it.
-        rig: instead of a camera: the pose of the target in its frame, from what its cameras saw at once.
-        out: a file for the poses, .json or .csv; None: `save` writes them.
-        overlay: a folder for pictures with the axes and the residuals, and for the page; None: none are drawn.
-        weighted: weigh rings by the covariances of their centres, or all alike.
-        jobs: photos at a time; None: one per core.
-        progress: is told how many photos are searched.
 
     Raises:
         InputError: files that cannot be read, not one photo that can be searched, or a camera that is not in the rig.

@@ -56,21 +56,10 @@ def render_rig(
     It stands still, unless the cameras are not synchronous: then it moves along a smooth way.
 
     Args:
-        target: a geometry, or its file.
-        rig: a rig, its file, or a template.
-        frames: how many.
         unsynchronised_s: by how much the clocks of the cameras but the first run behind or ahead, at most; photos of
             one frame are taken earlier or later by a tenth of it besides, as their time stamps say.
-        distance_mm: of the target from the camera that it is held to, or the nearest and farthest; None: as the
-            template says.
         options: light, lens and sensor; None: plain ones, without noise.
-        seed: of all that is random.
-        file_format: of the files that are saved.
-        quality: of JPEG.
         out: folder to render them into at once, as the rest says, of which `save` tells; None: none.
-        jobs: processes.
-        overwrite: replace another set that is there.
-        progress: is told how many are done.
 
     Raises:
         InputError: a file that cannot be read, or a value that breaks a rule.
@@ -141,25 +130,9 @@ def render(
     >>> image = calib.render(geometry, camera, poses=cam_from_target).image(0)
 
     Args:
-        target: a geometry, or its file.
-        camera: a camera, a file, or a template.
-        views: how many, on a Fibonacci grid; None: 20.
-        distance_mm: from the target's origin, or the nearest and farthest; None: 400.
-        region: of the grid; None: a cap for a flat target, else the sphere.
-        cap_rad: half angle of a cap; None: 60 degrees.
-        random_roll: turn the camera about its axis at random.
-        aim_offset_mm: look past the origin, by up to this; None: not.
-        aside_rad: see what is aimed at so far off the axis, drawn evenly over the image; None: up to where the image
-            of a wide lens ends, straight ahead with others.
         poses: `cam_from_target` (V, 4, 4) or one (4, 4), or a JSON or CSV file of them, instead of a grid.
         options: light, lens and sensor; None: plain ones, without noise.
-        seed: of all that is random.
-        file_format: of the files that are saved.
-        quality: of JPEG; None: 95.
         out: folder to render them into at once, as the rest says, of which `save` tells; None: none.
-        jobs: processes.
-        overwrite: replace another set that is there.
-        progress: is told how many are done.
 
     Raises:
         InputError: a file that cannot be read, or a value that breaks a rule.

@@ -89,13 +89,8 @@ class RenderedSet(Result, kind="photos", title="Rendered photos", doing="renderi
         """Render what is missing in a folder, with the `truth.json` of all; of a rig in a folder a camera; the files.
 
         Args:
-            folder: for them; made if need be.
             jobs: processes; None: one per core. More than one start Python anew, so that a script needs the usual
                 `if __name__ == "__main__":` around what it does.
-            overwrite: replace another set that is there.
-            progress: is told how many are done.
-            command: line that made the photos, for the page.
-            has_page: whether to write the page, too.
 
         Raises:
             InputError: the folder holds another set, or images of unknown origin.

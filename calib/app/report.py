@@ -85,8 +85,6 @@ def report(
     negative, such as: do not use.
 
     Args:
-        folder: of results.
-        criteria: to judge a calibration or a rig by other limits: a template, or a file.
         kinds: of results that were drawn again: the page of another kind, and somebody's own, stays as it is; (): any.
         out: is told what is written.
 

@@ -100,28 +100,9 @@ def rig(
 
     Args:
         observed: what the photos show, a geometry or its file; or observations; None: a table of sightings has points.
-        photos: a folder a camera, or one that holds such folders.
-        table: instead of photos, of files (camera,frame,file) or of sightings (camera,frame,u,v,X,Y,Z).
-        pattern: of file names in one folder: `{camera}_{frame}.png`.
-        times: a table of time stamps (camera,file,time_s) that tell which photos were taken at once.
-        tolerance_s: photos within it are a frame; None: 0.02, where time stamps have to tell.
-        points: what the points of a table of sightings are: `corner`, `ring` or `circle`; None: as it says itself.
         diameter_mm: of circles.
-        model: of all cameras, or of each by its name; `all` chooses for each.
         cameras: lenses from earlier runs, by the cameras' names: cameras, or their files.
         refine: solve all of these on, or some by name; else they are kept.
-        fix: parameters to keep: `k3`, `k3=0`, or of one camera `left:k3=0`.
-        reference: the camera whose frame the rig's is; None: the first.
-        loss: as for `run`, like all options that are named alike.
-        reject_sigma: leave out what is farther off.
-        weighted: by covariances, or all alike.
-        minimise: distances in the image, or in space.
-        delays: estimate each camera's time offset, from time stamps of a target that moves.
-        made: how the target was made.
-        criteria: limits of the verdict: a template's name, a file, or criteria.
-        jobs: photos at a time; None: one per core.
-        out: a folder to write everything to.
-        progress: is told what is being done.
 
     Raises:
         InputError: files or options that break a rule, or cameras that no frames tie together.

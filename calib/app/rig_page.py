@@ -50,8 +50,6 @@ def rig_page(run: RigRun, folder: Path | None = None, *, is_drawn: bool = True) 
     """All that a rig tells.
 
     Args:
-        run: the rig.
-        folder: of the page, with pictures; None: there are none.
         is_drawn: with its scene and graph, which take a second.
     """
     evidence = run.evidence
@@ -249,7 +247,6 @@ def next_steps(run: RigRun, folder: str = "") -> tuple[Command, ...]:
     """Commands to go on with, and what for.
 
     Args:
-        run: the rig.
         folder: of its files, as it is typed in a shell; "": they are typed in it.
     """
     place = f"{folder}/{RIG_FILE}" if folder else RIG_FILE

@@ -132,12 +132,7 @@ def _rms(residual_px: Array) -> float:
 
 
 def posed_alone(found: RigPoseResult, number: int) -> PoseResult:
-    """What one camera saw, with the poses that all cameras together tell: for pictures of its photos.
-
-    Args:
-        found: the poses in the rig's frame.
-        number: of the camera, in the order of its photos' folders.
-    """
+    """What one camera saw, with the poses that all cameras together tell: for pictures of its photos."""
     name, search = found.photos.camera_names[number], found.searches[number]
     row = found.rig.row(name)
     camera, cam_from_rig = found.rig.cameras[row], found.rig.cam_from_rig[row]

@@ -62,29 +62,6 @@ def run(
     >>> run = calib.run("ico.target.json", "photos/*.jpg")
     >>> run.verdict.grade, run.best.camera.matrix
 
-    Args:
-        target: what the photos show: a geometry, or its file.
-        photos: images, folders of images, or patterns.
-        model: a camera model's name, or `all`.
-        fix: parameters to keep as they start, or at a value: `k3`, `k3=0`.
-        share: parameters that have one value: `fx_px,fy_px`.
-        focal_px: a first guess of the focal length; not needed.
-        loss: `squares`, `huber` or `cauchy`: how far-off observations count.
-        reject_sigma: leave out what is off by more than so many robust standard deviations.
-        weighted: weigh observations by their covariances, or all alike.
-        minimise: distances in the `image`, in space between `ray` and ring, or where the ray meets its plane
-            (`intersection`); `ray-by-range`, `intersection-by-range`, `whitened`.
-        free_bend: the bend of a flat target is an unknown, too: two curvatures, along its sides.
-        reference: of model `virtual`: the photo that its map is learned from, or `all`.
-        reference_target: of a board that the reference photo shows, which then is none of the photos.
-        made: how the target was made: an error template, a file of errors, or `exact`; None: assumed from its build.
-        capture: how the photos were taken: `still`, `handheld` or `moving`; None: still, unless they show otherwise.
-        truth: the `truth.json` of rendered photos; None: the one beside them, if there is one.
-        criteria: limits of the verdict: a template's name, a file, or criteria.
-        jobs: photos at a time; None: one per core.
-        out: a folder to write everything to as it comes; None: nothing is written, `Run.save` does.
-        progress: is told what is being done.
-
     Raises:
         InputError: files or options that break a rule, or photos that do not determine a camera.
         NothingFoundError: no photo shows the target.

@@ -58,29 +58,8 @@ def solve(
 
     Args:
         observed: a file of observations, what was found in photos, or observations as `load_observations` has them.
-        target: that they show; None: points from elsewhere.
-        model: as for `run`, like all options that are named alike.
-        fix: parameters to keep.
-        share: parameters that have one value.
-        focal_px: a first guess of the focal length.
-        loss: how far-off observations count.
-        reject_sigma: leave out what is farther off.
-        weighted: by covariances, or all alike.
-        minimise: distances in the image, or in space.
-        free_bend: the bend of a flat target is an unknown.
-        reference: of model `virtual`.
-        reference_target: of a board that the reference photo shows.
-        image_size: width and height in px of a file that does not say it.
-        grid: of a `corners.vnl`: columns and rows.
-        pitch_mm: of a `corners.vnl`: the distance of its corners.
-        points: what was measured of a table's points, as `load_observations` has it; `circle:13mm` with their diameter.
-        made: how the target was made.
-        capture: how the photos were taken.
-        criteria: limits of the verdict.
         truth: of rendered photos, or its `truth.json`.
         rendered_id: of the geometry that the photos were rendered of; "": what the records beside a file say.
-        out: a folder to write everything to.
-        progress: is told what is being done.
 
     Raises:
         InputError: options that break a rule, or observations that do not determine a camera.

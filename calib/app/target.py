@@ -81,14 +81,6 @@ def target(
 ) -> TargetContents:
     """Read a target file and say what it holds, or make one of a table of points: `target("board.target.json")`.
 
-    Args:
-        file: a target, or its file.
-        points: instead of it a CSV with X, Y, Z and possibly plane and id, of which a target file is made.
-        planes: a CSV with plane, nx, ny, nz, d; None: fitted.
-        diameter_mm: of the dots at the points; None: no marks.
-        inside: fitted planes are seen from inside, as the walls of a room.
-        out: the file to make.
-
     Raises:
         InputError: a file or a table that breaks a rule, or a place that holds something else.
     """

@@ -147,15 +147,8 @@ def triangulate(
     >>> calib.triangulate("rig.json", target="board.target.json", photos=["left", "right"]).lengths.rms_mm
 
     Args:
-        rig: the cameras, or the file of them.
-        sightings: a table with camera,frame,point,u,v and perhaps sigma_px. Of a target, as of points with X,Y,Z, the
-            known distances are compared with the measured ones.
         target: a check object, which photos of the rig's cameras show; not the one that the rig was solved from.
-        photos: of it: a folder a camera, named as that is in the rig, or one that holds such folders.
         noise_px: of a coordinate of a sighting that does not state its own, for all cameras or each; None: the rig's.
-        rejects: leave out sightings that contradict the others; else all have their say.
-        jobs: photos at a time; None: one per core.
-        progress: is told what is being done.
 
     Raises:
         InputError: a file that cannot be read, a camera that is not in the rig, or noise that is nowhere stated.

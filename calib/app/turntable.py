@@ -56,22 +56,8 @@ def turntable(
     The exit code is 1 if the photos do not determine it, or if the verdict is: do not use.
 
     Args:
-        target: that stands on the table.
         photos: in the order in which they were taken.
-        step_deg: the table's turn from photo to photo; None: all angles are unknowns.
-        table: instead of photos: observations, or their file.
-        points: what the table's points are: `corner`, `ring` or `circle`; None: as it says itself.
         diameter_mm: of circles.
-        camera: the lens from an earlier run, which is kept.
-        refine: solve it on.
-        model: of the camera; `all` chooses.
-        fix: parameters to keep.
-        minimise: distances in the image, or in space.
-        made: how the target was made.
-        criteria: limits of the verdict.
-        jobs: photos at a time; None: one per core.
-        out: a folder to write everything to.
-        progress: is told what is being done.
 
     Raises:
         InputError: files or options that break a rule.

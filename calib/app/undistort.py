@@ -227,18 +227,6 @@ def undistort_photos(
 
     >>> calib.undistort_photos("fisheye.json", "photos/*.jpg", out="around", to="cylinder").new_camera
 
-    Args:
-        camera: that took them: a camera, a file, or a template.
-        photos: images, folders of images, or patterns.
-        out: folder for the files; an earlier run's may be there.
-        to: what would have taken them, as the rest as `Undistorter` has it.
-        alpha: 0: no black regions; 1: all that the photos show; None: the focal length is kept.
-        focal_px: of the new camera.
-        field_rad: horizontal field of view.
-        yaw_rad: by which the new camera looks to the right.
-        pitch_rad: and up.
-        progress: is told how many are done.
-
     Raises:
         InputError: a folder of somebody else's or of another camera, or not one photo that can be undistorted.
     """

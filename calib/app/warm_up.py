@@ -61,10 +61,6 @@ def warm_up(
 
     For images and new machines. They are kept in the user's cache folder, or where RINGSOLID_CACHE says.
 
-    Args:
-        parts: of the work: detect, solve, ...; (): all.
-        progress: is told how many kernels are ready.
-
     Raises:
         InputError: no such part, or compiling is switched off.
         StoppedError: by a person; it says what is finished and stays.

@@ -20,12 +20,7 @@ CALIBRATION_PICTURE = "calibration.png"
 
 
 def calibration_figures(evaluation: Evaluation, folder: Path) -> dict[Path, bytes]:
-    """The picture of one calibration, with the figures of its page: residuals, coverage, uncertainty.
-
-    Args:
-        evaluation: of the views that the camera was solved from.
-        folder: where it is to lie.
-    """
+    """The picture of one calibration, with the figures of its page: residuals, coverage, uncertainty."""
     width, height = evaluation.calibration.camera.image_size
     image_px = min(max(IMAGE_PX * height / width, 380.0), 1100.0)
     whole = round(HEADLINE_PX + 2 * image_px + HISTOGRAM_PX + 3 * (ABOVE_PX + BELOW_PX))

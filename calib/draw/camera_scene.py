@@ -34,13 +34,7 @@ SIDE = 0.9
 
 
 def camera_view(one: Solution, target: TargetGeometry | None, proposed: tuple[NextView, ...]) -> View3d:
-    """The scene and what it shows in words.
-
-    Args:
-        one: the camera and its poses.
-        target: as it was used; None: drawn from its points.
-        proposed: photos to take next.
-    """
+    """The scene and what it shows in words; a target that is not known is drawn from its points."""
     calibration = one.calibration
     errors = one.evaluated.of("reprojection")
     summaries = None if errors is None else by_view(one.evaluated, errors)

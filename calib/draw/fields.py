@@ -97,14 +97,7 @@ def _scale_arrow(axes: "Axes", width: int, enlarged: float) -> None:
 
 
 def _draw_means(axes: "Axes", cells: ResidualCells, image_size: tuple[int, int], long_px: float) -> None:
-    """The mean residual of each cell, with a scale of colours.
-
-    Args:
-        axes: to draw in.
-        cells: with their means.
-        image_size: width, height in px.
-        long_px: the end of the scales; longer arrows are cut, brighter colours are not there.
-    """
+    """The mean residual of each cell, with a scale of colours that ends at `long_px`; longer arrows are cut."""
     image_axes(axes, image_size)
     axes.set_facecolor(EMPTY)
     long_px = max(long_px, 1e-12)
@@ -246,13 +239,7 @@ LONGEST = 0.9
 
 
 def difference_picture(difference: CameraDifference, title: str, text: str) -> bytes:
-    """A PNG: lengths as colours and contours in px, directions as arrows; grey where a camera knows no light.
-
-    Args:
-        difference: of two cameras, known at one pixel at least.
-        title: of the picture.
-        text: below the title.
-    """
+    """A PNG: lengths as colours and contours in px, directions as arrows; grey where a camera knows no light."""
     width, height = difference.image_size
     length = difference.length_px
 

@@ -65,13 +65,7 @@ class Shot:
 
 
 def gallery(folder: Path, shots: Sequence[Shot], order: str) -> tuple[Leaf, ...]:
-    """Small pictures in the order given, and which cannot be shown and why.
-
-    Args:
-        folder: of the page.
-        shots: all that there are; of very many the first are shown.
-        order: how they are sorted, as a sentence.
-    """
+    """Small pictures in the order given, and which cannot be shown and why."""
     reasons = [_why_not(folder, shot) for shot in shots]
     inside = [shot for shot, why in zip(shots, reasons, strict=True) if not why]
     broken = [f"{printable(shot.name)}: {why}" for shot, why in zip(shots, reasons, strict=True) if why]

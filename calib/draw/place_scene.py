@@ -25,14 +25,7 @@ MOST_VIEWS = 3000
 def place_view(
     target: TargetGeometry | None, camera: Camera, cam_from_target: Array, names: tuple[str, ...]
 ) -> "View3d":
-    """The scene and what it shows in words.
-
-    Args:
-        target: None: it is not known.
-        camera: that took the photos.
-        cam_from_target: where it stood.  # (V, 4, 4)
-        names: of the photos, as they are said.  # (V,)
-    """
+    """The scene and what it shows in words."""
     from calib.draw.camera_scene import BODY, INK, first_look
     from calib.draw.rig_scene import body_words, view_of
     from calib.solver.metrics.errors import centers_mm

@@ -77,12 +77,7 @@ def _row(alone: Calibration, facts: ViewFacts, view: int, usual_px: float) -> Ph
 
 
 def pictures_section(folder: Path, found: RigCalibration) -> Section | None:
-    """Small pictures of these photos; None where none were drawn, as of a table.
-
-    Args:
-        folder: of the rig.
-        found: the rig.
-    """
+    """Small pictures of these photos; None where none were drawn, as of a table."""
     names = found.observations.camera_names
     places = [f"{CAMERAS}/{place}" for place in folder_names(names)]
     if not any((folder / place / OVERLAYS).is_dir() for place in places):
@@ -110,11 +105,6 @@ def _shot(one: PicturedPhoto, names: Sequence[str], path: str) -> Shot:
 
 def draw_rig_pictures(folder: Path, found: RigCalibration, search: RigSearch) -> tuple[str, ...]:
     """Draw the photos that a rig's page shows; why others have no picture, a line each.
-
-    Args:
-        folder: of the rig.
-        found: the rig.
-        search: of the photos that it was solved from.
 
     Raises:
         InputError: a place takes no files, or holds somebody else's.

@@ -130,14 +130,7 @@ def sizes_figure(metric: str, sizes: Array, unit: str) -> Figure:
 
 
 def apart_figure(title: str, found: Apart | HalvesApart, image_size: tuple[int, int], words: str) -> Figure:
-    """How far two cameras lie apart over what the photos cover.
-
-    Args:
-        title: of the figure.
-        found: the difference, known at one pixel at least.
-        image_size: width, height in px.
-        words: the finding, as a sentence without its full stop.
-    """
+    """How far two cameras lie apart over what the photos cover."""
 
     def draw(axes: "Axes") -> None:
         image_axes(axes, image_size)
@@ -169,14 +162,7 @@ LABEL_APART = 0.05
 def draw_next_views(
     axes: "Axes", image_size: tuple[int, int], views: Sequence[NextView], covered_pixels: Array
 ) -> None:
-    """The outlines of the proposed views, numbered from 1, over the sightings so far.
-
-    Args:
-        axes: to draw in.
-        image_size: width, height in px.
-        views: the proposed ones, in their order.
-        covered_pixels: where rings were seen (N, 2).
-    """
+    """The outlines of the proposed views, numbered from 1, over the sightings so far."""
     image_axes(axes, image_size)
     axes.set_facecolor("white")
     count = len(covered_pixels)

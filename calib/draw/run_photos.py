@@ -124,14 +124,7 @@ def overlay_paths(folder: Path, rows: Sequence[PhotoRow]) -> dict[str, str]:
 
 
 def photos_section(folder: Path | None, rows: Sequence[PhotoRow], common: Sequence[str], *, is_flat: bool) -> Section:
-    """Pictures and table.
-
-    Args:
-        folder: of the run, with overlays; None: it holds none of these photos.
-        rows: of its photos.
-        common: what is remarked of all of them.
-        is_flat: the target has one face, so that a photo has a tilt.
-    """
+    """Pictures and table."""
     said = (Findings(tuple(Finding("note", "All photos", shortened(remark)) for remark in common)),) if common else ()
     blocks = (*said, *_pictures(folder, rows), views_table(rows, is_flat=is_flat))
     return Section("Photos", blocks, lead=_lead(rows))

@@ -231,12 +231,7 @@ def check_findings(verdict: Verdict) -> tuple[Finding, ...]:
 
 
 def finding_of(check: Check, *, is_said: bool = False) -> Finding:
-    """A check as a line of findings.
-
-    Args:
-        check: the check.
-        is_said: the headline says its sentence already, so that it says its numbers only.
-    """
+    """A check as a line of findings; only its numbers where the headline says its sentence already."""
     sign = "≥" if check.is_at_least else "≤"
     rule = f"good {sign} {check.good:.4g}, usable {sign} {check.usable:.4g} {check.unit}" if check.unit else ""
     sentence = f"{WORDS[check.grade]}: {check.sentence}" if check.grade == "unknown" else check.sentence

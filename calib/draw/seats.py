@@ -101,12 +101,7 @@ def _limit_words(seats: Seats, fault: Fault) -> str:
 
 
 def seats_table(seats: Seats, views: Sequence[int]) -> Table:
-    """How each piece sits, the worst first.
-
-    Args:
-        seats: all pieces.
-        views: how many show each face.
-    """
+    """How each piece sits, the worst first."""
     columns = (
         Column(seats.piece), Column("verdict", is_number=False), Column("photos"),
         Column("of the limit", note="the largest of height, shift, turn and tilt over its limit"),

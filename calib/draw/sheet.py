@@ -58,14 +58,7 @@ class FigureSheet:
 def sheet_files(
     name: str, height_px: int, draw: "Callable[[Figure], None]", suffixes: Collection[str]
 ) -> dict[str, bytes]:
-    """A picture as PNG and in other formats, the same from the same data.
-
-    Args:
-        name: of the figure.
-        height_px: of the picture.
-        draw: fills the figure.
-        suffixes: of the formats; PNG is always among them.
-    """
+    """A picture as PNG and in other formats, the same from the same data."""
     import matplotlib as mpl
 
     contents: dict[str, bytes] = {}

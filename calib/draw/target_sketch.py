@@ -35,13 +35,7 @@ FAR_OUT = 4.0
 
 
 def sketch(camera: Camera, target: TargetGeometry, cam_from_target: Array) -> Raster:
-    """The photo as a small picture in greys.
-
-    Args:
-        camera: that takes it.
-        target: that it shows.
-        cam_from_target: where.  # (4, 4)
-    """
+    """The photo as a small picture in greys."""
     width, height = camera.image_size
     scale = LONGEST_PX * FINER / max(width, height)
     canvas = np.full((max(round(height * scale), 1), max(round(width * scale), 1)), BEHIND, dtype=np.uint8)

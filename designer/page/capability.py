@@ -39,6 +39,10 @@ OUTPUT = "Output"
 PROGRESS, HEARD, OUT, RESUME = "progress", "heard", "out", "resume"
 """The parameters that are told how far the work is and what happens, which a shell shows, where to write, and to go on
 there."""
+IN_PYTHON = {
+    PROGRESS: "is told what is being done.",
+    OUT: "where to write, as it goes; None: nothing is written, `save` does.",
+}
 LONGEST_LINE = 400
 """Of a command that is said again; of thousands of file names nobody reads more."""
 
@@ -64,6 +68,7 @@ def capability(
 
     def decorated(function: Callable[P, R]) -> Callable[P, R]:
         offered = checked(function)
+        offered.__doc__ = python_docstring(function)
         made = partial(command_of, function, folder, draws=draws)
         setattr(offered, "as_command", made)  # noqa: B010  # what `Later` looks for
         return offered
@@ -288,6 +293,17 @@ def prose(function: Callable[..., object]) -> str:
     text = re.split(r"\n\s*(?:Args:|Raises:|Returns:)\s*\n", inspect.getdoc(function) or "")[0]
     kept = [part for part in text.split("\n\n") if not part.lstrip().startswith(">>>")]
     return re.sub(r": `[^`\n]+`(?:, `[^`\n]+`)*\.", ".", "\n\n".join(kept), count=1)
+
+
+def python_docstring(function: Callable[..., object]) -> str:
+    """A docstring with an argument a line: what it says of the argument itself, or else what a shell is told of it."""
+    text, _, errors = (inspect.getdoc(function) or "").partition("\n\nRaises:")
+    text, _, told = text.partition("\n\nArgs:\n")
+    options = {name: f"{one.option.help.removesuffix('.')}." for name, one in parameters_of(function).items()}
+    told_of = options | IN_PYTHON | dict(re.findall(r"^    (\w+): (.+(?:\n {8}.+)*)", told, re.MULTILINE))
+    named = [name for name in inspect.signature(function).parameters if name in told_of]
+    arguments = "".join(f"\n    {name}: {told_of[name]}" for name in named)
+    return f"{text}\n\nArgs:{arguments}" + (f"\n\nRaises:{errors}" if errors else "")
 
 
 def _result_of(function: Callable[..., Result]) -> type[Result]:

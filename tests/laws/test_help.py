@@ -1,6 +1,7 @@
 """What the two programs say of themselves."""
 
 import importlib
+import inspect
 import re
 import sys
 from importlib.metadata import version
@@ -50,6 +51,15 @@ def test_the_list_says_of_a_command_what_its_docstring_does(name: str) -> None:
     module, _, word = place_of(name).partition(":")
     function = getattr(importlib.import_module(module), word)
     assert prose(function).splitlines()[0] == LINES[name]
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_python_is_told_each_argument(name: str) -> None:
+    """Of what a docstring leaves out it is told what a shell is: an option is described once."""
+    module, _, word = place_of(name).partition(":")
+    function = getattr(importlib.import_module(module), word)
+    told = inspect.getdoc(function) or ""
+    assert {one for one in inspect.signature(function).parameters if f"    {one}: " not in told} == set()
 
 
 def test_step_without_the_cad_kernel_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
