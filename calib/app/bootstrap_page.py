@@ -9,7 +9,7 @@ from calib.app.study_result import computed
 from calib.draw import study_figures as figures
 from calib.draw import study_tables as tables
 from calib.draw import study_words as words
-from calib.draw.sheet import FigureSheet
+from calib.draw.style import FigureSheet
 from calib.studies.study_table import StudyCases, StudyTable
 from designer.base.words import cut, printable
 from designer.page.blocks import Block, Command, Facts, Figure, Findings, Fold, Page, Paragraph, Section

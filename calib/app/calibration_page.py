@@ -186,9 +186,9 @@ def halves_of(run: JudgedRun) -> HalvesApart | NoHalves:
 def accuracy_section(run: JudgedRun, found: "SigmaMap", halves: HalvesApart | NoHalves) -> Section:
     """The residuals, and how certain the camera is."""
     from calib.draw.fields import systematic_drawing
-    from calib.draw.histograms import distribution_drawing
     from calib.draw.run_figures import (
         coverage_figure,
+        distribution_drawing,
         halves_words,
         residuals_figure,
         run_figure,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from calib.app.study_result import computed
 from calib.cameras import COMMON
 from calib.draw import compare_figures as figures
-from calib.draw.sheet import FigureSheet
+from calib.draw.style import FigureSheet
 from calib.studies.compare import cases as compared
 from calib.studies.compare.scene import CAP_RAD, MODELS, REPROJECTION_RATIO
 from designer.base.words import figure

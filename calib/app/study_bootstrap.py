@@ -21,7 +21,7 @@ from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
     from calib.app.inputs import Observed, Place
-    from calib.draw.sheet import FigureSheet
+    from calib.draw.style import FigureSheet
     from calib.observe.corners_vnl import PointGrid
     from calib.renderer.truth import Truth
     from calib.solver.plan import SolvePlan

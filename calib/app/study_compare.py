@@ -15,7 +15,7 @@ from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
-    from calib.draw.sheet import FigureSheet
+    from calib.draw.style import FigureSheet
     from calib.studies.compare.cases import Results
     from calib.studies.runner import DrawCount
     from designer.base.files import JsonValue

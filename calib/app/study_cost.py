@@ -20,7 +20,7 @@ from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
     from calib.app.inputs import Observed, Place
-    from calib.draw.sheet import FigureSheet
+    from calib.draw.style import FigureSheet
     from calib.observe.corners_vnl import PointGrid
     from calib.studies.cost.ratios import CostTable, RealPhotos
     from calib.studies.runner import DrawCount
@@ -59,7 +59,7 @@ class CostStudy(
         """Errors over the image's."""
         from calib.app.cost_page import counts_sentence
         from calib.draw.cost_tables import draw_costs, height_px
-        from calib.draw.sheet import FigureSheet
+        from calib.draw.style import FigureSheet
 
         draw = partial(draw_costs, table=self.table)
         alt = counts_sentence(self.table)

@@ -23,7 +23,7 @@ from designer.page.progress import Progress
 from designer.page.result import Result
 
 if TYPE_CHECKING:
-    from calib.draw.sheet import FigureSheet
+    from calib.draw.style import FigureSheet
     from calib.studies.identity import StudyIdentity
     from calib.studies.runner import DrawCount, Sampling
     from calib.studies.samples import Samples

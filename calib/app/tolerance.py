@@ -37,7 +37,7 @@ from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
-    from calib.draw.sheet import FigureSheet
+    from calib.draw.style import FigureSheet
     from calib.studies.runner import DrawCount
     from calib.studies.tolerance.explore import PhotographedTarget, Photographing
     from calib.studies.tolerance.record import ToleranceStudy

@@ -31,7 +31,7 @@ def calibration_figures(evaluation: Evaluation, folder: Path) -> dict[Path, byte
 def _draw_page(page: "Figure", evaluation: Evaluation, image_px: float) -> None:
     """Three rows of two panels, the first two of which are images so high."""
     from calib.draw.fields import coverage_drawing, residuals_drawing, systematic_drawing, uncertainty_drawing
-    from calib.draw.histograms import distribution_drawing, sizes_drawing
+    from calib.draw.run_figures import distribution_drawing, sizes_drawing
     from calib.draw.sigma_map import sigma_map
 
     calibration, residuals = evaluation.calibration, residuals_of(evaluation)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.draw import tolerance_words as words
-from calib.draw.sheet import FigureSheet
 from calib.draw.style import (
     BLUE,
     EMPTY,
@@ -17,6 +16,7 @@ from calib.draw.style import (
     INK,
     ORANGE,
     VERMILION,
+    FigureSheet,
     heading,
     legend_below,
     log_axis,

@@ -57,7 +57,7 @@ def without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("calib.detector.pipeline.detect", detector_of(FOUND))
     monkeypatch.setattr("calib.draw.picture", lambda *_, **__: PICTURE)
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
-    monkeypatch.setattr("calib.draw.sheet.sheet_files", nothing_drawn)
+    monkeypatch.setattr("calib.draw.style.sheet_files", nothing_drawn)
     monkeypatch.setattr("calib.draw.measured_picture.picture", lambda *_: PICTURE)
 
 

@@ -39,7 +39,7 @@ def work_in(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Name pictures, but do not draw them, which takes longer than all else."""
-    monkeypatch.setattr("calib.draw.sheet.sheet_files", nothing_drawn)
+    monkeypatch.setattr("calib.draw.style.sheet_files", nothing_drawn)
 
 
 def nothing_drawn(name: str, height_px: int, draw: object, suffixes: Collection[str]) -> dict[str, bytes]:

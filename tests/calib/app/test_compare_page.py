@@ -14,7 +14,7 @@ from tests.support.study_commands import nothing_drawn
 @pytest.fixture
 def page(monkeypatch: pytest.MonkeyPatch) -> Page:
     """The page of a made-up comparison."""
-    monkeypatch.setattr("calib.draw.sheet.sheet_files", nothing_drawn)
+    monkeypatch.setattr("calib.draw.style.sheet_files", nothing_drawn)
     return compare_result().page()
 
 

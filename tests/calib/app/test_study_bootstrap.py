@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from calib.app.study_bootstrap import bootstrap as bootstrap_from_python
-from calib.draw.sheet import SUFFIXES
+from calib.draw.style import SUFFIXES
 from calib.solver.problem import pack
 from calib.studies.gradients import gradients_of
 from calib.studies.statistics import METRICS, TARGETS
@@ -191,7 +191,7 @@ NAMES = (
 def test_a_target_may_be_called_anything(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A person's own target is told from the paper's, whatever its file is called, and no name steers a terminal."""
     if "日" not in name:  # which is drawn, too: the font lacks it
-        monkeypatch.setattr("calib.draw.sheet.sheet_files", nothing_drawn)
+        monkeypatch.setattr("calib.draw.style.sheet_files", nothing_drawn)
     Path("board.target.json").rename(name)
     options = ("--target", name, "--sizes", "20", "--samples", "3", "--jobs", "1", "-o", "out")
     answer = calib(*TAKEN, *options)

@@ -14,7 +14,7 @@ from tests.support.study_commands import nothing_drawn
 
 @pytest.fixture(autouse=True)
 def _nothing_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("calib.draw.sheet.sheet_files", nothing_drawn)
+    monkeypatch.setattr("calib.draw.style.sheet_files", nothing_drawn)
 
 
 @pytest.mark.parametrize("kind", RESULTS)

@@ -30,7 +30,7 @@ def paper_table(settings: tuple[tuple[str, str], ...] = SETTINGS) -> StudyTable:
 
 @pytest.fixture(autouse=True)
 def _nothing_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("calib.draw.sheet.sheet_files", nothing_drawn)
+    monkeypatch.setattr("calib.draw.style.sheet_files", nothing_drawn)
     monkeypatch.setattr("calib.app.bootstrap_page.study_sheets", lambda cases, table: ())
 
 

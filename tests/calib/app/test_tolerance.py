@@ -31,7 +31,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder to work in, with two targets; pictures are named, not drawn, and the page's law is a coarse one."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("calib.studies.tolerance.sizes.DRAWS", 1)
-    monkeypatch.setattr("calib.draw.sheet.sheet_files", nothing_drawn)
+    monkeypatch.setattr("calib.draw.style.sheet_files", nothing_drawn)
     Path("ico.target.json").write_text(target_to_json(ico()))
     Path("board.target.json").write_text(target_to_json(board()))
     return tmp_path

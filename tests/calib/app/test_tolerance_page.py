@@ -27,7 +27,7 @@ from tests.support.tolerance_settings import few_errors, ico_setting, told, tole
 @pytest.fixture
 def page(monkeypatch: pytest.MonkeyPatch) -> Page:
     """The study's page, without pictures."""
-    monkeypatch.setattr("calib.draw.sheet.sheet_files", nothing_drawn)
+    monkeypatch.setattr("calib.draw.style.sheet_files", nothing_drawn)
     return told(tolerance_study()).page()
 
 
