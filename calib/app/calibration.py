@@ -184,10 +184,7 @@ class Run(Result, kind="calibration", title="Calibration", sought="camera is det
         out = output_of(folder)
         kept = RunFolder(out, [one.model for one in self.solutions]).write_all(self.judged_run, self.search)
         if has_page:
-            _, files, remark = replace(self, judged_run=kept).draw_page(out.place, command)
-            if remark:
-                raise InputError(remark)
-            out.files += files
+            out.files += replace(self, judged_run=kept).drawn_in(out.place, command)
         return tuple(out.files)
 
     def _repr_html_(self) -> str:
@@ -237,8 +234,8 @@ def solved(
     if folder is None:
         return Run(found, task, search, None, truth_file)
     run = Run(folder.write_verdict(found), task, search, folder.folder, truth_file)
-    if is_whole and (remark := run.draw_page(folder.folder)[2]):
-        raise InputError(remark)
+    if is_whole:
+        run.drawn_in(folder.folder)
     return run
 
 

@@ -34,8 +34,8 @@ from calib.judge.solutions import Solution
 from calib.judge.verdict import LEAST_PX, px
 from calib.observe.records import ImageRecord
 from calib.solver.metrics.residual_cells import cells_of, cells_of_residuals, columns_rows, residuals_of
+from designer.base.words import counted, printable
 from designer.base.words import figure as digits
-from designer.base.words import printable
 from designer.page.blocks import (
     Block,
     Command,
@@ -95,15 +95,15 @@ def key_facts(run: JudgedRun) -> Facts:
     best = run.best
     calibration, camera, seen = best.calibration, best.calibration.camera, best.calibration.observations
     width, height = camera.image_size
-    counted = int((~calibration.is_outlier).sum())
-    photos = f"{seen.view_count} photo{'s' if seen.view_count > 1 else ''}"
+    used = int((~calibration.is_outlier).sum())
+    photos = counted(seen.view_count, "photo")
     lit = lit_part(calibration)
     field = field_of_view_words(lit.camera, "" if lit.is_measured else "observations end")
     scale = f", {calibration.scale:.3g} times the stated sigma" if calibration.weighted else ""
     return Facts((
         ("camera", f"{best.model}, {width} x {height} px, {calibration.status}"),
         ("lens", f"{focal_title(camera)} {focal_length(calibration)} px, field of view {field}"),
-        ("residual", f"{digits(best.rms_px, 3)} px RMS, of {counted} observations in {photos}{scale}"),
+        ("residual", f"{digits(best.rms_px, 3)} px RMS, of {used} observations in {photos}{scale}"),
         *((("photos", photo_words(run.records.images)),) if run.records is not None else ()),
         ("covered", f"{100 * best.coverage.share:.0f} % of the {best.coverage.area}"),
         *((("checks", _checks_words(run)),) if run.judged is not None else ()),

@@ -11,6 +11,7 @@ from designer.base.errors import InputError
 from designer.base.marks import NOT_IN_FILE
 from designer.base.options import option
 from designer.base.units import NO_SKEW
+from designer.base.words import counted
 from designer.kinds.presets import printer_templates
 from designer.page.capability import OUTPUT, capability
 from designer.page.progress import Progress, unheard
@@ -217,7 +218,7 @@ def _page(told: CouponReading) -> "Page":
     found, used = told.found, [one for one in told.pictures if not one.fault]
     options = _options(told)
     kinds = (("photo", sum(not one.is_scan for one in used)), ("scan", sum(one.is_scan for one in used)))
-    count = ", ".join(f"{number} {name}{'s' * (number != 1)}" for name, number in kinds if number)
+    count = ", ".join(counted(number, name) for name, number in kinds if number)
     seen = f"{count}; {sum(one.edges for one in used)} edges, {sum(one.rings for one in used)} rings"
     facts = [(one.name, one.value + (f" ± {one.sigma}" if one.sigma else "")) for one in options]
     facts += [("measured from", seen)]

@@ -23,7 +23,7 @@ from calib.observe.observations import misplaced_pieces
 from calib.observe.photos import PhotoResult, Search
 from calib.observe.records import ImageRecord, common_remarks, median_sigma_px
 from designer.base.answer import program
-from designer.base.words import capital, printable
+from designer.base.words import capital, counted, printable
 from designer.base.words import figure as digits
 from designer.page.blocks import Cell, Command, Facts, Finding, Findings, Headline, Level, Page, Section, Steps, Table
 from designer.page.folders import Shown, some_of, table_of, whole
@@ -123,7 +123,7 @@ def _check(title: str, part: int, of: int, text: str) -> Finding:
 def _headline(search: Search, level: Level) -> Headline:
     """The worst of the checks, and the counts."""
     total = len(search.results)
-    photos = "1 photo" if total == 1 else f"{total} photos"
+    photos = counted(total, "photo")
     if search.with_target:
         found, expected = search.counts
         sentence = (

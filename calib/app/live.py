@@ -245,10 +245,7 @@ def _taken(
         to.files, to.finished, to.answer = [], [*of_session], {}  # when made again, the first attempt does not count
         found = solve(session, tell)
         session.report("solving", "drawing the page")
-        _, files, remark = found.draw_page(to.place, command_line())
-        if remark:
-            raise InputError(remark)
-        to.files += files
+        to.files += found.drawn_in(to.place, command_line())
         return found
 
     with bound_socket(port) as bound:

@@ -13,7 +13,7 @@ from calib.draw.seats import seat_findings, seats_sentence
 from calib.measure_target.deviations import JUDGED, Estimate, WholePrint
 from calib.measure_target.record import AsBuiltRecord
 from designer.base.units import format_mm
-from designer.base.words import capital, cut, figure, printable
+from designer.base.words import capital, counted, cut, figure, printable
 from designer.page.blocks import (
     Block,
     Command,
@@ -126,7 +126,7 @@ def _facts(record: AsBuiltRecord) -> Facts:
     )
     outliers = f", {left_out} left out" if left_out else ""
     models = ", ".join(dict.fromkeys(one.model for one in record.cameras))
-    cameras = f"{len(record.cameras)} camera{'s' * (len(record.cameras) != 1)} ({models})"
+    cameras = f"{counted(len(record.cameras), 'camera')} ({models})"
     unit = "times the stated sigma" if record.weighted else "px"
     sigma = f"{record.observation_sigma:.4f} {unit}" if math.isfinite(record.observation_sigma) else "not known"
     rows = [

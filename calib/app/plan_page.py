@@ -4,8 +4,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from designer.base.words import counted, printable
 from designer.base.words import figure as digits
-from designer.base.words import printable
 from designer.page.blocks import Command, Facts, Gallery, Headline, Page, Picture, Section, Table, View3d
 from designer.page.folders import Shown, notes, table_of
 from designer.page.terminal import quoted
@@ -47,7 +47,7 @@ def plan_page(found: "PhotoPlan") -> Page:
 def _headline(found: "PhotoPlan") -> Headline:
     """How many photos, and what they reach."""
     count = len(found.photos)
-    photos = f"{count} photo{'s' * (count > 1)}"
+    photos = counted(count, "photo")
     wanted = f"wanted is {digits(found.goal_px, 2)} px"
     reached = f"95 % of the image is known to {digits(found.worst_px, 2)} px (1 sigma) or better"
     if found.is_reached:

@@ -16,7 +16,7 @@ from calib.observe.target_poses import PoseResult
 from designer.base.words import figure as digits
 from designer.base.words import printable, with_digits
 from designer.page.blocks import Cell, Command, Facts, Finding, Findings, Headline, Level, Page, Section, Table
-from designer.page.folders import Shown, some_of, table_of
+from designer.page.folders import Shown, some_of, table_of, with_sigma
 
 if TYPE_CHECKING:
     from calib.app.pose import TargetPoses
@@ -242,8 +242,7 @@ def poses_table(found: "RigPoseResult") -> Table:
 
 
 def _target_cell(pose: "RigTargetPose", axis: int) -> Cell:
-    value, sigma = float(pose.target_mm[axis]), float(pose.target_sigma_mm[axis])
-    return Cell(f"{with_digits(value, sigma)} ± {digits(sigma, 2)}", value)
+    return with_sigma(float(pose.target_mm[axis]), float(pose.target_sigma_mm[axis]))
 
 
 def _camera_words(found: "RigPoseResult") -> Iterator[str]:

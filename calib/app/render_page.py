@@ -14,7 +14,7 @@ from calib.draw.gallery import Shot, gallery, is_there, spread
 from calib.draw.place_scene import distance_words, place_view, place_words, tilts_deg
 from calib.draw.run_tables import field_of_view_words
 from calib.renderer.options import PHOTO_TABLE, RIG_FILE, TRUTH_FILE
-from designer.base.words import capital, printable
+from designer.base.words import capital, counted, printable
 from designer.base.words import figure as digits
 from designer.page.blocks import Cell, Command, Facts, Finding, Findings, Headline, Page, Section, Table
 from designer.page.folders import Shown, notes, table_of
@@ -59,7 +59,7 @@ def photos_page(made: "RenderedPhotos", folder: Path | None) -> Page:
     is_small = all(one.is_too_small for one in photos)
     headline = Headline(
         "usable" if is_small else "note", "rings too small" if is_small else "rendered",
-        f"{'1 photo' if len(photos) == 1 else f'{len(photos)} photos'} of {width} x {height} px of "
+        f"{counted(len(photos), 'photo')} of {width} x {height} px of "
         f"{job.target.words}, by a camera of model {job.camera.model} from {distance_words(poses)}; "
         f"{_ending(made)}",
     )  # fmt: skip
@@ -96,7 +96,7 @@ def rig_photos_page(made: "RenderedRig", folder: Path | None) -> Page:
     moves = "which moves; the cameras are not synchronous" if delays_ms else "which stands still in each"
     headline = Headline(
         "usable" if made.warnings else "note", "hard to calibrate" if made.warnings else "rendered",
-        f"{'1 frame' if frames == 1 else f'{frames} frames'} of {made.simulated.title}: {len(made.of)} cameras, "
+        f"{counted(frames, 'frame')} of {made.simulated.title}: {len(made.of)} cameras, "
         f"{len(photos)} photos of {first.target.words}, {moves}; {_ending(made)}",
     )  # fmt: skip
     late = f"delays up to {max(map(abs, delays_ms.values())):.3g} ms" if delays_ms else "synchronous"

@@ -24,7 +24,7 @@ from calib.judge.next_robot_poses import photo_names
 from calib.judge.rig_folder import CAMERAS, RIG_FILE, RigRun, folder_names
 from calib.judge.rig_halves import RigHalves, SplitKind
 from calib.rigs.relative import center_sigma_mm
-from designer.base.words import capital, printable
+from designer.base.words import capital, counted, printable
 from designer.base.words import figure as digits
 from designer.page.blocks import Block, Command, Facts, Headline, Page, Paragraph, Section, Steps
 from designer.page.folders import some_of
@@ -108,9 +108,9 @@ def _next(run: RigRun) -> tuple[Section, ...]:
 def counts_words(run: RigRun) -> str:
     """How many cameras, frames and sightings."""
     found = run.found
-    counted = sum(int((~out).sum()) for out in found.is_outlier)
-    cameras, frames = len(found.cameras), len(found.rig_from_target)
-    return f"{cameras} camera{'s' * (cameras > 1)}, {frames} frame{'s' * (frames > 1)}, {counted} sightings"
+    sightings = sum(int((~out).sum()) for out in found.is_outlier)
+    cameras, frames = counted(len(found.cameras), "camera"), counted(len(found.rig_from_target), "frame")
+    return f"{cameras}, {frames}, {sightings} sightings"
 
 
 def rig_facts(run: RigRun) -> Facts:

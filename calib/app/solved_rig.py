@@ -202,10 +202,7 @@ class SolvedRig(
         self.check(out.place)
         written = self.write(out)
         if has_page:
-            _, files, remark = written.draw_page(out.place, command)
-            if remark:
-                raise InputError(remark)
-            out.files += files
+            out.files += written.drawn_in(out.place, command)
         return tuple(out.files)
 
     def write(self, out: "Output") -> "SolvedRig":
@@ -277,6 +274,6 @@ def finished(found: SolvedRig, to: "Output | None", out: "Output | Place | None"
     progress("writing", 0, 0)
     to.answer = {}
     found = found.write(to)
-    if to is not out and (remark := found.draw_page(to.place)[2]):
-        raise InputError(remark)
+    if to is not out:
+        found.drawn_in(to.place)
     return found

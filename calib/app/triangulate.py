@@ -13,7 +13,7 @@ from designer.base.errors import InputError
 from designer.base.files import place_of
 from designer.base.marks import NOT_IN_FILE, Gap, Key
 from designer.base.options import argument, option
-from designer.base.words import printable
+from designer.base.words import counted, printable
 from designer.page.capability import capability
 from designer.page.progress import Progress, unheard
 from designer.page.result import Result
@@ -253,7 +253,7 @@ def _page(found: Triangulation, *, is_drawn: bool) -> "Page":
     facts = Facts((
         ("rig", f"{len(names)} cameras: {', '.join(map(printable, names))}"),
         *((name, printable(text)) for name, text in found.settings.items()),
-        ("points", f"{found.count} in {found.frames} frame{'s' * (found.frames != 1)}"),
+        ("points", f"{found.count} in {counted(found.frames, 'frame')}"),
     ))  # fmt: skip
     error, camera, gross = Shown["_Error"], Shown["SeenByCamera"], Shown["GrossSighting"]
     errors = table_of(

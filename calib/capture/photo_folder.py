@@ -23,7 +23,7 @@ from designer.base.file_kind import FileKind
 from designer.base.files import check_folder, write_files
 from designer.base.marks import Length, Line, Word
 from designer.base.own_files import require_ours
-from designer.base.words import shown
+from designer.base.words import counted, shown
 from designer.target import TargetGeometry
 
 PHOTOS, SESSION_FILE = "photos", "session.json"
@@ -64,7 +64,7 @@ class PhotoFolder:
         there = self.kept
         if not resume and (there or before is not None):
             raise InputError(
-                f"{folder}: holds a session with {len(there)} photo{'s' * (len(there) != 1)}; go on by --resume, "
+                f"{folder}: holds a session with {counted(len(there), 'photo')}; go on by --resume, "
                 "or choose another folder with -o"
             )
         if resume and before is None:

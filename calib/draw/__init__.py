@@ -9,6 +9,7 @@ from calib.judge.coverage import coverage_of
 from calib.solver.metrics.errors import summarise
 from calib.solver.metrics.evaluation import Evaluation
 from calib.solver.metrics.residual_cells import cells_of_residuals, residuals_of
+from designer.base.words import counted
 from designer.base.words import figure as digits
 
 if TYPE_CHECKING:
@@ -62,6 +63,6 @@ def describe(evaluation: Evaluation) -> str:
     calibration, errors = evaluation.calibration, evaluation.of("reprojection")
     seen = calibration.observations
     rmse = "" if errors is None else f", residuals {digits(summarise(errors).rmse, 4)} px RMS"
-    photos = "1 photo" if seen.view_count == 1 else f"{seen.view_count} photos"
+    photos = counted(seen.view_count, "photo")
     size = f"{seen.image_size[0]} x {seen.image_size[1]} px"
     return f"{calibration.camera.model}: {photos} of {size}, {len(seen.view)} observations{rmse} ({calibration.status})"

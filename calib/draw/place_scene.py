@@ -6,6 +6,7 @@ import numpy as np
 
 from calib.cameras.camera import Camera
 from designer.base.arrays import Array
+from designer.base.words import counted
 from designer.base.words import figure as digits
 from designer.target import TargetGeometry
 
@@ -54,7 +55,7 @@ def place_words(target: TargetGeometry | None, cam_from_target: Array) -> str:
     from calib.solver.metrics.errors import centers_mm
 
     centre = centers_mm(cam_from_target)
-    photos = "1 photo" if len(centre) == 1 else f"{len(centre)} photos"
+    photos = counted(len(centre), "photo")
     words = f"{photos} from {distance_words(cam_from_target)} away"
     if target is not None and target.is_plate:
         tilt = tilts_deg(target, cam_from_target)

@@ -22,10 +22,10 @@ from calib.rigs.figures import PairFigures
 from calib.rigs.relative import center_covariance, worst
 from calib.rigs.result import CarrierFit, RigCalibration, camera_alone
 from designer.base.arrays import Array, Rows
-from designer.base.words import capital, cut, printable, with_digits
+from designer.base.words import capital, cut, printable
 from designer.base.words import figure as digits
 from designer.page.blocks import Block, Cell, Column, Facts, Figure, Finding, Findings, Section, Table
-from designer.page.folders import number, whole
+from designer.page.folders import number, whole, with_sigma
 from designer.page.pictures import drawing_of_svg
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def cameras_table(run: RigRun) -> Table:
         ]  # fmt: skip
         if told.delay_s is not None:
             sigma = math.nan if told.delay_sigma_s is None else 1e3 * float(told.delay_sigma_s[row])
-            cells.append(_with_sigma(1e3 * float(told.delay_s[row]), sigma))
+            cells.append(with_sigma(1e3 * float(told.delay_s[row]), sigma))
         rows.append(tuple(cells))
     return Table("Cameras", tuple(columns), tuple(rows))
 
@@ -90,9 +90,9 @@ def pairs_table(pairs: Sequence[PairFigures]) -> Table:
     rows = []
     for pair in pairs:
         one = pair.relative
-        angle = _with_sigma(math.degrees(one.angle_rad), math.degrees(one.angle_sigma_rad))
+        angle = with_sigma(math.degrees(one.angle_rad), math.degrees(one.angle_sigma_rad))
         rows.append((
-            Cell(" - ".join(map(printable, pair.names))), _with_sigma(one.baseline_mm, one.baseline_sigma_mm), angle,
+            Cell(" - ".join(map(printable, pair.names))), with_sigma(one.baseline_mm, one.baseline_sigma_mm), angle,
             whole(pair.frames), whole(pair.points), number(pair.rms_px), number(pair.epipolar_px),
         ))  # fmt: skip
     return Table("Pairs of cameras", columns, tuple(rows), visible_rows=20)
@@ -137,7 +137,7 @@ def places_table(run: RigRun) -> Table:
         spread = pose[:3, :3].T @ center_covariance(pose, covariance) @ pose[:3, :3]
         sigma = np.sqrt(np.diagonal(spread).clip(min=0.0)).tolist()
         centre = (rig.center_mm[row] + 0.0).tolist()  # no minus zero
-        cells = [_with_sigma(*pair) for pair in zip(centre, sigma, strict=True)]
+        cells = [with_sigma(*pair) for pair in zip(centre, sigma, strict=True)]
         turn = 1e3 * worst(covariance[:3, :3])[0]
         rows.append((Cell(printable(name)), *cells, number(turn, 2) if turn else Cell("")))
     return Table(f"Places in the frame of {printable(frame_name(told))}", columns, tuple(rows))
@@ -160,7 +160,7 @@ def halves_table(halves: RigHalves) -> Table:
         cells += [number(split.ratio, 2), number(split.noise, 2)]
         most = max(split.pairs, key=lambda pair: abs(pair.baseline_mm) / max(pair.sigma_mm, 1e-12), default=None)
         if has_pairs:
-            cells.append(Cell("") if most is None else _with_sigma(most.baseline_mm, most.sigma_mm))
+            cells.append(Cell("") if most is None else with_sigma(most.baseline_mm, most.sigma_mm))
             cells.append(Cell("" if most is None else " - ".join(map(printable, most.names))))
         rows.append(tuple(cells))
     return Table("Rigs from halves of the frames", tuple(columns), tuple(rows))
@@ -178,13 +178,6 @@ def direction_words(axis: Array, words: tuple[str, str, str]) -> str:
     order = np.argsort(-np.abs(axis))
     first = words[int(order[0])]
     return first if abs(float(axis[order[0]])) >= ALONG else f"{first} and {words[int(order[1])]}"
-
-
-def _with_sigma(value: float, sigma: float) -> Cell:
-    """A value with its standard deviation; without one, where none is known."""
-    if not math.isfinite(sigma) or sigma == 0:
-        return number(value, 5)
-    return Cell(f"{with_digits(value, sigma)} ± {digits(sigma, 2)}", value)
 
 
 MOST_ROWS = 12

@@ -15,7 +15,7 @@ import numpy as np
 from calib.core.types import UNMEASURABLE_WORDS
 from calib.draw.gallery import OVERLAYS, STANDS_OUT, Shot, gallery, shortened
 from calib.judge.rig_folder import CAMERAS, folder_names
-from calib.judge.views import ViewFacts, view_facts
+from calib.judge.views import view_facts
 from calib.observe.photos import (
     OVERLAY_MARK,
     keep_pictures,
@@ -27,12 +27,11 @@ from calib.observe.photos import (
 from calib.observe.records import ImageRecord, Records, common_remarks
 from calib.observe.rig_search import RigSearch
 from calib.rigs.result import RigCalibration, camera_alone
-from calib.solver.calibration import Calibration
 from calib.solver.metrics.evaluation import Evaluation, by_view
 from designer.base.words import figure as digits
 from designer.base.words import printable
-from designer.page.blocks import Cell, Column, Finding, Findings, Leaf, Level, Section, Table
-from designer.page.folders import number, whole
+from designer.page.blocks import Cell, Finding, Findings, Leaf, Level, Section, Table
+from designer.page.folders import Shown, table_of
 
 
 @dataclass(frozen=True)
@@ -166,17 +165,11 @@ def _pictures(folder: Path | None, rows: Sequence[PhotoRow]) -> tuple[Leaf, ...]
     if folder is None or not places:
         why = f"The folder {OVERLAYS}/ holds no overlay of these photos; calib run draws them."
         return (Findings((Finding("note", "No pictures", why),)),)
-    shots = [
-        Shot(places[row.name], row.name, caption_of(row), row.level) for row in _worst_first(rows) if row.name in places
-    ]
+    worst_first = sorted(rows, key=lambda row: (row.is_used, -row.rmse_px if math.isfinite(row.rmse_px) else math.inf))
+    shots = [Shot(places[row.name], row.name, caption_of(row), row.level) for row in worst_first if row.name in places]
     without = len(rows) - len(shots)
     has_none = f" {without} {'has' if without == 1 else 'have'} no overlay." if without else ""
     return gallery(folder, shots, f"The photos with the largest errors first.{has_none}")
-
-
-def _worst_first(rows: Sequence[PhotoRow]) -> list[PhotoRow]:
-    """Photos that were not used, then by falling error."""
-    return sorted(rows, key=lambda row: (row.is_used, -row.rmse_px if math.isfinite(row.rmse_px) else math.inf))
 
 
 def caption_of(row: PhotoRow) -> str:
@@ -200,33 +193,26 @@ def caption_of(row: PhotoRow) -> str:
 
 def views_table(rows: Sequence[PhotoRow], *, is_flat: bool) -> Table:
     """A row a photo."""
-    side = Column("tilt °", note="between the target and the image plane; 0 is straight on")
-    columns = (
-        Column("photo", is_number=False),
-        Column(
-            "rings",
-            note=f"found, of those of the faces in the photo that could be measured: not those {UNMEASURABLE_WORDS}",
-        ),
-        Column("outliers", note="observations that were left out of the solution"),
-        Column("RMSE px", note="root mean square of the residuals: predicted - measured"),
-        Column("worst px", note="the largest residual"),
-        Column("intersection mm", note="RMS distance on the target between the ray of an observation and its ring"),
-        side if is_flat else Column("faces", note="of the target, that were read"),
-        Column("distance mm", note="from the camera to the target's middle"),
-        Column("size %", note="of the image's width or height that the rings fill, whichever is more"),
-        Column("remark", is_number=False),
-    )
-    return Table("All photos", columns, tuple(_table_row(row, is_flat=is_flat) for row in rows))
+    column = Shown[PhotoRow]
 
+    def rings(row: PhotoRow) -> Cell:
+        return Cell(str(row.seen) if row.expected is None else f"{row.seen} / {row.expected}", float(row.seen))
 
-def _table_row(row: PhotoRow, *, is_flat: bool) -> tuple[Cell, ...]:
-    rings = str(row.seen) if row.expected is None else f"{row.seen} / {row.expected}"
-    side = number(row.tilt_deg, 2) if is_flat else whole(row.faces)
-    return (
-        Cell(printable(row.name), level=row.level), Cell(rings, float(row.seen)), whole(row.outliers),
-        number(row.rmse_px), number(row.worst_px), number(row.intersection_mm), side, number(row.distance_mm),
-        number(row.size_percent, 2),
-        Cell(shortened(row.remark)),
+    tilt = column("tilt °", lambda row: row.tilt_deg, "between the target and the image plane; 0 is straight on")
+    return table_of(
+        rows, column("photo", lambda row: Cell(printable(row.name), level=row.level)),
+        column("rings", rings,
+               f"found, of those of the faces in the photo that could be measured: not those {UNMEASURABLE_WORDS}"),
+        column("outliers", lambda row: row.outliers, "observations that were left out of the solution"),
+        column("RMSE px", lambda row: row.rmse_px, "root mean square of the residuals: predicted - measured", 3),
+        column("worst px", lambda row: row.worst_px, "the largest residual", 3),
+        column("intersection mm", lambda row: row.intersection_mm,
+               "RMS distance on the target between the ray of an observation and its ring", 3),
+        tilt if is_flat else column("faces", lambda row: row.faces, "of the target, that were read"),
+        column("distance mm", lambda row: row.distance_mm, "from the camera to the target's middle", 3),
+        column("size %", lambda row: row.size_percent,
+               "of the image's width or height that the rings fill, whichever is more"),
+        column("remark", lambda row: shortened(row.remark)), title="All photos",
     )  # fmt: skip
 
 
@@ -256,30 +242,25 @@ def pictured(found: RigCalibration) -> tuple[PicturedPhoto, ...]:
 
 
 def _worst_and_usual(found: RigCalibration, camera: int) -> list[PicturedPhoto]:
-    """Two photos of a camera; fewer where it has no more with residuals."""
+    """Two photos of a camera, with the residuals of the rig's own solution; fewer where it has no more with any."""
     alone = camera_alone(found, camera)
-    facts = view_facts(alone)
+    facts, seen = view_facts(alone), alone.observations
     known = np.flatnonzero(np.isfinite(facts.rms_px))
     order = known[np.argsort(-facts.rms_px[known], kind="stable")].tolist()
     chosen = [*order[:1], *([order[len(order) // 2]] if len(order) > 1 else [])]
     usual_px = float(np.median(facts.rms_px[known])) if len(known) else math.nan
-    return [
-        PicturedPhoto(camera, _row(alone, facts, view, usual_px), why)
-        for view, why in zip(chosen, (WORST, USUAL), strict=False)
-    ]
-
-
-def _row(alone: Calibration, facts: ViewFacts, view: int, usual_px: float) -> PhotoRow:
-    """A photo with the residuals that the rig's own solution leaves: with its delays and slacks."""
-    mine, points = alone.observations.view == view, alone.observations.points
-    face = points.face[alone.observations.point[mine]]
-    rms_px = float(facts.rms_px[view])
-    return PhotoRow(
-        facts.name[view], True, int(mine.sum()), None, int(facts.left_out[view]), rms_px,
-        float(np.hypot(*alone.residual_px[mine].T).max()), math.nan, float(facts.distance_mm[view]),
-        float(facts.tilt_deg[view, 2]) if facts.is_flat else math.nan, 100 * float(facts.size[view]),
-        len(np.unique(face[face >= 0])), "", "usable" if rms_px > STANDS_OUT * usual_px else None,
-    )  # fmt: skip
+    photos = []
+    for view, why in zip(chosen, (WORST, USUAL), strict=False):
+        mine, rms_px = seen.view == view, float(facts.rms_px[view])
+        face = seen.points.face[seen.point[mine]]
+        row = PhotoRow(
+            facts.name[view], True, int(mine.sum()), None, int(facts.left_out[view]), rms_px,
+            float(np.hypot(*alone.residual_px[mine].T).max()), math.nan, float(facts.distance_mm[view]),
+            float(facts.tilt_deg[view, 2]) if facts.is_flat else math.nan, 100 * float(facts.size[view]),
+            len(np.unique(face[face >= 0])), "", "usable" if rms_px > STANDS_OUT * usual_px else None,
+        )  # fmt: skip
+        photos.append(PicturedPhoto(camera, row, why))
+    return photos
 
 
 def pictures_section(folder: Path, found: RigCalibration) -> Section | None:
@@ -288,25 +269,21 @@ def pictures_section(folder: Path, found: RigCalibration) -> Section | None:
     places = [f"{CAMERAS}/{place}" for place in folder_names(names)]
     if not any((folder / place / OVERLAYS).is_dir() for place in places):
         return None
-    shots: list[Shot] = []
-    chosen = pictured(found)
+    shots, chosen = list[Shot](), pictured(found)
     for camera, place in enumerate(places):
         own = [one for one in chosen if one.camera == camera]
         paths = overlay_paths(folder / place, [one.row for one in own])
-        shots += [_shot(one, names, f"{place}/{paths[one.row.name]}") for one in own if one.row.name in paths]
-    lead = "The rings that were found, each with its name."
-    return Section("Photos", gallery(folder, shots, _order(names)), lead=lead) if shots else None
-
-
-def _order(names: Sequence[str]) -> str:
-    if len(names) == 1:
-        return "The photo with the largest residuals, and one with the usual."
-    return "Camera by camera, the photo with the largest residuals of the rig and one with the usual."
-
-
-def _shot(one: PicturedPhoto, names: Sequence[str], path: str) -> Shot:
-    name = one.row.name if len(names) == 1 else f"{names[one.camera]}: {one.row.name}"
-    return Shot(path, name, f"{one.why}: {caption_of(one.row)}", one.row.level)
+        named = "" if len(names) == 1 else f"{names[camera]}: "
+        shots += [
+            Shot(f"{place}/{paths[one.row.name]}", f"{named}{one.row.name}", f"{one.why}: {caption_of(one.row)}",
+                 one.row.level)
+            for one in own if one.row.name in paths
+        ]  # fmt: skip
+    if not shots:
+        return None
+    each = "T" if len(names) == 1 else "Camera by camera, t"
+    pictures = gallery(folder, shots, f"{each}he photo with the largest residuals of the rig and one with the usual.")
+    return Section("Photos", pictures, lead="The rings that were found, each with its name.")
 
 
 def draw_rig_pictures(folder: Path, found: RigCalibration, search: RigSearch) -> tuple[str, ...]:

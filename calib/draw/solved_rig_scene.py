@@ -12,8 +12,8 @@ from calib.judge.rig_folder import RigRun
 from calib.rigs.relative import center_covariance
 from calib.rigs.result import RigCalibration
 from designer.base.arrays import Array
+from designer.base.words import counted, printable
 from designer.base.words import figure as digits
-from designer.base.words import printable
 from designer.page.blocks import View3d
 from designer.page.scene import Labels, Layer, Scene, Segments
 from designer.target_scene import AXES, CAMERA_SHARE
@@ -62,11 +62,11 @@ def rig_view(run: RigRun) -> View3d:
 def rig_words(found: RigCalibration) -> str:
     """What stands where, as a sentence."""
     count, frames = len(found.cameras), len(found.rig_from_target)
-    cameras = "1 camera" if count == 1 else f"{count} cameras"
+    cameras = counted(count, "camera")
     distance = np.linalg.norm(found.rig_from_target[:, None, :3, 3] - found.rig.center_mm[None], axis=2)
     least, most = digits(float(distance.min()), 3), digits(float(distance.max()), 3)
     away = least if least == most else f"{least} to {most}"
-    return f"{cameras}, and the target in {'1 frame' if frames == 1 else f'{frames} frames'}, {away} mm from them."
+    return f"{cameras}, and the target in {counted(frames, 'frame')}, {away} mm from them."
 
 
 def _caption(found: RigCalibration, times: float) -> str:

@@ -20,6 +20,11 @@ def capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
+def counted(count: int, thing: str) -> str:
+    """As in `1 photo` and `2 photos`."""
+    return f"{count} {thing}{'s' * (count != 1)}"
+
+
 def with_article(text: str) -> str:
     """As in `an icosahedron`: with the article that goes before its first letter."""
     return f"{'an' if text[:1].lower() in 'aeio' else 'a'} {text}"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from designer.base.words import capital, figure, printable
+from designer.base.words import capital, figure, printable, with_digits
 from designer.page.blocks import Block, Cell, Column, FileList, FileRow, Finding, Findings, Table, is_linkable
 
 Row = TypeVar("Row")
@@ -30,6 +30,13 @@ def number(value: float, digits: int = 3) -> Cell:
     if not math.isfinite(value):
         return Cell("", None)
     return Cell(figure(value, digits), value)
+
+
+def with_sigma(value: float, sigma: float) -> Cell:
+    """A value with its standard deviation; alone, where none is known."""
+    if not math.isfinite(sigma) or sigma == 0:
+        return number(value, 5)
+    return Cell(f"{with_digits(value, sigma)} ± {figure(sigma, 2)}", value)
 
 
 def whole(value: int) -> Cell:

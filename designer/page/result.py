@@ -155,6 +155,13 @@ class Result(ABC):
         except InputError as error:
             return None, (), f"no page: {printable(str(error))}"
 
+    def drawn_in(self, folder: Path, command: str = "") -> tuple[Path, ...]:
+        """Write the page of a folder that holds the result, and return its files; InputError: why there is none."""
+        _, files, remark = self.draw_page(folder, command)
+        if remark:
+            raise InputError(remark)
+        return files
+
     def page_in(self, folder: Path, command: str = "") -> "Page":
         """The page with what a folder adds: its name, its files, and the command that made it."""
         from designer.base.answer import program
