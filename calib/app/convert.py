@@ -17,7 +17,7 @@ from designer.base.errors import InputError
 from designer.base.options import argument, option
 from designer.base.words import several, shown
 from designer.kinds.presets import camera_templates, one_of
-from designer.page.capability import OUTPUT, capability
+from designer.page.capability import capability, written_to
 from designer.page.result import Result
 
 if TYPE_CHECKING:
@@ -244,8 +244,7 @@ def convert(
         option("likewise of a rig's files to read (default: as they say)", flag="--from-unit", metavar="UNIT"),
     ] = None,
     out: Annotated[
-        "Output | Place | None",
-        option("file to write, or folder of several", short="-o", metavar="FILE", group=OUTPUT, is_needed=True),
+        "Output | Place | None", written_to("file to write, or folder of several", metavar="FILE", is_needed=True)
     ] = None,
 ) -> Conversion:
     """Write a camera or a rig as files of another tool, or read its files: `convert("camera.json", "opencv")`.

@@ -13,7 +13,7 @@ from designer.base.options import option
 from designer.base.units import NO_SKEW
 from designer.base.words import counted
 from designer.kinds.presets import printer_templates
-from designer.page.capability import OUTPUT, capability
+from designer.page.capability import capability, written_to
 from designer.page.progress import Progress, unheard
 from designer.page.result import Result
 
@@ -131,8 +131,7 @@ def coupon(
         str | None, option("whose other lines --save takes over (default: that of design)", complete=printer_templates)
     ] = None,
     out: Annotated[
-        "Output | Place | None",
-        option("folder for the page and coupon.json (default: exports/coupon)", short="-o", group=OUTPUT),
+        "Output | Place | None", written_to("folder for the page and coupon.json (default: exports/coupon)")
     ] = None,
     progress: Progress = unheard,
 ) -> CouponReading:

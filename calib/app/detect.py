@@ -11,7 +11,7 @@ from designer.base.errors import InputError
 from designer.base.options import option
 from designer.base.words import shown
 from designer.kinds.presets import camera_templates
-from designer.page.capability import OUTPUT, capability
+from designer.page.capability import capability, written_to
 from designer.page.progress import Progress, unheard
 from designer.page.result import Result
 
@@ -143,8 +143,7 @@ def detect_photos(
     ] = None,
     jobs: PhotoJobs = None,
     out: Annotated[
-        "Output | Place | None",
-        option(f"detections to write (default: exports/NAME/{DETECTIONS_FILE})", short="-o", group=OUTPUT),
+        "Output | Place | None", written_to(f"detections to write (default: exports/NAME/{DETECTIONS_FILE})")
     ] = None,
     progress: Progress = unheard,
 ) -> DetectedPhotos:

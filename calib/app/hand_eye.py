@@ -10,7 +10,7 @@ from designer.base.errors import InputError
 from designer.base.options import argument, option
 from designer.base.units import parse_angle_rad, parse_length_mm
 from designer.base.words import shown
-from designer.page.capability import OUTPUT, capability, instead
+from designer.page.capability import capability, instead, written_to
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
@@ -74,10 +74,7 @@ def hand_eye(
     made: Made = None,
     criteria: Limits = "standard",
     jobs: PhotoJobs = None,
-    out: Annotated[
-        "Output | Place | None",
-        option("folder (default: exports/NAME/hand-eye, or hand-eye)", short="-o", group=OUTPUT),
-    ] = None,
+    out: Annotated["Output | Place | None", written_to("folder (default: exports/NAME/hand-eye, or hand-eye)")] = None,
     progress: Progress = unheard,
 ) -> SolvedRig:
     """Solve where a camera sits on a robot, or beside it: `hand_eye("t.json", "photos", robot="poses.csv")`.

@@ -11,7 +11,7 @@ from calib.app.solved_rig import SolvedRig
 from designer.base.errors import InputError
 from designer.base.files import place_of
 from designer.base.options import option
-from designer.page.capability import OUTPUT, capability, instead
+from designer.page.capability import capability, instead, written_to
 from designer.page.progress import Progress
 
 if TYPE_CHECKING:
@@ -24,9 +24,7 @@ if TYPE_CHECKING:
 S = TypeVar("S", bound="Conversation")
 R = TypeVar("R", Run, SolvedRig)
 NEEDED = ("starlette", "uvicorn", "websockets")
-Out = Annotated[
-    "Output | Place", option("folder of photos and results (default: exports/NAME/live)", short="-o", group=OUTPUT)
-]
+Out = Annotated["Output | Place", written_to("folder of photos and results (default: exports/NAME/live)")]
 Cameras = Annotated[
     Sequence[str | int],
     option(

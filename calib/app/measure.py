@@ -15,7 +15,7 @@ from designer.base.errors import InputError, NoAnswerError
 from designer.base.options import argument, option
 from designer.base.units import NO_SKEW
 from designer.kinds.presets import error_templates, one_of
-from designer.page.capability import OUTPUT, capability
+from designer.page.capability import capability, written_to
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
@@ -118,9 +118,8 @@ def measure(
     ] = None,
     out: Annotated[
         "Output | Place | None",
-        option(
+        written_to(
             "the measured target, its report and the page beside it (default: exports/NAME/measured.target.json)",
-            short="-o", group=OUTPUT,
         ),
     ] = None,
     progress: Progress = unheard,

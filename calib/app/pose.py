@@ -14,7 +14,7 @@ from designer.base.errors import InputError
 from designer.base.files import place_of
 from designer.base.options import argument, option
 from designer.kinds.presets import camera_templates
-from designer.page.capability import OUTPUT, capability
+from designer.page.capability import OUTPUT, capability, written_to
 from designer.page.progress import Progress, unheard
 from designer.page.result import Result
 
@@ -111,7 +111,7 @@ def pose(
             "these: calib pose --rig rig.json TARGET FOLDER..."
         ),
     ] = None,
-    out: Annotated["Output | Place | None", option("poses to write, .json or .csv", short="-o", group=OUTPUT)] = None,
+    out: Annotated["Output | Place | None", written_to("poses to write, .json or .csv")] = None,
     overlay: Annotated[
         "Place | None", option("folder for pictures with the axes and the residuals", metavar="DIR", group=OUTPUT)
     ] = None,

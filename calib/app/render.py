@@ -9,7 +9,7 @@ from calib.app.rendered_photos import RenderedPhotos, RenderedRig
 from calib.renderer.options import FileFormat, Region, RenderOptions
 from designer.base.errors import InputError
 from designer.base.options import option
-from designer.page.capability import OUTPUT, capability, instead
+from designer.page.capability import capability, instead, written_to
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
@@ -25,9 +25,7 @@ Distance = Annotated[
 ]  # fmt: skip
 Format = Annotated[FileFormat, option("png, tiff or jpeg", flag="--format")]
 Quality = Annotated[int | None, option(f"of JPEG (default: {QUALITY})", 1, 100)]
-Folder = Annotated[
-    "Output | Place | None", option("folder for the images and truth.json", short="-o", group=OUTPUT, is_needed=True)
-]
+Folder = Annotated["Output | Place | None", written_to("folder for the images and truth.json", is_needed=True)]
 Overwrite = Annotated[bool, option("replace another set in the folder")]
 
 

@@ -10,7 +10,7 @@ from designer.base.errors import InputError
 from designer.base.options import argument, option
 from designer.base.units import parse_quantity
 from designer.base.words import shown, suggestion
-from designer.page.capability import OUTPUT, capability
+from designer.page.capability import capability, written_to
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
@@ -85,9 +85,7 @@ def rig(
     made: Made = None,
     criteria: Limits = "standard",
     jobs: PhotoJobs = None,
-    out: Annotated[
-        "Output | Place | None", option("folder (default: exports/NAME/rig, or rig)", short="-o", group=OUTPUT)
-    ] = None,
+    out: Annotated["Output | Place | None", written_to("folder (default: exports/NAME/rig, or rig)")] = None,
     progress: Progress = unheard,
 ) -> SolvedRig:
     """Solve where several cameras stand that saw one target together: `rig("ico.target.json", ["left", "right"])`.

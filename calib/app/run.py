@@ -9,7 +9,7 @@ from calib.app.calibration import Run
 from calib.app.detect import DETECTIONS_FILE, DetectedPhotos
 from designer.base.errors import NoAnswerError
 from designer.base.options import option
-from designer.page.capability import OUTPUT, capability
+from designer.page.capability import capability, written_to
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
@@ -49,9 +49,7 @@ def run(
     ] = None,
     criteria: options.Limits = "standard",
     jobs: options.PhotoJobs = None,
-    out: Annotated[
-        "Output | Place | None", option("folder (default: exports/NAME/calibration)", short="-o", group=OUTPUT)
-    ] = None,
+    out: Annotated["Output | Place | None", written_to("folder (default: exports/NAME/calibration)")] = None,
     progress: Progress = unheard,
 ) -> Run:
     """Detect, solve, detect again with the lens known, solve all models, judge: `run("ico.target.json", "photos")`.

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 from calib.app import options
 from calib.app.calibration import Run
 from designer.base.options import argument, option
-from designer.page.capability import OUTPUT, capability
+from designer.page.capability import capability, written_to
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
@@ -44,8 +44,7 @@ def solve(
     truth: "Truth | Place | None" = None,
     rendered_id: str = "",
     out: Annotated[
-        "Output | Place | None",
-        option("folder for the results (default: camera, beside what is solved from)", short="-o", group=OUTPUT),
+        "Output | Place | None", written_to("folder for the results (default: camera, beside what is solved from)")
     ] = None,
     progress: Progress = unheard,
 ) -> Run:

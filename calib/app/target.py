@@ -9,7 +9,7 @@ from designer.base.errors import InputError
 from designer.base.marks import NOT_IN_FILE, Key
 from designer.base.options import argument, option
 from designer.base.words import printable
-from designer.page.capability import OUTPUT, capability
+from designer.page.capability import capability, written_to
 from designer.page.result import Result
 
 if TYPE_CHECKING:
@@ -75,9 +75,7 @@ def target(
         option("of the dots at the points, of which tables hold the images' centres (default: no marks)", 0, 1000),
     ] = None,
     inside: Annotated[bool, option("fitted planes are seen from inside, as the walls of a room")] = False,
-    out: Annotated[
-        "Output | Place | None", option("the target file to make: NAME.target.json", short="-o", group=OUTPUT)
-    ] = None,
+    out: Annotated["Output | Place | None", written_to("the target file to make: NAME.target.json")] = None,
 ) -> TargetContents:
     """Read a target file and say what it holds, or make one of a table of points: `target("board.target.json")`.
 

@@ -9,7 +9,7 @@ from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, setting
 from designer.base.errors import InputError
 from designer.base.options import option
 from designer.base.units import parse_angle_rad
-from designer.page.capability import OUTPUT, capability
+from designer.page.capability import capability, written_to
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
@@ -46,8 +46,7 @@ def turntable(
     criteria: Limits = "standard",
     jobs: PhotoJobs = None,
     out: Annotated[
-        "Output | Place | None",
-        option("folder (default: exports/NAME/turntable, or turntable)", short="-o", group=OUTPUT),
+        "Output | Place | None", written_to("folder (default: exports/NAME/turntable, or turntable)")
     ] = None,
     progress: Progress = unheard,
 ) -> SolvedRig:

@@ -14,7 +14,7 @@ from designer.base.errors import InputError
 from designer.base.marks import NOT_IN_FILE
 from designer.base.options import checked, option
 from designer.base.words import NAME
-from designer.page.capability import OUTPUT, capability
+from designer.page.capability import capability, written_to
 from designer.page.progress import Progress, unheard
 from designer.page.result import Result
 
@@ -211,7 +211,7 @@ def undistort_photos(
     camera: CameraFile,
     photos: Photos,
     *,
-    out: Annotated["Output | Place", option("folder for the photos and the new camera file", short="-o", group=OUTPUT)],
+    out: Annotated["Output | Place", written_to("folder for the photos and the new camera file")],
     to: Picture = LINEAR,
     alpha: Alpha = None,
     focal_px: Focal = None,

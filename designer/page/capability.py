@@ -36,6 +36,8 @@ Folder: TypeAlias = Callable[[Mapping[str, object]], Path]
 """Where a command writes unless it is told, from what else it is given."""
 NEGATIVE = 1
 OUTPUT = "Output"
+written_to = partial(CommandOption, short="-o", group=OUTPUT)
+"""The option that says where: `out: Annotated["Output | Place | None", written_to("folder")] = None`."""
 PROGRESS, HEARD, OUT, RESUME = "progress", "heard", "out", "resume"
 """The parameters that are told how far the work is and what happens, which a shell shows, where to write, and to go on
 there."""
@@ -367,7 +369,7 @@ def _of_output(made: type[Result], folder: Folder | None, *, has_out: bool, has_
 
     files = ", ".join(["the page", f"{made.kind}.json", *made.files])
     table = f"; or a {Path(made.alone).suffix}, for {made.alone} alone" if made.alone else ""
-    out = CommandOption(f"folder for {files}{table}", short="-o", group=OUTPUT)
+    out = written_to(f"folder for {files}{table}")
     page = CommandOption("write the folder's index.html, or save the seconds that takes", group=OUTPUT)
     verbose = typer.Option("--verbose", "-v", help="say all tables", rich_help_panel=OUTPUT)
     # Of a command that writes where its target's results go, as in exports/NAME/plan.
