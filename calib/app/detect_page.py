@@ -9,23 +9,27 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib.core.types import NOT_MEASURABLE, UNMEASURABLE_WORDS, FaceRecord
-from calib.draw.gallery import (
-    SHARE_RULE,
-    Shot,
-    gallery,
-    is_there,
-    level_of_share,
-    shortened,
-    title_of_pictures,
-    worst_level,
-)
+from calib.draw.gallery import SHARE_RULE, Shot, gallery, is_there, level_of_share, shortened, title_of_pictures
 from calib.observe.observations import misplaced_pieces
 from calib.observe.photos import PhotoResult, Search
 from calib.observe.records import ImageRecord, common_remarks, median_sigma_px
 from designer.base.answer import program
 from designer.base.words import capital, counted, printable
 from designer.base.words import figure as digits
-from designer.page.blocks import Cell, Command, Facts, Finding, Findings, Headline, Level, Page, Section, Steps, Table
+from designer.page.blocks import (
+    Cell,
+    Command,
+    Facts,
+    Finding,
+    Findings,
+    Headline,
+    Level,
+    Page,
+    Section,
+    Steps,
+    Table,
+    worst_level,
+)
 from designer.page.folders import Shown, some_of, table_of, whole
 
 WORDS: Mapping[Level, str] = {"good": "found", "usable": "found in part", "bad": "not found", "note": ""}

@@ -1,7 +1,7 @@
 """What `calib pose` tells: where the camera or the target was, how surely, and how large the residuals are."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from statistics import median
@@ -9,13 +9,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.draw.gallery import SHARE_RULE, STANDS_OUT, Shot, gallery, is_there, level_of_share, shortened, worst_level
+from calib.draw.gallery import SHARE_RULE, STANDS_OUT, Shot, gallery, is_there, level_of_share, shortened
 from calib.draw.place_scene import distance_words, place_view, place_words
 from calib.observe.records import common_remarks
 from calib.observe.target_poses import PoseResult
 from designer.base.words import figure as digits
 from designer.base.words import printable, with_digits
-from designer.page.blocks import Cell, Command, Facts, Finding, Findings, Headline, Level, Page, Section, Table
+from designer.page.blocks import (
+    WORDS,
+    Cell,
+    Command,
+    Facts,
+    Finding,
+    Findings,
+    Headline,
+    Level,
+    Page,
+    Section,
+    Table,
+    level_of,
+    worst_level,
+)
 from designer.page.folders import Shown, some_of, table_of, with_sigma
 
 if TYPE_CHECKING:
@@ -29,7 +43,6 @@ lens or target: the pose is still fine for most uses. Two pixels are another foc
 GOOD_EXCESS, USABLE_EXCESS = 1.5, 3.0
 """Residuals in what noise and the rig's own errors let expect, in the median frame. What exceeds them is no error that
 a covariance holds: a camera that was moved, photos that were not taken at once, another target."""
-WORDS: Mapping[Level, str] = {"good": "good", "usable": "usable", "bad": "do not use", "note": ""}
 CLOCKS = "The rig's cameras are not synchronous: the target must stand still in each frame."
 MEASURED = "of the distances between measured and predicted"
 LEAST_SURE = "standard deviation of the rotation about its least sure axis"
@@ -69,7 +82,7 @@ def _of_camera(made: "TargetPoses", found: PoseResult) -> Page:
     checks = [_share_check("Photos", len(found.poses), total)]
     if math.isfinite(usual_px):
         checks.append(Finding(
-            _level(usual_px, GOOD_RMS_PX, USABLE_RMS_PX), "Residuals", "Median over the photos of the RMS distance "
+            level_of(usual_px, GOOD_RMS_PX, USABLE_RMS_PX), "Residuals", "Median over the photos of the RMS distance "
             "between measured and predicted rings; more than the noise of a ring is lens, focus or print.",
             f"{digits(usual_px, 2)} px", f"good up to {GOOD_RMS_PX:g} px, usable up to {USABLE_RMS_PX:g} px",
         ))  # fmt: skip
@@ -165,7 +178,7 @@ def _of_rig(made: "TargetPoses", found: "RigPoseResult") -> Page:
     if found.poses:
         excess = median(pose.excess for pose in found.poses)
         checks.append(Finding(
-            _level(excess, GOOD_EXCESS, USABLE_EXCESS), "Residuals", "Of the median frame, in what the noise and the "
+            level_of(excess, GOOD_EXCESS, USABLE_EXCESS), "Residuals", "Of the median frame, in what the noise and the "
             "rig's own errors let expect; more is a camera that was moved, photos that were not taken at once, or a "
             "print that is not its file.",
             f"{digits(excess, 2)} x", f"good up to {GOOD_EXCESS:g}, usable up to {USABLE_EXCESS:g}",
@@ -257,10 +270,6 @@ def _share_check(what: str, count: int, total: int) -> Finding:
         level_of_share(count / total), f"{what} with a pose", "The others are listed with the reason.",
         f"{count} of {total}", SHARE_RULE,
     )  # fmt: skip
-
-
-def _level(value: float, good: float, usable: float) -> Level:
-    return "good" if value <= good else "usable" if value <= usable else "bad"
 
 
 def _headline(checks: Sequence[Finding], what: str, count: int, total: int, sentence: str) -> Headline:

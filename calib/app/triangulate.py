@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from calib.space.propagate import PointErrors, PointSightings
     from calib.space.tables import GrossSighting, SeenByCamera
     from calib.space.triangulate import TriangulatedPoints
-    from designer.page.blocks import Figure, Finding, Headline, Level, Page, Table
+    from designer.page.blocks import Figure, Finding, Headline, Page, Table
     from designer.target import TargetGeometry
 
     _Error = tuple[str, PointErrors]
@@ -39,7 +39,6 @@ GOOD_SCALE, USABLE_SCALE = 1.5, 3.0
 """Residuals over what noise and calibration leave to be expected: beyond, lens, rig or matches are wrong."""
 GOOD_RATIO, USABLE_RATIO = 1.3, 2.0
 """Errors of known distances over their standard deviations, root mean square."""
-WORDS: "dict[Level, str]" = {"good": "good", "usable": "usable", "bad": "do not use", "note": ""}
 MEANS = (
     "The error of a point is the root mean square of its length in space. Errors of the rig are shared by all points, "
     "so much of them cancels in distances between points that lie close together."
@@ -248,7 +247,7 @@ def _page(found: Triangulation, *, is_drawn: bool) -> "Page":
     from designer.page.folders import Shown, notes, some_of, table_of
 
     checks = _checks(found)
-    headline = _headline(found, [row.level for row in checks])
+    headline = _headline(found, checks)
     points, names = found.points, found.points.rig.names
     facts = Facts((
         ("rig", f"{len(names)} cameras: {', '.join(map(printable, names))}"),
@@ -297,17 +296,17 @@ def _page(found: Triangulation, *, is_drawn: bool) -> "Page":
     return Page("", "", headline, tuple(sections), lead=(*scene, facts))
 
 
-def _headline(found: Triangulation, levels: "list[Level]") -> "Headline":
+def _headline(found: Triangulation, checks: "list[Finding]") -> "Headline":
     """The answer: the worst of what was checked."""
     from designer.base.words import figure as digits
-    from designer.page.blocks import Headline
+    from designer.page.blocks import WORDS, Headline, worst_level
 
     once = found.seen_once
     alone = f"{'was' if once == 1 else 'were'} seen by one camera only"
     if found.is_negative:
         why = f"; {once} {alone}" if once else ""
         return Headline("bad", "no point", f"None of {found.count} points has a position{why}.")
-    level = min(levels, key=("bad", "usable", "good", "note").index)
+    level = worst_level(checks)
     of = f"{found.count - once} points that two cameras or more saw" if once else f"{found.count} points"
     half, most = (f"{digits(value, 2)} mm" for value in (found.total.median_mm, found.total.most_mm))
     sentence = (
@@ -321,12 +320,12 @@ def _checks(found: Triangulation) -> "list[Finding]":
     """How many points have a position, how large residuals are, and what a check object says."""
     from calib.space.triangulate import ONE_CAMERA, REASONS
     from designer.base.words import figure as digits
-    from designer.page.blocks import Finding
+    from designer.page.blocks import Finding, level_of
 
     once, judged, check = found.seen_once, found.count - found.seen_once, found.lengths
     without = [f"{count} {why}" for why, count in found.without.items() if why != REASONS[ONE_CAMERA]]
     rows = [Finding(
-        _level(-found.placed / max(judged, 1), -GOOD_SHARE, -USABLE_SHARE), "Points with a position",
+        level_of(-found.placed / max(judged, 1), -GOOD_SHARE, -USABLE_SHARE), "Points with a position",
         "; ".join(without) or f"All {'that two cameras or more saw' if once else 'of them'}.",
         f"{found.placed} of {judged}", f"good from {100 * GOOD_SHARE:.0f} %",
     )]  # fmt: skip
@@ -338,7 +337,7 @@ def _checks(found: Triangulation) -> "list[Finding]":
         ))  # fmt: skip
     if math.isfinite(found.scale):
         rows.append(Finding(
-            _level(found.scale, GOOD_SCALE, USABLE_SCALE), "Residuals",
+            level_of(found.scale, GOOD_SCALE, USABLE_SCALE), "Residuals",
             "Against what the stated noise and the rig's covariance leave to be expected, of the usual point. Where "
             "they are larger, so are the errors of the points, by about as much.",
             f"{digits(found.scale, 2)} times", f"good up to {GOOD_SCALE:g}, usable up to {USABLE_SCALE:g}",
@@ -346,7 +345,7 @@ def _checks(found: Triangulation) -> "list[Finding]":
     if check is not None:
         percent, every = 100 * check.scale, "all pairs" if check.every == 1 else f"one of {check.every} pairs"
         rows += [Finding(
-            _level(check.ratio, GOOD_RATIO, USABLE_RATIO), "Known distances",
+            level_of(check.ratio, GOOD_RATIO, USABLE_RATIO), "Known distances",
             f"Errors of distances on {printable(check.object_name)} are {digits(check.rms_mm, 2)} mm, "
             f"{digits(check.expected_mm, 2)} mm is to be expected by the covariances; {100 * check.within_95:.0f} % "
             "lie within their 95 % limits.",
@@ -358,10 +357,6 @@ def _checks(found: Triangulation) -> "list[Finding]":
             "By how much the object itself is off, as it was printed, counts as the rig's error here.",
         )]  # fmt: skip
     return rows
-
-
-def _level(value: float, good: float, usable: float) -> "Level":
-    return "good" if value <= good else "usable" if value <= usable else "bad"
 
 
 def _lengths_table(bins: "tuple[LengthBin, ...]") -> "Table":

@@ -1,7 +1,7 @@
 """Small pictures of the photos in a folder, as many as a page can take, and how good a share of photos or rings is."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from calib.images.headers import DamagedError
 from calib.images.photo import read_preview
 from designer.base.words import cut, printable
-from designer.page.blocks import Finding, Findings, Gallery, Leaf, Level, Picture, Raster, is_linkable
+from designer.page.blocks import Finding, Findings, Gallery, Leaf, Level, Picture, Raster, is_linkable, level_of
 from designer.page.folders import size_bytes, title_of
 
 STANDS_OUT = 2.0
@@ -40,18 +40,12 @@ GOOD_SHARE, USABLE_SHARE = 0.95, 0.5
 could be read. From 95 % on, what is missing is what nobody can see to: a hair on a ring, a finger at the edge. Below a
 half, something is wrong with target file, light or focus, and what was found is no fair sample of the image."""
 SHARE_RULE = f"good from {100 * GOOD_SHARE:.0f} %, usable from {100 * USABLE_SHARE:.0f} %"
-_WORST_FIRST: tuple[Level, ...] = ("bad", "usable", "good")
 ENLARGES = "A click enlarges a picture; the link leads to it in full."
 
 
 def level_of_share(share: float) -> Level:
     """Of a share of what should have been found."""
-    return "good" if share >= GOOD_SHARE else "usable" if share >= USABLE_SHARE else "bad"
-
-
-def worst_level(rows: Iterable[Finding]) -> Level:
-    """Of checks."""
-    return min((row.level for row in rows), key=_WORST_FIRST.index)
+    return level_of(-share, -GOOD_SHARE, -USABLE_SHARE)
 
 
 @dataclass(frozen=True)

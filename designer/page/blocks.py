@@ -5,7 +5,7 @@ Reports build these; `designer.page.shell` alone turns them into HTML, and escap
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 from urllib.parse import quote
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 Level = Literal["good", "usable", "bad", "note"]
 """How a fact is to be taken: fine, with care, not at all; or neither."""
+WORDS: Mapping[Level, str] = {"good": "good", "usable": "usable", "bad": "do not use", "note": ""}
+"""Of a headline that says whether something may be used."""
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://|[A-Za-z]:")
 ENDLESS = 1e300
 """Stands for infinity where a table is sorted."""
@@ -73,6 +75,16 @@ class Finding:
     text: str
     measured: str = ""  # the value with its unit
     rule: str = ""  # the limit with its unit
+
+
+def level_of(value: float, good: float, usable: float) -> Level:
+    """Of what is the better the smaller it is."""
+    return "good" if value <= good else "usable" if value <= usable else "bad"
+
+
+def worst_level(rows: Iterable[Finding]) -> Level:
+    """Of checks."""
+    return min((row.level for row in rows), key=("bad", "usable", "good", "note").index)
 
 
 @dataclass(frozen=True)
