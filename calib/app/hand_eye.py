@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Annotated
 
-from calib.app.hand_eye_poses import hand_eye_poses
+from calib.app.hand_eye_poses import Euler, InHand, Inverted, PoseUnit, hand_eye_poses
 from calib.app.options import Fix, FreeBend, Limits, Made, Minimise, Model, PhotoJobs, Points
 from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, settings_of
 from designer.base.errors import InputError
@@ -51,10 +51,10 @@ def hand_eye(
     table: Table = None,
     points: Points = None,
     diameter_mm: float | None = None,
-    target_in_hand: Annotated[bool, option("the robot holds the target; the camera stands beside it")] = False,
-    inverted: Annotated[bool, option("the robot's file holds flange_from_base")] = False,
-    unit: Annotated[str | None, option("of columns that do not name it: mm, m, deg, rad, or m,deg")] = None,
-    euler: Annotated[str | None, option("convention of Euler angles: xyz-extrinsic, kuka, fanuc")] = None,
+    target_in_hand: InHand = False,
+    inverted: Inverted = False,
+    unit: PoseUnit = None,
+    euler: Euler = None,
     camera: Lens = None,
     refine: Refine = False,
     model: Model = "all",
@@ -130,10 +130,7 @@ def wishes_of_one(
     if refine and camera is None:
         raise InputError("--refine: there is no lens to solve on from; give --camera, or leave it out")
     given = {} if camera is None else {ALONE: camera_of(camera)}
-    plan = plan_from_words(
-        ALL, fix=(), share=(), focal_px=None, loss="squares", reject=None, weighted=True, minimise=minimise
-    )
-    wishes = wishes_of(model, given, refine, fix, plan.options)
+    wishes = wishes_of(model, given, refine, fix, plan_from_words(ALL, minimise=minimise).options)
     require_wishes(wishes, (ALONE,))
     return wishes
 

@@ -28,6 +28,10 @@ MEANING = (
     "wrong in all poses alike, such as the robot's own geometry, the target's size or the lens, is not in them: photos "
     "instead of poses tell more."
 )
+InHand = Annotated[bool, option("the robot holds the target; the camera stands beside it")]
+Inverted = Annotated[bool, option("the robot's file holds flange_from_base")]
+PoseUnit = Annotated[str | None, option("of columns that do not name it: mm, m, deg, rad, or m,deg")]
+Euler = Annotated[str | None, option("convention of Euler angles: xyz-extrinsic, kuka, fanuc")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +113,11 @@ def hand_eye_poses(
         "RobotPoses | Array | Place", option("base_from_flange of each pose, or of a stream with times", flag="--poses")
     ],
     covariances: "Array | None" = None,
-    target_in_hand: Annotated[bool, option("the robot holds the target; the camera stands beside it")] = False,
-    inverted: Annotated[bool, option("the robot's file holds flange_from_base")] = False,
+    target_in_hand: InHand = False,
+    inverted: Inverted = False,
     target_inverted: Annotated[bool, option("the camera's file holds target_from_cam, as odometry does")] = False,
-    unit: Annotated[str | None, option("of columns that do not name it: mm, m, deg, rad, or m,deg")] = None,
-    euler: Annotated[str | None, option("convention of Euler angles: xyz-extrinsic, kuka, fanuc")] = None,
+    unit: PoseUnit = None,
+    euler: Euler = None,
     free_scale: Annotated[bool, option("the camera's lengths are in no known unit: solve their scale")] = False,
     odometry: Annotated[
         bool | None,

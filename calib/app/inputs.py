@@ -8,6 +8,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+from calib.app.options import MOST_JOBS
 from calib.cameras.formats import FORMATS, OWN
 from calib.cameras.formats.rigs import OWN_RIG, RIG_FORMATS
 from calib.core.types import Detections, Observations, RigObservations
@@ -27,9 +28,6 @@ if TYPE_CHECKING:
     from designer.target import Needs, TargetGeometry
 
 Place: TypeAlias = str | PathLike[str]
-MAX_SEED, MOST_JOBS = 2**63 - 1, 1024
-DISTANCES_MM = (1.0, 10_000.0)
-"""From which targets are photographed."""
 Observed: TypeAlias = Observations | Place | Iterable[Detections]
 """What a camera is solved from: observations, a file of them, or what was found in photos."""
 

@@ -250,9 +250,7 @@ def _plan(
     """
     from calib.solver.plan import ALL, plan_from_words
 
-    plan = plan_from_words(
-        model or ALL, fix=fix, share=share, focal_px=None, loss="squares", reject=reject, weighted=weighted
-    )
+    plan = plan_from_words(model or ALL, fix=fix, share=share, reject=reject, weighted=weighted)
     if model not in (None, *fitted_models()):
         raise InputError(
             f"--model {model}: its map is learned from the target's own rings, so it cannot measure them; measure with "

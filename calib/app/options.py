@@ -149,7 +149,8 @@ MadeWithSkew = Annotated[
 ]
 MOST_VIEWS = 100_000
 MOST_DISTANCE_MM = 10_000.0
-Seed = Annotated[int, option("of all that is random", 0, 2**63 - 1)]
+MAX_SEED = 2**63 - 1
+Seed = Annotated[int, option("of all that is random", 0, MAX_SEED)]
 Jobs = Annotated[int | None, option("processes (default: one per core)", 1, MOST_JOBS)]
 Dask = Annotated[str | None, option("have the samples computed by the Dask cluster of this scheduler: tcp://host:8786")]
 Resume = Annotated[bool, option("go on with the study in the folder")]

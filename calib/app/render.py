@@ -4,7 +4,16 @@ import math
 from os import PathLike, fspath
 from typing import TYPE_CHECKING, Annotated
 
-from calib.app.options import MOST_DISTANCE_MM, MOST_VIEWS, CameraTemplate, Jobs, RigTemplate, Seed, TargetFile
+from calib.app.options import (
+    MAX_SEED,
+    MOST_DISTANCE_MM,
+    MOST_VIEWS,
+    CameraTemplate,
+    Jobs,
+    RigTemplate,
+    Seed,
+    TargetFile,
+)
 from calib.app.rendered_photos import RenderedPhotos, RenderedRig
 from calib.renderer.options import FileFormat, Region, RenderOptions
 from designer.base.errors import InputError
@@ -64,7 +73,7 @@ def render_rig(
     """
     import numpy as np
 
-    from calib.app.inputs import MAX_SEED, target_of
+    from calib.app.inputs import target_of
     from calib.renderer.held_target import held_frames
     from calib.renderer.job import RenderJob
     from calib.renderer.rig_template import held_before, simulated_rig

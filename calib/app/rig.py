@@ -111,9 +111,7 @@ def rig(
     from calib.observe.rig_search import rig_input
     from calib.solver.plan import ALL, plan_from_words
 
-    plan = plan_from_words(
-        ALL, fix=(), share=(), focal_px=None, loss=loss, reject=reject_sigma, weighted=weighted, minimise=minimise
-    )
+    plan = plan_from_words(ALL, loss=loss, reject=reject_sigma, weighted=weighted, minimise=minimise)
     limits = criteria_of(criteria)
     lenses = {name: camera_of(one) for name, one in _of_each("--camera", cameras, "left=left/camera.json").items()}
     is_all = isinstance(refine, Collection) and tuple(refine) == (ALL,)

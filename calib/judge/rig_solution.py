@@ -55,9 +55,7 @@ class CameraWishes:
             text for owner, text in map(_split, self.fix) if owner == name or (not owner and _parameter(text) in known)
         ]
         one = self.options
-        return plan_from_words(
-            model, fix=fix, share=(), focal_px=None, loss=one.loss, reject=one.reject_sigma, weighted=one.weighted
-        )
+        return plan_from_words(model, fix=fix, loss=one.loss, reject=one.reject_sigma, weighted=one.weighted)
 
     def _model_of(self, name: str) -> str:
         return self.model if isinstance(self.model, str) else self.model.get(name, ALL)
@@ -119,7 +117,7 @@ def require_wishes(wishes: CameraWishes, names: Sequence[str]) -> None:
     for owner, text in map(_split, wishes.fix):
         if not owner and _parameter(text) not in used:
             model = next((plan.models[0] for plan in plans), COMMON)
-            plan_from_words(model, fix=[text], share=(), focal_px=None, loss="squares", reject=None, weighted=True)
+            plan_from_words(model, fix=[text])
         if owner and not wishes.is_refined(owner):
             raise InputError(
                 f"--fix {shown(text)}: camera {shown(owner)} is kept as it was given; --refine {owner} too"

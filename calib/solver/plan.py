@@ -181,12 +181,12 @@ class SolvePlan:
 def plan_from_words(
     model: str,
     *,
-    fix: Sequence[str],
-    share: Sequence[str],
-    focal_px: float | None,
-    loss: str,
-    reject: float | None,
-    weighted: bool,
+    fix: Sequence[str] = (),
+    share: Sequence[str] = (),
+    focal_px: float | None = None,
+    loss: str = "squares",
+    reject: float | None = None,
+    weighted: bool = True,
     minimise: str = IMAGE,
     free_bend: bool = False,
 ) -> SolvePlan:
