@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Annotated
 
-from calib.app.hand_eye_poses import Euler, InHand, Inverted, PoseUnit, hand_eye_poses
+from calib.app.hand_eye_poses import Euler, Inverted, PoseUnit, TargetInHand, hand_eye_poses
 from calib.app.options import Fix, FreeBend, Limits, Made, Minimise, Model, PhotoJobs, Points
 from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, settings_of
 from designer.base.errors import InputError
@@ -51,7 +51,7 @@ def hand_eye(
     table: Table = None,
     points: Points = None,
     diameter_mm: float | None = None,
-    target_in_hand: InHand = False,
+    target_in_hand: TargetInHand = False,
     inverted: Inverted = False,
     unit: PoseUnit = None,
     euler: Euler = None,

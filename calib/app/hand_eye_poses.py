@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from designer.base.answer import program
 from designer.base.errors import InputError
@@ -15,7 +15,7 @@ from designer.page.result import Result
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.observe.robot_poses import RobotPoses
-    from calib.rigs.pose_pairs import InHand, PairsSolution
+    from calib.rigs.pose_pairs import PairsSolution
     from designer.base.arrays import Array
     from designer.page.blocks import Headline, Page
 
@@ -28,7 +28,7 @@ MEANING = (
     "wrong in all poses alike, such as the robot's own geometry, the target's size or the lens, is not in them: photos "
     "instead of poses tell more."
 )
-InHand = Annotated[bool, option("the robot holds the target; the camera stands beside it")]
+TargetInHand = Annotated[bool, option("the robot holds the target; the camera stands beside it")]
 Inverted = Annotated[bool, option("the robot's file holds flange_from_base")]
 PoseUnit = Annotated[str | None, option("of columns that do not name it: mm, m, deg, rad, or m,deg")]
 Euler = Annotated[str | None, option("convention of Euler angles: xyz-extrinsic, kuka, fanuc")]
@@ -113,7 +113,7 @@ def hand_eye_poses(
         "RobotPoses | Array | Place", option("base_from_flange of each pose, or of a stream with times", flag="--poses")
     ],
     covariances: "Array | None" = None,
-    target_in_hand: InHand = False,
+    target_in_hand: TargetInHand = False,
     inverted: Inverted = False,
     target_inverted: Annotated[bool, option("the camera's file holds target_from_cam, as odometry does")] = False,
     unit: PoseUnit = None,
@@ -155,7 +155,7 @@ def hand_eye_poses(
     seen = _poses(target_poses, "--target-poses", unit, euler, is_inverted=target_inverted)
     told = robot.base_from_flange if target_in_hand else invert(robot.base_from_flange)
     given = seen.covariance if covariances is None else _covariances(covariances, len(seen.images))
-    hand: InHand = "target" if target_in_hand else "camera"
+    hand: Literal["camera", "target"] = "target" if target_in_hand else "camera"
     remark, cam_time_s, robot_time_s = "", seen.time_s, robot.time_s
     if cam_time_s is None or robot_time_s is None or np.array_equal(cam_time_s, robot_time_s):
         rows, of_robot, remark = _paired(seen, robot)
