@@ -239,7 +239,7 @@ def shared_by_photos(views: Iterable[PosedSightings], stated: Array) -> tuple[fl
         left = flat - across @ (across.T @ flat)
         blocks.append(left.T @ left)
         equations += 2 * len(view.point) - POSE
-    if len(blocks) < LEAST_PHOTOS or equations <= 0:
+    if len(blocks) < LEAST_PHOTOS or equations <= 0 or not (np.diagonal(stated) > 0).all():
         return None
     block = np.stack(blocks)  # (V, Q + 1, Q + 1)
     whole = block.sum(axis=0)
@@ -257,8 +257,13 @@ def shared_by_photos(views: Iterable[PosedSightings], stated: Array) -> tuple[fl
     value, axis = np.linalg.eigh(np.eye(len(root)) - told)
     raised = np.einsum("vpk,vk,vk->vp", axis, 1 / np.maximum(value, LEAST_ALONE), np.einsum("vqk,vq->vk", axis, score))
     clustered = variance * root @ (raised.T @ raised) @ root.T
-    value, axis = np.linalg.eigh(stated)
-    root, inverse_root = axis * np.sqrt(value), axis / np.sqrt(value)
+    # In units of standard deviations, so that directions of other sizes are no rounding of each other.
+    sigma = np.sqrt(np.diagonal(stated))
+    value, axis = np.linalg.eigh(stated / np.outer(sigma, sigma))
+    if not value[-1] > 0:
+        return None
+    value = np.maximum(value, SINGULAR * value[-1])
+    root, inverse_root = sigma[:, None] * axis * np.sqrt(value), axis / (sigma[:, None] * np.sqrt(value))
     value, axis = np.linalg.eigh(inverse_root.T @ clustered @ inverse_root)
     times = math.sqrt(float(np.maximum(np.linalg.eigvalsh(clustered), 1.0).mean()))
     return times, root @ axis * np.sqrt(np.maximum(value - 1, 0.0))

@@ -7,7 +7,8 @@ import pytest
 
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration
-from calib.solver.image_field import with_photo_error
+from calib.solver.free_shape import PosedSightings
+from calib.solver.image_field import shared_by_photos, with_photo_error
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from tests.support.solver_scenes import CAMERAS, board, observe, poses_around
@@ -65,3 +66,19 @@ def test_few_photos_and_exact_ones_tell_nothing() -> None:
     rng = np.random.default_rng(0)
     exact = observe(TRUE, BOARD, poses_around(8, rng), rng)
     assert with_photo_error(solve(exact, "opencv", SolveOptions())).photo_error is None
+
+
+def test_a_direction_that_rounding_leaves_nothing_of_stops_nothing() -> None:
+    """A stated covariance of directions that are a rounding of others, or lost sign by it, gives numbers all the same."""
+    rng = np.random.default_rng(5)
+    views = []
+    for _ in range(12):
+        by_camera = rng.normal(size=(30, 2, 3))
+        shared = by_camera @ rng.normal(size=(3, 1)) + 0.1 * rng.normal(size=(30, 2, 1))
+        views.append(
+            PosedSightings(np.arange(30), by_camera, shared, rng.normal(size=(30, 2, 6)), np.zeros((30, 2, 3)))
+        )
+    alike = np.array([[1.0, 1.0, 0.0], [1.0, 1.0 - 1e-12, 0.0], [0.0, 0.0, 1e-30]]) * 1e-3
+    found = shared_by_photos(views, alike)
+    assert found is not None
+    assert np.isfinite(found[1]).all()
