@@ -154,7 +154,8 @@ class _Command(TyperCommand):
         given, _, order = self.make_parser(ctx).parse_args(list(args))
         parameters = inspect.signature(cast("Callable[..., Summary]", self.callback)).parameters
         for one in self.params:
-            takes_one = one.param_type_name == "option" and not getattr(one, "multiple", False)
+            is_several = getattr(one, "multiple", False) or getattr(one, "is_flag", False)
+            takes_one = one.param_type_name == "option" and not is_several
             if takes_one and (times := order.count(one)) > 1:
                 raise InputError(
                     f"{one.opts[0]}: given {times} times, and takes one; leave out all but that which is meant"

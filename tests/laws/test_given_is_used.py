@@ -14,7 +14,7 @@ from calib.cli import LINES, app, place_of
 from designer.base.options import Parameter, parameters_of
 from designer.cli import app as design_app
 from tests.laws.test_exit_codes import BOOTSTRAP, CALIB, DESIGN, commands_of
-from tests.support.command_line import Answer, calib, design
+from tests.support.command_line import Answer, calib, design, instead
 
 NONSENSE = "no/such"
 ROBOT = "image,x_mm,y_mm,z_mm,qx,qy,qz,qw\n" + "".join(f"view_{n:04d}.png,{n},{n},0,0,0,0,1\n" for n in range(8))
@@ -58,12 +58,8 @@ def run(name: str, *more: str) -> Answer:
     words = tuple(name.removeprefix("design ").split())
     program, cases = (design, DESIGN) if name in STUDIED else (calib, CALIB)
     usual = (case.words for case in cases if case.words[: len(words)] == words and case.code == 0)
-    line = list(OF_COMMAND[name] if name in OF_COMMAND else next(usual))
-    for option in {one for one in more if one.startswith("-")} & {*line}:
-        place = line.index(option)
-        takes_word = place + 1 < len(line) and not line[place + 1].startswith("-")
-        del line[place : place + 1 + takes_word]
-    return program(*line, *more)
+    line = OF_COMMAND[name] if name in OF_COMMAND else next(usual)
+    return program(*instead(line, more))
 
 
 def _cases() -> list[tuple[str, str]]:

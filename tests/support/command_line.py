@@ -5,7 +5,7 @@ import csv
 import io
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -41,6 +41,16 @@ class Answer:
     code: int
     out: str
     err: str
+
+
+def instead(line: Iterable[object], more: Iterable[object]) -> list[object]:
+    """A line with more words, whose options stand in the place of its own."""
+    words, added = list(line), list(more)
+    for option in (one for one in added if isinstance(one, str) and one.startswith("-") and one in words):
+        place = words.index(option)
+        takes_word = place + 1 < len(words) and not str(words[place + 1]).startswith("-")
+        del words[place : place + 1 + takes_word]
+    return [*words, *added]
 
 
 def calib(*arguments: object) -> Answer:

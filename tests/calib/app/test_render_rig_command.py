@@ -17,6 +17,7 @@ from calib.renderer.truth import RIG_TRUTH, TRUTH
 from designer.base.errors import InputError
 from designer.kinds.layout import lay_out
 from designer.target import target_to_json
+from tests.support.command_line import instead
 from tests.support.designs import small_board
 
 SMALL = Camera("pinhole", np.array([150.0, 150, 79.5, 59.5]), (160, 120))
@@ -35,7 +36,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def render(*words: str) -> None:
     """`calib render` of three frames into `out`."""
     usual = ["render", "board.target.json", "-o", "out", "--frames", "3", "--jobs", "1"]
-    app()([*usual, *words], standalone_mode=False)
+    app()(list(map(str, instead(usual, words))), standalone_mode=False)
 
 
 def test_each_camera_has_a_folder_and_the_truth_joins_them(folder: Path) -> None:

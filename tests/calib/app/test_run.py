@@ -22,7 +22,7 @@ from calib.renderer.options import RenderOptions
 from calib.renderer.view import render_view
 from designer.target import TargetGeometry, target_to_json
 from tests.support.calibrations import board, camera, poses_around
-from tests.support.command_line import JUDGED, LENIENT, PICTURE, calib, detector_of, files_in, refused
+from tests.support.command_line import JUDGED, LENIENT, PICTURE, calib, detector_of, files_in, instead, refused
 from tests.support.run_folders import BLANK, PANEL
 from tests.support.sightings import sighting
 
@@ -195,7 +195,8 @@ def test_one_photo_alone_may_not_determine_a_camera(
     straight[2, 3] = 150
     _, seen = sighting(BOARD, flat, straight, np.random.default_rng(0), name="view_0000.png")
     monkeypatch.setitem(seen_in_photos(), "view_0000.png", seen)
-    answer = calib(*quick("photos/view_0000.png", "--model", "pinhole", "--fix", "cx_px=320", "--fix", "cy_px=240"))
+    words = ("--model", "pinhole", "--fix", "cx_px=320", "--fix", "cy_px=240")
+    answer = calib(*instead(quick("photos/view_0000.png"), words))
     assert answer.code == 1
     assert "focal length" in answer.out
     assert answer.out.startswith("do not use: ")

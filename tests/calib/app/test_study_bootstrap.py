@@ -16,7 +16,7 @@ from calib.solver.problem import pack
 from calib.studies.gradients import gradients_of
 from calib.studies.statistics import METRICS, TARGETS
 from designer.base.errors import InputError
-from tests.support.command_line import calib, detections_of, files_in
+from tests.support.command_line import calib, detections_of, files_in, instead
 from tests.support.study_commands import (
     BOARD,
     COLUMN,
@@ -194,7 +194,7 @@ def test_a_target_may_be_called_anything(name: str, monkeypatch: pytest.MonkeyPa
         monkeypatch.setattr("calib.draw.style.sheet_files", nothing_drawn)
     Path("board.target.json").rename(name)
     options = ("--target", name, "--sizes", "20", "--samples", "3", "--jobs", "1", "-o", "out")
-    answer = calib(*TAKEN, *options)
+    answer = calib(*instead(TAKEN, options))
     assert (answer.code, answer.err) == (0, ""), answer
     assert not {line["target"] for line in table_lines()} & {*TARGETS, ""}
     assert {line["paper_mu"] for line in table_lines()} == {""}

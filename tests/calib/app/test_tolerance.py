@@ -12,7 +12,7 @@ import pytest
 from calib.app.tolerance import tolerance as tolerance_from_python
 from calib.studies.tolerance.quantities import MAIN
 from designer.target import target_to_json
-from tests.support.command_line import Answer, files_in
+from tests.support.command_line import Answer, files_in, instead
 from tests.support.command_line import design as program
 from tests.support.perturbed_targets import board, ico
 from tests.support.study_commands import nothing_drawn
@@ -163,7 +163,7 @@ def test_a_measured_target_is_told(folder: Path) -> None:
 def test_bad_input_ends_in_one_line(options: Sequence[str], parts: Sequence[str], folder: Path) -> None:
     """What breaks a rule ends in one line with value, rule and remedy, exit code 2, and nothing written."""
     before = files_in(folder)
-    answer = design("ico.target.json", *DRAWN, "-o", "out", *options)
+    answer = design(*instead(("ico.target.json", *DRAWN, "-o", "out"), options))
     assert answer.code == 2, answer
     assert answer.err.startswith("error: ")
     assert answer.err.count("\n") == 1

@@ -69,7 +69,7 @@ def test_few_photos_and_exact_ones_tell_nothing() -> None:
 
 
 def test_a_direction_that_rounding_leaves_nothing_of_stops_nothing() -> None:
-    """A stated covariance of directions that are a rounding of others, or lost sign by it, gives numbers all the same."""
+    """A stated covariance of directions that are a rounding of others gives numbers all the same."""
     rng = np.random.default_rng(5)
     views = []
     for _ in range(12):

@@ -21,7 +21,7 @@ from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from tests.support.calibrations import board, camera
-from tests.support.command_line import calib, detections_of, refused, write_inputs
+from tests.support.command_line import calib, detections_of, instead, refused, write_inputs
 from tests.support.study_commands import (
     BOARD,
     SEEN,
@@ -247,7 +247,7 @@ def test_a_target_of_another_name_is_another_study() -> None:
     bootstrap(samples=3)
     Path("board.target.json").rename("plate.target.json")
     options = ("--target", "plate.target.json", "--sizes", "6", "--samples", "3", "--resume", "-o", "out")
-    assert "plate" in refused(*TAKEN, *options)
+    assert "plate" in refused(*instead(TAKEN, options))
     assert len(rows_of()) == 3
 
 
