@@ -90,9 +90,15 @@ def whole_image(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     return pixel, rays(camera, pixel)
 
 
+@cache
+def has_mrcal() -> bool:
+    """Whether Debian's mrcal is there, which lives in a Python of its own."""
+    return Path(SYSTEM_PYTHON).exists() and not run(SYSTEM_PYTHON, "-c", "import mrcal", check=False).returncode
+
+
 def ask_mrcal(code: str, question: object, folder: Path) -> object:
-    """The answer of Debian's mrcal, which lives in a Python of its own: `code` sets `answer` from `question`."""
-    if not Path(SYSTEM_PYTHON).exists() or run(SYSTEM_PYTHON, "-c", "import mrcal", check=False).returncode:
+    """The answer of mrcal: `code` sets `answer` from `question`."""
+    if not has_mrcal():
         pytest.skip("mrcal is missing: install the Debian packages mrcal and python3-mrcal")
     (folder / "question.json").write_text(json.dumps(question))
     program = (

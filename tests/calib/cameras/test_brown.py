@@ -104,3 +104,30 @@ def test_where_it_is_sure_the_polynomial_is_one_to_one() -> None:
                 + 2 * (np.outer(p, z) + np.outer(z, p) + p @ z * np.eye(2))
             )
             assert np.linalg.eigvalsh(jacobian)[0] >= 1 / 8 - 1e-9
+
+
+def radial_lens(rng: np.random.Generator, tangential: float) -> Array:
+    """From weak to wild, some of the coefficients zero."""
+    k1, k2, k3 = rng.standard_normal(3) * 10.0 ** rng.uniform(-3, 1, 3) * rng.integers(0, 2, 3)
+    return np.array([k1, k2, *(tangential * rng.standard_normal(2)), k3])
+
+
+def test_the_fold_is_the_first_root_of_the_slope() -> None:
+    """`fold_radius` is the smallest positive root of the radial part's slope, or infinity, as numpy.roots has it."""
+    rng = np.random.default_rng(0)
+    for _ in range(500):
+        k1, k2, _, _, k3 = coefficients = radial_lens(rng, 0.0)
+        roots = np.roots(np.array([7 * k3, 5 * k2, 3 * k1, 1.0]))
+        real = roots[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (roots.real > 0)].real
+        assert fold_radius(coefficients) == pytest.approx(np.sqrt(real.min(initial=np.inf)), rel=1e-6)
+
+
+def test_every_point_short_of_the_fold_is_found_again() -> None:
+    """`undistort(distort(p))` is p wherever the polynomial grows, however strong the lens."""
+    rng = np.random.default_rng(1)
+    for _ in range(1000):
+        coefficients, turn = radial_lens(rng, 1e-4), rng.uniform(0, 2 * np.pi)
+        fold = fold_radius(coefficients)
+        point = rng.uniform(0, 0.9) * min(fold, 3.0) * np.array([np.cos(turn), np.sin(turn)])
+        found = undistort(coefficients, fold, *distort(coefficients, fold, point[0], point[1]))
+        assert np.abs(found - point).max() < 1e-9 * (1 + np.linalg.norm(point)), coefficients

@@ -128,7 +128,7 @@ def test_what_one_camera_does_not_know_is_left_out() -> None:
         camera_difference(A, B, radius_px=1.0)
 
 
-@pytest.mark.parametrize("b", [B, A, Camera("opencv", np.array([900.0, 905, 510, 390, -0.6, 0, 0, 0, 0]), SIZE)])
+@pytest.mark.parametrize("b", [A, Camera("opencv", np.array([900.0, 905, 510, 390, -0.6, 0, 0, 0, 0]), SIZE)])
 def test_the_picture_can_be_drawn(b: Camera, tmp_path: Path) -> None:
     """The map is a picture in colours, of equal cameras and of half-known ones too."""
     (tmp_path / "d.png").write_bytes(difference_picture(camera_difference(A, b, radius_px=200), "a to b", "note"))

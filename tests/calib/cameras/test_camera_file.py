@@ -1,4 +1,4 @@
-"""The learned map and the parameters' bounds in camera files."""
+"""Camera files: the learned map, the parameters' bounds, and what is no camera."""
 
 import json
 import re
@@ -10,6 +10,8 @@ import pytest
 from calib.cameras.camera import Camera, camera_from_mapping, camera_to_json, load_camera
 from designer.base.errors import InputError
 from tests.support.virtual_scenes import virtual_camera, wavy_map
+
+LENS = Camera("opencv", np.array([900.0, 900, 500, 380, -0.1, 0.02, 0, 0, 0]), (1000, 800))
 
 
 @pytest.fixture(scope="module")
@@ -93,9 +95,31 @@ def test_map_and_model_belong_together(camera: Camera) -> None:
 )
 def test_absurd_parameters_are_refused(name: str, value: float, rule: str) -> None:
     """Numbers that overflow in the first product are no camera's; the line is short."""
-    lens = Camera("opencv", np.array([900.0, 900, 500, 380, -0.1, 0.02, 0, 0, 0]), (1000, 800))
-    document = json.loads(camera_to_json(lens))
+    document = json.loads(camera_to_json(LENS))
     document["parameters"][name] = value
     with pytest.raises(InputError, match=re.escape(f"cam.json: {name} {value:g}: {rule}")) as caught:
         camera_from_mapping(document, "cam.json")
     assert len(str(caught.value)) < 120
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"model": "opencw"}, "unknown camera model 'opencw'; did you mean 'opencv'?"),
+        ({"image_size": [100001, 5]}, "must be 100000 or less"),
+        ({"parameters": {"fx_px": 1.0, "fy_px": 1.0, "cx_px": 0.0}}, "parameter cy_px is missing"),
+        ({"parameters": {"fx_px": 1.0, "fy_px": 1.0, "cx_px": 0.0, "cy_px": 0.0}}, "parameter k1 is missing"),
+        (
+            {"model": "pinhole", "parameters": {"fx_px": 0.0, "fy_px": 1.0, "cx_px": 0.0, "cy_px": 0.0}},
+            "fx_px 0: a focal",
+        ),
+        ({"parameters": {"cxpx": 1.0}}, "unknown parameter 'cxpx' of model 'opencv'; did you mean 'cx_px'?"),
+    ],
+)
+def test_bad_camera_files_end_in_one_line(change: dict[str, object], message: str) -> None:
+    """What is wrong with a camera file is said in one line that names file, value and rule."""
+    document = {**json.loads(camera_to_json(LENS)), **change}
+    with pytest.raises(InputError, match=r"^cam\.json: .") as caught:
+        camera_from_mapping(document, "cam.json")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)

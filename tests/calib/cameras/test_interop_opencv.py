@@ -15,8 +15,7 @@ from calib.cameras.formats import FORMATS
 from calib.cameras.formats.reading import open_camera
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE, lens_camera, text_of, whole_image, written
-from tests.support.foreign_projections import opencv_projection
-from tests.support.published_lenses import published
+from tests.support.foreign_projections import opencv_projection, published
 
 CALIBRATION_OUTPUT = """%YAML:1.0
 ---

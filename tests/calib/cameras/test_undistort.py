@@ -47,35 +47,6 @@ def matrix(camera: Camera) -> Array:
     return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
 
 
-@pytest.mark.parametrize("name", ["barrel", "cushion"])
-@pytest.mark.parametrize("alpha", [None, 0.0, 0.7])
-def test_the_map_is_that_of_opencv(name: str, alpha: float | None) -> None:
-    """For OpenCV's model the places in the photo are those of initUndistortRectifyMap, to its single precision."""
-    camera = LENSES[name]
-    pinhole = pinhole_of(camera, alpha=alpha)
-    u, v = cv2.initUndistortRectifyMap(
-        matrix(camera), camera.params[4:], None, matrix(pinhole), SIZE, cv2.CV_32FC1  # type: ignore[call-overload]
-    )  # fmt: skip
-    place = source_places(camera, pinhole, 0, SIZE[1])
-    assert np.abs(place - np.stack([u, v], axis=-1)).max() < 1e-4
-    assert np.array_equal(source_places(camera, pinhole, 60, 90), place[60:90])
-
-
-@pytest.mark.parametrize("name", ["barrel", "cushion"])
-@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
-def test_the_picture_is_that_of_opencv(name: str, kind: type[np.generic]) -> None:
-    """A smooth picture is the same as cv2.undistort makes it, within what its rounding of places to 1/32 px does."""
-    camera, picture = LENSES[name], smooth(1, 3, kind)
-    ours = undistort(picture, camera, pinhole_of(camera))
-    theirs = cv2.undistort(picture, matrix(camera), camera.params[4:])
-    slope = np.abs(np.diff(picture.astype(float), axis=1)).max()
-    inside = cv2.erode((theirs.min(axis=2) > 0).astype(np.uint8), np.ones((5, 5))).astype(bool)
-    difference = np.abs(ours.pixels.astype(float) - theirs)[inside]
-    assert ours.pixels.dtype == picture.dtype
-    assert difference.max() < 0.06 * slope + 1
-    assert ours.share_filled > 0.7
-
-
 @lenses
 def test_a_pixel_shows_what_its_ray_meets(lens: Camera) -> None:
     """Light of one direction falls on a pixel of the photo and on one of the pinhole's, whatever the model."""
@@ -170,20 +141,38 @@ each_wide = pytest.mark.parametrize("lens", WIDE.values(), ids=WIDE.keys())
 each_picture = pytest.mark.parametrize("to", pictures())
 
 
-@pytest.mark.parametrize("alpha", [None, 0.0])
-def test_a_fisheye_is_undistorted_as_opencv_does(alpha: float | None) -> None:
-    """The places in the photo, and a smooth picture, are those of cv2.fisheye."""
-    lens, picture = WIDE["fisheye"], smooth(1, 3, np.uint8)
-    pinhole = pinhole_of(lens, alpha=alpha)
-    u, v = cv2.fisheye.initUndistortRectifyMap(
-        matrix(lens), lens.params[4:], np.eye(3), matrix(pinhole), SIZE, cv2.CV_32FC1
-    )
-    assert np.abs(source_places(lens, pinhole, 0, SIZE[1]) - np.stack([u, v], axis=-1)).max() < 1e-4
-    theirs = cv2.fisheye.undistortImage(picture, matrix(lens), lens.params[4:], None, matrix(pinhole), SIZE)
-    ours = undistort(picture, lens, pinhole).pixels
-    inside = (slice(3, -3), slice(3, -3))
+OF_OPENCV = {"barrel": LENSES["barrel"], "cushion": LENSES["cushion"], "fisheye": WIDE["fisheye"]}
+each_of_opencv = pytest.mark.parametrize("camera", OF_OPENCV.values(), ids=OF_OPENCV.keys())
+
+
+@each_of_opencv
+@pytest.mark.parametrize("alpha", [None, 0.0, 0.7])
+def test_the_map_is_that_of_opencv(camera: Camera, alpha: float | None) -> None:
+    """For OpenCV's models the places in the photo are those of initUndistortRectifyMap, to its single precision."""
+    if camera.model == "fisheye" and alpha:
+        return  # it sees too much for that
+    pinhole = pinhole_of(camera, alpha=alpha)
+    maps = cv2.fisheye.initUndistortRectifyMap if camera.model == "fisheye" else cv2.initUndistortRectifyMap
+    u, v = maps(matrix(camera), camera.params[4:], np.eye(3), matrix(pinhole), SIZE, cv2.CV_32FC1)
+    place = source_places(camera, pinhole, 0, SIZE[1])
+    assert np.abs(place - np.stack([u, v], axis=-1)).max() < 1e-4
+    assert np.array_equal(source_places(camera, pinhole, 60, 90), place[60:90])
+
+
+@each_of_opencv
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_the_picture_is_that_of_opencv(camera: Camera, kind: type[np.generic]) -> None:
+    """A smooth picture is the same as OpenCV makes it, within what its rounding of places to 1/32 px does."""
+    picture, pinhole = smooth(1, 3, kind), pinhole_of(camera)
+    ours = undistort(picture, camera, pinhole)
+    k, d, new = matrix(camera), camera.params[4:], matrix(pinhole)
+    is_fisheye = camera.model == "fisheye"
+    theirs = cv2.fisheye.undistortImage(picture, k, d, None, new, SIZE) if is_fisheye else cv2.undistort(picture, k, d)
     slope = np.abs(np.diff(picture.astype(float), axis=1)).max()
-    assert np.abs(ours.astype(float) - theirs)[inside].max() < 0.06 * slope + 1
+    inside = cv2.erode((theirs.min(axis=2) > 0).astype(np.uint8), np.ones((5, 5))).astype(bool)
+    assert ours.pixels.dtype == picture.dtype
+    assert np.abs(ours.pixels.astype(float) - theirs)[inside].max() < 0.06 * slope + 1
+    assert ours.share_filled > 0.7
 
 
 @each_picture
