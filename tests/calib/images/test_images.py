@@ -1,6 +1,7 @@
 """Reading photos: the pixels of the sensor, or one line that says why not."""
 
 import io
+import math
 import os
 import stat
 import struct
@@ -13,8 +14,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
+from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
-from calib.images.headers import MAX_PAGES, MAX_SCANS, read_header
+from calib.images.headers import MAX_PAGES, MAX_SCANS, exif_focal_px, read_header
 from calib.images.photo import MAX_PIXELS, Photo, read_image, read_preview
 from designer.base.errors import InputError
 
@@ -301,7 +303,7 @@ def test_what_is_no_file_is_refused_and_never_waited_for(tmp_path: Path) -> None
 
 
 @given(data=st.data())
-@settings(max_examples=400, deadline=2000, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, deadline=2000, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damaged_bytes_end_in_pixels_or_one_line(data: st.DataObject, tmp_path: Path) -> None:
     """Cuts and changed bytes of any small file give a photo or a refusal; never a crash, never a hang."""
     files = [*WHOLE.values(), *(content for content, _ in EXACT.values()), encoded(Image.fromarray(COLOUR), "JPEG",
@@ -316,3 +318,50 @@ def test_damaged_bytes_end_in_pixels_or_one_line(data: st.DataObject, tmp_path: 
         return
     assert photo.pixels.ndim == 2
     assert photo.pixels.dtype in (np.uint8, np.uint16)
+
+
+MAKE, EXIF_IFD, FOCAL_LENGTH_IN_35_MM = 0x10F, 0x8769, 0xA405
+
+
+def with_length(path: Path, length: object, size: tuple[int, int] = (600, 400)) -> Path:
+    """A photo whose tag holds something."""
+    if path.suffix == ".tif":
+        directory = ImageFileDirectory_v2()
+        directory[EXIF_IFD] = {FOCAL_LENGTH_IN_35_MM: length}
+        Image.new("L", size).save(path, tiffinfo=directory)
+        return path
+    exif = Image.Exif()
+    exif[MAKE] = "maker"  # Pillow writes no part of what has no main tags
+    exif.get_ifd(EXIF_IFD)[FOCAL_LENGTH_IN_35_MM] = length
+    Image.new("L", size).save(path, exif=exif)
+    return path
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png", "tif"])
+def test_the_tag_compares_diagonals(suffix: str, tmp_path: Path) -> None:
+    """An image of 3:2 has width over 36 mm pixels a millimetre, and one turned upright the same."""
+    assert exif_focal_px(with_length(tmp_path / f"a.{suffix}", 50)) == pytest.approx(50 * 600 / 36)
+    assert exif_focal_px(with_length(tmp_path / f"b.{suffix}", 50, (400, 600))) == pytest.approx(50 * 600 / 36)
+
+
+def test_other_formats_of_images_compare_by_the_diagonal(tmp_path: Path) -> None:
+    """A field of view that has the same diagonal angle."""
+    guess = exif_focal_px(with_length(tmp_path / "a.jpg", 28, (400, 300)))
+    assert guess is not None
+    assert math.atan(250 / guess) == pytest.approx(math.atan(math.hypot(36, 24) / 2 / 28))
+
+
+@pytest.mark.parametrize("length", [0, 6000])
+def test_a_length_that_no_lens_has_is_none(length: int, tmp_path: Path) -> None:
+    """Zero means unknown in the tag's standard."""
+    assert exif_focal_px(with_length(tmp_path / "a.jpg", length)) is None
+
+
+def test_photos_that_say_nothing_or_are_none_give_no_guess(tmp_path: Path) -> None:
+    """Nothing that a file holds stops a run here."""
+    Image.new("L", (60, 40)).save(tmp_path / "plain.png")
+    (tmp_path / "text.jpg").write_text("no photo")
+    good = with_length(tmp_path / "good.jpg", 50).read_bytes()
+    (tmp_path / "cut.jpg").write_bytes(good[:40])
+    for name in ("plain.png", "text.jpg", "cut.jpg", "missing.jpg", "."):
+        assert exif_focal_px(tmp_path / name) is None, name

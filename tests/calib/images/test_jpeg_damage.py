@@ -57,7 +57,7 @@ def test_a_flipped_bit_shows_or_stays_in_its_row(kind: str, tmp_path: Path, capf
     sound = jpeg(*KINDS[kind])
     pixels = cv2.imdecode(np.frombuffer(sound, np.uint8), cv2.IMREAD_GRAYSCALE).astype(np.int16)
     rng, refused = np.random.default_rng(1), 0
-    for number in range(60):
+    for number in range(25):
         path = tmp_path / f"{number}.jpg"
         path.write_bytes(flipped(sound, rng))
         try:
@@ -71,7 +71,7 @@ def test_a_flipped_bit_shows_or_stays_in_its_row(kind: str, tmp_path: Path, capf
         blocks = np.median(off.reshape(30, 8, 41, 8), axis=(1, 3))
         changed = np.flatnonzero(blocks > 3 * SEAM_GREYS)
         assert len(changed) == 0 or np.ptp(changed) <= 41, number
-    assert refused >= 8
+    assert refused >= 3
     assert capfd.readouterr().err == ""
 
 
@@ -80,7 +80,7 @@ def test_sound_files_of_all_kinds_are_read() -> None:
     noise = RNG.integers(0, 256, (50, 67, 3), dtype=np.uint8)
     white = np.full((40, 40, 3), 255, np.uint8)
     samplings = (0x111111, 0x211111, 0x121111, 0x221111, 0x411111)
-    for picture, quality, progressive, restart in product((noise, white, COLOUR), (1, 50, 100), (0, 1), (0, 1, 7)):
+    for picture, quality, progressive, restart in product((noise, white, COLOUR), (1, 100), (0, 1), (0, 7)):
         options = (QUALITY, quality, PROGRESSIVE, progressive, RESTART, restart)
         check_jpeg_scans(jpeg(np.ascontiguousarray(picture[:, :, 0]), options))
         for sampling in samplings:
