@@ -9,6 +9,7 @@ import numpy as np
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.detector.candidates import Candidates
+from calib.detector.place import Naming
 from calib.renderer import RenderOptions, View, render_view
 from calib.renderer.faces import RingTruth, ring_truth
 from calib.renderer.scene import scene_from_target
@@ -117,3 +118,10 @@ def ellipse_of(rim_px: Array) -> Array:
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     gram = turn @ np.diag([(32 / first) ** 2, (32 / second) ** 2]) @ turn.T
     return np.array([u / 16 + middle[0], v / 16 + middle[1], *triangle_of(gram)])
+
+
+def true_naming(scene: Scene) -> Naming:
+    """Every candidate by its right name."""
+    real = np.flatnonzero(scene.row >= 0)
+    order = real[np.argsort(scene.row[real])]
+    return Naming(order, scene.row[order])

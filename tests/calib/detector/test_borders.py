@@ -19,7 +19,7 @@ from calib.detector.borders import (
 )
 from calib.detector.candidates import Candidates, find_candidates, merged, semi_axes_px
 from designer.base.arrays import Array
-from tests.support.ring_images import Ring, mosaic, random_rings, triangle_of
+from tests.support.ring_images import mosaic, random_rings
 
 Image = NDArray[np.uint8]
 
@@ -231,12 +231,3 @@ def test_even_noise_stays_white_under_local_thresholds() -> None:
     grey = rng.normal(160, 8, (400, 400)).clip(0, 255).astype(np.uint8)
     for way in list(thresholds(grey))[1:]:
         assert (binarise(grey, way) == 0).mean() < 1e-3
-
-
-def test_triangle_has_the_gram_matrix_it_came_from() -> None:
-    """The helper's E: lower triangular with E'E as given."""
-    gram = gram_of(20, 8, 0.7)
-    e00, e10, e11 = triangle_of(gram)
-    lower = np.array([[e00, 0], [e10, e11]])
-    assert lower.T @ lower == pytest.approx(gram)
-    assert Ring().side_px % 2 == 1

@@ -12,8 +12,7 @@ from calib.detector.lines import Seen, fit_lines, with_sound_lines
 from calib.detector.pipeline import detect
 from calib.detector.place import place_faces
 from calib.detector.plan import plan_for
-from tests.calib.detector.test_place import true_naming
-from tests.support.ring_views import CAMERA, board, ico, scene_of, view_of
+from tests.support.ring_views import CAMERA, board, ico, scene_of, true_naming, view_of
 
 
 def test_lines_are_those_of_the_true_plane() -> None:

@@ -21,16 +21,9 @@ from calib.detector.place import (
     without_strangers,
 )
 from calib.detector.plan import plan_for
-from tests.support.ring_views import CAMERA, Scene, board, ellipse_of, ico, scene_of
+from tests.support.ring_views import CAMERA, board, ellipse_of, ico, scene_of, true_naming
 
 SIZE = CAMERA.image_size
-
-
-def true_naming(scene: Scene) -> Naming:
-    """Every candidate by its right name."""
-    real = np.flatnonzero(scene.row >= 0)
-    order = real[np.argsort(scene.row[real])]
-    return Naming(order, scene.row[order])
 
 
 def test_projection_of_exact_points_is_the_camera() -> None:

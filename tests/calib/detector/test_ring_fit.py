@@ -590,15 +590,3 @@ def test_neighbours_beyond_the_limit_do_not_disturb() -> None:
     with_ink = fit_known(Mosaic(spoilt, m.params), start, limit=1.15)
     without = fit_known(m, start, limit=1.15)
     assert with_ink.center_px == pytest.approx(without.center_px, abs=0.002)
-
-
-def test_parameters_of_a_plane_describe_its_circles() -> None:
-    """The helper's own truth: points of the unit circle have F = 1, of the smaller one F = ratio."""
-    ring = Ring(tilt_rad=1.0, axis_rad=0.4, focal_px=200.0)
-    p = parameters_of(ring.plane(), 0.45, 0.7)
-    angle = np.linspace(0, 2 * np.pi, 9)
-    for rho in (1.0, 0.45):
-        point = np.column_stack([rho * np.cos(angle), rho * np.sin(angle), np.ones(9)]) @ ring.plane().T
-        assert distance(p, np.zeros(LENS_NUMBERS), point[:, :2] / point[:, 2:] - p[:2]) == pytest.approx(
-            np.full(9, rho)
-        )
