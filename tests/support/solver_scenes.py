@@ -10,6 +10,8 @@ from calib.core.se3 import look_at, transform
 from calib.core.types import KnownPoints, Observations
 from calib.observe.observations import known_points
 from calib.renderer.poses import fibonacci_cap
+from calib.solver.accuracy import projected_change
+from calib.solver.calibration import Calibration
 from designer.base.arrays import Array, Flags, Rows
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
@@ -104,6 +106,17 @@ def rows_of(seen: Observations, rows: Rows | Flags) -> Observations:
     )
 
 
+def with_one_face(seen: Observations, extra: int, rng: np.random.Generator) -> Observations:
+    """Of each view the face that shows most points, and a few points of the others."""
+    rows: list[int] = []
+    for view in range(seen.view_count):
+        of_view = np.flatnonzero(seen.view == view)
+        face = seen.points.face[seen.point[of_view]]
+        main = np.bincount(face).argmax()
+        rows += [*of_view[face == main].tolist(), *rng.choice(of_view[face != main], extra, replace=False).tolist()]
+    return rows_of(seen, np.sort(np.array(rows)))
+
+
 def moved_points(points: KnownPoints, new_from_old: Array, scale: float = 1.0) -> KnownPoints:
     """The points in another frame, and scaled about its origin; their planes are not moved."""
     return replace(points, position_mm=scale * transform(new_from_old, points.position_mm))
@@ -121,3 +134,11 @@ def random_covariances(count: int, rng: np.random.Generator) -> Array:
 def sigma_of(covariance: Array) -> Array:
     """Standard deviations of a covariance's diagonal (..., N)."""
     return np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+
+
+def times_stated(found: Calibration, true: Camera, covariance: Array) -> float:
+    """The error where points were seen over a stated standard deviation, root mean square."""
+    change = projected_change(found.camera, found.observations.center_px[::7])
+    off = change @ (found.camera.params - true.params)
+    stated = np.einsum("nip,pq,niq->", change, covariance, change)
+    return float(np.sqrt((off**2).sum() / stated))

@@ -17,15 +17,13 @@ from calib.rigs.accuracy import with_circle_doubt as with_rig_circle_doubt
 from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
-from calib.solver.accuracy import projected_change
-from calib.solver.calibration import Calibration
 from calib.solver.capture_error import with_capture_error
 from calib.solver.circles import circle_shift_px, with_circle_doubt
 from calib.solver.metrics.evaluation import evaluate_on
 from calib.solver.solve import solve
 from designer.base.arrays import Array
 from designer.base.errors import InputError
-from tests.support.solver_scenes import board, icosahedron, noisy, observe, poses_around
+from tests.support.solver_scenes import board, icosahedron, noisy, observe, poses_around, times_stated
 
 SIZE = (1600, 1200)
 CAMERAS = {
@@ -36,7 +34,7 @@ CAMERAS = {
 DISTANCE_MM = {"fisheye": 130.0}
 STANDARD = read_criteria("standard")
 NOISE_PX, PITCH_MM = 0.04, 20.0
-RIM = 720
+RIM = 180
 
 
 def _blob_centre_px(camera: Camera, center_mm: Array, axes_mm: Array) -> Array:
@@ -79,14 +77,6 @@ def _said(seen: Observations, diameter_mm: float) -> Observations:
     return replace(seen, points=replace(seen.points, circle_mm=np.full(len(seen.points.face), diameter_mm)))
 
 
-def _times_stated(found: Calibration, model: str) -> float:
-    """The error where points were seen over the stated standard deviation, root mean square."""
-    change = projected_change(found.camera, found.observations.center_px[::11])
-    off = change @ (found.camera.params - CAMERAS[model].params)
-    stated = np.einsum("nip,pq,niq->", change, found.stated_covariance, change)
-    return float(np.sqrt((off**2).sum() / stated))
-
-
 @pytest.mark.parametrize("model", CAMERAS)
 @pytest.mark.parametrize("diameter_mm", [2.0, 15.0])
 def test_the_shift_is_that_of_the_image_of_the_area(model: str, diameter_mm: float) -> None:
@@ -100,7 +90,7 @@ def test_the_shift_is_that_of_the_image_of_the_area(model: str, diameter_mm: flo
 
 
 @pytest.mark.parametrize("model", CAMERAS)
-@pytest.mark.parametrize("diameter_mm", [0.0, 6.0, 13.0, 15.0])
+@pytest.mark.parametrize("diameter_mm", [0.0, 6.0, 15.0])
 def test_circles_of_a_known_diameter_are_as_good_as_points(model: str, diameter_mm: float) -> None:
     """The camera is that which points with the same noise give, to a fraction of its standard deviations."""
     blob, plain, _ = _scene(model, diameter_mm, seed=1)
@@ -125,7 +115,7 @@ def test_circles_on_a_solid_lie_in_its_faces() -> None:
 
 
 @pytest.mark.parametrize("model", CAMERAS)
-@pytest.mark.parametrize("diameter_mm", [0.0, 3.0, 6.0, 9.0, 13.0, 15.0])
+@pytest.mark.parametrize("diameter_mm", [0.0, 6.0, 13.0])
 def test_what_nobody_said_is_in_the_stated_covariance(model: str, diameter_mm: float) -> None:
     """Points that may be centres of circles leave a camera off by no more than is stated, whatever they are."""
     times = []
@@ -135,7 +125,7 @@ def test_what_nobody_said_is_in_the_stated_covariance(model: str, diameter_mm: f
         seen = noisy(blob, noise_px, np.random.default_rng(seed))
         found = with_circle_doubt(solve(_said(seen, np.nan), model))
         assert found.circle_doubt is not None
-        times.append(_times_stated(found, model))
+        times.append(times_stated(found, CAMERAS[model], found.stated_covariance))
     assert max(times) < 1.96
 
 
@@ -157,7 +147,7 @@ def test_photos_tell_what_their_points_are(noise_px: float, is_told: bool) -> No
 def test_a_diameter_is_told_with_what_it_is_unsure_by() -> None:
     """Photos that tell circles of 13 mm as ones of 15 say so within three of the standard deviations they tell."""
     told = []
-    for seed in range(6):
+    for seed in range(4):
         blob, _, _ = _scene("opencv", 13.0, distance_mm=200.0, seed=seed, photos=10)
         seen = noisy(blob, 0.1, np.random.default_rng(seed))
         doubt = with_circle_doubt(solve(_said(seen, np.nan), "opencv")).circle_doubt

@@ -132,19 +132,6 @@ def test_rotation_error_has_no_turn_that_all_views_share() -> None:
     assert np.allclose(errors_of(calibration, "rotation", true).vector, np.degrees(own), atol=1e-5)
 
 
-def test_rmse_is_that_of_the_paper() -> None:
-    """Root of the mean squared Euclidean norm; median and 95 % as numpy has them; the others of the norms too."""
-    rng = np.random.default_rng(3)
-    calibration = example(BOARD, rng, views=3, noise_px=0.3)
-    errors = errors_of(calibration, "reprojection")
-    norms = np.linalg.norm(errors.vector, axis=1)
-    found = summarise(errors)
-    assert found.rmse == pytest.approx(math.sqrt((errors.vector**2).sum() / len(norms)))
-    assert (found.count, found.mean) == (len(norms), pytest.approx(norms.mean()))
-    assert (found.median, found.percentile_95) == pytest.approx((np.median(norms), np.percentile(norms, 95)))
-    assert found.largest == norms.max()
-
-
 @given(st.lists(st.tuples(st.integers(-1, 4), st.floats(0, 1e6)), max_size=40))
 @settings(max_examples=100, deadline=None)
 def test_groups_are_summarised_as_if_alone(entries: list[tuple[int, float]]) -> None:

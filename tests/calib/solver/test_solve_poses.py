@@ -27,6 +27,7 @@ from tests.support.solver_scenes import (
     random_covariances,
     rows_of,
     sigma_of,
+    with_one_face,
 )
 
 TARGETS = {"board": board(), "icosahedron": icosahedron()}
@@ -126,7 +127,7 @@ def test_stated_deviations_of_poses_are_true(weighted: bool) -> None:
     assert found.scale == pytest.approx(1.0 if weighted else NOISE_PX, rel=0.02)
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=10, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 2**32 - 1), focal_times=st.floats(1, 12), tilt_deg=st.floats(15, 60))
 def test_far_planes_are_not_turned_over(seed: int, focal_times: float, tilt_deg: float) -> None:
     """Of the two poses that a distant plane leaves, the better is found, also with a long lens and from any side."""
@@ -152,7 +153,7 @@ def test_far_planes_are_not_turned_over(seed: int, focal_times: float, tilt_deg:
 
 def test_a_long_lens_is_calibrated_without_views_turned_over() -> None:
     """Calibrated from scratch through a long lens, every view of a plane is tilted to the side it was."""
-    for seed in range(10):
+    for seed in range(4):
         rng = np.random.default_rng(seed)
         focal = float(rng.uniform(6, 12)) * 2448
         camera = Camera("opencv", np.array([focal, focal, 1230, 1010, -0.5, 0, 0, 0, 0]), (2448, 2048))
@@ -221,33 +222,24 @@ def spread_points(pixel: Array, count: int, rng: np.random.Generator, rows: Rows
     return rows[max(choices, key=flattest)]
 
 
-@pytest.mark.parametrize("extra", [1, 2, 3])
+@pytest.mark.parametrize("extra", [1, 3])
 def test_one_ring_beside_a_plane_does_not_cost_the_pose(extra: int) -> None:
     """A whole face and a ring or two of another have a pose as good as the face alone."""
     rng = np.random.default_rng(5)
-    points = TARGETS["icosahedron"]
     poses = poses_around(20, rng, half_angle_deg=180)
-    seen = observe(CAMERAS["opencv"], points, poses, rng, noise_px=NOISE_PX)
-    rows: list[int] = []
-    for view in range(20):
-        of_view = np.flatnonzero(seen.view == view)
-        face = points.face[seen.point[of_view]]
-        main = np.bincount(face).argmax()
-        other = rng.choice(of_view[face != main], extra, replace=False)
-        rows += [*of_view[face == main].tolist(), *other.tolist()]
-    found = solve_poses(CAMERAS["opencv"], rows_of(seen, np.sort(np.array(rows))))
+    seen = observe(CAMERAS["opencv"], TARGETS["icosahedron"], poses, rng, noise_px=NOISE_PX)
+    found = solve_poses(CAMERAS["opencv"], with_one_face(seen, extra, rng))
     assert np.isfinite(found.cam_from_target).all()
     standard = errors(found.cam_from_target, poses) / sigma_of(found.covariance)
     assert np.abs(standard).max() < 5
 
 
-@pytest.mark.parametrize("offset_mm", [1e3, 1e5, 1e6])
-def test_poses_from_a_far_origin(offset_mm: float) -> None:
+def test_poses_from_a_far_origin() -> None:
     """Points in a frame with a far origin have the same camera centre's place among them."""
     rng = np.random.default_rng(6)
     poses = poses_around(10, rng)
     seen = observe(CAMERAS["opencv"], TARGETS["board"], poses, rng, noise_px=NOISE_PX)
-    offset = offset_mm * np.array([1.0, -0.5, 0.3])
+    offset = 1e6 * np.array([1.0, -0.5, 0.3])
     here = solve_poses(CAMERAS["opencv"], seen)
     points = replace(seen.points, position_mm=seen.points.position_mm + offset)
     there = solve_poses(CAMERAS["opencv"], replace(seen, points=points))

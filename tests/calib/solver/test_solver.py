@@ -25,7 +25,9 @@ from tests.support.solver_scenes import (
     pose_from,
     poses_around,
     random_covariances,
+    rows_of,
     sigma_of,
+    with_one_face,
 )
 
 TARGETS = {"board": board(), "icosahedron": icosahedron()}
@@ -145,10 +147,9 @@ def scipy_minimum(
 
 SCIPY_CASES = {
     "free": SolveOptions(),
-    "weighted": SolveOptions(weighted=True),
-    "fixed": SolveOptions(fixed=(("k3", 0.0), ("cy_px", 1005.0))),
-    "shared": SolveOptions(shared=(("fx_px", "fy_px"),)),
-    "all three": SolveOptions(weighted=True, fixed=(("k3", 0.0),), shared=(("p1", "p2"), ("fx_px", "fy_px"))),
+    "all three": SolveOptions(
+        weighted=True, fixed=(("k3", 0.0), ("cy_px", 1005.0)), shared=(("p1", "p2"), ("fx_px", "fy_px"))
+    ),
 }
 
 
@@ -233,7 +234,7 @@ LONG_DESCENTS = (70, 169, 301, 309, 487, 897)
 """Scenes with a curved valley (a long lens, three radial terms, little of the image used) that cost many steps."""
 
 
-@pytest.mark.parametrize("seed", [*range(30), *LONG_DESCENTS])
+@pytest.mark.parametrize("seed", [*range(12), *LONG_DESCENTS])
 def test_random_scenes_are_solved_from_scratch(seed: int) -> None:
     """Any lens from wide to long, 3 to 40 views of any target: no view is lost and noise is all that is left.
 
@@ -248,9 +249,7 @@ def test_random_scenes_are_solved_from_scratch(seed: int) -> None:
     assert other.scale < 10 * NOISE_PX
 
 
-@pytest.mark.parametrize(
-    ("columns", "rows", "views"), [(24, 24, 40), (15, 24, 40), (25, 25, 32), (21, 21, 50), (50, 50, 16)]
-)
+@pytest.mark.parametrize(("columns", "rows", "views"), [(15, 24, 40), (50, 50, 16)])
 def test_boards_of_any_count_are_started(columns: int, rows: int, views: int) -> None:
     """Whatever the numbers of rings and views, the few points a start is made from span the board."""
     pitch = 220 / max(columns, rows)
@@ -265,42 +264,31 @@ def test_boards_of_any_count_are_started(columns: int, rows: int, views: int) ->
 def test_views_of_the_middle_do_not_spoil_those_of_the_corners() -> None:
     """Where only some views reach the image's corners, the lens guessed from the others loses none of them."""
     rng = np.random.default_rng(0)
-    for _ in range(5):
+    for _ in range(2):
         seen = observe(CAMERAS["opencv"], TARGETS["board"], poses_around(32, rng), rng, noise_px=NOISE_PX)
         middle = np.linalg.norm(seen.center_px - [1230, 1010], axis=1) < 300
-        rows = (seen.view % 2 == 0) | middle
-        seen = replace(seen, view=seen.view[rows], point=seen.point[rows], center_px=seen.center_px[rows])
-        found = solve(seen, "opencv")
+        found = solve(rows_of(seen, (seen.view % 2 == 0) | middle), "opencv")
         assert found.remarks == ()
         assert found.scale < 1.1 * NOISE_PX
 
 
-@pytest.mark.parametrize("extra", [0, 1, 2, 3])
+@pytest.mark.parametrize("extra", [0, 1, 3])
 def test_a_face_and_a_few_rings_beside_it(extra: int) -> None:
     """Views that show one face of an icosahedron and a ring or two of another are solved; none is left out."""
     rng = np.random.default_rng(5)
-    points = icosahedron()
-    seen = observe(CAMERAS["opencv"], points, poses_around(20, rng, half_angle_deg=180), rng, noise_px=NOISE_PX)
-    rows: list[int] = []
-    for view in range(20):
-        row = np.flatnonzero(seen.view == view)
-        face = points.face[seen.point[row]]
-        main = np.bincount(face).argmax()
-        rows += [*row[face == main].tolist(), *rng.choice(row[face != main], extra, replace=False).tolist()]
-    keep = np.sort(np.array(rows))
-    seen = replace(seen, view=seen.view[keep], point=seen.point[keep], center_px=seen.center_px[keep])
-    found = solve(seen, "opencv")
+    poses = poses_around(20, rng, half_angle_deg=180)
+    seen = observe(CAMERAS["opencv"], TARGETS["icosahedron"], poses, rng, noise_px=NOISE_PX)
+    found = solve(with_one_face(seen, extra, rng), "opencv")
     assert found.remarks == ()
     assert found.scale < 1.2 * NOISE_PX
 
 
-@pytest.mark.parametrize("offset_mm", [1e3, 1e5, 1e6])
-def test_the_origin_may_be_far_from_the_target(offset_mm: float) -> None:
+def test_the_origin_may_be_far_from_the_target() -> None:
     """Points given in a frame whose origin is far away are solved as well."""
     seen, _ = scene("opencv", "board", views=8, noise_px=NOISE_PX)
     here = solve(seen, "opencv")
     points = seen.points
-    far = replace(points, position_mm=points.position_mm + offset_mm * np.array([1.0, -0.5, 0.3]))
+    far = replace(points, position_mm=points.position_mm + 1e6 * np.array([1.0, -0.5, 0.3]))
     there = solve(replace(seen, points=far), "opencv")
     assert there.status == "converged"
     assert there.scale == pytest.approx(here.scale, rel=1e-6)

@@ -28,7 +28,7 @@ def solved(
     return solve(noisy, model, SolveOptions())
 
 
-@pytest.mark.parametrize("photos", [5, 8, 20])
+@pytest.mark.parametrize("photos", [5, 20])
 @pytest.mark.parametrize("shift_px", [(16.0, 0.0), (0.0, -16.0)])
 def test_a_photo_shifted_by_a_block_is_named(photos: int, shift_px: tuple[float, float]) -> None:
     """By as much as it is, though no residual is larger than a few tenths of a pixel."""
@@ -40,20 +40,20 @@ def test_a_photo_shifted_by_a_block_is_named(photos: int, shift_px: tuple[float,
     assert np.abs(told - shift_px).max() < 4
 
 
-@pytest.mark.parametrize("photos", [4, 8, 20])
+@pytest.mark.parametrize("photos", [4, 20])
 @pytest.mark.parametrize("model", ["opencv", "pinhole"])
 def test_sound_photos_are_not_blamed(photos: int, model: str) -> None:
     """Not where the model fits, nor where it leaves all of the lens over."""
     assert not [line for line in solved(photos, (0, 0), model).remarks if "shifted" in line]
 
 
-@pytest.mark.parametrize(("photos", "seed"), [(4, 2), (4, 4), (4, 5), (5, 0), (5, 1)])
+@pytest.mark.parametrize(("photos", "seed"), [(4, 2), (4, 5), (5, 1)])
 def test_few_photos_of_a_lens_that_is_left_over_blame_nobody(photos: int, seed: int) -> None:
     """A photo may stand far out of so few where a model without a lens is fitted; none of them is called shifted."""
     assert not [line for line in solved(photos, (0, 0), "pinhole", (seed, 0.3)).remarks if "shifted" in line]
 
 
-@pytest.mark.parametrize(("photos", "seed"), [(5, 3), (5, 5), (6, 2), (8, 0), (8, 1)])
+@pytest.mark.parametrize(("photos", "seed"), [(5, 3), (6, 2), (8, 1)])
 @pytest.mark.parametrize("shift_px", [(24.0, 0.0), (0.0, 60.0)])
 def test_a_shift_is_put_on_its_own_photo_where_the_lens_is_left_over(
     photos: int, seed: int, shift_px: tuple[float, float]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.core.se3 import compose, exp_rotation, invert, make_pose
+from calib.core.se3 import compose, exp_rotation, make_pose
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration
 from calib.solver.problem import SolveOptions
@@ -27,7 +27,7 @@ from tests.support.solver_scenes import (
 LENSES = ("opencv", "luhmann")
 SAME = 1e-3
 """Two descents end so near the minimum, in standard deviations."""
-RUNS = settings(max_examples=12, deadline=None, derandomize=True)
+RUNS = settings(max_examples=6, deadline=None, derandomize=True)
 SEEDS = st.integers(0, 2**32 - 1)
 
 
@@ -44,9 +44,7 @@ def assert_same_camera(one: Calibration, other: Calibration) -> None:
     sigma = sigma_of(one.param_covariance)
     assert one.status == other.status == "converged"
     assert (np.abs(one.camera.params - other.camera.params) < SAME * sigma).all()
-    ratio = other.param_covariance / one.param_covariance[0, 0]
-    size = sigma[:, None] * sigma
-    assert (np.abs(ratio * one.param_covariance[0, 0] - one.param_covariance) < 1e-3 * size).all()
+    assert (np.abs(other.param_covariance - one.param_covariance) < 1e-3 * sigma[:, None] * sigma).all()
 
 
 @RUNS
@@ -176,20 +174,3 @@ def test_the_first_guess_of_the_focal_length_does_not_matter() -> None:
     one = solve(seen, "opencv")
     for guess in (300.0, 2000.0, 30000.0):
         assert_same_camera(one, solve(seen, "opencv", SolveOptions(focal_px=guess)))
-
-
-def test_inputs_are_not_changed() -> None:
-    """Solving leaves the observations as they were."""
-    seen = scene(np.random.default_rng(9))
-    before = [np.array(array) for array in (seen.center_px, seen.view, seen.point, seen.points.position_mm)]
-    solve(seen, "opencv", SolveOptions(reject_sigma=3.0))
-    for old, new in zip(before, (seen.center_px, seen.view, seen.point, seen.points.position_mm), strict=True):
-        assert np.array_equal(old, new)
-
-
-def test_poses_read_right_to_left() -> None:
-    """The camera's centre in the target's frame is where it was put."""
-    rng = np.random.default_rng(2)
-    poses = poses_around(5, rng)
-    found = solve(observe(CAMERAS["luhmann"], icosahedron(), poses, rng), "luhmann")
-    assert np.abs(invert(found.cam_from_target)[:, :3, 3] - invert(poses)[:, :3, 3]).max() < 1e-6

@@ -11,7 +11,7 @@ from calib.solver.problem import Loss, SolveOptions
 from calib.solver.solve import solve
 from designer.base.arrays import Flags
 from designer.base.errors import InputError
-from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around, sigma_of
+from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around, rows_of, sigma_of
 
 NOISE_PX = 0.02
 VIEWS = 12
@@ -44,7 +44,7 @@ def spoiled(seen: Observations, share: float, how: str) -> tuple[Observations, F
 
 @pytest.mark.parametrize("how", ["moved", "misnamed"])
 @pytest.mark.parametrize("target", ["board", "icosahedron"])
-@pytest.mark.parametrize("share", [0.002, 0.05, 0.2])
+@pytest.mark.parametrize("share", [0.002, 0.2])
 def test_gross_outliers_are_all_left_out_and_said(share: float, target: str, how: str) -> None:
     """Up to a fifth of gross outliers: all are left out and counted, next to no good ones, and the camera is right."""
     seen, bad = spoiled(scene(target), share, how)
@@ -105,28 +105,27 @@ def test_outliers_that_nobody_asked_to_reject_are_said() -> None:
     assert any("1 of" in remark and "view7.png" in remark for remark in found.remarks)
 
 
-@pytest.mark.parametrize("which", [0, 4])
-def test_a_photo_that_makes_no_sense_does_not_spoil_the_others(which: int) -> None:
+def test_a_photo_that_makes_no_sense_does_not_spoil_the_others() -> None:
     """One view of random pixels: the others give the right camera, and the view is named or its points left out."""
     seen = scene()
     pixel = np.array(seen.center_px)
-    bad = seen.view == which
+    bad = seen.view == 0
     pixel[bad] = np.random.default_rng(1).uniform(0, 2000, (int(bad.sum()), 2))
     found = solve(replace(seen, center_px=pixel), "opencv", SolveOptions(reject_sigma=4.5))
     assert found.status == "converged"
     sigma = sigma_of(found.param_covariance)
     assert (np.abs(found.camera.params - CAMERAS["opencv"].params) < 5 * sigma).all()
-    left_out = f"view{which}.png" not in found.observations.view_names
+    left_out = "view0.png" not in found.observations.view_names
     assert left_out or found.is_outlier[bad].mean() > 0.99
-    assert any(f"view{which}.png" in remark or "left out" in remark for remark in found.remarks)
+    assert any("view0.png" in remark or "left out" in remark for remark in found.remarks)
 
 
-@pytest.mark.parametrize("noise_px", [1.0, 5.0, 30.0, 200.0, 1000.0])
+@pytest.mark.parametrize("noise_px", [1.0, 30.0, 1000.0])
 @pytest.mark.parametrize("target", ["board", "icosahedron"])
 def test_a_photo_of_nothing_but_noise_does_not_spoil_the_others(target: str, noise_px: float) -> None:
     """One view too noisy by any amount: the others' camera is found, even if hardly a point of that view is left."""
     seen = scene(target)
-    for which in range(0, VIEWS, 3):
+    for which in (0, 6):
         rng = np.random.default_rng(which)
         bad = seen.view == which
         pixel = seen.center_px + noise_px * bad[:, None] * rng.standard_normal(seen.center_px.shape)
@@ -158,7 +157,7 @@ def test_points_named_wrong_that_the_lens_cannot_show(share: float) -> None:
 @pytest.mark.parametrize("options", [SolveOptions(), SolveOptions(reject_sigma=4.0), SolveOptions(loss="huber")])
 def test_nonsense_is_called_so(options: SolveOptions) -> None:
     """Random pixels give no camera: degenerate with a reason, or refused; never a converged result."""
-    seen = scene()
+    seen = rows_of(scene(), np.arange(0, len(scene().view), 5))
     pixel = np.random.default_rng(3).uniform(0, 2000, seen.center_px.shape)
     try:
         found = solve(replace(seen, center_px=pixel), "opencv", options)

@@ -253,7 +253,7 @@ def test_a_few_points_of_a_grid_span_it(columns: int) -> None:
         for rows in (12, 24, 25, 40, 50):
             problem = pack(whole_grid(columns, rows, views), weighted=False)
             few = select(problem, np.arange(views), few_per_view(views))
-            for view in range(views):
+            for view in {0, views // 2, views - 1}:
                 place = few.measured_px[:, few.view_start[view] : few.view_start[view + 1]]
                 whole = np.array([[columns - 1], [rows - 1]]) / np.sqrt(12)
                 assert (place.std(axis=1, keepdims=True) > 0.6 * whole).all(), (columns, rows, views)

@@ -85,7 +85,7 @@ MOTIONS = {"one axis": (False, 1), "two axes": (False, 2), "rolled": (True, 1), 
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-@pytest.mark.parametrize("share", [0.0, 0.001, 0.003, 0.01])
+@pytest.mark.parametrize("share", [0.0, 0.003, 0.01])
 def test_stretched_boards_are_covered_by_what_is_stated(share: float, motion: str) -> None:
     """Whatever the motion, a camera from a board .1 to .3 % too long errs by at most 3 stated sigmas.
 

@@ -121,15 +121,6 @@ def test_stated_deviations_of_poses_are_true(case: str) -> None:
     assert mean_squares(error, covariance).mean() == pytest.approx(6, rel=0.05)
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_the_stated_scale_is_that_of_the_noise(case: str) -> None:
-    """The posterior scale is the noise's deviation: in px, or with true covariances one."""
-    found, _ = repeated(case)
-    squares = np.array([one.scale**2 for one in found])
-    expected = 1.0 if CASES[case][2].weighted else NOISE_PX**2
-    assert squares.mean() == pytest.approx(expected, rel=0.01)
-
-
 @pytest.mark.parametrize("loss", ["huber", "cauchy"])
 def test_stated_deviations_of_robust_solutions(loss: Loss) -> None:
     """On normal noise a robust loss loses a twentieth or so, and its deviations are within 10 %."""
