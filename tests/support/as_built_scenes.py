@@ -13,12 +13,16 @@ from calib.measure_target.problem import State
 from calib.measure_target.result import AsBuilt, target_of
 from calib.measure_target.unknowns import AsBuiltOptions, TargetUnknowns, nominal_shape, place_rings, unknowns_of
 from calib.observe.observations import known_points
+from calib.rigs.problem import CameraChoice
+from calib.rigs.result import RigCalibration
+from calib.rigs.solve import solve_rig
 from calib.solver.eliminate import Normal
 from designer.base.arrays import Array
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
+from tests.support.rig_views import ring
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, observe, poses_around
 
 RIGID = AsBuiltOptions(ring_sigma_mm=None)
@@ -133,3 +137,13 @@ def dense(normal: Normal) -> tuple[Array, Array]:
     half[:poses, poses + rings :] = normal.pose_row.reshape(poses, others + 1)[:, :-1]
     half[poses + rings :, poses + rings :] = normal.other[:, :-1] / 2
     return half + half.T, np.concatenate([normal.pose_row[:, :, -1].ravel(), row[:, -1], normal.other[:, -1]])
+
+
+@cache
+def rig_before_print(seed: int = 0, *, cameras: int = 3, frames: int = 8) -> tuple[RigCalibration, TargetUnknowns]:
+    """A rig that was solved with an icosahedron as designed, and how the print differs from that."""
+    shape = random_shape(solid(), np.random.default_rng(seed), ring_mm=(0.03, 0.015))
+    made, drawn = known_points(printed(solid(), shape)), known_points(solid())
+    seen = ring(made, count=cameras, frames=frames, noise_px=0.05, seed=seed).observations
+    seen = replace(seen, sightings=tuple(replace(one, points=drawn) for one in seen.sightings))
+    return solve_rig(seen, [CameraChoice("opencv")] * cameras), shape

@@ -13,9 +13,8 @@ from calib.judge.rig_folder import write_rig
 from calib.observe.calibration_file import Provenance
 from designer.base.errors import InputError
 from designer.target import load_target, target_to_json
-from tests.support.as_built_scenes import plate, solid
+from tests.support.as_built_scenes import plate, rig_before_print, solid
 from tests.support.command_line import calib
-from tests.support.rig_prints import rig_before_print
 
 
 def test_a_rig_measures_a_print_in_python_and_on_the_command_line(

@@ -19,9 +19,8 @@ from calib.rigs.target_error import with_target_error
 from calib.studies.rig_bootstrap import drawn_frames
 from designer.base.errors import InputError
 from designer.tolerance.made import how_made
-from tests.support.as_built_scenes import solid
+from tests.support.as_built_scenes import rig_before_print, solid
 from tests.support.command_line import calib, files_in
-from tests.support.rig_prints import rig_before_print
 from tests.support.rig_views import stereo_pair
 
 

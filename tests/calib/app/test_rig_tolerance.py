@@ -12,9 +12,8 @@ from calib.renderer.rig_template import HeldTarget, SimulatedRig
 from calib.studies.tolerance.rig_costs import cost_of
 from designer.base.errors import InputError
 from designer.target import target_to_json
-from tests.support.as_built_scenes import solid
+from tests.support.as_built_scenes import rig_before_print, solid
 from tests.support.command_line import design
-from tests.support.rig_prints import rig_before_print
 
 FEW = ("scale=0.1%", "skew=0.02deg", "face_tilt=0.05deg")
 

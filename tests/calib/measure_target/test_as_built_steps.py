@@ -107,17 +107,21 @@ def joint_of(target: TargetGeometry, views: int, options: AsBuiltOptions) -> tup
 
 
 CASES = [
-    pytest.param(plate(), 6, BENT, id="rings first"),
-    pytest.param(plate(), 40, BENT, id="poses first"),
-    pytest.param(solid(), 8, AsBuiltOptions(ring_sigma_mm=None, bow=True), id="rigid"),
+    pytest.param((plate(), 6, BENT), id="rings first"),
+    pytest.param((plate(), 40, BENT), id="poses first"),
+    pytest.param((solid(), 8, AsBuiltOptions(ring_sigma_mm=None, bow=True)), id="rigid"),
 ]
 
 
-@pytest.mark.parametrize(("target", "views", "options"), CASES)
-def test_steps_solve_the_whole_system(target: TargetGeometry, views: int, options: AsBuiltOptions) -> None:
+@pytest.fixture(scope="module", params=CASES)
+def problem(request: pytest.FixtureRequest) -> tuple[Joint, State]:
+    """Of a target, so many photos, and options."""
+    return joint_of(*request.param)
+
+
+def test_steps_solve_the_whole_system(problem: tuple[Joint, State]) -> None:
     """The step by blocks is that of the dense damped system, promises what it says, and factors the inverse."""
-    joint, state = joint_of(target, views, options)
-    normal = normal_equations(joint, state)
+    normal = normal_equations(*problem)
     matrix, gradient = dense(normal)
     damping = 1e-3
     expected = np.linalg.solve(matrix + damping * np.diag(np.diagonal(matrix)), -gradient)
@@ -136,10 +140,9 @@ def test_steps_solve_the_whole_system(target: TargetGeometry, views: int, option
         assert block == pytest.approx(inverse[here, here], rel=1e-4, abs=1e-12)
 
 
-@pytest.mark.parametrize(("target", "views", "options"), CASES)
-def test_gradient_is_that_of_the_cost(target: TargetGeometry, views: int, options: AsBuiltOptions) -> None:
+def test_gradient_is_that_of_the_cost(problem: tuple[Joint, State]) -> None:
     """The gradient of every kind of unknown is half the slope of the cost, priors and gauge included."""
-    joint, state = joint_of(target, views, options)
+    joint, state = problem
     matrix, gradient = dense(normal_equations(joint, state))
     rng = np.random.default_rng(4)
     poses, rings = 6 * joint.view_count, 3 * len(normal_equations(joint, state).ring)

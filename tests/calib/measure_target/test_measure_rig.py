@@ -20,8 +20,7 @@ from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
-from tests.support.as_built_scenes import dense, printed, solid, truth_of
-from tests.support.rig_prints import rig_before_print
+from tests.support.as_built_scenes import dense, printed, rig_before_print, solid, truth_of
 
 OPTIONS = AsBuiltOptions()
 CAMERAS, FRAMES = 3, 8

@@ -121,11 +121,11 @@ def test_an_outlying_face_takes_no_part_in_the_datum() -> None:
 
 
 def test_an_assembly_as_usual_is_blamed_once_in_a_hundred() -> None:
-    """Of 4000 assemblies drawn from the way of making 1 % have a piece beyond a limit, each kind of fault its part."""
+    """Of assemblies drawn from the way of making 1 % have a piece beyond a limit, each kind of fault its part."""
     for name in ("fdm-tiles", "hand-stickers"):
         model = error_model(name).only(*SOURCE_OF.values())
         limits, rng = limits_of(model, 20), np.random.default_rng(SEED)
-        beyond = np.zeros(4000, dtype=bool)
+        beyond = np.zeros(1500, dtype=bool)
         for number in range(len(beyond)):
             values = draw_values(solid(), model, rng)
             beyond[number] = any(
