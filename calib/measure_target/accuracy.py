@@ -15,7 +15,6 @@ import numpy as np
 
 from calib.core.linear_algebra import least_squares
 from calib.core.se3 import skew
-from calib.core.types import Observations
 from calib.measure_target.datum import (
     FEW_VIEWS,
     SeenParts,
@@ -30,7 +29,6 @@ from calib.measure_target.datum import (
 from calib.measure_target.problem import Joint
 from calib.measure_target.unknowns import RingPlaces, TargetUnknowns, Unknowns, place_rings, strain_matrix
 from calib.solver.eliminate import Factor, Normal, covariance_factor
-from calib.solver.outliers import deviations
 from designer.base.arrays import Array, Flags, Rows
 from designer.target import TargetGeometry
 
@@ -221,9 +219,6 @@ def _rings(
     return sigma, effective
 
 
-FAR_OFF = 6.0
-
-
 def remarks_of(seen: SeenParts, is_determined: Flags, target: TargetGeometry) -> tuple[str, ...]:
     """One line on each thing that the photos do not tell."""
     said = []
@@ -251,20 +246,6 @@ def remarks_of(seen: SeenParts, is_determined: Flags, target: TargetGeometry) ->
             f"{int(rings.sum())} rings of measured faces were never seen: kept where they were designed on them"
         )
     return tuple(said)
-
-
-def far_off(seen: Observations, residual_px: Array) -> list[str]:
-    """A word on observations that noise does not explain.  # (2, M)"""
-    deviation = deviations(residual_px, seen.cov_px2)
-    far = np.flatnonzero(deviation > FAR_OFF)
-    if not len(far):
-        return []
-    worst = int(far[np.argmax(deviation[far])])
-    off = float(np.hypot(*residual_px[:, worst]))
-    return [
-        f"{len(far)} of {len(deviation)} observations are off by more than {FAR_OFF:g} robust standard deviations, the "
-        f"worst by {off:.3g} px in {seen.view_names[seen.view[worst]]}; look at them, or reject them"
-    ]
 
 
 def faces_words(which: Flags) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from calib.cameras import linearise
 from calib.core.parallel import one_thread
 from calib.core.types import Observations
-from calib.measure_target.accuracy import TargetAccuracy, accuracy_of, far_off, outlying_faces, remarks_of
+from calib.measure_target.accuracy import TargetAccuracy, accuracy_of, outlying_faces, remarks_of
 from calib.measure_target.back import tells_thickness, with_back
 from calib.measure_target.blocks import TargetMinimum, minimise
 from calib.measure_target.datum import SeenParts, gauge_rows, laid_over, moved_target, what_is_seen
@@ -28,7 +28,7 @@ from calib.rigs.result import RigCalibration, camera_alone
 from calib.solver.calibration import Calibration, Status
 from calib.solver.outliers import deviations
 from calib.solver.problem import Tie, tie_parameters
-from calib.solver.solve import solve
+from calib.solver.solve import far_off, solve
 from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 from designer.target import TargetGeometry, bounding_radius_mm
@@ -399,7 +399,7 @@ def _remarks(started: Sequence[Calibration], target: TargetGeometry, measured: _
     if not measured.minimum.converged:
         said.append("stopped short of the minimum")
     for one, residual in zip(started, measured.minimum.equations.residual_px, strict=True):
-        said.extend(far_off(one.observations, residual))
+        said.extend(far_off(one.observations, residual, deviations(residual, one.observations.cov_px2)))
     left_out = sum(int((~one.problem.is_used).sum()) for one in measured.joint.sets)
     if left_out:
         said.append(f"{left_out} of {sum(len(one.ring) for one in measured.joint.sets)} observations left out")

@@ -190,7 +190,15 @@ def carrier_sigmas(problem: RigProblem, found: Found) -> Array:
     if prior is None:
         raise ValueError("a rig without a carrier")
     error = carrier_errors(prior, state.rig_from_target, state.carrier_from_target)
-    variance = np.einsum("vii->vi", _error_covariance(problem, found))
+    by_frame, by_target = error_derivatives(prior, state.rig_from_target, state.carrier_from_target)
+    inverse, column = shared_inverse(found.equations.normal), prior.column
+    cross = -(inverse.coupling @ inverse.shared)[:, :, column]
+    both = by_frame @ cross @ by_target.transpose(0, 2, 1)
+    covariance = (
+        by_frame @ inverse.frame @ by_frame.transpose(0, 2, 1) + both + both.transpose(0, 2, 1)
+        + by_target @ inverse.shared[column[:, None], column] @ by_target.transpose(0, 2, 1)
+    )  # fmt: skip
+    variance = np.einsum("vii->vi", covariance)
     counts = np.ones((len(error), 6), dtype=bool)
     if prior.carrier.has_free_angles:
         counts[:, 2] = False
@@ -203,25 +211,6 @@ def carrier_sigmas(problem: RigProblem, found: Found) -> Array:
         square = float((error[used] ** 2).sum())
         sigma[kind] = np.sqrt(square / left) if left > 1e-3 * used.sum() else sigma[kind]
     return sigma
-
-
-def _error_covariance(problem: RigProblem, found: Found) -> Array:
-    """Of what the photos show of a carrier's errors.  # (V, 6, 6)"""
-    prior, state = problem.prior, found.state
-    if prior is None:
-        raise ValueError("a rig without a carrier")
-    by_frame, by_target = error_derivatives(prior, state.rig_from_target, state.carrier_from_target)
-    inverse = shared_inverse(found.equations.normal)
-    column = prior.column
-    frame = inverse.frame
-    cross = -(inverse.coupling @ inverse.shared)[:, :, column]
-    target = inverse.shared[column[:, None], column]
-    both = by_frame @ cross @ by_target.transpose(0, 2, 1)
-    covariance: Array = (
-        by_frame @ frame @ by_frame.transpose(0, 2, 1) + both + both.transpose(0, 2, 1)
-        + by_target @ target @ by_target.transpose(0, 2, 1)
-    )  # fmt: skip
-    return covariance
 
 
 def accuracy_of_rig(problem: RigProblem, found: Found, labels: Sequence[str], knee: float) -> RigAccuracy:

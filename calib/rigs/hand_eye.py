@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.core.linear_algebra import least_squares
-from calib.core.se3 import exp_rotation, log_rotation, make_pose, rotation_between, skew
+from calib.core.se3 import exp_rotation, log_rotation, make_pose, nearest_rotation, rotation_between, skew
 from calib.core.types import freeze
 from designer.base.arrays import Array, Flags, Rows
 
@@ -111,25 +111,17 @@ def first_turns(seen: Array, told: Array) -> list[Array]:
         a, b = a[near], b[near]
     spread = _spread(b)
     if spread[1] > LEAST_TURN_RAD:
-        return [_turned_onto(b, a)]
+        return [nearest_rotation(a.T @ b)]
     if spread[2] > LEAST_TURN_RAD:
         return _about_one_axis(a, b, seen, told)
     shift_seen, shift_told = (pose[:, :3, 3] - pose[:, :3, 3].mean(axis=0) for pose in (seen, told))
-    return [_turned_onto(shift_told, shift_seen)]
+    return [nearest_rotation(shift_seen.T @ shift_told)]
 
 
 def _spread(turns: Array) -> Array:
     """Root mean squares of rotation vectors (N, 3) along their principal axes, ascending."""
     spread: Array = np.sqrt(np.linalg.eigvalsh(turns.T @ turns / max(len(turns), 1)).clip(min=0.0))
     return spread
-
-
-def _turned_onto(vector: Array, onto: Array) -> Array:
-    """The rotation (3, 3) that brings vectors (N, 3) closest to others (Arun, Huang and Blostein 1987)."""
-    left, _, right = np.linalg.svd(onto.T @ vector)
-    flip = np.array([1.0, 1.0, np.linalg.det(left @ right)])
-    turn: Array = (left * flip) @ right
-    return turn
 
 
 def _about_one_axis(a: Array, b: Array, seen: Array, told: Array) -> list[Array]:
@@ -162,7 +154,7 @@ def _about_one_axis(a: Array, b: Array, seen: Array, told: Array) -> list[Array]
 
 def _refined(seen: Array, told: Array, turn: Array, keep: Flags) -> HandEyeStart:
     """From the rotation in X to all of X and Z."""
-    turn_z = _mean_rotation(((turn @ told[:, :3, :3]).transpose(0, 2, 1) @ seen[:, :3, :3])[keep])
+    turn_z = nearest_rotation(((turn @ told[:, :3, :3]).transpose(0, 2, 1) @ seen[:, :3, :3])[keep].sum(axis=0))
     length = max(float(np.median(np.linalg.norm(seen[keep, :3, 3], axis=1))), FLOOR_MM)
     unit = np.tile(np.repeat([1.0, length], 3), 2)
     x, z = make_pose(turn, np.zeros(3)), make_pose(turn_z, np.zeros(3))
@@ -190,13 +182,6 @@ def _stepped(x: Array, z: Array, error: Array, design: Array, unit: Array, weigh
     pull = np.einsum("vij,vi->j", part, error * weight) @ vector
     step = unit * (vector @ np.where(is_told, pull / np.where(is_told, value, 1.0), 0.0))
     return moved_by(x, step[:6]), moved_by(z, step[6:]), vector[:6, ~is_told]
-
-
-def _mean_rotation(rotation: Array) -> Array:
-    """The rotation closest to many (N, 3, 3)."""
-    left, _, right = np.linalg.svd(rotation.sum(axis=0))
-    mean: Array = (left * np.array([1.0, 1.0, np.linalg.det(left @ right)])) @ right
-    return mean
 
 
 def moved_by(pose: Array, step: Array) -> Array:
@@ -235,13 +220,13 @@ def _named(told: Array, x: Array, loose: Array) -> tuple[str, ...]:
     pairs = relative_turns(told)
     spread = _spread(pairs)
     lines = []
-    for part, what in ((loose[3:], "shift"), (loose[:3], "turn")):
+    for part, what, along in ((loose[3:], "shift", "along"), (loose[:3], "turn", "about")):
         left, size, _ = np.linalg.svd(part, full_matrices=False)
         axes = x[:3, :3].T @ left[:, size > PART]
         if axes.shape[1] == 3:
             lines.append(f"the {what} of the camera against what it is fixed to")
         else:
-            lines += [f"the {what} {_along(what)} ({_words(axis)}) of what the camera is fixed to" for axis in axes.T]
+            lines += [f"the {what} {along} ({_words(axis)}) of what the camera is fixed to" for axis in axes.T]
     why = (
         "the robot does not turn"
         if spread[2] < LEAST_TURN_RAD
@@ -250,10 +235,6 @@ def _named(told: Array, x: Array, loose: Array) -> tuple[str, ...]:
         else "the robot turns too little"
     )
     return tuple(f"{why}: {line} is not determined" for line in lines)
-
-
-def _along(what: str) -> str:
-    return "along" if what == "shift" else "about"
 
 
 def _words(axis: Array) -> str:

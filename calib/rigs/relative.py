@@ -21,7 +21,7 @@ import numpy as np
 
 from calib.cameras.rig import POSE, Rig, keep_cameras
 from calib.core.linear_algebra import symmetric_inverse
-from calib.core.se3 import compose, invert, log_rotation, make_pose, skew, transform
+from calib.core.se3 import compose, invert, log_rotation, make_pose, nearest_rotation, skew, transform
 from calib.rigs.result import RigCalibration
 from calib.rigs.target_error import posed_frames, tells_size
 from calib.solver.free_shape import PosedSightings, free_directions
@@ -297,7 +297,9 @@ def _placed(first: Rig, second: Rig) -> PlacedApart | None:
     point, found, seen = point[is_placed], found[is_placed], seen[is_placed]
     if len(point) < FEWEST:
         return None
-    second_from_first = _laid_over(point, found)
+    middle, other = point.mean(axis=0), found.mean(axis=0)
+    turn = nearest_rotation((found - other).T @ (point - middle))
+    second_from_first = make_pose(turn, other - turn @ middle)
     off = found - transform(second_from_first, point)
     spread = [np.linalg.norm(one - one.mean(axis=0)) for one in (point, found)]
     distance = np.linalg.norm(off, axis=1)
@@ -318,14 +320,6 @@ def _placed_by(first: Rig, second: Rig, point: Array, seen: Flags) -> Array:
         ("lattice",), tuple(map(str, rows.tolist())), np.zeros_like(rows), rows, camera, place, pixel
     )
     return triangulate_points(second, sightings, np.ones(len(second.names))).position_mm
-
-
-def _laid_over(point: Array, found: Array) -> Array:
-    """The rigid motion (4, 4) that takes points (N, 3) nearest to others (Kabsch 1976)."""
-    middle, other = point.mean(axis=0), found.mean(axis=0)
-    left, _, right = np.linalg.svd((found - other).T @ (point - middle))
-    turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
-    return make_pose(turn, other - turn @ middle)
 
 
 def _apart_px(first: Rig, second: Rig, second_from_first: Array, point: Array, seen: Flags) -> tuple[CameraApart, ...]:

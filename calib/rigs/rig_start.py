@@ -135,7 +135,9 @@ def start_rig(observations: RigObservations, alone: Sequence[Alone], options: Ri
         alone, delay_s = synchronised(observations, alone)
     else:
         require_same_frames(observations, alone)
-    reference = options.reference if options.carrier is None else _busiest(alone)
+    reference = options.reference
+    if options.carrier is not None:  # the camera that has most poses of its own
+        reference = int(np.argmax([int(np.isfinite(one.cam_from_target[:, 0, 0]).sum()) for one in alone]))
     cam_from_rig = joined(observations, alone, reference)
     observations, alone, options, remarks = _placed(observations, alone, options)
     scale = np.array([max(one.scale, LEAST_SCALE) if np.isfinite(one.scale) else 1.0 for one in alone])
@@ -169,11 +171,6 @@ def _of_carrier(begin: RigStart, carrier: Carrier) -> RigStart:
     return replace(
         begin, problem=_with_noise(problem, start), state=_carried(begin.state, start), undetermined=start.undetermined
     )
-
-
-def _busiest(alone: Sequence[Alone]) -> int:
-    """The camera that has most poses of its own."""
-    return int(np.argmax([int(np.isfinite(one.cam_from_target[:, 0, 0]).sum()) for one in alone]))
 
 
 def _placed(

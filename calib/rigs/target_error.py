@@ -16,7 +16,7 @@ sightings' part, W being its block of the pose and h its columns.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -171,13 +171,12 @@ def _carried(
         by_unknowns = np.zeros((POSE, width))
         by_unknowns[:, -POSE:] = weight[:, None] * by_carrier[frame]
         rows = POSE // 2
-        yield PosedSightings(
-            np.concatenate([one.point, np.repeat(one.point[:1], rows)]),
-            np.concatenate([one.by_camera, by_unknowns.reshape(rows, 2, width)]),
-            np.concatenate([one.residual, (weight * fit.error[frame]).reshape(rows, 2, 1)]),
-            np.concatenate([one.by_pose, (weight[:, None] * by_frame[frame]).reshape(rows, 2, POSE)]),
-            np.concatenate([one.by_place, np.zeros((rows, 2, 3))]),
-        )
+        said = PosedSightings(
+            np.repeat(one.point[:1], rows), by_unknowns.reshape(rows, 2, width),
+            (weight * fit.error[frame]).reshape(rows, 2, 1),
+            (weight[:, None] * by_frame[frame]).reshape(rows, 2, POSE), np.zeros((rows, 2, 3)),
+        )  # fmt: skip
+        yield PosedSightings.joined([one, said])
 
 
 def carrier_prior(found: RigCalibration) -> tuple[CarrierPrior, CarrierFit]:
@@ -200,22 +199,6 @@ def carrier_prior(found: RigCalibration) -> tuple[CarrierPrior, CarrierFit]:
     return CarrierPrior(carrier, np.arange(POSE), np.array([fit.sigma_rad, fit.sigma_mm])), fit
 
 
-@dataclass(frozen=True, eq=False)
-class _Sightings:
-    """The M sightings of one camera that count, to first order, times their weights, ordered by frame."""
-
-    frame: Rows  # (M,) ascending
-    posed: PosedSightings
-
-    def of(self, frame: int) -> PosedSightings:
-        """Those of a frame."""
-        one, (first, last) = self.posed, np.searchsorted(self.frame, [frame, frame + 1])
-        part = slice(int(first), int(last))
-        return PosedSightings(
-            one.point[part], one.by_camera[part], one.residual[part], one.by_pose[part], one.by_place[part]
-        )
-
-
 def posed_frames(
     found: RigCalibration, basis: Array, frames: Rows, moved_px: Sequence[Array] | None = None
 ) -> Iterator[PosedSightings]:
@@ -226,18 +209,15 @@ def posed_frames(
     more = moved_px or [np.zeros((len(one), 2, 0)) for one in found.residual_px]
     cameras = [_sightings(found, camera, basis, frames, more[camera]) for camera in range(len(found.cameras))]
     for frame in frames.tolist():
-        parts = [one.of(frame) for one in cameras]
-        yield PosedSightings(
-            np.concatenate([one.point for one in parts]),
-            np.concatenate([one.by_camera for one in parts]),
-            np.concatenate([one.residual for one in parts]),
-            np.concatenate([one.by_pose for one in parts]),
-            np.concatenate([one.by_place for one in parts]),
+        yield PosedSightings.joined(
+            [one.between(*np.searchsorted(order, [frame, frame + 1]).tolist()) for order, one in cameras]
         )
 
 
-def _sightings(found: RigCalibration, camera: int, basis: Array, frames: Rows, moved_px: Array) -> _Sightings:
-    """Those of one camera, each camera's by its own noise."""
+def _sightings(
+    found: RigCalibration, camera: int, basis: Array, frames: Rows, moved_px: Array
+) -> tuple[Rows, PosedSightings]:
+    """Those of one camera by its own noise, and their frames, ascending."""
     seen, rig = found.observations.sightings[camera], found.rig
     is_wanted = np.isin(found.observations.frame[camera], frames)[seen.view]
     row = np.flatnonzero(is_wanted & ~found.is_outlier[camera])
@@ -260,7 +240,7 @@ def _sightings(found: RigCalibration, camera: int, basis: Array, frames: Rows, m
         by_camera[:, :, -POSE - 1] = (by_target @ position[:, :, None])[:, :, 0]
     wide = np.zeros((*by_camera.shape[:2], len(found.cameras), moved_px.shape[2]))
     wide[:, :, camera] = weight @ moved_px[row]
-    return _Sightings(
+    return (
         frame,
         PosedSightings(
             seen.point[row], np.concatenate([by_camera, wide.reshape(*wide.shape[:2], -1)], axis=2),

@@ -81,6 +81,24 @@ class PosedSightings:
     by_pose: Array  # (M, 2, 6)
     by_place: Array  # (M, 2, 3) in the target's frame
 
+    def between(self, first: int, last: int) -> "PosedSightings":
+        """Those from one on, up to another."""
+        part = slice(first, last)
+        return PosedSightings(
+            self.point[part], self.by_camera[part], self.residual[part], self.by_pose[part], self.by_place[part]
+        )
+
+    @staticmethod
+    def joined(parts: "Sequence[PosedSightings]") -> "PosedSightings":
+        """All of several."""
+        return PosedSightings(
+            np.concatenate([one.point for one in parts]),
+            np.concatenate([one.by_camera for one in parts]),
+            np.concatenate([one.residual for one in parts]),
+            np.concatenate([one.by_pose for one in parts]),
+            np.concatenate([one.by_place for one in parts]),
+        )
+
     def poses_taken(self) -> Array:
         """An orthonormal basis of what the pose takes up (M, 2, 6), from columns whose lengths are made alike."""
         flat = self.by_pose.reshape(-1, POSE)

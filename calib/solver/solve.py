@@ -211,7 +211,7 @@ def _calibration(
     beyond, left_out = descended.is_beyond, int((~is_used & ~descended.is_beyond).sum())
     remarks = [*remarks, *_beyond(observations, descended)]
     if not is_robust(options):
-        remarks = [*remarks, *_far_off(observations, descended)]
+        remarks = [*remarks, *far_off(observations, found.blocks.residual_px, descended.deviation)]
     if left_out:
         views = len(np.unique(observations.view[~is_used & ~beyond]))
         limit = f"beyond {options.reject_sigma:g} robust standard deviations"
@@ -236,17 +236,19 @@ def _beyond(observations: Observations, descended: Descended) -> list[str]:
     ]
 
 
-def _far_off(observations: Observations, descended: Descended) -> list[str]:
-    """A word on observations that noise does not explain, if they were neither left out nor weighed down."""
-    far = np.flatnonzero(descended.deviation > FAR_OFF)
+def far_off(seen: Observations, residual_px: Array, deviation: Array) -> list[str]:
+    """A word on observations that noise does not explain, if they were neither left out nor weighed down.
+
+    By residuals (2, M), and their lengths in robust standard deviations (M,).
+    """
+    far = np.flatnonzero(deviation > FAR_OFF)
     if not len(far):
         return []
-    worst = int(far[np.argmax(descended.deviation[far])])
-    off = float(np.hypot(*descended.minimum.blocks.residual_px[:, worst]))
+    worst = int(far[np.argmax(deviation[far])])
+    off = float(np.hypot(*residual_px[:, worst]))
     return [
-        f"{len(far)} of {len(descended.deviation)} observations are off by more than {FAR_OFF:g} robust standard "
-        f"deviations, the worst by {off:.3g} px in {observations.view_names[observations.view[worst]]}; look at them, "
-        "or reject them"
+        f"{len(far)} of {len(deviation)} observations are off by more than {FAR_OFF:g} robust standard deviations, the "
+        f"worst by {off:.3g} px in {seen.view_names[seen.view[worst]]}; look at them, or reject them"
     ]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from calib.cameras.rig import Rig
 from calib.core.se3 import transform
 from calib.core.types import freeze
-from calib.space.budget import Expected, expected_errors
+from calib.space.budget import expected_errors
 from calib.space.propagate import rms_error_mm
 from calib.space.volume import WorkingVolume
 from designer.base.arrays import Array
@@ -102,7 +102,15 @@ def slices(rig: Rig, volume: WorkingVolume, noise_px: Array, seen_by: int) -> tu
             at = f"{middle[third]:.0f} mm"
             where = {"down": "seen from above, at the cameras' height", "ahead": f"{at} ahead"}
             title = f"Error of a point, {where.get(names[third], f'at {names[third]} = {at}')}"
-            found.append(_slice(title, f"{names[first]}, mm", f"{names[second]}, mm", x, y, expected))
+            shape, shared = (len(y), len(x)), expected.calibration_mm2
+            found.append(
+                ErrorSlice(
+                    title, f"{names[first]}, mm", f"{names[second]}, mm", x, y,
+                    rms_error_mm(expected.covariance_mm2).reshape(shape),
+                    rms_error_mm(expected.noise_mm2).reshape(shape),
+                    np.full(shape, np.nan) if shared is None else rms_error_mm(shared).reshape(shape),
+                )
+            )  # fmt: skip
     return tuple(found)
 
 
@@ -110,13 +118,3 @@ def _middles(volume: WorkingVolume, axis: int) -> Array:
     low, high = volume.low_mm[axis], volume.high_mm[axis]
     middles: Array = low + (np.arange(CELLS) + 0.5) * (high - low) / CELLS
     return middles
-
-
-def _slice(title: str, x_name: str, y_name: str, x: Array, y: Array, expected: Expected) -> ErrorSlice:
-    shape = len(y), len(x)
-    shared = expected.calibration_mm2
-    return ErrorSlice(
-        title, x_name, y_name, x, y,
-        rms_error_mm(expected.covariance_mm2).reshape(shape), rms_error_mm(expected.noise_mm2).reshape(shape),
-        np.full(shape, np.nan) if shared is None else rms_error_mm(shared).reshape(shape),
-    )  # fmt: skip
