@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 from calib.app.cameras_told import numbers_of, refit_numbers
 from calib.cameras import fitted_models
-from calib.cameras.formats import FORMATS
-from calib.cameras.formats.rigs import RIG_FORMATS
+from calib.cameras.formats import FORMATS, RIG_FORMATS
 from designer.base.codec import encode_written
 from designer.base.errors import InputError
 from designer.base.options import argument, option
@@ -23,11 +22,9 @@ from designer.page.result import Result
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
-    from calib.cameras.formats.format import CameraFormat
+    from calib.cameras.formats.format import CameraFormat, RigFormat
     from calib.cameras.formats.holding import Held
-    from calib.cameras.formats.reading import OpenedCamera
-    from calib.cameras.formats.rigs.format import RigFormat
-    from calib.cameras.formats.rigs.reading import OpenedRig
+    from calib.cameras.formats.reading import OpenedCamera, OpenedRig
     from calib.cameras.refit import Refit
     from calib.cameras.rig import Rig
     from designer.base.files import JsonValue
@@ -61,8 +58,8 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
         Raises:
             InputError: it is one camera.
         """
-        from calib.cameras.formats.rigs.held import rig_as_held
-        from calib.cameras.formats.rigs.reading import OpenedRig
+        from calib.cameras.formats.holding import rig_as_held
+        from calib.cameras.formats.reading import OpenedRig
 
         if not isinstance(self.opened, OpenedRig):
             raise InputError("one camera is no rig: take camera")
@@ -71,7 +68,7 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
     @property
     def each(self) -> "tuple[tuple[str, Camera, Refit | None, Held], ...]":
         """Name, camera as it was read, what that took, and camera as it is held; a camera alone has no name."""
-        from calib.cameras.formats.rigs.reading import OpenedRig
+        from calib.cameras.formats.reading import OpenedRig
 
         if not isinstance(self.opened, OpenedRig):
             return (("", self.opened.read.camera, self.opened.read.refit, self.held[0]),)
@@ -81,8 +78,7 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
     @property
     def texts(self) -> dict[str, str]:
         """What the files hold, by name; of a format of one file, one."""
-        from calib.cameras.formats.format import CameraFormat
-        from calib.cameras.formats.rigs.format import WrittenRig
+        from calib.cameras.formats.format import CameraFormat, WrittenRig
 
         if isinstance(self.format, CameraFormat):
             return {self.format.file_name: self.format.write(self.camera, self.held[0].lens)}
@@ -125,9 +121,8 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
     def lost(self) -> tuple[str, ...]:
         """What the files do not say that the camera or the rig knew, a line each."""
         from calib.cameras.formats.format import CameraFormat
-        from calib.cameras.formats.holding import lost_of
-        from calib.cameras.formats.rigs.held import lost_of_rig
-        from calib.cameras.formats.rigs.reading import OpenedRig
+        from calib.cameras.formats.holding import lost_of, lost_of_rig
+        from calib.cameras.formats.reading import OpenedRig
 
         if isinstance(self.opened, OpenedRig):
             return lost_of_rig(self.opened.read.rig, self.held, cast("RigFormat", self.format))
@@ -264,8 +259,7 @@ def convert(
     from calib.app.inputs import opened_camera, opened_rig, rig_named
     from calib.cameras.camera import Camera
     from calib.cameras.formats.holding import ACCEPTED_PX, fit_to_format
-    from calib.cameras.formats.reading import find_format
-    from calib.cameras.formats.rigs.reading import find_rig_format, require_unit
+    from calib.cameras.formats.reading import find_format, require_unit
     from calib.cameras.rig import Rig
     from designer.page.output import asked_output
 
@@ -280,14 +274,14 @@ def convert(
     target: CameraFormat | RigFormat
     opened: OpenedCamera | OpenedRig
     if rig is not None:
-        target, opened = find_rig_format(to), _of_cameras(rig, names)
+        target, opened = find_format(to, RIG_FORMATS, "rig"), _of_cameras(rig, names)
         require_unit(target, unit, "--unit")
         each, cameras_of = tuple(zip(opened.read.rig.names, opened.read.rig.cameras, strict=True)), target.cameras
     else:
         for flag, value in (("--cameras", names), ("--unit", unit), ("--from-unit", source_unit)):
             if value:
                 raise InputError(f"{flag}: is for rigs, and this is one camera; leave it out")
-        target, opened = find_format(to), opened_camera(cast("Camera | Place", camera), source)
+        target, opened = find_format(to, FORMATS, "camera"), opened_camera(cast("Camera | Place", camera), source)
         each, cameras_of = (("", opened.read.camera),), target
     if output is not None:
         _check_out(output.place, target, opened)
@@ -315,7 +309,7 @@ def _name(key: str, name: str) -> dict[str, str]:
 
 def _is_folder(target: "CameraFormat | RigFormat") -> bool:
     """Whether a format has several files."""
-    from calib.cameras.formats.rigs.format import RigFormat
+    from calib.cameras.formats.format import RigFormat
 
     return isinstance(target, RigFormat) and target.is_folder
 

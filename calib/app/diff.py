@@ -17,8 +17,7 @@ from designer.page.result import Result
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
-    from calib.cameras.formats.reading import OpenedCamera
-    from calib.cameras.formats.rigs.reading import OpenedRig
+    from calib.cameras.formats.reading import OpenedCamera, OpenedRig
     from calib.cameras.refit import CameraDifference
     from calib.cameras.rig import Rig
     from calib.cameras.undistortion import ZoneDifference
@@ -202,7 +201,7 @@ def _check_picture(picture: Path, opened: "tuple[OpenedCamera, ...]") -> None:
 
 def _words(opened: "OpenedCamera | OpenedRig") -> str:
     """What a file holds."""
-    from calib.cameras.formats.rigs.reading import OpenedRig
+    from calib.cameras.formats.reading import OpenedRig
 
     if isinstance(opened, OpenedRig):
         return f"{len(opened.read.rig.names)} cameras"

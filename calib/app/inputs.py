@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from calib.app.options import MOST_JOBS
-from calib.cameras.formats import FORMATS, OWN
-from calib.cameras.formats.rigs import OWN_RIG, RIG_FORMATS
+from calib.cameras.formats import FORMATS, OWN, RIG_FORMATS
 from calib.core.types import Detections, Observations, RigObservations
 from designer.base.errors import InputError
 from designer.base.files import place_of
@@ -18,8 +17,7 @@ from designer.base.words import printable, shown
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera
-    from calib.cameras.formats.reading import OpenedCamera
-    from calib.cameras.formats.rigs.reading import OpenedRig
+    from calib.cameras.formats.reading import OpenedCamera, OpenedRig
     from calib.cameras.rig import Rig
     from calib.judge.verdict import Criteria
     from calib.observe.corners_vnl import PointGrid
@@ -255,7 +253,7 @@ def load_rig(name: Place, *, unit: str | None = None) -> "Rig":
     Raises:
         InputError: no such file, of no known kind, or not valid.
     """
-    from calib.cameras.formats.rigs.reading import open_rig
+    from calib.cameras.formats.reading import open_rig
 
     return open_rig(place_of(name, "a rig.json"), unit=unit).read.rig
 
@@ -290,10 +288,10 @@ def rig_of(rig: "Rig | Place") -> "Rig":
 
 def opened_rig(rig: "Rig") -> "OpenedRig":
     """A rig that comes from no file, with the kind that is ours."""
-    from calib.cameras.formats.rigs.format import ReadRig
-    from calib.cameras.formats.rigs.reading import OpenedRig
+    from calib.cameras.formats.format import ReadRig
+    from calib.cameras.formats.reading import OpenedRig
 
-    return OpenedRig(RIG_FORMATS[OWN_RIG], ReadRig(rig, (None,) * len(rig.cameras)))
+    return OpenedRig(RIG_FORMATS[OWN], ReadRig(rig, (None,) * len(rig.cameras)))
 
 
 def rig_named(name: Place, kind: str | None = None, unit: str | None = None) -> "OpenedRig | None":
@@ -302,7 +300,7 @@ def rig_named(name: Place, kind: str | None = None, unit: str | None = None) -> 
     Raises:
         InputError: a rig's file that cannot be read.
     """
-    from calib.cameras.formats.rigs.reading import open_rig, rig_format_of
+    from calib.cameras.formats.reading import open_rig, rig_format_of
 
     place = place_of(name, "a camera, a rig, or the file of one")
     if place.is_dir() and (place / FORMATS[OWN].file_name).exists():

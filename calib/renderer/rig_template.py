@@ -16,8 +16,7 @@ from typing import Annotated, cast
 import numpy as np
 
 from calib.cameras.camera import Camera
-from calib.cameras.formats.reading import open_camera
-from calib.cameras.formats.rigs.reading import open_rig, rig_format_of
+from calib.cameras.formats.reading import open_camera, open_rig, rig_format_of
 from calib.cameras.rig import MOST_CAMERAS, Rig
 from calib.core.se3 import invert, look_at
 from calib.renderer.quantities import bounded, length_range, parse_degrees, parsed

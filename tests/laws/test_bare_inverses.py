@@ -29,7 +29,7 @@ ALLOWED = {
     "calib/detector/lines.py fit_lines": "a covariance plus a floor",
     "calib/detector/naming.py _uprightness": "a shortest solution, which two columns always have",
     "calib/detector/where_expected.py _plane_map": "shortest solutions, whose points were found to span a plane",
-    "calib/cameras/formats/rigs/opencv.py write": "the linear part of a camera, whose focal lengths are more than zero",
+    "calib/cameras/formats/opencv.py write_rig": "the linear part of a camera, whose focal lengths are more than zero",
     "calib/cameras/formats/mrcal_surface.py surface_of": "smoothed by its bends, which leave no control point free",
     "calib/rigs/pose_pairs.py _fitted": "variances kept from nothing by a prior, as is the normal matrix",
     "calib/rigs/accuracy.py shared_inverse": "what cannot be inverted is caught, and said to be undetermined",

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from calib.cameras.formats import FORMATS
-from calib.cameras.formats.rigs import RIG_FORMATS
+from calib.cameras.formats import FORMATS, RIG_FORMATS
 from designer.kinds.presets import preset_names
 from tests.support import programs
 from tests.support.programs import PYTHON

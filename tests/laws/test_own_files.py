@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from calib.cameras.formats import FORMATS
-from calib.cameras.formats.rigs import RIG_FORMATS
+from calib.cameras.formats import FORMATS, RIG_FORMATS
 from calib.renderer.job import SUFFIX
 from designer.base.errors import InputError
 from designer.base.files import write_files

@@ -1,6 +1,7 @@
-"""Camera files of other tools behind one protocol.
+"""Camera and rig files of other tools behind one protocol each.
 
-A format is a file of this folder, which holds it as `FORMAT`, and a name in the list here. Files are loaded when used.
+A format is a file of this folder, which holds it as `FORMAT` for a camera and as `RIG_FORMAT` for a rig, and a name in
+the lists here. Files are loaded when used.
 """
 
 from typing import TYPE_CHECKING
@@ -8,11 +9,13 @@ from typing import TYPE_CHECKING
 from calib.core.registry import Registry
 
 if TYPE_CHECKING:
-    from calib.cameras.formats.format import CameraFormat
+    from calib.cameras.formats.format import CameraFormat, RigFormat
 
 NAMES = ["json", "basalt", "mrcal", "metashape", "kalibr", "ros", "opencv", "colmap"]
 """In the order in which a file of unknown kind is tried, the more particular first."""
+RIG_NAMES = ["json", "kalibr", "opencv", "colmap", "ros", "mrcal", "anipose", "caliscope"]
 OWN = "json"
-"""The program's own, which holds a camera of any model."""
+"""The program's own, which holds cameras of any model, and how sure a rig is."""
 
 FORMATS: "Registry[CameraFormat]" = Registry(__name__, "FORMAT", NAMES)
+RIG_FORMATS: "Registry[RigFormat]" = Registry(__name__, "RIG_FORMAT", RIG_NAMES)

@@ -91,7 +91,7 @@ def fit_lens(
     """The camera nearest to one with a focal plane and another lens, behind fx fy cx cy."""
 
     def rays(pixel: Array) -> Array:
-        x, y = invert(distort, *slopes_of(pixel, linear))
+        x, y = inverse_of(distort, *slopes_of(pixel, linear))
         return np.column_stack([x, y, np.ones_like(x)])
 
     return fit_foreign(rays, linear, image_size, what, origin)
@@ -129,7 +129,7 @@ def fit_foreign(
     return ReadCamera(refit.camera, refit, (f"{what} was fitted by the model {refit.camera.model}",))
 
 
-def invert(distort: Distort, x: Array, y: Array) -> tuple[Array, Array]:
+def inverse_of(distort: Distort, x: Array, y: Array) -> tuple[Array, Array]:
     """Points (N,) that a lens takes to (x, y), by Newton's method; nan where there is none short of its fold."""
     a, b = x.astype(np.float64), y.astype(np.float64)
     for _ in range(MAX_STEPS):

@@ -17,7 +17,7 @@ import numpy as np
 
 from calib.cameras.camera import Camera
 from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera
-from calib.cameras.formats.lens import Complex, Distort, fit_foreign, fit_lens, invert, lens_camera, slopes_of
+from calib.cameras.formats.lens import Complex, Distort, fit_foreign, fit_lens, inverse_of, lens_camera, slopes_of
 from calib.cameras.formats.parsing import image_size, number, parse_xml, pick, real
 from designer.base.arrays import Array
 from designer.base.errors import InputError
@@ -103,7 +103,7 @@ def _camera(calibration: Element, origin: str) -> ReadCamera:
         return fit_lens(distort, linear, size, what, origin)
 
     def rays(pixel: Array) -> Array:
-        x, y = invert(distort, *slopes_of(pixel, linear))
+        x, y = inverse_of(distort, *slopes_of(pixel, linear))
         radius = np.hypot(x, y)
         theta = radius if kind != EQUISOLID else 2 * np.arcsin(radius / 2)
         aside = np.sinc(theta / np.pi) if kind != EQUISOLID else np.cos(theta / 2)  # sin(theta) / r

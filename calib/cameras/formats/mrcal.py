@@ -1,11 +1,25 @@
-"""mrcal's .cameramodel files: a Python dict of literals."""
+"""mrcal's .cameramodel files, one for each camera: a Python dict of literals.
+
+`rt_cam_ref` is the pose from the reference in metres, which is the rig's frame; older files call it `extrinsics`.
+"""
 
 import ast
 import re
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from calib.cameras.camera import Camera
-from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera
+from calib.cameras.formats.format import (
+    CameraFormat,
+    FileLens,
+    ReadCamera,
+    ReadRig,
+    RigFiles,
+    RigFormat,
+    WrittenRig,
+    assembled,
+)
 from calib.cameras.formats.lens import lens_camera, lens_named
 from calib.cameras.formats.lens_names import require_agreement
 from calib.cameras.formats.mrcal_surface import (
@@ -18,6 +32,9 @@ from calib.cameras.formats.mrcal_surface import (
     surface_of,
 )
 from calib.cameras.formats.parsing import image_size, mapping, numbers, real, required, shown_plain
+from calib.cameras.formats.poses import vector_pose
+from calib.core.se3 import log_rotation
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import shown
 
@@ -131,4 +148,47 @@ FORMAT = CameraFormat(
     write=write,
     read=read,
     max_bytes=MAX_FILE_BYTES,
+)
+
+
+SUFFIX = ".cameramodel"
+POSE = ("rt_cam_ref", "extrinsics")
+
+
+def write_rig(written: WrittenRig) -> Mapping[str, str]:
+    """The texts for a rig, a file a camera."""
+    turn = log_rotation(written.cam_from_rig[:, :3, :3])
+    pose = np.concatenate([turn, written.cam_from_rig[:, :3, 3]], axis=1)
+    each = zip(written.words, written.rig.cameras, written.lenses, pose.tolist(), strict=True)
+    return {f"{word}{SUFFIX}": model_text(camera, lens, rt) for word, camera, lens, rt in each}
+
+
+def read_rig(files: RigFiles) -> ReadRig:
+    """The rig of several models, named after their files."""
+    found, poses = [], []
+    for name, text in files.texts.items():
+        camera, pose = _model(text, files.unit, files.origin_of(name))
+        found.append(camera)
+        poses.append(pose)
+    names = [name.removesuffix(SUFFIX) for name in files.texts]
+    return assembled(files, names, found, poses, "m")
+
+
+def _model(text: str, unit: str, origin: str) -> tuple[ReadCamera, Array]:
+    values = literal(text, origin)
+    pose = numbers(required(values, POSE, origin), POSE[0], origin, (6,))
+    return camera_of(values, origin), vector_pose(pose[:3], pose[3:], unit, origin)
+
+
+RIG_FORMAT = RigFormat(
+    name="mrcal",
+    title="mrcal camera models",
+    file_name="cameras",
+    opens_with="mrcal-show-geometry {file}/*.cameramodel; the reference is the rig's frame",
+    cameras=FORMAT,
+    unit="m",
+    write=write_rig,
+    read=read_rig,
+    patterns=(f"*{SUFFIX}",),
+    has_own_unit=True,
 )

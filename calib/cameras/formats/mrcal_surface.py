@@ -26,7 +26,7 @@ import numpy as np
 from calib.cameras import rays
 from calib.cameras.camera import Camera
 from calib.cameras.formats.format import FileLens, ReadCamera
-from calib.cameras.formats.lens import Complex, fit_foreign, invert, lens_camera, slopes_of
+from calib.cameras.formats.lens import Complex, fit_foreign, inverse_of, lens_camera, slopes_of
 from calib.cameras.formats.parsing import number, numbers
 from calib.cameras.refit import Refit, image_grid
 from calib.core.linear_algebra import least_squares
@@ -86,7 +86,7 @@ class StereographicSurface:
 
     def rays(self, pixel: Array) -> Array:
         """Directions (N, 3) at pixels (N, 2), of any length; nan where the surface shows none."""
-        x, y = invert(self.shifted, *slopes_of(pixel, self.linear))
+        x, y = inverse_of(self.shifted, *slopes_of(pixel, self.linear))
         x = np.where(self.is_inside(x, y), x, np.nan)
         return np.column_stack([x, y, 1 - 0.25 * (x * x + y * y)])
 
@@ -260,7 +260,7 @@ def cahvore_rays(pixel: Array, linear: Sequence[float], lens: Sequence[float], l
     x, y = slopes_of(pixel, linear)
     shown_at = np.column_stack([x, y, np.ones_like(x)]) @ from_axis
     depth = np.where(shown_at[:, 2] > 0, shown_at[:, 2], np.nan)
-    a, b = invert(distort, shown_at[:, 0] / depth, shown_at[:, 1] / depth)
+    a, b = inverse_of(distort, shown_at[:, 0] / depth, shown_at[:, 1] / depth)
     chi = np.hypot(a, b)
     theta = _angle(chi, linearity)
     aside = np.where(chi > 0, np.sin(theta) / np.where(chi > 0, chi, 1.0), 1.0)

@@ -16,12 +16,14 @@ import yaml
 
 from calib.cameras import parameter_names
 from calib.cameras.camera import CAMERA, Camera, camera_from_mapping
-from calib.cameras.formats.format import MAX_FILE_BYTES
 from designer.base.errors import InputError
 from designer.base.files import parse_json
 from designer.base.words import shown
 
 Item = TypeVar("Item")
+
+MAX_FILE_BYTES = 2**17
+"""A camera file of a few numbers is never larger."""
 
 _NUMBER = re.compile(r"[-+]?(?:[0-9]{1,40}\.?[0-9]{0,40}|\.[0-9]{1,40})(?:[eE][-+]?[0-9]{1,4})?")
 _DIRECTIVE = re.compile(r"\A\s*%YAML[^\n]*\n")

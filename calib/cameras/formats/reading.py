@@ -1,17 +1,23 @@
-"""Camera files of any kind that is known, found out by their content."""
+"""Files of cameras and rigs of any kind that is known, found out by their content, or by the files of a folder."""
 
 import os
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
 
 from calib.cameras import parameter_names
-from calib.cameras.camera import Camera, camera_or_preset
-from calib.cameras.formats import FORMATS, OWN
-from calib.cameras.formats.format import MAX_FILE_BYTES, CameraFormat, ReadCamera
+from calib.cameras.camera import CAMERA, Camera, camera_or_preset
+from calib.cameras.formats import FORMATS, OWN, RIG_FORMATS
+from calib.cameras.formats.format import CameraFormat, ReadCamera, ReadRig, RigFiles, RigFormat
 from calib.cameras.formats.parsing import outline, pick
-from calib.cameras.formats.rigs.format import RigFormat
-from calib.cameras.formats.rigs.reading import largest_bytes, open_rig, recognise_rig
+from calib.cameras.formats.poses import UNIT_WORDS, unit_mm
 from calib.cameras.refit import FOCAL_AND_CENTRE
+from calib.cameras.rig import MOST_CAMERAS, RIG, Rig
+from calib.core.registry import Registry
 from designer.base.errors import InputError
 from designer.base.files import parse_json, read_small, read_small_text, read_spec_file
 from designer.base.words import shown, suggestion
@@ -19,10 +25,149 @@ from designer.kinds.presets import preset_names
 
 HEAD = 2**16
 """Characters from which a file's kind is told."""
-
-
 BINARY = ".bin"
 """COLMAP's files that are no text end so."""
+Format = TypeVar("Format", CameraFormat, RigFormat)
+CLOSE_MM, FAR_MM = 2.0, 1e5
+"""Cameras whose centres are all closer than this, or all farther apart, may be in another unit."""
+_OWN_CAMERA = re.compile(rf'\A\s*\{{\s*"format"\s*:\s*"{re.escape(CAMERA.format)}"')
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedRig:
+    """A rig with the kind of file it came from."""
+
+    format: RigFormat
+    read: ReadRig
+    paths: tuple[Path, ...] = ()  # of the files it was read from; (): of none
+
+    def is_file(self, place: Path) -> bool:
+        """Whether a place is one of the files the rig was read from."""
+        try:
+            return any(place.samefile(path) for path in self.paths if place.exists())
+        except OSError:
+            return False
+
+
+def open_rig(place: Path, format_name: str | None = None, unit: str | None = None) -> OpenedRig:
+    """The rig of a file, or of a folder with its files.
+
+    Args:
+        place: of a file or folder.
+        format_name: one of `RIG_FORMATS`; None: found out.
+        unit: of lengths, "mm" or "m", where the format has none of its own; None: what the file says, or usually has.
+
+    Raises:
+        InputError: no such file, of no known kind, or not valid; the message names it.
+    """
+    kind = rig_format_of(place) if format_name is None else find_format(format_name, RIG_FORMATS, "rig")
+    if kind is None:
+        if not place.is_dir():
+            read_small_text(
+                place, RIG.largest_bytes, "a rig file"
+            )  # which says what is wrong with it, if it is not read
+        titles = ", ".join(one.title for one in RIG_FORMATS.values())
+        raise InputError(f"{place}: not a rig file of a known kind; there are {titles}")
+    require_unit(kind, unit, "--from-unit")
+    files, paths = _files(place, kind)
+    origin = place.parent if kind.is_folder and not place.is_dir() else place
+    found = kind.read(RigFiles(files, str(origin), unit or kind.unit))
+    if found.unit is not None:
+        if unit is not None and unit != found.unit:
+            raise InputError(f"{place}: says that its lengths are in {shown(found.unit)}; leave out --from-unit {unit}")
+        return OpenedRig(kind, found, paths)
+    said = "as told" if unit is not None else f"as {kind.title} usually has it; another with --from-unit"
+    remarks = (f"lengths are taken as {UNIT_WORDS[unit or kind.unit]}, {said}", *_doubts(found.rig))
+    return OpenedRig(kind, replace(found, remarks=(*remarks, *found.remarks)), paths)
+
+
+def rig_format_of(place: Path) -> RigFormat | None:
+    """The kind of rig that a file or a folder looks like, if it looks like any; a broken place is none."""
+    if place.is_dir():
+        return next((kind for kind in RIG_FORMATS.values() if _in_folder(place, kind)), None)
+    try:
+        text = read_small_text(place, RIG.largest_bytes, "a rig file")[:HEAD]
+    except InputError:
+        return None
+    return recognise_rig(text)
+
+
+def recognise_rig(text: str) -> RigFormat | None:
+    """The kind of rig file a text looks like, if it looks like any; a camera's of ours is none."""
+    if _OWN_CAMERA.match(text):
+        return None
+    return _recognised(RIG_FORMATS, text)
+
+
+def _recognised(formats: Registry[Format], text: str) -> Format | None:
+    """The first kind that is found in the beginning of a text, or else in the names of its JSON."""
+    parts = (text[:HEAD], outline(text))
+    return next((kind for part in parts for kind in formats.values() if kind.recognised.search(part)), None)
+
+
+def find_format(name: str, formats: Registry[Format], what: str) -> Format:
+    """The format of that name, of a camera or a rig.
+
+    Raises:
+        InputError: there is none.
+    """
+    if name not in formats:
+        hint = suggestion(name, list(formats)) or f"; there are {', '.join(formats)}"
+        raise InputError(f"unknown {what} format {shown(name)}{hint}")
+    return formats[name]
+
+
+def require_unit(kind: RigFormat, unit: str | None, option: str) -> None:
+    """Refuse a unit that is none, or that the format's tool does not know.
+
+    Raises:
+        InputError: the message names the option.
+    """
+    if unit is None:
+        return
+    unit_mm(unit)
+    if kind.has_own_unit and unit != kind.unit:
+        raise InputError(f"{option} {unit}: {kind.title} is in {UNIT_WORDS[kind.unit]}; leave out {option}")
+
+
+def _in_folder(folder: Path, kind: RigFormat) -> bool:
+    """Whether a folder holds files of a kind; of cameras that are a file each it takes two."""
+    if not kind.is_folder:
+        return (folder / kind.file_name).is_file()
+    if kind.needed:
+        return any((folder / name).is_file() for name in kind.needed)
+    return len(_matching(folder, kind)) > 1
+
+
+def _matching(folder: Path, kind: RigFormat) -> list[Path]:
+    found = sorted({path for pattern in kind.patterns for path in folder.glob(pattern) if path.is_file()})
+    if len(found) > MOST_CAMERAS + len(kind.patterns):
+        raise InputError(f"{folder}: {len(found)} files of {kind.title}; a rig has at most {MOST_CAMERAS} cameras")
+    return found
+
+
+def _files(place: Path, kind: RigFormat) -> tuple[Mapping[str, str], tuple[Path, ...]]:
+    """The texts by name, and where they are: of one file, or of those beside it that belong to it."""
+    if kind.is_folder:
+        folder = place if place.is_dir() else place.parent
+        paths = _matching(folder, kind)
+        if not paths:
+            raise InputError(f"{place}: no file of {kind.title}; it has {', '.join(kind.patterns)}")
+        if not place.is_dir() and place.name in kind.needed:  # what was named, not what lies beside it
+            paths = [path for path in paths if path.name == place.name or path.name not in kind.needed]
+    else:
+        paths = [place / kind.file_name if place.is_dir() else place]
+    most = RIG.largest_bytes if kind.name == OWN else kind.cameras.max_bytes
+    return {path.name: read_small_text(path, most, f"a file of {kind.title}") for path in paths}, tuple(paths)
+
+
+def _doubts(rig: Rig) -> tuple[str, ...]:
+    """That a unit is hardly right, if so it is."""
+    center = rig.center_mm
+    span = np.linalg.norm(center - center[0], axis=1).max()
+    if len(center) > 1 and (0 < span < CLOSE_MM or span > FAR_MM):
+        return (f"the cameras are {span:.3g} mm apart at most; if that cannot be, say the unit with --from-unit",)
+    return ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,15 +194,19 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
     Raises:
         InputError: no such file, of no known kind, or not valid; the message names it.
     """
-    known = None if format_name is None else find_format(format_name)
-    if format_name in (None, OWN) and (name in preset_names("cameras") or _is_ours_alone(Path(name))):
-        own = Path(name) if name not in preset_names("cameras") else None
+    known = None if format_name is None else find_format(format_name, FORMATS, "camera")
+    path, is_preset = Path(name), name in preset_names("cameras")
+    is_misspelt = not path.suffix and not path.parent.name and not path.exists()  # perhaps a template
+    if format_name in (None, OWN) and (is_preset or is_misspelt or path.suffix.lower() == ".toml"):
+        own = None if is_preset else path
         camera = camera_or_preset(name)
         return OpenedCamera(FORMATS[OWN], ReadCamera(camera, remarks=_taken_as_none(camera, own)), own)
-    path, wanted = _split(name)
+    before, mark, after = name.rpartition("#")
+    is_one_of = bool(mark) and not os.path.lexists(name)  # a file may have the mark in its own name
+    path, wanted = (Path(before), after) if is_one_of else (Path(name), None)
     if path.is_dir():
         path = _camera_in(path)
-    largest = max(largest_bytes(), FORMATS[OWN].max_bytes, MAX_FILE_BYTES) if known is None else known.max_bytes
+    largest = max(RIG.largest_bytes, FORMATS[OWN].max_bytes) if known is None else known.max_bytes
     if path.suffix.lower() == BINARY and format_name in (None, "colmap"):
         from calib.cameras.formats.colmap import text_of
 
@@ -67,7 +216,9 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
     kind = known or recognise(text)
     rig_kind = None if known is not None or (kind is not None and kind.holds_many) else recognise_rig(text)
     if rig_kind is not None:
-        return _camera_of_rig(path, rig_kind, wanted)
+        found = open_rig(path, rig_kind.name).read  # where the camera stands is left behind
+        row = pick({name: row for row, name in enumerate(found.rig.names)}, wanted, str(path))
+        return OpenedCamera(FORMATS[OWN], ReadCamera(found.rig.cameras[row], found.refits[row]), path)
     if kind is None:
         if text.lstrip()[:1] == "{":
             parse_json(text, path, "a camera file")  # which says what is wrong with it, if it is no JSON
@@ -89,13 +240,6 @@ def _taken_as_none(camera: Camera, path: Path | None) -> tuple[str, ...]:
     return (f"of the lens's {len(names)} numbers the file lacks {' '.join(missing)}: taken as of a lens without",)
 
 
-def _camera_of_rig(path: Path, kind: RigFormat, wanted: str | None) -> OpenedCamera:
-    """One of the cameras of a rig's file; where it stands is left behind."""
-    found = open_rig(path, kind.name).read
-    row = found.rig.names.index(pick({name: name for name in found.rig.names}, wanted, str(path)))
-    return OpenedCamera(FORMATS[OWN], ReadCamera(found.rig.cameras[row], found.refits[row]), path)
-
-
 def _camera_in(folder: Path) -> Path:
     """The camera's file in a folder of results."""
     own = FORMATS[OWN].file_name
@@ -106,34 +250,9 @@ def _camera_in(folder: Path) -> Path:
     return folder / own
 
 
-def _is_ours_alone(path: Path) -> bool:
-    """Whether a name is that of a TOML file, or a template's misspelt."""
-    return path.suffix.lower() == ".toml" or (not path.suffix and not path.parent.name and not path.exists())
-
-
-def find_format(name: str) -> CameraFormat:
-    """The format of that name."""
-    if name not in FORMATS:
-        hint = suggestion(name, list(FORMATS)) or f"; there are {', '.join(FORMATS)}"
-        raise InputError(f"unknown camera format {shown(name)}{hint}")
-    return FORMATS[name]
-
-
 def recognise(text: str) -> CameraFormat | None:
-    """The kind of file a text looks like, if it looks like any."""
-    kinds = FORMATS.values()
-    found = next((one for one in kinds if one.recognised.search(text[:HEAD])), None)
-    if found is None and (names := outline(text)):
-        found = next((one for one in kinds if one.recognised.search(names)), None)
-    return found
-
-
-def _split(name: str) -> tuple[Path, str | None]:
-    """File and camera; a file may have the mark in its own name."""
-    path, mark, camera = name.rpartition("#")
-    if not mark or os.path.lexists(name):
-        return Path(name), None
-    return Path(path), camera
+    """The kind of camera file a text looks like, if it looks like any."""
+    return _recognised(FORMATS, text)
 
 
 def _why_unknown(text: str) -> str:

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.cameras.formats.rigs import RIG_FORMATS
-from calib.cameras.formats.rigs.reading import open_rig, recognise_rig, rig_format_of
+from calib.cameras.formats import RIG_FORMATS
+from calib.cameras.formats.reading import open_rig, recognise_rig, rig_format_of
 from calib.cameras.rig import Rig
 from calib.core.se3 import compose, invert, transform
 from designer.base.errors import InputError

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calib.cameras.formats.rigs import RIG_FORMATS
-from calib.cameras.formats.rigs.json import covariance_fault
-from calib.cameras.formats.rigs.reading import open_rig
+from calib.cameras.formats import RIG_FORMATS
+from calib.cameras.formats.json import covariance_fault
+from calib.cameras.formats.reading import open_rig
 from designer.base.errors import InputError
 from tests.support.foreign_rigs import BROWN, read_texts, rig_texts, stereo
 

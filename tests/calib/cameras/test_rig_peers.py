@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from calib.cameras.camera import Camera
-from calib.cameras.formats.rigs.reading import open_rig
+from calib.cameras.formats.reading import open_rig
 from calib.cameras.rectification import rectified_pair
 from calib.core.se3 import exp_rotation, invert, make_pose, transform
 from designer.base.errors import InputError

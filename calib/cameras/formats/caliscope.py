@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from calib.cameras.formats import FORMATS
+from calib.cameras.formats.format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from calib.cameras.formats.parsing import mapping
-from calib.cameras.formats.rigs.format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
-from calib.cameras.formats.rigs.toml_cameras import LENSES, camera_lines, parse_toml, read_camera_table
+from calib.cameras.formats.toml_cameras import LENSES, camera_lines, parse_toml, read_camera_table
 from designer.base.errors import InputError
 
 
@@ -17,17 +17,17 @@ def numbered(names: tuple[str, ...]) -> tuple[str, ...]:
     return names if is_number else tuple(map(str, range(len(names))))
 
 
-def write(written: WrittenRig) -> Mapping[str, str]:
+def write_rig(written: WrittenRig) -> Mapping[str, str]:
     """The text for a rig; its tables are called by numbers."""
     each = zip(written.words, written.rig.cameras, written.lenses, written.cam_from_rig, strict=True)
     tables = (
         f"[cameras.{number}]\ncam_id = {number}\nrotation_count = 0\nignore = false\n{camera_lines(camera, lens, pose)}"
         for number, camera, lens, pose in each
     )
-    return {FORMAT.file_name: "\n".join(tables)}
+    return {RIG_FORMAT.file_name: "\n".join(tables)}
 
 
-def read(files: RigFiles) -> ReadRig:
+def read_rig(files: RigFiles) -> ReadRig:
     """The rig of a text, of the cameras that have a pose and are not to be ignored."""
     (text,), origin = files.texts.values(), files.origin
     document = parse_toml(text, origin)
@@ -47,15 +47,15 @@ def read(files: RigFiles) -> ReadRig:
     return assembled(files, list(used), [one for one, _ in both], [pose for _, pose in both], "m", None, remarks)
 
 
-FORMAT = RigFormat(
+RIG_FORMAT = RigFormat(
     name="caliscope",
     title="Caliscope camera array",
     file_name="camera_array.toml",
     opens_with="put it in the folder of a Caliscope project, as camera_array.toml",
     cameras=replace(FORMATS["opencv"], title="Caliscope camera array", lenses=LENSES),
     unit="m",
-    write=write,
-    read=read,
+    write=write_rig,
+    read=read_rig,
     recognised=re.compile(r"^\[cameras\.", re.MULTILINE),
     has_own_unit=True,
     words=numbered,

@@ -8,25 +8,25 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from calib.cameras.formats import FORMATS
-from calib.cameras.formats.rigs.format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
-from calib.cameras.formats.rigs.poses import unit_said
-from calib.cameras.formats.rigs.toml_cameras import LENSES, camera_lines, parse_toml, read_camera_table
+from calib.cameras.formats.format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
+from calib.cameras.formats.poses import unit_said
+from calib.cameras.formats.toml_cameras import LENSES, camera_lines, parse_toml, read_camera_table
 from designer.base.errors import InputError
 
 METADATA, UNIT = "metadata", "length_unit"
 
 
-def write(written: WrittenRig) -> Mapping[str, str]:
+def write_rig(written: WrittenRig) -> Mapping[str, str]:
     """The text for a rig."""
     each = zip(written.words, written.rig.cameras, written.lenses, written.cam_from_rig, strict=True)
     tables = (
         f'[cam_{row}]\nname = "{word}"\n{camera_lines(camera, lens, pose)}\n'
         for row, (word, camera, lens, pose) in enumerate(each)
     )
-    return {FORMAT.file_name: f'{"".join(tables)}[{METADATA}]\n{UNIT} = "{written.unit}"\n'}
+    return {RIG_FORMAT.file_name: f'{"".join(tables)}[{METADATA}]\n{UNIT} = "{written.unit}"\n'}
 
 
-def read(files: RigFiles) -> ReadRig:
+def read_rig(files: RigFiles) -> ReadRig:
     """The rig of a text; a camera is called what it says, or else as its table."""
     (text,), origin = files.texts.values(), files.origin
     tables = parse_toml(text, origin)
@@ -41,14 +41,14 @@ def read(files: RigFiles) -> ReadRig:
     return assembled(files, names, [one for one, _ in both], [pose for _, pose in both], unit)
 
 
-FORMAT = RigFormat(
+RIG_FORMAT = RigFormat(
     name="anipose",
     title="Anipose calibration",
     file_name="calibration.toml",
     opens_with='in Python: aniposelib.cameras.CameraGroup.load("{file}")',
     cameras=replace(FORMATS["opencv"], title="Anipose calibration", lenses=LENSES),
     unit="mm",
-    write=write,
-    read=read,
+    write=write_rig,
+    read=read_rig,
     recognised=re.compile(r"\A(?=(?s:.*?)^matrix\s*=)(?=(?s:.*?)^rotation\s*=)(?!(?s:.*?)^\[cameras\.)", re.MULTILINE),
 )

@@ -14,7 +14,7 @@ from calib.cameras.formats.format import FileLens, ReadCamera
 from calib.cameras.formats.lens_names import named_lens
 from calib.cameras.formats.opencv import COUNTS, WIDE, camera_by_name, data_of, linear_part, matrix_numbers
 from calib.cameras.formats.parsing import image_size, mapping, real, required
-from calib.cameras.formats.rigs.poses import matrix_pose, vector_pose
+from calib.cameras.formats.poses import matrix_pose, vector_pose
 from calib.core.se3 import log_rotation
 from designer.base.arrays import Array
 from designer.base.errors import InputError
