@@ -22,7 +22,7 @@ from calib.observe.calibration_file import (
     OBSERVATIONS_FILE,
     write_calibration,
 )
-from calib.observe.records import Records, records_path
+from calib.observe.dataset import Records, records_path
 from calib.solver.metrics.evaluation import Evaluation
 from calib.solver.metrics.evaluation_files import METRICS_FILE, METRICS_FILES, Metrics, evaluation_files, metrics_of
 from designer.base.codec import encode

@@ -32,7 +32,7 @@ from calib.judge.judged_run import JudgedRun
 from calib.judge.next_views import why_no_next_views
 from calib.judge.solutions import Solution
 from calib.judge.verdict import LEAST_PX, px
-from calib.observe.records import ImageRecord
+from calib.observe.dataset import ImageRecord
 from calib.solver.metrics.residual_cells import cells_of, cells_of_residuals, columns_rows, residuals_of
 from designer.base.words import counted, printable
 from designer.base.words import figure as digits

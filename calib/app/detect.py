@@ -89,8 +89,7 @@ class DetectedPhotos(Result, kind="detections", title="Detections"):
         Raises:
             InputError: no such name, or somebody else's file.
         """
-        from calib.observe.dataset import check_output
-        from calib.observe.records import records_path
+        from calib.observe.dataset import check_output, records_path
         from calib.observe.search import write_search
         from designer.base.files import place_of
 
@@ -112,7 +111,7 @@ def detections_answer(search: "Search") -> "dict[str, Value]":
 
 
 def _photo_answer(result: "PhotoResult") -> "dict[str, Value]":
-    from calib.observe.records import median_sigma_px
+    from calib.observe.dataset import median_sigma_px
 
     seen, record = result.seen, result.record
     head: dict[str, Value] = {"image": result.photo.name, "path": str(result.photo.path)}

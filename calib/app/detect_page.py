@@ -12,7 +12,6 @@ from calib.core.types import NOT_MEASURABLE, UNMEASURABLE_WORDS, FaceRecord
 from calib.draw.gallery import SHARE_RULE, Shot, gallery, is_there, level_of_share, shortened, title_of_pictures
 from calib.observe.observations import misplaced_pieces
 from calib.observe.photos import PhotoResult, Search
-from calib.observe.records import ImageRecord, common_remarks, median_sigma_px
 from designer.base.answer import program
 from designer.base.words import capital, counted, printable
 from designer.base.words import figure as digits

@@ -176,8 +176,8 @@ def _of_table(
 ) -> "Observations":
     """What one camera saw, of a table of one camera, or of the sightings that a rig's folder holds."""
     from calib.app.inputs import load_observations
+    from calib.observe.rig_observations import read_rig_sightings
     from calib.observe.rig_photos import tells_cameras
-    from calib.observe.rig_sightings import read_rig_sightings
     from designer.base.files import place_of
 
     path = place_of(table, "a table of observations")

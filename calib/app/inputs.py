@@ -90,7 +90,7 @@ def load_rig_observations(path: Place, target: "TargetGeometry | Place | None" =
     Raises:
         InputError: the file cannot be read, or nothing is left of a camera to solve from.
     """
-    from calib.observe.rig_sightings import read_rig_sightings
+    from calib.observe.rig_observations import read_rig_sightings
 
     return read_rig_sightings(place_of(path, "a table of sightings"), None if target is None else target_of(target))
 
@@ -183,12 +183,12 @@ def truth_from(truth: "Truth | Place | None") -> "Truth | None":
 
 def rendered_id_of(observed: Observed) -> str:
     """The geometry that the photos behind a file were rendered of, if the records beside it say so."""
-    from calib.observe.records import read_records, records_path
+    from calib.observe.dataset import RECORDS, records_path
 
     if not isinstance(observed, str | PathLike):
         return ""
     try:
-        return read_records(records_path(Path(observed))).rendered_id
+        return RECORDS.read(records_path(Path(observed))).rendered_id
     except InputError:
         return ""
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from calib.draw.gallery import SHARE_RULE, STANDS_OUT, Shot, gallery, is_there, level_of_share, shortened
 from calib.draw.place_scene import distance_words, place_view, place_words
-from calib.observe.records import common_remarks
+from calib.observe.dataset import common_remarks
 from calib.observe.target_poses import PoseResult
 from designer.base.words import figure as digits
 from designer.base.words import printable, with_digits

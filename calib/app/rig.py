@@ -160,7 +160,6 @@ def _seen(
     from calib.core.types import RigObservations
     from calib.judge.rig_solution import RigSeen, require_wishes
     from calib.observe.rig_search import photos_of_rig, search_rig
-    from calib.observe.rig_sightings import read_rig_sightings
 
     if kind != (None, None) and not given.has_sightings:
         raise InputError("--points: says what the points of a table of sightings are; leave it out")

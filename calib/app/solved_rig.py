@@ -180,7 +180,7 @@ class SolvedRig(
         from calib.judge.hand_eye_file import HAND_EYE, HAND_EYE_FILE
         from calib.judge.rig_folder import RIG_CALIBRATION, RIG_CALIBRATION_FILE, RIG_FILE
         from calib.judge.rig_judge import RIG_VERDICT, RIG_VERDICT_FILE
-        from calib.observe.rig_sightings import KIND as SIGHTINGS
+        from calib.observe.rig_observations import KIND as SIGHTINGS
         from calib.observe.robot_poses import KIND as ROBOT_POSES
         from designer.base.files import check_folder
         from designer.base.own_files import require_ours
@@ -218,7 +218,7 @@ class SolvedRig(
         from calib.judge.judged_run import keep_target
         from calib.judge.next_robot_poses import photo_names
         from calib.judge.rig_folder import is_rig_folder, write_rig
-        from calib.observe.rig_sightings import rig_sightings_to_csv
+        from calib.observe.rig_observations import rig_sightings_to_csv
         from calib.observe.robot_poses import robot_poses_to_csv
         from designer.page.page_file import why_no_page
 

@@ -153,7 +153,7 @@ def triangulate(
         InputError: a file that cannot be read, a camera that is not in the rig, or noise that is nowhere stated.
     """
     from calib.app.inputs import rig_of
-    from calib.observe.rig_sightings import read_point_table
+    from calib.observe.rig_observations import read_point_table
     from calib.space.known_lengths import check_lengths, triangulate_target
     from calib.space.propagate import PointSightings, as_points
     from calib.space.triangulate import noise_of_each, triangulate_points
@@ -189,8 +189,8 @@ def _seen_of_object(
     """
     from calib.app.inputs import require_photos_for_jobs, target_of
     from calib.core.types import RigObservations
+    from calib.observe.rig_observations import has_known_points, read_rig_sightings
     from calib.observe.rig_search import photos_of_rig, rig_input, search_rig
-    from calib.observe.rig_sightings import has_known_points, read_rig_sightings
 
     given = rig_input(photos, None, None, None, None)
     if (sightings is None) != bool(given.photos):

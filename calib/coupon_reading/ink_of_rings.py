@@ -30,7 +30,7 @@ from designer.target import TargetGeometry
 
 PRIOR_SIGMA = np.array([1.0, 0.5, 0.1])
 """Of b (mm: anything), of c (blurs) and e (px), before anything was seen. A power of 2.2 moves edges by nearly half a
-blur (`calib.coupon_reading.tone`); that other processing moves them by .1 px is an assumption."""
+blur (`calib.coupon_reading.edges`); that other processing moves them by .1 px is an assumption."""
 LEAST_BLURS = 6.0
 """Of the stroke and the hole of a ring, where it is narrowest: with less room two edges are one, which a tone curve
 shifts otherwise (of rendered photos, gamma 2.2: by a fifth of a blur at 3 blurs, by a fiftieth at 6)."""

@@ -13,9 +13,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.core.jit import jit, jit_inside
-from calib.coupon_reading.edges import LEAST_PIXELS, MOST_REACH_PX, Edge, Pixels, pixels_of
+from calib.coupon_reading.edges import (
+    COUNT,
+    LEAST,
+    LEAST_PIXELS,
+    MOST,
+    MOST_REACH_PX,
+    PRIOR,
+    PRIOR_SIGMA,
+    STEP,
+    Edge,
+    Pixels,
+    Profile,
+    Tone,
+    pixels_of,
+    risen,
+)
 from calib.coupon_reading.place import Placed
-from calib.coupon_reading.tone import COUNT, LEAST, MOST, PRIOR, PRIOR_SIGMA, STEP, Profile, Tone, risen
 from designer.base.arrays import Array, Flags
 
 LEVELS = 6

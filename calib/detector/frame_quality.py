@@ -51,11 +51,6 @@ class FrameQuality:
     full_share: float  # of the white that is at full scale
     black_share: float  # of the ink that is at nothing
 
-    @property
-    def blur_of_radius(self) -> float:
-        """The blur along its worst direction, of the ring's smaller semi-axis."""
-        return math.hypot(self.blur_px, self.motion_px / math.sqrt(12)) / self.radius_px
-
 
 def frame_quality(pixels: NDArray[np.generic], found: Detections, target: TargetGeometry) -> FrameQuality | None:
     """What a frame is worth: `frame_quality(frame, detector.glance(frame), target)`.

@@ -16,6 +16,7 @@ from calib.core.types import UNMEASURABLE_WORDS
 from calib.draw.gallery import OVERLAYS, STANDS_OUT, Shot, gallery, shortened
 from calib.judge.rig_folder import CAMERAS, folder_names
 from calib.judge.views import view_facts
+from calib.observe.dataset import ImageRecord, Records, common_remarks
 from calib.observe.photos import (
     OVERLAY_MARK,
     keep_pictures,
@@ -24,7 +25,6 @@ from calib.observe.photos import (
     staging_folder,
     with_overlays,
 )
-from calib.observe.records import ImageRecord, Records, common_remarks
 from calib.observe.rig_search import RigSearch
 from calib.rigs.result import RigCalibration, camera_alone
 from calib.solver.metrics.evaluation import Evaluation, by_view

@@ -15,7 +15,7 @@ from calib.cameras.surface import surface_model
 from calib.core.types import UNMEASURABLE_WORDS
 from calib.judge.solutions import Solution
 from calib.judge.verdict import Check, Grade, Verdict
-from calib.observe.records import Records
+from calib.observe.dataset import Records
 from calib.solver.calibration import Calibration
 from calib.solver.metrics.evaluation import Evaluation, by_face
 from calib.solver.metrics.evaluation_files import FoundParameter, Metrics

@@ -13,7 +13,7 @@ from calib.judge.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextView, NextVi
 from calib.judge.solutions import Solution
 from calib.judge.verdict import Criteria
 from calib.observe.calibration_file import CALIBRATION_FILE, read_calibration
-from calib.observe.records import RECORDS, Records
+from calib.observe.dataset import RECORDS, Records
 from calib.solver.calibration import Calibration
 from calib.solver.metrics.evaluation import evaluate
 from calib.solver.metrics.evaluation_files import METRICS, METRICS_FILE

@@ -7,7 +7,7 @@ programs need.
 
 import hashlib
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -132,6 +132,9 @@ class CalibrationRecord:
 
 CALIBRATION = FileKind(CalibrationRecord, "calibration", "a calibration.json", "solve again", largest_bytes=512 * 2**20)
 
+_ALIKE = sorted({one.name for one in fields(CalibrationRecord)} & {one.name for one in fields(Calibration)})
+"""What the file says in the words of the solution."""
+
 
 def _check_covariance(name: str, matrix: Array) -> None:
     """Refuse what is no covariance of parameters, which may have gaps."""
@@ -194,21 +197,7 @@ def record_of(calibration: Calibration, provenance: Provenance, digest: str) -> 
     seen, points = calibration.observations, calibration.observations.points
     return CalibrationRecord(
         provenance=replace(provenance, observations_sha256=""),
-        status=calibration.status,
-        remarks=tuple(calibration.remarks),
-        iterations=calibration.iterations,
-        seconds=calibration.seconds,
-        scale=calibration.scale,
-        weighted=calibration.weighted,
-        fixed=tuple(calibration.fixed),
-        camera=calibration.camera,
-        param_covariance=calibration.param_covariance,
-        target_error=calibration.target_error,
-        image_field=calibration.image_field,
-        capture_error=calibration.capture_error,
-        photo_error=calibration.photo_error,
-        circle_doubt=calibration.circle_doubt,
-        target_bend=calibration.target_bend,
+        **{name: getattr(calibration, name) for name in _ALIKE},
         geometry_id=points.geometry_id,
         observations_sha256=digest,
         planes=points.plane,
@@ -237,27 +226,13 @@ def read_calibration(path: Path) -> tuple[Calibration, Provenance]:
         if hashlib.file_digest(stream, "sha256").hexdigest() != file.observations_sha256:
             raise InputError(f"{table}: does not belong to {path}, or was changed since; solve again")
     calibration = Calibration(
-        camera=file.camera,
         observations=Observations(
             file.camera.image_size, names, seen.view, seen.point, seen.center_px, seen.cov_px2, points
         ),
         cam_from_target=np.stack([view.cam_from_target for view in file.views]),
         residual_px=seen.residual_px,
         is_outlier=seen.is_outlier,
-        scale=file.scale,
-        param_covariance=file.param_covariance,
         pose_covariance=np.stack([view.covariance for view in file.views]),
-        fixed=file.fixed,
-        weighted=file.weighted,
-        status=file.status,
-        remarks=file.remarks,
-        iterations=file.iterations,
-        seconds=file.seconds,
-        target_error=file.target_error,
-        image_field=file.image_field,
-        capture_error=file.capture_error,
-        photo_error=file.photo_error,
-        circle_doubt=file.circle_doubt,
-        target_bend=file.target_bend,
+        **{name: getattr(file, name) for name in _ALIKE},
     )
     return calibration, replace(file.provenance, observations_sha256=file.observations_sha256)

@@ -48,7 +48,6 @@ MAX_GRID = 1000
 """Columns or rows of a corners.vnl."""
 
 _SIZE = re.compile(r"#\s*image_size\s*[:=]?\s*(\d{1,7})\s*[x×, ]\s*(\d{1,7})\s*(?:px)?\s*", re.IGNORECASE)
-_PAIR = re.compile(r"\s*(\d{1,7})\s*[x×]\s*(\d{1,7})\s*", re.IGNORECASE)
 _OURS = FIRST_LINE.split(",")[0]
 _PEEKED = 1 << 16
 
@@ -161,19 +160,6 @@ def read_correspondences(
     used = (*SEEN, *"XYZ", *OPTIONAL, *([ID] if of_target else []))
     every = replace(every, remarks=(*every.remarks, *table.unused(used)))
     return prepare(every, has_fronts=knows_fronts(target), origin=str(path))
-
-
-def parse_pair(option: str, text: str, most: int) -> tuple[int, int]:
-    """Two whole numbers joined by x, such as an image size 2448x2048 or a grid 10x7.
-
-    Raises:
-        InputError: something else, zero, or more than `most`.
-    """
-    match = _PAIR.fullmatch(text)
-    pair = (int(match[1]), int(match[2])) if match else (0, 0)
-    if not all(1 <= number <= most for number in pair):
-        raise InputError(f"{option} {shown(text)}: expected two whole numbers from 1 to {most}, such as 10x7")
-    return pair
 
 
 def is_detections(path: Path) -> bool:

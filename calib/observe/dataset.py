@@ -1,7 +1,7 @@
 """`detections.csv` and the records beside it: what was seen in a set of photos, to keep and to calibrate from.
 
 One line a feature, after comment lines that hold the ids and the size of each image. Which features were expected,
-and why some are missing, is in the records. Both are plain text.
+and why some are missing, is in the records: what happened to each photo. Both are plain text.
 """
 
 import io
@@ -9,22 +9,99 @@ import json
 import math
 import re
 import tempfile
+from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from calib.core.csv_table import ANY_NAME, CsvTable, csv_cell, is_covariance, read_table, read_text, require_version
-from calib.core.types import Detections
-from calib.observe.records import RECORDS, ImageRecord, Records, image_record, read_records, records_path
+from calib.core.types import Detections, FaceRecord
 from designer.base.answer import program
 from designer.base.arrays import Array
 from designer.base.errors import InputError
+from designer.base.file_kind import FileKind
 from designer.base.files import write_files
+from designer.base.marks import AtLeast, Hash
 from designer.base.own_files import require_ours
 from designer.target import TargetGeometry
+
+
+@dataclass(frozen=True)
+class ImageRecord:
+    """What happened to one photo: the target found, not found, or the photo not read."""
+
+    image: str
+    image_size: tuple[int, int] | None  # width, height in px; None: it could not be read
+    features: int
+    rejected: int  # ring-like things that got no name
+    faces: tuple[FaceRecord, ...]
+    remarks: tuple[str, ...]
+    failure: str = ""  # why it could not be read or searched
+    motion_px: Annotated[float, AtLeast(0)] = 0.0  # see `Detections`
+
+    @property
+    def named(self) -> tuple[FaceRecord, ...]:
+        """The faces that were named."""
+        return tuple(face for face in self.faces if face.face is not None)
+
+    @property
+    def expected(self) -> int:
+        """How many features of these faces could have been measured."""
+        return sum(face.measurable for face in self.named)
+
+    @property
+    def missing(self) -> Counter[str]:
+        """Why features of these faces are missing: how many of each reason."""
+        missing = Counter[str]()
+        for face in self.named:
+            missing.update(dict(face.missing))
+        return missing
+
+
+@dataclass(frozen=True)
+class Records:
+    """What happened to each photo of a run."""
+
+    detector: str  # program and version
+    layout_id: Hash
+    geometry_id: Hash
+    images: tuple[ImageRecord, ...]
+    rendered_id: Hash = ""  # of the geometry that the photos were rendered of; "": real photos
+
+
+RECORDS = FileKind(Records, "records", "a records file", "detect again", largest_bytes=256 * 2**20)
+
+
+def image_record(seen: Detections) -> ImageRecord:
+    """The record of a photo that was searched."""
+    rejected = 0 if seen.rejected_px is None else len(seen.rejected_px)
+    return ImageRecord(
+        seen.image, seen.image_size, len(seen.ring), rejected, seen.faces, seen.remarks, motion_px=seen.motion_px
+    )
+
+
+def median_sigma_px(seen: Detections) -> float:
+    """Median of the centres' standard deviations, along their worse axis; nan without centres."""
+    if not len(seen.ring):
+        return math.nan
+    return float(np.median(np.sqrt(np.linalg.eigvalsh(seen.cov_px2)[:, 1])))
+
+
+def common_remarks(remarks: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """What is remarked of each of several photos, to be said once."""
+    if len(remarks) < 2:
+        return ()
+    return tuple(remark for remark in dict.fromkeys(remarks[0]) if all(remark in each for each in remarks))
+
+
+def records_path(detections: Path) -> Path:
+    """Where the records of a `NAME.csv` lie: NAME.records.json."""
+    return detections.with_suffix(".records.json")
+
 
 VERSION = 1
 KIND = "ringsolid.detections"
@@ -198,7 +275,7 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
 def _records_beside(path: Path, layout_id: str, geometry_id: str) -> dict[str, ImageRecord]:
     """What the records beside a table tell of each photo; nothing if there are none, or they are of another one."""
     try:
-        records = read_records(records_path(path))
+        records = RECORDS.read(records_path(path))
     except InputError:
         return {}
     is_same = (records.layout_id, records.geometry_id) == (layout_id, geometry_id)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.images.photo import SUFFIXES_OF, Photo, read_image
-from calib.observe.records import ImageRecord, image_record
+from calib.observe.dataset import ImageRecord, image_record
 from designer.base.errors import InputError
 from designer.base.files import check_folder, distinct_stems
 from designer.base.own_files import is_ours, require_ours

@@ -15,8 +15,7 @@ import numpy as np
 
 from calib.core.csv_table import CsvTable, column_fault, column_names, read_table, read_text
 from calib.observe.photos import find_photos, images_in, in_order, not_read_in
-from calib.observe.rig_observations import require_names, some
-from calib.observe.rig_sightings import SEEN, TIME, time_stamps
+from calib.observe.rig_observations import SEEN, TIME, require_names, some, time_stamps
 from designer.base.errors import InputError
 from designer.base.words import shown
 
@@ -74,7 +73,13 @@ def photos_in_folders(folders: Sequence[str]) -> tuple[RigPhoto, ...]:
         raise InputError(f"{folders[0]}: one folder of images; give a folder a camera, or --pattern {EXAMPLE}")
     names = camera_names_of(places)
     require_names(names)
-    return tuple(RigPhoto(name, path) for name, place in zip(names, places, strict=True) for path in _photos_of(place))
+    photos: list[RigPhoto] = []
+    for name, place in zip(names, places, strict=True):
+        found = find_photos([str(place)])
+        if not found.paths:
+            raise InputError(found.failures[0] if found.failures else f"{place}: holds overlays only")
+        photos += [RigPhoto(name, path) for path in found.paths]
+    return tuple(photos)
 
 
 def _subfolders(folder: Path) -> list[Path]:
@@ -82,13 +87,6 @@ def _subfolders(folder: Path) -> list[Path]:
         return [one for one in folder.iterdir() if one.is_dir() and not one.name.startswith(".")]
     except OSError as error:
         raise InputError(f"{folder}: cannot be read: {error.strerror}; check the path") from None
-
-
-def _photos_of(folder: Path) -> tuple[Path, ...]:
-    found = find_photos([str(folder)])
-    if not found.paths:
-        raise InputError(found.failures[0] if found.failures else f"{folder}: holds overlays only")
-    return found.paths
 
 
 def camera_names_of(folders: Sequence[Path]) -> list[str]:

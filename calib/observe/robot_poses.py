@@ -121,7 +121,8 @@ def read_robot_poses(
             f"{path}: column 'image' is missing{suggestion('image', list(columns))}; it names the photo of each pose; "
             "a stream has time_s"
         )
-    images = tuple(str(cell).strip() for cell in (columns[name].cells if name else _stamped(time)))
+    stamped = [] if time is None else [f"{one:.9f}" for one in time.tolist()]
+    images = tuple(str(cell).strip() for cell in (columns[name].cells if name else stamped))
     first: dict[str, str] = {}
     for row, image in enumerate(images):
         if image in first:
@@ -152,11 +153,6 @@ def _times(table: "_Table") -> Array | None:
         return None
     name, unit = units[0]
     return SECONDS[unit] * table.reals([f"{name}{unit}"])[:, 0]
-
-
-def _stamped(time_s: Array | None) -> list[str]:
-    """What poses are called by their times."""
-    return [] if time_s is None else [f"{one:.9f}" for one in time_s.tolist()]
 
 
 def _covariances(table: "_Table") -> Array | None:

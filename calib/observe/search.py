@@ -24,7 +24,7 @@ from calib.detector.pipeline import NamedRings
 from calib.detector.why_nothing import explained
 from calib.images.headers import DamagedError, exif_focal_px
 from calib.images.photo import MAX_PIXELS, grey_of, read_image, read_preview
-from calib.observe.dataset import write_detections
+from calib.observe.dataset import Records, write_detections
 from calib.observe.photos import (
     FoundPhotos,
     Look,
@@ -38,7 +38,6 @@ from calib.observe.photos import (
     require_size,
     searched_photos,
 )
-from calib.observe.records import Records
 from calib.renderer.options import TRUTH_FILE
 from calib.renderer.quantities import whole
 from designer.base.arrays import Array, Flags

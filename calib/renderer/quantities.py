@@ -7,11 +7,10 @@ from numbers import Integral, Real
 from typing import TypeVar
 
 from designer.base.errors import InputError
-from designer.base.units import MM_PER_UNIT, parse_length_mm, parse_quantity
+from designer.base.units import parse_length_mm
 from designer.base.words import shown
 
 T = TypeVar("T")
-FARTHEST_MM = 1e7
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 
 
@@ -44,13 +43,11 @@ def whole(option: str, value: object, low: int, high: int) -> int:
     return int(value)
 
 
-def real(option: str, value: object, low: float, high: float, unit: str = "") -> float:
+def real(option: str, value: object, low: float, high: float) -> float:
     """A number within its limits."""
     if not isinstance(value, Real) or isinstance(value, bool) or not low <= float(value) <= high:
         what = "" if isinstance(value, Real) else "a number "
-        raise InputError(
-            f"{option} {shown(value) if what else value}: must be {what}from {low:g}{unit} to {high:g}{unit}"
-        )
+        raise InputError(f"{option} {shown(value) if what else value}: must be {what}from {low:g} to {high:g}")
     return float(value)
 
 
@@ -71,21 +68,14 @@ def parse_pixels(text: str) -> float:
     return _with_unit(text, ("px", ""), "pixels such as 0.7px")
 
 
-def parse_distance_mm(text: str) -> float:
-    """A length in millimetres that may be of kilometres, as of what cameras see."""
-    return parse_quantity(text, MM_PER_UNIT, "a distance such as 2.5m", FARTHEST_MM)
-
-
-def length_range(
-    option: str, text: str, low: float, high: float, parse: Callable[[str], float] = parse_length_mm
-) -> tuple[float, float]:
+def length_range(option: str, text: str, low: float, high: float) -> tuple[float, float]:
     """`400mm`, or `250mm..800mm`, in millimetres and in order."""
     parts = text.split("..")
     if len(parts) > 2:
         raise InputError(f"{option} {shown(text)}: give one length, or two such as 250mm..800mm")
     unit = re.sub(rf"^\s*{_NUMBER}\s*", "", parts[-1])
     first = f"{parts[0]}{unit}" if len(parts) == 2 and re.fullmatch(rf"\s*{_NUMBER}\s*", parts[0]) else parts[0]
-    values = [bounded(option, part, parse, low, high, "mm") for part in (first, parts[-1])]
+    values = [bounded(option, part, parse_length_mm, low, high, "mm") for part in (first, parts[-1])]
     if values[0] > values[1]:
         raise InputError(f"{option} {shown(text)}: the smaller length comes first")
     return values[0], values[1]

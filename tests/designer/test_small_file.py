@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from calib.cameras.camera import load_camera
-from calib.observe.records import read_records
+from calib.observe.dataset import RECORDS
 from calib.renderer.poses import load_poses
 from designer.base.errors import InputError
 from designer.base.files import read_small_text
 from designer.kinds.spec_file import read_spec_file
 from designer.target import load_target
 
-READERS = (load_camera, read_records, load_poses, read_spec_file, load_target)
+READERS = (load_camera, RECORDS.read, load_poses, read_spec_file, load_target)
 
 
 @pytest.mark.parametrize("read", READERS)

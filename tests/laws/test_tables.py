@@ -20,8 +20,8 @@ from calib.observe.correspondences import read_observations
 from calib.observe.dataset import detections_to_csv, read_detections
 from calib.observe.observations import known_points
 from calib.observe.point_target import read_planes, read_points
+from calib.observe.rig_observations import read_rig_sightings, rig_sightings_to_csv
 from calib.observe.rig_photos import RigPhoto, read_photo_table, read_stamps
-from calib.observe.rig_sightings import read_rig_sightings, rig_sightings_to_csv
 from calib.observe.robot_poses import read_robot_poses
 from calib.renderer.poses import load_poses
 from designer.base.errors import InputError

@@ -14,7 +14,7 @@ from calib.core.types import Observations
 from calib.observe.calibration_file import Provenance, write_calibration
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
-from calib.observe.rig_sightings import rig_sightings_to_csv
+from calib.observe.rig_observations import rig_sightings_to_csv
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
 from calib.solver.problem import SolveOptions

@@ -22,7 +22,7 @@ from calib.judge.rig_halves import PairApart, RigHalves, RigSplit
 from calib.judge.rig_judge import JudgedRig
 from calib.judge.verdict import Check, Criteria, Limits, Verdict
 from calib.observe.calibration_file import CalibrationRecord, Provenance, SolvedView
-from calib.observe.records import ImageRecord, Records
+from calib.observe.dataset import ImageRecord, Records
 from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
 from calib.renderer.options import RenderOptions
 from calib.renderer.truth import FileOptions, RigTruth, TrueFrame, TrueView, Truth

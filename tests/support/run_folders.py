@@ -13,7 +13,7 @@ from calib.app.calibration import Run
 from calib.core.types import FaceRecord
 from calib.judge.judged_run import read_run
 from calib.observe.calibration_file import Provenance, write_calibration
-from calib.observe.records import RECORDS, ImageRecord, Records
+from calib.observe.dataset import RECORDS, ImageRecord, Records
 from calib.renderer.truth import Truth
 from calib.solver.calibration import Calibration
 from calib.solver.metrics.evaluation import evaluate

@@ -1,8 +1,9 @@
 """OpenCV's YAML and JSON files, as `cv2.FileStorage` writes and reads them or a Python program dumps matrices.
 
-A stereo pair is one such file: `x2 = R x1 + T` takes points from the first camera's frame to the second's, `x2^T E x1 = 0`, F is E of pixels, and R1 R2
-P1 P2 Q rectify, as cv2.stereoCalibrate and cv2.stereoRectify return them. OpenCV has no unit of length: P2, Q and
-points from disparities are in that of T; `length_unit` says it, which OpenCV skips.
+A stereo pair is one such file: `x2 = R x1 + T` takes points from the first camera's frame to the second's,
+`x2^T E x1 = 0`, F is E of pixels, and R1 R2 P1 P2 Q rectify, as cv2.stereoCalibrate and cv2.stereoRectify return them.
+OpenCV has no unit of length: P2, Q and points from disparities are in that of T; `length_unit` says it, which OpenCV
+skips.
 """
 
 import re
@@ -26,7 +27,7 @@ from calib.cameras.formats.lens import QUICK_OF_OPENCV, brown_camera, fit_foreig
 from calib.cameras.formats.lens_names import NamedLens, mentions_lens, named_lens, names_lens
 from calib.cameras.formats.parsing import image_size, number, numbers, parse_tree, real, required
 from calib.cameras.formats.poses import pose_of, unit_said
-from calib.cameras.rectification import rectified_pair
+from calib.cameras.rig import rectified_pair
 from calib.core.se3 import exp_rotation, skew
 from designer.base.arrays import Array
 from designer.base.errors import InputError

@@ -63,9 +63,7 @@ def open_rig(place: Path, format_name: str | None = None, unit: str | None = Non
     kind = rig_format_of(place) if format_name is None else find_format(format_name, RIG_FORMATS, "rig")
     if kind is None:
         if not place.is_dir():
-            read_small_text(
-                place, RIG.largest_bytes, "a rig file"
-            )  # which says what is wrong with it, if it is not read
+            read_small_text(place, RIG.largest_bytes, "a rig file")  # says what is wrong with it, if it is not read
         titles = ", ".join(one.title for one in RIG_FORMATS.values())
         raise InputError(f"{place}: not a rig file of a known kind; there are {titles}")
     require_unit(kind, unit, "--from-unit")

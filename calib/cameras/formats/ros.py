@@ -3,10 +3,11 @@
 K of a message is that of the full sensor; the photos of its topic are a region of it, and binned (REP 104, and
 sensor_msgs/CameraInfo): `u' = (u - x_offset + 1/2) / binning_x - 1/2`, as pixel (0, 0) is the centre of the first.
 
-A rig is a camera_info file a camera, a launch file of static transforms, and the same as a URDF. A transform takes points from the child's frame to the parent's: rig_from_cam, in metres, its quaternion as x y z w. A
-camera's frame is its optical one, z forward and y down (REP 103). Of a pair, P is of the rectified pictures, and
--P[0, 3] / P[0, 0] of the second camera is the baseline in metres (sensor_msgs/CameraInfo). Cameras' places are read
-from the launch file that we write, or of a pair from the rectification.
+A rig is a camera_info file a camera, a launch file of static transforms, and the same as a URDF. A transform takes
+points from the child's frame to the parent's: rig_from_cam, in metres, its quaternion as x y z w. A camera's frame is
+its optical one, z forward and y down (REP 103). Of a pair, P is of the rectified pictures, and -P[0, 3] / P[0, 0] of
+the second camera is the baseline in metres (sensor_msgs/CameraInfo). Cameras' places are read from the launch file that
+we write, or of a pair from the rectification.
 
 `camera_calibration` says of a pair only how it is rectified: R turns each camera's frame into the rectified one, and
 the last column of P is K' t with the shift t in metres from the rectified frame of the first (sensor_msgs/CameraInfo).
@@ -37,7 +38,7 @@ from calib.cameras.formats.lens_names import mentions_lens, named_lens
 from calib.cameras.formats.opencv import matrix_numbers
 from calib.cameras.formats.parsing import mapping, number, parse_tree, parse_yaml, real, required
 from calib.cameras.formats.poses import pose_of, quaternion_pose, roll_pitch_yaw_rad
-from calib.cameras.rectification import rectified_pair
+from calib.cameras.rig import rectified_pair
 from calib.core.se3 import invert, quaternion_wxyz
 from designer.base.arrays import Array
 from designer.base.errors import InputError

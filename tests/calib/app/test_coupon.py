@@ -13,11 +13,10 @@ from scipy.special import ndtri
 
 import calib
 import designer
-from calib.coupon_reading.edges import edges_of
+from calib.coupon_reading.edges import Tone, edges_of
 from calib.coupon_reading.place import Sighting, place
 from calib.coupon_reading.reading import MUCH_CUT_OFF, OPEN, EdgeFit, EdgeShape, Reading, either, read_edges
 from calib.coupon_reading.result import CouponMadeWith, found_in, next_of
-from calib.coupon_reading.tone import Tone
 from calib.detector.pipeline import detect
 from calib.measure_target.deviations import Estimate
 from designer.base.arrays import Array

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from calib.app.detect import detect_photos
 from calib.cameras.camera import Camera, camera_to_json
 from calib.core.types import Detections
-from calib.observe.dataset import read_detections
+from calib.observe.dataset import RECORDS, read_detections
 from calib.observe.photos import PhotoFile, find_photos, named_photos, reading_once, searched_photos
-from calib.observe.records import read_records
 from designer.base.errors import InputError
 from designer.base.words import printable
 from designer.kinds.layout import lay_out
@@ -113,7 +112,7 @@ def test_bad_photos_are_recorded_with_their_failure(folder: Path, capsys: pytest
     said = capsys.readouterr().out
     assert "Not searched: photos/white.png: the search failed: RuntimeError: white corner" in said
     assert "3 could not be read" in said
-    records = read_records(Path("exports/board/detections.records.json"))
+    records = RECORDS.read(Path("exports/board/detections.records.json"))
     assert {r.image for r in records.images if r.failure} == {"broken.png", "missing.png", "white.png"}
     assert {r.image for r in records.images if not r.failure} == {"img2.png", "img10.png", "img11.png"}
 

@@ -20,8 +20,8 @@ from calib.judge.checks import read_criteria
 from calib.judge.judge import Judged
 from calib.judge.judged_run import read_run
 from calib.judge.verdict import Verdict
+from calib.observe.dataset import Records, image_record
 from calib.observe.photos import Search
-from calib.observe.records import Records, image_record
 from designer.base.errors import InputError
 from designer.kinds.presets import criteria_templates
 from designer.page.page_file import why_no_page

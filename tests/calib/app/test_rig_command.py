@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from calib.observe.rig_sightings import rig_sightings_to_csv
+from calib.observe.rig_observations import rig_sightings_to_csv
 from tests.support.command_line import calib, files_in, summary_of
 from tests.support.rig_views import stereo_pair
 

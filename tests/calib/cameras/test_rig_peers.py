@@ -12,7 +12,7 @@ import yaml
 
 from calib.cameras.camera import Camera
 from calib.cameras.formats.reading import open_rig
-from calib.cameras.rectification import rectified_pair
+from calib.cameras.rig import rectified_pair
 from calib.core.se3 import exp_rotation, invert, make_pose, transform
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import ask_mrcal

@@ -10,7 +10,7 @@ import pytest
 
 from calib.core.types import KnownPoints, Observations
 from calib.observe.corners_vnl import PointGrid
-from calib.observe.correspondences import parse_pair, read_correspondences, read_observations, require_inside
+from calib.observe.correspondences import read_correspondences, read_observations, require_inside
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
 from calib.observe.point_target import PointTable, points_with_planes, target_from_points
@@ -281,14 +281,6 @@ def test_a_weight_is_one_over_sigma(tmp_path: Path) -> None:
     )
     assert weighted is not None
     assert weighted == pytest.approx(stated)
-
-
-def test_pairs_of_numbers() -> None:
-    """`2448x2048` is two numbers; anything else names the option."""
-    assert parse_pair("--image-size", "2448 x 2048", 10_000) == (2448, 2048)
-    for text in ("2448", "0x5", "5x0", "-1x5", "axb", "1x2x3", "99999x1", "1.5x2", "9" * 5000 + "x1"):
-        with pytest.raises(InputError, match=r"^--image-size"):
-            parse_pair("--image-size", text, 10_000)
 
 
 def test_a_table_says_what_its_points_are(tmp_path: Path) -> None:

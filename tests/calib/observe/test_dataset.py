@@ -13,12 +13,14 @@ from calib.core.types import TOO_FLAT, Detections, FaceRecord
 from calib.observe.dataset import (
     COLUMNS,
     FIRST_LINE,
+    RECORDS,
+    ImageRecord,
     check_output,
     detections_to_csv,
     read_detections,
+    records_path,
     write_detections,
 )
-from calib.observe.records import ImageRecord, read_records, records_path
 from designer.base.answer import program
 from designer.base.errors import InputError
 from designer.kinds.layout import lay_out
@@ -112,7 +114,7 @@ def test_names_that_are_not_unicode_come_back(tmp_path: Path) -> None:
     name = b'caf\xe9,\n#".png'.decode("utf-8", "surrogateescape")
     data = written(tmp_path / "d.csv", seen(name, 3, np.random.default_rng(1)))
     assert [one.image for one in data] == [name]
-    assert read_records(tmp_path / "d.records.json").images[0].image == name
+    assert RECORDS.read(tmp_path / "d.records.json").images[0].image == name
 
 
 def test_the_table_is_the_published_one(tmp_path: Path) -> None:
@@ -223,7 +225,7 @@ def test_a_feature_that_could_not_be_read_back_is_left_out(bad: dict[str, object
     found = written(path, replace(seen("a.png", 3, rng), **bad), seen("b.png", 4, rng))  # type: ignore[arg-type]
     kept = 1 if "ring" in bad else 2
     assert [len(one.ring) for one in found] == [kept, 4]
-    record = read_records(records_path(path)).images[0]
+    record = RECORDS.read(records_path(path)).images[0]
     assert record.features == kept
     assert f"{3 - kept} left out" in record.remarks[-1]
 
@@ -249,7 +251,7 @@ def test_records_come_back(tmp_path: Path) -> None:
     lost = ImageRecord("b.png", None, 0, 0, (), (), "is empty")
     path = tmp_path / "run" / "d.csv"
     write_detections(path, [seen("a.png", 6, np.random.default_rng(6))], ICO, failed=[lost])
-    records = read_records(records_path(path))
+    records = RECORDS.read(records_path(path))
     assert records.images == (ImageRecord("a.png", (640, 480), 6, 2, (RECORD,), ("page 1 of 2 read",)), lost)
     assert (records.detector, records.layout_id, records.geometry_id) == (program(), ICO.layout_id, ICO.geometry_id)
 

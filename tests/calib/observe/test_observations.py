@@ -10,14 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calib.core.types import Detections, FaceRecord, Observations
-from calib.observe.dataset import read_detections, write_detections
+from calib.observe.dataset import RECORDS, read_detections, records_path, write_detections
 from calib.observe.observations import (
     known_points,
     misplaced_pieces,
     observations_for_poses,
     observations_from_detections,
 )
-from calib.observe.records import RECORDS, records_path
 from calib.solver.solve import solve
 from designer.base.errors import InputError
 from designer.target import TargetGeometry

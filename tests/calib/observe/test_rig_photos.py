@@ -8,6 +8,7 @@ import pytest
 
 from calib.core.types import RigObservations
 from calib.observe.observations import known_points
+from calib.observe.rig_observations import read_rig_sightings, rig_sightings_to_csv
 from calib.observe.rig_photos import (
     RigPhoto,
     RigPhotos,
@@ -20,7 +21,6 @@ from calib.observe.rig_photos import (
     with_stamps,
 )
 from calib.observe.rig_search import joined_by_time, stamped_by_name
-from calib.observe.rig_sightings import read_rig_sightings, rig_sightings_to_csv
 from designer.base.errors import InputError
 from tests.support.calibrations import icosahedron
 from tests.support.rig_views import ring, stereo_pair

@@ -8,7 +8,6 @@ import pytest
 import calib
 from calib.cameras.rig import Rig
 from calib.core.se3 import look_at, transform
-from calib.renderer.quantities import length_range, parse_distance_mm
 from calib.space.budget import (
     expected_errors,
     if_known_exactly,
@@ -221,13 +220,6 @@ def test_where_errors_are_as_large_as_the_distance_it_is_said() -> None:
     far = calib.budget(pinhole_pair(), distance_mm=(1e5, 1e6))
     assert "errors reach a third of the distance" in " ".join(far.remarks)
     assert "errors reach" not in " ".join(calib.budget(pinhole_pair(), distance_mm=(500, 2000)).remarks)
-
-
-def test_distances_of_a_rig_may_be_far() -> None:
-    """Beyond the ten metres of a target's lengths: a vehicle's cameras see fifty."""
-    assert length_range("--distance", "5..50m", 1e-3, 1e7, parse_distance_mm) == (5000.0, 50_000.0)
-    with pytest.raises(InputError, match="too large"):
-        length_range("--distance", "5m..50000000m", 1e-3, 1e7, parse_distance_mm)
 
 
 def test_noise_that_nobody_states_is_asked_for() -> None:
