@@ -176,22 +176,8 @@ def _of_all(
     axis: int,
     width_mm: float | None = None,
 ) -> _Mean:
-    """The mean over all pictures."""
-    return _together(
-        [_mean(reading, own, features, axis, width_mm) for reading, own in zip(readings, rows, strict=True)]
-    )
-
-
-def _halfway(first: _Mean, second: _Mean) -> _Mean:
-    """The mean of both axes."""
-    return _Mean(
-        (first.value_mm + second.value_mm) / 2, math.hypot(first.spread_mm, second.spread_mm) / 2,
-        (first.by_tone_mm + second.by_tone_mm) / 2, min(first.weight, second.weight),
-    )  # fmt: skip
-
-
-def _together(means: Sequence[_Mean]) -> _Mean:
-    """Of several pictures: the print's own spread and the camera's tone stay, however many there are."""
+    """The mean over all pictures: the print's own spread and the camera's tone stay, however many there are."""
+    means = [_mean(reading, own, features, axis, width_mm) for reading, own in zip(readings, rows, strict=True)]
     weight = np.array([one.weight for one in means])
     if not weight.sum():
         return means[0]
@@ -200,6 +186,14 @@ def _together(means: Sequence[_Mean]) -> _Mean:
     return _Mean(
         float(share @ [one.value_mm for one in used]), float(share @ [one.spread_mm for one in used]),
         share @ np.abs([one.by_tone_mm for one in used]) * np.where(used[0].by_tone_mm < 0, -1, 1), float(weight.sum()),
+    )  # fmt: skip
+
+
+def _halfway(first: _Mean, second: _Mean) -> _Mean:
+    """The mean of both axes."""
+    return _Mean(
+        (first.value_mm + second.value_mm) / 2, math.hypot(first.spread_mm, second.spread_mm) / 2,
+        (first.by_tone_mm + second.by_tone_mm) / 2, min(first.weight, second.weight),
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.types import Detections
-from calib.detector.borders import Threshold, reduced, thresholds
+from calib.detector.borders import reduced, thresholds
 from calib.detector.candidates import Candidates, find_candidates, merged
 from calib.detector.lens import Lens
 from calib.detector.marks import usual_contrast
@@ -99,7 +99,8 @@ def _glance_at(
     candidates: Candidates | None = None
     best: Glimpse | None = None
     for number, threshold in enumerate(thresholds(grey)):
-        candidates = _with_more(candidates, grey, threshold, factor, number, plan)
+        more = find_candidates(grey, threshold, factor, number * REGIONS_APART, plan.ratio)
+        candidates = more if candidates is None else merged(candidates, more)
         glimpse = _glimpse(pixels, plan, name, candidates, camera_lens, likely)
         if best is None or len(glimpse.found.ring) > len(best.found.ring):
             best = glimpse
@@ -107,14 +108,6 @@ def _glance_at(
             break
     assert best is not None  # noqa: S101 - there is at least one threshold
     return best.found
-
-
-def _with_more(
-    before: Candidates | None, grey: NDArray[np.uint8], threshold: Threshold, factor: int, number: int, plan: TargetPlan
-) -> Candidates:
-    """The candidates so far, and those of one more threshold."""
-    more = find_candidates(grey, threshold, factor, number * REGIONS_APART, plan.ratio)
-    return more if before is None else merged(before, more)
 
 
 def _glimpse(

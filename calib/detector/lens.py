@@ -294,16 +294,11 @@ def usable_groups(groups: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Flo
     return [_thinned(*group) for group in groups if len(group[0]) >= 6 and homography.is_determined(group[0])]
 
 
-def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, int]) -> Lens:
+def radial_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, int]) -> tuple[Lens, float]:
     """The radial lens that best turns planes' grids into homographies, if it explains more than chance would.
 
-    Each group is the points in a plane (N, 2) and their pixels (N, 2).
-    """
-    return radial_lens(usable_groups(groups), image_size)[0]
-
-
-def radial_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, int]) -> tuple[Lens, float]:
-    """`estimate_lens` of usable groups, and the root mean square in px that is left, without what lies far off.
+    And the root mean square in px that is left, without what lies far off. Each group is the points in a plane (N, 2)
+    and their pixels (N, 2), one of `usable_groups`.
 
     Nothing is left of points that are too few to tell a lens.
     """
@@ -330,7 +325,7 @@ def radial_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, int]
 def misfit_px(lens: Lens, groups: list[tuple[Floats, Floats]]) -> float:
     """How far, in the median, a lens leaves planes' grids from homographies; infinite where it has no rays for them.
 
-    Groups are as for `estimate_lens`; small ones do not count.
+    Groups are as for `radial_lens`; small ones do not count.
     """
     off = [np.zeros(0)]
     for plane, pixel in groups:

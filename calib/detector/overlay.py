@@ -78,10 +78,12 @@ def draw_overlay(
     )
     faces = [imaged_face(seen, target, int(face)) for face in np.unique(target.ring_face[seen.ring])]
     colours = face_colours(target)
-    _keep_clear(canvas, seen, faces)
-    if not target.is_planar:
-        for face in faces:
-            _draw_face_number(canvas, face, colours[face.face])
+    for ellipse in (seen.ellipse_px, *(face.missing_ellipse_px for face in faces)):
+        canvas.take(_grown(ellipse, 1.12))  # text must not cover a ring
+    for face in faces if not target.is_planar else ():  # large and transparent, behind all marks
+        if np.isfinite(face.size_px):
+            height_px = 0.55 * face.size_px * canvas.scale
+            canvas.text(_point(face.middle_px), str(face.face), height_px, colours[face.face], opacity=0.38)
     for face in faces:
         _draw_features(canvas, face, seen, target, colours[face.face], pen)
     rejected = np.zeros((0, 2)) if seen.rejected_px is None else seen.rejected_px
@@ -129,22 +131,9 @@ def pale(pixels: NDArray[np.uint8] | NDArray[np.uint16], radius: float) -> tuple
     return grey, float(scale)
 
 
-def _keep_clear(canvas: Canvas, seen: Detections, faces: list[ImagedFace]) -> None:
-    """Text must not cover a ring."""
-    canvas.take(_grown(seen.ellipse_px, 1.12))
-    for face in faces:
-        canvas.take(_grown(face.missing_ellipse_px, 1.12))
-
-
 def _grown(ellipse: Array, factor: float) -> Array:
     grown: Array = ellipse * np.array([1.0, 1.0, factor, factor, 1.0])
     return grown
-
-
-def _draw_face_number(canvas: Canvas, face: ImagedFace, colour: Colour) -> None:
-    """Large and transparent, behind all marks."""
-    if np.isfinite(face.size_px):
-        canvas.text(_point(face.middle_px), str(face.face), 0.55 * face.size_px * canvas.scale, colour, opacity=0.38)
 
 
 def _draw_features(

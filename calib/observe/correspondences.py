@@ -44,8 +44,6 @@ OUTSIDE = 0.1
 SAME_POINT = 0.25
 """A point that is farther off, of the distance between the target's points, may be another one."""
 MAX_WEIGHT = 1e4
-MAX_GRID = 1000
-"""Columns or rows of a corners.vnl."""
 
 _SIZE = re.compile(r"#\s*image_size\s*[:=]?\s*(\d{1,7})\s*[x×, ]\s*(\d{1,7})\s*(?:px)?\s*", re.IGNORECASE)
 _OURS = FIRST_LINE.split(",")[0]

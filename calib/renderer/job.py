@@ -100,8 +100,7 @@ def run_jobs(
     kept = total - len(missing)
     on_view(kept, total)
     processes = max(1, min(processes, len(missing)))
-    rendered = _render_here(missing) if processes == 1 else _render(missing, processes)
-    for done, _ in enumerate(rendered, start=1):
+    for done, _ in enumerate(_render(missing, processes), start=1):
         on_view(kept + done, total)
     return Rendered(len(missing), kept, time.perf_counter() - start, processes)
 
@@ -158,15 +157,13 @@ def _named_in(truth: str | None) -> list[str]:
     return [name for name in names if name.startswith("view_") and Path(name).name == name]
 
 
-def _render_here(views: Sequence[_Missing]) -> Iterator[None]:
-    """Render views one by one, and say when each is done."""
-    for view in views:
-        render_file(*view)
-        yield
-
-
 def _render(views: Sequence[_Missing], processes: int) -> Iterator[None]:
-    """Render views in several processes, and say when each is done."""
+    """Render views, in several processes if told so, and say when each is done."""
+    if processes == 1:
+        for view in views:
+            render_file(*view)
+            yield
+        return
     context = multiprocessing.get_context("spawn")
     executor = ProcessPoolExecutor(processes, mp_context=context, initializer=_prepare_process, initargs=(os.getpid(),))
     try:

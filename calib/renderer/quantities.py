@@ -43,14 +43,6 @@ def whole(option: str, value: object, low: int, high: int) -> int:
     return int(value)
 
 
-def real(option: str, value: object, low: float, high: float) -> float:
-    """A number within its limits."""
-    if not isinstance(value, Real) or isinstance(value, bool) or not low <= float(value) <= high:
-        what = "" if isinstance(value, Real) else "a number "
-        raise InputError(f"{option} {shown(value) if what else value}: must be {what}from {low:g} to {high:g}")
-    return float(value)
-
-
 def number(option: str, value: object) -> float:
     """A number, whose limits another rule has."""
     if not isinstance(value, Real) or isinstance(value, bool):

@@ -9,7 +9,7 @@ import pytest
 
 from calib.core import homography
 from calib.core.types import Detections
-from calib.detector.lens import estimate_lens
+from calib.detector.lens import radial_lens, usable_groups
 from calib.detector.pipeline import detect
 from designer.base.arrays import Array
 from designer.target import TargetGeometry
@@ -37,7 +37,7 @@ def assert_on_a_smooth_grid(found: Detections, target: TargetGeometry, worst: fl
     major = np.asarray(found.ellipse_px)[:, 2]
     assert (apart.min(axis=1) > major).all()
     plane = target.center_in_face_mm[found.ring, :2]
-    lens = estimate_lens([(plane, center)], found.image_size)
+    lens, _ = radial_lens(usable_groups([(plane, center)]), found.image_size)
     straight = lens.straighten(center)
     _, _, residual = homography.fit(plane, straight, np.ones(len(plane)))
     assert np.linalg.norm(residual, axis=1).max() < worst * np.median(apart.min(axis=1))
