@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from calib.cameras.formats import FORMATS
+from calib.cameras.formats.anipose import LENSES, camera_lines, parse_toml, read_camera_table
 from calib.cameras.formats.format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from calib.cameras.formats.parsing import mapping
-from calib.cameras.formats.toml_cameras import LENSES, camera_lines, parse_toml, read_camera_table
 from designer.base.errors import InputError
 
 

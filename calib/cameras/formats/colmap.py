@@ -27,8 +27,18 @@ from calib.cameras.formats.format import (
     assembled,
 )
 from calib.cameras.formats.lens import lens_camera, lens_named
-from calib.cameras.formats.parsing import image_size, mapping, number, numbers, pick, real, required
-from calib.cameras.formats.poses import UNIT_WORDS, quaternion_pose, unit_said
+from calib.cameras.formats.parsing import (
+    UNIT_WORDS,
+    image_size,
+    mapping,
+    number,
+    numbers,
+    pick,
+    quaternion_pose,
+    real,
+    required,
+    unit_said,
+)
 from calib.core.se3 import quaternion_wxyz
 from designer.base.arrays import Array
 from designer.base.errors import InputError

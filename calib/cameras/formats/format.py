@@ -10,8 +10,7 @@ import numpy as np
 
 from calib.cameras import ABILITIES, LINEAR, parameter_names
 from calib.cameras.camera import Camera
-from calib.cameras.formats.parsing import MAX_FILE_BYTES
-from calib.cameras.formats.poses import in_unit
+from calib.cameras.formats.parsing import MAX_FILE_BYTES, in_unit
 from calib.cameras.refit import Refit
 from calib.cameras.rig import MOST_CAMERAS, Rig
 from calib.core.se3 import compose, invert

@@ -24,8 +24,17 @@ from calib.cameras.formats.format import (
 )
 from calib.cameras.formats.lens import brown, fit_foreign, inverse_of, lens_camera, lens_named, slopes_of
 from calib.cameras.formats.lens_names import model_named, require_agreement
-from calib.cameras.formats.parsing import image_size, mapping, numbers, parse_yaml, pick, real, required, shown_plain
-from calib.cameras.formats.poses import matrix_pose
+from calib.cameras.formats.parsing import (
+    image_size,
+    mapping,
+    matrix_pose,
+    numbers,
+    parse_yaml,
+    pick,
+    real,
+    required,
+    shown_plain,
+)
 from calib.core.se3 import compose, invert
 from designer.base.arrays import Array
 from designer.base.errors import InputError

@@ -31,8 +31,7 @@ from calib.cameras.formats.mrcal_surface import (
     read_surface,
     surface_of,
 )
-from calib.cameras.formats.parsing import image_size, mapping, numbers, real, required, shown_plain
-from calib.cameras.formats.poses import vector_pose
+from calib.cameras.formats.parsing import image_size, mapping, numbers, real, required, shown_plain, vector_pose
 from calib.core.se3 import log_rotation
 from designer.base.arrays import Array
 from designer.base.errors import InputError

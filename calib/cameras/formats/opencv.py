@@ -25,8 +25,7 @@ from calib.cameras.formats.format import (
 )
 from calib.cameras.formats.lens import QUICK_OF_OPENCV, brown_camera, fit_foreign, lens_camera
 from calib.cameras.formats.lens_names import NamedLens, mentions_lens, named_lens, names_lens
-from calib.cameras.formats.parsing import image_size, number, numbers, parse_tree, real, required
-from calib.cameras.formats.poses import pose_of, unit_said
+from calib.cameras.formats.parsing import image_size, number, numbers, parse_tree, pose_of, real, required, unit_said
 from calib.cameras.rig import rectified_pair
 from calib.core.se3 import exp_rotation, skew
 from designer.base.arrays import Array

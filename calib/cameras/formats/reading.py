@@ -13,8 +13,7 @@ from calib.cameras import parameter_names
 from calib.cameras.camera import CAMERA, Camera, camera_or_preset
 from calib.cameras.formats import FORMATS, OWN, RIG_FORMATS
 from calib.cameras.formats.format import CameraFormat, ReadCamera, ReadRig, RigFiles, RigFormat
-from calib.cameras.formats.parsing import outline, pick
-from calib.cameras.formats.poses import UNIT_WORDS, unit_mm
+from calib.cameras.formats.parsing import UNIT_WORDS, outline, pick, unit_mm
 from calib.cameras.refit import FOCAL_AND_CENTRE
 from calib.cameras.rig import MOST_CAMERAS, RIG, Rig
 from calib.core.registry import Registry

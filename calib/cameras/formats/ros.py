@@ -36,8 +36,17 @@ from calib.cameras.formats.format import (
 )
 from calib.cameras.formats.lens_names import mentions_lens, named_lens
 from calib.cameras.formats.opencv import matrix_numbers
-from calib.cameras.formats.parsing import mapping, number, parse_tree, parse_yaml, real, required
-from calib.cameras.formats.poses import pose_of, quaternion_pose, roll_pitch_yaw_rad
+from calib.cameras.formats.parsing import (
+    mapping,
+    number,
+    parse_tree,
+    parse_yaml,
+    pose_of,
+    quaternion_pose,
+    real,
+    required,
+    roll_pitch_yaw_rad,
+)
 from calib.cameras.rig import rectified_pair
 from calib.core.se3 import invert, quaternion_wxyz
 from designer.base.arrays import Array
