@@ -115,7 +115,8 @@ class Camera:
 
     def to_json(self) -> JsonValue:
         """The content of `camera.json`, which also stands in other files."""
-        return camera_document(self)
+        file = CameraDocument(self.model, self.image_size, self.parameters, self.learned, self.field_rad)
+        return CAMERA.document(file)
 
     @classmethod
     def from_json(cls, value: JsonValue, place: str) -> "Camera":
@@ -176,16 +177,9 @@ class CameraDocument:
 CAMERA = FileKind(CameraDocument, "camera", "a camera file", "check the file", largest_bytes=2**20)
 
 
-def camera_document(camera: Camera) -> dict[str, JsonValue]:
-    """The keys of `camera.json`."""
-    return CAMERA.document(
-        CameraDocument(camera.model, camera.image_size, camera.parameters, camera.learned, camera.field_rad)
-    )
-
-
 def camera_to_json(camera: Camera) -> str:
     """The text of `camera.json`; it reads back bit for bit."""
-    return laid_out(camera_document(camera)) + "\n"
+    return laid_out(camera.to_json()) + "\n"
 
 
 def camera_from_mapping(values: object, origin: str, *, is_written_by_hand: bool = False) -> Camera:
@@ -196,11 +190,7 @@ def camera_from_mapping(values: object, origin: str, *, is_written_by_hand: bool
     Raises:
         InputError: another format or version, an unknown or missing key, or a value that breaks a rule.
     """
-    return _camera(CAMERA.of(cast(JsonValue, values), origin), origin, is_written_by_hand)
-
-
-def _camera(file: CameraDocument, origin: str, is_written_by_hand: bool) -> Camera:
-    """Hold a file's parameters to the rules of its model."""
+    file = CAMERA.of(cast(JsonValue, values), origin)
     model = MODELS.get(file.model)
     if model is None:
         hint = suggestion(file.model, list(MODELS)) or f"; there are {', '.join(MODELS)}"

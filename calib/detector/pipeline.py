@@ -302,10 +302,10 @@ def _completed(pixels: NDArray[np.generic], plan: TargetPlan, found: NamedRings)
 
 def name_grids(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates) -> NamedRings:
     """Grow grids and name them."""
-    grids = grow_grids(candidates, plan.lattice, across_gaps=not plan.is_coded)
+    grids = grow_grids(candidates, plan.lattice, across_gaps=not plan.target.has_codes)
     if not grids:
         return NamedRings(candidates, (), (), ("no grid of rings was found",))
-    if plan.is_coded:
+    if plan.target.has_codes:
         faces, mirrored = name_faces(plan, candidates, grids, pixels)
         if mirrored:
             return NamedRings(candidates, grids, (), (MIRRORED,), is_mirrored=True)

@@ -28,11 +28,6 @@ class TargetPlan:
     mark_is_dot: Flags  # (F, P) which of them carry a dot
 
     @property
-    def is_coded(self) -> bool:
-        """Whether faces carry codes."""
-        return self.target.has_codes
-
-    @property
     def pitch_radii(self) -> float:
         """Distance of neighbours in outer radii."""
         return float(np.linalg.norm(self.lattice.move_in_radii, axis=1).min())

@@ -118,7 +118,8 @@ class HeldEntry:
 
     def held(self) -> HeldTarget:
         """The same in numbers."""
-        speed = parsed("speed", self.speed, _speed_mm_s)
+        such = "a speed such as 150mm/s"
+        speed = parsed("speed", self.speed, lambda text: parse_quantity(text, MM_S_PER_UNIT, such, FASTEST_MM_S))
         rate = parsed("rate", self.rate, lambda text: parse_quantity(text, {"": 1.0, "Hz": 1.0}, "10Hz", MOST_HZ))
         if not (speed >= LEAST_MM_S and rate >= LEAST_HZ):
             what = f"speed {self.speed}" if speed < LEAST_MM_S else f"rate {self.rate}"
@@ -235,7 +236,3 @@ def _camera(name: str, folder: Path) -> Camera:
     """A camera's template, or a file beside the rig's."""
     beside = folder / name
     return open_camera(str(beside) if name not in preset_names("cameras") and beside.exists() else name).read.camera
-
-
-def _speed_mm_s(text: str) -> float:
-    return parse_quantity(text, MM_S_PER_UNIT, "a speed such as 150mm/s", FASTEST_MM_S)
