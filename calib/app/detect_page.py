@@ -10,6 +10,7 @@ from pathlib import Path
 
 from calib.core.types import NOT_MEASURABLE, UNMEASURABLE_WORDS, FaceRecord
 from calib.draw.gallery import SHARE_RULE, Shot, gallery, is_there, level_of_share, shortened, title_of_pictures
+from calib.observe.dataset import ImageRecord, common_remarks, median_sigma_px
 from calib.observe.observations import misplaced_pieces
 from calib.observe.photos import PhotoResult, Search
 from designer.base.answer import program

@@ -159,6 +159,7 @@ def _seen(
     from calib.app.inputs import require_photos_for_jobs, target_of
     from calib.core.types import RigObservations
     from calib.judge.rig_solution import RigSeen, require_wishes
+    from calib.observe.rig_observations import read_rig_sightings
     from calib.observe.rig_search import photos_of_rig, search_rig
 
     if kind != (None, None) and not given.has_sightings:
