@@ -50,7 +50,7 @@ from designer.page.blocks import (
     Section,
     Steps,
 )
-from designer.page.folders import file_list, some_of
+from designer.page.folders import Shown, file_list, some_of, table_of
 
 if TYPE_CHECKING:
     from calib.draw.sigma_map import SigmaMap
@@ -366,11 +366,13 @@ def calibration_words(run: JudgedRun, notes: Sequence[str], skipped: Sequence[st
         *(Finding("note", "", printable(note)) for note in notes),
         *(Finding("usable", "Skipped", printable(line)) for line in some_of(skipped, MOST_SKIPPED)),
     )
+    left_out = table_of(skipped, Shown("skipped", str), title="All skipped") if len(skipped) > MOST_SKIPPED else None
     tables = (
         views_table(photo_rows(best.evaluated, run.records), is_flat=_is_flat(run)),
         *(() if _is_flat(run) else (faces_table(best.evaluated, run.records),)),
         models_table((best, *run.others)),
         *(parameters_table(one.metrics) for one in (best, *run.others)),
+        *(() if left_out is None else (left_out,)),
     )
     sections = (Section("Verdict", (Findings(said), Steps(steps_of(run)))), Section("Tables", tables))
     return Page("", "", headline_of(run), sections, lead=(key_facts(run),))

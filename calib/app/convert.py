@@ -181,6 +181,12 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
         return tuple(files)
 
 
+def _refuse_of_file(**options: str | None) -> None:
+    """Refuse what says how a file is read, where there is none."""
+    if odd := next((f"{name} {shown(value)}" for name, value in options.items() if value is not None), ""):
+        raise InputError(f"{odd}: is of a file; leave it out")
+
+
 @capability
 def convert(
     camera: Annotated[
@@ -267,6 +273,8 @@ def convert(
     # What somebody asked for by name is theirs to judge.
     accepted_px = (math.inf if model or lens or zero else ACCEPTED_PX) if accept_px is None else accept_px
     output, is_object = asked_output(out), isinstance(camera, Camera | Rig)
+    if is_object:
+        _refuse_of_file(source=source, source_unit=source_unit)
     if isinstance(camera, Rig):
         rig: OpenedRig | None = opened_rig(camera)
     else:

@@ -1,6 +1,6 @@
 """How large a camera's errors are: `calib evaluate`, `calib.evaluate("camera", held_out=5)`."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -16,7 +16,7 @@ from designer.page.terminal import quoted
 
 if TYPE_CHECKING:
     from calib.app.inputs import Observed, Place
-    from calib.core.types import Observations
+    from calib.core.types import Detections, Observations
     from calib.renderer.truth import Truth
     from calib.solver.calibration import Calibration
     from calib.solver.metrics.evaluation import Evaluation
@@ -197,7 +197,8 @@ def evaluate(
         int, option("hold every N-th photo out in turn and evaluate those; 0: do not", 0, metavar="N")
     ] = 0,
     on: Annotated[
-        "Observed | None", option("sightings that it was not solved from, in a file that calib solve takes: poses only")
+        "Observations | Place | Iterable[Detections] | None",
+        option("sightings that it was not solved from, in a file that calib solve takes: poses only"),
     ] = None,
     target: Annotated["TargetGeometry | Place | None", option("the target file of --on detections.csv")] = None,
     image_size: options.ImageSize = None,

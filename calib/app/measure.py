@@ -20,8 +20,7 @@ from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
-    from calib.app.measured_from import Several
-    from calib.core.types import Observations
+    from calib.core.types import Detections, Observations
     from calib.measure_target.deviations import Compensation
     from calib.measure_target.lengths import CaliperLength
     from calib.measure_target.unknowns import AsBuiltOptions
@@ -48,7 +47,7 @@ MadeBy = Annotated[
 def measure(
     target: Target,
     observed: Annotated[
-        "Several",
+        "Observations | Place | Iterable[Observations | Detections | Place]",
         argument(
             "detections.csv files of the print, or tables image,u,v,X,Y,Z or image,u,v,id; one a camera",
             metavar="DETECTIONS", is_many=True,

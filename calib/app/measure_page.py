@@ -55,7 +55,14 @@ def measured_page(measured: "MeasuredPrint", *, is_drawn: bool) -> Page:
     blocks: list[Block] = []
     if is_drawn:
         image = raster_of(measured.picture)
-        blocks.append(Figure("The target as it was printed", image, deviation_sentence(record), is_wide=True))
+        blocks.append(
+            Figure(
+                "The target as it was printed",
+                image,
+                f"Faces: {len(record.face_verdict)}. {deviation_sentence(record)}",
+                is_wide=True,
+            )
+        )
     blocks += [] if faces is None else [faces]
     blocks += [] if rings is None else [Fold(f"Ring by ring ({len(rings.rows)})", (rings,))]
     whole = whole_rows(record.whole)

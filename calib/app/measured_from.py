@@ -43,7 +43,7 @@ LEAST_FRAMES = 3
 """From fewer, a target that may have any shape does not tell the cameras."""
 FAR_OFF = 0.05
 """Part of a target's size that no print of it is off."""
-Several: TypeAlias = Observations | Place | Iterable[Detections] | Iterable[Place | Observations]
+Several: TypeAlias = Observations | Place | Iterable[Observations | Detections | Place]
 """What was observed of a print: of one camera, or of several a file or observations each."""
 Item: TypeAlias = Observations | Detections | Place
 

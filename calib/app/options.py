@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
     from calib.cameras.rig import Rig
+    from calib.core.types import Observations
     from calib.judge.verdict import Criteria
     from calib.observe.corners_vnl import PointGrid
     from calib.renderer.rig_template import SimulatedRig
-    from calib.solver.solve_virtual import Reference as ReferenceView
     from designer.target import TargetGeometry
 
 MOST_JOBS = 1024
@@ -93,7 +93,7 @@ Minimise = Annotated[
 ]
 FreeBend = Annotated[bool, option("the bend of a flat target is an unknown, too")]
 ReferencePhoto = Annotated[
-    "ReferenceView | None",
+    "Observations | str | None",
     option(
         f"{_LEARNED}: the photo that the map is learned from, or all (default: of a board the photo that covers the "
         "image best, of other targets all)",

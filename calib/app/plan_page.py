@@ -33,7 +33,11 @@ def plan_page(found: "PhotoPlan") -> Page:
         "from them, again and again."
     )
     after_px = [photo.sigma_px_after for photo in found.photos]
-    curve = figure_of(plan_curve(after_px, [one.stated_px for one in found.tried], found.goal_px))
+    drawn = plan_curve(after_px, [one.stated_px for one in found.tried], found.goal_px)
+    reached = (
+        f"{digits(after_px[-1], 2)} px after {len(after_px)} photos, as planned; wanted: {digits(found.goal_px, 2)} px"
+    )
+    curve = figure_of(drawn, alt=reached)
     made = (found.made,) if found.made else ()
     sections = (
         Section("The photos", (gallery,), lead="In this order; left, right, top and bottom are those of the image."),

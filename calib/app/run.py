@@ -109,6 +109,7 @@ def run(
             to.answer = {**to.answer, "best": None, "models": [], "verdict": None}
         raise NothingFoundError(f"none of {len(search.results)} photos shows the target", found)
     plan, observations = plan.suited(observations_from_detections(search.with_target, geometry, origin="the photos"))
+    seen = view_of_reference(seen, plan, observations.view_names)
     table = () if to is None else (("detections", named_in_files(to.place / DETECTIONS_FILE)),)
     ways = tuple((name, word) for name, word in (("made", made), ("capture", capture)) if word is not None)
     kept = (("target", file), *table, ("photos", str(len(asked.paths))), *ways, *told)

@@ -1,5 +1,6 @@
 """From what was detected to a judged camera: `calib solve`, `calib.solve("detections.csv", "ico.target.json")`."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
@@ -10,7 +11,8 @@ from designer.page.capability import capability, written_to
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
-    from calib.app.inputs import Observed, Place
+    from calib.app.inputs import Place
+    from calib.core.types import Detections, Observations
     from calib.renderer.truth import Truth
     from designer.page.output import Output
     from designer.target import TargetGeometry
@@ -19,7 +21,8 @@ if TYPE_CHECKING:
 @capability(folder=lambda given: cast(Path, given["observed"]).parent / "camera")
 def solve(
     observed: Annotated[
-        "Observed", argument("detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl", metavar="DETECTIONS")
+        "Observations | Place | Iterable[Detections]",
+        argument("detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl", metavar="DETECTIONS"),
     ],
     target: Annotated["TargetGeometry | Place | None", option("the target file of detections.csv")] = None,
     *,
@@ -86,8 +89,8 @@ def solve(
     geometry = None if target is None else target_of(target)
     way = how_made(geometry, made, rendered_id=rendered_id or rendered_id_of(observed))
     seen, told = reference_of(reference, reference_target)
-    seen = view_of_reference(seen, plan, observations.view_names)
     plan, observations = plan.suited(observations)
+    seen = view_of_reference(seen, plan, observations.view_names)
     given = named_in_files(Path(target)) if isinstance(target, str | PathLike) else ""
     files = (
         (("detections", named_in_files(Path(observed))), ("target", given))

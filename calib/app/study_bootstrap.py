@@ -1,6 +1,6 @@
 """How sure a camera is, by thousands of samples of its photos: `calib study bootstrap`, `calib.bootstrap("d.csv")`."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -14,13 +14,14 @@ from designer.base.errors import InputError
 from designer.base.files import place_of, write_files
 from designer.base.marks import INLINE, NOT_IN_FILE
 from designer.base.options import option, whole_number
-from designer.base.words import cut, printable, several
+from designer.base.words import cut, printable, several, shown
 from designer.page.capability import capability, instead
 from designer.page.output import Output, output_of
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
-    from calib.app.inputs import Observed, Place
+    from calib.app.inputs import Place
+    from calib.core.types import Detections, Observations
     from calib.draw.style import FigureSheet
     from calib.observe.corners_vnl import PointGrid
     from calib.renderer.truth import Truth
@@ -116,7 +117,8 @@ def _sizes(text: str) -> tuple[int, ...]:
 @capability
 def bootstrap(
     detections: Annotated[
-        "Observed", option("detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl", metavar="FILE")
+        "Observations | Place | Iterable[Detections]",
+        option("detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl", metavar="FILE"),
     ],
     target: Annotated["TargetGeometry | Place | None", option("the target file of detections.csv")] = None,
     *,
@@ -178,7 +180,8 @@ def bootstrap(
             are kept.
         StudyStoppedError: interrupted; so they are.
     """
-    from calib.app.inputs import load_observations, observations_of, target_of, truth_from
+    from calib.app.inputs import file_or_observations, target_of, truth_from
+    from calib.core.types import Observations
     from calib.renderer.quantities import whole
     from calib.renderer.truth import Truth
     from calib.solver.plan import plan_from_words
@@ -199,10 +202,9 @@ def bootstrap(
     output = None if out is None else output_of(out)
     if output is not None:
         Bootstrap.check(output.place)
-    if isinstance(detections, str | PathLike):
-        observations = load_observations(detections, target, image_size=image_size, grid=corners)
-    else:
-        observations = observations_of(detections, target)
+    if isinstance(detections, Observations) and target is not None:
+        raise InputError(f"target {shown(target)}: is of a file, or of detections; observations say it; leave it out")
+    observations = file_or_observations(detections, target, image_size, grid, pitch_mm)
     known = truth_from(truth)
     if known is not None and target is not None and known.layout_id != target_of(target).layout_id:
         told = "the truth" if isinstance(truth, Truth) else truth

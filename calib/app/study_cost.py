@@ -1,6 +1,6 @@
 """Which distances to minimise, measured: `calib study cost`, `calib.study_cost("cost")`."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from os import PathLike
@@ -20,6 +20,7 @@ from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
     from calib.app.inputs import Observed, Place
+    from calib.core.types import Detections, Observations
     from calib.draw.style import FigureSheet
     from calib.observe.corners_vnl import PointGrid
     from calib.studies.cost.ratios import CostTable, RealPhotos
@@ -76,7 +77,8 @@ class CostStudy(
 def study_cost(
     out: Annotated["Place | Output", STUDY_OUT],
     detections: Annotated[
-        "Observed | None", option("photos of your own too: detections.csv, or a CSV with image,u,v,X,Y,Z")
+        "Observations | Place | Iterable[Detections] | None",
+        option("photos of your own too: detections.csv, or a CSV with image,u,v,X,Y,Z"),
     ] = None,
     target: Annotated["TargetGeometry | Place | None", option("the target file of detections.csv")] = None,
     *,

@@ -49,7 +49,12 @@ def check_folder(folder: Path, option: str = "-o") -> None:
     Raises:
         InputError: it, or the folder it is to be made in, is none, cannot be written, or is a link to nowhere.
     """
-    place = next(place for place in (folder, *folder.absolute().parents) if os.path.lexists(place))
+    above = (
+        folder.parents
+        if folder.is_absolute()
+        else (*folder.parents[:-1], *folder.absolute().parents[len(folder.parents) - 1 :])
+    )
+    place = next(place for place in (folder, *above) if os.path.lexists(place))
     try:
         if not stat.S_ISDIR(place.stat().st_mode):
             raise InputError(f"{place}: is a file, not a folder; choose another with {option}")

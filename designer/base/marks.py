@@ -58,7 +58,8 @@ class Length(Mark):
         count = len(cast("Sequence[object]", value))
         if isinstance(value, str) and count < self.least == 1:
             return "must not be empty"
-        return "" if self.least <= count <= self.most else f"has {count} items; it must be {self.least} to {self.most}"
+        what = "characters" if isinstance(value, str) else "items"
+        return "" if self.least <= count <= self.most else f"has {count} {what}; it must be {self.least} to {self.most}"
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,18 @@ the same. A name's ending is its unit: `length_mm` is `--length 100mm` in a shel
 A parameter whose type is a dataclass of such fields is an option for each: `options: RenderOptions | None = None`.
 """
 
+import builtins
 import inspect
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, is_dataclass, replace
-from functools import partial, wraps
+from functools import cache, partial, wraps
 from numbers import Integral, Real
+from os import PathLike
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Literal, ParamSpec, TypeVar, Union, cast, get_args, get_origin
+from typing import Annotated, Literal, ParamSpec, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from designer.base.errors import InputError
 from designer.base.units import MM_PER_UNIT, RAD_PER_UNIT, parse_percent, parse_quantity
@@ -200,7 +202,7 @@ class Parameter:
             raise InputError(f"{self.label} {told}: must be{self._limits(' from') or ' a number'}")
 
     def _limits(self, word: str) -> str:
-        least, most = (self.text_of(float(one)) for one in (self.option.least, self.option.most))
+        least, most = (self.text_of(one) for one in (self.option.least, self.option.most))
         if math.isinf(self.option.most):
             return "" if math.isinf(self.option.least) else f" {least} or more"
         return f" {most} or less" if math.isinf(self.option.least) else f"{word} {least} to {most}"
@@ -263,6 +265,83 @@ def _kinds(kind: object) -> tuple[object, ...]:
     return (kind if isinstance(kind, type) or get_origin(kind) is not None else Path,)
 
 
+class _Names(dict[str, object]):
+    """What annotations are made of: a class that is not loaded is known by its name alone."""
+
+    def __missing__(self, name: str) -> object:
+        if hasattr(builtins, name):
+            raise KeyError(name)
+        return type(name, (), {})
+
+
+KNOWN = _Names(
+    Callable=Callable, Heard=Callable, Iterable=Iterable, Collection=Collection, Sequence=Collection, Mapping=Mapping,
+    Place=str | PathLike, Array=type("ndarray", (), {}),
+)  # fmt: skip
+"""Of the names that are loaded for type checkers only, those that are no class's."""
+
+
+@cache
+def _types_of(function: Callable[..., object]) -> dict[str, object]:
+    """What Python may give for each parameter of a function."""
+    return get_type_hints(function, localns=KNOWN)
+
+
+def _fits(value: object, kind: object) -> bool:
+    """Whether a value is of a type, and so are the values in it."""
+    origin, args = get_origin(kind) or kind, get_args(kind)
+    if origin in (Union, UnionType):
+        return any(_fits(value, one) for one in args)
+    if origin is Literal:
+        return any(type(value) is type(one) and value == one for one in args)
+    if origin in (int, float):
+        return isinstance(value, Integral if origin is int else Real) and not isinstance(value, bool)
+    if isinstance(value, str | bytes | bytearray):  # which are collections, too
+        return isinstance(value, str) and (origin in (str, Path) or str in args)
+    if origin is tuple:
+        several = tuple(value) if isinstance(value, Collection) else ()
+        return len(several) == len(args) and all(map(_fits, several, args))
+    if not isinstance(origin, type):
+        return True
+    if args and issubclass(origin, Iterable) and isinstance(value, origin if origin is Mapping else Iterable):
+        inner = value.values() if isinstance(value, Mapping) else value if isinstance(value, Collection) else ()
+        return all(_fits(one, args[-1]) for one in inner)
+    return isinstance(value, PathLike if origin is Path else origin) or origin.__name__ in {
+        one.__name__ for one in type(value).__mro__
+    }
+
+
+WORDS = {
+    "int": "a whole number", "float": "a number", "str": "a text", "bool": "True or False", "Path": "a path",
+    "PathLike": "a path", "Callable": "a function",
+}  # fmt: skip
+
+
+def _told(kind: object) -> str:
+    """A type as a message says it."""
+    origin, args = get_origin(kind) or kind, get_args(kind)
+    if origin in (Union, UnionType):
+        paths = [one for one in args if get_origin(one) is PathLike or one is PathLike]
+        words = [_told(one) for one in args if one is not NoneType and not (paths and one is str)]
+        return " or ".join(dict.fromkeys(words))
+    if origin is Literal:
+        return " or ".join(map(repr, args))
+    if origin is tuple:
+        return f"({', '.join(map(_told, args))})"
+    if isinstance(origin, type) and issubclass(origin, Iterable) and args:
+        return f"{'a mapping' if origin is Mapping else 'several'}, each {_told(args[-1])}"
+    if isinstance(origin, type):
+        return WORDS.get(origin.__name__, origin.__name__)
+    return str(origin)
+
+
+def _check_types(function: Callable[..., object], given: Mapping[str, object]) -> None:
+    """Refuse a value of a type that its parameter does not take."""
+    for name, kind in _types_of(function).items():
+        if name in given and not _fits(given[name], kind):
+            raise InputError(f"{name} {shown(given[name])}: must be {_told(kind)}")
+
+
 def checked(function: Callable[P, R]) -> Callable[P, R]:
     """Decorate a function so that Python, too, is refused what is beyond the limits that its parameters state."""
     parameters, signature = parameters_of(function), inspect.signature(function)
@@ -271,14 +350,12 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     def within_limits(*values: P.args, **options: P.kwargs) -> R:
         given = signature.bind(*values, **options).arguments
         for name, parameter in parameters.items():
-            if parameter.within is None:
+            group, kind = parameter.within or ("", object)
+            if not group:
                 parameter.check(given.get(name))
-                continue
-            group, kind = parameter.within
-            if (value := given.get(group)) is not None:
-                if not isinstance(value, kind):
-                    raise InputError(f"{group} {shown(value)}: is of type {type(value).__name__}; give {kind.__name__}")
-                parameter.check(getattr(value, name))
+            elif isinstance(given.get(group), kind):
+                parameter.check(getattr(given[group], name))
+        _check_types(function, given)
         return function(*values, **options)
 
     return within_limits

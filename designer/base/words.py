@@ -4,6 +4,7 @@ Numbers as people read them.
 """
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from typing import TypeVar
 
@@ -42,7 +43,7 @@ def shown(value: object) -> str:
         text = repr(value)
     except (RecursionError, ValueError):  # nested too deep, or an integer of thousands of digits
         return f"({type(value).__name__})"
-    return cut(text)
+    return cut(re.sub(r"\s*\n\s*", " ", text))
 
 
 def cut(text: str, most: int = 60) -> str:

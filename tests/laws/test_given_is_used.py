@@ -3,14 +3,17 @@
 import importlib
 import inspect
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import get_args
 
 import click
 import pytest
 
+import calib as product
 from calib.cli import LINES, app, place_of
+from designer.base.errors import InputError
+from designer.base.marks import Length
 from designer.base.options import Parameter, parameters_of
 from designer.cli import app as design_app
 from tests.laws.test_exit_codes import BOOTSTRAP, CALIB, DESIGN, commands_of
@@ -180,3 +183,54 @@ def test_an_option_that_takes_one_is_given_once(name: str, option: str) -> None:
     answer = (design if name in STUDIED else calib)(*words)
     assert answer.code == 2
     assert f"{option}: given 2 times" in answer.err
+
+
+def _functions() -> dict[str, Callable[..., object]]:
+    """All capabilities, as Python calls them."""
+    places = [place_of(name).split(":") for name in LINES]
+    of_commands = {name: getattr(importlib.import_module(module), name) for module, name in places}
+    public = {name: getattr(product, name) for name in product.__all__}
+    return of_commands | {name: one for name, one in public.items() if hasattr(one, "as_command")}
+
+
+@pytest.mark.parametrize(("name", "function"), _functions().items())
+@pytest.mark.parametrize("value", [5j, object(), b"x", [5j]], ids=["complex", "object", "bytes", "list"])
+def test_a_value_of_a_type_that_a_parameter_does_not_take_is_refused(
+    name: str, function: Callable[..., object], value: object
+) -> None:
+    """In Python, whatever the parameter, in one line that names it, before any work."""
+    takes, options = inspect.signature(function).parameters, parameters_of(function)
+    needed = {one.name: "none" for one in takes.values() if one.default is one.empty}
+    for parameter in takes:
+        with pytest.raises(InputError) as refused:
+            function(**{**needed, parameter: value})
+        said = str(refused.value)
+        flag = options[parameter].flag if parameter in options else parameter
+        assert said.startswith((f"{parameter} ", f"{flag} ")), (name, said)
+        assert "\n" not in said
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("solve", {"model": "opencv", "reference": "all"}),
+        ("bootstrap", {"target": "board.target.json"}),
+        ("bootstrap", {"image_size": (640, 480)}),
+        ("convert", {"to": "opencv", "source": "kalibr"}),
+        ("convert", {"to": "opencv", "source_unit": "m"}),
+    ],
+)
+def test_what_has_nothing_to_act_on_beside_an_object_is_refused(
+    name: str, words: dict[str, object], scene_copy: Path
+) -> None:
+    """In Python as in a shell, where the same stands for what a file lacks."""
+    seen = product.load_observations("detections.csv", "board.target.json")
+    given = product.load_camera("camera.json") if name == "convert" else seen
+    with pytest.raises(InputError, match=f"^{[*words][-1]}"):
+        getattr(product, name)(given, **words)
+
+
+def test_a_place_and_a_text_are_told_as_they_were_given(scene_copy: Path) -> None:
+    """A path without the folder that a person is in; a text by its characters."""
+    assert "error: camera.json: is a file" in calib("solve", "detections.csv", "-o", "camera.json/out").err
+    assert Length(1, 500).fault("x" * 501) == "has 501 characters; it must be 1 to 500"

@@ -22,8 +22,6 @@ __all__ = ["folder"]  # the scene that the commands work in
 ADVISED = {"calib": calib, "design": design}
 OF_PHOTOS = {"detections", "undistorted"}
 """Kinds of results that are written beside photos, one by one."""
-WORDS_ALONE = {"plan", "as_built"}
-"""Kinds with a figure that is told in words without a number."""
 OF_PAGE = ("index.html", "page.json")
 """Files that say in what folder they are."""
 
@@ -72,7 +70,7 @@ def test_memory_folder_page_and_json_tell_the_same(
     assert (page.headline is not None and page.headline.sentence != "") or result.kind == "rescaled"
     assert all(section.blocks for section in page.sections)
     assert not re.search(r"\bnan\b", page_html(page).decode().split("<body", 1)[1].split("<script", 1)[0])
-    assert all(re.search(r"\d" if result.kind not in WORDS_ALONE else ".", figure.alt) for figure in figures_of(page))
+    assert all(re.search(r"\d", figure.alt) for figure in figures_of(page))
     assert "srcdoc" in result._repr_html_()
     if "out" not in case.words:  # one file, and what lies beside it
         own = [path for path in map(Path, summary["wrote"]) if ".overlay" not in path.name and path.name not in OF_PAGE]

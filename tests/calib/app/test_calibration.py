@@ -52,7 +52,7 @@ def test_detections_of_arrays_are_told_apart_and_saved() -> None:
     assert repr(run) == f"<Run, {run.verdict.grade}: {run.verdict.sentence}>"
     assert run.observations.view_names == tuple(f"image-{n}" for n in range(1, 7))
     assert any(path.name == "index.html" for path in run.save("x"))
-    with pytest.raises(calib.InputError, match="give detections"):
+    with pytest.raises(calib.InputError, match="each Detections"):
         calib.solve(["a.csv"], BOARD)
     with pytest.raises(calib.InputError, match="is no path; give a folder"):
         calib.solve(seen(), BOARD, out="", **MODEL)

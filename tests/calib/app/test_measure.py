@@ -111,7 +111,7 @@ def test_the_model_is_that_of_the_run_or_as_run_chooses() -> None:
             "nan mm ± 0.02 mm: both must be numbers of more than 0",
         ),
         ({"lengths": [CaliperLength("edge", 100.0, float("inf"))]}, "inf mm: both must be numbers of more than 0"),
-        ({"lengths": [100.0]}, "give text as in"),
+        ({"lengths": [100.0]}, "each a text or CaliperLength"),
         ({"shrink_compensation_percent": float("nan")}, "from -50% to 50%"),
         ({"bed_turn_rad": float("nan")}, "from -360deg to 360deg"),
         ({"observed": ()}, "no detections"),
