@@ -219,7 +219,7 @@ def test_a_rule_is_told_with_its_place_and_value(key: str, value: object, messag
         ("cam_from_target", [[2.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], "no rotation"),
         ("outline_px", [[[1e300, 0], [0, 0]]], "outline_px.0.0.0 1e+300: "),
         ("outline_px", [[[0.0, 0.0], [1.0, 1.0]]] * 1001, "1001 items"),
-        ("sentence", "x" * 501, "501 items"),
+        ("sentence", "x" * 501, "501 characters"),
     ],
 )
 def test_a_value_that_no_photo_has_is_refused(key: str, value: object, message: str) -> None:
