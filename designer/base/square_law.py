@@ -8,7 +8,7 @@ That is the first order. What it misses was measured, an error at a time, and gr
 known numbers with the third too; what two errors miss together is left out. Where the sum of these, all taken as of one
 sign, is more than `OFF` of a measure allows, the law is *beyond its reach*.
 
-`designer/page/parts/what_if.js` is the same in a browser; `tests/calib/app/test_what_if_browser.py` holds it to this.
+`designer/page/parts/what_if.js` is the same in a browser; `tests/calib/app/test_tolerance_browser.py` holds it to this.
 """
 
 import math
