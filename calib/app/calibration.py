@@ -281,7 +281,7 @@ def view_of_reference(reference: "Reference | None", plan: "SolvePlan", photos: 
         InputError: no model learns a map, or none of the photos is meant.
     """
     from calib.cameras import learned_models
-    from calib.solver.solve_virtual import ALL_VIEWS
+    from calib.solver.calibrate import ALL_VIEWS
     from designer.base.words import suggestion
 
     if reference is None:

@@ -275,8 +275,8 @@ def calibration_in(place: Path) -> Path:
 def _held_out(
     calibration: "Calibration", options: "SolveOptions", folds: int, truth: "Truth | None", *, has_reference: bool
 ) -> "Evaluation":
+    from calib.solver.calibrate import calibrate
     from calib.solver.metrics.evaluation import LEAST_FOLDS, evaluate_held_out
-    from calib.solver.solve_virtual import calibrate
 
     views = calibration.observations.view_count
     if not LEAST_FOLDS <= folds <= views:

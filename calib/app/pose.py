@@ -130,8 +130,7 @@ def pose(
     """
     from calib.app.inputs import opened_camera, photos_of, target_of
     from calib.observe.search import PhotoSearch
-    from calib.observe.target_poses import PhotoWithoutPose, PoseResult, check_output, target_poses
-    from calib.rigs.rig_poses_file import check_rig_poses_output
+    from calib.observe.target_poses import PhotoWithoutPose, PoseResult, target_poses
     from designer.page.output import Output, output_of
 
     output = Output(Path(), is_asked=False) if out is None else output_of(out)
@@ -148,7 +147,7 @@ def pose(
     if rig is None and camera is None:
         raise InputError("no camera: give the one that took the photos, or the rig that did")
     if output.is_asked:
-        (check_output if rig is None else check_rig_poses_output)(output.place)
+        _check_place(output.place, is_of_rig=rig is not None)
     found: PoseResult | RigPoseResult
     if rig is not None:
         from calib.app.rig_poses import poses_before_rig
@@ -209,3 +208,12 @@ def _drawn(made: TargetPoses, folder: Path) -> tuple[TargetPoses, tuple[Path, ..
             overlays |= {(name, image): f"{place}/{picture}".lstrip("/") for image, picture in drawn.items()}
             undrawn += failures
     return replace(made, overlays=overlays, undrawn=tuple(undrawn)), tuple(pictures)
+
+
+def _check_place(place: Path, *, is_of_rig: bool) -> None:
+    """Refuse a place that takes no poses, before any work; what is of rigs is loaded for these alone."""
+    if is_of_rig:
+        from calib.rigs.rig_poses_file import check_rig_poses_output as check
+    else:
+        from calib.observe.target_poses import check_output as check
+    check(place)

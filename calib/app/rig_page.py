@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from calib.draw.rig_pictures import pictures_section
 from calib.draw.rig_tables import (
     cameras_table,
     carrier_section,
@@ -17,7 +18,6 @@ from calib.draw.rig_tables import (
     places_table,
     ties_table,
 )
-from calib.draw.run_photos import pictures_section
 from calib.draw.run_tables import headline_by, verdict_blocks
 from calib.judge.halves import NoHalves
 from calib.judge.next_robot_poses import photo_names

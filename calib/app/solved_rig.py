@@ -127,7 +127,7 @@ class SolvedRig(
     def page_beside(self, folder: Path) -> "Page":
         """The same with the pictures in the folder, which are drawn if photos were searched."""
         from calib.app.rig_page import rig_page
-        from calib.draw.run_photos import draw_rig_pictures
+        from calib.draw.rig_pictures import draw_rig_pictures
 
         search = None if self.seen is None else self.seen.search
         faults = () if search is None else draw_rig_pictures(folder, self.calibration, search)
@@ -147,7 +147,7 @@ class SolvedRig(
 
     def draw_page(self, folder: Path, command: str = "") -> "tuple[Page | None, tuple[Path, ...], str]":
         """Likewise; with the pictures among its files."""
-        from calib.draw.run_photos import pictures_in
+        from calib.draw.rig_pictures import pictures_in
 
         page, files, remark = super().draw_page(folder, command)
         return page, files if page is None else (*pictures_in(folder, self.calibration), *files), remark
@@ -213,7 +213,7 @@ class SolvedRig(
         """
         import numpy as np
 
-        from calib.draw.run_photos import remove_rig_pictures
+        from calib.draw.rig_pictures import remove_rig_pictures
         from calib.judge.hand_eye_file import HAND_EYE, HAND_EYE_FILE
         from calib.judge.judged_run import keep_target
         from calib.judge.next_robot_poses import photo_names

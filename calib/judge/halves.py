@@ -18,9 +18,9 @@ from calib.core.types import Observations, keep_sightings, keep_views
 from calib.judge.coverage import Coverage
 from calib.judge.difference import Known, apart
 from calib.solver.accuracy import SHARE_PERCENT
+from calib.solver.calibrate import calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.problem import SolveOptions
-from calib.solver.solve_virtual import calibrate
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.marks import INLINE, Key, Length, Line

@@ -14,6 +14,7 @@ from calib.judge.coverage import Coverage, coverage_of, lit_part
 from calib.judge.reading import unit_doubt
 from calib.observe.calibration_file import Provenance
 from calib.solver.accuracy import UndeterminedError
+from calib.solver.calibrate import calibrate
 from calib.solver.calibration import Calibration, Capture
 from calib.solver.capture_error import with_capture_error
 from calib.solver.circles import with_circle_doubt
@@ -21,7 +22,6 @@ from calib.solver.metrics.errors import summarise
 from calib.solver.metrics.evaluation import Evaluation, evaluate, held_out_px
 from calib.solver.metrics.evaluation_files import Metrics, metrics_of
 from calib.solver.plan import SolvePlan, ruled_out
-from calib.solver.solve_virtual import calibrate
 from calib.solver.target_error import with_target_error
 from designer.base.answer import program
 from designer.base.arrays import Array

@@ -5,8 +5,6 @@ where the camera stands and looks along the plane's normal: a sensor without dis
 
 After De Boi, Pathak, Oliveira and Penne, "How to turn your camera into a perfect pinhole model", 2023: a single photo
 of a planar grid spans the sensor. A target that is no plane takes a photo of a board, or the map of all views.
-
-A camera of any model from observations: with parameters alone, or with a map that is learned.
 """
 
 import math
@@ -16,7 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from calib.cameras import DEFAULT, learned_models
+from calib.cameras import DEFAULT
 from calib.cameras.camera import LearnedMap
 from calib.cameras.learn_map import MIN_SAMPLES, MapSamples, learn_from_many
 from calib.cameras.learned import exact_point, known_at
@@ -24,7 +22,6 @@ from calib.core.homography import apply, direct
 from calib.core.parallel import one_thread
 from calib.core.types import KnownPoints, Observations
 from calib.solver.calibration import Calibration
-from calib.solver.circles import with_circles
 from calib.solver.learn_views import SMALL_CHANGE_PX, learn_from_views, solve_on_sensor
 from calib.solver.outliers import MEDIAN_LENGTH
 from calib.solver.problem import SolveOptions
@@ -246,36 +243,3 @@ def _from_all_views(observations: Observations, options: SolveOptions) -> Calibr
         remarks += [f"{DEFAULT}, the start: {remark}" for remark in start.remarks]
         solved = replace(solved, status="degenerate")
     return replace(solved, remarks=(*remarks, *solved.remarks))
-
-
-ALL_VIEWS = "all"
-"""As the reference: the map is learned from all views."""
-
-
-def calibrate(
-    observations: Observations, model: str, options: SolveOptions, reference: "Reference | None" = None
-) -> Calibration:
-    """Solve a camera of any model.
-
-    Args:
-        observations: what was seen.
-        model: its name.
-        options: weights, losses, fixed and shared parameters.
-        reference: the photo that a learned map is of, or `ALL_VIEWS`; only models with one heed it.
-
-    Raises:
-        InputError: the observations or the options do not do.
-    """
-    if model not in learned_models():
-        return solve(observations, model, options)
-
-    if options.free_bend:
-        raise InputError(f"--free-bend: model {model} is learned from a target as it is given; solve another with it")
-    if reference == ALL_VIEWS:
-        return with_circles(observations, lambda seen: solve_virtual(seen, options, all_views=True))
-    if options.fixed and (reference is not None or on_plane_mm(observations.points, observations.point) is not None):
-        raise InputError(
-            f"{options.fixed[0][0]} cannot be fixed: the sensor of a map learned from a photo has a focal length and a "
-            "centre of its own; learn the map from all views, with --reference all"
-        )
-    return with_circles(observations, lambda seen: solve_virtual(seen, options, reference))

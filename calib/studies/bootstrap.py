@@ -11,6 +11,7 @@ from calib.core.se3 import make_pose
 from calib.core.types import Observations, keep_sightings
 from calib.renderer.truth import Truth
 from calib.solver.accuracy import NO_FIT
+from calib.solver.calibrate import calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.descend import is_robust
 from calib.solver.metrics.errors import Errors, centers_mm, predict, summarise
@@ -20,7 +21,6 @@ from calib.solver.metrics.pose import pose
 from calib.solver.metrics.reconstruction import reconstruction
 from calib.solver.metrics.reprojection import reprojection
 from calib.solver.problem import Problem, SolveOptions, Tie, pack, tie_parameters
-from calib.solver.solve_virtual import calibrate
 from calib.studies.near import Expansion, expand, find_near
 from calib.studies.sample_metrics import Sample, sample_errors
 from calib.studies.samples import SampleResult, draw_counts, failed_sample

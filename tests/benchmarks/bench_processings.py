@@ -32,9 +32,9 @@ from calib.renderer import RenderOptions, render_view
 from calib.renderer.faces import ring_truth
 from calib.renderer.scene import scene_from_target
 from calib.solver.accuracy import projected_change
+from calib.solver.calibrate import calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.problem import SolveOptions
-from calib.solver.solve_virtual import calibrate
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry

@@ -36,10 +36,10 @@ from calib.judge.coverage import coverage_of  # noqa: E402
 from calib.judge.halves import half_split  # noqa: E402
 from calib.judge.judge import Judged  # noqa: E402
 from calib.judge.verdict import Criteria, Grade, Limits  # noqa: E402
+from calib.solver.calibrate import calibrate  # noqa: E402
 from calib.solver.calibration import Calibration  # noqa: E402
 from calib.solver.capture_error import with_capture_error  # noqa: E402
 from calib.solver.problem import SolveOptions  # noqa: E402
-from calib.solver.solve_virtual import calibrate  # noqa: E402
 from calib.solver.target_error import with_target_error  # noqa: E402
 from designer.base.errors import InputError  # noqa: E402
 from designer.tolerance.made import EXACT, how_made  # noqa: E402

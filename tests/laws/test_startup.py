@@ -75,13 +75,16 @@ def test_help_and_completion_load_no_numbers(program: str, module: str) -> None:
     python(ASKED, program, module, "numpy", "numba", "scipy", "cv2", "matplotlib", "build123d")
 
 
+PICTURES = "scipy.spatial,scipy.sparse,scipy.optimize,scipy.stats,matplotlib,sklearn,joblib,pandas,jinja2"
+
+
 def test_everyday_commands_load_what_they_use(scene: Path, tmp_path: Path) -> None:
-    """None that reads photos, solves, converts or triangulates waits for pictures, tables or trees of neighbours."""
+    """What reads photos, solves, converts or triangulates waits for no rigs, pictures, tables or trees of points."""
     (tmp_path / "target.json").write_text(target_to_json(board()))
     (tmp_path / "camera.json").write_text(camera_to_json(CAMERA))
     cv2.imwrite(str(tmp_path / "photo.png"), np.asarray(view_of(board(), 1).image))
     python(
-        RUN, "scipy.spatial,scipy.sparse,scipy.optimize,scipy.stats,matplotlib,sklearn,joblib,pandas,jinja2",
+        RUN, f"calib.rigs,calib.solver.solve_virtual,{PICTURES}",
         "convert camera.json --to opencv -o camera.yaml",
         f"triangulate {scene}/pair.rig.json {scene}/sightings.csv -o points.csv",
         "detect target.json photo.png -o photo.csv", "pose target.json camera.json photo.png -o poses.json",

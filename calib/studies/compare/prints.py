@@ -15,11 +15,11 @@ import numpy as np
 from calib.cameras import COMMON, rays
 from calib.cameras.refit import image_grid
 from calib.core.types import Observations, keep_sightings, keep_views, without_empty_views
+from calib.solver.calibrate import ALL_VIEWS, calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.metrics import errors
 from calib.solver.metrics.evaluation import errors_of
 from calib.solver.problem import AS_THE_PAPER
-from calib.solver.solve_virtual import ALL_VIEWS, calibrate
 from calib.solver.start import solve_poses
 from calib.studies.compare.scene import VIRTUAL, ComparedScene, ScenePool, stream, take_photos
 from calib.studies.samples import SampleResult, failed_sample

@@ -9,7 +9,7 @@ import pytest
 
 from calib.app.report import report
 from calib.app.rig_page import limits_of, rig_page
-from calib.draw.run_photos import WORST, pictured
+from calib.draw.rig_pictures import WORST, pictured
 from calib.judge.checks import read_criteria
 from calib.judge.halves import NoHalves
 from calib.judge.rig_folder import RigRun, read_rig_run, write_rig

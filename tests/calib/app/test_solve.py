@@ -17,8 +17,8 @@ from calib.core.types import Detections, Observations
 from calib.images.photo import Photo
 from calib.observe.calibration_file import read_calibration
 from calib.observe.dataset import write_detections
+from calib.solver.calibrate import calibrate
 from calib.solver.calibration import Calibration
-from calib.solver.solve_virtual import calibrate
 from designer.base.errors import InputError
 from designer.base.files import named_in_files
 from designer.target import load_target, target_to_json
