@@ -2,20 +2,20 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from designer.base.answer import program
 from designer.base.errors import InputError
 from designer.base.marks import NOT_IN_FILE, Gap
 from designer.base.options import option
-from designer.base.words import cut, figure, printable
+from designer.base.words import capital, cut, figure, printable
 from designer.page.capability import capability
 from designer.page.result import Result
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.observe.robot_poses import RobotPoses
-    from calib.rigs.pose_pairs import PairsSolution
+    from calib.rigs.pose_pairs import InHand, PairsSolution
     from designer.base.arrays import Array
     from designer.page.blocks import Headline, Page
 
@@ -148,14 +148,14 @@ def hand_eye_poses(
 
     from calib.app.solved_rig import settings_of
     from calib.core.linear_algebra import moved_covariance
-    from calib.core.se3 import invert
+    from calib.core.se3 import inverse_slope, invert
     from calib.rigs.pose_pairs import COMPONENTS, PosePairs, solve_pose_pairs, solve_pose_streams
 
     robot = _poses(poses, "--poses", unit, euler, is_inverted=inverted)
     seen = _poses(target_poses, "--target-poses", unit, euler, is_inverted=target_inverted)
     told = robot.base_from_flange if target_in_hand else invert(robot.base_from_flange)
     given = seen.covariance if covariances is None else _covariances(covariances, len(seen.images))
-    hand: Literal["camera", "target"] = "target" if target_in_hand else "camera"
+    hand: InHand = "target" if target_in_hand else "camera"
     remark, cam_time_s, robot_time_s = "", seen.time_s, robot.time_s
     if cam_time_s is None or robot_time_s is None or np.array_equal(cam_time_s, robot_time_s):
         rows, of_robot, remark = _paired(seen, robot)
@@ -173,7 +173,7 @@ def hand_eye_poses(
     place, other = found.cam_from_rig, found.carrier_from_target
     covariance, second = found.covariance[:6, :6], found.covariance[6:, 6:]
     if hand == "camera":  # of the inverse: the same error, seen from the other side
-        place, covariance = invert(place), moved_covariance(_inverse_slope(place)[None], covariance)[0]
+        place, covariance = invert(place), moved_covariance(inverse_slope(place)[None], covariance)[0]
     turn, shift = (float(np.sqrt(np.linalg.eigvalsh(one)[-1])) for one in (covariance[:3, :3], covariance[3:, 3:]))
     components = COMPONENTS if given is None else COMPONENTS[-2:]
     return HandEyeOfPoses(
@@ -249,16 +249,6 @@ def _paired(seen: "RobotPoses", robot: "RobotPoses") -> tuple[list[int], list[in
     return rows, [row for row in pairs.row if row is not None], "; ".join(said)
 
 
-def _inverse_slope(pose: "Array") -> "Array":
-    """How the inverse of a pose moves (6, 6) as it is turned and shifted on the left."""
-    import numpy as np
-
-    from calib.core.se3 import skew
-
-    turn = pose[:3, :3].T
-    return -np.block([[turn, np.zeros((3, 3))], [turn @ skew(pose[:3, 3]), turn]])
-
-
 def _page(found: HandEyeOfPoses, *, is_drawn: bool = True) -> "Page":
     from calib.draw.pose_errors import pose_errors_drawing
     from calib.draw.style import figure_of
@@ -278,16 +268,11 @@ def _page(found: HandEyeOfPoses, *, is_drawn: bool = True) -> "Page":
         ("poses", f"{counts} of {found.pairs}{adds}"),
     ]
     if not math.isnan(found.scale):
-        facts.append(
-            ("scale", f"{found.scale:.5g} ± {figure(found.scale_sigma, 1)} camera's lengths a mm of the robot's")
-        )
+        sigma = figure(found.scale_sigma, 1)
+        facts.append(("scale", f"{found.scale:.5g} ± {sigma} camera's lengths a mm of the robot's"))
     if not math.isnan(found.offset_s):
-        facts.append(
-            (
-                "clocks",
-                f"the camera's is ahead by {1e3 * found.offset_s:.2f} ± {figure(1e3 * found.offset_sigma_s, 1)} ms",
-            )
-        )
+        sigma = figure(1e3 * found.offset_sigma_s, 1)
+        facts.append(("clocks", f"the camera's is ahead by {1e3 * found.offset_s:.2f} ± {sigma} ms"))
     part = Shown["tuple[str, float]"]
     noise = table_of(
         found.noise.items(), part("noise of a pose (1 sigma)", lambda one: NOISE[one[0]]),
@@ -307,7 +292,7 @@ def _headline(found: HandEyeOfPoses) -> "Headline":
     from designer.page.blocks import Headline
 
     if found.undetermined:
-        return Headline("bad", "not determined", f"{found.undetermined[0][:1].upper()}{found.undetermined[0][1:]}.")
+        return Headline("bad", "not determined", f"{capital(found.undetermined[0])}.")
     what = "flange" if found.in_hand == "camera" else "base"
     return Headline(
         "note", f"{figure(found.shift_sigma_mm, 2)} mm",

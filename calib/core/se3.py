@@ -117,6 +117,12 @@ def invert(pose: Array) -> Array:
     return make_pose(rotation, -(rotation @ pose[..., :3, 3:])[..., 0])
 
 
+def inverse_slope(pose: Array) -> Array:
+    """How the inverse of a pose (4, 4) moves as it is turned and shifted on the left: both rad, then mm.  # (6, 6)"""
+    turn = pose[:3, :3].T
+    return -np.block([[turn, np.zeros((3, 3))], [turn @ skew(pose[:3, 3]), turn]])
+
+
 def nearest_rotation(matrix: Array) -> Array:
     """The rotation R (3, 3) of the largest trace(R' M); with M = sum y x', it brings x nearest to y (Kabsch 1976)."""
     left, _, right = np.linalg.svd(matrix)

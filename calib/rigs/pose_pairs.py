@@ -23,13 +23,13 @@ neighbours have `G` with neighbours' blocks besides, and Z, which the first pose
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import lgamma
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from calib.core.linear_algebra import least_squares, symmetric_inverse
 from calib.core.parallel import one_thread
-from calib.core.se3 import invert, log_rotation, skew
+from calib.core.se3 import inverse_slope, invert, log_rotation, skew
 from calib.core.types import freeze
 from calib.rigs.hand_eye import HandEyeStart, equations, first_turns, moved_by, start_hand_eye
 from calib.rigs.motion import Trajectory
@@ -110,6 +110,9 @@ class _PairsState:
     offset_s: float = 0.0
 
 
+_Pairs: TypeAlias = tuple[Array, Array, Array]
+
+
 @dataclass(frozen=True, eq=False)
 class _Problem:
     """Equations of pairs of poses; told(offset) is rig_from_carrier (V, 4, 4) of each."""
@@ -122,7 +125,7 @@ class _Problem:
     has_scale: bool = False
     has_offset: bool = False
 
-    def pairs(self, state: _PairsState) -> tuple[Array, Array, Array]:
+    def pairs(self, state: _PairsState) -> _Pairs:
         """What was seen, and told, in the robot's millimetres, and Z."""
         seen, told = self.seen.copy(), self.told(state.offset_s)
         seen[:, :3, 3] *= np.exp(-state.log_scale)
@@ -130,15 +133,13 @@ class _Problem:
             return seen, told, state.z
         return seen[1:] @ invert(seen[:-1]), told[1:] @ invert(told[:-1]), invert(state.x)
 
-    def equations(self, state: _PairsState) -> tuple[Array, Array]:
+    def equations(self, state: _PairsState, pairs: _Pairs) -> tuple[Array, Array]:
         """Residuals (V, 6) and how the prediction moves with X, Z, scale and offset (V, 6, P)."""
-        seen, told, z = self.pairs(state)
+        seen, told, z = pairs
         error, design = equations(seen, told, state.x, z)
         columns = [design]
         if self.adds_up:
-            turn = state.x[:3, :3].T
-            follows = -np.block([[turn, np.zeros((3, 3))], [turn @ skew(state.x[:3, 3]), turn]])
-            columns = [design[:, :, :6] + design[:, :, 6:] @ follows]
+            columns = [design[:, :, :6] + design[:, :, 6:] @ inverse_slope(state.x)]
         if self.has_scale:
             to_scale = np.concatenate([np.zeros((len(seen), 3)), seen[:, :3, 3] - error[:, 3:]], axis=1)
             columns.append(to_scale[:, :, None])
@@ -148,9 +149,9 @@ class _Problem:
             columns.append((there[1] - there[0])[:, :, None] / (2 * OFFSET_STEP_S))
         return error, np.concatenate(columns, axis=2)
 
-    def components(self, state: _PairsState) -> Array:
+    def components(self, state: _PairsState, pairs: _Pairs) -> Array:
         """Covariances (K, V, 6, 6) that a unit of each component gives."""
-        seen, told, z = self.pairs(state)
+        seen, told, z = pairs
         turned = state.x[:3, :3] @ told[:, :3, :3]
         at_carrier = turned @ z[:3, 3]
         at_rig = at_carrier + told[:, :3, 3] @ state.x[:3, :3].T
@@ -368,20 +369,22 @@ def _steadiness(fit: _Fit, counts: Flags) -> float:
 def _fitted(problem: _Problem, state: _PairsState, counts: Flags, tails: float) -> _Fit:
     """Poses and variances in turn, with Student's distribution of so many degrees of freedom."""
     usual = problem.usual()
-    error, design = problem.equations(state)
+    pairs = problem.pairs(state)
+    error, design = problem.equations(state, pairs)
     variance = usual.copy()
     if problem.given is None:  # from above, as a part that is far too small hardly grows
         turn, shift = np.median(error[counts, :3] ** 2), np.median(error[counts, 3:] ** 2)
         variance[:4] = np.maximum(variance[:4] * 0.1, 2 * np.repeat([turn, shift], 2))
     for _ in range(ROUNDS):
-        part = problem.components(state)
+        part = problem.components(state, pairs)
         weight = np.linalg.inv(np.einsum("k,kvij->vij", variance, part))
         share = counts * _share(error, weight, tails)
         pulled = weight @ design
         information = np.einsum("vij,vik,v->jk", design, pulled, share)
         covariance = np.linalg.inv(information + np.diag(_weak(problem)))
         state = problem.moved(state, covariance @ np.einsum("vij,vi,v->j", pulled, error, share))
-        error, design = problem.equations(state)
+        pairs = problem.pairs(state)
+        error, design = problem.equations(state, pairs)
         share = counts * _share(error, weight, tails)
         pull = np.einsum("vij,vj->vi", weight, error)
         # Traces of products with each part: of the squares' outer products, of the weights, of what the unknowns take.
