@@ -1,7 +1,8 @@
 """Where a camera sits on a robot, of poses alone: `calib hand-eye --poses robot.csv --target-poses camera.csv`."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from os import PathLike
 from typing import TYPE_CHECKING, Annotated
 
 from designer.base.answer import program
@@ -151,13 +152,28 @@ def hand_eye_poses(
     from calib.core.se3 import inverse_slope, invert
     from calib.rigs.pose_pairs import COMPONENTS, PosePairs, solve_pose_pairs, solve_pose_streams
 
-    robot = _poses(poses, "--poses", unit, euler, is_inverted=inverted)
-    seen = _poses(target_poses, "--target-poses", unit, euler, is_inverted=target_inverted)
+    if (unit is not None or euler is not None) and not any(
+        isinstance(one, str | PathLike) for one in (poses, target_poses)
+    ):
+        raise InputError("unit, euler: tell how files of poses are read; these poses are read already")
+    robot = _poses(poses, "poses", unit, euler, is_inverted=inverted)
+    seen = _poses(target_poses, "target_poses", unit, euler, is_inverted=target_inverted)
+    if covariances is not None:
+        seen = replace(seen, covariance=_covariances(covariances, len(seen.images)))
+    elif seen.covariance is not None and target_inverted:
+        raise InputError(
+            f"--target-inverted: {seen.origin} is of calib pose, which writes cam_from_target; leave it out"
+        )
+    robot, seen = robot.sorted_by_time(), seen.sorted_by_time()
     told = robot.base_from_flange if target_in_hand else invert(robot.base_from_flange)
-    given = seen.covariance if covariances is None else _covariances(covariances, len(seen.images))
+    given = seen.covariance
     hand: InHand = "target" if target_in_hand else "camera"
     remark, cam_time_s, robot_time_s = "", seen.time_s, robot.time_s
     if cam_time_s is None or robot_time_s is None or np.array_equal(cam_time_s, robot_time_s):
+        if same_clock:
+            raise InputError(
+                "--same-clock: is of two streams with times of their own; these pose pairs have one time each"
+            )
         rows, of_robot, remark = _paired(seen, robot)
         pairs = PosePairs(seen.base_from_flange[rows], told[of_robot], hand, None if given is None else given[rows])
         found = solve_pose_pairs(pairs, has_scale=free_scale, adds_up=odometry)
@@ -190,7 +206,7 @@ def hand_eye_poses(
 def _poses(
     given: "RobotPoses | Array | Place", what: str, unit: str | None, euler: str | None, *, is_inverted: bool
 ) -> "RobotPoses":
-    """Poses as they are, of an array, or of a file; ascending in time."""
+    """Poses as they are, of an array, or of a file."""
     import numpy as np
 
     from calib.core.se3 import invert, rigid_fault
@@ -204,10 +220,11 @@ def _poses(
         if fault := rigid_fault(pose):
             raise InputError(f"{what}: pose {fault[0]}: {fault[1]}")
         return RobotPoses(tuple(map(str, range(len(pose)))), invert(pose) if is_inverted else pose, ARRAY)
-    poses = given if isinstance(given, RobotPoses) else read_robot_poses(
-        place_of(given, "a file of poses"), unit=unit, euler=euler, is_inverted=is_inverted
-    )  # fmt: skip
-    return poses if poses.time_s is None else poses.sorted_by_time()
+    if isinstance(given, RobotPoses):
+        if is_inverted:
+            raise InputError(f"{what}: are read already, and as they are; tell the reader that its file is inverted")
+        return given
+    return read_robot_poses(place_of(given, "a file of poses"), unit=unit, euler=euler, is_inverted=is_inverted)
 
 
 def _covariances(given: "Array", count: int) -> "Array":

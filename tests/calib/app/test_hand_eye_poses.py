@@ -92,3 +92,35 @@ def test_what_is_no_pose_is_refused(change: dict[str, Array], said: str) -> None
     given = {"target_poses": seen, "poses": robot, **change}
     with pytest.raises(InputError, match=said):
         calib.hand_eye_poses(**given)  # type: ignore[arg-type]  # arrays by name
+
+
+def test_an_option_that_nothing_acts_on_is_refused(tmp_path: Path) -> None:
+    """Of files where there are none, of streams where there are pairs, of another frame than a table of ours has."""
+    from calib.observe.robot_poses import RobotPoses
+    from calib.observe.target_poses import poses_to_csv, target_pose
+
+    robot, seen = poses()
+    read = RobotPoses(tuple(map(str, range(len(robot)))), robot, "robot.csv")
+    (tmp_path / "poses.csv").write_bytes(
+        poses_to_csv([target_pose(f"{row}.png", one, np.eye(6), np.zeros((8, 2))) for row, one in enumerate(seen)])
+    )
+    for change, said in (
+        ({"unit": "mm"}, "unit, euler"),
+        ({"same_clock": True}, "same_clock"),
+        ({"poses": read, "inverted": True}, "poses: are read already"),
+        ({"target_poses": tmp_path / "poses.csv", "target_inverted": True}, "target_inverted"),
+    ):
+        with pytest.raises(InputError, match=said):
+            calib.hand_eye_poses(**{"target_poses": seen, "poses": robot, **change})  # type: ignore[arg-type]
+
+
+def test_covariances_go_with_their_poses(tmp_path: Path) -> None:
+    """Of a stream whose rows are not in the order of time, each covariance stays with its pose."""
+    robot, seen = poses()
+    covariances = np.stack([np.diag([1e-6] * 3 + [0.01 * (1 + row)] * 3) for row in range(len(seen))])
+    files = [tum(tmp_path / name, pose) for name, pose in (("robot.tum", robot), ("cam.tum", seen))]
+    expected = calib.hand_eye_poses(files[1], poses=files[0], covariances=covariances)
+    lines = files[1].read_text().splitlines()
+    files[1].write_text("\n".join([lines[0], *lines[:0:-1]]) + "\n")
+    found = calib.hand_eye_poses(files[1], poses=files[0], covariances=covariances[::-1])
+    np.testing.assert_allclose(found.place, expected.place, atol=1e-9)
