@@ -62,11 +62,12 @@ class HandEyeOfPoses(
     offset_sigma_s: Gap
     noise: dict[str, float]  # standard deviations of the poses, as estimated
     left_out: tuple[str, ...]  # poses that do not follow the others
+    outside: tuple[str, ...]  # poses of the camera at times for which the robot has none
     errors_add_up: bool
     undetermined: tuple[str, ...]
     remarks: tuple[str, ...]
     names: Annotated[tuple[str, ...], NOT_IN_FILE]  # of the pairs
-    found: "Annotated[PairsSolution, NOT_IN_FILE]"
+    found: Annotated["PairsSolution", NOT_IN_FILE]
 
     @property
     def is_negative(self) -> bool:
@@ -186,6 +187,7 @@ def hand_eye_poses(
         )  # fmt: skip
         offset_s = math.nan if same_clock else found.offset_s
     names = tuple(seen.images[row] for row in rows)
+    told_of = list(zip(names, found.is_off.tolist(), found.off.tolist(), strict=True))
     place, other = found.cam_from_rig, found.carrier_from_target
     covariance, second = found.covariance[:6, :6], found.covariance[6:, 6:]
     if hand == "camera":  # of the inverse: the same error, seen from the other side
@@ -198,7 +200,8 @@ def hand_eye_poses(
         found.scale_sigma if free_scale else math.nan, offset_s,
         math.nan if math.isnan(offset_s) else found.offset_sigma_s,
         dict(zip(components, found.sigma[-len(components) :], strict=True)),
-        tuple(name for name, off in zip(names, found.is_off, strict=True) if off), found.adds_up, found.undetermined,
+        tuple(name for name, off, length in told_of if off and math.isfinite(length)),
+        tuple(name for name, _, length in told_of if not math.isfinite(length)), found.adds_up, found.undetermined,
         tuple(one for one in (remark,) if one), names, found,
     )  # fmt: skip
 
@@ -273,7 +276,7 @@ def _page(found: HandEyeOfPoses, *, is_drawn: bool = True) -> "Page":
     from designer.page.folders import Shown, notes, table_of
 
     sits, other = ("flange", "base") if found.in_hand == "camera" else ("base", "flange")
-    turn, counts = math.degrees(found.turn_sigma_rad), found.pairs - len(found.left_out)
+    turn, counts = math.degrees(found.turn_sigma_rad), found.pairs - len(found.left_out) - len(found.outside)
     sure = (
         f"{figure(found.shift_sigma_mm, 2)} mm and {figure(turn, 2)} deg, along and about the least sure axes (1 sigma)"
     )
@@ -296,10 +299,12 @@ def _page(found: HandEyeOfPoses, *, is_drawn: bool = True) -> "Page":
         part("estimated", lambda one: _sized(*one)),
     )  # fmt: skip
     said = [*found.undetermined, *found.remarks]
-    if found.left_out:
-        few = ", ".join(cut(printable(one), 40) for one in found.left_out[:MOST_ROWS])
-        more = len(found.left_out) - MOST_ROWS
-        said.append(f"left out, as they do not follow the others: {few}{f' and {more} more' if more > 0 else ''}")
+    for names, why in (
+        (found.left_out, "left out, as they do not follow the others"),
+        (found.outside, "left out, as the robot has no poses of their times"),
+    ):
+        few, more = ", ".join(cut(printable(one), 40) for one in names[:MOST_ROWS]), len(names) - MOST_ROWS
+        said += [f"{why}: {few}{f' and {more} more' if more > 0 else ''}"] if names else []
     drawn = [figure_of(pose_errors_drawing(found.found))] if is_drawn else []
     sections = Section("Poses", (*drawn, *notes(said))), Section("Noise", (noise, *notes((MEANING,))))
     return Page("", QUESTION, _headline(found), sections, lead=(Facts(tuple(facts)),))

@@ -188,14 +188,22 @@ def _entries(path: Path) -> list[tuple[str, Entry]]:
             raise InputError(f"{path}: more than {MOST_YAML_VALUES} values in YAML, which is slow; write CSV or JSON")
         return list(_tree_entries(parse_yaml(text, str(path)), str(path)))
     if path.suffix.lower() in TUM_SUFFIXES:
-        lines = [line.split() for line in text.splitlines()]
-        named = [",".join(TUM), *("" if not one or one[0][0] == "#" else ",".join(one) for one in lines)]
-        text = "\n".join(named) + "\n"
+        return list(_trajectory_entries(path, text))
     table = read_table(path, text, lambda names: column_fault(names, (), ""))
     if text.startswith(TARGET_POSES):  # x, y, z are the camera's place in the target's frame there
         table = replace(table, cells={name: cells for name, cells in table.cells.items() if name not in CAMERA_PLACE})
     rows = (dict(zip(table.cells, row, strict=True)) for row in zip(*table.cells.values(), strict=True))
     return [(f"line {line}", row) for line, row in zip(table.lines, rows, strict=True)]
+
+
+def _trajectory_entries(path: Path, text: str) -> Iterator[tuple[str, Entry]]:
+    """The lines of a trajectory of TUM's form."""
+    for count, line in enumerate(text.splitlines(), start=1):
+        cells = line.split()
+        if cells and not cells[0].startswith("#"):
+            if len(cells) != len(TUM):
+                raise InputError(f"{path}: line {count}: {len(cells)} values; a trajectory has {', '.join(TUM)}")
+            yield f"line {count}", dict(zip(TUM, cells, strict=True))
 
 
 def _tree_entries(tree: object, origin: str) -> Iterator[tuple[str, Entry]]:

@@ -236,8 +236,10 @@ def solve_pose_streams(
     """
     way = Trajectory(robot_time_s, rig_from_carrier)
     begin = _likely_offset(cam_time_s, cam_from_target, way) if offset_s is None else offset_s
-    first = way.at(cam_time_s - begin)
-    known = np.isfinite(first[:, 0, 0])
+    there_s = cam_time_s - begin
+    first = way.at(there_s)
+    # Between the robot's poses only: what lies beyond them would be taken for poses that do not follow.
+    known = np.isfinite(first[:, 0, 0]) & (there_s >= way.time_s[0]) & (there_s <= way.time_s[-1])
     if known.sum() < FEWEST:
         raise InputError(
             f"{known.sum()} of the camera's poses lie within the robot's times; give both of the same time"

@@ -124,3 +124,26 @@ def test_covariances_go_with_their_poses(tmp_path: Path) -> None:
     files[1].write_text("\n".join([lines[0], *lines[:0:-1]]) + "\n")
     found = calib.hand_eye_poses(files[1], poses=files[0], covariances=covariances[::-1])
     np.testing.assert_allclose(found.place, expected.place, atol=1e-9)
+
+
+def test_poses_at_other_times_are_told_as_such(tmp_path: Path) -> None:
+    """They are no poses that do not follow; the file has numbers alone, and no more than is told."""
+    moved = np.arange(30) * 0.1
+    turn = exp_rotation(0.4 * np.sin(np.outer(moved, [2.0, 3.1, 4.3])))
+    way = make_pose(turn, 100 * np.cos(np.outer(moved, [1, 2, 3])))
+    seen = invert(way @ FLANGE_FROM_CAM) @ BASE_FROM_TARGET
+    files = tum(tmp_path / "robot.tum", way[:24]), tum(tmp_path / "cam.tum", seen)
+    found = calib.hand_eye_poses(files[1], poses=files[0], same_clock=True)
+    assert found.left_out == ()
+    assert set(found.outside) == {f"{one:.9f}" for one in moved[24:]}
+    text = json.dumps(found.document(), allow_nan=False)
+    assert "cam_from_rig" not in text
+
+
+def test_a_line_of_a_trajectory_is_named_as_it_stands(tmp_path: Path) -> None:
+    """What is wrong on the second line of the file is said of the second."""
+    robot, seen = poses()
+    path = tum(tmp_path / "robot.tum", robot)
+    path.write_text(path.read_text().replace("\n", "\n1 2 3\n", 1))
+    with pytest.raises(InputError, match="line 2: 3 values"):
+        calib.hand_eye_poses(seen, poses=path)
