@@ -148,7 +148,7 @@ def seen_by_one(
     from calib.core.types import Observations
     from calib.judge.rig_solution import RigSeen
     from calib.observe.rig_observations import alone_as_rig
-    from calib.observe.rig_search import ALONE, search_one
+    from calib.observe.rig_search import ALONE, observations_of_rig, photos_of_one, search_cameras
 
     if kind != (None, None) and (table is None or isinstance(table, Observations)):
         raise InputError("--points: says what the points of a table are; leave it out")
@@ -166,9 +166,8 @@ def seen_by_one(
     geometry = target_of(target, "rings")
     if not found.paths:
         raise InputError(found.failures[0] if found.failures else "no photos; give files or a folder")
-    plan = None if wishes.given else wishes.plan_of(ALONE)
-    search, seen = search_one(geometry, found, wishes.given.get(ALONE), plan, jobs, progress)
-    return RigSeen(seen, geometry, search)
+    search = search_cameras(geometry, photos_of_one(found), wishes.given, wishes.plan_of, jobs, progress)
+    return RigSeen(observations_of_rig(search), geometry, search)
 
 
 def _of_table(

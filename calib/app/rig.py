@@ -160,7 +160,7 @@ def _seen(
     from calib.core.types import RigObservations
     from calib.judge.rig_solution import RigSeen, require_wishes
     from calib.observe.rig_observations import read_rig_sightings
-    from calib.observe.rig_search import photos_of_rig, search_rig
+    from calib.observe.rig_search import observations_of_rig, photos_of_rig, search_cameras
 
     if kind != (None, None) and not given.has_sightings:
         raise InputError("--points: says what the points of a table of sightings are; leave it out")
@@ -187,8 +187,8 @@ def _seen(
         raise InputError("no target; give the target file of what the photos show")
     target, photos = target_of(observed, "rings"), photos_of_rig(given)
     require_wishes(wishes, photos.camera_names)
-    search, seen = search_rig(target, photos, wishes.given, wishes.plan_of, jobs, progress)
-    return RigSeen(seen, target, search)
+    search = search_cameras(target, photos, wishes.given, wishes.plan_of, jobs, progress)
+    return RigSeen(observations_of_rig(search), target, search)
 
 
 def _options(

@@ -11,7 +11,7 @@ from calib.core.se3 import transform
 from calib.core.types import Detections
 from calib.observe.photos import images_in
 from calib.observe.rig_photos import RigPhotos
-from calib.observe.rig_search import RigSearch, photos_of_rig, rig_input, search_with_lenses
+from calib.observe.rig_search import RigSearch, photos_of_rig, rig_input, search_cameras
 from calib.observe.target_poses import TOO_FEW, PoseResult, target_pose, target_poses
 from calib.rigs.rig_poses_file import CameraResidual, FrameWithoutPose, RigPoseResult, RigTargetPose
 from calib.rigs.target_pose import CameraSight, RigPose, pose_in_rig
@@ -50,7 +50,7 @@ def poses_before_rig(
         )
     taken = photos_of_rig(given)
     lenses = {name: known.cameras[known.row(name)] for name in taken.camera_names}
-    search = search_with_lenses(geometry, taken, lenses, jobs, progress)
+    search = search_cameras(geometry, taken, lenses, None, jobs, progress)
     sights, said = _sights(known, search, weighted=weighted), _said(search)
     poses: list[RigTargetPose] = []
     failed: list[FrameWithoutPose] = []

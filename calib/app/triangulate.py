@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated
 
 from calib.app.options import PhotoJobs
 from designer.base.answer import program
@@ -190,7 +190,7 @@ def _seen_of_object(
     from calib.app.inputs import require_photos_for_jobs, target_of
     from calib.core.types import RigObservations
     from calib.observe.rig_observations import has_known_points, read_rig_sightings
-    from calib.observe.rig_search import photos_of_rig, rig_input, search_rig
+    from calib.observe.rig_search import observations_of_rig, photos_of_rig, rig_input, search_cameras
 
     given = rig_input(photos, None, None, None, None)
     if (sightings is None) != bool(given.photos):
@@ -200,7 +200,8 @@ def _seen_of_object(
             raise InputError("--photos: name the target file of what they show with --target")
         taken = photos_of_rig(given)
         lenses = {name: rig.cameras[rig.row(name)] for name in taken.camera_names}
-        return search_rig(target_of(target, "rings"), taken, lenses, _all_are_given, jobs, progress)[1]
+        search = search_cameras(target_of(target, "rings"), taken, lenses, None, jobs, progress)
+        return observations_of_rig(search)
     require_photos_for_jobs(jobs)
     if isinstance(sightings, RigObservations):
         return sightings
@@ -209,10 +210,6 @@ def _seen_of_object(
     if target is not None:
         raise InputError("--target: is of photos, or of a table of its points by X,Y,Z or id; leave it out")
     return None
-
-
-def _all_are_given(name: str) -> NoReturn:
-    raise AssertionError(f"the lens of camera {name} is the rig's")
 
 
 def _told(points: "TriangulatedPoints", settings: dict[str, str], lengths: "LengthCheck | None") -> Triangulation:

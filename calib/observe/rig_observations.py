@@ -100,7 +100,8 @@ def rig_observations(
         )  # fmt: skip
         frames.append(frame[order])
         times.append(np.array([one.time_s.get(name, np.nan) for name in names]))
-    said = (*remarks, *(f"{one.name}: {remark}" for one in cameras for remark in one.seen.remarks))
+    owner = "{}: " if len(cameras) > 1 else ""
+    said = (*remarks, *(owner.format(one.name) + remark for one in cameras for remark in one.seen.remarks))
     is_timed = all(np.isfinite(stamps).all() for stamps in times)
     every = RigObservations(
         tuple(one.name for one in cameras), tuple(frame_names), tuple(parts), tuple(frames),

@@ -14,6 +14,7 @@ import numpy as np
 
 from calib.core.csv_table import stamps_s
 from calib.core.types import RigObservations
+from calib.observe.photos import FoundPhotos, named_photos
 from calib.observe.rig_photos import RigPhoto, RigPhotos, framed
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError, NoAnswerError
@@ -24,7 +25,7 @@ from designer.target import TargetGeometry
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera
-    from calib.observe.photos import FoundPhotos, Search
+    from calib.observe.photos import Search
     from calib.observe.rig_observations import RigSightings
     from calib.solver.plan import SolvePlan
 
@@ -70,7 +71,7 @@ class RigSearch:
     """What was found in the photos of a rig."""
 
     target: TargetGeometry
-    photos: "RigPhotos"
+    photos: RigPhotos
     searches: "tuple[Search, ...]"  # of each camera
 
     @property
@@ -111,7 +112,7 @@ def rig_input(
     return found
 
 
-def photos_of_rig(given: RigInput) -> "RigPhotos":
+def photos_of_rig(given: RigInput) -> RigPhotos:
     """The photos, joined to frames.
 
     Raises:
@@ -149,99 +150,74 @@ def photos_of_rig(given: RigInput) -> "RigPhotos":
     return framed(found) if is_framed else joined_by_name(found)
 
 
-def search_rig(
-    target: TargetGeometry,
-    photos: "RigPhotos",
-    given: "Mapping[str, Camera]",
-    plan_of: "Callable[[str], SolvePlan]",
-    jobs: int | None,
-    progress: Progress,
-) -> tuple[RigSearch, RigObservations]:
+def photos_of_one(photos: FoundPhotos) -> RigPhotos:
+    """The photos of a camera that is solved as a rig is: each is a frame."""
+    taken = tuple(RigPhoto(ALONE, one.path, one.name) for one in named_photos(photos.paths))
+    return RigPhotos(taken, tuple(one.frame for one in taken), photos.failures)
+
+
+def search_cameras(
+    target: TargetGeometry, photos: RigPhotos, lenses: "Mapping[str, Camera]",
+    plan_of: "Callable[[str], SolvePlan] | None", jobs: int | None, progress: Progress,
+) -> RigSearch:  # fmt: skip
     """Search each camera's photos: with its lens if it is given, else twice, with the lens known the second time.
 
+    Args:
+        target: what they show.
+        photos: of the cameras.
+        lenses: that are given, by the cameras' names.
+        plan_of: how another camera is to be solved; None: all lenses are given.
+        jobs: photos at a time.
+        progress: told camera by camera.
+
     Raises:
-        InputError: a photo of another size, or a camera whose photos cannot be read.
+        InputError: a photo of another size than its lens, or a camera whose photos cannot be read.
+    """
+    from calib.observe.search import PhotoSearch, with_truth
+
+    _require_given_sizes(photos, lenses)
+    searches: list[Search] = []
+    for name in photos.camera_names:
+
+        def told(what: str, done: float, total: int, of: str = _named(photos, name, " {}")) -> None:
+            progress(what + of, done, total)
+
+        files, _ = with_truth(FoundPhotos(tuple(photo.path for photo in photos.of(name)), (), 0), None)
+        search = PhotoSearch(target, files, None, jobs, told)
+        searches.append(search.twice(plan_of(name))[0] if plan_of and name not in lenses else search.once(lenses[name]))
+    return RigSearch(target, photos, tuple(searches))
+
+
+def observations_of_rig(search: RigSearch) -> RigObservations:
+    """What the cameras saw, of which each sees the target.
+
+    Raises:
+        InputError: a camera whose photos are of two sizes.
         BlindCameraError: a camera that sees the target in no photo.
     """
     from calib.observe.rig_observations import rig_observations
 
-    _require_given_sizes(photos, given)
-    searches: list[Search] = []
-    cameras: list[RigSightings] = []
-    for name in photos.camera_names:
-        plan = None if name in given else plan_of(name)
-        search = _searched(target, photos, name, given.get(name), plan, jobs, progress)
-        searches.append(search)
-        cameras.append(_sightings_of(name, photos, search))
-    remarks = [*photos.remarks, *(f"{name}: {line}" for name, one in zip(photos.camera_names, searches, strict=True)
-                                  for line in (*one.remarks, *one.failures))]  # fmt: skip
-    return RigSearch(target, photos, tuple(searches)), rig_observations(cameras, photos.frame_names, remarks)
+    photos = search.photos
+    each = list(zip(photos.camera_names, search.searches, strict=True))
+    cameras = [_sightings_of(name, photos, one) for name, one in each]
+    said = [_named(photos, name, "{}: ") + line for name, one in each for line in (*one.remarks, *one.failures)]
+    return rig_observations(cameras, photos.frame_names, (*photos.remarks, *said), fewest=len(each))
 
 
-def search_with_lenses(
-    target: TargetGeometry, photos: "RigPhotos", lenses: "Mapping[str, Camera]", jobs: int | None, progress: Progress
-) -> RigSearch:
-    """Search each camera's photos with its lens; a camera may see nothing.
-
-    Raises:
-        InputError: a photo of another size than its camera's, or a camera whose photos cannot be read.
-    """
-    _require_given_sizes(photos, lenses)
-    names = photos.camera_names
-    searches = tuple(_searched(target, photos, name, lenses[name], None, jobs, progress) for name in names)
-    return RigSearch(target, photos, searches)
+def _named(photos: RigPhotos, name: str, words: str) -> str:
+    """Words with a camera's name in them; none where there is no other."""
+    return words.format(name) if len(photos.camera_names) > 1 else ""
 
 
-def search_one(
-    target: TargetGeometry, photos: "FoundPhotos", camera: "Camera | None", plan: "SolvePlan | None", jobs: int | None,
-    progress: Progress,
-) -> tuple[RigSearch, RigObservations]:  # fmt: skip
-    """Search the photos of one camera, with its lens if it is given, else twice; each photo is a frame.
-
-    Raises:
-        InputError: photos of two sizes.
-        BlindCameraError: no photo shows the target.
-    """
-    from calib.observe.observations import observations_from_detections
-    from calib.observe.rig_observations import alone_as_rig
-    from calib.observe.rig_photos import RigPhoto, RigPhotos
-    from calib.observe.search import PhotoSearch, with_truth
-
-    files, _ = with_truth(photos, None)
-    search = PhotoSearch(target, files, None, jobs, progress)
-    found = search.once(camera) if plan is None else search.twice(plan)[0]
-    if not found.with_target:
-        raise BlindCameraError(f"none of {len(found.results)} photos shows the target{_why_blind(found)}")
-    _require_one_size(ALONE, found)
-    seen = observations_from_detections(found.with_target, found.target, origin=ALONE)
-    taken = tuple(RigPhoto(ALONE, result.photo.path, result.photo.name) for result in found.results)
-    names = tuple(photo.frame for photo in taken)
-    return RigSearch(found.target, RigPhotos(taken, names), (found,)), alone_as_rig(ALONE, seen)
-
-
-def _searched(
-    target: TargetGeometry, photos: "RigPhotos", name: str, camera: "Camera | None", plan: "SolvePlan | None",
-    jobs: int | None, progress: Progress,
-) -> "Search":  # fmt: skip
-    from calib.observe.photos import FoundPhotos
-    from calib.observe.search import PhotoSearch, with_truth
-
-    def told(what: str, done: float, total: int) -> None:
-        progress(f"{what} {name}", done, total)
-
-    files, _ = with_truth(FoundPhotos(tuple(photo.path for photo in photos.of(name)), (), 0), None)
-    search = PhotoSearch(target, files, None, jobs, told)
-    return search.once(camera) if plan is None else search.twice(plan)[0]
-
-
-def _sightings_of(name: str, photos: "RigPhotos", search: "Search") -> "RigSightings":
+def _sightings_of(name: str, photos: RigPhotos, search: "Search") -> "RigSightings":
     """What can be used of one camera's photos."""
     from calib.observe.observations import observations_from_detections
     from calib.observe.rig_observations import RigSightings
 
     if not search.with_target:
         count = len(search.results)
-        raise BlindCameraError(f"camera {shown(name)}: none of {count} photos shows the target{_why_blind(search)}")
+        of = _named(photos, shown(name), "camera {}: ")
+        raise BlindCameraError(f"{of}none of {count} photos shows the target{_why_blind(search)}")
     _require_one_size(name, search)
     seen = observations_from_detections(search.with_target, search.target, origin=f"camera {name}")
     of_path = {photo.path: photo for photo in photos.of(name)}
@@ -276,7 +252,7 @@ def _require_one_size(name: str, search: "Search") -> None:
         raise InputError(f"camera {shown(name)}: {each}; a camera of a rig has one image size: keep the photos of one")
 
 
-def _require_given_sizes(photos: "RigPhotos", given: "Mapping[str, Camera]") -> None:
+def _require_given_sizes(photos: RigPhotos, given: "Mapping[str, Camera]") -> None:
     """Refuse a lens of another image size than its photos, and say whose it may be."""
     for name, camera in given.items():
         size = next((size for photo in photos.of(name) if (size := _size_of(photo.path)) is not None), None)

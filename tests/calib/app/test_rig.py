@@ -121,7 +121,9 @@ def test_the_page_of_a_robots_camera_has_pictures_of_its_photos(photos: Path) ->
             ",".join([f"{name}-{view}", *map(repr, [*pose[:3, 3].tolist(), *log_rotation(pose[:3, :3]).tolist()])])
         )
     (photos / "robot.csv").write_text("\n".join(rows) + "\n")
+    (photos / name / "broken.png").write_bytes(b"")
     found = calib.hand_eye(ICO, photos / name, robot="robot.csv", camera=SCENE.cameras[0], made="exact")
+    assert any("broken.png" in line for line in found.remarks), "a photo that cannot be read is named"
     found.save("hand")
     pictures = sorted(Path("hand").rglob("*.overlay.jpg"))
     assert [one.parent.as_posix() for one in pictures] == ["hand/cameras/camera/overlays"] * 2
