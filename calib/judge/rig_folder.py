@@ -284,6 +284,7 @@ def _rig_of(record: RigRecord, alone: Sequence[Calibration], points: KnownPoints
         scale=np.array([one.scale for one in alone]),
         covariance=record.covariance,
         frame_covariance=np.stack([one.covariance for one in record.frames]),
+        pose_covariance=tuple(one.pose_covariance for one in alone),
         reference=record.reference,
         rig_frame=record.rig_frame,
         is_refined=tuple(one.is_refined for one in cameras),

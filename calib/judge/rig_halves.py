@@ -167,6 +167,7 @@ def enlarged(found: RigCalibration, halves: RigHalves | NoHalves, *, as_target: 
     sigma = found.delay_sigma_s
     return replace(
         found, covariance=square * found.covariance, frame_covariance=square * found.frame_covariance,
+        pose_covariance=tuple(square * one for one in found.pose_covariance),
         delay_sigma_s=None if sigma is None else np.sqrt(square) * sigma,
     )  # fmt: skip
 

@@ -12,13 +12,13 @@ import numpy as np
 
 from calib.core.linear_algebra import symmetric_inverse
 from calib.rigs.carrier import carrier_errors, error_derivatives
-from calib.rigs.descend import RigEquations, params_of
+from calib.rigs.descend import RigEquations, chain_of, params_of
 from calib.rigs.problem import RigProblem, RigState, seen_poses, slack_evidence
 from calib.rigs.result import RigCalibration, camera_alone
 from calib.rigs.target_error import posed_unknowns
 from calib.solver.blocks import RobustLoss
 from calib.solver.circles import circle_shift_px, doubt_of, unsaid_mm
-from calib.solver.eliminate import Normal, through_camera
+from calib.solver.eliminate import Chain, Normal, through_camera
 from calib.solver.free_shape import extra_of
 from calib.solver.levenberg import Descent
 from calib.solver.outliers import robust_covariance_factor, whitened
@@ -81,6 +81,7 @@ class RigAccuracy:
 
     covariance: Array  # (N, N) rows as those of `calib.cameras.rig.Rig`
     frame_covariance: Array  # (V, 6, 6) from the problem's own origin
+    pose_covariance: tuple[Array, ...]  # (C,) of (V_c, 6, 6) of each camera's views, likewise
     delay_sigma_s: Array  # (C,)
     carrier_covariance: Array | None  # (6, 6) from the problem's own origin
     size_sigma: float  # of the target's size; 0: it was no unknown
@@ -96,6 +97,16 @@ class SharedInverse:
     coupling: Array  # (V, 6, G) C^-1 B' of each frame: a frame's part that follows the shared unknowns, sign turned
     weakest: Array  # (G,) the least determined direction, each unknown in units of its conditional deviation
     is_lost: Flags  # (G,) unknowns with a part in what is not determined; the inverse is without it
+
+    def covariance_of(self, chain: Chain) -> Array:
+        """Covariances of what hangs on frames and shared unknowns.  # (B, K, K)"""
+        free = np.flatnonzero(chain.column >= 0)
+        by_frame, by_shared, column = chain.by_frame, chain.by_shared[:, :, free], chain.column[free]
+        cross = -(self.coupling[chain.frame] @ self.shared)[:, :, column]
+        both = by_frame @ cross @ by_shared.transpose(0, 2, 1)
+        own = by_frame @ self.frame[chain.frame] @ by_frame.transpose(0, 2, 1)
+        shared: Array = by_shared @ self.shared[column[:, None], column] @ by_shared.transpose(0, 2, 1)
+        return own + both + both.transpose(0, 2, 1) + shared
 
 
 def shared_inverse(normal: Normal) -> SharedInverse:
@@ -163,18 +174,11 @@ def slack_size(problem: RigProblem, found: Found) -> float:
         zip(problem.slack, found.equations.chains, found.equations.slack, strict=True)
     ):
         columns = np.concatenate([params_of(problem, number), chain.column])
-        free = np.flatnonzero(columns >= 0)
         count = len(columns) - len(chain.column)
         to_pose = view.solved[:, :, count:-1]
-        by_frame = to_pose @ chain.by_frame
-        by_shared = np.concatenate([view.solved[:, :, :count], to_pose @ chain.by_shared], axis=2)[:, :, free]
-        column = columns[free]
-        cross = -(inverse.coupling[chain.frame] @ inverse.shared)[:, :, column]
-        both = by_frame @ cross @ by_shared.transpose(0, 2, 1)
-        covariance = view.spread + by_frame @ inverse.frame[chain.frame] @ by_frame.transpose(0, 2, 1)
-        covariance = covariance + both + both.transpose(0, 2, 1)
-        covariance = covariance + by_shared @ inverse.shared[column[:, None], column] @ by_shared.transpose(0, 2, 1)
-        evidence = slack_evidence(prior, found.state.slack[number], covariance)
+        by_shared = np.concatenate([view.solved[:, :, :count], to_pose @ chain.by_shared], axis=2)
+        follows = inverse.covariance_of(Chain(chain.frame, to_pose @ chain.by_frame, by_shared, columns))
+        evidence = slack_evidence(prior, found.state.slack[number], view.spread + follows)
         squares, told = squares + evidence[0], told + evidence[1]
     size = problem.slack[0].size
     return squares / told if told > LEAST_TOLD else size
@@ -191,14 +195,8 @@ def carrier_sigmas(problem: RigProblem, found: Found) -> Array:
         raise ValueError("a rig without a carrier")
     error = carrier_errors(prior, state.rig_from_target, state.carrier_from_target)
     by_frame, by_target = error_derivatives(prior, state.rig_from_target, state.carrier_from_target)
-    inverse, column = shared_inverse(found.equations.normal), prior.column
-    cross = -(inverse.coupling @ inverse.shared)[:, :, column]
-    both = by_frame @ cross @ by_target.transpose(0, 2, 1)
-    covariance = (
-        by_frame @ inverse.frame @ by_frame.transpose(0, 2, 1) + both + both.transpose(0, 2, 1)
-        + by_target @ inverse.shared[column[:, None], column] @ by_target.transpose(0, 2, 1)
-    )  # fmt: skip
-    variance = np.einsum("vii->vi", covariance)
+    chain = Chain(np.arange(len(error)), by_frame, by_target, prior.column)
+    variance = np.einsum("vii->vi", shared_inverse(found.equations.normal).covariance_of(chain))
     counts = np.ones((len(error), 6), dtype=bool)
     if prior.carrier.has_free_angles:
         counts[:, 2] = False
@@ -236,8 +234,13 @@ def accuracy_of_rig(problem: RigProblem, found: Found, labels: Sequence[str], kn
     size_sigma = float(np.sqrt(shared[size, size])) if size >= 0 else 0.0
     frame = factor * inverse.frame + inverse.coupling @ moved @ inverse.coupling.transpose(0, 2, 1)
     frame = np.full_like(frame, np.nan) if inverse.is_lost.any() else frame
+    stated, rigid = replace(inverse, shared=shared, frame=frame), replace(problem, motion=None, slack=())
+    views = [
+        chain_of(rigid, found.state, k, found.state.rig_from_target[one.frame]) for k, one in enumerate(rigid.seen)
+    ]
     weakest = _why_undetermined(inverse, labels) if inverse.is_lost.any() else ""
-    return RigAccuracy(covariance, frame, delay, carrier, size_sigma, weakest)
+    poses = tuple(stated.covariance_of(one) for one in views)
+    return RigAccuracy(covariance, frame, poses, delay, carrier, size_sigma, weakest)
 
 
 def _why_undetermined(inverse: SharedInverse, labels: Sequence[str]) -> str:

@@ -16,7 +16,7 @@ from calib.rigs.accuracy import Found, RigAccuracy, accuracy_of_rig
 from calib.rigs.carrier import carrier_errors
 from calib.rigs.descend import descend_rig, rig_equations
 from calib.rigs.motion import motion_of
-from calib.rigs.problem import FREE_SIZE, RigOptions, RigProblem, RigState, frame_times, without_params
+from calib.rigs.problem import FREE_SIZE, RigOptions, RigProblem, RigState, frame_times, seen_poses, without_params
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.rigs.rig_start import RigStart, start_rig, thinned
 from calib.rigs.start import Alone
@@ -70,18 +70,23 @@ def _require_near(before: RigState, after: RigState, names: Sequence[str], minim
             )
 
 
-def with_step(accuracy: RigAccuracy, before: RigState, after: RigState) -> RigAccuracy:
+def with_step(accuracy: RigAccuracy, problem: RigProblem, before: RigState, after: RigState) -> RigAccuracy:
     """The accuracy in the image, with the step from there to another estimate in it (`V + D D'`)."""
     params = [new.params - old.params for old, new in zip(before.cameras, after.cameras, strict=True)]
     places = steps_between(before.cam_from_rig, after.cam_from_rig)
     step = np.concatenate([part for pair in zip(params, places, strict=True) for part in pair])
     frames = steps_between(before.rig_from_target, after.rig_from_target)
+    rigid = replace(problem, motion=None, slack=())
+    views = [steps_between(*(seen_poses(rigid, of, k)[1] for of in (before, after))) for k in range(len(problem.seen))]
     carried = steps_between(before.carrier_from_target, after.carrier_from_target)
     carrier = accuracy.carrier_covariance
     return replace(
         accuracy,
         covariance=accuracy.covariance + np.outer(step, step),
         frame_covariance=accuracy.frame_covariance + frames[:, :, None] * frames[:, None, :],
+        pose_covariance=tuple(
+            one + by[:, :, None] * by[:, None, :] for one, by in zip(accuracy.pose_covariance, views, strict=True)
+        ),
         delay_sigma_s=np.hypot(accuracy.delay_sigma_s, after.delay_s - before.delay_s),
         carrier_covariance=None if carrier is None else carrier + np.outer(carried, carried),
         size_sigma=float(np.hypot(accuracy.size_sigma, after.size - before.size)),
@@ -168,8 +173,9 @@ def _calibration(
     accuracy = accuracy_of_rig(problem, image, _labels(problem, observations, state), KNEE[options.loss])
     if there is not None:
         remarks = (space_remark(options.minimise, problem, image.state, state, accuracy), *remarks)
-        accuracy = with_step(accuracy, image.state, state)
+        accuracy = with_step(accuracy, problem, image.state, state)
     frames = target_poses(packed, state.rig_from_target)
+    rigid = replace(problem, motion=None, slack=())
     carrier = None
     if problem.prior is not None:
         carrier = replace(_carrier_fit(found, problem, accuracy), undetermined=start.undetermined)
@@ -185,7 +191,12 @@ def _calibration(
         observations, state.cameras, state.cam_from_rig, frames,
         tuple(np.ascontiguousarray(one.T) for one in residuals(problem, state)),
         tuple(~one.problem.is_used for one in problem.seen), scale, accuracy.covariance,
-        target_covariance(packed, state.rig_from_target, accuracy.frame_covariance), reference,
+        target_covariance(packed, state.rig_from_target, accuracy.frame_covariance),
+        tuple(
+            target_covariance(packed, seen_poses(rigid, state, k)[1], one)
+            for k, one in enumerate(accuracy.pose_covariance)
+        ),
+        reference,
         observations.camera_names[reference] if problem.prior is None else _frame_name(options),
         tuple(bool((one.tie.row >= 0).any()) for one in alone),
         options.weighted and all(one.cov_px2 is not None for one in observations.sightings), status, remarks,

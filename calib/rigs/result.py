@@ -55,6 +55,7 @@ class RigCalibration:
     scale: Array  # (C,) posterior standard deviation of an observation: px, or in units of the stated covariance
     covariance: Array  # (N, N) by the noise alone, rows as those of `Rig`
     frame_covariance: Array  # (V, 6, 6) of rig_from_target, in the rig's axes: rotation vector (rad), shift (mm)
+    pose_covariance: tuple[Array, ...]  # (C,) of (V_c, 6, 6) of each camera's cam_from_target, likewise in its own axes
     reference: int  # the camera whose frame the rig's is; -1: a carrier's
     rig_frame: str  # its name, or "flange", "base", "table"
     is_refined: tuple[bool, ...]  # (C,) whether the camera's own parameters were solved
@@ -79,7 +80,8 @@ class RigCalibration:
             self, "cam_from_rig", "rig_from_target", "scale", "covariance", "frame_covariance", "delay_s",
             "delay_sigma_s", "alone_scale", "target_covariance", "capture_covariance", "photo_covariance",
         )  # fmt: skip
-        object.__setattr__(self, "residual_px", tuple(frozen_array(one) for one in self.residual_px))
+        for name in ("residual_px", "pose_covariance"):
+            object.__setattr__(self, name, tuple(frozen_array(one) for one in getattr(self, name)))
         object.__setattr__(self, "is_outlier", tuple(frozen_array(one, np.bool_) for one in self.is_outlier))
 
     @property
@@ -115,21 +117,19 @@ class RigCalibration:
 def camera_alone(found: RigCalibration, camera: int) -> Calibration:
     """A camera with its views: `calib.evaluate(camera_alone(found, 0))`.
 
-    Its poses are those of the joint solution. Their covariances are known of the camera whose frame the rig's is; of
-    others they would need those between camera and frame, and are nan.
+    Its poses are those of the joint solution, and as sure.
     """
     rig, one = found.rig, found.cameras[camera]
-    frames, views = found.observations.frame[camera], found.observations.sightings[camera].view_count
     rows = rig.params_rows(camera)
     return Calibration(
         camera=one,
         observations=found.observations.sightings[camera],
-        cam_from_target=found.cam_from_rig[camera] @ found.rig_from_target[frames],
+        cam_from_target=found.cam_from_rig[camera] @ found.rig_from_target[found.observations.frame[camera]],
         residual_px=found.residual_px[camera],
         is_outlier=found.is_outlier[camera],
         scale=float(found.scale[camera]),
         param_covariance=found.stated_covariance[rows, rows],
-        pose_covariance=found.frame_covariance[frames] if camera == found.reference else np.full((views, 6, 6), np.nan),
+        pose_covariance=found.pose_covariance[camera],
         fixed=() if found.is_refined[camera] else parameter_names(one.model),
         weighted=found.weighted,
         status=found.status,

@@ -7,11 +7,11 @@ import numpy as np
 
 from calib.cameras import linearise, project
 from calib.cameras.camera import Camera
-from calib.core.se3 import exp_rotation, invert, look_at, make_pose, transform
+from calib.core.se3 import exp_rotation, invert, look_at, make_pose, steps_between, transform
 from calib.core.types import KnownPoints, Observations, RigObservations, keep_frames, keep_views, sightings_per_view
 from calib.rigs.problem import FREE_SIZE, Carrier
 from calib.rigs.result import RigCalibration
-from designer.base.arrays import Array, Flags
+from designer.base.arrays import Array, Flags, Rows
 from tests.support import solver_scenes
 
 SIZE = (1280, 960)
@@ -186,9 +186,32 @@ def solved_slowly(scene: RigScene, *, refined: Sequence[bool] | None = None, ste
         is_outlier=tuple(np.zeros(len(one.view), dtype=bool) for one in seen.sightings),
         scale=np.full(len(cameras), left), covariance=covariance[:own, :own],
         frame_covariance=np.stack([covariance[one, one] for one in rows]),
+        pose_covariance=tuple(
+            _view_covariances(covariance, own, stop, pose, rig_from_target, frame)
+            for stop, pose, frame in zip(
+                np.cumsum([len(one.params) + POSE for one in cameras]).tolist(), cam_from_rig, seen.frame, strict=True
+            )
+        ),
         reference=0, rig_frame="", is_refined=is_refined, weighted=True, status="converged", remarks=(),
         iterations=steps, seconds=0.1,
     )  # fmt: skip
+
+
+def _view_covariances(
+    covariance: Array, own: int, stop: int, cam_from_rig: Array, rig_from_target: Array, frames: Rows
+) -> Array:
+    """Of one camera's `cam_from_target`, whose own pose's unknowns stop somewhere: `J V J'`, differences for J."""
+    told = []
+    for frame in frames.tolist():
+        rows = np.concatenate([np.arange(stop - POSE, stop), own + POSE * frame + np.arange(POSE)])
+        at = cam_from_rig @ rig_from_target[frame]
+        moved = [
+            _stepped(cam_from_rig, step[:POSE]) @ _stepped(rig_from_target[frame], step[POSE:])
+            for step in 1e-6 * np.eye(2 * POSE)
+        ]
+        by = steps_between(at, np.stack(moved)).T / 1e-6
+        told.append(by @ covariance[np.ix_(rows, rows)] @ by.T)
+    return np.stack(told)
 
 
 def residuals_of(one: Camera, cam_from_rig: Array, rig_from_target: Array, seen: Observations) -> Array:

@@ -157,6 +157,7 @@ def test_what_is_not_determined_has_a_page() -> None:
         found(), status="degenerate", remarks=("all rotations are about one axis",),
         covariance=np.full_like(found().covariance, np.nan),
         frame_covariance=np.full_like(found().frame_covariance, np.nan),
+        pose_covariance=tuple(np.full_like(one, np.nan) for one in found().pose_covariance),
     )  # fmt: skip
     page = page_of(lost, judge_rig(lost, NoHalves("no"), read_criteria()))
     assert page.headline is not None
@@ -174,6 +175,7 @@ def test_a_rig_of_many_cameras_shows_the_worst_photos_and_no_more_than_a_page_ta
         found(), cameras=tuple(found().cameras[row] for row in rows), cam_from_rig=found().cam_from_rig[rows],
         residual_px=tuple((1 + number) * found().residual_px[row] for number, row in enumerate(rows)),
         is_outlier=tuple(found().is_outlier[row] for row in rows), scale=found().scale[rows], is_refined=(False,) * 16,
+        pose_covariance=tuple(found().pose_covariance[row] for row in rows),
         covariance=np.zeros((sum(len(found().cameras[row].params) + 6 for row in rows),) * 2),
         observations=replace(
             seen, camera_names=tuple(f"cam{number}" for number in range(16)),

@@ -172,6 +172,7 @@ def test_a_rig_that_is_not_determined_is_not_used() -> None:
         found(), status="degenerate", remarks=("left and right move freely",),
         covariance=np.full_like(found().covariance, np.nan),
         frame_covariance=np.full_like(found().frame_covariance, np.nan),
+        pose_covariance=tuple(np.full_like(one, np.nan) for one in found().pose_covariance),
     )  # fmt: skip
     judged = judge_rig(lost, NoHalves("the frames do not determine the rig"), STANDARD)
     assert (judged.verdict.grade, judged.verdict.leads_with) == ("bad", "solution")

@@ -54,6 +54,9 @@ def test_a_rig_of_one_camera_is_that_camera(minimise: str) -> None:
     unit = np.outer(*[sigmas(single.param_covariance)] * 2)
     np.testing.assert_allclose(rig.covariance[:9, :9] / unit, single.param_covariance / unit, atol=1e-4)
     np.testing.assert_allclose(sigmas(rig.frame_covariance), sigmas(single.pose_covariance), rtol=1e-4)
+    pose = sigmas(single.pose_covariance)
+    of_poses = pose[:, :, None] * pose[:, None]
+    np.testing.assert_allclose(rig.pose_covariance[0] / of_poses, single.pose_covariance / of_poses, atol=1e-4)
     assert rig.scale[0] == pytest.approx(single.scale, rel=1e-6)
     assert rig.remarks == single.remarks
 

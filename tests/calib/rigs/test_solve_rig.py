@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib.cameras import parameter_names
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose, skew, steps_between
 from calib.core.types import RigObservations, keep_frames, keep_views
 from calib.judge.rig_halves import half_solver
@@ -30,6 +31,8 @@ from calib.rigs.solve import solve_rig
 from calib.rigs.start import solve_alone
 from calib.solver.in_space import in_space
 from calib.solver.levenberg import move_poses
+from calib.solver.problem import SolveOptions
+from calib.solver.solve import solve
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from tests.support import rig_views, solver_scenes
@@ -116,7 +119,34 @@ def test_minimum_and_covariance_are_those_of_dense_least_squares(scene: rig_view
         assert (np.abs(_off(found, slow.cam_from_rig, camera)) < 0.2 * sigma[rows]).all()
     stated = np.sqrt(np.diagonal(found.covariance))
     assert stated[sigma > 0] == pytest.approx(sigma[sigma > 0], rel=0.06)
+    for one, other in zip(found.pose_covariance, slow.pose_covariance, strict=True):
+        unit = np.sqrt(np.diagonal(other, axis1=1, axis2=2))
+        size = unit[:, :, None] * unit[:, None]
+        np.testing.assert_allclose(one / size, other / size, atol=0.12)  # twice that of deviations
     assert found.status == "converged"
+
+
+@pytest.mark.parametrize(("offset", "draws"), [(0.0, 40), (20.0, 6)])
+def test_poses_of_every_camera_scatter_as_stated(offset: float, draws: int) -> None:
+    """By noise, and where photos are each taken a little elsewhere (offsets in deviations of their poses)."""
+    scene = rig_views.stereo_pair(frames=14)
+    true = scene.cam_from_rig[:, None] @ scene.rig_from_target
+    squares = np.zeros((draws, 2))
+    for draw in range(draws):
+        rng = np.random.default_rng(draw)
+        moved = true.copy()
+        for camera, (one, seen) in enumerate(zip(scene.cameras, scene.observations.sightings, strict=True)):
+            kept = tuple(zip(parameter_names(one.model), one.params.tolist(), strict=True))
+            root = np.linalg.cholesky(solve(seen, one.model, SolveOptions(fixed=kept)).pose_covariance)
+            moved[camera] = move_poses(true[camera], offset * (root @ rng.normal(size=(len(root), 6, 1)))[:, :, 0])
+        seen = rig_views.seen_by_all(("left", "right"), scene.cameras, moved, scene.observations.points, rng)
+        found = solve_rig(seen, choices(scene), RigOptions(allows_slack=True))
+        assert (found.slack is not None) == (offset > 0)
+        for camera in range(2):
+            off = steps_between(true[camera], found.cam_from_rig[camera] @ found.rig_from_target)
+            inverse = np.linalg.inv(found.pose_covariance[camera])
+            squares[draw, camera] = np.einsum("vi,vij,vj->v", off, inverse, off).mean()
+    assert squares.mean(axis=0) == pytest.approx([6.0, 6.0], rel=0.2)
 
 
 def _off(found: RigCalibration, cam_from_rig: Array, camera: int) -> Array:
