@@ -28,12 +28,11 @@ if TYPE_CHECKING:
     from calib.app.render import render, render_rig
     from calib.app.rendered_photos import RenderedPhotos, RenderedRig
     from calib.app.rig import rig
-    from calib.app.rig_bootstrap import RigBootstrap, rig_bootstrap
     from calib.app.rig_tolerance import RigTolerance, rig_tolerance
     from calib.app.run import NothingFoundError, run
     from calib.app.solve import solve
     from calib.app.solved_rig import SolvedRig
-    from calib.app.study_bootstrap import Bootstrap, bootstrap
+    from calib.app.study_bootstrap import Bootstrap, RigBootstrap, bootstrap, rig_bootstrap
     from calib.app.study_cost import CostStudy, study_cost
     from calib.app.tolerance import Tolerance, Ways, tolerance, ways
     from calib.app.triangulate import Triangulation, triangulate
@@ -133,8 +132,7 @@ _HOMES = {
     "calib.app.budget": ("Budget", "budget"),
     "calib.app.convert": ("Conversion", "convert"),
     "calib.app.diff": ("Difference", "diff"),
-    "calib.app.study_bootstrap": ("Bootstrap", "bootstrap"),
-    "calib.app.rig_bootstrap": ("RigBootstrap", "rig_bootstrap"),
+    "calib.app.study_bootstrap": ("Bootstrap", "RigBootstrap", "bootstrap", "rig_bootstrap"),
     "calib.app.study_cost": ("CostStudy", "study_cost"),
     "calib.app.coupon": ("CouponReading", "coupon"),
     "calib.app.calibration": ("Run",),

@@ -1,5 +1,6 @@
-"""How a bootstrap is told, of a person's photos and of the paper's: errors, what more views bring, correlations."""
+"""How a bootstrap is told, of a person's photos, of the paper's, and of a rig's frames."""
 
+import math
 from collections.abc import Iterator, Sequence
 from functools import partial
 from shlex import quote
@@ -11,12 +12,12 @@ from calib.draw import study_tables as tables
 from calib.draw import study_words as words
 from calib.draw.style import FigureSheet
 from calib.studies.study_table import StudyCases, StudyTable
-from designer.base.words import cut, printable
-from designer.page.blocks import Block, Command, Facts, Figure, Findings, Fold, Page, Paragraph, Section
-from designer.page.folders import notes
+from designer.base.words import cut, figure, printable
+from designer.page.blocks import Block, Command, Facts, Figure, Findings, Fold, Headline, Page, Paragraph, Section
+from designer.page.folders import Shown, notes, number, table_of
 
 if TYPE_CHECKING:
-    from calib.app.study_bootstrap import Bootstrap
+    from calib.app.study_bootstrap import Bootstrap, RigBootstrap
 
 BOOTSTRAP_QUESTION = (
     "How much would the camera and its errors change, had other photos been taken? Views are drawn with replacement "
@@ -37,6 +38,19 @@ ENOUGH_SAMPLES = 1000
 SKEWED = "The samples with fitted Gaussians: where they are skewed, a mean and a sigma say too little."
 TOGETHER = "Parameters that go together are known less well one by one than in what they do together."
 BELOW_AND_ABOVE = "Below the diagonal: over the samples; above: as the solution of all views states it."
+RIG_QUESTION = (
+    "How far would the rig be off with other frames like these? Frames are drawn with replacement, as many as there "
+    "are, and solved again."
+)
+PAIRS_MEANING = (
+    "Stated: by the noise, as the solution has it. Spread: standard deviation of the samples; of places and turns the "
+    "length of the error. Errors of the target's shape show here in part, as other frames are bent by them otherwise; "
+    "its size, and what is wrong in every frame alike, shows in no sample."
+)
+SMALLER = 0.98
+"""Of the ratio by the noise alone: what is less is told."""
+HONEST = 1.5
+"""Spread over stated: what is more was not stated, beyond the chance of some twenty frames."""
 
 
 def bootstrap_page(found: "Bootstrap") -> Page:
@@ -155,3 +169,41 @@ def _of_paper(table: StudyTable) -> tuple[Section, Section]:
         Section("The paper's findings", tuple(blocks), lead=lead),
         Section("Table 2", shown, lead="In the paper's units; its own rows stand first."),
     )
+
+
+def rig_bootstrap_page(found: "RigBootstrap") -> Page:
+    """Whether the stated sigmas hold, pair by pair."""
+    from calib.studies.rig_bootstrap import PairSpread
+
+    failed = f", {found.failed} that do not determine the rig" if found.failed else ""
+    facts = Facts(
+        (("rig", ", ".join(found.cameras)), ("samples", f"{found.samples} of {found.frames} frames each{failed}"))
+    )
+    pair = Shown[PairSpread]
+    pairs = table_of(
+        found.pairs, pair("pair", lambda one: " - ".join(map(printable, one.names))),
+        pair("frames", lambda one: one.frames, "that both see"),
+        pair("distance mm", lambda one: number(one.baseline_mm, 6)),
+        pair("stated mm", lambda one: one.baseline_sigma_mm), pair("spread mm", lambda one: one.baseline_spread_mm),
+        pair("place, stated mm", lambda one: one.place_sigma_mm),
+        pair("place, spread mm", lambda one: one.place_spread_mm),
+        pair("turn, stated deg", lambda one: math.degrees(one.turn_sigma_rad)),
+        pair("turn, spread deg", lambda one: math.degrees(one.turn_spread_rad)), visible_rows=20,
+    )  # fmt: skip
+    section = Section("Pairs of cameras", (pairs, *notes(found.remarks)), lead=PAIRS_MEANING)
+    return Page(found.rig, "", _rig_headline(found), (section,), lead=(Paragraph(RIG_QUESTION), facts))
+
+
+def _rig_headline(found: "RigBootstrap") -> Headline:
+    ratio = found.ratio
+    if math.isnan(ratio):
+        return Headline("usable", "not known", "The rig states no sigmas that samples could be compared with.")
+    chance = math.sqrt(0.5 / found.frames + 0.5 / found.samples)
+    words = f"Places and turns of cameras scatter {figure(ratio, 3)} times as far as the noise's sigmas say"
+    words += f" (± {100 * chance:.0f} %)"
+    if found.ratio_of_all < SMALLER * ratio:
+        words += f", {figure(found.ratio_of_all, 3)} times as far as is stated with the target's errors"
+        ratio = found.ratio_of_all
+    if ratio > HONEST:
+        return Headline("usable", f"{figure(ratio, 3)} times", f"{words}: take the spread, not the stated sigmas.")
+    return Headline("good", f"{figure(ratio, 3)} times", f"{words}.")

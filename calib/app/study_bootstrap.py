@@ -1,4 +1,4 @@
-"""How sure a camera is, by thousands of samples of its photos: `calib study bootstrap`, `calib.bootstrap("d.csv")`."""
+"""How sure a camera or a rig is, by samples of its photos: `calib study bootstrap`, `calib.bootstrap("d.csv")`."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -6,18 +6,33 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from calib.app.options import Dask, Grid, ImageSize, Jobs, Pitch, Resume, Seed, Weighted, grid_of
-from calib.app.rig_bootstrap import rig_bootstrap
-from calib.app.study_result import FORMATS, STUDY_OUT, TABLES, StudyResult, rows_to_csv, sampling_in
+from calib.app.options import (
+    Dask,
+    Fix,
+    Grid,
+    ImageSize,
+    Jobs,
+    Loss,
+    Pitch,
+    Reject,
+    Resume,
+    Seed,
+    Share,
+    Weighted,
+    grid_of,
+)
+from calib.app.study_result import FORMATS, STUDY_OUT, TABLES, StudyResult, kept_samples, rows_to_csv, sampling_in
 from calib.cameras import DEFAULT, learned_models, solved_models
+from designer.base.answer import program
 from designer.base.errors import InputError
 from designer.base.files import place_of, write_files
-from designer.base.marks import INLINE, NOT_IN_FILE
+from designer.base.marks import INLINE, NOT_IN_FILE, Gap
 from designer.base.options import option, whole_number
 from designer.base.words import cut, printable, several, shown
 from designer.page.capability import capability, instead
-from designer.page.output import Output, output_of
+from designer.page.output import Output
 from designer.page.progress import Progress, unheard
+from designer.page.result import Result
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
@@ -25,15 +40,17 @@ if TYPE_CHECKING:
     from calib.draw.style import FigureSheet
     from calib.observe.corners_vnl import PointGrid
     from calib.renderer.truth import Truth
+    from calib.rigs.result import RigCalibration
     from calib.solver.plan import SolvePlan
     from calib.studies.identity import StudyIdentity
+    from calib.studies.rig_bootstrap import PairSpread
     from calib.studies.runner import DrawCount
     from calib.studies.statistics import CaseSummary
     from calib.studies.study_table import StudyCases, StudyTable
     from designer.page.blocks import Page
     from designer.target import TargetGeometry
 
-MOST_SAMPLES, MOST_SIZE = 1_000_000, 100_000
+MOST_SAMPLES, MOST_SIZE, LEAST_FRAMES = 1_000_000, 100_000, 4
 RUN_FOLDER = "calibration"
 """How `calib run` calls its folder."""
 
@@ -105,12 +122,112 @@ class Bootstrap(
         return rows_to_csv(Distribution, [found for one in self.table.cases for found in one.metrics], heads)
 
 
+@dataclass(frozen=True, eq=False)
+class RigBootstrap(
+    Result, kind="rig_bootstrap", title="Bootstrap of a rig",
+    files={"study.sqlite": "every sample; the study goes on from it"},
+):  # fmt: skip
+    """How far samples of a rig scatter: `found.ratio`, `found.pairs[0].baseline_spread_mm`.
+
+    In a notebook the result shows its page.
+    """
+
+    program: str
+    settings: dict[str, str]
+    rig: str
+    cameras: tuple[str, ...]
+    frames: int
+    samples: int  # that were solved
+    failed: int  # that do not determine the rig
+    ratio: Gap  # spread over stated sigma by the noise, root mean square over places and turns of all pairs
+    ratio_of_all: Gap  # over all that is stated, what the target may have done, too; nan: that is not known
+    pairs: "tuple[PairSpread, ...]"
+    remarks: tuple[str, ...]
+
+    def page(self) -> "Page":
+        """Whether the stated sigmas hold, pair by pair."""
+        from calib.app.bootstrap_page import rig_bootstrap_page
+
+        return rig_bootstrap_page(self)
+
+
 def _sizes(text: str) -> tuple[int, ...]:
     """Numbers of views, `20,50,120`."""
     try:
         return tuple(whole_number(word) for word in text.split(","))
     except ValueError:
         raise ValueError(f"must be numbers of views from 1 to {MOST_SIZE}, such as 20,50,120") from None
+
+
+@capability
+def rig_bootstrap(
+    rig: Annotated[
+        "RigCalibration | Place",
+        option("instead: the folder of calib rig, of which frames are drawn", metavar="FOLDER"),
+    ],
+    *,
+    samples: Annotated[int, option("each of as many frames as there are", 2, 100_000)] = 200,
+    seed: Seed = 1,
+    jobs: Jobs = None,
+    dask: Dask = None,
+    resume: Resume = False,
+    out: Annotated["Place | Output | None", STUDY_OUT] = None,
+    progress: Progress = unheard,
+) -> RigBootstrap:
+    """Solve samples of a rig's frames, drawn with replacement: `rig_bootstrap("rig").ratio`.
+
+    >>> found = calib.rig_bootstrap("rig", samples=100)
+    >>> [(one.names, one.baseline_sigma_mm, one.baseline_spread_mm) for one in found.pairs]
+
+    Args:
+        rig: a solved rig, or its folder.
+
+    Raises:
+        InputError: a folder that cannot be read, a rig that is not determined or that a robot or a table carried, or
+            too few frames.
+        StudyStoppedError: interrupted; the samples in a folder are kept.
+    """
+    import numpy as np
+
+    from calib.judge.rig_folder import read_rig
+    from calib.rigs.result import RigCalibration
+    from calib.solver.problem import SolveOptions
+    from calib.studies import rig_bootstrap as frames_drawn
+    from calib.studies.samples import Case
+    from calib.studies.workers import CaseSpec
+
+    options = SolveOptions()
+    if isinstance(rig, RigCalibration):
+        name, found = "the rig", rig
+    else:
+        name, (found, provenance) = str(rig), read_rig(Path(rig))
+        options = provenance.options
+    frames = found.observations.frame_count
+    if len(found.cameras) < 2 or found.carrier is not None:
+        raise InputError(f"{name}: samples are drawn of rigs of two cameras or more, without a robot or a turntable")
+    if found.status == "degenerate":
+        raise InputError(f"{name}: its frames do not determine the cameras ({found.remarks[0]}); take more first")
+    if frames < LEAST_FRAMES:
+        raise InputError(
+            f"{name}: {frames} frames; samples need at least {LEAST_FRAMES}, and say little of fewer than 20"
+        )
+    if found.delay_s is not None:
+        raise InputError(f"{name}: its time offsets were estimated, which needs the frames in their order")
+    output = RigBootstrap.begun(out)
+    pool = frames_drawn.frame_pool(found, options)
+    case = CaseSpec(Case("rig", frames, frames), pool, samples)
+    identity = frames_drawn.identity(pool, seed)
+    drawn = kept_samples(case, identity, output, jobs, dask, resume=resume, progress=progress)
+    has_rig, is_lost = drawn.status != "failed", np.isin(drawn.status, ("failed", "degenerate"))
+    pairs = frames_drawn.rig_spread(found, drawn)
+    result = RigBootstrap(
+        program=program(), settings={"samples": str(samples), "seed": str(seed)}, rig=printable(Path(name).name),
+        cameras=tuple(map(printable, found.observations.camera_names)), frames=frames,
+        samples=int(has_rig.sum()), failed=int(is_lost.sum()),
+        ratio=frames_drawn.spread_ratio(pairs), ratio_of_all=frames_drawn.spread_ratio(pairs, of_all=True), pairs=pairs,
+        remarks=found.observations.remarks,
+    )  # fmt: skip
+    return result.saved(output, progress)
 
 
 @instead(rig=rig_bootstrap)
@@ -129,15 +246,10 @@ def bootstrap(
         str, option(f"{', '.join(solved_models())} ({', '.join(learned_models())} is slow)", names=solved_models)
     ] = DEFAULT,
     weighted: Weighted = True,
-    fix: Annotated[Sequence[str], option("keep a parameter as it starts, or at a value: k3, k3=0", is_many=True)] = (),
-    share: Annotated[Sequence[str], option("parameters that have one value: fx_px,fy_px", is_many=True)] = (),
-    loss: Annotated[
-        str, option("squares, huber or cauchy: how far-off observations count", complete=lambda: list(LOSSES))
-    ] = "squares",
-    reject_sigma: Annotated[
-        float | None,
-        option("leave out what is off by more than so many robust standard deviations, such as 4", flag="--reject"),
-    ] = None,
+    fix: Fix = (),
+    share: Share = (),
+    loss: Loss = "squares",
+    reject_sigma: Reject = None,
     image_size: ImageSize = None,
     grid: Grid = None,
     pitch_mm: Pitch = None,
@@ -155,25 +267,6 @@ def bootstrap(
     Args:
         detections: a file of observations, what was found in photos, or observations.
         target: that they show; None: points from elsewhere.
-        truth: of rendered photos, which adds the errors of poses.
-        sizes: views of a sample.
-        samples: of each size.
-        model: a camera model's name.
-        weighted: by covariances, or all alike.
-        fix: parameters to keep as they start, or at a value.
-        share: parameters that have one value.
-        loss: how far-off observations count.
-        reject_sigma: leave out what is farther off.
-        image_size: of a file that does not say it.
-        grid: of a `corners.vnl`: columns and rows.
-        pitch_mm: of its corners.
-        seed: of all samples.
-        jobs: processes; None: one per core.
-        dask: address of a cluster's scheduler, which computes the samples instead.
-        resume: go on with the study in the folder.
-        out: a folder for the samples as they come, so that a stopped study goes on, and the tables; None: `save` writes
-            them.
-        progress: is told what is being done.
 
     Raises:
         InputError: files or options that break a rule, photos too few, or no workers are left; the samples in a folder
@@ -199,9 +292,7 @@ def bootstrap(
     )
     if len(set(views)) < len(views):
         raise InputError(f"--sizes {', '.join(map(str, views))}: a size stands there twice; give each once")
-    output = None if out is None else output_of(out)
-    if output is not None:
-        Bootstrap.check(output.place)
+    output = Bootstrap.begun(out)
     if isinstance(detections, Observations) and target is not None:
         raise InputError(f"target {shown(target)}: is of a file, or of detections; observations say it; leave it out")
     observations = file_or_observations(detections, target, image_size, grid, pitch_mm)
@@ -223,10 +314,7 @@ def bootstrap(
             output.finished.append(sampling.path)
         sampled = sampling.run(identity, cases)
         found = sampled_study(sampling.path, sampled, (*observations.remarks, *pool.remarks))
-    return found if output is None else found.saved(output, progress)
-
-
-LOSSES = ("squares", "huber", "cauchy")
+    return found.saved(output, progress)
 
 
 def sampled_study(path: Path, sampled: "DrawCount", remarks: Sequence[str]) -> Bootstrap:

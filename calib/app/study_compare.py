@@ -86,16 +86,6 @@ def study_compare(
 
     Args:
         out: a folder for every set of photos, so that a stopped comparison goes on, and for the tables.
-        quick: 2 prints and 2 sets, where nothing else is said.
-        prints: of each object, each with errors of its own; None: 12, or quick 2.
-        sets: of photos of each print; None: as many.
-        virtual_sets: of them solved with the virtual camera, which is slow.
-        camera: template or file; it takes the photos.
-        seed: of all that is random.
-        jobs: processes; None: one per core.
-        dask: address of a cluster's scheduler, which computes the samples instead.
-        resume: go on with the comparison in the folder.
-        progress: is told what is being done.
 
     Raises:
         InputError: numbers, a camera or a folder that cannot be used.

@@ -111,18 +111,6 @@ def study_cost(
         out: a folder for every set of photos, so that a stopped study goes on, and for the tables.
         detections: photos of one's own too, of which each is held out in turn; None: simulated ones alone.
         target: that these show; None: points from elsewhere.
-        model: that they are solved with; None: the usual one.
-        quick: 8 sets and 20 starts, where nothing else is said.
-        sets: of simulated photos of each scene and condition; None: 30, or quick 8.
-        starts: bad ones of each scene; None: 60, or quick 20.
-        image_size: of a file that does not say it.
-        grid: of a `corners.vnl`: columns and rows.
-        pitch_mm: of its corners.
-        seed: of all that is random.
-        jobs: processes; None: one per core.
-        dask: address of a cluster's scheduler, which computes the samples instead.
-        resume: go on with the study in the folder.
-        progress: is told what is being done.
 
     Raises:
         InputError: numbers, photos or a folder that cannot be used.

@@ -37,12 +37,6 @@ def study_paper(
 
     Args:
         out: a folder for all of it.
-        quick: 60 photos a set and 300 samples a case.
-        seed: of all that is random.
-        jobs: processes; None: one per core.
-        dask: address of a cluster's scheduler, which computes the samples instead.
-        resume: go on with the study in the folder.
-        progress: is told what is being done.
 
     Raises:
         InputError: the folder holds something else, the cluster cannot be used, or no workers are left; the samples are
@@ -87,9 +81,7 @@ def study_plot(
     """Make the tables and figures of a study again, of a running one too.
 
     Args:
-        study: its folder, or its `study.sqlite`.
         out: for the files; None: the study's folder.
-        progress: is told what is being done.
 
     Raises:
         InputError: there is no study, it has no samples, or the folder takes no files.

@@ -9,7 +9,7 @@ from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, ClassVar, Self, TypeVar, cast
+from typing import TYPE_CHECKING, ClassVar, TypeVar, cast
 
 from designer.base.codec import encode
 from designer.base.errors import InputError
@@ -134,12 +134,6 @@ class StudyResult(Result, kind="study", title="Study"):
         }
         write_files(again)
         return tuple(path for path in again if path not in files)
-
-    def saved(self, output: Output, progress: Progress) -> Self:
-        """This, written where the study's own file lies."""
-        progress("drawing", 0, 0)
-        output.files += self.save(output.place, has_page=False)
-        return self
 
     @cached_property
     def _sheets(self) -> "tuple[FigureSheet, ...]":

@@ -12,7 +12,7 @@ from dataclasses import replace
 from html import escape
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import TYPE_CHECKING, ClassVar, Self, cast
 
 from designer.base.codec import encode_written
 from designer.base.errors import InputError, NotWrittenError
@@ -20,6 +20,8 @@ from designer.base.file_kind import laid_out
 from designer.base.files import check_folder, place_of, write_files
 from designer.base.own_files import require_ours
 from designer.base.words import NAME, printable
+from designer.page.output import Output, output_of
+from designer.page.progress import Progress
 
 if TYPE_CHECKING:
     from designer.base.answer import Value
@@ -117,6 +119,21 @@ class Result(ABC):
         for name in cls.files:
             if not name.endswith(".sqlite"):  # the samples of a study are asked where they are opened
                 require_ours(folder / name)
+
+    @classmethod
+    def begun(cls, out: Output | str | PathLike[str] | None) -> Output | None:
+        """The folder that it is written to as it is made; None: none is. InputError: it takes no such result."""
+        output = None if out is None else output_of(out)
+        if output is not None:
+            cls.check(output.place)
+        return output
+
+    def saved(self, output: Output | None, progress: Progress) -> Self:
+        """This, written where it was begun; a command draws the page."""
+        if output is not None:
+            progress("drawing", 0, 0)
+            output.files += self.save(output.place, has_page=False)
+        return self
 
     def save(self, folder: str | PathLike[str], *, command: str = "", has_page: bool = True) -> tuple[Path, ...]:
         """Write `KIND.json`, its tables and its page into a folder; return the files.

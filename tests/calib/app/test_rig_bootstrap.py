@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.app.rig_bootstrap import rig_bootstrap
+from calib.app.study_bootstrap import rig_bootstrap
 from calib.judge.rig_folder import write_rig
 from calib.observe.calibration_file import Provenance
 from calib.rigs.problem import CameraChoice
