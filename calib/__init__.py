@@ -28,13 +28,12 @@ if TYPE_CHECKING:
     from calib.app.render import render, render_rig
     from calib.app.rendered_photos import RenderedPhotos, RenderedRig
     from calib.app.rig import rig
-    from calib.app.rig_tolerance import RigTolerance, rig_tolerance
     from calib.app.run import NothingFoundError, run
     from calib.app.solve import solve
     from calib.app.solved_rig import SolvedRig
     from calib.app.study_bootstrap import Bootstrap, RigBootstrap, bootstrap, rig_bootstrap
     from calib.app.study_cost import CostStudy, study_cost
-    from calib.app.tolerance import Tolerance, Ways, tolerance, ways
+    from calib.app.tolerance import RigTolerance, Tolerance, Ways, rig_tolerance, tolerance, ways
     from calib.app.triangulate import Triangulation, triangulate
     from calib.app.turntable import turntable
     from calib.app.undistort import UndistortedPhotos, Undistorter, undistort, undistort_photos
@@ -146,8 +145,7 @@ _HOMES = {
     "calib.app.measured_print": ("MeasuredPrint", "RescaledTarget"),
     "calib.app.render": ("render", "render_rig"),
     "calib.app.rendered_photos": ("RenderedPhotos", "RenderedRig"),
-    "calib.app.tolerance": ("Tolerance", "Ways", "tolerance", "ways"),
-    "calib.app.rig_tolerance": ("RigTolerance", "rig_tolerance"),
+    "calib.app.tolerance": ("RigTolerance", "Tolerance", "Ways", "rig_tolerance", "tolerance", "ways"),
     "calib.app.run": ("NothingFoundError", "run"),
     "calib.app.solve": ("solve",),
     "calib.app.plan": ("PhotoPlan", "plan"),

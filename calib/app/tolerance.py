@@ -1,13 +1,17 @@
 """What errors of a target cost a calibration: `design tolerance`, `ways`; `calib.tolerance("ico.target.json", ...)`."""
 
 import hashlib
+import math
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from os import fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from calib.app.options import (
+    MOST_DISTANCE_MM,
+    MOST_VIEWS,
     AimOffset,
     CameraTemplate,
     Changes,
@@ -17,23 +21,32 @@ from calib.app.options import (
     FittedModel,
     Jobs,
     Resume,
+    RigTemplate,
     Seed,
     TargetFile,
     Views,
     Weighted,
 )
-from calib.app.rig_tolerance import rig_tolerance
-from calib.app.study_result import TABLES, StudyResult, figure_formats, rows_to_csv, sampling_in
+from calib.app.study_result import (
+    STUDY_OUT,
+    TABLES,
+    StudyResult,
+    figure_formats,
+    kept_samples,
+    rows_to_csv,
+    sampling_in,
+)
 from calib.cameras import DEFAULT
-from designer.base.answer import command_line
+from designer.base.answer import command_line, program
 from designer.base.errors import InputError
-from designer.base.marks import INLINE, NOT_IN_FILE
+from designer.base.marks import INLINE, NOT_IN_FILE, Gap
 from designer.base.options import option
 from designer.base.words import cut, printable, several
 from designer.kinds.presets import error_templates
 from designer.page.capability import OUTPUT, capability, instead
-from designer.page.output import Output, output_of
+from designer.page.output import Output
 from designer.page.progress import Progress, unheard
+from designer.page.result import Result
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
@@ -41,6 +54,7 @@ if TYPE_CHECKING:
     from calib.studies.runner import DrawCount
     from calib.studies.tolerance.explore import PhotographedTarget, Photographing
     from calib.studies.tolerance.record import ToleranceStudy
+    from calib.studies.tolerance.rig_costs import RigCost
     from calib.studies.tolerance.what_if import WhatIf
     from designer.base.answer import Value
     from designer.page.blocks import Page
@@ -138,6 +152,130 @@ class Ways(Tolerance, kind="ways", title="Ways of making", doing="predicting", f
         return ways_page(self)
 
 
+@dataclass(frozen=True, eq=False)
+class RigTolerance(
+    Result, kind="rig_tolerance", title="Tolerance study of a rig", doing="predicting",
+    files={"study.sqlite": "every drawn print"},
+):  # fmt: skip
+    """What errors of a target cost a rig: `found.together.baseline_mm`, `found.save("tolerance")`.
+
+    In a notebook the result shows its page.
+    """
+
+    program: str
+    settings: dict[str, str]
+    target: str
+    rig: str
+    errors: str  # the way of making, in words
+    cameras: tuple[str, ...]
+    frames: int  # in which a camera sees the target
+    sightings: int
+    length_mm: float  # whose error is told
+    away_mm: Gap  # of the point that is told of, from the nearest camera; nan: no two cameras see the middle
+    costs: "tuple[RigCost, ...]"  # of each error source, the largest first
+    together: "RigCost"  # all errors
+    noise: "RigCost"
+    draws: int
+    drawn: "RigCost | None"  # prints that were drawn, with noise
+    remarks: tuple[str, ...]
+    target_file: Annotated[str, NOT_IN_FILE]
+
+    def page(self) -> "Page":
+        """What all errors together cost, each of them, and whether draws bear it out."""
+        from calib.app.tolerance_page import rig_tolerance_page
+
+        return rig_tolerance_page(self)
+
+
+@capability
+def rig_tolerance(
+    target: TargetFile,
+    errors: Errors,
+    rig: RigTemplate,
+    *,
+    changes: Changes = (),
+    frames: Annotated[int, option("of a rig: how many", 1, MOST_VIEWS)] = 30,
+    distance_mm: Annotated[
+        tuple[float, float] | float | None,
+        option("of the target from the camera that it is held to (default: the template's)", 1.0, MOST_DISTANCE_MM),
+    ] = None,
+    draws: Annotated[int, option("prints that are drawn as a check", 0, 10_000)] = 20,
+    linear: Annotated[bool, option("no draws: predict from Jacobians, in seconds")] = False,
+    seed: Seed = 1,
+    jobs: Jobs = None,
+    dask: Dask = None,
+    resume: Resume = False,
+    out: Annotated["Place | Output | None", STUDY_OUT] = None,
+    progress: Progress = unheard,
+) -> RigTolerance:
+    """What errors of a target cost a rig: `rig_tolerance("ico.target.json", "fdm-dual", "stereo-pair")`.
+
+    >>> found = calib.rig_tolerance("ico.target.json", "fdm-dual", "four-webcams")
+    >>> found.together.baseline_mm, found.costs[0].name
+
+    Frames of the target before the rig are simulated, and the rig is solved as if the target were as drawn. What each
+    error then does is predicted from the Jacobians, and checked by prints that are drawn and solved.
+
+    Args:
+        rig: a template's name, a TOML file, a `rig.json`, or a rig.
+
+    Raises:
+        InputError: files or options that break a rule, or frames that do not determine the rig.
+        StudyStoppedError: interrupted; the prints in a folder are kept.
+    """
+    import numpy as np
+
+    from calib.app.inputs import target_of
+    from calib.renderer.held_target import held_poses
+    from calib.renderer.rig_template import held_before, simulated_rig
+    from calib.rigs.relative import middle_error
+    from calib.studies.samples import Case
+    from calib.studies.tolerance import rig_costs
+    from calib.studies.workers import CaseSpec
+    from designer.tolerance.error_file import error_model
+
+    geometry, made, count = target_of(target, "rings"), error_model(errors, changes), 0 if linear else draws
+    for name, is_given in (("--resume", resume), (f"--dask {dask}", dask is not None)):
+        if is_given and not count:
+            raise InputError(f"{name}: no prints are drawn that it could be used for; leave it out, or draw some")
+    output = RigTolerance.begun(out)
+    simulated = simulated_rig(rig)
+    if len(simulated.rig.names) < 2:
+        raise InputError("--rig: one camera is no rig; leave it out")
+    held = held_before(simulated, distance_mm)
+    progress("setting up", 0, 0)
+    rng = np.random.default_rng(seed)
+    before = rig_costs.SimulatedFrames(simulated.rig, geometry, held_poses(simulated.rig, geometry, held, frames, rng))
+    found = before.solved(geometry, rng)
+    *costs, together, noise = rig_costs.predicted_costs(found, geometry, made)
+    middle, drawn = middle_error(found), None
+    if count:
+        pool = rig_costs.PrintPool(before, None if middle is None else middle.point_mm, made)
+        case, identity = CaseSpec(Case("rig", frames, frames), pool, count), rig_costs.print_identity(pool, seed)
+        kept = kept_samples(
+            case, identity, output, jobs, dask, resume=resume, progress=progress, doing="drawing prints"
+        )
+        drawn = rig_costs.drawn_cost(before, kept)
+    remarks = () if geometry.source == "nominal" else (
+        f"the target file is a {geometry.source} one; its shape is taken as the drawing",
+    )  # fmt: skip
+    near, far = held.distance_mm
+    result = RigTolerance(
+        program=program(),
+        settings={
+            "errors": printable(fspath(errors)), "set": " ".join(changes), "frames": str(frames), "seed": str(seed),
+            "distance": f"{near:g}..{far:g}mm",
+        },
+        target=_name_of(_path_of(target)), rig=printable(simulated.name), errors=f"{made.name}: {made.title}",
+        cameras=tuple(map(printable, simulated.rig.names)), frames=found.observations.frame_count,
+        sightings=sum(map(len, found.residual_px)), length_mm=rig_costs.LENGTH_MM,
+        away_mm=math.nan if middle is None else middle.away_mm, costs=tuple(costs), together=together, noise=noise,
+        draws=count, drawn=drawn, remarks=remarks,
+        target_file=_file_of(target),
+    )  # fmt: skip
+    return result.saved(output, progress)
+
+
 @instead(rig=rig_tolerance)
 @capability
 def tolerance(
@@ -201,41 +339,10 @@ def tolerance(
     >>> found = calib.tolerance("ico.target.json", "fdm-dual", require=["intersection=0.05mm"])
     >>> found.is_kept, found.study.total("intersection"), found.save("tolerance")
 
-    Args:
-        target: a geometry, or its file.
-        errors: an error template, or a TOML file.
-        changes: other sizes of single errors: `face_tilt=0.1deg`.
-        views: how many photos.
-        distance_mm: of the cameras from the target's origin, or between which two; None: near and far, as the page of
-            a design advises.
-        aim_offset_mm: how far they look past the target at most; None: as advised, into the image's corners.
-        camera: a camera, a file, or a template.
-        model: that is solved, one of `calib.cameras.fitted_models()`.
-        weighted: weigh observations by their covariances, or all alike.
-        draws: how many made targets to draw.
-        full: render and detect real images in each draw, which takes minutes a draw.
-        linear: no draws: predict from Jacobians, in seconds.
-        require: limits, `intersection=0.05mm`, for which the largest errors are told.
-        by: the quantity to rank errors by; None: the first that is required.
-        against: another target to compare with.
-        against_errors: the errors of that target.
-        against_changes: other sizes of single errors of that target, as `changes`.
-        against_distance_mm: to that target; None: the same, or as advised for it.
-        vary: the error to compare by; None: the worst one of faces.
-        seed: of all that is random.
-        jobs: processes; None: one per core.
-        dask: address of a cluster's scheduler, which computes the draws instead.
-        resume: go on with the study in the folder.
-        formats: of the figures besides PNG: `pdf`, `svg`.
-        out: a folder for the draws, so that a stopped study goes on, and the tables; None: they are not kept.
-        progress: is told what is being done.
-
     Raises:
         InputError: files or options that break a rule, or no workers are left; the draws in a folder are kept.
         StudyStoppedError: interrupted; so they are.
     """
-    from os import fspath
-
     from calib.app.inputs import camera_of, camera_remarks
     from calib.cameras.camera import Camera
     from calib.studies.runner import ask_cluster
@@ -254,9 +361,7 @@ def tolerance(
             raise InputError(f"{name} does not fit --linear, which draws nothing; leave one of them out")
     _check_against(against, against_errors, against_changes, against_distance_mm, vary)
     ask_cluster(dask, progress)
-    output = None if out is None else output_of(out)
-    if output is not None:
-        Tolerance.check(output.place)
+    output = Tolerance.begun(out)
     progress("setting up", 0, 0)
     with sampling_in(output, jobs, dask, resume=resume, progress=progress) as sampling:
         plan = TolerancePlan(draws, seed, requirements, by, full, linear, sampling)
@@ -283,7 +388,7 @@ def tolerance(
         study, drawn, seed, first.errors.layer_height_mm, _file_of(target), camera_remarks(camera),
         tuple(formats), command_line(),
     )  # fmt: skip
-    return found if output is None else found.saved(output, progress)
+    return found.saved(output, progress)
 
 
 @capability
@@ -308,19 +413,6 @@ def ways(
 
     >>> best = calib.ways("ico.target.json").study.ways()[0]
     >>> best.way.name, best.total("focal_length"), best.way.price_eur, best.way.hours
-
-    Args:
-        target: a geometry, or its file.
-        by: the quantity that ways are ranked by.
-        views: how many photos.
-        distance_mm: of the cameras from the target's origin, or between which two; None: near and far, as the page of
-            a design advises.
-        aim_offset_mm: how far they look past the target at most; None: as advised, into the image's corners.
-        camera: a camera, a file, or a template.
-        model: that is solved.
-        weighted: weigh observations by their covariances, or all alike.
-        seed: of all that is random.
-        progress: is told what is being done.
 
     Raises:
         InputError: files or options that break a rule; the message names it.

@@ -1,5 +1,6 @@
 """How a study of errors is told: what they cost, how large they may be, other sizes, and against another target."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from shlex import quote
@@ -10,12 +11,13 @@ from calib.draw import tolerance_tables as tables
 from calib.draw import tolerance_words as words
 from calib.draw.tolerance_sliders import what_if_section
 from calib.studies.tolerance.quantities import quantity_named
-from designer.base.words import figure, printable
+from designer.base.words import capital, figure, printable
 from designer.page.blocks import Block, Command, Facts, Finding, Findings, Fold, Headline, Page, Paragraph, Section
-from designer.page.folders import notes, warnings
+from designer.page.folders import Shown, notes, table_of, warnings
+from designer.tolerance.sources import SOURCES
 
 if TYPE_CHECKING:
-    from calib.app.tolerance import Tolerance, Ways
+    from calib.app.tolerance import RigTolerance, Tolerance, Ways
     from calib.studies.tolerance.record import PhotographedSetting, ToleranceStudy
 
 QUESTION = "What do errors of manufacturing cost a calibration that takes the drawing for true? "
@@ -24,6 +26,17 @@ PREDICTED = "Predicted from the solver's Jacobians, without a single draw."
 WAYS_LEAD = "The best first; a click on a head sorts by price or hours."
 LIMITS = "Limits that were asked for, and how large errors may be to keep them."
 GROWTH = "A cost grows in proportion to its error as long as errors are small: half the error costs half as much."
+RIG_QUESTION = (
+    "What do errors of manufacturing cost a rig that is solved as if the target were as drawn? Frames are simulated "
+    "and solved; what each error then does is predicted from the solver's Jacobians, and drawn prints are a check."
+)
+RIG_MEANING = (
+    "Root mean squares over prints: of the distance of two cameras and of the turn of one against the other, over all "
+    "pairs; of a point in the rig's frame and of a length, both in the middle of where the target was held."
+)
+CHECKED_FROM = 10
+"""Draws; fewer say little of a root mean square."""
+SURE = 3.0
 
 
 def tolerance_page(found: "Tolerance") -> Page:
@@ -123,3 +136,67 @@ def _sizes(found: "Tolerance") -> Section:
     if wanted:
         blocks.append(Fold("The same as numbers", tuple(tables.sweep_table(study, name) for name in wanted)))
     return Section("Sizes of errors", (*blocks, tables.sensitivity_table(study)), lead=GROWTH)
+
+
+def rig_tolerance_page(found: "RigTolerance") -> Page:
+    """What all errors together cost, each of them, and whether draws bear it out."""
+    from calib.studies.tolerance.rig_costs import RigCost
+
+    all_errors, noise = found.together, found.noise
+    worst = f", most of it by {words.source_title(found.costs[0].name)}" if found.costs else ""
+    point = "" if math.isnan(all_errors.point_mm) else f", a point in the middle by {_mm(all_errors.point_mm)}"
+    sentence = (
+        f"A print by {found.errors.partition(':')[0]} shifts the distances of cameras by {_mm(all_errors.baseline_mm)} "
+        f"(RMS){point}{worst}; the noise of {found.frames} frames by {_mm(noise.baseline_mm)}."
+    )
+    away = "" if math.isnan(found.away_mm) else f"; the middle is {found.away_mm:.0f} mm from the nearest camera"
+    facts = Facts((
+        ("errors", printable(found.errors)),
+        ("rig", f"{found.rig}: {', '.join(found.cameras)}"),
+        ("frames", f"{found.frames}, {found.sightings} sightings, at {found.settings['distance']}{away}"),
+    ))  # fmt: skip
+
+    def assumed(one: RigCost) -> str:
+        kind = "" if one.distribution in ("", "normal") else f"{one.distribution} "
+        return f"{kind}{words.amount(SOURCES[one.name].unit, one.size)}" if one.name in SOURCES else ""
+
+    cost = Shown[RigCost]
+    table = table_of(
+        (*found.costs, all_errors, noise, *(() if found.drawn is None else (found.drawn,))),
+        cost("error", lambda one: printable(words.source_title(one.name))), cost("assumed", assumed),
+        cost("distances mm", lambda one: one.baseline_mm, unknown="-"),
+        cost("turns deg", lambda one: math.degrees(one.turn_rad), unknown="-"),
+        cost("point mm", lambda one: one.point_mm, unknown="-"),
+        cost(f"{found.length_mm:g} mm length mm", lambda one: one.length_mm, unknown="-"), visible_rows=20,
+    )  # fmt: skip
+    told = tuple(_rig_findings(found))
+    costs = Section("What each error costs", (table, *((Findings(told),) if told else ())), lead=RIG_MEANING)
+    measure = Command(
+        f"calib measure {quote(found.target_file)} --rig rig -o {quote(f'measured/{found.target}.target.json')}",
+        "measures the print from the frames of a rig, and takes its errors back",
+    )
+    return Page(
+        found.target, "", Headline("note", _mm(all_errors.baseline_mm), sentence), (costs,),
+        lead=(Paragraph(RIG_QUESTION), facts), next_steps=(measure,),
+    )  # fmt: skip
+
+
+def _rig_findings(found: "RigTolerance") -> Iterator[Finding]:
+    """Whether draws bear the prediction out, and remarks."""
+    for line in found.remarks:
+        yield Finding("note", "", capital(printable(line)))
+    if found.drawn is None or found.draws < CHECKED_FROM:
+        return
+    told = math.hypot(found.together.baseline_mm, found.noise.baseline_mm)
+    # One number, such as the size, may stand behind all baselines, so each draw counts once.
+    chance = 1 / math.sqrt(2 * found.draws)
+    fits = told > 0 and abs(found.drawn.baseline_mm / told - 1) <= SURE * chance
+    says = (
+        f"{found.draws} drawn prints were simulated and solved: distances off by {_mm(found.drawn.baseline_mm)}, "
+        f"predicted {_mm(told)} (such a draw is off by {100 * chance:.0f} % by chance)"
+    )
+    yield Finding("good" if fits else "usable", "", f"{says}{'' if fits else '; trust the draws'}.")
+
+
+def _mm(value: float) -> str:
+    return f"{figure(value, 2)} mm"

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.app.rig_tolerance import RigTolerance, rig_tolerance
+from calib.app.tolerance import RigTolerance, rig_tolerance
 from calib.renderer.rig_template import HeldTarget, SimulatedRig
 from calib.studies.tolerance.rig_costs import cost_of
 from designer.base.errors import InputError
