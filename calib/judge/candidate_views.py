@@ -257,11 +257,10 @@ def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, ro
         margin = PLACED_WITHIN * MARGIN_PITCHES * shape.pitch_mm * px_per_mm(camera, place)
     face = shape.face[rows]
     pixel = project(camera, transform_each(pose, shape.position_mm[rows]))
-    last = np.array(camera.image_size, dtype=np.float64) - 1
-    edge = margin[:, face, None]
-    with np.errstate(invalid="ignore"):
-        within = (pixel >= edge) & (pixel <= last - edge)
-    inside = within[..., 0] & within[..., 1] & turned[:, face]
+    edge, inside = margin[:, face], turned[:, face]
+    for along, size in zip((pixel[..., 0], pixel[..., 1]), camera.image_size, strict=True):
+        with np.errstate(invalid="ignore"):
+            inside &= (along >= edge) & (along <= size - 1 - edge)
     of_face = (face[:, None] == np.arange(len(shape.normal))).astype(np.float64)
     share = inside @ of_face / np.maximum(of_face.sum(axis=0), 1.0)
     is_read = inside & (share >= habits.face_share - 1e-9)[:, face]

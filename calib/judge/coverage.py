@@ -199,7 +199,8 @@ def coverage_of(calibration: Calibration) -> Coverage:
 
 def area_of(image_size: tuple[int, int], center_px: Array, face: Rows) -> Flags:
     """The cells that the sightings (N, 2) of one view surround.  # (R, C)"""
-    return coverage(image_size, center_px, np.zeros(len(face), dtype=np.int64), face).is_covered
+    covered: Flags = _views_of(image_size, center_px, np.zeros(len(face), dtype=np.int64), face) > 0
+    return covered
 
 
 def coverage(
@@ -214,6 +215,20 @@ def coverage(
         face: of each (N,); those on no known face belong together.
         lit: what is asked for; None: all of the image.
     """
+    views = _views_of(image_size, center_px, view, face)
+    shape = (views.shape[0], views.shape[1])
+    if lit is None or lit.off_axis_rad is None:
+        is_lit = np.ones(shape, dtype=np.bool_)
+        return Coverage(image_size, views, _regions(views > 0, is_lit), is_lit)
+    middle = _middles(image_size, shape)
+    is_lit = lit.is_lit(middle)
+    return Coverage(
+        image_size, views, _regions(views > 0, is_lit), is_lit, _bands_of(lit, middle, views > 0), lit.name, lit.remark
+    )
+
+
+def _views_of(image_size: tuple[int, int], center_px: Array, view: Rows, face: Rows) -> Rows:
+    """How many views cover each cell.  # (R, C)"""
     width, height = image_size
     shape = max(FEWEST_ROWS, round(COLUMNS * height / width)), COLUMNS
     views = np.zeros(shape, dtype=np.int64)
@@ -229,14 +244,7 @@ def coverage(
         if last == len(view) or view[last] != view[first]:
             views += covered
             covered[:] = False
-    if lit is None or lit.off_axis_rad is None:
-        is_lit = np.ones(shape, dtype=np.bool_)
-        return Coverage(image_size, views, _regions(views > 0, is_lit), is_lit)
-    middle = _middles(image_size, shape)
-    is_lit = lit.is_lit(middle)
-    return Coverage(
-        image_size, views, _regions(views > 0, is_lit), is_lit, _bands_of(lit, middle, views > 0), lit.name, lit.remark
-    )
+    return views
 
 
 def _middles(image_size: tuple[int, int], shape: tuple[int, int]) -> Array:

@@ -35,7 +35,7 @@ from designer.base.arrays import Array
 
 TIED = 1e-12
 """Directions of the parameters with less of their variance are fixed or shared, not estimated."""
-CHUNK = 400_000
+CHUNK = 8_000
 """Points at a time."""
 UNDETERMINED = 1e-12
 """Of a pose's normal matrix with a diagonal of ones: smaller eigenvalues, as parts of the largest, are rounding."""
@@ -120,23 +120,23 @@ def view_information(
 
 
 def _information(known: Knowledge, pose: Array, position_mm: Array, weight: Array, modes_mm: Array) -> Array:
-    photos, count = weight.shape
-    photo, row = np.nonzero(weight > 0)
-    origin = position_mm.mean(axis=0)
-    turned = (pose[photo, :3, :3] @ (position_mm[row] - origin)[:, :, None])[:, :, 0]
-    middle = transform(pose, origin)
-    seen = linearise(known.camera, np.ascontiguousarray((turned + middle[photo]).T))
-    by_point = seen.by_point.transpose(2, 0, 1)
-    by_shape = by_point @ pose[photo, :3, :3] @ modes_mm[:, row].transpose(1, 2, 0)
-    by_turn = np.cross(turned[:, None, :], by_point)
-    columns = np.concatenate([seen.by_params.transpose(2, 0, 1) @ known.basis, by_shape, by_turn, by_point], axis=2)
-    columns *= (np.sqrt(weight[photo, row]) / known.noise_px)[:, None, None]
-    columns[~np.isfinite(columns).all(axis=(1, 2))] = 0.0
+    is_seen = weight > 0
+    photo = np.nonzero(is_seen)[0]
+    rotation, origin = pose[:, :3, :3], position_mm.mean(axis=0)
+    turned = (rotation @ (position_mm - origin).T).transpose(1, 0, 2)[:, is_seen]  # (3, M)
+    seen = linearise(known.camera, turned + transform(pose, origin)[photo].T)
+    by_params, by_point = (part.transpose(1, 0, 2) for part in (known.basis.T @ seen.by_params, seen.by_point))
+    modes = (rotation @ modes_mm.transpose(0, 2, 1)[:, None]).transpose(0, 2, 1, 3)[:, :, is_seen]  # (S, 3, M)
+    by_shape = (by_point * modes[:, :, None]).sum(axis=1)
+    by_turn = turned[[1, 2, 0], None] * by_point[[2, 0, 1]] - turned[[2, 0, 1], None] * by_point[[1, 2, 0]]
+    columns = np.concatenate([by_params, by_shape, by_turn, by_point])  # (K, 2, M)
+    columns *= np.sqrt(weight[is_seen]) / known.noise_px
+    columns[:, :, ~np.isfinite(columns).all(axis=(0, 1))] = 0.0
     # As many rows for each photo: those of points that are not seen stay zero.
-    spread = np.zeros((photos, count, 2, columns.shape[2]))
-    spread[photo, row] = columns
-    rows = spread.reshape(photos, 2 * count, -1)
-    return eliminated(rows.transpose(0, 2, 1) @ rows)
+    spread = np.zeros((len(pose), len(columns), 2, len(position_mm)))
+    spread.transpose(1, 2, 0, 3)[:, :, is_seen] = columns
+    rows = spread.reshape(*spread.shape[:2], -1)
+    return eliminated(rows @ rows.transpose(0, 2, 1))
 
 
 def eliminated(products: Array) -> Array:
@@ -172,9 +172,9 @@ def sigma_px(change: Array, covariance: Array) -> Array:
     size = change.shape[2]
     flat = change.reshape(-1, size)
     spread = (flat @ covariance).reshape(*covariance.shape[:-2], -1, 2, size)
-    uu = (spread[..., 0, :] * change[:, 0]).sum(axis=-1)
-    vv = (spread[..., 1, :] * change[:, 1]).sum(axis=-1)
-    uv = (spread[..., 0, :] * change[:, 1]).sum(axis=-1)
+    uu, vv, uv = (
+        np.einsum("...nq,nq->...n", spread[..., row, :], change[:, column]) for row, column in ((0, 0), (1, 1), (0, 1))
+    )
     largest: Array = 0.5 * (uu + vv) + np.hypot(0.5 * (uu - vv), uv)
     return np.sqrt(np.maximum(largest, 0.0))
 

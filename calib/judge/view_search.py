@@ -40,7 +40,7 @@ COARSE_MAP = (16, 12)
 """Pixels of the map that candidates are compared by; the deviation that is stated is over the usual grid."""
 POINTS_COMPARED = 240
 FEWEST_ON_FACE = 12
-POINTS_AT_A_TIME = 200_000
+POINTS_AT_A_TIME = 20_000
 COMPARED_IN_FULL = 300
 """Of the candidates, those best by the mean square over the image."""
 TRIED = 12
@@ -250,10 +250,11 @@ def _cells(camera: Camera, pixel: Array, is_read: Flags) -> Flags:
     """Which cells of the image photos show a point in (C, K)."""
     columns, rows = CELLS
     covers = np.zeros((len(pixel), columns * rows), dtype=bool)
-    photo, point = np.nonzero(is_read)
-    place = (pixel[photo, point] + 0.5) / camera.image_size * CELLS
-    column, row = np.clip(place.astype(np.int64), 0, np.array(CELLS) - 1).T
-    covers[photo, row * columns + column] = True
+    column, row = (
+        ((along[is_read] + 0.5) / size * count).astype(np.int64)
+        for along, size, count in zip((pixel[..., 0], pixel[..., 1]), camera.image_size, CELLS, strict=True)
+    )
+    covers[np.nonzero(is_read)[0], row * columns + column] = True
     return covers
 
 

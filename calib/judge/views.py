@@ -167,7 +167,7 @@ def _pitch_mm(position: Array, face: Rows) -> float:
     for number in np.unique(face).tolist():
         mine = position[face == number][:MOST_FOR_PITCH]
         if len(mine) > 1:
-            square = ((mine[:, None] - mine[None]) ** 2).sum(axis=2)
+            square = ((mine.T[:, :, None] - mine.T[:, None]) ** 2).sum(axis=0)
             np.fill_diagonal(square, np.inf)
             nearest.append(np.sqrt(square.min(axis=1)))
     return float(np.median(np.concatenate(nearest))) if nearest else 0.0

@@ -37,7 +37,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.cameras.surface import surface_model
-from calib.core.linear_algebra import pseudo_inverse, symmetric_inverse
+from calib.core.linear_algebra import pseudo_inverse, sums_by, symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.solver.calibration import Calibration, ImageField, PhotoError
 from calib.solver.free_shape import POSE, SINGULAR, PosedSightings, WhitenedView, free_directions, whitened_views
@@ -134,13 +134,12 @@ def _equations(calibration: Calibration, basis: Array) -> _Equations:
         column, by_node = _by_nodes(nodes, view, count)
         known = np.concatenate([view.by_camera, view.residual], axis=2)
         square += np.einsum("mip,miq->pq", known, known)
-        np.add.at(cross, column, by_node.transpose(0, 2, 1) @ known)
-        np.add.at(normal, (column[:, :, None], column[:, None, :]), by_node.transpose(0, 2, 1) @ by_node)
-        across = view.poses_taken()
-        part = np.zeros((POSE, 2 * count))
-        np.add.at(part, (np.arange(POSE)[:, None], column[:, None, :]), across.transpose(0, 2, 1) @ by_node)
+        across, by_column, slot = view.poses_taken(), by_node.transpose(0, 2, 1), column.ravel()
+        cross += sums_by(slot, (by_column @ known).reshape(len(slot), -1), 2 * count)
+        pair = (2 * count * column[:, :, None] + column[:, None, :]).ravel()
+        normal += np.bincount(pair, (by_column @ by_node).ravel(), normal.size).reshape(normal.shape)
         taken.append(np.einsum("mij,mip->jp", across, known))
-        taken_field.append(part)
+        taken_field.append(sums_by(slot, (by_column @ across).reshape(-1, POSE), 2 * count).T)
         freedom += 2 * len(view.row) - POSE
         residuals += 2 * len(view.row)
         weights += float((view.weight**2).sum())
@@ -167,15 +166,22 @@ def _likeliest(equations: _Equations) -> Array:
     """The covariance of the field's nodes (2 K, 2 K); zero if noise alone explains the residuals.
 
     In the eigenvectors of `R' normal R`, K = R R', the likelihood is a sum for every amplitude at once.
+    As the nodes lie on a grid, the least eigenvalue of K is 3e-11 of the largest or more, far from rounding.
     """
-    freedom, square = equations.freedom, equations.square
+    freedom, square, nodes = equations.freedom, equations.square, equations.nodes
     alone = freedom * np.log(square / freedom)
     ratio = AMPLITUDES * equations.count / equations.weights
+    count = len(nodes.place_px)
+    pair = count * nodes.corner[:, :, None] + nodes.corner[:, None, :]
+    together = np.bincount(pair.ravel(), (nodes.share[:, :, None] * nodes.share[:, None, :]).ravel(), count**2)
+    together = together.reshape(count, count) / nodes.share.sum()  # how sightings lie between pairs of nodes
+    distance = np.linalg.norm(nodes.place_px[:, None] - nodes.place_px, axis=2) / nodes.spacing_px
     best, covariance = 0.0, np.zeros_like(equations.normal)
     for length in LENGTHS:
-        field = _correlation(equations.nodes, length)
-        value, vector = np.linalg.eigh(field)
-        root = np.kron(np.eye(2), vector * np.sqrt(np.maximum(value, 0.0)))
+        x = np.sqrt(5) * distance / length
+        field = (1 + x + x**2 / 3) * np.exp(-x)
+        field /= (together * field).sum()  # so that a sighting's variance is 1 on average
+        root = np.kron(np.eye(2), np.linalg.cholesky(field))
         told, axis = np.linalg.eigh(root.T @ equations.normal @ root)
         told, pull = np.maximum(told, 0.0), (axis.T @ (root.T @ equations.gradient)) ** 2
         wider = 1 + ratio[:, None] * told
@@ -186,17 +192,6 @@ def _likeliest(equations: _Equations) -> Array:
             best = float(worse[least])
             covariance = ratio[least] * left[least] / freedom * np.kron(np.eye(2), field)
     return covariance
-
-
-def _correlation(nodes: _Nodes, length: float) -> Array:
-    """Of the nodes (K, K), so that a sighting's variance is 1 on average."""
-    place = nodes.place_px
-    distance = np.linalg.norm(place[:, None] - place[None], axis=2)
-    x = np.sqrt(5) * distance / (length * nodes.spacing_px)
-    decay: Array = (1 + x + x**2 / 3) * np.exp(-x)
-    within = decay[nodes.corner[:, :, None], nodes.corner[:, None, :]]
-    mean = float(np.einsum("mi,mij,mj->", nodes.share, within, nodes.share) / nodes.share.sum())
-    return decay / mean
 
 
 BY_CHANCE = 4.0

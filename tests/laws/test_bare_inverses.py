@@ -9,6 +9,7 @@ import designer
 BARE = {"inv", "pinv", "solve", "lstsq", "cholesky", "tensorsolve", "cho_factor", "cho_solve", "solve_triangular"}
 
 ALLOWED = {
+    "calib/core/linear_algebra.py covariance_with_prior": "a guarded function itself",
     "calib/core/linear_algebra.py least_squares": "a guarded function itself",
     "calib/core/linear_algebra.py pseudo_inverse": "a guarded function itself",
     "calib/measure_target/accuracy.py accuracy_of": "one plus the strain of a print, which is small",
@@ -40,6 +41,7 @@ ALLOWED = {
     "calib/rigs/motion.py _most_likely": "a Gram matrix with the poses' noise on its diagonal",
     "calib/solver/metrics/reconstruction.py reconstruction": "of the rings whose rays were found to meet in a point",
     "calib/cameras/refit.py _adjust": "damped: a diagonal of ones with more on it",
+    "calib/solver/image_field.py _likeliest": "Cholesky of correlations on a grid, no node near another",
     "calib/solver/accuracy.py accuracy_of": "poses by Cholesky before, which tells whether they are determined",
     "calib/solver/linear_pose.py weak_perspective_poses": "of the views whose points were found to be solid",
     "calib/studies/compare/scene.py photograph": "Cholesky of the detector's covariances, as its noise is drawn",
