@@ -1,15 +1,21 @@
 """Photos that could be taken next: where a target may be held, as the photos taken so far show to be possible.
 
+Also the first ones, while nothing is known of the camera, which are to tell it: a solid shows planes at many slants at
+once; of a board each photo tells two numbers of a camera, if it is tilted, and those that are tilted to the same side
+tell the same two.
+
 A place is given by two numbers from -1 to 1: the target's box in the image at the left (top) end, in the middle, at the
 right (bottom) end of where it has room.
 """
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from calib.cameras import project, rays
+from calib.cameras import COMMON, project, rays
 from calib.cameras.camera import Camera
+from calib.cameras.refit import plain_camera
 from calib.core.se3 import exp_rotation, make_pose, rotation_between, transform, transform_each
 from calib.judge.coverage import LitPart, lit_part
 from calib.judge.views import Habits, TargetShape, facing, pitch_px, px_per_mm
@@ -45,7 +51,7 @@ PLACING_STEPS = 5
 
 @dataclass(frozen=True, eq=False)
 class CandidateViews:
-    """C photos that could be taken."""
+    """C photos that could be taken, or only how the target is turned in them."""
 
     cam_from_target: Array  # (C, 4, 4)
     place: Array  # (C, 2) right and down, -1 to 1
@@ -56,31 +62,7 @@ class CandidateViews:
     like_view: Rows  # (C,) the used view that shows a solid from the same side; -1: none, or a flat target
 
     def __getitem__(self, rows: Rows | Flags) -> "CandidateViews":
-        return CandidateViews(
-            self.cam_from_target[rows], self.place[rows], self.distance_mm[rows], self.tilt_deg[rows],
-            self.away[rows], self.is_upright[rows], self.like_view[rows],
-        )  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class _Turns:
-    """T ways to turn a target, seen in the middle of the image or along a line of sight."""
-
-    rotation: Array  # (T, 3, 3)
-    sight: Array  # (T, 3) the line of sight it was seen along; z for flat targets, which keep their tilt anywhere
-    tilt_deg: Array  # (T,)
-    away: Array  # (T, 2)
-    is_upright: Flags  # (T,)
-    like_view: Rows  # (T,)
-
-    @staticmethod
-    def ahead(rotation: Array) -> "_Turns":
-        """Of a solid in the middle, like no view."""
-        count = len(rotation)
-        return _Turns(
-            rotation, np.tile([0.0, 0.0, 1.0], (count, 1)), np.full(count, np.nan), np.zeros((count, 2)),
-            np.zeros(count, dtype=bool), np.full(count, -1),
-        )  # fmt: skip
+        return CandidateViews(*(getattr(self, one.name)[rows] for one in fields(self)))
 
 
 def tilt_rotation(tilt_rad: float, away: Array) -> Array:
@@ -113,29 +95,28 @@ def candidates_of(
     distances = depth + np.geomspace(reach[0] * (near - depth), reach[1] * (far - depth), DISTANCES)
     overshoots = (0.0, OVERSHOOT) if not shape.is_flat else tuple({0.0, round(0.7 * (1 - habits.face_share), 2)})
     places = np.array([(*place, over) for over in overshoots for place in PLACES if not over or 1 in np.abs(place)])
-    t, d, p = (x.ravel() for x in np.indices((len(turns.rotation), DISTANCES, len(places))))
-    pose, ok = _placed(lit_part(calibration), shape, turns.rotation[t], turns.sight[t], places[p], distances[d])
-    t, d, p = t[ok], d[ok], p[ok]
-    return CandidateViews(
-        pose[ok], places[p, :2], distances[d], turns.tilt_deg[t], turns.away[t], turns.is_upright[t], turns.like_view[t]
-    )
+    t, d, p = (x.ravel() for x in np.indices((len(turns.tilt_deg), DISTANCES, len(places))))
+    pose, ok = _placed(lit_part(calibration), shape, turns.cam_from_target[t], places[p], distances[d])
+    return replace(turns[t], cam_from_target=pose, place=places[p, :2], distance_mm=distances[d])[ok]
 
 
 def candidates_at(shape: TargetShape, cam_from_target: Array) -> CandidateViews:
     """Photos of poses that are given (C, 4, 4), as a turntable has them, and no others."""
     count = len(cam_from_target)
-    place = transform(cam_from_target, shape.center_mm)
     tilt = np.full(count, np.nan)
     if shape.is_flat:
         tilt = np.degrees(np.arccos(np.abs(cam_from_target[:, 2, :3] @ shape.axes[2]).clip(max=1.0)))
-    none = np.zeros((count, 2))
-    return CandidateViews(
-        cam_from_target, none, np.linalg.norm(place, axis=1), tilt, none, np.zeros(count, dtype=np.bool_),
-        np.full(count, -1),
-    )  # fmt: skip
+    distance_mm, none = np.linalg.norm(transform(cam_from_target, shape.center_mm), axis=1), np.zeros((count, 2))
+    no_view, is_upright = np.full(count, -1), np.zeros(count, dtype=np.bool_)
+    return CandidateViews(cam_from_target, none, distance_mm, tilt, none, is_upright, no_view)
 
 
-def _flat_turns(shape: TargetShape) -> _Turns:
+def held_ahead(shape: TargetShape, turn: Array, distance_mm: float) -> Array:
+    """The pose in the middle of the image of a target turned so (..., 3, 3).  # (..., 4, 4)"""
+    return make_pose(turn, np.array([0.0, 0.0, distance_mm]) - turn @ shape.center_mm)
+
+
+def _flat_turns(shape: TargetShape) -> CandidateViews:
     """Straight on and tilted to sides and corners, with the long side level and, if it is long, upright."""
     tilts = [(0.0, (0.0, 0.0))]
     tilts += [(tilt, side) for tilt in TILTS_DEG for side in SIDES]
@@ -145,22 +126,20 @@ def _flat_turns(shape: TargetShape) -> _Turns:
     rows = [(tilt, away, face, turned) for face, turned in faces for tilt, away in tilts]
     turns = [tilt_rotation(np.radians(tilt), np.array(away)) @ face for tilt, away, face, _ in rows]
     return replace(
-        _Turns.ahead(np.stack(turns)),
+        candidates_at(shape, held_ahead(shape, np.stack(turns), 1.0)),
         tilt_deg=np.array([tilt for tilt, *_ in rows]), away=np.array([away for _, away, *_ in rows]),
         is_upright=np.array([turned for *_, turned in rows]),
     )  # fmt: skip
 
 
-def _turns_of_views(calibration: Calibration, shape: TargetShape) -> _Turns:
+def _turns_of_views(calibration: Calibration, shape: TargetShape) -> CandidateViews:
     """As a solid was turned in some of the used views, evenly spread over their order; without any all ways."""
     count = len(calibration.cam_from_target)
     if not count:
-        return _Turns.ahead(np.stack([side_turn(number) for number in range(TURNS_ALL_ROUND)]))
+        turns = np.stack([side_turn(number) for number in range(TURNS_ALL_ROUND)])
+        return candidates_at(shape, held_ahead(shape, turns, 1.0))
     views = np.unique(np.linspace(0, count - 1, min(count, MOST_LIKE)).round().astype(np.int64))
-    pose = calibration.cam_from_target[views]
-    sight = transform(pose, shape.center_mm)
-    turned = _Turns.ahead(pose[:, :3, :3])
-    return replace(turned, sight=sight / np.linalg.norm(sight, axis=1, keepdims=True), like_view=views)
+    return replace(candidates_at(shape, calibration.cam_from_target[views]), like_view=views)
 
 
 def side_turn(number: int) -> Array:
@@ -168,13 +147,18 @@ def side_turn(number: int) -> Array:
     return exp_rotation(np.array([0.6 + 0.7 * number, 0.4 + 0.9 * number, 0.0]))
 
 
-def _placed(
-    lit: LitPart, shape: TargetShape, rotation: Array, sight: Array, wanted: Array, distance_mm: Array
-) -> tuple[Array, Flags]:
+def _placed(lit: LitPart, shape: TargetShape, turned: Array, wanted: Array, distance_mm: Array) -> tuple[Array, Flags]:
     """Poses whose box in the image is where it is wanted, and which of them there are.
 
-    The target is aimed at, its box looked at and the aim moved by what is missing, a few times. What is wanted are a
-    place and an overshoot, (C, 3).
+    The target is aimed at, its box looked at and the aim moved by what is missing, a few times. A flat target keeps its
+    tilt anywhere; a solid is turned along, so that it shows the same side.
+
+    Args:
+        lit: part of the image.
+        shape: of the target.
+        turned: poses (C, 4, 4) that it is turned as in.
+        wanted: a place and an overshoot (C, 3).
+        distance_mm: of the target's middle (C,).
     """
     camera, (first, last) = lit.camera, lit.box_px
     place, overshoot = wanted[:, :2], wanted[:, 2:]
@@ -182,17 +166,18 @@ def _placed(
         # Dark corners of the box around what is lit: places are moved in to the rim of its ellipse.
         place = place / np.maximum(np.linalg.norm(place, axis=1, keepdims=True), 1.0)
     size = last - first + 1
-    aim = np.tile(0.5 * (first + last), (len(rotation), 1))
-    pose = np.tile(np.eye(4), (len(rotation), 1, 1))
-    ok = np.ones(len(rotation), dtype=bool)
-    span = np.zeros_like(aim)
+    aim = np.tile(0.5 * (first + last), (len(turned), 1))
+    pose, span = turned, np.zeros_like(aim)
+    ok = np.ones(len(turned), dtype=bool)
+    sight = transform(turned, shape.center_mm)
+    sight /= np.linalg.norm(sight, axis=1, keepdims=True)
     for step in range(PLACING_STEPS):
         ray = rays(camera, aim)
         ok &= np.isfinite(ray).all(axis=1)
         ray = np.where(ok[:, None], ray, [0.0, 0.0, 1.0])
-        turned = rotation if shape.is_flat else rotation_between(sight, ray) @ rotation
+        rotation = turned[:, :3, :3] if shape.is_flat else rotation_between(sight, ray) @ turned[:, :3, :3]
         middle = distance_mm[:, None] * ray
-        pose = make_pose(turned, middle - turned @ shape.center_mm)
+        pose = make_pose(rotation, middle - rotation @ shape.center_mm)
         if step == PLACING_STEPS - 1:
             break
         low, high = _box(camera, shape, pose)
@@ -269,3 +254,76 @@ def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, ro
     if habits.fine_pitch_px > 0:
         fine = np.nan_to_num(pitch / habits.fine_pitch_px).clip(0.0, 1.0)
     return ShownPoints(is_read, is_read * fine[:, face], pixel)
+
+
+USUAL_FOCAL = 0.9
+"""Focal length over the image's longer side of most cameras with an ordinary lens: 58 degrees from side to side. That
+of a webcam or a telephone is from .7 to 1, that of a machine-vision camera from .8 to 2."""
+FILLS = 0.7
+"""Of the image, in the direction that a target fills more of."""
+TILT_DEG = 30.0
+TO_SIDES = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0))
+"""Sides of a board to be held away, right and down, one photo after the other."""
+TILTED_BY_DEG = 12.0
+OTHERWISE_DEG = 20.0
+"""Photos of a board that are turned by so much tell other numbers."""
+NEW = 0.6
+"""Of that: a view is told from those taken."""
+SIZING_STEPS = 4
+
+
+def guessed_camera(image_size: tuple[int, int], guess: Camera | None) -> Camera:
+    """The camera by which a first proposal is drawn: the one given, if it has the images' size, or a usual one."""
+    if guess is not None and guess.image_size == image_size:
+        return guess
+    return plain_camera(COMMON, image_size, USUAL_FOCAL * max(image_size))
+
+
+def first_pose(camera: Camera, shape: TargetShape, taken: Array) -> Array:
+    """Where to hold a target for one of the first photos, otherwise than in those taken (V, 4, 4).  # (4, 4)"""
+    for number in range(len(TO_SIDES)):
+        pose = _turned_pose(camera, shape, number)
+        if novelty(shape, pose, taken) > NEW:
+            return pose
+    return _turned_pose(camera, shape, len(taken))
+
+
+def _turned_pose(camera: Camera, shape: TargetShape, number: int) -> Array:
+    turn = side_turn(number)
+    if shape.is_flat:
+        turn = tilt_rotation(math.radians(TILT_DEG), np.array(TO_SIDES[number % len(TO_SIDES)])) @ shape.level
+    extent = float(np.ptp(shape.position_mm, axis=0).max())
+    distance = extent * float(camera.params[0]) / max(camera.image_size)
+    pose = held_ahead(shape, turn, distance)
+    for _ in range(SIZING_STEPS):
+        distance = max(distance * _filled(camera, shape, pose) / FILLS, 0.7 * extent)
+        pose = held_ahead(shape, turn, distance)
+    return pose
+
+
+def _filled(camera: Camera, shape: TargetShape, pose: Array) -> float:
+    """Of the image's width or height, what the target fills of the one that it fills more of."""
+    seen = faces_seen(shape, pose[None])[0][0]
+    pixel = project(camera, transform(pose, shape.position_mm[seen[shape.face]]))
+    pixel = pixel[np.isfinite(pixel).all(axis=1)]
+    return float((np.ptp(pixel, axis=0) / camera.image_size).max()) if len(pixel) > 1 else FILLS
+
+
+def novelty(shape: TargetShape, pose: Array, taken: Array) -> float:
+    """What a view tells that the photos taken (V, 4, 4) do not, by how it is turned: 0 to 1.
+
+    Args:
+        shape: the target.
+        pose: of the view (4, 4), by a guessed camera.
+        taken: of the photos, by the same.
+    """
+    turn = pose[:3, :3]
+    if shape.is_flat:
+        normal = turn @ shape.axes[2]
+        enough = min(math.degrees(math.acos(min(max(-float(normal[2]), -1.0), 1.0))) / TILTED_BY_DEG, 1.0)
+        cosine = (taken[:, :3, :3] @ shape.axes[2]) @ normal
+    else:
+        enough = 1.0
+        cosine = 0.5 * (np.trace(taken[:, :3, :3].transpose(0, 2, 1) @ turn, axis1=1, axis2=2) - 1)
+    nearest = np.degrees(np.arccos(np.clip(cosine.max(initial=-1.0), -1.0, 1.0)))
+    return enough * min(float(nearest) / OTHERWISE_DEG, 1.0)

@@ -9,6 +9,7 @@ import numpy as np
 
 from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations
+from calib.judge.candidate_views import first_pose, guessed_camera
 from calib.judge.checks import STANDARD
 from calib.judge.coverage import Coverage, coverage, coverage_of
 from calib.judge.guidance import (
@@ -26,9 +27,9 @@ from calib.judge.guidance import (
 from calib.judge.guidance_words import bars_of, ghost_of, headline_of, map_of, photos_of, told_sigma_px
 from calib.judge.guide_state import Insight, Proposal, Standing, insight_of, proposal_of, standing_of
 from calib.judge.live_frame import LookedFor, frame_pose, look_at_frame
+from calib.judge.next_views import ViewGains, gains_of
 from calib.judge.target_hints import ghost_lines, held_at
 from calib.judge.verdict import Criteria, Verdict
-from calib.judge.view_gains import ViewGains, first_pose, gains_of, guessed_camera
 from calib.judge.views import TargetShape
 from calib.solver.calibration import Calibration
 from designer.base.arrays import Array

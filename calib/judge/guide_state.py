@@ -18,14 +18,14 @@ from calib.core.parallel import one_thread
 from calib.core.types import LEAST_POINTS, Detections, Observations, keep_views
 from calib.judge.coverage import lit_part, sigma_over_lit_px
 from calib.judge.evidence import CameraEvidence, evidence_of, rms_px, uncertainty_of
-from calib.judge.greedy import LITTLE_GAIN
 from calib.judge.guidance import GuideSettings
 from calib.judge.halves import half_split
 from calib.judge.information import knowledge_of
 from calib.judge.judge import judge
-from calib.judge.next_views import NextView, next_views
+from calib.judge.next_views import NextView, next_view_search, proposed_views
 from calib.judge.target_hints import are_near
 from calib.judge.verdict import Verdict
+from calib.judge.view_search import ViewGoal
 from calib.judge.views import TargetShape
 from calib.observe.observations import observations_from_detections
 from calib.solver.accuracy import NO_FIT, UNSURE_FOCAL
@@ -303,35 +303,36 @@ def proposal_of(
             near |= are_near(shape, pose, poses)
         return near
 
-    for goal_px, goal_covered, little_gain in _goals(standing, settings, calibration.observations.view_count):
-        views = next_views(
-            calibration, most=1, goal_px=goal_px, goal_covered=goal_covered, opened=weighed, little_gain=little_gain,
-            factor=1.0 if uncertain is None else uncertain.factor, is_avoided=is_avoided if avoided else None,
-            shape=shape,
-        )  # fmt: skip
-        if views:
-            view = views[0]
-            tells = view.sigma_px_before > goal_px and view.sigma_px_after <= little_gain * view.sigma_px_before
+    search = next_view_search(
+        calibration, factor=1.0 if uncertain is None else uncertain.factor, opened=weighed,
+        is_avoided=is_avoided if avoided else None, shape=shape,
+    )  # fmt: skip
+    if search is None:
+        return None
+    for goal in _goals(standing, settings, calibration.observations.view_count):
+        for view in proposed_views(search, goal, 1):
+            tells = view.sigma_px_before > goal.sigma_px
+            tells &= view.sigma_px_after <= goal.little_gain * view.sigma_px_before
             return Proposal(view.cam_from_target, view, tells)
     return None
 
 
-def _goals(standing: Standing | None, settings: GuideSettings, photos: int) -> list[tuple[float, float, float]]:
+def _goals(standing: Standing | None, settings: GuideSettings, photos: int) -> list[ViewGoal]:
     """What views are sought for, one after the other: the deviation, what is covered, and which gain is little.
 
     As long as some of the image is not covered, a view that hardly makes the camera better known gives way to one that
     shows more. What is as good as wanted, and yet not good in the verdict, is to be better than wanted.
     """
     wanted_px, wanted_share = settings.criteria["uncertainty"].good, settings.criteria["coverage"].good / 100
-    beyond = [(0.0, 1.0, LITTLE_OF_NOISE)] if photos < ENOUGH_PHOTOS else []
+    wanted, closely = ViewGoal(wanted_px, wanted_share), ViewGoal(wanted_px, wanted_share, LITTLE_OF_NOISE)
+    beyond = [ViewGoal(0.0, 1.0, LITTLE_OF_NOISE)] if photos < ENOUGH_PHOTOS else []
     if standing is None:
-        return [(wanted_px, wanted_share, LITTLE_GAIN), *beyond]
+        return [wanted, *beyond]
     uncertain, covered = standing.evidence.uncertainty, standing.evidence.coverage.share
     is_sure = uncertain.image_px is not None and uncertain.image_px <= wanted_px
     if is_sure and covered >= wanted_share:
         return beyond
     if not is_sure and (uncertain.by_target or uncertain.by_field):
         # More photos than are reckoned with here also tell the target's shape: some are always taken.
-        return [(wanted_px, wanted_share, LITTLE_GAIN), *beyond]
-    some = [(wanted_px, wanted_share, LITTLE_GAIN)] if covered < wanted_share else []
-    return [*some, (wanted_px, wanted_share, LITTLE_OF_NOISE), *beyond]
+        return [wanted, *beyond]
+    return [*([wanted] if covered < wanted_share else []), closely, *beyond]

@@ -25,7 +25,7 @@ from calib.core.linear_algebra import covariance_with_prior, pseudo_inverse, sym
 from calib.core.se3 import transform
 from calib.core.types import keep_views, sightings_per_view
 from calib.judge.coverage import lit_part
-from calib.solver.accuracy import projected_change
+from calib.solver.accuracy import SHARE_PERCENT, projected_change, share_px
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
 from calib.solver.problem import SolveOptions, pack, tie_parameters
@@ -110,13 +110,11 @@ def view_information(
         modes_mm: displacements of the points by numbers of the target's shape (S, N, 3); None: of the camera only.
     """
     modes_mm = np.zeros((0, *position_mm.shape)) if modes_mm is None else modes_mm
-    size = known.basis.shape[1] + len(modes_mm)
-    result = np.empty((len(cam_from_target), size, size))
     step = max(1, CHUNK // max(len(position_mm), 1))
-    for begin in range(0, len(cam_from_target), step):
-        part = slice(begin, begin + step)
-        result[part] = _information(known, cam_from_target[part], position_mm, weight[part], modes_mm)
-    return result
+    parts = [slice(begin, begin + step) for begin in range(0, max(len(weight), 1), step)]
+    return np.concatenate(
+        [_information(known, cam_from_target[one], position_mm, weight[one], modes_mm) for one in parts]
+    )
 
 
 def _information(known: Knowledge, pose: Array, position_mm: Array, weight: Array, modes_mm: Array) -> Array:
@@ -152,31 +150,51 @@ def eliminated(products: Array) -> Array:
     return np.where((pose.rank == 6)[:, None, None], 0.5 * (left + left.transpose(0, 2, 1)), 0.0)
 
 
-def image_change(known: Knowledge, columns: int = COLUMNS, rows: int | None = None) -> Array:
-    """How q moves what is seen at a grid of pixels (N, 2, Q), without the rotation that best explains it.
+@dataclass(frozen=True, eq=False)
+class ImageGoal:
+    """That the image is known: how far off the camera may be at its pixels, in sigmas along the worse axis."""
 
-    Pixels without a ray are left out.
-    """
+    change: Array  # (N, 2, Q) how q moves what is seen at N pixels, less the rotation that best explains it
+    pixels: int  # of the image; more than N where the lens model breaks down
+
+    def within_px(self, covariance: Array) -> float:
+        """What 95 % of the image stays within, by a covariance of q (Q, Q); infinite if less is known."""
+        return share_px(self._sigma_px(covariance), self.pixels)
+
+    def compared_px(self, covariance: Array) -> Array:
+        """The same of what is known, by covariances (..., Q, Q), so that close ones differ.  # (...)"""
+        if not len(self.change):
+            return np.zeros(covariance.shape[:-2])
+        return np.asarray(np.percentile(self._sigma_px(covariance), SHARE_PERCENT, axis=-1))
+
+    def mean_square(self) -> Array:
+        """Of the change: its product with a covariance has the variance over the image as its trace.  # (Q, Q)"""
+        flat = self.change.reshape(-1, self.change.shape[2])
+        return np.asarray(flat.T @ flat / len(self.change))
+
+    def _sigma_px(self, covariance: Array) -> Array:
+        size = self.change.shape[2]
+        spread = (self.change.reshape(-1, size) @ covariance).reshape(*covariance.shape[:-2], -1, 2, size)
+        uu, vv, uv = (
+            np.einsum("...nq,nq->...n", spread[..., row, :], self.change[:, column])
+            for row, column in ((0, 0), (1, 1), (0, 1))
+        )
+        largest: Array = 0.5 * (uu + vv) + np.hypot(0.5 * (uu - vv), uv)
+        return np.sqrt(np.maximum(largest, 0.0))
+
+
+def image_goal(known: Knowledge, columns: int = COLUMNS, rows: int | None = None) -> ImageGoal:
+    """Of a grid of pixels; those without a ray are left out."""
     pixel = image_grid(known.camera.image_size, columns, rows).reshape(-1, 2)
     change: Array = projected_change(known.camera, pixel) @ known.basis
-    return change[np.isfinite(change).all(axis=(1, 2))]
+    change = change[np.isfinite(change).all(axis=(1, 2))]
+    return ImageGoal(change, len(change))
 
 
-def sigma_px(change: Array, covariance: Array) -> Array:
-    """Standard deviations (..., N) along the worse axis of what is seen at N pixels.
-
-    Args:
-        change: of `image_change` (N, 2, Q).
-        covariance: of q (..., Q, Q).
-    """
-    size = change.shape[2]
-    flat = change.reshape(-1, size)
-    spread = (flat @ covariance).reshape(*covariance.shape[:-2], -1, 2, size)
-    uu, vv, uv = (
-        np.einsum("...nq,nq->...n", spread[..., row, :], change[:, column]) for row, column in ((0, 0), (1, 1), (0, 1))
-    )
-    largest: Array = 0.5 * (uu + vv) + np.hypot(0.5 * (uu - vv), uv)
-    return np.sqrt(np.maximum(largest, 0.0))
+def covariance_of_photos(told: Array) -> Array | None:
+    """Of q by what photos tell, with nothing that was known before; None: they leave something open."""
+    found = symmetric_inverse(told)
+    return found.inverse if int(found.rank) == len(told) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +203,7 @@ class StatedError:
 
     noise: float  # of the variance: what halves of the photos enlarge it by
     by_target: Array  # (Q, Q) of e, by the target
-    modes_mm: Array | None  # (S, K, 3) of the target's shape; None: not known, so no photo takes anything from its part
+    modes_mm: Array | None  # (S, K, 3) of points on faces; None: not known, so no photo takes anything from its part
     mixed: Array  # (Q, S) of e with s
     shape: Array  # (S, S) of s
     by_field: Array  # (Q, Q) of e, by what is fixed in the image
@@ -225,4 +243,5 @@ def stated_error(known: Knowledge, calibration: Calibration, factor: float, open
         return StatedError(factor**2, by_target, None, none, none.T @ none, by_field)
     camera, square = opened.basis.shape[1], opened.mean_square
     mixed, shape = square[:camera, camera:], square[camera:, camera:]
-    return StatedError(factor**2, by_target, opened.modes_mm, to_q @ opened.basis @ mixed, shape, by_field)
+    modes_mm = opened.modes_mm[:, calibration.observations.points.face >= 0]
+    return StatedError(factor**2, by_target, modes_mm, to_q @ opened.basis @ mixed, shape, by_field)

@@ -2,40 +2,39 @@
 
 As long as the camera is not known as well as wanted, the next is the one after which the deviation that 95 % of the
 image stays within is least (`calib.judge.greedy`); then the one that shows most of what no photo has shown.
+
+What a frame would add to what is known is told as a part of what the proposed view would; where the part of the image
+that is covered is to grow, as a part of that growth.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated
 
 import numpy as np
 
 from calib.cameras import learned_models, project
 from calib.cameras.camera import Camera
-from calib.cameras.refit import image_grid
 from calib.core.linear_algebra import covariance_with_prior
 from calib.core.se3 import rigid_fault, transform
-from calib.core.types import freeze, frozen_array
-from calib.judge.candidate_views import LONG, faces_seen
-from calib.judge.greedy import LITTLE_GAIN, one_by_one
-from calib.judge.information import image_change, sigma_px
+from calib.core.types import KnownPoints, freeze, frozen_array
+from calib.judge.candidate_views import LONG, candidates_of, faces_seen, shown_in
+from calib.judge.coverage import Coverage, area_of
+from calib.judge.greedy import one_by_one
+from calib.judge.information import ImageGoal, Knowledge, image_goal, knowledge_of, stated_error, view_information
 from calib.judge.next_view_words import Hold, ViewGain, place_of, sentence_of
-from calib.judge.view_search import CandidatePhoto, SoFar, ViewSearch, view_search
-from calib.judge.views import TargetShape
-from calib.solver.accuracy import NO_FIT, SHARE_PERCENT, share_px
+from calib.judge.view_search import COARSE_MAP, CandidatePhoto, SoFar, ViewGoal, ViewSearch, view_search
+from calib.judge.views import TargetShape, habits_of, shape_of
+from calib.solver.accuracy import NO_FIT
 from calib.solver.calibration import Calibration, without_surface
 from calib.solver.target_error import LeftOpen
-from designer.base.arrays import Array, Flags
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.file_kind import FileKind
 from designer.base.marks import ONE_LINE, AtLeast, AtMost, Length, NullIs, Shape
 
 MOST_VIEWS = 8
-MOST_FOR_ACCURACY = 4
-"""What is known after so many photos is to be solved before more are chosen by it."""
-LITTLE_AREA = 0.01
-"""Of the image: a photo that adds less than this to what is covered adds nothing."""
 ROUGH_PX = 3.0
 """Where the image is no better known than this, the lens may be another one, and what a photo will show with it."""
 SAME_FROM_ANY_SIDE = 1.15
@@ -99,72 +98,60 @@ def why_no_next_views(calibration: Calibration) -> str:
 
 
 def next_views(
-    calibration: Calibration,
-    *,
-    most: int = MOST_VIEWS,
-    goal_px: float = 0.0,
-    goal_covered: float = 0.0,
-    face_share: float | None = None,
-    factor: float = 1.0,
-    opened: LeftOpen | None = None,
-    little_gain: float = LITTLE_GAIN,
-    is_avoided: Callable[[Array], Flags] | None = None,
-    shape: TargetShape | None = None,
-) -> tuple[NextView, ...]:
+    calibration: Calibration, *, most: int = MOST_VIEWS, goal_px: float = 0.0, goal_covered: float = 0.0,
+    factor: float = 1.0, opened: LeftOpen | None = None,
+) -> tuple[NextView, ...]:  # fmt: skip
     """The photos to take next, the most useful first; none if both goals are reached, or `why_no_next_views` says why.
 
     Args:
         calibration: what is known so far.
         most: so many photos at most; fewer if more do little.
         goal_px: 95 % of the image is to be known so well.
-        goal_covered: so much of the image is to be surrounded by sightings, 0 to 1.
-        face_share: so much of a face must be seen for its rings to be read; None: as in the photos taken so far.
+        goal_covered: so much of the image is to be surrounded by observations, 0 to 1.
         factor: that halves of the photos enlarge the standard deviations of the noise by.
         opened: what photos so far leave open of the target's shape; None: not known, or no matter.
-        little_gain: a photo that leaves more than this of the deviation is not worth taking.
+    """
+    search = next_view_search(calibration, factor=factor, opened=opened)
+    return () if search is None else proposed_views(search, ViewGoal(goal_px, goal_covered), most)
+
+
+def next_view_search(
+    calibration: Calibration, *, factor: float = 1.0, opened: LeftOpen | None = None,
+    is_avoided: Callable[[Array], Flags] | None = None, shape: TargetShape | None = None,
+) -> ViewSearch | None:  # fmt: skip
+    """What photos that could be taken next tell; None if nothing can be proposed.
+
+    Args:
+        calibration: what is known so far.
+        factor: that halves of the photos enlarge the standard deviations of the noise by.
+        opened: what photos so far leave open of the target's shape; None: not known, or no matter.
         is_avoided: which of poses (C, 4, 4) are not to be proposed (C,).
         shape: of the target, if it is known already.
     """
     calibration = without_surface(calibration)  # what tells most of the base tells most of what lies around it
-    is_able = not why_no_next_views(calibration)
-    search = view_search(calibration, face_share, factor, opened, shape=shape) if is_able else None
-    if search is None:
-        return ()
-    search = search if is_avoided is None else search.without(is_avoided)
-    change = image_change(search.known)
-    if not len(change) or not len(search):
-        return ()
-    everywhere = int(search.lit.is_lit(image_grid(calibration.camera.image_size)).sum())
-    is_whole = search.known.is_determined and len(change) >= SHARE_PERCENT / 100 * everywhere
-    # Where the lens model breaks down in more than the rest, numbers can only be of what it reaches.
-    pixels = everywhere if is_whole else len(change)
+    if why_no_next_views(calibration) or (shape := shape or shape_of(calibration)) is None:
+        return None
+    habits = habits_of(calibration, shape)
+    candidates = candidates_of(calibration, shape, habits)
+    if is_avoided is not None:
+        candidates = candidates[~is_avoided(candidates.cam_from_target)]
+    known = knowledge_of(calibration)
+    error = stated_error(known, calibration, factor, opened)
+    return view_search(calibration, shape, habits, candidates, known, error)
 
-    @cache
-    def within_px(so_far: SoFar) -> float:
-        return share_px(sigma_px(change, search.stated.after(so_far.told)), pixels)
 
-    def choose(so_far: SoFar) -> CandidatePhoto | None:
-        before = within_px(so_far)
-        photos = search.for_accuracy(so_far) if len(so_far.chosen) < MOST_FOR_ACCURACY and wants(so_far, before) else ()
-        for photo in photos:
-            if within_px(so_far.with_photo(photo)) <= little_gain * before:
-                return photo
-        new = search.for_coverage(so_far) if so_far.covered < goal_covered else None
-        return None if new is None or so_far.new_area(new.area) <= LITTLE_AREA else new
-
-    def wants(so_far: SoFar, before: float) -> bool:
-        return before > goal_px or (not is_whole and not so_far.chosen)
-
+def proposed_views(search: ViewSearch, goal: ViewGoal, most: int) -> tuple[NextView, ...]:
+    """So many photos at most towards a goal, as they are told."""
     start = search.start()
-    is_rough = not is_whole or within_px(start) > ROUGH_PX
+    is_rough = not search.is_whole or start.within_px > ROUGH_PX
     views = []
-    for step in one_by_one(start, choose, SoFar.with_photo, most):
-        before, after = within_px(step.before), within_px(step.after)
-        shown = before if is_whole or step.before.chosen else math.inf
+    for step in one_by_one(start, partial(search.choose, goal=goal), SoFar.with_photo, most):
+        before, after = step.before, step.after
+        shown_px = before.within_px if search.is_whole or before.chosen else math.inf
         gain = ViewGain(
-            shown, after, step.before.covered, step.after.covered, is_rough=is_rough,
-            tells_sigma=wants(step.before, before) and after <= little_gain * shown,
-            tells_area=step.before.covered < goal_covered and step.before.new_area(step.choice.area) > LITTLE_AREA,
+            shown_px, after.within_px, before.covered, after.covered, is_rough=is_rough,
+            tells_sigma=before.wants_accuracy(goal) and after.within_px <= goal.little_gain * shown_px,
+            tells_area=before.covered < goal.covered and before.new_area(step.choice.area) > goal.little_area,
         )  # fmt: skip
         views.append(proposed_view(search, step.choice, gain))
     return tuple(views)
@@ -199,7 +186,7 @@ def _hold(search: ViewSearch, row: int, outline: tuple[Array, ...]) -> Hold:
     x, y, z = transform(one.cam_from_target[row], shape.center_mm).tolist()
     # Whether a solid tells about as much at a place, whichever of its sides is shown.
     alike = (one.place == one.place[row]).all(axis=1) & np.isclose(one.distance_mm, distance_mm)
-    share = search.compared_px(covariance_with_prior(search.information[alike]))
+    share = search.coarse.compared_px(covariance_with_prior(search.information[alike]))
     any_side = like < 0 or float(share.max()) <= SAME_FROM_ANY_SIDE * float(share.min())
     return Hold(
         place=place_of(outline, (last - first + 1).tolist(), first.tolist()),
@@ -230,3 +217,59 @@ def outline_px(camera: Camera, shape: TargetShape, cam_from_target: Array) -> tu
         if len(seen) > FEWEST_OF_LINE:
             lines.append(seen)
     return tuple(lines)
+
+
+MOST_POINTS = 300
+"""Of a view, that its worth is told by."""
+LITTLE = 1e-3
+"""Of the deviation, or of the image: a proposal that gains less is no measure of others."""
+
+
+@dataclass(frozen=True, eq=False)
+class ViewGains:
+    """What views are measured against, and what they are worth of the view that is proposed."""
+
+    known: Knowledge
+    coarse: ImageGoal
+    points: KnownPoints  # of the target
+    covered: Coverage
+    is_for_accuracy: bool  # else the proposal is to show a part of the image first
+    sigma_px: float = 0.0  # that 95 % of the map stays within now
+    proposed: float = 0.0  # what the proposal gains: px off that, or a part of the image
+
+    def worth(self, pose: Array, rows: Rows, pixel: Array) -> float:
+        """What a view is worth of the proposal, 0 to 1.
+
+        Args:
+            pose: of the view (4, 4).
+            rows: of the points it shows (N,).
+            pixel: where (N, 2).
+        """
+        is_measure = self.proposed > LITTLE * (self.sigma_px if self.is_for_accuracy else 1.0)
+        return min(self.gain(pose, rows, pixel) / self.proposed, 1.0) if is_measure else 0.0
+
+    def gain(self, pose: Array, rows: Rows, pixel: Array) -> float:
+        """What a view takes off the deviation (px), or of the image what it shows first."""
+        if not self.is_for_accuracy:
+            shown = area_of(self.covered.image_size, pixel, self.points.face[rows])
+            return self.covered.share_of(shown & ~self.covered.is_covered)
+        some = rows[:: max(1, -(-len(rows) // MOST_POINTS))]
+        if not len(some):
+            return 0.0
+        weight = np.full((1, len(some)), len(rows) / len(some))
+        told = view_information(self.known, pose[None], self.points.position_mm[some], weight)[0]
+        return max(self.sigma_px - float(self.coarse.compared_px(covariance_with_prior(told))), 0.0)
+
+
+def gains_of(
+    calibration: Calibration, shape: TargetShape, covered: Coverage, view: NextView, *, is_for_accuracy: bool
+) -> ViewGains:
+    """What views of a calibration's target are measured against, with one that is proposed."""
+    known, points = knowledge_of(calibration), calibration.observations.points
+    coarse = image_goal(known, *COARSE_MAP)
+    now_px = float(coarse.compared_px(np.eye(known.basis.shape[1])))
+    gains = ViewGains(known, coarse, points, covered, is_for_accuracy, now_px)
+    pose, every = view.cam_from_target, np.arange(len(shape.face))
+    shown = shown_in(known.camera, shape, habits_of(calibration, shape), pose[None], every)
+    rows, pixel = np.flatnonzero(points.face >= 0)[shown.is_read[0]], shown.pixel[0, shown.is_read[0]]
+    return replace(gains, proposed=gains.gain(pose, rows, pixel))

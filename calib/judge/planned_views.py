@@ -9,9 +9,8 @@ reaches what is wanted each time it is tried is `plan_that_holds(PlanWish(...))`
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, reduce
+from functools import cache, partial, reduce
 from itertools import accumulate, pairwise
 from typing import Annotated
 
@@ -19,23 +18,21 @@ import numpy as np
 
 from calib.cameras import COMMON, WIDE, fitted_models, project
 from calib.cameras.camera import Camera
-from calib.cameras.refit import image_grid, refit
+from calib.cameras.refit import refit
 from calib.cameras.surface import surface_model
-from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.core.se3 import exp_rotation, make_pose, rotation_of_quaternion, transform
 from calib.core.types import KnownPoints, Observations, keep_views
-from calib.judge.candidate_views import shown_in
+from calib.judge.candidate_views import candidates_at, candidates_of, held_ahead, shown_in
 from calib.judge.coverage import coverage_of, lit_part
 from calib.judge.evidence import uncertainty_of
 from calib.judge.greedy import Exchange, one_by_one
 from calib.judge.halves import half_split, halves_apart
-from calib.judge.information import LENS_UNSURE, image_change, sigma_px
+from calib.judge.information import LENS_UNSURE, knowledge_of
 from calib.judge.next_view_words import ViewGain
 from calib.judge.next_views import MAX_PX, NextView, proposed_view
-from calib.judge.view_search import CandidatePhoto, SoFar, view_search
-from calib.judge.views import READABLE_PITCH_PX, Habits, TargetShape
-from calib.solver.accuracy import share_px
+from calib.judge.view_search import CandidatePhoto, SoFar, ViewGoal, view_search
+from calib.judge.views import READABLE_PITCH_PX, Habits, TargetShape, shape_of
 from calib.solver.calibration import Calibration
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
@@ -80,57 +77,46 @@ def planned_views(
         before: of `calib.judge.planned_views.calibration_before`.
         held: how the target may be held.
         goal_px: 95 % of the image is to be known so well (1 sigma), by the noise of the photos.
-        goal_covered: so much of the image is to be surrounded by sightings, 0 to 1.
+        goal_covered: so much of the image is to be surrounded by observations, 0 to 1.
         most: photos at most.
         at: the only poses that the target can have (C, 4, 4); None: any.
     """
-    search = view_search(before, held=held, at=at)
-    if search is None or not len(search):
+    shape = shape_of(before)
+    if shape is None:
         return None
-    change, start = image_change(search.known), search.start()
-    pixels = int(search.lit.is_lit(image_grid(before.camera.image_size)).sum())
-
-    def after(photos: Sequence[CandidatePhoto]) -> SoFar:
-        return reduce(SoFar.with_photo, photos, start)
+    candidates = candidates_of(before, shape, held, (1.0, 1.0)) if at is None else candidates_at(shape, at)
+    search = view_search(before, shape, held, candidates, knowledge_of(before))
+    if search is None:
+        return None
+    goal = ViewGoal(goal_px, goal_covered, math.inf, LITTLE_AREA, most, FEWEST)
+    start = search.start()
+    photos = tuple(step.choice for step in one_by_one(start, partial(search.choose, goal=goal), SoFar.with_photo, most))
 
     @cache
-    def within_px(so_far: SoFar) -> float:
-        """What 95 % of the image stays within, by the photos alone; infinite if they leave something open."""
-        found = symmetric_inverse(so_far.told)
-        if int(found.rank) < len(so_far.told):
-            return math.inf
-        return share_px(sigma_px(change, found.inverse), pixels)
+    def after(some: tuple[CandidatePhoto, ...]) -> SoFar:
+        return reduce(SoFar.with_photo, some, start)
 
-    def is_met(so_far: SoFar, covered: float) -> bool:
-        return len(so_far.chosen) >= FEWEST and so_far.covered >= covered and within_px(so_far) <= goal_px
+    def is_met(some: tuple[CandidatePhoto, ...]) -> bool:
+        return len(some) >= FEWEST and after(some).covered >= reach and after(some).within_px <= goal_px
 
-    def choose(so_far: SoFar) -> CandidatePhoto | None:
-        if is_met(so_far, goal_covered):
-            return None
-        wants_area = len(so_far.chosen) >= FEWEST - 1 and within_px(so_far) <= goal_px
-        photo = search.for_coverage(so_far) if wants_area and so_far.covered < goal_covered else None
-        if photo is not None and so_far.new_area(photo.area) < LITTLE_AREA:
-            return None
-        return photo or next(search.for_accuracy(so_far), None)
-
-    photos = tuple(step.choice for step in one_by_one(start, choose, SoFar.with_photo, most))
-    greedy_count, reached = len(photos), after(photos)
     # What cannot be covered is not asked for any more, so that photos are no more than the rest needs.
-    reach = min(goal_covered, reached.covered)
-    if is_met(reached, reach):
+    greedy_count, reach = len(photos), min(goal_covered, after(photos).covered)
+    if is_met(photos):
         photos = Exchange[CandidatePhoto](
-            lambda some: is_met(after(some), reach), lambda some: within_px(after(some)),
-            lambda rest: next(search.for_accuracy(after(rest)), None), FEWEST,
-        ).improved(photos)  # fmt: skip
+            is_met,
+            lambda some: after(some).within_px,
+            lambda rest: next(search.for_accuracy(after(rest)), None),
+            FEWEST,
+        ).improved(photos)
     states = list(accumulate(photos, SoFar.with_photo, initial=start))
     gains = tuple(
-        ViewGain(within_px(a), within_px(b), a.covered, b.covered, tells_area=True) for a, b in pairwise(states)
+        ViewGain(a.within_px, b.within_px, a.covered, b.covered, tells_area=True) for a, b in pairwise(states)
     )
     rows = np.array([photo.row for photo in photos], dtype=np.int64)
     return PlannedViews(
         tuple(proposed_view(search, photo, gain) for photo, gain in zip(photos, gains, strict=True)), gains,
         search.candidates.distance_mm[rows], search.candidates.tilt_deg[rows], greedy_count,
-        within_px(states[-1]) <= goal_px, states[-1].covered >= goal_covered,
+        states[-1].within_px <= goal_px, states[-1].covered >= goal_covered,
     )  # fmt: skip
 
 
@@ -208,8 +194,7 @@ def _distance_mm(camera: Camera, shape: TargetShape, fill: float, size_px: Array
     near, far = 0.6 * extent, 1000.0 * extent
     for _ in range(SIZING_STEPS):
         middle = math.sqrt(near * far)
-        pose = make_pose(turn, np.array([0.0, 0.0, middle]) - turn @ shape.center_mm)
-        pixel = project(camera, transform(pose, shape.position_mm))
+        pixel = project(camera, transform(held_ahead(shape, turn, middle), shape.position_mm))
         is_all = bool(np.isfinite(pixel).all())
         if is_all and float((np.ptp(pixel, axis=0) / size_px).max()) < fill:
             far = middle
@@ -239,34 +224,32 @@ class TriedPlan:
 NOT_DETERMINED = TriedPlan(math.inf, math.inf, 0.0)
 
 
-def tried_plan(
-    camera: Camera, points: KnownPoints, shape: TargetShape, held: Habits, cam_from_target: Array, noise_px: float,
-    made: Made | None, rng: np.random.Generator, *, is_held_exactly: bool,
-) -> TriedPlan:  # fmt: skip
-    """Take the photos of a plan (V, 4, 4) once, and solve.
+@dataclass(frozen=True, eq=False)
+class PlanWish:
+    """What is asked for."""
 
-    Args:
-        camera: that takes them; its model is solved.
-        points: of the target.
-        shape: of the same.
-        held: which points are read.
-        cam_from_target: where the plan has the target.
-        noise_px: of a coordinate of an observation.
-        made: how the target was; None: nobody knows.
-        rng: of noise and of how the target is held.
-        is_held_exactly: a robot or a turntable holds it.
-    """
-    poses = cam_from_target if is_held_exactly else held_by_hand(cam_from_target, shape, rng)
-    seen = _photographed(camera, points, shape, held, poses, noise_px, rng)
-    if not seen.view_count:
-        return NOT_DETERMINED
+    before: Calibration  # of `calib.judge.planned_views.calibration_before`
+    shape: TargetShape
+    held: Habits
+    goal_px: float  # what 95 % of the image is to stay within, 1 sigma
+    goal_covered: float  # of the image, 0 to 1
+    most: int  # photos
+    made: Made | None  # how the target was; None: nobody knows
+    at: Array | None = None  # (C, 4, 4) the only poses that the target can have; None: any
+    is_held_exactly: bool = False  # by a robot or a turntable
+
+
+def tried_plan(wish: PlanWish, cam_from_target: Array, rng: np.random.Generator) -> TriedPlan:
+    """Take the photos of a plan (V, 4, 4) once, with noise and as they are held, and solve the camera from them."""
+    poses = cam_from_target if wish.is_held_exactly else held_by_hand(cam_from_target, wish.shape, rng)
+    seen = _photographed(wish, poses, rng)
     try:
-        found = solve(seen, camera.model, SolveOptions())
+        found = solve(seen, wish.before.camera.model, SolveOptions()) if seen.view_count else None
     except InputError:
+        found = None
+    if found is None or found.status != "converged":
         return NOT_DETERMINED
-    if found.status != "converged":
-        return NOT_DETERMINED
-    stated = with_target_error(found, made)  # as the verdict on these photos has it
+    stated = with_target_error(found, wish.made)  # as the verdict on these photos has it
     covered = coverage_of(stated)
     halves = halves_apart(half_split(stated, SolveOptions()), covered)
     known = uncertainty_of(stated, covered, halves.factor)
@@ -287,19 +270,16 @@ def held_by_hand(cam_from_target: Array, shape: TargetShape, rng: np.random.Gene
     return make_pose(rotation, there - rotation @ shape.center_mm)
 
 
-def _photographed(
-    camera: Camera, points: KnownPoints, shape: TargetShape, held: Habits, poses: Array, noise_px: float,
-    rng: np.random.Generator,
-) -> Observations:  # fmt: skip
+def _photographed(wish: PlanWish, poses: Array, rng: np.random.Generator) -> Observations:
     """What is found in the photos."""
+    camera, points, held = wish.before.camera, wish.before.observations.points, wish.held
     still = replace(held, face_share=min(held.face_share, STILL_READ))
-    shown = shown_in(camera, shape, still, poses, np.arange(len(shape.face)))
+    shown = shown_in(camera, wish.shape, still, poses, np.arange(len(wish.shape.face)))
     is_read = shown.is_read & (shown.is_read.sum(axis=1, keepdims=True) >= held.rings)
     view, row = np.nonzero(is_read)
-    point = np.flatnonzero(points.face >= 0)[row]
-    sigma_px = noise_px / np.sqrt(shown.weight[view, row])
+    sigma_px = wish.before.scale / np.sqrt(shown.weight[view, row])
     pixel = shown.pixel[view, row] + sigma_px[:, None] * rng.standard_normal((len(view), 2))
-    names = tuple(map(str, range(1, len(poses) + 1)))
+    names, point = tuple(map(str, range(1, len(poses) + 1))), np.flatnonzero(points.face >= 0)[row]
     covariance = sigma_px[:, None, None] ** 2 * np.eye(2)
     seen = Observations(camera.image_size, names, view, point, pixel, covariance, points)
     return keep_views(seen, is_read.any(axis=1))
@@ -309,21 +289,6 @@ TRIES = 5
 ROUNDS = 5
 """Of planning for less noise, where photos that were tried did not reach the goal."""
 TIGHTER, SPARE = 0.5, 0.97
-
-
-@dataclass(frozen=True, eq=False)
-class PlanWish:
-    """What is asked for."""
-
-    before: Calibration  # of `calib.judge.planned_views.calibration_before`
-    shape: TargetShape
-    held: Habits
-    goal_px: float  # what 95 % of the image is to stay within, 1 sigma
-    goal_covered: float  # of the image, 0 to 1
-    most: int  # photos
-    made: Made | None  # how the target was; None: nobody knows
-    at: Array | None = None  # (C, 4, 4) the only poses that the target can have; None: any
-    is_held_exactly: bool = False  # by a robot or a turntable
 
 
 @one_thread
@@ -340,14 +305,8 @@ def plan_that_holds(wish: PlanWish) -> tuple[PlannedViews, tuple[TriedPlan, ...]
         )
         if found is None or not found.views:
             return None
-        before, poses = wish.before, np.stack([one.cam_from_target for one in found.views])
-        tried = tuple(
-            tried_plan(
-                before.camera, before.observations.points, wish.shape, wish.held, poses, before.scale, wish.made,
-                np.random.default_rng(number), is_held_exactly=wish.is_held_exactly,
-            )
-            for number in range(TRIES)
-        )  # fmt: skip
+        poses = np.stack([one.cam_from_target for one in found.views])
+        tried = tuple(tried_plan(wish, poses, np.random.default_rng(number)) for number in range(TRIES))
         if max(one.stated_px for one in tried) <= wish.goal_px:
             best, passed_px = (found, tried), goal_px
             if not failed_px:

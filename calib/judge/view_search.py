@@ -4,36 +4,30 @@ Candidates are compared by what they tell with some of the target's points, or b
 points in; the best few are then looked at with all points.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from calib.cameras.camera import Camera
+from calib.cameras.refit import image_grid
 from calib.core.linear_algebra import covariance_with_prior
-from calib.judge.candidate_views import (
-    FARTHER,
-    NEARER,
-    CandidateViews,
-    ShownPoints,
-    candidates_at,
-    candidates_of,
-    shown_in,
-)
+from calib.judge.candidate_views import CandidateViews, ShownPoints, shown_in
 from calib.judge.coverage import LitPart, area_of, coverage_of, lit_part
+from calib.judge.greedy import LITTLE_GAIN
 from calib.judge.information import (
+    ImageGoal,
     Knowledge,
     StatedError,
-    image_change,
-    knowledge_of,
-    sigma_px,
-    stated_error,
+    covariance_of_photos,
+    image_goal,
     view_information,
 )
-from calib.judge.views import Habits, TargetShape, habits_of, shape_of
+from calib.judge.views import Habits, TargetShape
 from calib.solver.accuracy import SHARE_PERCENT
 from calib.solver.calibration import Calibration
-from calib.solver.target_error import LeftOpen
 from designer.base.arrays import Array, Flags, Rows
 
 COARSE_MAP = (16, 12)
@@ -60,6 +54,18 @@ LEAST_NEW = 0.06
 """Of the image: where less is new of what any photo shows, that makes up for less."""
 
 
+@dataclass(frozen=True)
+class ViewGoal:
+    """What photos are to reach."""
+
+    sigma_px: float  # 95 % of the image is to be known so well
+    covered: float  # so much of it is to be surrounded by observations, 0 to 1
+    little_gain: float = LITTLE_GAIN  # a photo that leaves more than this of the deviation is not worth taking
+    little_area: float = 0.01  # of the image: one that covers no more is not, either
+    most_for_accuracy: int = 4  # what is known after so many photos is to be solved before more are chosen by it
+    fewest: int = 0  # photos, however well the image is known and covered
+
+
 @dataclass(frozen=True, eq=False)
 class CandidatePhoto:
     """A candidate with all its points."""
@@ -71,12 +77,19 @@ class CandidatePhoto:
 
 @dataclass(frozen=True, eq=False)
 class SoFar:
-    """What the photos chosen so far tell, and what is covered with them."""
+    """What is known and covered with the photos chosen so far."""
 
+    search: "ViewSearch"
     told: Array  # (Q + S, Q + S) information of the photos chosen so far, beside what was known
     is_covered: Flags  # (R, C) cells of a coverage
     is_lit: Flags  # (R, C) cells that are asked for
-    chosen: tuple[int, ...]  # rows of the candidates
+    chosen: tuple[int, ...] = ()  # rows of the candidates
+
+    @cached_property
+    def within_px(self) -> float:
+        """What 95 % of the image stays within; infinite if less is known."""
+        covariance = self.search.covariance_after(self.told)
+        return math.inf if covariance is None else self.search.goal.within_px(covariance)
 
     @property
     def covered(self) -> float:
@@ -86,11 +99,17 @@ class SoFar:
     def with_photo(self, photo: CandidatePhoto) -> "SoFar":
         """After a choice."""
         told, is_covered = self.told + photo.information, self.is_covered | photo.area
-        return SoFar(told, is_covered, self.is_lit, (*self.chosen, photo.row))
+        return replace(self, told=told, is_covered=is_covered, chosen=(*self.chosen, photo.row))
 
     def new_area(self, area: Flags) -> float:
         """Of what is asked for, what a photo's area adds to what is covered."""
         return float((area & ~self.is_covered)[self.is_lit].mean())
+
+    def wants_accuracy(self, goal: ViewGoal) -> bool:
+        """Whether the image is to be known better, or is a guess up to now."""
+        is_guess = not self.search.is_whole and not self.chosen
+        some = len(self.chosen) + (self.covered < goal.covered)
+        return self.within_px > goal.sigma_px or is_guess or some < goal.fewest
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,35 +119,34 @@ class ViewSearch:
     calibration: Calibration
     lit: LitPart
     known: Knowledge
-    stated: StatedError
+    covariance_after: Callable[[Array], Array | None]  # of q, after photos that tell so much; None: something is open
     modes_mm: Array  # (S, N, 3) of the shape's points: what the target's numbers move
     shape: TargetShape
     habits: Habits
     candidates: CandidateViews
     information: Array  # (C, Q, Q) of each, from some of the points
     covers: Flags  # (C, K) cells of the image that each shows a point in
-    coarse: Array  # (N, 2, Q) how q moves the coarse map
-
-    def __len__(self) -> int:
-        return len(self.candidates.distance_mm)
-
-    def without(self, is_avoided: Callable[[Array], Flags]) -> "ViewSearch":
-        """Without some of its candidates, by their poses (C, 4, 4)."""
-        rows = ~is_avoided(self.candidates.cam_from_target)
-        return replace(
-            self, candidates=self.candidates[rows], information=self.information[rows], covers=self.covers[rows]
-        )
+    goal: ImageGoal
+    coarse: ImageGoal  # that candidates are compared by
+    is_whole: bool  # all of the image is known up to now, not only guessed
 
     def start(self) -> SoFar:
         """Before the first choice."""
         size, found = self.known.basis.shape[1] + len(self.modes_mm), coverage_of(self.calibration)
-        return SoFar(np.zeros((size, size)), found.is_covered, found.is_lit, ())
+        return SoFar(self, np.zeros((size, size)), found.is_covered, found.is_lit)
+
+    def choose(self, so_far: SoFar, goal: ViewGoal) -> CandidatePhoto | None:
+        """The photo after which the image is known best, or that shows most of what is new; None: none is worth it."""
+        if so_far.wants_accuracy(goal) and len(so_far.chosen) < goal.most_for_accuracy:
+            for photo in self.for_accuracy(so_far):
+                if so_far.with_photo(photo).within_px <= goal.little_gain * so_far.within_px:
+                    return photo
+        new = self.for_coverage(so_far) if so_far.covered < goal.covered else None
+        return None if new is None or so_far.new_area(new.area) <= goal.little_area else new
 
     def for_accuracy(self, so_far: SoFar) -> Iterator[CandidatePhoto]:
         """Photos that make the camera best known by the noise, the best first."""
-        flat = self.coarse.reshape(-1, self.coarse.shape[2])
-        mean_square = flat.T @ flat / len(self.coarse)
-        size = self.known.basis.shape[1]
+        mean_square, size = self.coarse.mean_square(), self.known.basis.shape[1]
         told = so_far.told[:size, :size]
         after = covariance_with_prior(told + self.information)
         square = np.einsum("cij,ji->c", after, mean_square)
@@ -137,13 +155,9 @@ class ViewSearch:
         worth_of_new = min(WORTH_OF_NEW, MOST_FOR_NEW * float(gain))
         effort = self._effort(so_far) * (1 + worth_of_new * (1 - self._new_cells(so_far)))
         best = np.argsort(square * effort**2, kind="stable")[:COMPARED_IN_FULL]
-        order = best[np.argsort(self.compared_px(after[best]) * effort[best], kind="stable")]
+        order = best[np.argsort(self.coarse.compared_px(after[best]) * effort[best], kind="stable")]
         order = order[np.isfinite(effort[order])]
         return (self.in_full(row) for row in order[:TRIED].tolist())
-
-    def compared_px(self, covariance: Array) -> Array:
-        """What 95 % of the coarse map stays within, for several covariances of q (C, Q, Q).  # (C,)"""
-        return np.asarray(np.percentile(sigma_px(self.coarse, covariance), SHARE_PERCENT, axis=1))
 
     def for_coverage(self, so_far: SoFar) -> CandidatePhoto | None:
         """The photo that surrounds most of what no photo has shown yet; None if all were chosen."""
@@ -192,41 +206,35 @@ class ViewSearch:
 
 
 def view_search(
-    calibration: Calibration, face_share: float | None = None, factor: float = 1.0, opened: LeftOpen | None = None,
-    held: Habits | None = None, at: Array | None = None, shape: TargetShape | None = None,
+    calibration: Calibration, shape: TargetShape, habits: Habits, candidates: CandidateViews,
+    known: Knowledge, error: StatedError | None = None,
 ) -> ViewSearch | None:  # fmt: skip
-    """The photos that could be taken and what they tell; None if no point lies on a known plane.
+    """What each of the photos that could be taken tells; None if the target is read in none of them.
 
     Args:
         calibration: what is known so far.
-        face_share: so much of a face must be seen for its rings to be read; None: as in the photos taken so far.
-        factor: that halves of the photos enlarge the standard deviations of the noise by.
-        opened: what photos so far leave open of the target's shape; None: not known, or no matter.
-        held: how the target may be held, and nowhere beyond; None: about as in the photos taken so far.
-        at: the only poses that it can have (C, 4, 4); None: any.
-        shape: of the target, if it is known already.
+        shape: of the target.
+        habits: how it is held, and read.
+        candidates: the photos.
+        known: of the calibration.
+        error: as it is told; None: by the photos to come alone, of all of the image.
     """
-    shape = shape_of(calibration) if shape is None else shape
-    if shape is None:
-        return None
-    habits = habits_of(calibration, shape) if held is None else held
-    if face_share is not None:
-        habits = replace(habits, face_share=face_share)
-    known, lit = knowledge_of(calibration), lit_part(calibration)
-    reach = (NEARER, FARTHER) if held is None else (1.0, 1.0)
-    candidates = candidates_of(calibration, shape, habits, reach) if at is None else candidates_at(shape, at)
-    rows, faces = _some_points(shape), len(shape.normal)
+    lit, rows, faces = lit_part(calibration), _some_points(shape), len(shape.normal)
     count, weight, covers = _read(lit.camera, shape, habits, candidates, rows)
-    ok = count >= min(LEAST_RINGS, habits.rings)
+    ok, goal = count >= min(LEAST_RINGS, habits.rings), image_goal(known)
+    if not ok.any() or not len(goal.change):
+        return None
     stands_for = np.bincount(shape.face, minlength=faces) / np.bincount(shape.face[rows], minlength=faces).clip(min=1)
     weighed = weight[ok] * stands_for[shape.face[rows]]
     information = view_information(known, candidates.cam_from_target[ok], shape.position_mm[rows], weighed)
-    stated = stated_error(known, calibration, factor, opened)
-    on_face = calibration.observations.points.face >= 0
-    modes_mm = np.zeros((0, len(shape.face), 3)) if stated.modes_mm is None else stated.modes_mm[:, on_face]
+    modes_mm = np.zeros((0, len(shape.face), 3)) if error is None or error.modes_mm is None else error.modes_mm
+    everywhere = int(lit.is_lit(image_grid(calibration.camera.image_size)).sum())
+    is_whole = known.is_determined and len(goal.change) >= SHARE_PERCENT / 100 * everywhere
+    # Where the lens model breaks down in more than the rest, numbers can only be of what it reaches.
+    pixels = everywhere if is_whole or error is None else goal.pixels
     return ViewSearch(
-        calibration, lit, known, stated, modes_mm, shape, habits, candidates[ok], information, covers[ok],
-        image_change(known, *COARSE_MAP),
+        calibration, lit, known, covariance_of_photos if error is None else error.after, modes_mm, shape, habits,
+        candidates[ok], information, covers[ok], replace(goal, pixels=pixels), image_goal(known, *COARSE_MAP), is_whole,
     )  # fmt: skip
 
 
