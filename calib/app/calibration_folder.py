@@ -177,7 +177,7 @@ class RunFolder:
             self.out.files += kept
             if not kept:
                 self.faults.append("target.json: another file has the name and stays; the target is not in the folder")
-        judged = run.judged and replace(run.judged, observations_sha256=run.best.provenance.observations_sha256)
+        judged = run.judged and replace(run.judged, solution_sha256=run.best.provenance.observations_sha256)
         files = {self.folder / NEXT_VIEWS_FILE: NEXT_VIEWS.text(NextViews(run.next_views))}
         if judged is not None:
             files[self.folder / VERDICT_FILE] = VERDICT.text(judged)

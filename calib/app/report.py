@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from designer.page.output import Output
 
 CALIBRATION, RIG = "calibration", "rig"
-VERDICTS = {CALIBRATION: "verdict.json", RIG: "rig_verdict.json"}
-"""Kinds of results that are judged, and the file that keeps what came of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +121,7 @@ def _judged(folder: Path, kind: str, criteria: str | None, command: str) -> Repo
     from calib.app.calibration import Run
     from calib.app.solved_rig import SolvedRig
     from calib.judge.checks import read_criteria
+    from calib.judge.judge import VERDICT_FILE
     from calib.judge.judged_run import judge_again, read_run
     from calib.judge.rig_folder import judge_rig_again, read_rig_run
 
@@ -132,7 +131,7 @@ def _judged(folder: Path, kind: str, criteria: str | None, command: str) -> Repo
     page, files, remark = found.draw_page(folder, command)
     if page is None:
         raise InputError(remark)
-    verdict = folder / VERDICTS[kind]
+    verdict = folder / VERDICT_FILE
     return Report(kind, page, files[-1], None if criteria is None else verdict, not verdict.exists())
 
 

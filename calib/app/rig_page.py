@@ -19,10 +19,9 @@ from calib.draw.rig_tables import (
     ties_table,
 )
 from calib.draw.run_tables import headline_by, verdict_blocks
-from calib.judge.halves import NoHalves
+from calib.judge.halves import NoHalves, RigHalves, SplitKind
 from calib.judge.next_robot_poses import photo_names
 from calib.judge.rig_folder import CAMERAS, RIG_FILE, RigRun, folder_names
-from calib.judge.rig_halves import RigHalves, SplitKind
 from calib.rigs.relative import center_sigma_mm
 from designer.base.words import capital, counted, printable
 from designer.base.words import figure as digits

@@ -20,11 +20,10 @@ if TYPE_CHECKING:
     from calib.cameras.rig import Rig
     from calib.core.types import RigObservations
     from calib.judge.hand_eye_file import HandEye
-    from calib.judge.next_robot_poses import NextPose
+    from calib.judge.judge import Judged
     from calib.judge.rig_folder import RigRun
-    from calib.judge.rig_judge import JudgedRig
     from calib.judge.rig_solution import RigSeen
-    from calib.judge.verdict import Verdict
+    from calib.judge.verdict import NextPose, Verdict
     from calib.rigs.result import RigCalibration
     from designer.base.answer import Value
     from designer.page.blocks import Page
@@ -38,7 +37,7 @@ class SolvedRig(
     Result, kind="rig", title="Rig of cameras", sought="solution",
     files={
         "rig.json": "the cameras, where each stands and the joint covariance, for other commands and programs",
-        "rig_verdict.json": "what was checked, for programs",
+        "verdict.json": "what was checked, for programs",
         "rig_calibration.json": "the whole solution: poses, frames, covariances",
         "target.json": "the target as it was used", SIGHTINGS_FILE: "what the cameras saw; --table solves it again",
         "hand_eye.json": "where the camera sits on what moves, or beside it, for a robot's program",
@@ -71,7 +70,7 @@ class SolvedRig(
         return self.calibration.observations if self.seen is None else self.seen.observations
 
     @property
-    def judged(self) -> "JudgedRig":
+    def judged(self) -> "Judged":
         """The verdict, and what it rests on.
 
         Raises:
@@ -178,8 +177,8 @@ class SolvedRig(
         """
         from calib.cameras.rig import RIG
         from calib.judge.hand_eye_file import HAND_EYE, HAND_EYE_FILE
+        from calib.judge.judge import VERDICT, VERDICT_FILE
         from calib.judge.rig_folder import RIG_CALIBRATION, RIG_CALIBRATION_FILE, RIG_FILE
-        from calib.judge.rig_judge import RIG_VERDICT, RIG_VERDICT_FILE
         from calib.observe.rig_observations import KIND as SIGHTINGS
         from calib.observe.robot_poses import KIND as ROBOT_POSES
         from designer.base.files import check_folder
@@ -188,7 +187,7 @@ class SolvedRig(
         check_folder(folder)
         for name, kind in (
             (RIG_CALIBRATION_FILE, RIG_CALIBRATION.format), (RIG_FILE, RIG.format), (SIGHTINGS_FILE, SIGHTINGS),
-            (RIG_VERDICT_FILE, RIG_VERDICT.format), (HAND_EYE_FILE, HAND_EYE.format), (NEXT_POSES_FILE, ROBOT_POSES),
+            (VERDICT_FILE, VERDICT.format), (HAND_EYE_FILE, HAND_EYE.format), (NEXT_POSES_FILE, ROBOT_POSES),
         ):  # fmt: skip
             require_ours(folder / name, kind=kind)
 
@@ -215,9 +214,11 @@ class SolvedRig(
 
         from calib.draw.rig_pictures import remove_rig_pictures
         from calib.judge.hand_eye_file import HAND_EYE, HAND_EYE_FILE
+        from calib.judge.judge import EARLIER_RIG_VERDICT_FILE
         from calib.judge.judged_run import keep_target
         from calib.judge.next_robot_poses import photo_names
         from calib.judge.rig_folder import is_rig_folder, write_rig
+        from calib.observe.photos import remove_ours
         from calib.observe.rig_observations import rig_sightings_to_csv
         from calib.observe.robot_poses import robot_poses_to_csv
         from designer.page.page_file import why_no_page
@@ -239,6 +240,7 @@ class SolvedRig(
         if run.target is not None:
             out.files += keep_target(folder, run.target, is_again=is_again)
         remove_rig_pictures(folder, run.found)
+        remove_ours({folder / EARLIER_RIG_VERDICT_FILE: ""})
         out.finished.append(folder)
         return replace(self, folder=folder)
 

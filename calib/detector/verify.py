@@ -49,7 +49,7 @@ OTHER_SPACING = 0.03
 
 
 @dataclass(frozen=True)
-class Evidence:
+class NamingEvidence:
     """What speaks for and against a naming, in rings and sides of faces."""
 
     faces: int  # on which something was found
@@ -95,7 +95,7 @@ class Evidence:
         return 2 * self.ended_faces >= self.faces and self.end_odds >= END_ODDS
 
 
-def refusal(evidence: Evidence) -> str:
+def refusal(evidence: NamingEvidence) -> str:
     """Why this cannot be the target, in a few words; "": it can.
 
     Somewhat other proportions do not refuse what is seen to all its sides: of targets made by others they may be known
@@ -126,7 +126,7 @@ def refusal(evidence: Evidence) -> str:
     return ""
 
 
-def proportion_remark(evidence: Evidence) -> str:
+def proportion_remark(evidence: NamingEvidence) -> str:
     """What to say of a target whose rings are of another size than its file tells; "": nothing."""
     if abs(evidence.proportion) <= MAX_PROPORTION:
         return ""
@@ -147,7 +147,7 @@ def gather(
     dropped: int,
     placement: Placement,
     measured: Measured,
-) -> Evidence:
+) -> NamingEvidence:
     """Hold what was seen against what the target has where it was placed."""
     image_size = (image.shape[1], image.shape[0])
     places = predict(plan, placement, image_size)
@@ -163,7 +163,7 @@ def gather(
     rings_beyond = _read(image, plan, readable, contrast) == RING
     ends = [face_end(image, plan, places, int(face), found) for face in faces]
     skew, proportion = _ratios(plan, measured, places)
-    return Evidence(
+    return NamingEvidence(
         faces=len(faces),
         found=int((plain & found).sum()),
         expected=int(plain.sum()),

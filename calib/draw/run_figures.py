@@ -26,10 +26,10 @@ from calib.draw.style import (
     nothing,
     open_axes,
 )
-from calib.judge.camera_checks import made_words
 from calib.judge.coverage import Coverage
 from calib.judge.difference import Apart, Known, sigma_over
 from calib.judge.halves import HalvesApart, NoHalves
+from calib.judge.lens_checks import made_words
 from calib.judge.next_views import NextView
 from calib.judge.verdict import LEAST_PX, px
 from calib.solver.accuracy import share_px

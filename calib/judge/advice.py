@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from calib.cameras import ANY_LENS, free_form_models
-from calib.judge.camera_checks import BY_CHANCE, SURE, diameter_words, made_words
 from calib.judge.checks import checks_of, faults_of, missing_of
-from calib.judge.evidence import FAR_OFF, CameraEvidence
+from calib.judge.evidence import FAR_OFF, LensEvidence, evidence_of
 from calib.judge.halves import HalvesApart
+from calib.judge.lens_checks import BY_CHANCE, SURE, diameter_words, made_words
 from calib.judge.next_view_words import distance_words, short
 from calib.judge.next_views import NextView
 from calib.judge.photo_advice import is_sure, photo_advice
@@ -94,7 +94,7 @@ class _Step:
 
 def advice_of(
     calibration: Calibration,
-    evidence: CameraEvidence,
+    evidence: LensEvidence,
     criteria: Criteria,
     views: Sequence[NextView] | None = None,
     inputs: Inputs = DETECTED,
@@ -112,11 +112,11 @@ def advice_of(
         return (evidence.reading,)
     facts = view_facts(calibration)
     # What the solver says of photos that do not determine the camera; for a map that was learned it has no word.
-    undetermined = "" if evidence.uncertainty.is_map_exact else evidence.status_reason
+    undetermined = "" if evidence.uncertainty.is_map_exact else next(iter(calibration.remarks), "")
     undetermined = undetermined or "take more photos, from different sides: these do not determine the camera"
     faults = (
         (_step(undetermined, "solution"),)
-        if evidence.status == "degenerate"
+        if calibration.status == "degenerate"
         else (
             _step(_points(evidence, criteria, inputs), "points", "uncertainty"),
             _step(_alike(evidence), "capture"),
@@ -141,8 +141,9 @@ def advice_of(
         _step(_map(evidence)),
     )
     # The checks that keep the verdict from being good, as the verdict names them, the worst first.
-    checks = checks_of(evidence, criteria)
-    wanting = (*faults_of(checks, "bad"), *faults_of(checks, "usable"), *missing_of(evidence, checks))
+    whole = evidence_of(calibration, evidence)
+    checks = checks_of(whole, criteria)
+    wanting = (*faults_of(checks, "bad"), *faults_of(checks, "usable"), *missing_of(whole, checks))
     order = [check.name for check in wanting]
     ranked = sorted(
         steps, key=lambda step: min((order.index(name) for name in step.mends if name in order), default=99)
@@ -159,7 +160,7 @@ def _step(sentence: str, *mends: str, measures: bool = False) -> _Step:
     return _Step((sentence,) if sentence else (), mends, measures)
 
 
-def _points(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> str:
+def _points(evidence: LensEvidence, criteria: Criteria, inputs: Inputs) -> str:
     """Points of which nobody said what they are, where that decides."""
     found = evidence.uncertainty
     if not found.by_circles or found.circle_px <= LARGE_SHARE * criteria["uncertainty"].good:
@@ -179,16 +180,16 @@ def _names(facts: ViewFacts, rows: Rows) -> str:
     return ", ".join(shown) + (f" and {more} more" if more > 0 else "")
 
 
-def _alike(evidence: CameraEvidence) -> str:
+def _alike(evidence: LensEvidence) -> str:
     """What moved or changed alike in all photos, and is named for sure."""
     error = evidence.uncertainty.capture_error
     effects = () if error is None else error.effects
     return "; ".join(dict.fromkeys(effect.remedy for effect in effects if effect.explains))
 
 
-def _target(calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _Step:
+def _target(calibration: Calibration, evidence: LensEvidence, criteria: Criteria, inputs: Inputs) -> _Step:
     """A target that is not as its file says: its rings are off in all photos, or another shape explains them better."""
-    on_target, shape, halves = evidence.leftover.target_px, evidence.shape, evidence.halves
+    on_target, shape, halves = evidence.target_px, evidence.shape, evidence.halves
     measure = f"measure the target, and solve with the measured one: {inputs.measure}"
     is_learned = calibration.camera.learned is not None
     if calibration.target_bend is None and not is_learned and is_flat(calibration.observations.points):
@@ -219,23 +220,22 @@ def _target(calibration: Calibration, evidence: CameraEvidence, criteria: Criter
     return _step("")
 
 
-def _target_share(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> str:
+def _target_share(evidence: LensEvidence, criteria: Criteria, inputs: Inputs) -> str:
     """A target whose error is within the limit, and yet most of what is left over."""
-    found = evidence.leftover
-    on_target = found.target_px
-    if on_target is None or on_target > criteria["systematic"].good or on_target <= LARGE_SHARE * found.rmse_px:
+    on_target, sigma_px = evidence.target_px, evidence.stated_sigma_px
+    if on_target is None or on_target > criteria["systematic"].good or on_target <= LARGE_SHARE * evidence.rms_px:
         return ""
-    if found.stated_sigma_px is None or on_target <= NOTICEABLE * found.stated_sigma_px:
+    if sigma_px is None or on_target <= NOTICEABLE * sigma_px:
         return ""
     return (
-        f"measure the target: {inputs.measure}; of the residuals of {px(found.rmse_px)}, {px(on_target)} are the same "
-        "for a point of the target in all photos"
+        f"measure the target: {inputs.measure}; of the residuals of {px(evidence.rms_px)}, {px(on_target)} are the "
+        "same for a point of the target in all photos"
     )
 
 
-def _lens(evidence: CameraEvidence, criteria: Criteria, model: str, inputs: Inputs) -> str:
+def _lens(evidence: LensEvidence, criteria: Criteria, model: str, inputs: Inputs) -> str:
     """Mean residuals over the image that the target does not explain."""
-    over_image, on_target = evidence.leftover.image_px, evidence.leftover.target_px or 0.0
+    over_image, on_target = evidence.image_px, evidence.target_px or 0.0
     if over_image is None or over_image <= max(criteria["systematic"].good, on_target):
         return ""
     free, done = free_form_models(), [one.model for one in evidence.models if one.model in free_form_models()]
@@ -311,7 +311,7 @@ def _few_photos(facts: ViewFacts) -> str:
     )
 
 
-def _tilts(evidence: CameraEvidence, criteria: Criteria, facts: ViewFacts) -> str:
+def _tilts(evidence: LensEvidence, criteria: Criteria, facts: ViewFacts) -> str:
     """A flat target that was hardly tilted."""
     if not facts.is_flat:
         return ""
@@ -356,7 +356,7 @@ def _how_shown(calibration: Calibration, facts: ViewFacts) -> tuple[str, ...]:
     return tuple(steps)
 
 
-def _map(evidence: CameraEvidence) -> str:
+def _map(evidence: LensEvidence) -> str:
     found = evidence.uncertainty
     if not found.is_map_exact or not 1 - found.known > MAP_MISSING:
         return ""
@@ -372,7 +372,7 @@ NOT_ROLLED = 0.8
 """Length of the mean direction of the target in the image, its angles doubled, above which all photos have one."""
 
 
-def _shape(calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _Step:
+def _shape(calibration: Calibration, evidence: LensEvidence, criteria: Criteria, inputs: Inputs) -> _Step:
     """A target that nobody measured, and that may be off so far that the camera is: photos that tell, or measure it."""
     uncertain = evidence.uncertainty
     is_open = uncertain.image_px is not None and uncertain.image_px > criteria["uncertainty"].good

@@ -4,29 +4,30 @@ A file of one's own needs to hold only what differs from the template `standard`
 are the same.
 """
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Union
 
-from calib.judge import camera_checks, rig_checks
-from calib.judge.evidence import CameraEvidence
-from calib.judge.verdict import Check, Criteria, Found, Grade, Limits
+from calib.judge import joint_checks, lens_checks
+from calib.judge.evidence import Evidence, JointEvidence, LensEvidence
+from calib.judge.verdict import Check, Criteria, Found, Grade, Limits, at_least, at_most, measured_text, px
 from designer.base.errors import InputError
 from designer.base.files import read_spec_file
-from designer.base.words import shown, suggestion
+from designer.base.words import figure, printable, shown, suggestion
 from designer.kinds.presets import preset_or_file
-
-if TYPE_CHECKING:
-    from calib.judge.rig_judge import RigEvidence
-
-Evidence = Union[CameraEvidence, "RigEvidence"]
 
 STANDARD = "standard"
 LONGEST_TITLE = 200
 _NUMBER = re.compile(r"\s*(\d{1,9}\.?\d{0,9}|\.\d{1,9})\s*([A-Za-z%]{0,8})\s*")
 NO_LIMITS = Limits(0.0, 0.0)
 _KEYS = ("good", "usable", "source")
+
+
+NOISY, NOISY_TOGETHER = 3.0, 2.0
+"""Residuals of a camera by itself, or with others, this many times the stated noise are said to be something else."""
+OF_ROBOTS = 2.0
+"""Times the limit of residuals up to which a camera on a robot is judged by its error in mm alone."""
 
 
 @dataclass(frozen=True)
@@ -36,19 +37,27 @@ class CheckKind:
     name: str  # a key of a criteria file
     title: str
     unit: str  # of the value and of its limits; "": nothing is measured
-    camera: "Callable[[CameraEvidence, Criteria], Found | None] | None" = None  # None: not of a camera alone
-    rig: "Callable[[RigEvidence, Criteria], Found | None] | None" = None  # None: not of a rig
+    every: Callable[[Evidence, Criteria], Found | None] | None = None  # of whatever was solved; else of
+    lens: Callable[[LensEvidence, Criteria], Found | None] | None = None  # one camera that was solved by itself
+    joint: Callable[[JointEvidence, Criteria], Found | None] | None = None  # several, or what moved one
     limits: Limits = NO_LIMITS  # where neither the criteria nor the template `standard` have some
     most: float = 1000.0  # that a limit may be
     is_at_least: bool = False  # the value must be at least the limits, not at most
     is_needed: bool = False  # without it nothing is called good
 
+    def is_of(self, evidence: Evidence) -> bool:
+        """Whether it is asked of cameras that were solved so."""
+        return bool(self.every or (self.lens if evidence.lens else self.joint))
+
     def check(self, evidence: Evidence, criteria: Criteria) -> Check | None:
-        """What came of it for one camera or rig."""
-        if isinstance(evidence, CameraEvidence):
-            found = self.camera and self.camera(evidence, criteria)
-        else:
-            found = self.rig and self.rig(evidence, criteria)
+        """What came of it."""
+        found = None
+        if self.every is not None:
+            found = self.every(evidence, criteria)
+        elif isinstance(evidence, JointEvidence):
+            found = self.joint and self.joint(evidence, criteria)
+        elif evidence.lens is not None:
+            found = self.lens and self.lens(evidence.lens, criteria)
         if found is None:
             return None
         limits = criteria[self.name] if self.unit else self.limits
@@ -62,54 +71,91 @@ class CheckKind:
 def _solution(evidence: Evidence, _: Criteria) -> Found | None:
     if evidence.status == "converged":
         return None
-    what = "the photos do not determine the camera"
-    if not isinstance(evidence, CameraEvidence):
-        what = "the frames do not determine the rig"
+    what = "the photos do not determine the camera" if evidence.lens else "the frames do not determine the rig"
     fault = {"degenerate": what, "stopped": "the solution is not at its end"}.get(evidence.status, "")
     return Found("bad", None, f"{fault}: {evidence.status_reason}" if evidence.status_reason else fault)
+
+
+def _coverage(evidence: Evidence, criteria: Criteria) -> Found | None:
+    """What the observations surround of the image of the camera that saw least; a given lens was learned elsewhere.
+
+    It makes no rig unusable: where the cameras look at together they saw the target, and `space` judges that.
+    """
+    limits, is_joint = criteria["coverage"], evidence.lens is None
+    solved = [(one.name, one.coverage) for one in evidence.cameras if one.coverage is not None]
+    if not solved:
+        return None
+    name, least = min(solved, key=lambda pair: pair[1].share)
+    percent = 100 * least.share
+    sentence = f"the observations surround {measured_text(percent, '%', (limits.good, limits.usable))} % of the "
+    sentence += f"{least.area} of {printable(name)}" if is_joint else least.area
+    sentence += ", the least of all cameras" if len(solved) > 1 else ""
+    if least.missing_words:
+        sentence += f"; mostly without: {least.missing_words}"
+        sentence += ", where its lens is only continued" if is_joint else ""
+    if is_joint:
+        return Found("good" if percent >= limits.good else "usable", percent, sentence, usable=0.0)
+    return Found(at_least(percent, limits), percent, sentence)
+
+
+def _residuals(evidence: Evidence, criteria: Criteria) -> Found:
+    """Of the worst camera. Those of one on a robot spoil it later: what they do at the target `space` tells in mm."""
+    limits, is_joint = criteria["residuals"], evidence.lens is None
+    worst = max(evidence.cameras, key=lambda one: one.rms_px if math.isfinite(one.rms_px) else math.inf)
+    of = f" of {printable(worst.name)}" if is_joint else ""
+    if is_joint and not math.isfinite(worst.rms_px):
+        return Found("bad", None, f"no observation{of} counts")
+    largest = ", the largest of all cameras," if len(evidence.cameras) > 1 else ""
+    sentence = f"the residuals{of}{largest} are {px(worst.rms_px)} (RMS of {worst.sightings} observations)"
+    grade = at_most(worst.rms_px, limits)
+    if worst.times_stated is not None and worst.times_stated > (NOISY_TOGETHER if is_joint else NOISY):
+        times = f"{figure(worst.times_stated, 2)} times the noise that is stated"
+        sentence += (
+            f": within the limit, though {times}, a hint that some of it comes from target, lens or moving things"
+            if grade == "good"
+            else f", {times}: most of it is not noise, but target, lens or moving things"
+        )
+    is_in_mm = isinstance(evidence, JointEvidence) and joint_checks.is_in_mm(evidence)
+    if grade == "bad" and is_in_mm and worst.rms_px <= OF_ROBOTS * limits.usable:
+        return Found("usable", worst.rms_px, sentence, usable=worst.rms_px)
+    return Found(grade, worst.rms_px, sentence)
 
 
 CHECKS: dict[str, CheckKind] = {
     kind.name: kind
     for kind in (
-        CheckKind("solution", "Solution", "", camera=_solution, rig=_solution),
-        CheckKind("reading", "How the observations read", "", camera=camera_checks.reading),
+        CheckKind("solution", "Solution", "", _solution),
+        CheckKind("reading", "How the observations read", "", lens=lens_checks.reading),
         CheckKind(
-            "frames", "Frames that join the cameras", "frames", rig=rig_checks.frames, is_at_least=True, is_needed=True
-        ),
-        CheckKind("points", "What the points are", "", camera=camera_checks.points, rig=rig_checks.points),
-        CheckKind("lenses", "Lenses that were kept", "", rig=rig_checks.lenses),
-        CheckKind("uncertainty", "Uncertainty over the image", "px", camera=camera_checks.uncertainty, is_needed=True),
-        CheckKind(
-            "coverage",
-            "Sensor coverage",
-            "%",
-            camera=camera_checks.coverage,
-            rig=rig_checks.coverage,
-            most=100.0,
+            "frames",
+            "Frames that join the cameras",
+            "frames",
+            joint=joint_checks.frames,
             is_at_least=True,
             is_needed=True,
         ),
+        CheckKind("points", "What the points are", "", lens=lens_checks.points, joint=joint_checks.points),
+        CheckKind("lenses", "Lenses that were kept", "", joint=joint_checks.lenses),
+        CheckKind("uncertainty", "Uncertainty over the image", "px", lens=lens_checks.uncertainty, is_needed=True),
+        CheckKind("coverage", "Sensor coverage", "%", _coverage, most=100.0, is_at_least=True, is_needed=True),
         CheckKind(
             "halves",
             "Cross-validation by halves",
             "sigma",
-            camera=camera_checks.halves,
-            rig=rig_checks.halves,
+            lens=lens_checks.halves,
+            joint=joint_checks.halves,
             is_needed=True,
         ),
-        CheckKind(
-            "residuals", "Residuals", "px", camera=camera_checks.residuals, rig=rig_checks.residuals, is_needed=True
-        ),
-        CheckKind("systematic", "Systematic residuals", "px", camera=camera_checks.systematic),
-        CheckKind("outliers", "Outliers", "%", camera=camera_checks.outliers, rig=rig_checks.outliers, most=100.0),
-        CheckKind("delays", "Delays", "px", rig=rig_checks.delays),
-        CheckKind("carrier", "Errors of what carries", "deg", rig=rig_checks.carrier, most=180.0),
-        CheckKind("baselines", "Distances of the cameras", "%", rig=rig_checks.baselines, most=100.0),
-        CheckKind("space", "Error in space", "%", rig=rig_checks.space, most=100.0),
-        CheckKind("target", "Shape of the target", "px", camera=camera_checks.target),
-        CheckKind("capture", "Alike in all photos", "px", camera=camera_checks.capture, limits=Limits(0.1, 0.3)),
-        CheckKind("models", "Agreement of the models", "px", camera=camera_checks.models),
+        CheckKind("residuals", "Residuals", "px", _residuals, is_needed=True),
+        CheckKind("systematic", "Systematic residuals", "px", lens=lens_checks.systematic),
+        CheckKind("outliers", "Outliers", "%", lens=lens_checks.outliers, joint=joint_checks.outliers, most=100.0),
+        CheckKind("delays", "Delays", "px", joint=joint_checks.delays),
+        CheckKind("carrier", "Errors of what carries", "deg", joint=joint_checks.carrier, most=180.0),
+        CheckKind("baselines", "Distances of the cameras", "%", joint=joint_checks.baselines, most=100.0),
+        CheckKind("space", "Error in space", "%", joint=joint_checks.space, most=100.0),
+        CheckKind("target", "Shape of the target", "px", lens=lens_checks.target),
+        CheckKind("capture", "Alike in all photos", "px", lens=lens_checks.capture, limits=Limits(0.1, 0.3)),
+        CheckKind("models", "Agreement of the models", "px", lens=lens_checks.models),
     )
 }
 """In the order of reading. Their limits are in `templates/criteria`."""
@@ -131,8 +177,8 @@ def missing_of(evidence: Evidence, checks: Sequence[Check]) -> tuple[Check, ...]
 
     What the target may be off is in a camera's uncertainty, unless nobody knows how it was made.
     """
-    is_made_known = not isinstance(evidence, CameraEvidence) or evidence.uncertainty.target_error is not None
-    also = () if is_made_known else ("target",)
+    lens = evidence.lens
+    also = () if lens is None or lens.uncertainty.target_error is not None else ("target",)
     return tuple(
         check for check in checks if check.grade == "unknown" and (CHECKS[check.name].is_needed or check.name in also)
     )
@@ -177,8 +223,7 @@ def read_criteria(name_or_path: str = STANDARD) -> Criteria:
 
 def applied(criteria: Criteria, evidence: Evidence) -> Criteria:
     """The limits that are a camera's, or a rig's: what is kept of a verdict on it."""
-    is_camera = isinstance(evidence, CameraEvidence)
-    names = [name for name, kind in CHECKS.items() if kind.unit and (kind.camera if is_camera else kind.rig)]
+    names = [name for name, kind in CHECKS.items() if kind.unit and kind.is_of(evidence)]
     return Criteria(criteria.name, criteria.title, {name: criteria[name] for name in names if name in criteria.limits})
 
 

@@ -1,8 +1,9 @@
-"""What is measured of a run before anything is judged: no limits here."""
+"""What is measured before anything is judged: no limits here. Of several cameras, `calib.judge.joint_evidence` does."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,15 +12,20 @@ from calib.cameras.refit import image_grid
 from calib.core.linear_algebra import sums_by
 from calib.judge.coverage import Coverage, coverage_of, lit_part, sigma_over_lit_px
 from calib.judge.difference import Known, apart, sigma_over
-from calib.judge.halves import HalfSplit, HalvesApart, NoHalves, halves_apart
+from calib.judge.halves import HalfSplit, HalvesApart, NoHalves, RigHalves, halves_apart
 from calib.judge.reading import reading_of
 from calib.judge.target_shape import ShapeEffect, shape_effect
 from calib.solver.accuracy import share_px
 from calib.solver.calibration import Calibration, CaptureError, CircleDoubt, ImageField, PhotoError, Status, TargetError
 from calib.solver.metrics.errors import Errors, summarise
-from calib.solver.metrics.evaluation import Evaluation, evaluate
+from calib.solver.metrics.evaluation import evaluate
 from calib.solver.metrics.residual_cells import LEAST_PER_CELL, cells_of_residuals, residuals_of
 from calib.solver.outliers import deviations
+
+if TYPE_CHECKING:
+    from calib.rigs.figures import CameraTie, PairFigures
+    from calib.rigs.relative import CarriedError, MiddleError
+    from calib.rigs.result import CarrierFit
 
 LEAST_SHARE = 0.25
 """Of the residuals: a smaller systematic part blames nobody."""
@@ -65,20 +71,6 @@ class Uncertainty:
 
 
 @dataclass(frozen=True)
-class Leftover:
-    """What the solution leaves over."""
-
-    rmse_px: float
-    count: int  # of sightings
-    stated_sigma_px: float | None  # of a coordinate, as the detector states it
-    sigma_px: float  # of a coordinate, as the residuals show it
-    far_share: float  # of sightings that count and are beyond `FAR_OFF`, 0 to 1
-    left_out_share: float
-    image_px: float | None  # root mean square of the cells' means less what noise gives; None: too few sightings
-    target_px: float | None  # the same of the rings' means, moved to the target and back to pixels
-
-
-@dataclass(frozen=True)
 class ModelApart:
     """How another model, solved from the same photos, differs over the covered area."""
 
@@ -90,18 +82,32 @@ class ModelApart:
     rmse_px: float = math.nan  # what it leaves over
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class CameraEvidence:
-    """All that a verdict on one camera rests on."""
+    """What one camera leaves over, and what it saw."""
 
-    model: str
-    status: Status
-    status_reason: str  # of a status other than converged
-    view_count: int
-    uncertainty: Uncertainty
+    name: str  # "" of the only one
+    frames: int  # in which it sees the target
+    sightings: int  # that count
+    left_out: int
+    rms_px: float  # root mean square length of the residuals that count
+    times_stated: float | None  # the noise over what the detector states; None: weights were not used
+    coverage: Coverage | None  # None: its lens was given
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LensEvidence(CameraEvidence):
+    """Of a camera that was solved by itself, also how sure its lens is."""
+
     coverage: Coverage
+    model: str
     halves: HalvesApart | NoHalves
-    leftover: Leftover
+    uncertainty: Uncertainty
+    stated_sigma_px: float | None  # of a coordinate, as the detector states it
+    far_share: float  # of the sightings, 0 to 1: that count and are beyond `FAR_OFF`
+    left_out_share: float
+    image_px: float | None  # root mean square of the cells' means less what noise gives; None: too few sightings
+    target_px: float | None  # the same of the rings' means, moved to the target and back to pixels
     shape: ShapeEffect | None  # what a target of another shape would change; None: cannot be told
     models: tuple[ModelApart, ...]
     reading: str = ""  # what else the observations are, as a sentence, if that explains all
@@ -113,14 +119,59 @@ class CameraEvidence:
         A target that bends also explains a part of what a model leaves over that does not fit the lens. But if it were
         the cause, bending would explain at least what is the same at a place in the image in all photos.
         """
-        over_image, on_target = self.leftover.image_px or 0.0, self.leftover.target_px or 0.0
-        if self.shape is None or over_image <= max(on_target, LEAST_SHARE * self.leftover.rmse_px):
+        over_image, on_target = self.image_px or 0.0, self.target_px or 0.0
+        if self.shape is None or over_image <= max(on_target, LEAST_SHARE * self.rms_px):
             return False
-        return self.shape.explained < (over_image / self.leftover.rmse_px) ** 2
+        return self.shape.explained < (over_image / self.rms_px) ** 2
 
 
-def evidence_of(calibrations: Sequence[Calibration], best: int, halves: HalfSplit) -> CameraEvidence:
-    """Measure.
+@dataclass(frozen=True)
+class ByCircles:
+    """What a place in space may be off as nobody said what the points are."""
+
+    doubt: CircleDoubt
+    sigma_mm: float
+    noise_mm: float  # by the noise alone
+    away_mm: float  # from the camera
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Evidence:
+    """All that a verdict on C cameras rests on."""
+
+    status: Status
+    status_reason: str  # of a status other than converged
+    frames: int
+    cameras: tuple[CameraEvidence, ...]  # (C,)
+
+    @property
+    def lens(self) -> LensEvidence | None:
+        """Of the one camera that was solved by itself; None: it was solved with what moved it, or with others."""
+        one = self.cameras[0]
+        return one if isinstance(one, LensEvidence) else None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the cameras.  # (C,)"""
+        return tuple(one.name for one in self.cameras)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class JointEvidence(Evidence):
+    """Of several cameras, or of what moved one, also how places in space are known: as halves of the frames tell."""
+
+    halves: RigHalves | NoHalves
+    pairs: "tuple[PairFigures, ...]"
+    ties: "tuple[CameraTie, ...]"  # (C,) or none
+    middle: "MiddleError | None"  # None: no two cameras see the middle
+    carrier: "CarrierFit | None"  # what carried the cameras or the target; None: nothing that says how
+    carried: "CarriedError | None"  # None: no such, or more cameras than one
+    delay_px: tuple[float, ...]  # (C,) what the delays' standard deviations move a sighting by; (): no delays
+    by_circles: ByCircles | None = None  # None: what the points are is known
+
+
+def lens_evidence(calibrations: Sequence[Calibration], best: int, halves: HalfSplit) -> LensEvidence:
+    """Measure a camera that was solved by itself.
 
     Args:
         calibrations: of the same photos by different models.
@@ -128,16 +179,34 @@ def evidence_of(calibrations: Sequence[Calibration], best: int, halves: HalfSpli
         halves: of that one.
     """
     judged = calibrations[best]
-    covered = coverage_of(judged)
-    others = [one for row, one in enumerate(calibrations) if row != best]
-    reason = judged.remarks[0] if judged.status != "converged" and judged.remarks else ""
-    found = halves_apart(halves, covered)
-    return CameraEvidence(
-        judged.camera.model, judged.status, reason, judged.observations.view_count,
-        uncertainty_of(judged, covered, found.factor), covered, found, _leftover(evaluate(judged)),
-        shape_effect(judged, covered),
-        tuple(_model_apart(judged, other, covered) for other in others), reading_of(judged),
+    seen, covered, evaluation = judged.observations, coverage_of(judged), evaluate(judged)
+    views, errors, compared = seen.view_count, evaluation.of("reprojection"), halves_apart(halves, covered)
+    if errors is None:
+        raise ValueError("a calibration without reprojection errors cannot be judged")
+    summary, cells = summarise(errors), cells_of_residuals(residuals_of(evaluation))
+    far = deviations(judged.residual_px.T, seen.cov_px2) > FAR_OFF
+    stated = None
+    if seen.cov_px2 is not None and len(seen.cov_px2):
+        stated = math.sqrt(float(np.trace(seen.cov_px2, axis1=1, axis2=2).mean()) / 2)
+    freedom = 1 - (6 * views + len(judged.camera.params)) / max(2 * summary.count, 1)
+    sigma_px = summary.rmse / math.sqrt(2 * freedom) if freedom > 0 else math.nan
+    return LensEvidence(
+        name="", frames=views, sightings=summary.count, left_out=int(judged.is_outlier.sum()), rms_px=summary.rmse,
+        times_stated=sigma_px / stated if stated else None, coverage=covered, model=judged.camera.model,
+        halves=compared, uncertainty=uncertainty_of(judged, covered, compared.factor), stated_sigma_px=stated,
+        far_share=float((far & ~judged.is_outlier).sum()) / max(len(far), 1),
+        left_out_share=float(judged.is_outlier.sum()) / max(len(far), 1),
+        image_px=_beyond_noise(cells.rms_of_means_px, cells.rms_by_noise_px),
+        target_px=_on_target(evaluation.of("intersection"), summary.rmse), shape=shape_effect(judged, covered),
+        models=tuple(_model_apart(judged, one, covered) for row, one in enumerate(calibrations) if row != best),
+        reading=reading_of(judged),
     )  # fmt: skip
+
+
+def evidence_of(calibration: Calibration, lens: LensEvidence) -> Evidence:
+    """What a verdict on a camera that was solved by itself rests on."""
+    reason = calibration.remarks[0] if calibration.remarks else ""
+    return Evidence(status=calibration.status, status_reason=reason, frames=lens.frames, cameras=(lens,))
 
 
 def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -> Uncertainty:
@@ -177,31 +246,6 @@ def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -
 def _if_known(share: float) -> float | None:
     """What 95 % of a part of the image stays within; None if less of it is known."""
     return share if math.isfinite(share) else None
-
-
-def _leftover(evaluation: Evaluation) -> Leftover:
-    calibration = evaluation.calibration
-    seen, errors = calibration.observations, evaluation.of("reprojection")
-    if errors is None:
-        raise ValueError("a calibration without reprojection errors cannot be judged")
-    cells = cells_of_residuals(residuals_of(evaluation))
-    summary = summarise(errors)
-    far = deviations(calibration.residual_px.T, seen.cov_px2) > FAR_OFF
-    stated = None
-    if seen.cov_px2 is not None and len(seen.cov_px2):
-        stated = math.sqrt(float(np.trace(seen.cov_px2, axis1=1, axis2=2).mean()) / 2)
-    count = max(len(far), 1)
-    freedom = 1 - (6 * seen.view_count + len(calibration.camera.params)) / max(2 * summary.count, 1)
-    return Leftover(
-        rmse_px=summary.rmse,
-        count=summary.count,
-        stated_sigma_px=stated,
-        sigma_px=summary.rmse / math.sqrt(2 * freedom) if freedom > 0 else math.nan,
-        far_share=float((far & ~calibration.is_outlier).sum()) / count,
-        left_out_share=float(calibration.is_outlier.sum()) / count,
-        image_px=_beyond_noise(cells.rms_of_means_px, cells.rms_by_noise_px),
-        target_px=_on_target(evaluation.of("intersection"), summary.rmse),
-    )
 
 
 def _beyond_noise(rms: float, by_noise: float) -> float | None:

@@ -17,7 +17,7 @@ from calib.cameras import WIDE, told_parameters
 from calib.core.parallel import one_thread
 from calib.core.types import LEAST_POINTS, Detections, Observations, keep_views
 from calib.judge.coverage import lit_part, sigma_over_lit_px
-from calib.judge.evidence import CameraEvidence, evidence_of, rms_px, uncertainty_of
+from calib.judge.evidence import LensEvidence, evidence_of, lens_evidence, rms_px, uncertainty_of
 from calib.judge.guidance import GuideSettings
 from calib.judge.halves import half_split
 from calib.judge.information import knowledge_of
@@ -231,7 +231,7 @@ class Standing:
     """What is to be said of a camera that the photos determine whole."""
 
     calibration: Calibration
-    evidence: CameraEvidence
+    evidence: LensEvidence
     verdict: Verdict
 
     @property
@@ -251,15 +251,15 @@ def standing_of(insight: Insight, settings: GuideSettings) -> Standing | None:
     found = insight.whole
     if found is None:
         return None
-    halves = half_split(found, SolveOptions())
-    standing = Standing(found, evidence := evidence_of([found], 0, halves), judge(evidence, settings.criteria))
+    evidence = lens_evidence([found], 0, half_split(found, SolveOptions()))
+    standing = Standing(found, evidence, judge(evidence_of(found, evidence), settings.criteria))
     if not standing.is_good:
         return standing
     # What is alike in all photos or fixed in the image takes as long as the rest, and may only make worse what is good.
     found = with_capture_error(found)
     known = uncertainty_of(found, evidence.coverage, evidence.uncertainty.factor)
     evidence = replace(evidence, uncertainty=known)
-    return Standing(found, evidence, judge(evidence, settings.criteria))
+    return Standing(found, evidence, judge(evidence_of(found, evidence), settings.criteria))
 
 
 @dataclass(frozen=True, eq=False)

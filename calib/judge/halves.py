@@ -6,8 +6,10 @@ lie farther apart. What all views have in common no halves show. One split is a 
 made.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -23,7 +25,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.problem import SolveOptions
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
-from designer.base.marks import INLINE, Key, Length, Line
+from designer.base.marks import INLINE, LEFT_OUT, AtLeast, AtMost, Key, Length, Line, Word
 
 LEAST_VIEWS = 4
 BY_CHANCE_APART = 1.35
@@ -78,6 +80,7 @@ class NoHalves:
 
 
 HalfSplit = Halves | NoHalves
+NOT_COMPARED = NoHalves("halves of the frames were not compared")
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +103,106 @@ class HalvesApart:
         Group).
         """
         return self.ratio if self.ratio > BY_CHANCE_APART else 1.0
+
+
+SplitKind = Literal["by turns", "in order"]
+KINDS: tuple[SplitKind, ...] = ("by turns", "in order")
+PLACE = 3
+"""Coordinates of a place."""
+RARE = 1.96
+"""Normal quantile of what chance exceeds in 1 of 40 honest rigs."""
+STEADIER = 0.85
+"""What halves in order leave over, of what alike halves do, if something moved between them."""
+_Size = Annotated[float, AtLeast(0), AtMost(1e9)]
+
+
+@dataclass(frozen=True)
+class PairApart:
+    """How far two halves of the frames put a pair of cameras apart."""
+
+    names: tuple[Word, Word]
+    baseline_mm: Annotated[float, AtLeast(-1e9), AtMost(1e9)]  # of the second half, less that of the first
+    sigma_mm: _Size  # that the halves state of this difference
+
+
+@dataclass(frozen=True)
+class RigSplit:
+    """One way of halving the frames."""
+
+    kind: SplitKind
+    ratio: _Size  # of the cameras' poses: in stated standard deviations, 1 on average if these are honest
+    unknowns: Annotated[int, AtLeast(1)]  # that it is the root mean square of
+    noise: _Size  # what the halves leave over, in what all frames together leave over
+    pairs: Annotated[tuple[PairApart, ...], Length(0, 100_000)]
+    target_ratio: Annotated[_Size | None, LEFT_OUT] = None  # as `ratio`, of where the target's middle is on its carrier
+    by_noise: Annotated[_Size | None, LEFT_OUT] = None  # the ratio by noise alone; None: nothing else was stated
+
+
+@dataclass(frozen=True)
+class RigHalves:
+    """What came of all ways."""
+
+    splits: Annotated[tuple[RigSplit, ...], Length(1, 10)]
+
+    def ratio_of(self, kind: SplitKind) -> float:
+        """Root mean square over the ways of a kind; nan if there is none."""
+        return _root_mean_square([one.ratio for one in self.splits if one.kind == kind])
+
+    @property
+    def ratio(self) -> float:
+        """The larger of both kinds."""
+        return max(one for kind in KINDS if math.isfinite(one := self.ratio_of(kind)))
+
+    @property
+    def by_chance(self) -> float:
+        """What honest standard deviations stay within, but for 1 of 20 rigs: two kinds, each but for 1 of 40."""
+        return _by_chance(min(one.unknowns for one in self.splits))
+
+    @property
+    def factor(self) -> float:
+        """What stated standard deviations are to be multiplied with, as in `calib.judge.halves`."""
+        return self.ratio if self.ratio > self.by_chance else 1.0
+
+    @property
+    def target_factor(self) -> float:
+        """Likewise those of where a carried target is placed; if nothing carried it, those of all else.
+
+        Halves may differ in lens and direction of a camera, and place the target alike.
+        """
+        kinds = ([one.target_ratio for one in self.splits if one.kind == kind] for kind in KINDS)
+        ratios = [_root_mean_square([one for one in kind if one is not None]) for kind in kinds]
+        known = [one for one in ratios if math.isfinite(one)]
+        if not known:
+            return self.factor
+        return max(known) if max(known) > _by_chance(PLACE) else 1.0
+
+    def noise_of(self, kind: SplitKind) -> float:
+        """What the halves of a kind leave over, in what all frames together do; nan if there are none."""
+        found = [one.noise for one in self.splits if one.kind == kind]
+        return sum(found) / len(found) if found else math.nan
+
+    @property
+    def has_moved(self) -> bool:
+        """Whether the first frames fit each other, and so do the last, but not all together.
+
+        Something that moved once spoils alike halves, too; what they leave over is then as much as that of all frames.
+        """
+        steadier = self.noise_of("in order") < STEADIER * self.noise_of("by turns")
+        worst = max([self.ratio, *(one.by_noise for one in self.splits if one.by_noise is not None)])
+        return steadier and worst > self.by_chance
+
+
+def _root_mean_square(values: Sequence[float]) -> float:
+    return math.sqrt(sum(one**2 for one in values) / len(values)) if values else math.nan
+
+
+def _by_chance(unknowns: int) -> float:
+    """What the root mean square of so many standard normal numbers stays within, but for 1 of 40.
+
+    The cube root of chi square over its degrees of freedom is about normal (Wilson and Hilferty 1931).
+    """
+    part = 2 / (9 * unknowns)
+    return math.pow(1 - part + RARE * math.sqrt(part), 1.5)
 
 
 @one_thread

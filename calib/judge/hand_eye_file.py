@@ -12,10 +12,9 @@ import numpy as np
 from calib.cameras import COMMON
 from calib.core.se3 import invert
 from calib.core.types import freeze, keep_views
-from calib.judge.next_robot_poses import MOST_POSES, NextPose
 from calib.judge.rig_folder import RigRun
 from calib.judge.rig_solution import CameraWishes, RigSeen, choices_of, judged_rig
-from calib.judge.verdict import Criteria
+from calib.judge.verdict import MOST_POSES, Criteria, NextPose
 from calib.observe.rig_observations import alone_as_rig
 from calib.observe.rig_search import ALONE
 from calib.observe.robot_poses import RobotPoses, poses_of

@@ -76,7 +76,7 @@ def read_run(folder: Path) -> JudgedRun:
     target, wrong = kept_target(folder, solved[0].calibration.observations.points.geometry_id)
     faults += wrong
     run = JudgedRun(tuple(solved), judged, () if views is None else views.views, records, target, tuple(faults))
-    if judged is None or judged.observations_sha256 == run.best.provenance.observations_sha256:
+    if judged is None or judged.solution_sha256 == run.best.provenance.observations_sha256:
         return run
     word = f"{VERDICT_FILE}: on another camera or other photos; calib report with --criteria judges again"
     return replace(run, judged=None, faults=(*faults, word))
@@ -105,7 +105,7 @@ def judge_again(folder: Path, criteria: Criteria) -> Judged:
         [one.calibration for one in run.solved], run.solved.index(best), halves, criteria, run.target,
         inputs_of(best.provenance.settings),
     )  # fmt: skip
-    judged = replace(judged, observations_sha256=best.provenance.observations_sha256)
+    judged = replace(judged, solution_sha256=best.provenance.observations_sha256)
     write_files(
         {folder / VERDICT_FILE: VERDICT.text(judged), folder / NEXT_VIEWS_FILE: NEXT_VIEWS.text(NextViews(views))}
     )

@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Annotated
 
 import numpy as np
 
@@ -19,17 +18,17 @@ from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.cameras.rig import POSE
 from calib.core.parallel import one_thread
-from calib.core.se3 import invert, make_pose, rigid_fault, skew, transform
-from calib.core.types import KnownPoints, Observations, RigObservations, freeze
+from calib.core.se3 import invert, make_pose, skew, transform
+from calib.core.types import KnownPoints, Observations, RigObservations
 from calib.judge.greedy import best_of, one_by_one
-from calib.judge.halves import NoHalves
+from calib.judge.halves import NoHalves, RigHalves
 from calib.judge.next_view_words import distance_words, place_of, place_words, short
-from calib.judge.rig_halves import RigHalves, enlarged
+from calib.judge.rig_halves import enlarged
+from calib.judge.verdict import MOST_CAMERAS, NextFrame
 from calib.rigs.relative import relative
 from calib.rigs.result import RigCalibration
 from calib.rigs.target_error import frame_information
 from designer.base.arrays import Array, Flags, Rows
-from designer.base.marks import ONE_LINE, AtLeast, AtMost, Length, Shape, Word
 from designer.base.words import figure, printable
 
 POINTS = 150
@@ -136,8 +135,6 @@ def few_of_many(count: int, most: int) -> Rows:
 
 MOST_FRAMES = 3
 """What is known after so many is to be solved before more are chosen by it."""
-MOST_CAMERAS = 16
-"""Of larger rigs the candidates would take long."""
 MOST_CANDIDATES, FEWEST_CANDIDATES = 800, 50
 """Times cameras, and of any rig."""
 ROUNDING = 1e-12
@@ -154,25 +151,6 @@ ALIKE = 1.15
 """Two distances within this are said as one."""
 NAMED = 4
 """Cameras that a sentence names."""
-LARGEST_MM = 1e9
-_Sigma = Annotated[float, AtLeast(0), AtMost(LARGEST_MM)]
-
-
-@dataclass(frozen=True, eq=False)
-class NextFrame:
-    """A frame to take, and what it would do."""
-
-    rig_from_target: Annotated[Array, Shape(4, 4)]
-    cameras: Annotated[tuple[Word, ...], Length(2, MOST_CAMERAS)]  # that would see the target
-    sentence: Annotated[str, Length(1, 1000), ONE_LINE]
-    pair: tuple[Word, Word]  # that is known worst before it
-    sigma_mm_before: _Sigma  # of the place of one of them against the other, along the least known direction
-    sigma_mm_after: _Sigma  # with this frame and those proposed before it
-
-    def __post_init__(self) -> None:
-        freeze(self, "rig_from_target")
-        if fault := rigid_fault(self.rig_from_target[None]):
-            raise ValueError(f"rig_from_target {fault[1]}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,30 +15,26 @@ by which a pose that ends that comes first.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 
 from calib.cameras.rig import POSE
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
-from calib.core.se3 import exp_rotation, invert, make_pose, rigid_fault, transform
-from calib.core.types import KnownPoints, freeze
+from calib.core.se3 import exp_rotation, invert, make_pose, transform
+from calib.core.types import KnownPoints
 from calib.judge.greedy import best_of, one_by_one
-from calib.judge.halves import NoHalves
+from calib.judge.halves import NoHalves, RigHalves
 from calib.judge.next_frames import AROUND, few_of_many, imagined, is_new, shown_at, sights, some_points
 from calib.judge.next_view_words import short
-from calib.judge.rig_halves import RigHalves
+from calib.judge.verdict import MOST_POSES, NextPose
 from calib.rigs.relative import center_covariance
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.rigs.target_error import carrier_prior, expected_information, frame_information
 from calib.solver.free_shape import free_directions
 from designer.base.arrays import Array, Flags, Rows
-from designer.base.marks import ONE_LINE, Gap, Length, Shape
 from designer.base.words import figure
 
-MOST_POSES = 5
-"""A robot takes a few more in a minute; what is known after them is to be solved before more are chosen by it."""
 MOST_CANDIDATES = 1000
 MOST_UNKNOWNS = 60
 """Of a camera: those of a lens with a surface, solved with the robot, are hundreds, and would take minutes."""
@@ -64,23 +60,6 @@ KNOWN = 0.3
 """Of what is known of turns and shifts without any frame: what is less sure than this is not determined."""
 VAGUE = 0.05
 """Of the usual distance, by which a camera's place is unsure: the target might not be where it is looked for."""
-
-
-@dataclass(frozen=True, eq=False)
-class NextPose:
-    """A pose for the robot to take a photo from, and what it would do: `found.next_poses[0].base_from_flange`."""
-
-    base_from_flange: Annotated[Array, Shape(4, 4)]
-    sentence: Annotated[str, Length(1, 1000), ONE_LINE]
-    turn_sigma_rad_before: Gap  # of the camera's direction, the least known of its axes; nan: not determined
-    turn_sigma_rad_after: Gap  # with this pose and those proposed before it
-    place_sigma_mm_before: Gap  # of the camera's place, along the least known axis of the frame that it is in
-    place_sigma_mm_after: Gap
-
-    def __post_init__(self) -> None:
-        freeze(self, "base_from_flange")
-        if fault := rigid_fault(self.base_from_flange[None]):
-            raise ValueError(f"base_from_flange {fault[1]}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from calib.judge.camera_checks import SURE
-from calib.judge.evidence import CameraEvidence
+from calib.judge.evidence import LensEvidence
+from calib.judge.lens_checks import SURE
 from calib.judge.next_views import NextView, photos_needed, why_no_next_views
 from calib.judge.verdict import Criteria, px
 from calib.solver.calibration import Calibration, is_flat
@@ -19,7 +19,7 @@ SOLID = "a solid target, as an icosahedron, has faces at every slant wherever it
 
 
 def photo_advice(
-    calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, views: Sequence[NextView] | None
+    calibration: Calibration, evidence: LensEvidence, criteria: Criteria, views: Sequence[NextView] | None
 ) -> tuple[str, ...]:
     """The next photos one after the other, or what else there is to say of photos to take.
 
@@ -51,11 +51,13 @@ def photo_advice(
             "better known; use a target that fills more of the image"
         )
         sentences = [f"no next photo can be proposed: {why}"]
-    after = _after_them(evidence, criteria, views)
+    after = _after_them(calibration, evidence, criteria, views)
     return (*sentences, *_uncovered(calibration, evidence, criteria, views), *((after,) if after else ()))
 
 
-def _after_them(evidence: CameraEvidence, criteria: Criteria, views: Sequence[NextView] | None) -> str:
+def _after_them(
+    calibration: Calibration, evidence: LensEvidence, criteria: Criteria, views: Sequence[NextView] | None
+) -> str:
     """What more photos like those so far would do; where nobody looked for better ones, that they are wanted."""
     if is_sure(evidence, criteria) or not evidence.uncertainty.is_estimated:
         return ""
@@ -66,8 +68,8 @@ def _after_them(evidence: CameraEvidence, criteria: Criteria, views: Sequence[Ne
     # Photos average noise out, not what is the same in all of them.
     uncertain, shape = evidence.uncertainty, evidence.shape
     is_noise = uncertain.factor <= 1 and not uncertain.by_target and (shape is None or shape.ratio <= SURE)
-    if sigma is not None and evidence.status == "converged" and is_noise:
-        alike = _photos_alike(evidence.view_count, sigma, limit, others=bool(views))
+    if sigma is not None and calibration.status == "converged" and is_noise:
+        alike = _photos_alike(evidence.frames, sigma, limit, others=bool(views))
     if views is not None:
         return alike
     return "take photos that fill the image and show the target from other sides" + (f"; {alike}" if alike else "")
@@ -88,7 +90,7 @@ def _photos_alike(photos: int, sigma_px: float, limit_px: float, *, others: bool
 
 
 def _uncovered(
-    calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, views: Sequence[NextView] | None
+    calibration: Calibration, evidence: LensEvidence, criteria: Criteria, views: Sequence[NextView] | None
 ) -> tuple[str, ...]:
     """Parts of the image without the target, if the next photos do not show it there."""
     percent, wanted = 100 * evidence.coverage.share, criteria["coverage"].good
@@ -125,13 +127,13 @@ def _again(last: NextView, criteria: Criteria) -> tuple[str, ...]:
     )
 
 
-def is_sure(evidence: CameraEvidence, criteria: Criteria) -> bool:
+def is_sure(evidence: LensEvidence, criteria: Criteria) -> bool:
     """Whether the camera is known as well as it should be."""
     sigma = evidence.uncertainty.image_px
     return evidence.uncertainty.is_map_exact or (sigma is not None and sigma <= criteria["uncertainty"].good)
 
 
-def _is_sure_as_stated(evidence: CameraEvidence, criteria: Criteria) -> bool:
+def _is_sure_as_stated(evidence: LensEvidence, criteria: Criteria) -> bool:
     """Whether it is by the standard deviations of the solution."""
     sigma = evidence.uncertainty.noise_px
     return sigma is not None and sigma <= criteria["uncertainty"].good

@@ -22,17 +22,12 @@ import numpy as np
 from calib.cameras.rig import LONGEST_DELAY_S, MOST_CAMERAS, POSE, RIG
 from calib.core.se3 import rigid_fault
 from calib.core.types import KnownPoints, RigObservations
+from calib.judge.evidence import JointEvidence
+from calib.judge.halves import NOT_COMPARED
+from calib.judge.joint_evidence import joint_evidence
+from calib.judge.judge import VERDICT, VERDICT_FILE, Judged, judge_rig, read_verdict
 from calib.judge.judged_run import kept_target, within
 from calib.judge.rig_halves import enlarged
-from calib.judge.rig_judge import (
-    NOT_COMPARED,
-    RIG_VERDICT,
-    RIG_VERDICT_FILE,
-    JudgedRig,
-    RigEvidence,
-    judge_rig,
-    rig_evidence,
-)
 from calib.judge.verdict import Criteria, Verdict
 from calib.observe.calibration_file import CALIBRATION_FILE, Provenance, calibration_files, read_calibration
 from calib.rigs.result import CarrierFit, RigCalibration, camera_alone
@@ -140,7 +135,7 @@ RIG_CALIBRATION = FileKind(
 
 
 def write_rig(
-    folder: Path, found: RigCalibration, provenance: Provenance, judged: JudgedRig | None = None
+    folder: Path, found: RigCalibration, provenance: Provenance, judged: Judged | None = None
 ) -> tuple[Path, ...]:
     """Write a solved rig's files, all or none; their places.
 
@@ -164,8 +159,8 @@ def write_rig(
     files[folder / RIG_CALIBRATION_FILE] = text
     if judged is not None:
         written = replace(judged, solution_sha256=hashlib.sha256(text).hexdigest())
-        files[folder / RIG_VERDICT_FILE] = RIG_VERDICT.text(written)
-    stated = found if judged is None else enlarged(found, judged.compared)
+        files[folder / VERDICT_FILE] = VERDICT.text(written)
+    stated = found if judged is None else enlarged(found, judged.rig_halves)
     files[folder / RIG_FILE] = RIG.text(stated.rig)
     write_files(files)
     return tuple(files)
@@ -310,7 +305,7 @@ class RigRun:
 
     found: RigCalibration
     provenance: Provenance
-    judged: JudgedRig | None = None  # None: nobody judged
+    judged: Judged | None = None  # None: nobody judged
     target: TargetGeometry | None = None  # as it was used
     faults: tuple[str, ...] = ()  # what is there and could not be read or written, one line each
 
@@ -325,9 +320,9 @@ class RigRun:
         return enlarged(self.found, self.evidence.halves)
 
     @cached_property
-    def evidence(self) -> RigEvidence:
+    def evidence(self) -> JointEvidence:
         """What it was, or would be, judged by."""
-        return rig_evidence(self.found, NOT_COMPARED if self.judged is None else self.judged.compared)
+        return joint_evidence(self.found, NOT_COMPARED if self.judged is None else self.judged.rig_halves)
 
 
 def read_rig_run(folder: Path) -> RigRun:
@@ -338,19 +333,19 @@ def read_rig_run(folder: Path) -> RigRun:
     """
     found, provenance = read_rig(folder)
     faults: list[str] = []
-    judged: JudgedRig | None = None
+    judged: Judged | None = None
     try:
-        judged = RIG_VERDICT.read_if_there(folder / RIG_VERDICT_FILE)
+        judged = read_verdict(folder)
     except InputError as error:
         faults.append(within(folder, error))
     if judged is not None and judged.solution_sha256 != _digest(folder):
-        faults.append(f"{RIG_VERDICT_FILE}: on another solution; calib report with --criteria judges again")
+        faults.append(f"{VERDICT_FILE}: on another solution; calib report with --criteria judges again")
         judged = None
     target, wrong = kept_target(folder, found.observations.points.geometry_id)
     return RigRun(found, provenance, judged, target, (*faults, *wrong))
 
 
-def judge_rig_again(folder: Path, criteria: Criteria) -> JudgedRig:
+def judge_rig_again(folder: Path, criteria: Criteria) -> Judged:
     """Judge a folder's rig by other limits, and write `rig_verdict.json`; halves are those of the verdict there.
 
     Raises:
@@ -358,7 +353,7 @@ def judge_rig_again(folder: Path, criteria: Criteria) -> JudgedRig:
     """
     run = read_rig_run(folder)
     judged = replace(judge_rig(run.found, run.evidence.halves, criteria), solution_sha256=_digest(folder))
-    write_files({folder / RIG_VERDICT_FILE: RIG_VERDICT.text(judged)})
+    write_files({folder / VERDICT_FILE: VERDICT.text(judged)})
     return judged
 
 

@@ -19,12 +19,11 @@ from calib.judge.checks import STANDARD
 from calib.judge.guidance import ALL, Bar, CameraGuidance, FrameNote, Ghost, Guidance, Look, Stage, TakenPhoto
 from calib.judge.guidance_words import bar_of, ghost_at
 from calib.judge.guide import Guide
+from calib.judge.judge import Judged, judge_rig
 from calib.judge.live_frame import LookedFor, look_at_frame
-from calib.judge.next_frames import NextFrame
 from calib.judge.rig_halves import enlarged, half_solver, rig_halves
-from calib.judge.rig_judge import JudgedRig, judge_rig
 from calib.judge.target_hints import are_near, ghost_lines, held_at
-from calib.judge.verdict import Grade, Limits, at_most, measured_text
+from calib.judge.verdict import Grade, Limits, NextFrame, at_most, measured_text
 from calib.observe.rig_observations import RigSightings, require_names, rig_observations
 from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.relative import relative
@@ -47,7 +46,7 @@ class RigStanding:
     """A rig that is solved, and what is to be said of it."""
 
     calibration: RigCalibration
-    judged: JudgedRig
+    judged: Judged
 
 
 def moment_of(image: str) -> str:
@@ -91,7 +90,7 @@ def join_bars(guides: Mapping[str, Guide], standing: RigStanding | None) -> tupl
     if standing is None:
         seen = sorted(shared_moments(guides).items(), key=lambda one: one[1])[:MOST_PAIRS]
         return tuple(_bar(pair, f"seen together {count} time{'s' * (count != 1)}", 0.0) for pair, count in seen)
-    rig = enlarged(standing.calibration, standing.judged.compared).rig
+    rig = enlarged(standing.calibration, standing.judged.rig_halves).rig
     pairs = [
         _pair_bar(rig, *pair, standing.judged.criteria["baselines"]) for pair in combinations(range(len(rig.names)), 2)
     ]

@@ -1,11 +1,14 @@
-"""What a verdict, its checks and the limits that it is given by are."""
+"""What a verdict, its checks and their limits are; of several cameras or a robot also what to take next."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from designer.base.marks import AtLeast, AtMost, Length, Line, Word
+from calib.core.se3 import rigid_fault
+from calib.core.types import freeze
+from designer.base.arrays import Array
+from designer.base.marks import ONE_LINE, AtLeast, AtMost, Gap, Length, Line, Shape, Word
 from designer.base.words import figure
 
 Grade = Literal["good", "usable", "bad", "unknown"]
@@ -79,6 +82,47 @@ class Verdict:
     checks: Annotated[tuple[Check, ...], Length(0, 50)]  # in order of reading
     advice: Annotated[tuple[Line, ...], Length(0, 50)]  # what to do better next time, the most useful first
     leads_with: Word = ""  # the check whose sentence is the main reason; "": it is none's
+
+
+MOST_CAMERAS = 16
+"""For which frames are proposed: of larger rigs the candidates would take long."""
+MOST_POSES = 5
+"""A robot takes a few more in a minute; what is known after them is to be solved before more are chosen by it."""
+_SigmaMm = Annotated[float, AtLeast(0), AtMost(1e9)]
+
+
+@dataclass(frozen=True, eq=False)
+class NextFrame:
+    """A frame to take, and what it would do."""
+
+    rig_from_target: Annotated[Array, Shape(4, 4)]
+    cameras: Annotated[tuple[Word, ...], Length(2, MOST_CAMERAS)]  # that would see the target
+    sentence: Annotated[str, Length(1, 1000), ONE_LINE]
+    pair: tuple[Word, Word]  # that is known worst before it
+    sigma_mm_before: _SigmaMm  # of the place of one of them against the other, along the least known direction
+    sigma_mm_after: _SigmaMm  # with this frame and those proposed before it
+
+    def __post_init__(self) -> None:
+        freeze(self, "rig_from_target")
+        if fault := rigid_fault(self.rig_from_target[None]):
+            raise ValueError(f"rig_from_target {fault[1]}")
+
+
+@dataclass(frozen=True, eq=False)
+class NextPose:
+    """A pose for the robot to take a photo from, and what it would do: `found.next_poses[0].base_from_flange`."""
+
+    base_from_flange: Annotated[Array, Shape(4, 4)]
+    sentence: Annotated[str, Length(1, 1000), ONE_LINE]
+    turn_sigma_rad_before: Gap  # of the camera's direction, the least known of its axes; nan: not determined
+    turn_sigma_rad_after: Gap  # with this pose and those proposed before it
+    place_sigma_mm_before: Gap  # of the camera's place, along the least known axis of the frame that it is in
+    place_sigma_mm_after: Gap
+
+    def __post_init__(self) -> None:
+        freeze(self, "base_from_flange")
+        if fault := rigid_fault(self.base_from_flange[None]):
+            raise ValueError(f"base_from_flange {fault[1]}")
 
 
 def measured_text(value: float, unit: str, limits: tuple[float, ...]) -> str:

@@ -72,18 +72,6 @@ def _distance_px(camera: Camera, own: Array, other: Array, own_from_other: Array
     return np.where(spans & (speed > 0), across, np.nan)
 
 
-@dataclass(frozen=True)
-class CameraFigures:
-    """What one camera of a rig tells."""
-
-    name: str
-    frames: int  # in which it sees the target
-    sightings: int  # that count
-    left_out: int
-    rms_px: float  # root mean square length of the residuals that count
-    times_stated: float | None  # the noise over what the detector states; None: weights were not used
-
-
 @dataclass(frozen=True, eq=False)
 class PairFigures:
     """Two cameras of a rig."""
@@ -109,20 +97,6 @@ class CameraTie:
     place_axis: Array  # (3,) that direction, in the camera's axes
     turn_sigma_rad: float
     turn_axis: Array  # (3,) about which it is least known
-
-
-def camera_figures(found: RigCalibration) -> tuple[CameraFigures, ...]:
-    """What each camera leaves over."""
-    return tuple(
-        CameraFigures(
-            name, seen.view_count, int((~out).sum()), int(out.sum()), rms_length(residual[~out]),
-            float(scale) if found.weighted and seen.cov_px2 is not None else None,
-        )
-        for name, seen, residual, out, scale in zip(
-            found.observations.camera_names, found.observations.sightings, found.residual_px, found.is_outlier,
-            found.scale, strict=True,
-        )
-    )  # fmt: skip
 
 
 def pair_figures(found: RigCalibration) -> tuple[PairFigures, ...]:

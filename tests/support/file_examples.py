@@ -12,15 +12,11 @@ from calib.cameras.rig import Rig
 from calib.capture.photo_folder import SessionRecord
 from calib.core.types import FaceRecord
 from calib.judge.difference import Known
-from calib.judge.halves import Half
+from calib.judge.halves import Half, PairApart, RigSplit
 from calib.judge.judge import Judged
-from calib.judge.next_frames import NextFrame
-from calib.judge.next_robot_poses import NextPose
 from calib.judge.next_views import NextView, NextViews
 from calib.judge.rig_folder import HeldCamera, RigRecord, SolvedFrame
-from calib.judge.rig_halves import PairApart, RigHalves, RigSplit
-from calib.judge.rig_judge import JudgedRig
-from calib.judge.verdict import Check, Criteria, Limits, Verdict
+from calib.judge.verdict import Check, Criteria, Limits, NextFrame, NextPose, Verdict
 from calib.observe.calibration_file import CalibrationRecord, Provenance, SolvedView
 from calib.observe.dataset import ImageRecord, Records
 from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
@@ -48,9 +44,13 @@ def _verdict() -> Judged:
     limits = Limits(0.1, 0.2, "a book")
     check = Check("coverage", "Coverage", "unknown", None, "%", 70.0, 40.0, True, "not checked")
     half = Half(Known(PINHOLE, np.diag([1.0, 2, 3, 4]) / 7), ("a.png", "b.png"))
+    split = RigSplit("in order", 1 / 3, 6, 1 / 7, (PairApart(("a b", "c"), -0.1, 0.2),), 2 / 3)
+    frame = NextFrame(POSE, ("a b", "c"), "hold it there", ("a b", "c"), 0.3, 1 / 7)
+    pose = NextPose(POSE, "move it there", math.nan, 1e-3, 1 / 3, 1 / 7)
     return Judged(
         Verdict("usable", "pinhole", "nothing was checked", (check,), ("take more photos",)),
-        Criteria("standard", "Standard", {"residuals": limits}), ((half, half),), None, "abc",
+        Criteria("standard", "Standard", {"residuals": limits}), ((half, half),), None, "abc", (split,),
+        (frame,), (pose,),
     )  # fmt: skip
 
 
@@ -126,15 +126,6 @@ def _rig_calibration() -> RigRecord:
     )  # fmt: skip
 
 
-def _rig_verdict() -> JudgedRig:
-    halves = RigHalves((RigSplit("in order", 1 / 3, 6, 1 / 7, (PairApart(("a b", "c"), -0.1, 0.2),), 2 / 3),))
-    frame = NextFrame(POSE, ("a b", "c"), "hold it there", ("a b", "c"), 0.3, 1 / 7)
-    pose = NextPose(POSE, "move it there", math.nan, 1e-3, 1 / 3, 1 / 7)
-    return JudgedRig(
-        _verdict().verdict, _verdict().criteria, halves, next_frames=(frame,), next_poses=(pose,), solution_sha256="abc"
-    )
-
-
 def _poses() -> PosesDocument:
     pose = TargetPose("a b.png", 3, 0.1, np.arange(3) / 3, np.ones(3) / 7, 1.0, 0.2, 1e-300, POSE, np.eye(6) / 3)
     return PosesDocument("g1", PINHOLE, (pose,), (PhotoWithoutPose("c.png", "too few"),))
@@ -201,7 +192,6 @@ EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.calibration": _calibration,
     "ringsolid.rig": _rig,
     "ringsolid.rig_calibration": _rig_calibration,
-    "ringsolid.rig_verdict": _rig_verdict,
     "ringsolid.hand_eye": _hand_eye,
     "ringsolid.poses": _poses,
 }

@@ -9,11 +9,11 @@ from calib.core.se3 import exp_rotation, look_at, make_pose
 from calib.core.types import KnownPoints, Observations
 from calib.judge.candidate_views import tilt_rotation
 from calib.judge.checks import read_criteria
-from calib.judge.evidence import evidence_of
+from calib.judge.evidence import Evidence, LensEvidence, lens_evidence
 from calib.judge.halves import HalfSplit, HalvesApart, half_split
-from calib.judge.judge import Judged, judged_by
+from calib.judge.judge import Judged, judge, judged_by
 from calib.judge.next_views import NextView
-from calib.judge.verdict import Check, Criteria
+from calib.judge.verdict import Check, Criteria, Verdict
 from calib.renderer.poses import fibonacci_cap
 from calib.solver.calibration import Calibration
 from calib.solver.problem import SolveOptions
@@ -93,7 +93,13 @@ def judge_run(
     views: Sequence[NextView] | None = None,
 ) -> Judged:
     """The verdict on one of some cameras, without a search for photos to take next."""
-    return judged_by(calibrations[best], evidence_of(calibrations, best, halves), halves, criteria, views)
+    return judged_by(calibrations[best], lens_evidence(calibrations, best, halves), halves, criteria, views)
+
+
+def verdict_on(lens: LensEvidence, criteria: Criteria | None = None) -> Verdict:
+    """The verdict by what was measured of a camera that was solved."""
+    evidence = Evidence(status="converged", status_reason="", frames=lens.frames, cameras=(lens,))
+    return judge(evidence, criteria or read_criteria())
 
 
 def judged(seen: Observations, *, models: Sequence[str] = ("opencv",), criteria: Criteria | None = None) -> Judged:

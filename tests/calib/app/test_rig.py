@@ -37,7 +37,7 @@ def solved() -> SolvedRig:
 @pytest.fixture(autouse=True)
 def without_halves(solved: SolvedRig, monkeypatch: pytest.MonkeyPatch) -> None:
     """Halves of the frames are solved of one rig here, no more."""
-    monkeypatch.setattr("calib.judge.rig_solution.rig_halves", lambda *_: solved.judged.compared)
+    monkeypatch.setattr("calib.judge.rig_solution.rig_halves", lambda *_: solved.judged.rig_halves)
 
 
 @pytest.fixture
@@ -81,7 +81,7 @@ def test_photos_of_folders_give_the_rig_of_what_they_show(photos: Path, solved: 
     assert_same_rig(found, solved, 0.05)  # what is written of sightings has six digits
     assert found.rig.geometry_id == ICO.geometry_id
     saved = found.save("rig")
-    wrote = {"rig.json", "rig_calibration.json", "rig_verdict.json", SIGHTINGS_FILE, "target.json", "index.html"}
+    wrote = {"rig.json", "rig_calibration.json", "verdict.json", SIGHTINGS_FILE, "target.json", "index.html"}
     assert {path.name for path in saved} >= wrote
     assert repr(found).startswith(f"<SolvedRig, {found.verdict.grade}: ")
     np.testing.assert_array_equal(calib.load_rig("rig/rig.json").cam_from_rig, found.rig.cam_from_rig)

@@ -1,5 +1,6 @@
 """The page of a rig: the same in memory and of its folder, with all that was checked, and of odd rigs, too."""
 
+import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -11,10 +12,9 @@ from calib.app.report import report
 from calib.app.rig_page import limits_of, rig_page
 from calib.draw.rig_pictures import WORST, pictured
 from calib.judge.checks import read_criteria
-from calib.judge.halves import NoHalves
+from calib.judge.halves import NoHalves, RigHalves, RigSplit
+from calib.judge.judge import Judged, judge_rig
 from calib.judge.rig_folder import RigRun, read_rig_run, write_rig
-from calib.judge.rig_halves import RigHalves, RigSplit
-from calib.judge.rig_judge import JudgedRig, judge_rig
 from calib.observe.calibration_file import Provenance
 from calib.rigs.result import CarrierFit, RigCalibration
 from designer.base.errors import InputError
@@ -35,12 +35,12 @@ def found() -> RigCalibration:
 
 
 @cache
-def judged() -> JudgedRig:
+def judged() -> Judged:
     """The verdict on it."""
     return judge_rig(found(), AGREE, read_criteria())
 
 
-def page_of(one: RigCalibration, verdict: JudgedRig | None = None) -> Page:
+def page_of(one: RigCalibration, verdict: Judged | None = None) -> Page:
     """Its page."""
     return rig_page(RigRun(one, PROVENANCE, verdict))
 
@@ -59,19 +59,19 @@ def test_a_rig_is_judged_again_by_other_limits(tmp_path: Path) -> None:
     assert done.drawn.headline.level == "bad"
     again = read_rig_run(tmp_path)
     assert again.judged is not None
-    assert again.judged.halves == AGREE
+    assert again.judged.rig_halves == AGREE
     limits.write_text('[baselines]\ngood = "1%"\n')
-    before = (tmp_path / "rig_verdict.json").read_bytes()
+    before = (tmp_path / "verdict.json").read_bytes()
     with pytest.raises(InputError, match=r"baselines.usable is missing"):
         report(tmp_path, criteria=str(limits))
-    assert (tmp_path / "rig_verdict.json").read_bytes() == before
+    assert (tmp_path / "verdict.json").read_bytes() == before
 
 
 def test_a_verdict_on_another_solution_is_left_out(tmp_path: Path) -> None:
     """A verdict that came from elsewhere is not told of this rig, and the page says what to do."""
     write_rig(tmp_path / "a", found(), PROVENANCE, judged())
     write_rig(tmp_path / "b", replace(found(), seconds=0.2), PROVENANCE, judged())
-    (tmp_path / "a" / "rig_verdict.json").write_bytes((tmp_path / "b" / "rig_verdict.json").read_bytes())
+    (tmp_path / "a" / "verdict.json").write_bytes((tmp_path / "b" / "verdict.json").read_bytes())
     page = rig_page(read_rig_run(tmp_path / "a"))
     assert page.headline is not None
     assert page.headline.word == "not judged"
@@ -188,3 +188,20 @@ def test_a_rig_of_many_cameras_shows_the_worst_photos_and_no_more_than_a_page_ta
     few = pictured(found())
     assert [one.camera for one in few] == [0, 0, 1, 1, 2, 2, 3, 3]
     assert all(worst.row.rmse_px > usual.row.rmse_px for worst, usual in zip(few[::2], few[1::2], strict=True))
+
+
+def test_a_verdict_of_an_earlier_version_is_read(tmp_path: Path) -> None:
+    """Rigs had a file of their own for it, with the halves in a key of their own; judged again it is `verdict.json`."""
+    write_rig(tmp_path, found(), PROVENANCE, judged())
+    now = json.loads((tmp_path / "verdict.json").read_text())
+    earlier = {"format": "ringsolid.rig_verdict", "version": 1, "verdict": now["verdict"], "criteria": now["criteria"],
+               "halves": {"splits": now["splits"]}, "next_frames": [], "next_poses": [],
+               "solution_sha256": now["observations_sha256"]}  # fmt: skip
+    (tmp_path / "verdict.json").unlink()
+    (tmp_path / "rig_verdict.json").write_text(json.dumps(earlier))
+    run = read_rig_run(tmp_path)
+    assert run.faults == ()
+    assert run.judged is not None
+    assert (run.judged.verdict, run.judged.rig_halves) == (judged().verdict, AGREE)
+    report(tmp_path, criteria="standard")
+    assert (tmp_path / "verdict.json").exists()

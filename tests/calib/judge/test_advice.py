@@ -9,9 +9,8 @@ import pytest
 from calib.judge.advice import advice_of
 from calib.judge.checks import read_criteria
 from calib.judge.coverage import Region
-from calib.judge.evidence import CameraEvidence, evidence_of
+from calib.judge.evidence import LensEvidence, lens_evidence
 from calib.judge.halves import half_split
-from calib.judge.judge import judge
 from calib.judge.next_views import NextView, next_views
 from calib.judge.verdict import Criteria, px
 from calib.judge.views import view_facts
@@ -20,7 +19,7 @@ from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.base.arrays import Array
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, noisy, observe, pose_from, poses_around
-from tests.support.verdict_cases import halves_apart_by, shown_at
+from tests.support.verdict_cases import halves_apart_by, shown_at, verdict_on
 
 BOARD = board(12, 10, 14.0)
 
@@ -46,9 +45,9 @@ def criteria() -> Criteria:
     return read_criteria()
 
 
-def evidence(calibration: Calibration) -> CameraEvidence:
+def evidence(calibration: Calibration) -> LensEvidence:
     """What is measured of a calibration."""
-    return evidence_of([calibration], 0, half_split(calibration, SolveOptions()))
+    return lens_evidence([calibration], 0, half_split(calibration, SolveOptions()))
 
 
 def advice(calibration: Calibration) -> tuple[str, ...]:
@@ -135,18 +134,15 @@ def test_a_camera_that_is_not_known_well_gets_the_next_photo_and_what_more_of_th
 def test_what_would_change_the_verdict_comes_first() -> None:
     """Of two faults that which the verdict names first is mended first, with its command; the rest comes last."""
     calibration, found = good(), evidence(good())
-    wrong = replace(found.leftover, image_px=0.3, target_px=0.01)
-    faults = {
-        "lens": replace(found, leftover=wrong),
-        "halves": replace(found, halves=halves_apart_by(4.2, 0.1, 0.02, 0.2)),
-    }
+    wrong = replace(found, image_px=0.3, target_px=0.01)
+    faults = {"lens": wrong, "halves": replace(found, halves=halves_apart_by(4.2, 0.1, 0.02, 0.2))}
     assert "--model splined" in advice_of(calibration, faults["lens"], criteria())[0]
     both = replace(faults["lens"], halves=halves_apart_by(4.2, 0.1, 0.02, 0.2))
     said = advice_of(calibration, both, criteria())
-    assert judge(both, criteria()).sentence.startswith("the mean residual of a place")
+    assert verdict_on(both, criteria()).sentence.startswith("the mean residual of a place")
     assert ["--model splined" in said[0], "two halves" in said[1]] == [True, True]
-    worse = replace(found, leftover=replace(wrong, image_px=0.1), halves=halves_apart_by(6.0, 0.6, 0.1, 0.9))
-    assert judge(worse, criteria()).sentence.startswith("cameras solved from halves")
+    worse = replace(wrong, image_px=0.1, halves=halves_apart_by(6.0, 0.6, 0.1, 0.9))
+    assert verdict_on(worse, criteria()).sentence.startswith("cameras solved from halves")
     said = advice_of(calibration, worse, criteria())
     assert ["two halves" in said[0], "--model splined" in said[1]] == [True, True]
 

@@ -12,12 +12,11 @@ from calib.core.se3 import exp_rotation, invert, look_at, make_pose
 from calib.core.types import KnownPoints, keep_frames
 from calib.judge.checks import read_criteria
 from calib.judge.coverage import lit_part, sigma_over_lit_px
-from calib.judge.halves import NoHalves, half_split
+from calib.judge.halves import NoHalves, RigHalves, RigSplit, half_split
 from calib.judge.judge import Judged
 from calib.judge.next_robot_poses import next_robot_poses
 from calib.judge.next_views import NextView, next_views
 from calib.judge.planned_views import FEWEST, PlannedViews, calibration_before, planned_views, usual_hold
-from calib.judge.rig_halves import RigHalves, RigSplit
 from calib.judge.views import shape_of
 from calib.observe.robot_poses import read_robot_poses, robot_poses_to_csv
 from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions

@@ -11,11 +11,12 @@ import pytest
 from calib.app.inputs import load_rig
 from calib.judge.checks import CHECKS, read_criteria
 from calib.judge.coverage import Coverage
-from calib.judge.halves import NoHalves
+from calib.judge.evidence import JointEvidence
+from calib.judge.halves import NoHalves, RigHalves, RigSplit
+from calib.judge.joint_evidence import joint_evidence
+from calib.judge.judge import judge, judge_rig
 from calib.judge.next_frames import next_frames
 from calib.judge.rig_folder import CAMERAS, RIG_CALIBRATION_FILE, RIG_FILE, folder_names, read_rig, write_rig
-from calib.judge.rig_halves import RigHalves, RigSplit
-from calib.judge.rig_judge import RigEvidence, judge_rig, rig_evidence, rig_verdict
 from calib.judge.verdict import Grade
 from calib.observe.calibration_file import Provenance, read_calibration
 from calib.rigs.relative import CarriedError, relative
@@ -37,19 +38,21 @@ def found() -> RigCalibration:
 @cache
 def covered() -> Coverage:
     """An image that is covered whole."""
-    coverage = rig_evidence(solved_slowly(stereo_pair(frames=12)), AGREE).coverages[0]
+    coverage = joint_evidence(solved_slowly(stereo_pair(frames=12)), AGREE).cameras[0].coverage
+    assert coverage is not None
     return replace(coverage, views=np.ones_like(coverage.views), regions=())
 
 
-def evidence(**changes: object) -> RigEvidence:
+def evidence(**changes: object) -> JointEvidence:
     """What is known of it, had its lenses been solved from images that are covered whole."""
-    known = replace(rig_evidence(found(), AGREE), coverages=(covered(), covered()))
+    known = joint_evidence(found(), AGREE)
+    known = replace(known, cameras=tuple(replace(one, coverage=covered()) for one in known.cameras))
     return replace(known, **changes)  # type: ignore[arg-type]
 
 
 def test_a_sound_rig_is_good_and_says_how_well_it_is_known() -> None:
     """All checks within their limits are good, and the sentence has the distances and the error in space."""
-    verdict = rig_verdict(evidence(), STANDARD)
+    verdict = judge(evidence(), STANDARD)
     assert verdict.grade == "good", verdict.checks
     assert "the distances of the cameras are known to" in verdict.sentence
     assert verdict.advice == ()
@@ -63,9 +66,9 @@ def carried(degrees: float) -> CarrierFit:
 
 def test_poses_that_are_not_the_photos_lead_whatever_else_they_spoil() -> None:
     """A robot's noise of degrees is none: the verdict says that its poses and the photos do not belong together."""
-    assert rig_verdict(evidence(carrier=carried(0.05)), STANDARD).grade == "good"
-    assert rig_verdict(evidence(carrier=carried(0.5)), STANDARD).leads_with == "carrier"
-    lost = rig_verdict(evidence(carrier=carried(53.0), status="stopped", status_reason="too far"), STANDARD)
+    assert judge(evidence(carrier=carried(0.05)), STANDARD).grade == "good"
+    assert judge(evidence(carrier=carried(0.5)), STANDARD).leads_with == "carrier"
+    lost = judge(evidence(carrier=carried(53.0), status="stopped", status_reason="too far"), STANDARD)
     assert (lost.grade, lost.leads_with) == ("bad", "carrier")
     assert lost.sentence.startswith("the turntable's own errors are 53 deg")
 
@@ -74,9 +77,9 @@ def test_one_camera_on_a_robot_is_judged_by_what_its_pose_leaves_open() -> None:
     """As a share of how far away the target was: of a camera without pairs nothing else says how well it is placed."""
     for sigma_mm, grade in ((0.4, "good"), (2.0, "usable"), (7.6, "bad")):
         known = evidence(pairs=(), ties=(), middle=None, carried=CarriedError(500.0, sigma_mm), carrier=carried(0.05))
-        assert rig_verdict(known, STANDARD).grade == grade
+        assert judge(known, STANDARD).grade == grade
     unknown = evidence(pairs=(), ties=(), middle=None, carried=CarriedError(500.0, np.nan), carrier=carried(0.05))
-    assert {check.name: check.grade for check in rig_verdict(unknown, STANDARD).checks}["space"] == "unknown"
+    assert {check.name: check.grade for check in judge(unknown, STANDARD).checks}["space"] == "unknown"
 
 
 @pytest.mark.parametrize(("rms_px", "grade"), [(0.54, "usable"), (1.1, "bad")])
@@ -86,7 +89,7 @@ def test_residuals_of_a_camera_on_a_robot_are_judged_in_mm(rms_px: float, grade:
     known = evidence(
         pairs=(), ties=(), middle=None, carried=one, carrier=carried(0.05), cameras=(replace(left, rms_px=rms_px),)
     )
-    assert rig_verdict(known, STANDARD).grade == grade
+    assert judge(known, STANDARD).grade == grade
 
 
 def test_halves_of_a_camera_on_a_robot_are_judged_at_the_target() -> None:
@@ -94,7 +97,7 @@ def test_halves_of_a_camera_on_a_robot_are_judged_at_the_target() -> None:
     for ratio, grade in ((1.0, "usable"), (9.0, "bad")):
         halves = RigHalves((RigSplit("by turns", 8.0, 6, 1.0, (), ratio),))
         known = evidence(pairs=(), ties=(), middle=None, carried=CarriedError(500.0, 0.4), carrier=carried(0.05))
-        verdict = rig_verdict(replace(known, halves=halves), STANDARD)
+        verdict = judge(replace(known, halves=halves), STANDARD)
         assert (verdict.grade, verdict.leads_with) == (grade, "halves")
         assert halves.factor == 8.0
         assert halves.target_factor == ratio
@@ -104,14 +107,15 @@ def test_halves_of_a_camera_on_a_robot_are_judged_at_the_target() -> None:
 
 def test_a_lens_that_was_kept_makes_no_rig_good() -> None:
     """What a given lens is off by shows in no residual: a focal length .5 % off moves a camera by 60 sigmas."""
-    verdict = rig_verdict(evidence(coverages=(covered(), None)), STANDARD)
+    left, right = evidence().cameras
+    verdict = judge(evidence(cameras=(left, replace(right, coverage=None))), STANDARD)
     assert (verdict.grade, verdict.leads_with) == ("usable", "lenses")
     assert "the lens of right is kept" in verdict.sentence
 
 
 def test_what_was_not_checked_is_not_called_good() -> None:
     """Without halves nothing tells whether the standard deviations hold: usable at best, and the reason leads."""
-    verdict = rig_verdict(evidence(halves=NoHalves("5 frames cannot be halved")), STANDARD)
+    verdict = judge(evidence(halves=NoHalves("5 frames cannot be halved")), STANDARD)
     assert verdict.grade == "usable"
     assert verdict.leads_with == "halves"
 
@@ -120,7 +124,7 @@ def test_what_was_not_checked_is_not_called_good() -> None:
 def test_residuals_of_the_worst_camera_decide(times: float, grade: Grade) -> None:
     """One camera that leaves over too much makes the rig no better than that, however good the other is."""
     left, right = evidence().cameras
-    verdict = rig_verdict(evidence(cameras=(left, replace(right, rms_px=times * right.rms_px))), STANDARD)
+    verdict = judge(evidence(cameras=(left, replace(right, rms_px=times * right.rms_px))), STANDARD)
     assert verdict.grade == grade
     if grade == "bad":
         assert verdict.leads_with == "residuals"
@@ -130,7 +134,7 @@ def test_residuals_of_the_worst_camera_decide(times: float, grade: Grade) -> Non
 def test_one_camera_that_few_frames_join_is_named() -> None:
     """The weakest link of the chain counts, not the frames of the others."""
     one, two = evidence().ties
-    verdict = rig_verdict(evidence(ties=(one, replace(two, joining_frames=3))), STANDARD)
+    verdict = judge(evidence(ties=(one, replace(two, joining_frames=3))), STANDARD)
     assert (verdict.grade, verdict.leads_with) == ("bad", "frames")
     assert "right the fewest" in verdict.sentence
     assert any("right" in step for step in verdict.advice)
@@ -139,7 +143,7 @@ def test_one_camera_that_few_frames_join_is_named() -> None:
 def test_what_moved_comes_first_in_advice() -> None:
     """Frames of a rig that was pushed meanwhile are to be taken again, not more of them."""
     moved = RigHalves((RigSplit("by turns", 3.0, 60, 1.0, ()), RigSplit("in order", 4.0, 60, 0.5, ())))
-    verdict = rig_verdict(evidence(halves=moved), STANDARD)
+    verdict = judge(evidence(halves=moved), STANDARD)
     assert verdict.grade == "usable"
     assert verdict.advice[0].startswith("fix the cameras")
     check = next(check for check in verdict.checks if check.name == "halves")
@@ -149,7 +153,7 @@ def test_what_moved_comes_first_in_advice() -> None:
 def test_halves_that_differ_enlarge_what_is_told() -> None:
     """The deviations of distances and of a point grow by what halves differ more than they should."""
     wide = RigHalves((RigSplit("by turns", 3.0, 60, 1.0, ()),))
-    once, thrice = rig_evidence(found(), AGREE), rig_evidence(found(), wide)
+    once, thrice = joint_evidence(found(), AGREE), joint_evidence(found(), wide)
     assert thrice.pairs[0].relative.baseline_sigma_mm == pytest.approx(3 * once.pairs[0].relative.baseline_sigma_mm)
     assert thrice.middle.rig_mm == pytest.approx(3 * once.middle.rig_mm)
     assert thrice.middle.noise_mm == once.middle.noise_mm
@@ -157,7 +161,7 @@ def test_halves_that_differ_enlarge_what_is_told() -> None:
 
 def test_coverage_makes_no_rig_unusable() -> None:
     """A ring that sees its target in the middle only is usable there; millimetres come before coverage."""
-    verdict = rig_verdict(rig_evidence(solved_slowly(ring(frames=6)), AGREE), STANDARD)
+    verdict = judge(joint_evidence(solved_slowly(ring(frames=6)), AGREE), STANDARD)
     check = next(check for check in verdict.checks if check.name == "coverage")
     assert check.grade == "usable"
     assert check.value < 40
@@ -185,13 +189,13 @@ def test_a_rig_that_is_not_determined_is_not_used() -> None:
 def test_delays_are_judged_by_what_they_move() -> None:
     """A delay that is not known well moves sightings of a target that moves; of one at rest it does no harm."""
     for delay_px, grade in ((0.01, "good"), (0.1, "usable"), (1.0, "bad")):
-        assert rig_verdict(evidence(delay_px=(0.0, delay_px)), STANDARD).grade == grade
+        assert judge(evidence(delay_px=(0.0, delay_px)), STANDARD).grade == grade
     seen = found().observations
     times = tuple(0.1 * np.arange(one.view_count) for one in seen.sightings)
     late = replace(
         found(), observations=replace(seen, time_s=times), delay_s=np.zeros(2), delay_sigma_s=np.array([0.0, 1e-3])
     )
-    first, second = rig_evidence(late, AGREE).delay_px
+    first, second = joint_evidence(late, AGREE).delay_px
     assert first == 0
     assert 0.1 < second < 10  # by some hundred px from frame to frame
 
@@ -199,7 +203,7 @@ def test_delays_are_judged_by_what_they_move() -> None:
 def test_one_file_holds_the_limits_of_cameras_and_rigs() -> None:
     """Limits of checks that both have are the same; of a verdict on a rig only those of rigs are kept."""
     kept = judge_rig(found(), AGREE, STANDARD).criteria
-    assert set(kept.limits) == {name for name, kind in CHECKS.items() if kind.unit and kind.rig}
+    assert set(kept.limits) == {name for name, kind in CHECKS.items() if kind.unit and (kind.every or kind.joint)}
     assert kept["residuals"] == STANDARD["residuals"]
     assert "uncertainty" in STANDARD.limits
     assert "uncertainty" not in kept.limits

@@ -12,11 +12,11 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
 from calib.core.se3 import look_at, make_pose, rotation_between, transform
 from calib.draw.sigma_map import place_on_map, sigma_map
-from calib.judge.camera_checks import OWN_ROTATION
 from calib.judge.candidate_views import candidates_of
 from calib.judge.coverage import COLUMNS, Coverage, coverage, coverage_of, lit_part, region_words
 from calib.judge.difference import Known, in_sigmas, sigma_over
 from calib.judge.evidence import uncertainty_of
+from calib.judge.lens_checks import OWN_ROTATION
 from calib.judge.views import habits_of, px_per_mm, shape_of
 from calib.observe.observations import known_points
 from calib.observe.search import with_image_circle

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from calib.core.types import Observations
 from calib.judge.checks import read_criteria
-from calib.judge.evidence import CameraEvidence, evidence_of, uncertainty_of
+from calib.judge.evidence import LensEvidence, lens_evidence, uncertainty_of
 from calib.judge.halves import NoHalves, half_split
-from calib.judge.judge import WORSE, judge
+from calib.judge.judge import WORSE
 from calib.judge.target_shape import ShapeEffect
 from calib.judge.verdict import Check, Criteria, Grade, Limits, measured_text
 from calib.solver.calibration import ImageField, TargetError
@@ -31,6 +31,7 @@ from tests.support.verdict_cases import (
     judged,
     sightings,
     solved,
+    verdict_on,
 )
 
 
@@ -72,8 +73,8 @@ def test_a_target_of_another_size_is_harmless() -> None:
 def test_three_photos_are_usable_at_best() -> None:
     """Without halves nothing independent was checked: no praise, and the reason is said."""
     seen, whole = sightings(views=20), read_criteria()
-    evidence = evidence_of(solved(seen), 0, NoHalves("3 photos cannot be halved; take 4 or more"))
-    verdict = judge(evidence, whole)
+    evidence = lens_evidence(solved(seen), 0, NoHalves("3 photos cannot be halved; take 4 or more"))
+    verdict = verdict_on(evidence, whole)
     assert {one.grade for one in verdict.checks} == {"good", "unknown"}
     assert verdict.grade == "usable"
     assert "3 photos cannot be halved" in verdict.sentence
@@ -194,14 +195,14 @@ def test_a_camera_of_which_nothing_was_estimated_is_not_praised() -> None:
 
 
 @cache
-def _plain(views: int) -> CameraEvidence:
+def _plain(views: int) -> LensEvidence:
     """Of a good run that was not halved."""
-    return evidence_of(solved(sightings(views=views)), 0, NoHalves("not asked for"))
+    return lens_evidence(solved(sightings(views=views)), 0, NoHalves("not asked for"))
 
 
 def _check(name: str, **changes: object) -> Check:
     """A check, where some of the evidence is another."""
-    found = judge(replace(_plain(6), **changes), read_criteria())  # type: ignore[arg-type]
+    found = verdict_on(replace(_plain(6), **changes), read_criteria())  # type: ignore[arg-type]
     return next(one for one in found.checks if one.name == name)
 
 
@@ -275,37 +276,37 @@ def test_a_shape_that_the_photos_do_not_tell_leaves_no_praise_unless_its_making_
     evidence = replace(
         _plain(20), halves=halves_apart_by(1.0, 0.01, 0.01, 0.01), shape=ShapeEffect(0.5, 1.0, 22.0, 0.1)
     )
-    assert judge(evidence, read_criteria()).grade == "usable"
-    assert "--made" in judge(evidence, read_criteria()).sentence
+    assert verdict_on(evidence, read_criteria()).grade == "usable"
+    assert "--made" in verdict_on(evidence, read_criteria()).sentence
     none = np.zeros((9, 9))
     for by_target, grade in ((0.0, "good"), (0.2, "usable"), (2.0, "bad")):
         known = replace(
             evidence.uncertainty, target_error=TargetError("a test", "", none + by_target), target_px=by_target,
             image_px=float(np.hypot(0.01, by_target)),
         )  # fmt: skip
-        assert judge(replace(evidence, uncertainty=known), read_criteria()).grade == grade
+        assert verdict_on(replace(evidence, uncertainty=known), read_criteria()).grade == grade
 
 
 def test_halves_without_power_leave_no_praise() -> None:
     """A verdict that rests on halves that cannot tell is usable at best, and says why."""
-    verdict = judge(replace(_plain(20), halves=halves_apart_by(0.4, 0.37, 0.93, 0.4)), read_criteria())
+    verdict = verdict_on(replace(_plain(20), halves=halves_apart_by(0.4, 0.37, 0.93, 0.4)), read_criteria())
     assert verdict.grade == "usable"
     assert "not everything could be checked: halves of the photos are so uncertain" in verdict.sentence
 
 
 def _of_leftover(name: str, ratio: float = 1.0, **changes: float) -> Check:
-    return _check(name, leftover=replace(_plain(6).leftover, **changes), shape=ShapeEffect(0.2, ratio, 0.01, 0.1))
+    return _check(name, **changes, shape=ShapeEffect(0.2, ratio, 0.01, 0.1))
 
 
 def test_words_are_no_stronger_than_what_is_found() -> None:
     """Within a limit there is a hint, and a target is only called wrong where the check of its shape is sure."""
-    assert "may not be quite as given" in _of_leftover("systematic", 2.5, target_px=0.04, rmse_px=0.06).sentence
+    assert "may not be quite as given" in _of_leftover("systematic", 2.5, target_px=0.04, rms_px=0.06).sentence
     assert "may not be quite as given" in _of_leftover("systematic", 2.5, target_px=0.1).sentence
     assert "is not quite as given" in _of_leftover("systematic", 5.0, target_px=0.1).sentence
-    within = _of_leftover("residuals", rmse_px=0.06, sigma_px=0.045, stated_sigma_px=0.005)
+    within = _of_leftover("residuals", rms_px=0.06, times_stated=9.0)
     assert within.grade == "good"
     assert "within the limit, though 9.0 times the noise" in within.sentence
-    beyond = _of_leftover("residuals", rmse_px=0.3, sigma_px=0.21, stated_sigma_px=0.005)
+    beyond = _of_leftover("residuals", rms_px=0.3, times_stated=42.0)
     assert "most of it is not noise" in beyond.sentence
 
 
@@ -346,7 +347,7 @@ def test_halves_that_differ_beyond_chance_enlarge_the_uncertainty(ratio: float, 
     stated = evidence.uncertainty.image_px
     uncertain = uncertainty_of(run[0], evidence.coverage, halves.factor)
     enlarged = replace(evidence, halves=halves, uncertainty=uncertain)
-    found = next(one for one in judge(enlarged, read_criteria()).checks if one.name == "uncertainty")
+    found = next(one for one in verdict_on(enlarged, read_criteria()).checks if one.name == "uncertainty")
     assert found.value == pytest.approx(factor * stated)
     error = TargetError("a test", "", 3 * run[0].param_covariance)
     both = uncertainty_of(replace(run[0], target_error=error), evidence.coverage, halves.factor)
@@ -355,7 +356,7 @@ def test_halves_that_differ_beyond_chance_enlarge_the_uncertainty(ratio: float, 
     field = ImageField(0.02, 5 * run[0].param_covariance)
     all_three = uncertainty_of(replace(run[0], target_error=error, image_field=field), evidence.coverage, halves.factor)
     assert all_three.image_px == pytest.approx(np.sqrt(factor**2 + 8) * stated)
-    told = judge(replace(evidence, halves=halves, uncertainty=all_three), read_criteria()).checks
+    told = verdict_on(replace(evidence, halves=halves, uncertainty=all_three), read_criteria()).checks
     sentence = next(one for one in told if one.name == "uncertainty").sentence
     assert ("a field of 0.020 px fixed in the image that the lens model does not follow" in sentence) == (factor < 2)
     assert ("times what the solution states" in found.sentence) == (factor > 1)

@@ -8,8 +8,8 @@ import pytest
 from calib.cameras import project
 from calib.core.se3 import transform
 from calib.core.types import Observations, RigObservations, keep_frames, keep_views
-from calib.judge.halves import NoHalves
-from calib.judge.rig_halves import RigHalves, half_solver, rig_halves, ways_to_halve, without_outliers
+from calib.judge.halves import NoHalves, RigHalves
+from calib.judge.rig_halves import half_solver, rig_halves, ways_to_halve, without_outliers
 from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration
 from calib.rigs.shared_errors import with_shared_errors

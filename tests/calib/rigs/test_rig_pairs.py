@@ -10,8 +10,10 @@ import pytest
 
 from calib.cameras.rig import Rig
 from calib.core.se3 import compose, exp_rotation, invert, log_rotation, make_pose, skew
-from calib.judge.rig_halves import RigHalves, RigSplit, enlarged
-from calib.rigs.figures import camera_figures, epipolar_distances, pair_figures, seen_by_both, ties_of, widest_chain
+from calib.judge.halves import NOT_COMPARED, RigHalves, RigSplit
+from calib.judge.joint_evidence import joint_evidence
+from calib.judge.rig_halves import enlarged
+from calib.rigs.figures import epipolar_distances, seen_by_both, ties_of, widest_chain
 from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.relative import Relative, compare_rigs, middle_error, relative
 from calib.rigs.solve import solve_rig
@@ -90,7 +92,8 @@ def test_outliers_count_nowhere() -> None:
     spoilt = found.residual_px[0].copy()
     spoilt[:10] = 1e3
     found = replace(found, residual_px=(spoilt, found.residual_px[1]), is_outlier=(out, found.is_outlier[1]))
-    left, (pair,) = camera_figures(found)[0], pair_figures(found)
+    evidence = joint_evidence(found, NOT_COMPARED)
+    left, (pair,) = evidence.cameras[0], evidence.pairs
     assert (left.left_out, left.sightings) == (10, len(out) - 10)
     assert left.rms_px < 1
     assert pair.rms_px < 1

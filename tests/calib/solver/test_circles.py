@@ -12,7 +12,7 @@ from calib.core.se3 import transform
 from calib.core.types import KnownPoints, Observations, RigObservations
 from calib.judge.checks import checks_of, read_criteria
 from calib.judge.halves import NoHalves
-from calib.judge.rig_judge import rig_evidence
+from calib.judge.joint_evidence import joint_evidence
 from calib.rigs.accuracy import with_circle_doubt as with_rig_circle_doubt
 from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration
@@ -196,7 +196,7 @@ def test_a_rig_of_points_of_which_nobody_spoke_states_what_they_may_do(diameter_
         assert abs(error) < 3 * np.sqrt(found.stated_covariance[row, row])
     said = _pair(diameter_mm, 0.0, noise_px=0.03)
     assert with_rig_circle_doubt(said) is said
-    check = next((one for one in checks_of(rig_evidence(found, NoHalves("not asked")), STANDARD)
+    check = next((one for one in checks_of(joint_evidence(found, NoHalves("not asked")), STANDARD)
                   if one.name == "points"), None)  # fmt: skip
     assert (check is not None) == bool(diameter_mm)
     assert check is None or ("--points says what they are" in check.sentence and "±" in check.sentence)

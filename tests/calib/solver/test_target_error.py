@@ -10,7 +10,7 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
 from calib.core.se3 import exp_rotation
 from calib.judge.checks import read_criteria
-from calib.judge.evidence import evidence_of
+from calib.judge.evidence import lens_evidence
 from calib.judge.halves import half_split
 from calib.judge.next_views import next_views
 from calib.measure_target.solve import measure
@@ -156,7 +156,7 @@ def test_next_photos_promise_what_the_verdict_then_states(share: float) -> None:
     made, poses = _stretched(share), _poses(1, rolls=rolls, axes=axes)
     one = with_target_error(_solved(made, poses), how_made(BOARD))
     halves = half_split(one, SolveOptions())
-    stated = evidence_of([one], 0, halves).uncertainty
+    stated = lens_evidence([one], 0, halves).uncertainty
     views = next_views(one, most=3, factor=stated.factor, opened=left_open(one, stated_prior(one, BOARD)))
     assert views[0].sigma_px_before == pytest.approx(stated.image_px, rel=1e-6)
     views = next_views(one, most=3, opened=left_open(one, stated_prior(one, BOARD)))

@@ -1,26 +1,17 @@
-"""Each check of a rig: what was measured against its limits, and what that means in one sentence."""
+"""Each check of cameras in space: what was measured against its limits, and what that means in one sentence."""
 
 import math
-from typing import TYPE_CHECKING
 
-from calib.judge.camera_checks import circle_words
-from calib.judge.halves import NoHalves
-from calib.judge.verdict import Criteria, Found, at_least, at_most, measured_text, px
+from calib.judge.evidence import JointEvidence
+from calib.judge.halves import NoHalves, RigHalves
+from calib.judge.lens_checks import circle_words
+from calib.judge.verdict import Criteria, Found, at_least, at_most, px
 from designer.base.words import figure, printable
-
-if TYPE_CHECKING:
-    from calib.judge.rig_judge import RigEvidence
-
-NOISY = 2.0
-"""Residuals of a camera this many times the noise that is stated for it are said to be something else."""
-
-OF_ROBOTS = 2.0
-"""Times the limit of residuals up to which a camera on a robot is judged by its error in mm alone."""
 
 NOT_KNOWN = "the covariance of the cameras' poses is not known"
 
 
-def frames(evidence: "RigEvidence", criteria: Criteria) -> Found:
+def frames(evidence: JointEvidence, criteria: Criteria) -> Found:
     """The weakest link of the best chain between cameras; of a single camera, its frames."""
     limits = criteria["frames"]
     if not evidence.ties:
@@ -34,39 +25,16 @@ def frames(evidence: "RigEvidence", criteria: Criteria) -> Found:
     return Found(at_least(count, limits), float(count), sentence)
 
 
-def lenses(evidence: "RigEvidence", _: Criteria) -> Found | None:
+def lenses(evidence: JointEvidence, _: Criteria) -> Found | None:
     """Lenses that were given and kept: residuals of a rig hardly show what they are off by, its places do."""
-    kept = [printable(name) for name, one in zip(evidence.names, evidence.coverages, strict=True) if one is None]
+    kept = [printable(one.name) for one in evidence.cameras if one.coverage is None]
     if not kept:
         return None
-    whose = "all cameras" if len(kept) == len(evidence.names) > 1 else ", ".join(kept)
+    whose = "all cameras" if len(kept) == len(evidence.cameras) > 1 else ", ".join(kept)
     return Found("usable", None, f"the lens of {whose} is kept as it was given; what it is off by is in no number here")
 
 
-def coverage(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
-    """Of cameras whose lenses were solved here; a lens that was given was learned elsewhere.
-
-    It makes no rig unusable: where the cameras look at together they saw the target, and `space` judges that.
-    """
-    limits = criteria["coverage"]
-    solved = [
-        (name, coverage)
-        for name, coverage in zip(evidence.names, evidence.coverages, strict=True)
-        if coverage is not None
-    ]
-    if not solved:
-        return None
-    name, least = min(solved, key=lambda pair: pair[1].share)
-    percent = 100 * least.share
-    text = measured_text(percent, "%", (limits.good, limits.usable))
-    sentence = f"the sightings surround {text} % of the {least.area} of {printable(name)}"
-    sentence += ", the least of all cameras" if len(solved) > 1 else ""
-    if least.missing_words:
-        sentence += f"; mostly without: {least.missing_words}, where its lens is only continued"
-    return Found("good" if percent >= limits.good else "usable", percent, sentence, usable=0.0)
-
-
-def halves(evidence: "RigEvidence", criteria: Criteria) -> Found:
+def halves(evidence: JointEvidence, criteria: Criteria) -> Found:
     """Whether stated deviations hold, and nothing moved; a camera on a robot is judged by where the target is then."""
     found, limits = evidence.halves, criteria["halves"]
     if isinstance(found, NoHalves):
@@ -83,35 +51,17 @@ def halves(evidence: "RigEvidence", criteria: Criteria) -> Found:
     elif found.factor > 1:
         sentence += f": take the noise's part of standard deviations {figure(found.factor, 2)} times as large"
     grade = at_most(found.ratio, limits)
-    if grade == "bad" and _is_in_mm(evidence) and at_most(found.target_factor, limits) != "bad":
+    if grade == "bad" and is_in_mm(evidence) and at_most(found.target_factor, limits) != "bad":
         return Found("usable", found.ratio, sentence, usable=found.ratio)
     return Found(grade, found.ratio, sentence)
 
 
-def _is_in_mm(evidence: "RigEvidence") -> bool:
+def is_in_mm(evidence: JointEvidence) -> bool:
     """Whether `space` says what everything does at the target."""
     return evidence.carried is not None and math.isfinite(evidence.carried.sigma_mm)
 
 
-def residuals(evidence: "RigEvidence", criteria: Criteria) -> Found:
-    """Of the worst camera. Those of one on a robot spoil it later: what they do at the target `space` tells in mm."""
-    limits = criteria["residuals"]
-    worst = max(evidence.cameras, key=lambda one: one.rms_px if math.isfinite(one.rms_px) else math.inf)
-    if not math.isfinite(worst.rms_px):
-        return Found("bad", None, f"no sighting of {printable(worst.name)} counts")
-    sentence = f"the residuals of {printable(worst.name)}"
-    sentence += ", the largest of all cameras," if len(evidence.cameras) > 1 else ""
-    sentence += f" are {px(worst.rms_px)} (RMS of {worst.sightings} sightings)"
-    if worst.times_stated is not None and worst.times_stated > NOISY:
-        times = figure(worst.times_stated, 2)
-        sentence += f", {times} times the noise that is stated: most of it is not noise, but target, lens or motion"
-    grade = at_most(worst.rms_px, limits)
-    if grade == "bad" and _is_in_mm(evidence) and worst.rms_px <= OF_ROBOTS * limits.usable:
-        return Found("usable", worst.rms_px, sentence, usable=worst.rms_px)
-    return Found(grade, worst.rms_px, sentence)
-
-
-def outliers(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+def outliers(evidence: JointEvidence, criteria: Criteria) -> Found | None:
     """Sightings that were left out, of the camera that has most of them."""
     shares = [(one.left_out / max(one.sightings + one.left_out, 1), one.name) for one in evidence.cameras]
     share, name = max(shares)
@@ -123,7 +73,7 @@ def outliers(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     return Found(at_most(100 * share, criteria["outliers"]), 100 * share, sentence)
 
 
-def delays(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+def delays(evidence: JointEvidence, criteria: Criteria) -> Found | None:
     """What the least known delay moves the sightings of its camera by."""
     if not evidence.delay_px:
         return None
@@ -137,7 +87,7 @@ def delays(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     return Found(at_most(value, criteria["delays"]), value, sentence)
 
 
-def baselines(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+def baselines(evidence: JointEvidence, criteria: Criteria) -> Found | None:
     """The pair whose distance is known worst, in relation to itself."""
     if not evidence.pairs:
         return None
@@ -152,7 +102,7 @@ def baselines(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     return Found(at_most(100 * share, criteria["baselines"]), 100 * share, sentence)
 
 
-def carrier(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+def carrier(evidence: JointEvidence, criteria: Criteria) -> Found | None:
     """How far the carrier's own turns are off those that photos show: what is not a robot's, or table's, to be."""
     carrier = evidence.carrier
     if carrier is None or not math.isfinite(carrier.sigma_rad):
@@ -168,7 +118,7 @@ def carrier(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     return Found(grade, degrees, sentence)
 
 
-def space(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+def space(evidence: JointEvidence, criteria: Criteria) -> Found | None:
     """A point in the middle, or what one camera on its carrier sees there, as a share of how far away it is."""
     found, carried = evidence.middle, evidence.carried
     if carried is not None:
@@ -195,7 +145,7 @@ def space(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     return Found(at_most(share, criteria["space"]), share, sentence)
 
 
-def points(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
+def points(evidence: JointEvidence, criteria: Criteria) -> Found | None:
     """Points that nobody said are corners or centres of circles, where that matters."""
     found = evidence.by_circles
     if found is None or found.sigma_mm <= found.noise_mm:
@@ -205,7 +155,7 @@ def points(evidence: "RigEvidence", criteria: Criteria) -> Found | None:
     return Found("unknown" if found.doubt.told_mm is None else at_most(share, criteria["space"]), None, sentence)
 
 
-def why_good(evidence: "RigEvidence") -> str:
+def why_good(evidence: JointEvidence) -> str:
     """The main reason of a rig that is good."""
     parts = []
     if evidence.pairs:
@@ -217,3 +167,37 @@ def why_good(evidence: "RigEvidence") -> str:
         parts.append(f"the target is placed to {figure(evidence.carried.sigma_mm, 2)} mm")
     parts.append("halves of the frames agree")
     return f"{', '.join(parts[:-1])}{',' if len(parts) > 2 else ''} and {parts[-1]}" if parts[1:] else parts[0]
+
+
+def steps_of(evidence: JointEvidence, criteria: Criteria) -> list[str]:
+    """What to do better, what would change the verdict first."""
+    steps = []
+    halves = evidence.halves
+    if isinstance(halves, RigHalves) and halves.has_moved:
+        steps.append(
+            "fix the cameras, their focus and zoom, and take all frames again: the first frames give another rig than "
+            "the last ones"
+        )
+    elif isinstance(halves, RigHalves) and halves.ratio > criteria["halves"].good:
+        steps.append(
+            "find what differs between the frames before taking more: cameras that are not taken at once while the "
+            "target moves, a target that bends or is not as its file says, autofocus or image stabilisation"
+        )
+    loud = [one for one in evidence.cameras if one.rms_px > criteria["residuals"].good]
+    if len(loud) == len(evidence.cameras) > 1 and not evidence.delay_px:
+        steps.append(
+            "look at what all cameras have in common, as each leaves over more than it should: photos that were not "
+            "taken at once while the target moved (time stamps and --delays, or stop and go), or a target that is not "
+            "as its file says"
+        )
+    elif loud:
+        names = ", ".join(printable(one.name) for one in loud)
+        steps.append(f"look at the photos of {names}: blur, motion, or a lens that the camera model does not fit")
+    few = [tie for tie in evidence.ties if tie.joining_frames < criteria["frames"].good]
+    if few:
+        names = ", ".join(printable(evidence.names[tie.camera]) for tie in few)
+        steps.append(
+            f"take more frames in which these see the target together with another camera: {names}; "
+            f"{criteria['frames'].good:g} or more"
+        )
+    return steps

@@ -1,17 +1,15 @@
-"""Each check of a camera: what was measured against its limits, and what that means in one sentence."""
+"""Each check of one camera's lens: what was measured against its limits, and what that means in one sentence."""
 
 import math
 
-from calib.judge.evidence import FAR_OFF, CameraEvidence, ModelApart
+from calib.judge.evidence import FAR_OFF, LensEvidence, ModelApart
 from calib.judge.halves import NoHalves
 from calib.judge.target_shape import ShapeEffect
-from calib.judge.verdict import LEAST_PX, Criteria, Found, Grade, Limits, at_least, at_most, measured_text, px
+from calib.judge.verdict import LEAST_PX, Criteria, Found, Grade, Limits, at_most, px
 from calib.solver.calibration import CaptureError, CircleDoubt, TargetError
 from designer.base.words import figure
 from designer.tolerance.made import EXACT, MEASURED
 
-NOISY = 3.0
-"""Residuals this many times the stated noise of the detector are said to be something else."""
 BY_CHANCE = 2.0
 """Sigmas of the effect of the target's shape that chance exceeds in about 1 of 100 honest runs (simulated)."""
 SURE = 3.0
@@ -26,12 +24,12 @@ LARGE_SHARE = 0.5
 """Of the residuals: a systematic part that is worth a word although it is small."""
 
 
-def reading(evidence: CameraEvidence, _: Criteria) -> Found | None:
+def reading(evidence: LensEvidence, _: Criteria) -> Found | None:
     """Observations that are another thing than they are taken for."""
     return Found("bad", None, evidence.reading) if evidence.reading else None
 
 
-def uncertainty(evidence: CameraEvidence, criteria: Criteria) -> Found:
+def uncertainty(evidence: LensEvidence, criteria: Criteria) -> Found:
     """Of the camera over the lit image, and what the largest parts of it are."""
     found, limits, area = evidence.uncertainty, criteria["uncertainty"], evidence.coverage.area
     if not found.is_estimated:
@@ -92,7 +90,7 @@ def diameter_words(diameter_mm: float, sigma_mm: float) -> str:
     return f"{figure(diameter_mm, 2)} ± {figure(sigma_mm, 2)} mm"
 
 
-def points(evidence: CameraEvidence, criteria: Criteria) -> Found | None:
+def points(evidence: LensEvidence, criteria: Criteria) -> Found | None:
     """Points that nobody said are corners or centres of circles, where that matters."""
     found, limits = evidence.uncertainty, criteria["uncertainty"]
     if not found.by_circles or found.circle_px < LEAST_PX or found.circle_doubt is None:
@@ -102,18 +100,7 @@ def points(evidence: CameraEvidence, criteria: Criteria) -> Found | None:
     return Found(at_most(found.circle_px, limits) if is_told else "unknown", None, sentence)
 
 
-def coverage(evidence: CameraEvidence, criteria: Criteria) -> Found:
-    """What the observations surround of the image."""
-    limits, covered = criteria["coverage"], evidence.coverage
-    percent = 100 * covered.share
-    text = measured_text(percent, "%", (limits.good, limits.usable))
-    sentence = f"the observations surround {text} % of the {covered.area}"
-    if covered.missing_words:
-        sentence += f"; mostly without: {covered.missing_words}"
-    return Found(at_least(percent, limits), percent, sentence)
-
-
-def halves(evidence: CameraEvidence, criteria: Criteria) -> Found:
+def halves(evidence: LensEvidence, criteria: Criteria) -> Found:
     """Within the limit of the ratio it is good; beyond, what matters is how far the halves are apart in pixels.
 
     If that is irrelevant, it is good too: the ratio enlarges the stated standard deviations, and that is all.
@@ -167,26 +154,10 @@ def halves(evidence: CameraEvidence, criteria: Criteria) -> Found:
     return Found(grade, found.ratio, sentence)
 
 
-def residuals(evidence: CameraEvidence, criteria: Criteria) -> Found:
-    """What the solution leaves over."""
-    limits = criteria["residuals"]
-    found = evidence.leftover
-    sentence = f"the residuals are {px(found.rmse_px)} (RMS of {found.count} observations)"
-    grade = at_most(found.rmse_px, limits)
-    if found.stated_sigma_px and found.sigma_px > NOISY * found.stated_sigma_px:
-        times = f"{figure(found.sigma_px / found.stated_sigma_px, 2)} times the noise that is stated"
-        sentence += (
-            f": within the limit, though {times}, a hint that some of it comes from target, lens or moving things"
-            if grade == "good"
-            else f", {times}: most of it is not noise, but target, lens or moving things"
-        )
-    return Found(grade, found.rmse_px, sentence)
-
-
-def systematic(evidence: CameraEvidence, criteria: Criteria) -> Found:
+def systematic(evidence: LensEvidence, criteria: Criteria) -> Found:
     """Of that what is the same in all photos, at a place in the image or of a point of the target."""
     limits = criteria["systematic"]
-    found = evidence.leftover
+    found = evidence
     known = [value for value in (found.image_px, found.target_px) if value is not None]
     if not known:
         return Found("unknown", None, "too few observations for means")
@@ -206,18 +177,18 @@ def systematic(evidence: CameraEvidence, criteria: Criteria) -> Found:
         sentence = "the mean residuals of places in the image, and of the target's points, are no larger than noise"
         return Found(grade, value, sentence)
     sentence = f"the mean residual {where} is {px(value)} beyond what noise gives (RMS)"
-    if value > limits.good or value > LARGE_SHARE * found.rmse_px:
+    if value > limits.good or value > LARGE_SHARE * found.rms_px:
         sentence += f": {cause}"
     return Found(grade, value, sentence)
 
 
-def outliers(evidence: CameraEvidence, criteria: Criteria) -> Found:
+def outliers(evidence: LensEvidence, criteria: Criteria) -> Found:
     """Outliers that were left out do no harm by themselves, but many tell that something is amiss.
 
     So those come on top of the limit within which a solution is usable.
     """
     limits = criteria["outliers"]
-    found = evidence.leftover
+    found = evidence
     percent = 100 * (found.far_share + found.left_out_share)
     usable = limits.usable + 100 * found.left_out_share
     grade = at_most(percent, Limits(limits.good, usable))
@@ -234,7 +205,7 @@ def outliers(evidence: CameraEvidence, criteria: Criteria) -> Found:
     return Found(grade, percent, sentence, usable)
 
 
-def target(evidence: CameraEvidence, criteria: Criteria) -> Found:
+def target(evidence: LensEvidence, criteria: Criteria) -> Found:
     """Beyond chance, the change of the camera counts, but only what is sure makes a camera unusable.
 
     Below, the photos must be able to tell a change from none.
@@ -263,7 +234,7 @@ def target(evidence: CameraEvidence, criteria: Criteria) -> Found:
     return Found(grade, found.percentile_95_px, sentence)
 
 
-def _target_by_chance(evidence: CameraEvidence, found: ShapeEffect, limits: Limits) -> Found:
+def _target_by_chance(evidence: LensEvidence, found: ShapeEffect, limits: Limits) -> Found:
     """Nothing shows that the target is not as its file says: it is not, or the photos could not show it."""
     error, by_target = evidence.uncertainty.target_error, evidence.uncertainty.target_px
     if found.sigma_px <= limits.good:
@@ -299,13 +270,13 @@ def made_as(error: TargetError) -> str:
     return f"{made} ({assumed}{error.because}; --made tells otherwise)" if error.because else made
 
 
-def models(evidence: CameraEvidence, criteria: Criteria) -> Found:
+def models(evidence: LensEvidence, criteria: Criteria) -> Found:
     """Models that fit the same photos alike and yet differ show what the photos leave open.
 
     A learned map rests on few photos, so its dissent alone makes no camera unusable.
     """
     limits = criteria["models"]
-    judged_px = evidence.leftover.rmse_px
+    judged_px = evidence.rms_px
     refuted = [one for one in evidence.models if not one.is_learned and one.rmse_px > REFUTED * judged_px]
     known = [
         (one, one.percentile_95_px)
@@ -333,7 +304,7 @@ def models(evidence: CameraEvidence, criteria: Criteria) -> Found:
     return Found(grade, value, sentence)
 
 
-def capture(evidence: CameraEvidence, criteria: Criteria) -> Found | None:
+def capture(evidence: LensEvidence, criteria: Criteria) -> Found | None:
     """By what is beyond chance; nothing is said of cameras that are not told by few parameters."""
     error = evidence.uncertainty.capture_error
     if error is None:
@@ -367,7 +338,7 @@ def taken_as(error: CaptureError) -> str:
     return words[error.capture] + (f" ({error.because}; --capture tells otherwise)" if error.because else "")
 
 
-def good_inside(evidence: CameraEvidence, limit_px: float) -> str:
+def good_inside(evidence: LensEvidence, limit_px: float) -> str:
     """Why a camera is not to be used that is good where the target was seen; "" if it is not."""
     inside, outside = evidence.uncertainty.covered_px, evidence.uncertainty.image_px
     if inside is None or inside > limit_px or evidence.uncertainty.is_map_exact:
@@ -383,7 +354,7 @@ def good_inside(evidence: CameraEvidence, limit_px: float) -> str:
     return f"{covered} {px(inside)} ({OWN_ROTATION}); elsewhere {elsewhere}, and nothing was seen to check it"
 
 
-def why_good(evidence: CameraEvidence) -> str:
+def why_good(evidence: LensEvidence) -> str:
     """The main reason of a camera that is good."""
     uncertain, area = evidence.uncertainty.image_px, evidence.coverage.area
     parts = [f"{100 * evidence.coverage.share:.0f} % of the {area} is covered"]
