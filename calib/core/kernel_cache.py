@@ -21,9 +21,11 @@ from typing import Protocol, cast
 
 import numba
 import numpy as np
+from llvmlite.binding import ModuleRef, parse_bitcode
 from numba.core import sigutils, types
 from numba.core.caching import _Cache
-from numba.core.compiler import CompileResult
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import compile_result
 from numba.core.environment import Environment, lookup_environment
 from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
@@ -43,16 +45,33 @@ CARRIED = Path(__file__).resolve().parent.parent / "_kernels"
 Missed = Callable[[Kernel, tuple[types.Type, ...]], bool]
 
 
+class _Engine(Protocol):
+    _defined_symbols: set[str]
+
+
+class _Function(Protocol):
+    llvm_func_name: str
+    llvm_cpython_wrapper_name: str
+
+
 class _Processor(Protocol):
     """What code is made for."""
 
+    _engine: _Engine
+
     def magic_tuple(self) -> tuple[str, str, str]: ...
+
+    def set_env(self, name: str, environment: Environment) -> None: ...
 
 
 class _Target(Protocol):
     """Where code is put."""
 
+    typing_context: object
+
     def codegen(self) -> _Processor: ...
+
+    def get_executable(self, library: JITCodeLibrary, function: _Function, environment: Environment) -> object: ...
 
 
 class _Library(Protocol):
@@ -112,8 +131,7 @@ class KernelCache(_Cache):
         if payload is None:
             return None
         try:
-            parts = _Reader(io.BytesIO(payload.partition(b"\n")[2])).load()
-            return cast("_Compiled", CompileResult._rebuild(target_context, *parts))
+            return _rebuilt(target_context, *_Reader(io.BytesIO(payload.partition(b"\n")[2])).load())
         except Exception:  # whatever is wrong with an entry, the kernel can be compiled
             return None
 
@@ -155,6 +173,42 @@ def _may_use_carried() -> bool:
 
     host = get_host_cpu_features()
     return all(host.get(feature, False) for feature in BASELINE_FEATURES)
+
+
+class _KeptLibrary(JITCodeLibrary):
+    """Machine code as it was kept; what callers put into themselves is read only when one is compiled."""
+
+    bitcode: bytes
+
+    def _get_module_for_linking(self) -> ModuleRef:
+        if self._shared_module is None:
+            self._shared_module = parse_bitcode(self.bitcode)
+        return self._shared_module
+
+
+def _rebuilt(
+    target: _Target, library: tuple[str, str, tuple[bytes, bytes]], function: _Function, environment: Environment,
+    signature: object, objectmode: bool, lifted: tuple[object, ...], annotation: str,
+    reload_init: tuple[Callable[[], object], ...], environments: tuple[Environment, ...],
+) -> _Compiled:  # fmt: skip
+    """As `CompileResult._rebuild`, which spends most of its time on reading what nothing is compiled from."""
+    for again in reload_init:
+        again()
+    codegen, (name, _, (machine_code, bitcode)) = target.codegen(), library
+    made = _KeptLibrary(codegen, name)  # type: ignore[no-untyped-call]  # Numba gives it no types
+    made.bitcode, kept = bitcode, cast("JITCodeLibrary", made)
+    kept.enable_object_caching()
+    kept._set_compiled_object(machine_code)
+    kept._finalize_final_module()
+    codegen._engine._defined_symbols |= {function.llvm_func_name, function.llvm_cpython_wrapper_name}
+    entry_point = target.get_executable(kept, function, environment)
+    for one in environments:
+        codegen.set_env(one.env_name, one)
+    return cast("_Compiled", compile_result(
+        target_context=target, typing_context=target.typing_context, library=kept, environment=environment,
+        entry_point=entry_point, fndesc=function, type_annotation=annotation, signature=signature,
+        objectmode=objectmode, lifted=lifted, reload_init=reload_init, referenced_envs=environments,
+    ))  # fmt: skip
 
 
 class _Reader(pickle.Unpickler):

@@ -87,6 +87,17 @@ def test_a_damaged_entry_is_none(cache: Path) -> None:
     assert (module.outer(1), hits(module)) == (3, 1)
 
 
+def test_a_kept_kernel_serves_one_that_is_new(cache: Path) -> None:
+    """A kernel that is compiled takes in one that is kept, as its code is read when somebody asks for it."""
+    assert fresh().outer(1) == 3
+    [outer] = [path for path in entries(cache) if path.name.startswith("outer")]
+    outer.unlink()
+    again = fresh()
+    assert again.outer(2) == 5
+    assert not hits(again)
+    assert sum(again.inner.stats.cache_hits.values()) == 1
+
+
 @pytest.mark.parametrize("why", ["is a file", "may be written by others"])
 def test_a_folder_that_cannot_be_trusted_is_left_alone(
     cache: Path, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
