@@ -230,7 +230,7 @@ def accuracy_of_rig(problem: RigProblem, found: Found, labels: Sequence[str], kn
     )
     column = None if problem.prior is None else problem.prior.column
     carrier = None if column is None else shared[column[:, None], column]
-    size = problem.size_column
+    size = problem.amount[0] if len(problem.amount) else -1
     size_sigma = float(np.sqrt(shared[size, size])) if size >= 0 else 0.0
     frame = factor * inverse.frame + inverse.coupling @ moved @ inverse.coupling.transpose(0, 2, 1)
     frame = np.full_like(frame, np.nan) if inverse.is_lost.any() else frame

@@ -259,7 +259,8 @@ def _labels(problem: RigProblem, observations: RigObservations, state: RigState)
         label[one.delay[0]] = f"the time offset of {name}"
     for place in () if problem.prior is None else problem.prior.column.tolist():
         label[place] = "where the target sits"
-    label[problem.size_column] = "the size of the target"
+    for number, place in enumerate(problem.amount.tolist()):
+        label[place] = f"the {'bend' if number else 'size'} of the target"
     return label[:-1]
 
 

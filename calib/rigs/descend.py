@@ -59,12 +59,10 @@ def rig_equations(
     blocks, chains = [], []
     for number, one in enumerate(problem.seen):
         frames, poses = seen_poses(problem, state, number)
-        has_size = problem.size_column >= 0
+        has_unknowns = (one.params >= 0).any() or len(problem.amount)
         found = view_blocks(
-            with_scale(problem, number, state.size), state.cameras[number], poses, RobustLoss(loss),
-            of_poses=not ((one.params >= 0).any() or has_size),
-            near=None if near is None else near[number].products,
-            modes_mm=one.problem.position_mm[None] if has_size else None,
+            with_scale(problem, number, state.amount), state.cameras[number], poses, RobustLoss(loss),
+            of_poses=not has_unknowns, near=None if near is None else near[number].products,
         )  # fmt: skip
         blocks.append(found)
         chains.append(chain_of(problem, state, number, frames))
@@ -86,7 +84,7 @@ def assembled(
             views.append(eliminated(products, problem.slack[number], state.slack[number], damping))
             products = views[-1].products
         add_chained(into, products, params_of(problem, number), chain)
-    prior = sum(one.prior for one in views) + _add_delays(into, problem, state) + _add_size(into, problem, state)
+    prior = sum(one.prior for one in views) + _add_delays(into, problem, state) + _add_amounts(into, problem, state)
     if problem.prior is not None:
         prior += add_prior(into, problem.prior, state, problem.seen[0].pose)
     cost = sum(float(one.cost.sum()) for one in blocks)
@@ -96,22 +94,19 @@ def assembled(
 
 
 def params_of(problem: RigProblem, camera: int) -> Rows:
-    """The shared unknowns that a camera's blocks have before the pose: the target's size, then its parameters."""
+    """The shared unknowns that a camera's blocks have before the pose: the target's, then its parameters."""
     own = problem.seen[camera].params
-    if problem.size_column >= 0:
-        return np.concatenate([[problem.size_column], own])
-    return own if (own >= 0).any() else own[:0]
+    return np.concatenate([problem.amount, own]) if len(problem.amount) or (own >= 0).any() else own[:0]
 
 
-def _add_size(into: Normal, problem: RigProblem, state: RigState) -> float:
-    """Add what is expected of the target's size."""
-    if problem.size_column < 0 or problem.prior is None:
-        return 0.0
-    column, sigma = problem.size_column, problem.prior.carrier.size_sigma
-    off = (state.size - 1) / sigma
+def _add_amounts(into: Normal, problem: RigProblem, state: RigState) -> float:
+    """Add what is expected of the target's size and bend."""
+    free = problem.amount >= 0
+    column, sigma = problem.amount[free], problem.amount_sigma[free]
+    off = (state.amount - np.eye(1, len(free))[0])[free] / sigma if len(free) else sigma
     into.other[column, column] += sigma**-2
     into.other[column, -1] += off / sigma
-    return off**2
+    return float(off @ off)
 
 
 def _add_delays(into: Normal, problem: RigProblem, state: RigState) -> float:
@@ -233,8 +228,8 @@ def moved_state(problem: RigProblem, state: RigState, equations: RigEquations, s
         one + slack_step(equations.slack[number], shared[params_of(problem, number)], _pose_steps(chain, step))
         for number, (one, chain) in enumerate(zip(state.slack, equations.chains, strict=bool(problem.slack)))
     ]
-    size = state.size + float(shared[problem.size_column])
-    return RigState(cameras, np.concatenate(own), frames, delay, target, slack=tuple(views), size=size)
+    amount = state.amount + shared[problem.amount]
+    return RigState(cameras, np.concatenate(own), frames, delay, target, slack=tuple(views), amount=amount)
 
 
 def _pose_steps(chain: Chain, step: JointStep) -> Array:

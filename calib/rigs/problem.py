@@ -15,7 +15,7 @@ view: with h the pose's columns of H, `H - h (W + W / k)^-1 h'` is left; what no
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from calib.core.se3 import exp_rotation, make_pose
 from calib.core.types import RigObservations, freeze
 from calib.rigs.motion import Motion
 from calib.solver.costs import IMAGE
+from calib.solver.free_bend import bend_modes_mm
 from calib.solver.levenberg import move_poses
 from calib.solver.problem import Loss, Problem, pack
 from designer.base.arrays import Array, Rows
@@ -137,6 +138,8 @@ class RigOptions:
     carrier: Carrier | None = None
     max_iterations: int = 100
     minimise: str = IMAGE  # as `SolveOptions.minimise`
+    free_bend: bool = False  # as `SolveOptions.free_bend`
+    bend_sigma_mm: tuple[float, ...] | None = None  # as `SolveOptions.bend_sigma_mm`
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +174,9 @@ class RigProblem:
     scale: Array  # (C,) standard deviation of an observation: px, or in units of the stated covariance
     motion: Motion | None = None  # of the target; None: it stands still in each frame
     prior: CarrierPrior | None = None
-    size_column: int = -1  # the shared unknown that is the target's size; -1: as its file says
+    amount: Rows = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    """(S,) shared unknown of the target's size, then of its bend's heights; -1: as its file says."""
+    amount_sigma: Array = field(default_factory=lambda: np.zeros(0))  # (S,) what is believed of these, about 1 and 0
     slack: tuple[SlackPrior, ...] = ()  # (C,) of the views' poses; (): they are the rig's
 
 
@@ -185,7 +190,12 @@ class RigState:
     delay_s: Array  # (C,)
     carrier_from_target: Array  # (4, 4)
     slack: tuple[Array, ...] = ()  # (C,) of (V_c, 6): by how much the views' poses are not the rig's
-    size: float = 1.0  # of the target, as a part of what its file says
+    amount: Array = field(default_factory=lambda: np.zeros(0))  # (S,) see `RigProblem`
+
+    @property
+    def size(self) -> float:
+        """Of the target, as a part of what its file says."""
+        return float(self.amount[0]) if len(self.amount) else 1.0
 
 
 def pack_rig(
@@ -198,6 +208,7 @@ def pack_rig(
     scale: Array,
     with_delays: bool,
     carrier: Carrier | None,
+    bend_sigma_mm: Array | None = None,
 ) -> RigProblem:
     """The problem of all cameras, each view of which has sightings.
 
@@ -210,6 +221,7 @@ def pack_rig(
         scale: see `RigProblem`.
         with_delays: time offsets of all cameras but the first are unknowns.
         carrier: what is known of the frames' poses.
+        bend_sigma_mm: what is believed of a flat target's bend (5,), if it is an unknown.
     """
     seen, count = [], 0
     params, poses = [], []
@@ -233,9 +245,19 @@ def pack_rig(
         sigma = np.array([carrier.sigma_rad or np.nan, carrier.sigma_mm or np.nan])
         prior = CarrierPrior(carrier, np.arange(6) + count, sigma)
         count += 6
-    size_column = count if carrier is not None and carrier.size_sigma > 0 else -1
-    count += int(size_column >= 0)
-    return RigProblem(tuple(seen), observations.frame_count, count, loss, scale, prior=prior, size_column=size_column)
+    heights = np.zeros(0) if bend_sigma_mm is None else bend_sigma_mm
+    sigma = np.concatenate([[0.0 if carrier is None else carrier.size_sigma], heights])
+    if not sigma.any():
+        return RigProblem(tuple(seen), observations.frame_count, count, loss, scale, prior=prior)
+    for number, (part, own) in enumerate(zip(seen, observations.sightings, strict=True)):
+        modes = [part.problem.position_mm[None], *([bend_modes_mm(own)] if len(heights) else [])]
+        packed = replace(part.problem, modes_mm=np.concatenate(modes), amount=np.eye(1, len(sigma))[0])
+        seen[number] = replace(part, problem=packed)
+    column = np.where(sigma > 0, count + np.cumsum(sigma > 0) - 1, -1)
+    count += int((sigma > 0).sum())
+    return RigProblem(
+        tuple(seen), observations.frame_count, count, loss, scale, prior=prior, amount=column, amount_sigma=sigma
+    )
 
 
 def without_params(problem: RigProblem) -> RigProblem:
@@ -250,9 +272,7 @@ def without_params(problem: RigProblem) -> RigProblem:
         for one in problem.seen
     )
     prior = problem.prior and replace(problem.prior, column=number[problem.prior.column])
-    return replace(
-        problem, seen=seen, shared_count=int(kept[:-1].sum()), prior=prior, size_column=int(number[problem.size_column])
-    )
+    return replace(problem, seen=seen, shared_count=int(kept[:-1].sum()), prior=prior, amount=number[problem.amount])
 
 
 def frame_times(observations: RigObservations) -> Array:
@@ -295,8 +315,7 @@ def speeds(problem: RigProblem, state: RigState, camera: int) -> Array:
     return problem.motion.speed(one.frame, one.gap_s - state.delay_s[camera])
 
 
-def with_scale(problem: RigProblem, camera: int, size: float = 1.0) -> Problem:
-    """What a camera saw, whitened by what its observations are worth, too, of a target of some size."""
+def with_scale(problem: RigProblem, camera: int, amount: Array) -> Problem:
+    """What a camera saw, whitened by what its observations are worth, too, of a target of some size and bend."""
     one = problem.seen[camera].problem
-    position = one.position_mm if size == 1 else size * one.position_mm
-    return replace(one, position_mm=position, whitener=one.whitener / problem.scale[camera])
+    return replace(one.at(amount), whitener=one.whitener / problem.scale[camera])

@@ -19,6 +19,7 @@ from calib.rigs.motion import motion_of
 from calib.rigs.problem import Carrier, RigOptions, RigProblem, RigState, frame_times, pack_rig
 from calib.rigs.start import Alone, frame_candidates, joined, relative_poses, synchronised
 from calib.rigs.variance_components import LEAST_SCALE, LEAST_SIGMA
+from calib.solver.free_bend import bend_sigma_mm
 from calib.solver.problem import few_per_view, select
 from designer.base.arrays import Flags
 from designer.base.errors import InputError
@@ -146,9 +147,17 @@ def start_rig(observations: RigObservations, alone: Sequence[Alone], options: Ri
         observations, [one.tie.row for one in alone],
         [carrier is None and number == reference for number in range(len(alone))], weighted=options.weighted,
         loss=options.loss, scale=scale, with_delays=options.estimates_delays, carrier=carrier,
+        bend_sigma_mm=bend_sigma_mm(observations.points, options.bend_sigma_mm) if options.free_bend else None,
     )  # fmt: skip
     frames, _ = frame_candidates(thinned(problem), observations, alone, cam_from_rig, problem.seen[0].problem.origin_mm)
-    state = RigState(tuple(one.camera for one in alone), cam_from_rig, frames, delay_s, np.eye(4))
+    state = RigState(
+        tuple(one.camera for one in alone),
+        cam_from_rig,
+        frames,
+        delay_s,
+        np.eye(4),
+        amount=problem.seen[0].problem.amount,
+    )
     if options.estimates_delays:
         problem = replace(problem, motion=motion_of(frames, frame_times(observations)))
     begin = RigStart(observations, alone, options, problem, state, remarks)

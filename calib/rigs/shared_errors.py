@@ -140,8 +140,7 @@ def with_bend_error(found: RigCalibration, bend: PlaneBend | None) -> RigCalibra
     """
     if bend is None or not np.isfinite(found.covariance).all():
         return found
-    first, both, second = bend.covariance_mm2
-    value, axes = np.linalg.eigh(np.array([[first, both], [both, second]]) * (1 + (found.slack or 0.0)))
+    value, axes = np.linalg.eigh(bend.covariance * (1 + (found.slack or 0.0)))
     root = axes * np.sqrt(value.clip(min=0.0))
     position = found.observations.points.position_mm
     modes = np.tensordot(root.T, bend.modes_mm(position), 1)

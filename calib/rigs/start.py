@@ -223,7 +223,9 @@ def frame_candidates(
         cost = np.zeros(count)
         for camera in range(len(cameras)):
             poses = seen_poses(problem, state, camera)[1]
-            misfit = view_misfit(with_scale(problem, camera), cameras[camera], poses, RobustLoss("cauchy"))
+            misfit = view_misfit(
+                with_scale(problem, camera, state.amount), cameras[camera], poses, RobustLoss("cauchy")
+            )
             cost[problem.seen[camera].frame] += misfit.cost
         better = known & (cost < least)
         best[better], least[better] = guess[better], cost[better]

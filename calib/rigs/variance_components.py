@@ -134,7 +134,7 @@ def scales_left(problem: RigProblem, state: RigState) -> Array:
     scale = np.empty(len(problem.seen))
     for number, one in enumerate(problem.seen):
         poses = seen_poses(problem, state, number)[1]
-        packed = replace(one.problem, position_mm=state.size * one.problem.position_mm)
+        packed = one.problem.at(state.amount)
         residual = view_misfit(packed, state.cameras[number], poses, RobustLoss()).residual_px
         scale[number] = robust_sigma(whitened(packed.whitener, residual))
     return np.where(np.isfinite(scale), scale, LEAST_SCALE)
@@ -155,7 +155,7 @@ def residuals(problem: RigProblem, state: RigState) -> list[Array]:
     rigid = replace(problem, slack=())
     return [
         view_misfit(
-            with_scale(problem, number, state.size), camera, seen_poses(rigid, state, number)[1], RobustLoss()
+            with_scale(problem, number, state.amount), camera, seen_poses(rigid, state, number)[1], RobustLoss()
         ).residual_px
         for number, camera in enumerate(state.cameras)
     ]

@@ -49,7 +49,9 @@ class Accuracy:
     weakest_eigenvalue: float  # of the normal matrix with a diagonal of ones; 0: not determined
 
 
-def accuracy_of(products: Array, tie: Rows, used: int, robust: tuple[float, float] | None = None) -> Accuracy:
+def accuracy_of(
+    products: Array, tie: Rows, used: int, robust: tuple[float, float] | None = None, prior: Array | None = None
+) -> Accuracy:
     """The covariances of camera and poses.
 
     With the normal matrix `[A B; B' C]`, that of the camera is `S^-1` of `S = A - B C^-1 B'`, and that of a pose
@@ -61,21 +63,28 @@ def accuracy_of(products: Array, tie: Rows, used: int, robust: tuple[float, floa
         used: observations that count.
         robust: if weights were lowered, the standard deviation of an observation, which the squares then do not tell,
             and the factor that makes the inverse normal matrix a covariance.
+        prior: the equations of what is believed beforehand (P + 7, P + 7), as `Blocks.prior`. What it tells of the
+            unknowns the photos need not: with its matrix Q that many unknowns less, `tr (S + Q)^-1 Q`.
     """
     views, parameters = len(products), len(tie)
     free = int(tie.max(initial=-1)) + 1
-    redundancy = 2 * used - free - 6 * views
     squares = float(products[:, -1, -1].sum())
-    scale = float(np.sqrt(squares / redundancy)) if redundancy > 0 else float("nan")
-    factor = scale**2
-    if robust is not None and redundancy > 0:
-        scale, factor = robust[0], robust[1] * 2 * used / redundancy
+
+    def scale_factor(told: float = 0.0) -> tuple[float, float]:
+        redundancy = 2 * used - free + told - 6 * views
+        if redundancy <= 0:
+            return float("nan"), float("nan")
+        scale = float(np.sqrt(squares / redundancy))
+        return (scale, scale**2) if robust is None else (robust[0], robust[1] * 2 * used / redundancy)
+
+    scale, factor = scale_factor()
     spread: Array = (tie[:, None] == np.arange(free)).astype(np.float64)  # (P, Q)
     nothing = Accuracy(
         scale, np.full((parameters, parameters), np.nan), np.full((views, 6, 6), np.nan), np.zeros(parameters), 0.0
     )
     try:
-        normal, inverse_times = reduced_normal(products, tie)
+        every = products if prior is None else np.concatenate([products, prior[None]])
+        normal, inverse_times = reduced_normal(every, tie)
         pose_inverse = np.linalg.inv(products[:, -7:-1, -7:-1])
     except np.linalg.LinAlgError:
         return nothing
@@ -84,7 +93,7 @@ def accuracy_of(products: Array, tie: Rows, used: int, robust: tuple[float, floa
             scale, np.zeros((parameters, parameters)), np.asarray(factor * pose_inverse), np.zeros(parameters), 1.0
         )
     diagonal = np.diagonal(normal)
-    before = np.einsum("vpp->p", products[:, :parameters, :parameters]) @ spread
+    before = np.einsum("vpp->p", every[:, :parameters, :parameters]) @ spread
     # Against what a parameter had before the poses were let free: a direction that they take up whole is close to 0.
     if not (np.isfinite(normal).all() and (before > 0).all() and (diagonal > 0).all()):
         return nothing
@@ -95,7 +104,9 @@ def accuracy_of(products: Array, tie: Rows, used: int, robust: tuple[float, floa
     if not values[0] > 0:
         return Accuracy(scale, nothing.param_covariance, nothing.pose_covariance, weakest, 0.0)
     inverse = (vectors / values) @ vectors.T / (root[:, None] * root)
-    pose = pose_inverse + inverse_times @ inverse @ inverse_times.transpose(0, 2, 1)
+    if prior is not None:
+        scale, factor = scale_factor(float((inverse * (spread.T @ prior[:parameters, :parameters] @ spread)).sum()))
+    pose = pose_inverse + inverse_times[:views] @ inverse @ inverse_times[:views].transpose(0, 2, 1)
     return Accuracy(scale, factor * spread @ inverse @ spread.T, factor * pose, weakest, weakest_eigenvalue)
 
 

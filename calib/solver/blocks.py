@@ -42,7 +42,18 @@ class Misfit:
 class Blocks(Misfit):
     """The normal equations of V views, too."""
 
-    products: Array  # (V, P + 7, P + 7) symmetric; of the poses alone (V, 7, 7)
+    products: Array  # (V, S + P + 7, S + P + 7) symmetric; of the poses alone (V, 7, 7)
+    prior: Array | None = None  # (S + P + 7, S + P + 7) of `Prior`
+
+    @property
+    def every(self) -> Array:
+        """The views' products, and the prior's as if it were one more."""
+        return self.products if self.prior is None else np.concatenate([self.products, self.prior[None]])
+
+    @property
+    def total(self) -> float:
+        """The cost of all views and of the prior."""
+        return float(self.cost.sum()) + (0.0 if self.prior is None else float(self.prior[-1, -1]))
 
 
 @dataclass(frozen=True)
@@ -354,7 +365,6 @@ def view_blocks(
     *,
     of_poses: bool = False,
     near: Array | None = None,
-    modes_mm: Array | None = None,
 ) -> Blocks:
     """The normal equations of all views.
 
@@ -364,23 +374,25 @@ def view_blocks(
         cam_from_target: where (V, 4, 4).
         loss: of the whitened residuals.
         of_poses: those of the poses alone.
-        near: products (V, P + 7, P + 7) so near that only the gradients differ; takes half the time.
-        modes_mm: displacements (S, 3, M) of the observations' points on the target by S more unknowns, which come
-            before the camera's parameters.
+        near: products so near that only the gradients differ; takes half the time.
     """
     views, count = problem.view_count, problem.measured_px.shape[1]
-    size = (0 if of_poses else len(camera.params)) + 7 + (0 if modes_mm is None else len(modes_mm))
+    size = 7 if of_poses else len(problem.amount) + len(camera.params) + 7
     products = np.empty((views, size, size)) if near is None else near.copy()
-    blocks = Blocks(np.empty(views), np.empty((2, count)), products)
+    prior = None
+    if problem.prior is not None and not of_poses:
+        prior = problem.prior.block(np.concatenate([problem.amount, camera.params]))
+    blocks = Blocks(np.empty(views), np.empty((2, count)), products, prior)
     pose = np.ascontiguousarray(cam_from_target)
     for first, last in _runs(problem.view_start):
         width = int(problem.view_start[last] - problem.view_start[first])
         turned, point = np.empty((3, width)), np.empty((3, width))
         _to_camera(problem.view_start, first, last, pose, problem.position_mm, turned, point)
         rows, lever, measured = _linearised(problem, camera, pose, (first, last), turned, point, of_poses=of_poses)
-        if modes_mm is not None:
+        if len(problem.amount) and not of_poses:
             among = slice(problem.view_start[first], problem.view_start[last])
-            rows = with_modes(rows, pose[problem.view[among], :3, :3], modes_mm[:, :, among])
+            counts = np.diff(problem.view_start[first : last + 1])
+            rows = with_modes(rows, np.repeat(pose[first:last, :3, :3], counts, axis=0), problem.modes_mm[:, :, among])
         _view_products(
             problem.view_start, first, last, lever, rows, measured, problem.whitener,
             problem.is_used, LOSSES[loss.kind], loss.knee, blocks.residual_px, products, blocks.cost,
@@ -392,7 +404,7 @@ def view_blocks(
 def with_modes(rows: Array, rotation: Array, modes_mm: Array) -> Array:
     """The rows (8 + 2 P, N) with derivatives by displacements (S, 3, N) of the points before those by parameters."""
     by_point, by_params = rows[2:8].reshape(2, 3, -1), rows[8:].reshape(2, -1, rows.shape[1])
-    by_modes = np.einsum("kin,nij,sjn->ksn", by_point, rotation, modes_mm)
+    by_modes = np.einsum("kjn,sjn->ksn", np.einsum("kin,nij->kjn", by_point, rotation), modes_mm)
     both = np.concatenate([by_modes, by_params], axis=1)
     return np.concatenate([rows[:8], both.reshape(-1, rows.shape[1])])
 

@@ -3,7 +3,12 @@
 A flat target that is bent: how, and where its points are then.
 
 With x and y from -1 to 1 over its sides, and z along the normal of its plane, its points stand at
-`z = a (1 - x^2) + b (1 - y^2)`: two curvatures, as mrcal's deformed calibration object. The edges' corners stay.
+
+    z = a (1 - x^2) + b (1 - y^2) + c x y + d y (1 - x^2) + e x (1 - y^2).
+
+But for constants and tilts, which are poses, these are five Legendre terms: P2(x), P2(y), P1(x) P1(y), P2(x) P1(y) and
+P1(x) P2(y). The first two are the curvatures of mrcal's deformed calibration object, the third is a twist, and the
+others are curvatures that change from one side to the other.
 """
 
 from dataclasses import dataclass, replace
@@ -24,6 +29,9 @@ from designer.tolerance.sources import SOURCES
 FLAT, THIN = 0.05, 1e-3
 """Of the points' extent: what is off their plane by less is a flat target, bent or not; thinner points are a line."""
 LEAST_POINTS = 4
+TERMS = 5
+SURELY_BENT = 3.0
+"""Standard deviations."""
 LARGEST_MM = 1e7
 _Length = Annotated[float, AtLeast(-LARGEST_MM), AtMost(LARGEST_MM)]
 
@@ -35,16 +43,22 @@ class PlaneBend:
     axes: Annotated[Array, Shape(3, 3)]  # rows: along x, along y, normal, in the target's frame
     middle_mm: tuple[_Length, _Length, _Length]
     half_mm: tuple[_Length, _Length]  # of the sides
-    height_mm: tuple[_Length, _Length] = (0.0, 0.0)  # a, b
-    covariance_mm2: tuple[Gap, Gap, Gap] = (0.0, 0.0, 0.0)  # of a, of a with b, of b
+    height_mm: Annotated[tuple[_Length, ...], Length(2, TERMS)] = (0.0,) * TERMS
+    """a to e; of files of before, a and b."""
+    covariance_mm2: Annotated[tuple[Gap, ...], Length(3, TERMS * (TERMS + 1) // 2)] = (0.0,) * 15
+    """Of a to e: the upper triangle, row by row."""
 
     def __post_init__(self) -> None:
         freeze(self, "axes")
+        count = len(self.height_mm)
+        if len(self.covariance_mm2) != count * (count + 1) // 2:
+            raise ValueError(f"covariance_mm2 must be the {count * (count + 1) // 2} numbers of {count} heights")
 
     def modes_mm(self, position_mm: Array) -> Array:
-        """What heights of 1 mm do to points (K, 3).  # (2, K, 3)"""
-        place = ((position_mm - self.middle_mm) @ self.axes[:2].T) / self.half_mm
-        modes: Array = (1 - place.T**2)[:, :, None] * self.axes[2]
+        """What heights of 1 mm do to points (K, 3).  # (S, K, 3)"""
+        x, y = (((position_mm - self.middle_mm) @ self.axes[:2].T) / self.half_mm).T
+        heights = np.stack([1 - x**2, 1 - y**2, x * y, y * (1 - x**2), x * (1 - y**2)])
+        modes: Array = heights[: len(self.height_mm), :, None] * self.axes[2]
         return modes
 
     def bent(self, seen: Observations) -> Observations:
@@ -56,10 +70,38 @@ class PlaneBend:
         return _moved(seen, -np.tensordot(self.height_mm, self.modes_mm(seen.points.position_mm), 1))
 
     @property
-    def sigma_mm(self) -> tuple[float, float]:
+    def covariance(self) -> Array:
+        """Of the heights.  # (S, S)"""
+        count = len(self.height_mm)
+        matrix = np.zeros((count, count))
+        matrix[np.triu_indices(count)] = self.covariance_mm2
+        full: Array = matrix + np.triu(matrix, 1).T
+        return full
+
+    @property
+    def sigma_mm(self) -> tuple[float, ...]:
         """Standard deviations of the heights."""
-        first, _, second = np.sqrt(np.maximum(self.covariance_mm2, 0.0)).tolist()
-        return first, second
+        return tuple(np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0)).tolist())
+
+    def told(self, height_mm: Array, covariance_mm2: Array) -> "PlaneBend":
+        """The same with heights (S,) and their covariance (S, S)."""
+        upper = covariance_mm2[np.triu_indices(len(height_mm))]
+        return replace(self, height_mm=tuple(height_mm.tolist()), covariance_mm2=tuple(upper.tolist()))
+
+    @property
+    def sentence(self) -> str:
+        """How the target is bent, in a line."""
+        (a, b, *rest), (sigma_a, sigma_b, *rest_sigma) = self.height_mm, self.sigma_mm
+        x, y, z = self.axes[2].tolist()
+        others = ", ".join(f"{one:.2g} ± {sigma:.2g}" for one, sigma in zip(rest, rest_sigma, strict=True))
+        is_sure = (np.abs(self.height_mm) > SURELY_BENT * np.array(self.sigma_mm)).any()
+        return (
+            f"the target is bent: its middle stands {a:.3g} ± {sigma_a:.2g} mm out against the ends of its first side "
+            f"and {b:.3g} ± {sigma_b:.2g} mm against those of its second, along its normal ({x:g}, {y:g}, {z:g})"
+            + (f" (twist and skew bends {others} mm)" if others else "")
+            + "; its points were moved so"
+            + ("" if is_sure else ", by no more than chance")
+        )
 
 
 def _moved(seen: Observations, step_mm: Array) -> Observations:

@@ -14,6 +14,7 @@ import numpy as np
 from calib.cameras import neutral
 from calib.cameras.camera import Camera
 from calib.core.types import LEAST_POINTS
+from calib.solver.accuracy import accuracy_of
 from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.levenberg import FIRST_DAMPING, Minimum, minimise
 from calib.solver.outliers import deviations, forgetful, robust_scale, robust_sigma, whitened
@@ -29,6 +30,10 @@ NEAR = 1e-10
 """Damping to begin the last descent with."""
 CLOSE = 1e-12
 """Of the cost, what the last step from a minimum to one close by may promise: 1e-4 standard deviations."""
+PRIOR_ROUNDS, SAME_VARIANCE = 6, 0.01
+"""Of weighing what is believed against what observations leave over, until that changes by less."""
+LEAST_SCALE = 1e-9
+"""Of perfect data."""
 ROUNDS = 6
 """Of weighing or leaving out outliers and solving again."""
 
@@ -64,7 +69,7 @@ def minimise_shown(
     while True:
         part = replace(problem, is_used=problem.is_used & ~is_beyond)
         found = minimise(part, camera, cam_from_target, tie, loss, max_iterations=max_iterations, damping=damping)
-        camera, cam_from_target = found.camera, found.cam_from_target
+        camera, cam_from_target, problem = found.camera, found.cam_from_target, problem.at(found.amount)
         iterations, rounds = iterations + found.iterations, rounds + 1
         in_a_row = 0 if found.converged else in_a_row + 1
         change = _taken_back(found, is_beyond, times) if found.converged else _in_the_way(part, found, in_a_row)
@@ -128,7 +133,45 @@ def descend(
         loss = _first_loss(thin, camera, poses, options)
         near = minimise(thin, camera, poses, tie.row, loss, max_iterations=steps, small_decrease=1e-6)
         starts.insert(0, (near.camera, near.cam_from_target))
-    shown = _best_of(problem, starts, tie, options)
+    return _described(problem, _best_of(problem, starts, tie, options), tie, options, cov_px2)
+
+
+def descend_displaced(
+    problem: Problem, start: Descended, tie: Tie, options: SolveOptions, cov_px2: Array | None
+) -> Descended:
+    """From a minimum with the points where they were to that with displacements and a prior, by what is left over."""
+    found, taken = start, start.minimum.iterations
+    for _ in range(PRIOR_ROUNDS):
+        problem = with_variance(problem.at(found.minimum.amount), found, tie, options)
+        before, (camera, poses) = problem.prior, (found.minimum.camera, found.minimum.cam_from_target)
+        loss = _first_loss(problem, camera, poses, options)
+        steps = options.max_iterations
+        shown = minimise_shown(problem, camera, poses, tie.row, loss, max_iterations=steps, damping=NEAR)
+        found = _described(problem, shown, tie, options, cov_px2)
+        taken += found.minimum.iterations
+        after = with_variance(problem, found, tie, options).prior
+        if before is None or after is None or abs(after.variance / before.variance - 1) < SAME_VARIANCE:
+            break
+    return replace(found, minimum=replace(found.minimum, iterations=taken))
+
+
+def with_variance(problem: Problem, found: Descended, tie: Tie, options: SolveOptions) -> Problem:
+    """The problem with its prior weighed against what observations leave over at a minimum."""
+    if problem.prior is None:
+        return problem
+    minimum = found.minimum
+    scale = robust_sigma(whitened(problem.whitener, minimum.blocks.residual_px))
+    if not is_robust(options):
+        row = problem.rows(tie.row) if len(minimum.amount) else tie.row
+        exact = accuracy_of(minimum.blocks.products, row, int(found.is_used.sum()), prior=minimum.blocks.prior).scale
+        scale = exact if np.isfinite(exact) else scale
+    return replace(problem, prior=replace(problem.prior, variance=max(scale, LEAST_SCALE) ** 2))
+
+
+def _described(
+    problem: Problem, shown: ShownMinimum, tie: Tie, options: SolveOptions, cov_px2: Array | None
+) -> Descended:
+    """A minimum with what robustness asks for after it."""
     if is_robust(options):
         shown, is_used = _forgiving(problem, shown, tie, options, cov_px2)
     else:
@@ -153,11 +196,13 @@ def descended_at(
 
 def descend_again(problem: Problem, found: Descended, tie: Tie, options: SolveOptions) -> Descended:
     """From a minimum to that of the same observations with other weights, close by."""
+    minimum = found.minimum
+    kept = replace(with_variance(problem.at(minimum.amount), found, tie, options), is_used=found.is_used)
     there = minimise(
-        replace(problem, is_used=found.is_used), found.minimum.camera, found.minimum.cam_from_target, tie.row,
-        RobustLoss(), max_iterations=options.max_iterations, damping=NEAR, small_decrease=CLOSE,
+        kept, minimum.camera, minimum.cam_from_target, tie.row, RobustLoss(), max_iterations=options.max_iterations,
+        damping=NEAR, small_decrease=CLOSE,
     )  # fmt: skip
-    return replace(found, minimum=replace(there, iterations=found.minimum.iterations + there.iterations))
+    return replace(found, minimum=replace(there, iterations=minimum.iterations + there.iterations))
 
 
 def _best_of(problem: Problem, starts: Sequence[tuple[Camera, Array]], tie: Tie, options: SolveOptions) -> ShownMinimum:
@@ -202,7 +247,9 @@ def _forgiving(
     kinds: list[Loss] = [options.loss] * ROUNDS if options.reject_sigma is None else ["cauchy"] * 3
     for kind in kinds:
         loss = RobustLoss(kind, robust_sigma(whitened(problem.whitener, found.blocks.residual_px)))
-        found = minimise(problem, found.camera, found.cam_from_target, tie.row, loss, max_iterations=steps)
+        found = minimise(
+            problem.at(found.amount), found.camera, found.cam_from_target, tie.row, loss, max_iterations=steps
+        )
         taken += found.iterations
     for _ in range(0 if options.reject_sigma is None else ROUNDS):
         residual = found.blocks.residual_px
@@ -210,7 +257,7 @@ def _forgiving(
         if lost_views(problem, keeps).any():
             return ShownMinimum(found, is_beyond), keeps
         loss = RobustLoss(options.loss, robust_sigma(whitened(problem.whitener, residual)))
-        kept = replace(problem, is_used=keeps)
+        kept = replace(problem.at(found.amount), is_used=keeps)
         shown = minimise_shown(kept, found.camera, found.cam_from_target, tie.row, loss, max_iterations=steps)
         found, is_beyond = shown.minimum, shown.is_beyond
         taken += found.iterations

@@ -4,7 +4,7 @@ A step x of `(H + damping diag H) x = -g` is taken if the cost falls; the dampin
 step promised came true (after Nielsen 1999, bolder), else it grows.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -152,6 +152,7 @@ class Minimum:
     iterations: int
     converged: bool
     in_the_way: Flags | None = None  # (M,) points that the model would have ceased to show, had it gone on
+    amount: Array = field(default_factory=lambda: np.zeros(0))  # (S,) of the problem's displacements
 
 
 def minimise(
@@ -168,7 +169,7 @@ def minimise(
     """Descend to the nearest minimum of the summed losses.
 
     Args:
-        problem: what was seen.
+        problem: what was seen, and amounts of displacements to start from.
         camera: where to start; fixed parameters keep its values.
         cam_from_target: where to start (V, 4, 4).
         tie: the free parameter that each parameter follows (P,); -1: fixed.
@@ -179,19 +180,23 @@ def minimise(
     """
     one = _OneCamera(problem, tie, loss)
     found = levenberg_marquardt(
-        one, _CameraState(camera, cam_from_target), max_iterations=max_iterations, small_decrease=small_decrease,
-        damping=damping,
+        one, _CameraState(camera, cam_from_target, problem), max_iterations=max_iterations,
+        small_decrease=small_decrease, damping=damping,
     )  # fmt: skip
     state, in_the_way = found.state, None if found.converged else one.in_the_way
-    return Minimum(state.camera, state.cam_from_target, found.equations, found.iterations, found.converged, in_the_way)
+    return Minimum(
+        state.camera, state.cam_from_target, found.equations, found.iterations, found.converged, in_the_way,
+        state.problem.amount,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class _CameraState:
-    """A camera and its poses (V, 4, 4)."""
+    """A camera, its poses (V, 4, 4), and what it sees with the points where they are."""
 
     camera: Camera
     cam_from_target: Array
+    problem: Problem
 
 
 class _OneCamera:
@@ -201,33 +206,36 @@ class _OneCamera:
     """
 
     def __init__(self, problem: Problem, tie: Rows, loss: RobustLoss) -> None:
-        self.problem, self.tie, self.loss = problem, tie, loss
+        self.is_used, self.row, self.tie, self.loss = problem.is_used, problem.rows(tie), tie, loss
         self.perfect = PERFECT_PX**2 * max(int(problem.is_used.sum()), 1)
         self.refused = 0
         self.in_the_way: Flags | None = None
 
     def equations(self, state: _CameraState) -> Blocks:
-        return view_blocks(self.problem, state.camera, state.cam_from_target, self.loss)
+        return view_blocks(state.problem, state.camera, state.cam_from_target, self.loss)
 
     def cost(self, equations: Blocks) -> float:
-        return float(equations.cost.sum())
+        return equations.total
 
     def step(self, state: _CameraState, equations: Blocks, damping: float) -> Step | None:
-        step = damped_step(equations.products, self.tie, damping)
+        step = damped_step(equations.every, self.row, damping)
         return step if step.solvable else None
 
     def trial(self, state: _CameraState, equations: Blocks, step: Step) -> tuple[_CameraState, Blocks] | None:
         """As `Solvable`; after a short step the normal matrix is as it was, see `SHORT`."""
-        camera = moved_camera(state.camera, self.tie, step.free)
+        amount = state.problem.amount
+        camera = moved_camera(state.camera, self.tie, step.free[len(amount) :])
         if not is_allowed(camera):
             return None
-        poses = move_poses(state.cam_from_target, step.pose, turn_of_centre(state.camera, camera))
+        pose_step = step.pose[: len(state.cam_from_target)]  # without the prior's
+        poses = move_poses(state.cam_from_target, pose_step, turn_of_centre(state.camera, camera))
+        moved = state.problem.at(amount + step.free[: len(amount)])
         near = equations.products if step.predicted <= SHORT**2 * self.cost(equations) else None
-        return _CameraState(camera, poses), view_blocks(self.problem, camera, poses, self.loss, near=near)
+        return _CameraState(camera, poses, moved), view_blocks(moved, camera, poses, self.loss, near=near)
 
     def gives_up(self, there: Blocks) -> bool:
         """As `Solvable`, see `PATIENCE`."""
-        hidden = self.problem.is_used & ~np.isfinite(there.residual_px).all(axis=0)
+        hidden = self.is_used & ~np.isfinite(there.residual_px).all(axis=0)
         self.refused += 1
         if self.in_the_way is None or hidden.sum() <= self.in_the_way.sum():
             self.in_the_way = hidden

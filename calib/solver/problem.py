@@ -3,7 +3,7 @@
 What a person may choose about a solution, and which parameters are free, fixed or shared by it.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -25,6 +25,24 @@ FEWEST = 24
 
 
 @dataclass(frozen=True, eq=False)
+class Prior:
+    """What is believed beforehand of an adjustment's S amounts of displacements and P parameters of the camera."""
+
+    mean: Array  # (S + P,)
+    precision: Array  # (S + P, S + P) the inverse of their covariance, 0 of what nothing is known of
+    variance: float = 1.0  # of a whitened residual, as the sum of squares weighs the belief against these
+
+    def block(self, value: Array) -> Array:
+        """Its normal equations at values (S + P,), as a view's: of a pose that nothing hangs on.  # (S + P + 7,) * 2"""
+        off, weight = value - self.mean, self.variance * self.precision
+        block = np.diag(np.repeat([0.0, 1.0, 0.0], [len(off), 6, 1]))
+        block[: len(off), : len(off)], pull = weight, weight @ off
+        block[: len(off), -1] = block[-1, : len(off)] = pull
+        block[-1, -1] = off @ pull
+        return block
+
+
+@dataclass(frozen=True, eq=False)
 class Problem:
     """M observations in V views; the observations of view v are those from `view_start[v]` to `view_start[v + 1]`."""
 
@@ -36,6 +54,22 @@ class Problem:
     is_used: Flags  # (M,)
     origin_mm: Array = field(default_factory=lambda: np.zeros(3))  # (3,) the points' middle: a far one costs digits
     space: InSpace | None = None  # distances in space are minimised; None: those in the image
+    modes_mm: Array = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    """(S, 3, M) displacements of the points by a unit of each of S more unknowns, before the camera's parameters."""
+    amount: Array = field(default_factory=lambda: np.zeros(0))  # (S,) of these, by which `position_mm` is displaced
+    prior: Prior | None = None
+
+    def at(self, amount: Array) -> "Problem":
+        """With the points displaced by other amounts (S,)."""
+        if not len(amount):
+            return self
+        moved = np.tensordot(amount - self.amount, self.modes_mm, 1)
+        return replace(self, position_mm=self.position_mm + moved, amount=amount)
+
+    def rows(self, tie: Rows) -> Rows:
+        """The free unknown of each amount and each parameter (S + P,), of those of the parameters alone (P,)."""
+        count = len(self.amount)
+        return np.concatenate([np.arange(count), np.where(tie >= 0, tie + count, -1)])
 
     @property
     def view_count(self) -> int:
@@ -124,6 +158,7 @@ def select(problem: Problem, views: Rows, per_view: int) -> Problem:
         problem.image_size, start, problem.position_mm.take(rows, axis=1), problem.measured_px.take(rows, axis=1),
         problem.whitener.take(rows, axis=1), np.ones(len(rows), dtype=bool), problem.origin_mm,
         None if problem.space is None else problem.space.take(rows),
+        problem.modes_mm[:, :, rows] if len(problem.amount) else problem.modes_mm, problem.amount, problem.prior,
     )  # fmt: skip
 
 
@@ -174,6 +209,8 @@ class SolveOptions:
     max_iterations: int = 300
     minimise: str = IMAGE  # of `calib.solver.costs.COSTS`
     free_bend: bool = False  # of a flat target, which is then an unknown
+    bend_sigma_mm: tuple[float, float, float, float, float] | None = None
+    """What is believed of its heights, about zero (`PlaneBend`); None: what is usual of boards."""
 
 
 AS_THE_PAPER = SolveOptions(weighted=False)

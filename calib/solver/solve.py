@@ -10,10 +10,11 @@ from calib.cameras.camera import Camera
 from calib.cameras.surface import SurfaceModel, surface_model
 from calib.core.types import Observations, keep_views
 from calib.solver.accuracy import Accuracy, UndeterminedError, accuracy_of, long_lens_remedy, why_degenerate
-from calib.solver.calibration import Calibration, Status
+from calib.solver.calibration import Calibration, Status, plane_bend
 from calib.solver.circles import with_circles
 from calib.solver.costs import IMAGE
-from calib.solver.descend import Descended, descend, descend_again, is_robust, without_lens
+from calib.solver.descend import Descended, descend, descend_again, descend_displaced, is_robust, without_lens
+from calib.solver.free_bend import of_parameters, require_bendable, with_bend
 from calib.solver.in_space import descend_in_space, require_planes
 from calib.solver.outliers import shifted_photo, variance_power, whitened
 from calib.solver.problem import Problem, SolveOptions, Tie, pack, target_covariance, target_poses, tie_parameters
@@ -54,10 +55,7 @@ def solve(
 
         require_image(surface, options)
     if options.free_bend:
-        from calib.solver.free_bend import solve_bent
-
-        flat = replace(options, free_bend=False)
-        return solve_bent(observations, lambda seen: solve(seen, model, flat, noise_px2=noise_px2), options)
+        require_bendable(observations.points, options)
     return with_circles(observations, lambda seen: _solved(seen, model, options, noise_px2, begin))
 
 
@@ -110,6 +108,7 @@ def _weighed(
     is_plain = options.loss == "squares" and options.minimise == IMAGE and down.surface_accuracy is None
     if cov is None or not options.weighted or not is_plain or not found.minimum.converged:
         return observations, problem, down
+    problem = down.problem
     square = (whitened(problem.whitener, found.minimum.blocks.residual_px) ** 2).sum(axis=0)
     size = -0.5 * np.log(problem.whitener[0] * problem.whitener[2])
     unknowns = int(tie.row.max(initial=-1)) + 1 + 6 * problem.view_count
@@ -119,13 +118,14 @@ def _weighed(
     problem = replace(problem, whitener=problem.whitener / factor)
     observations = replace(observations, cov_px2=factor[:, None, None] ** 2 * cov)
     again = descend_again(problem, found, tie, options)
-    return observations, problem, replace(down, descended=again, lens=again)
+    return observations, problem, replace(down, problem=problem, descended=again, lens=again)
 
 
 @dataclass(frozen=True, eq=False)
 class _Down:
     """A minimum, and the one by whose equations it is told whether the photos determine the camera."""
 
+    problem: Problem  # with all unknowns
     descended: Descended
     lens: Descended  # the same, or that of the base of a surface
     lens_accuracy: Accuracy | None = None  # None: by its equations
@@ -141,12 +141,14 @@ def _down(
     if surface is not None:
         from calib.solver.surface import bend, require_points, without_rejection
 
-        lens = descend(problem, camera, poses, tie, without_rejection(options), noise_px2)
+        forgiving = without_rejection(options)
+        lens = descend(problem, camera, poses, tie, forgiving, noise_px2)
+        problem, lens = _bent(observations, problem, lens, tie, forgiving, noise_px2)
         if lens.is_lost.any():
-            return _Down(lens, lens)
+            return _Down(problem, lens, lens)
         require_points(problem, surface)
-        bent, accuracy = bend(problem, lens, surface, tie, options, noise_px2)
-        return _Down(bent, lens, surface_accuracy=accuracy)
+        smooth, accuracy = bend(problem, lens, surface, tie, options, noise_px2)
+        return _Down(problem, smooth, lens, surface_accuracy=accuracy)
     lens = descend(problem, camera, poses, tie, options, noise_px2)
     for _ in range(TURNS):  # a long lens tells the two poses of a plane apart only when it is nearly known
         camera, poses = lens.minimum.camera, lens.minimum.cam_from_target
@@ -157,11 +159,23 @@ def _down(
         if not again.minimum.blocks.cost.sum() < lens.minimum.blocks.cost.sum():
             break
         lens = again
+    problem, lens = _bent(observations, problem, lens, tie, options, noise_px2)
     found = descend_in_space(problem, observations.points, observations.point, lens, tie, options, noise_px2)
     if found is None:
-        return _Down(lens, lens)
+        return _Down(problem, lens, lens)
     descended, accuracy, remark = found
-    return _Down(descended, descended, accuracy, remarks=(remark,))
+    return _Down(problem, descended, descended, accuracy, remarks=(remark,))
+
+
+def _bent(
+    observations: Observations, problem: Problem, flat: Descended, tie: Tie, options: SolveOptions,
+    noise_px2: Array | None,
+) -> tuple[Problem, Descended]:  # fmt: skip
+    """The problem with the target's bend among its unknowns, if it is to be, and its minimum."""
+    if not options.free_bend or flat.is_lost.any():
+        return problem, flat
+    problem = with_bend(problem, observations, options, len(tie.row))
+    return problem, descend_displaced(problem, flat, tie, options, noise_px2)
 
 
 def _check(options: SolveOptions) -> None:
@@ -193,8 +207,13 @@ def _calibration(
 ) -> Calibration:
     descended, lens, remarks = down.descended, down.lens.minimum, [*down.remarks, *remarks]
     found, is_used, accuracy = descended.minimum, descended.is_used, down.lens_accuracy
+    amounts, products = len(found.amount), lens.blocks.products
     if accuracy is None:
-        accuracy = accuracy_of(lens.blocks.products, tie.row, int(down.lens.is_used.sum()), down.lens.robust)
+        accuracy = accuracy_of(
+            products, down.problem.rows(tie.row), int(down.lens.is_used.sum()), down.lens.robust, lens.blocks.prior
+        )
+    heights_mm2 = (down.surface_accuracy or accuracy).param_covariance[:amounts, :amounts]
+    accuracy = of_parameters(accuracy, amounts)
     reason = why_degenerate(observations, lens, down.lens.sigma_px, accuracy, tie)
     status: Status = "degenerate" if reason else "converged" if found.converged else "stopped"
     if reason:
@@ -204,8 +223,9 @@ def _calibration(
         said = f"stopped after {found.iterations} steps, short of the minimum" + (f": {remedy}" if remedy else "")
         remarks = [said, *remarks]
     else:
-        remarks = [*remarks, *shifted_photo(lens.blocks.products, tie, observations.view_names)]
-    accuracy = down.surface_accuracy or accuracy
+        remarks = [*remarks, *shifted_photo(products[:, amounts:, amounts:], tie, observations.view_names)]
+    if down.surface_accuracy is not None:
+        accuracy = of_parameters(down.surface_accuracy, amounts)
     if reason and down.surface_accuracy is not None:
         accuracy = replace(accuracy, param_covariance=np.full_like(accuracy.param_covariance, np.nan))
     beyond, left_out = descended.is_beyond, int((~is_used & ~descended.is_beyond).sum())
@@ -216,11 +236,16 @@ def _calibration(
         views = len(np.unique(observations.view[~is_used & ~beyond]))
         limit = f"beyond {options.reject_sigma:g} robust standard deviations"
         remarks = [*remarks, f"{left_out} of {len(is_used)} observations in {views} views left out: {limit}"]
+    bend = None
+    if amounts:
+        bend = plane_bend(observations.points).told(found.amount, heights_mm2)
+        observations, remarks = bend.bent(observations), [bend.sentence, *remarks]
     return Calibration(
         found.camera, observations, target_poses(problem, found.cam_from_target), found.blocks.residual_px.T,
         ~is_used, accuracy.scale, accuracy.param_covariance,
         target_covariance(problem, found.cam_from_target, accuracy.pose_covariance), tie.fixed,
         options.weighted and observations.cov_px2 is not None, status, tuple(remarks), found.iterations, seconds,
+        target_bend=bend,
     )  # fmt: skip
 
 

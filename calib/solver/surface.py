@@ -14,7 +14,7 @@ import numpy as np
 
 from calib.cameras import is_allowed
 from calib.cameras.camera import Camera
-from calib.cameras.surface import SurfaceModel, surface_model
+from calib.cameras.surface import SurfaceModel
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread_with_scipy
 from calib.solver.accuracy import Accuracy, UndeterminedError
@@ -55,6 +55,7 @@ class _State:
 
     camera: Camera
     cam_from_target: Array  # (V, 4, 4)
+    amount: Array  # (S,)
     smoothness: Smoothness | None = None
     iterations: int = 0
     converged: bool = False
@@ -68,12 +69,11 @@ class _Bending:
     model: SurfaceModel
     spread: Array  # (B, F) of the base's free parameters; control points are all free
     parts: Array  # see `roughness`
-    modes_mm: Array | None = None  # (S, 3, M) displacements of the points, whose numbers stand before all parameters
 
     @property
     def extra(self) -> int:
-        """Numbers of displacements of the points; the first of `spread`."""
-        return 0 if self.modes_mm is None else len(self.modes_mm)
+        """Amounts of displacements of the points; the first of `spread`."""
+        return len(self.problem.amount)
 
     @property
     def free(self) -> int:
@@ -104,7 +104,25 @@ class _Bending:
 
     def misfit_of(self, state: _State, loss: RobustLoss) -> Misfit:
         """Of all sightings."""
-        return view_misfit(self.problem, state.camera, state.cam_from_target, loss)
+        return view_misfit(self.at(state), state.camera, state.cam_from_target, loss)
+
+    def at(self, state: _State) -> Problem:
+        """The problem with the points where they are."""
+        return self.problem.at(state.amount)
+
+    def off(self, state: _State) -> Array:
+        """All unknowns but poses, from what is believed of them; control points from zero."""
+        value = np.concatenate([state.amount, state.camera.params])
+        if self.problem.prior is not None:
+            value[: len(self.spread)] -= self.problem.prior.mean
+        return value
+
+    def belief(self, size: int) -> Array:
+        """The problem's prior precision of all unknowns but poses, without that of control points."""
+        belief, first, prior = np.zeros((size, size)), len(self.spread), self.problem.prior
+        if prior is not None:
+            belief[:first, :first] = prior.variance * prior.precision
+        return belief
 
 
 def require_image(model: SurfaceModel, options: SolveOptions) -> None:
@@ -149,54 +167,23 @@ def bend(
     """Solve all together, from a minimum of the base: the minimum of both, and how sure it is; see `descend`."""
     minimum, straight = base.minimum, np.zeros(2 * model.control_rows * model.control_columns)
     camera = Camera(model.name, np.concatenate([minimum.camera.params, straight]), problem.image_size)
-    state = _State(camera, minimum.cam_from_target, iterations=minimum.iterations)
+    state = _State(camera, minimum.cam_from_target, minimum.amount, iterations=minimum.iterations)
     task = _bending(problem, model, tie)
     is_beyond = problem.is_used & ~np.isfinite(task.misfit_of(state, RobustLoss()).residual_px).all(axis=0)
     task = replace(task, problem=replace(problem, is_used=problem.is_used & ~is_beyond))
     return _forgiving(task, state, is_beyond, options, cov_px2)
 
 
-def _bending(problem: Problem, model: SurfaceModel, tie: Tie, modes_mm: Array | None = None) -> _Bending:
+def _bending(problem: Problem, model: SurfaceModel, tie: Tie) -> _Bending:
     """What stays the same during a descent."""
-    spread: Array = (tie.row[:, None] == np.arange(int(tie.row.max(initial=-1)) + 1)).astype(np.float64)
-    if modes_mm is not None:
-        extra = len(modes_mm)
-        spread = np.pad(spread, ((extra, 0), (extra, 0)))
-        spread[:extra, :extra] = np.eye(extra)
+    row = problem.rows(tie.row)
+    spread: Array = (row[:, None] == np.arange(int(row.max(initial=-1)) + 1)).astype(np.float64)
     parts = roughness(
         model.scale(problem.image_size),
         (model.control_rows, model.control_columns),
         0.5 * float(np.hypot(*problem.image_size)),
     )
-    return _Bending(problem, model, spread, parts, modes_mm)
-
-
-@one_thread_with_scipy
-def step_of_points(
-    problem: Problem,
-    camera: Camera,
-    cam_from_target: Array,
-    tie: Tie,
-    loss: RobustLoss,
-    modes_mm: Array,
-    robust: tuple[float, float] | None,
-) -> tuple[Array, Accuracy]:
-    """What the equations at a minimum ask of displacements (S, 3, M) of the points, and how sure all is there.
-
-    The poses (V, 4, 4) are from the problem's origin; `robust` as in `calib.solver.accuracy.accuracy_of`.
-    """
-    model = surface_model(camera.model)
-    if model is None:
-        raise ValueError(f"model {camera.model} has no surface")
-    task, state = _bending(problem, model, tie, modes_mm), _State(camera, cam_from_target)
-    equations = _equations(task, state, loss)
-    surface, found = _surface_problem(task, state, equations), eliminated(equations)
-    smoothness = likeliest(surface)
-    accuracy = _accuracy(task, replace(state, smoothness=smoothness), equations, robust)
-    prior, values = _prior(task, surface, smoothness), np.concatenate([np.zeros(task.extra), camera.params])
-    inverse = _inverse(task.normal_of_free(found.normal + prior))
-    step: Array = -inverse @ task.gradient_of_free(found.gradient + prior @ values)
-    return step[: task.extra], accuracy
+    return _Bending(problem, model, spread, parts)
 
 
 def _forgiving(
@@ -232,7 +219,7 @@ def _weights(task: _Bending, state: _State, loss: RobustLoss) -> Array:
 
 def _equations(task: _Bending, state: _State, loss: RobustLoss) -> SurfaceEquations:
     weight = _weights(task, state, loss)
-    return surface_equations(task.problem, task.model, state.camera, state.cam_from_target, weight, task.modes_mm)
+    return surface_equations(task.at(state), task.model, state.camera, state.cam_from_target, weight)
 
 
 def _descended(task: _Bending, state: _State, loss: RobustLoss, *, learns: bool) -> _State:
@@ -249,13 +236,16 @@ def _surface_problem(task: _Bending, state: _State, equations: SurfaceEquations)
     """The problem of the control points alone, counted from zero."""
     free, control = task.free, state.camera.params[task.model.first_control :]
     found = eliminated(equations)
-    normal, gradient = task.normal_of_free(found.normal), task.gradient_of_free(found.gradient)
+    belief, off = task.belief(len(found.normal)), task.off(state)
+    normal, gradient = task.normal_of_free(found.normal + belief), task.gradient_of_free(found.gradient + belief @ off)
     inverse, across = symmetric_inverse(normal[:free, :free]).inverse, normal[:free, free:]
     pull = inverse @ gradient[:free]
     inner = normal[free:, free:] - across.T @ inverse @ across
     slope = gradient[free:] - across.T @ pull
     at_zero = slope - inner @ control
-    square = found.square - float(gradient[:free] @ pull) - float((slope + at_zero) @ control)
+    square = (
+        found.square + float(off @ belief @ off) - float(gradient[:free] @ pull) - float((slope + at_zero) @ control)
+    )
     freedom = 2 * int(task.problem.is_used.sum()) - POSE * task.problem.view_count - free
     of_base = task.spread[task.extra :, task.extra :]
     pinned = free_motions(equations, state.cam_from_target, of_base, task.extra)
@@ -263,10 +253,9 @@ def _surface_problem(task: _Bending, state: _State, equations: SurfaceEquations)
 
 
 def _prior(task: _Bending, surface: SurfaceProblem, smoothness: Smoothness) -> Array:
-    """The precision of all P parameters: that of the control points."""
+    """The precision of all unknowns but poses: that of the control points, and the problem's."""
     first = len(task.spread)
-    size = first + 2 * len(task.parts[0])
-    prior = np.zeros((size, size))
+    prior = task.belief(first + 2 * len(task.parts[0]))
     prior[first:, first:] = surface.prior(precision(task.parts, smoothness))
     return prior
 
@@ -276,20 +265,22 @@ def _lowest(task: _Bending, state: _State, loss: RobustLoss, prior: Array) -> _S
     from scipy.linalg.lapack import dpotrf, dpotrs
 
     def cost_of(there: _State) -> float:
-        return float(task.misfit_of(there, loss).cost.sum() + there.camera.params @ prior @ there.camera.params)
+        off = task.off(there)
+        return float(task.misfit_of(there, loss).cost.sum() + off @ prior @ off)
 
     cost, damping = cost_of(state), 0.0
     equations = _equations(task, state, loss)
     for _ in range(MOST_STEPS):
         found = eliminated(equations, damping)
         normal = task.normal_of_free(found.normal + prior)
-        gradient = task.gradient_of_free(found.gradient + prior @ state.camera.params)
+        gradient = task.gradient_of_free(found.gradient + prior @ task.off(state))
         normal[np.diag_indices(len(normal))] *= 1 + damping
         free = -dpotrs(dpotrf(normal.T, lower=1, overwrite_a=1)[0], gradient, lower=1)[0]
         step = task.of_all(free)
-        trial = replace(state.camera, params=state.camera.params + step)
+        amount = state.amount + step[: task.extra]
+        trial = replace(state.camera, params=state.camera.params + step[task.extra :])
         poses = move_poses(state.cam_from_target, found.pose_step(step), turn_of_centre(state.camera, trial))
-        there = replace(state, camera=trial, cam_from_target=poses, iterations=state.iterations + 1)
+        there = replace(state, camera=trial, cam_from_target=poses, amount=amount, iterations=state.iterations + 1)
         trial_cost = cost_of(there) if is_allowed(trial) else np.inf
         promised = -float(gradient @ free)
         state = replace(state, iterations=there.iterations, converged=promised <= SMALL_DECREASE * cost)
@@ -324,7 +315,7 @@ def _bent(
     accuracy = _accuracy(task, state, equations, robust)
     minimum = Minimum(
         state.camera, state.cam_from_target, Blocks(misfit.cost, residual, equations.pose), state.iterations,
-        state.converged,
+        state.converged, amount=state.amount,
     )  # fmt: skip
     return descended_at(problem, minimum, problem.is_used, is_beyond, robust, cov_px2), accuracy
 

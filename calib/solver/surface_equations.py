@@ -67,18 +67,13 @@ def places(problem: Problem, cam_from_target: Array) -> tuple[Array, Array]:
 
 
 def surface_equations(
-    problem: Problem,
-    model: SurfaceModel,
-    camera: Camera,
-    cam_from_target: Array,
-    weight: Array,
-    modes_mm: Array | None = None,
+    problem: Problem, model: SurfaceModel, camera: Camera, cam_from_target: Array, weight: Array
 ) -> SurfaceEquations:
     """The equations of the sightings that count, by their whiteners and by weights (M,).
 
-    With displacements of the points (S, 3, M), the S numbers of these stand before the parameters.
+    The problem's amounts of displacements stand before the parameters.
     """
-    extra = 0 if modes_mm is None else len(modes_mm)
+    extra = len(problem.amount)
     size, base, views = len(camera.params) + extra, model.first_control + extra, problem.view_count
     normal, by_pose = np.zeros((size, size)), np.zeros((views, POSE, size))
     pose = np.zeros((views, POSE + base + 1, POSE + base + 1))
@@ -89,8 +84,8 @@ def surface_equations(
         part = slice(begin, begin + RUN)
         local = model.linearise_locally(camera, np.ascontiguousarray(point[:, part]))
         rows = local.rows
-        if modes_mm is not None:
-            rows = with_modes(rows, cam_from_target[view[part], :3, :3], modes_mm[:, :, part])
+        if extra:
+            rows = with_modes(rows, cam_from_target[view[part], :3, :3], problem.modes_mm[:, :, part])
         residual = rows[:2] - problem.measured_px[:, part]
         factor = problem.whitener[:, part] * np.where(problem.is_used[part], np.sqrt(weight[part]), 0.0)
         _accumulate(

@@ -59,7 +59,7 @@ def moved(state: RigState, problem: RigProblem, step: Array) -> RigState:
     return replace(
         state, cameras=cameras, cam_from_rig=cam, rig_from_target=move_poses(state.rig_from_target, frames),
         delay_s=state.delay_s + np.array([shared[one.delay[0]] for one in problem.seen]), carrier_from_target=target,
-        size=state.size + shared[problem.size_column],
+        amount=state.amount + shared[problem.amount],
     )  # fmt: skip
 
 
@@ -88,7 +88,10 @@ def test_gradients_are_those_of_the_cost(kind: str) -> None:
             for one, own in zip(problem.seen, observations.sightings, strict=True)
         ]
         problem = replace(problem, seen=tuple(spaced))
-    state = RigState(scene.cameras, scene.cam_from_rig, scene.rig_from_target, np.array([0.0, 0.02]), base[0])
+    amount = problem.seen[0].problem.amount
+    state = RigState(
+        scene.cameras, scene.cam_from_rig, scene.rig_from_target, np.array([0.0, 0.02]), base[0], amount=amount
+    )
     if kind == "delays":
         way = rng.normal(0, 1.0, (2, frames, 6))
         problem = replace(problem, motion=Motion(np.arange(frames), way, np.ones(6), np.ones(6), np.ones(6)))

@@ -62,7 +62,8 @@ def test_equations_are_those_of_all_derivatives() -> None:
     moved[:, :3, 3] += poses[:, :3, :3] @ problem.origin_mm
     weight = rng.uniform(0, 1, len(seen.view))
     modes_mm = rng.standard_normal((2, 3, len(seen.view)))
-    found = surface_equations(problem, MODEL, camera, moved, weight, modes_mm)
+    problem = replace(problem, modes_mm=modes_mm, amount=np.zeros(2))
+    found = surface_equations(problem, MODEL, camera, moved, weight)
 
     turned, point = places(problem, moved)
     linear = linearise(camera, np.ascontiguousarray(point))
