@@ -13,7 +13,7 @@ from calib.cameras import COMMON
 from calib.core.se3 import invert
 from calib.core.types import freeze, keep_views
 from calib.judge.rig_folder import RigRun
-from calib.judge.rig_solution import CameraWishes, RigSeen, choices_of, judged_rig
+from calib.judge.rig_solution import CameraWishes, RigSeen, judged_rig
 from calib.judge.verdict import MOST_POSES, Criteria, NextPose
 from calib.observe.rig_observations import alone_as_rig
 from calib.observe.rig_search import ALONE
@@ -23,7 +23,6 @@ from calib.rigs.carrier import turned_by
 from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.result import RigCalibration
 from calib.rigs.robot_readings import why_size, why_wrong
-from calib.rigs.shared_errors import bent_alone
 from calib.rigs.start import solve_alone
 from calib.solver.plan import ALL
 from designer.base.arrays import Array
@@ -161,12 +160,6 @@ def judged_on_robot(
         InputError: too few photos have a pose, or poses look inverted or in another unit.
     """
     seen, base_from_flange = _with_poses(seen, poses, wishes, is_camera_in_hand=not setting.is_target_in_hand)
-    if setting.is_bent:
-        progress("bending the target", 0, 0)
-        (choice,), _ = choices_of(seen.observations, wishes, progress)
-        one, bend = bent_alone(seen.observations.sightings[0], choice)
-        bent = replace(alone_as_rig(ALONE, one), remarks=(*seen.observations.remarks, *one.remarks))
-        seen = replace(seen, observations=bent, bend=bend)
     size_sigma = FREE_SIZE * (setting.solves_size is not False)
     if setting.solves_size is None and seen.target is not None and seen.made is not None:
         # Of a target against a robot's lengths, by how both were made.
@@ -180,7 +173,7 @@ def judged_on_robot(
     )  # fmt: skip
 
     def solved(by: Carrier) -> tuple[RigRun, RigSeen]:
-        options = RigOptions(carrier=by, minimise=wishes.options.minimise)
+        options = RigOptions(carrier=by, minimise=wishes.options.minimise, free_bend=setting.is_bent)
         return judged_rig(seen, wishes, options, limits, settings, progress)
 
     run, told = solved(carrier)

@@ -296,6 +296,7 @@ def _rig_of(record: RigRecord, alone: Sequence[Calibration], points: KnownPoints
         capture_covariance=record.capture_covariance,
         photo_covariance=record.photo_covariance,
         slack=record.slack,
+        target_bend=alone[0].target_bend,
     )
 
 

@@ -19,7 +19,7 @@ from calib.core.types import RigObservations, keep_frames, keep_sightings, keep_
 from calib.judge.halves import PER_RIGHT_ANGLE, PLACE, NoHalves, PairApart, RigHalves, RigSplit, SplitKind, by_turns
 from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.relative import relative
-from calib.rigs.result import RigCalibration
+from calib.rigs.result import RigCalibration, as_given
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import carrier_prior
 from designer.base.arrays import Flags
@@ -108,8 +108,8 @@ def ways_to_halve(found: RigCalibration) -> tuple[tuple[SplitKind, Flags], ...]:
 
 
 def without_outliers(found: RigCalibration) -> RigObservations:
-    """The sightings that count: what all frames left out, halves leave out too."""
-    seen = found.observations
+    """The sightings that count, of points as they are given: what all frames left out, halves leave out too."""
+    seen = as_given(found)
     sightings, frames, times = [], [], []
     for camera, own in enumerate(seen.sightings):
         kept = keep_sightings(own, ~found.is_outlier[camera])

@@ -17,10 +17,9 @@ from calib.observe.rig_observations import with_remarks
 from calib.observe.rig_search import RigSearch
 from calib.rigs.accuracy import with_circle_doubt
 from calib.rigs.problem import CameraChoice, RigOptions
-from calib.rigs.shared_errors import with_bend_error, with_shared_errors
+from calib.rigs.shared_errors import with_shared_errors
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error
-from calib.solver.calibration import PlaneBend
 from calib.solver.plan import ALL, SolvePlan, models_of, plan_from_words
 from calib.solver.problem import SolveOptions
 from designer.base.answer import program
@@ -211,7 +210,6 @@ class RigSeen:
     target: TargetGeometry | None = None  # None: the points came from elsewhere
     search: RigSearch | None = None  # of the photos; None: solved from observations
     made: Made | None = None  # how the target was; None: nobody knows
-    bend: PlaneBend | None = None  # by which the points were moved; None: they are as the target's file says
 
     def with_made(self, made: str | None) -> "RigSeen":
         """With how the target was made: as it is said, or as photos and build tell.
@@ -236,7 +234,7 @@ def judged_rig(
     seen = replace(seen, observations=with_remarks(seen.observations, said))
     progress("solving", 0, 0)
     solved = solve_rig(seen.observations, choices, options)
-    stated = with_circle_doubt(with_bend_error(with_target_error(solved, seen.made), seen.bend))
+    stated = with_circle_doubt(with_target_error(solved, seen.made))
     found = with_shared_errors(stated)
     progress("judging", 0, 0)
     halves = rig_halves(found, half_solver(found, choices, options))

@@ -84,7 +84,7 @@ class RigAccuracy:
     pose_covariance: tuple[Array, ...]  # (C,) of (V_c, 6, 6) of each camera's views, likewise
     delay_sigma_s: Array  # (C,)
     carrier_covariance: Array | None  # (6, 6) from the problem's own origin
-    size_sigma: float  # of the target's size; 0: it was no unknown
+    amount_covariance: Array  # (S, S) of the target's size and bend, 0 of what was no unknown
     weakest: str  # why the data do not determine the rig; "" if they do
 
 
@@ -230,8 +230,8 @@ def accuracy_of_rig(problem: RigProblem, found: Found, labels: Sequence[str], kn
     )
     column = None if problem.prior is None else problem.prior.column
     carrier = None if column is None else shared[column[:, None], column]
-    size = problem.amount[0] if len(problem.amount) else -1
-    size_sigma = float(np.sqrt(shared[size, size])) if size >= 0 else 0.0
+    is_free, of_amounts = problem.amount >= 0, np.ix_(problem.amount, problem.amount)
+    amount = np.where(is_free[:, None] & is_free, shared[of_amounts], 0.0) if len(is_free) else np.zeros((0, 0))
     frame = factor * inverse.frame + inverse.coupling @ moved @ inverse.coupling.transpose(0, 2, 1)
     frame = np.full_like(frame, np.nan) if inverse.is_lost.any() else frame
     stated, rigid = replace(inverse, shared=shared, frame=frame), replace(problem, motion=None, slack=())
@@ -240,7 +240,7 @@ def accuracy_of_rig(problem: RigProblem, found: Found, labels: Sequence[str], kn
     ]
     weakest = _why_undetermined(inverse, labels) if inverse.is_lost.any() else ""
     poses = tuple(stated.covariance_of(one) for one in views)
-    return RigAccuracy(covariance, frame, poses, delay, carrier, size_sigma, weakest)
+    return RigAccuracy(covariance, frame, poses, delay, carrier, amount, weakest)
 
 
 def _why_undetermined(inverse: SharedInverse, labels: Sequence[str]) -> str:

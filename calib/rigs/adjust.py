@@ -23,7 +23,7 @@ from calib.rigs.start import Alone
 from calib.rigs.variance_components import DISAGREES, camera_scales, disagreement, residuals, scales_left, settled
 from calib.solver.accuracy import UNSURE_FOCAL, UndeterminedError
 from calib.solver.blocks import KNEE
-from calib.solver.calibration import Status
+from calib.solver.calibration import Status, plane_bend
 from calib.solver.costs import COSTS, IMAGE
 from calib.solver.in_space import camera_change, in_space
 from calib.solver.problem import Problem, target_covariance, target_poses
@@ -79,7 +79,7 @@ def with_step(accuracy: RigAccuracy, problem: RigProblem, before: RigState, afte
     rigid = replace(problem, motion=None, slack=())
     views = [steps_between(*(seen_poses(rigid, of, k)[1] for of in (before, after))) for k in range(len(problem.seen))]
     carried = steps_between(before.carrier_from_target, after.carrier_from_target)
-    carrier = accuracy.carrier_covariance
+    carrier, moved = accuracy.carrier_covariance, after.amount - before.amount
     return replace(
         accuracy,
         covariance=accuracy.covariance + np.outer(step, step),
@@ -89,7 +89,7 @@ def with_step(accuracy: RigAccuracy, problem: RigProblem, before: RigState, afte
         ),
         delay_sigma_s=np.hypot(accuracy.delay_sigma_s, after.delay_s - before.delay_s),
         carrier_covariance=None if carrier is None else carrier + np.outer(carried, carried),
-        size_sigma=float(np.hypot(accuracy.size_sigma, after.size - before.size)),
+        amount_covariance=accuracy.amount_covariance + np.outer(moved, moved),
     )
 
 
@@ -187,6 +187,12 @@ def _calibration(
     elif not found.converged:
         remarks = (f"stopped after {found.iterations} steps, short of the minimum", *remarks)
     reference = options.reference if problem.prior is None else -1
+    bend = None
+    if options.free_bend:
+        sigma_mm = problem.amount_sigma[1:]
+        bend = plane_bend(observations.points).told(state.amount[1:], accuracy.amount_covariance[1:, 1:], sigma_mm)
+        remarks = (bend.sentence, *remarks)
+        observations = replace(observations, sightings=tuple(bend.bent(own) for own in observations.sightings))
     return RigCalibration(
         observations, state.cameras, state.cam_from_rig, frames,
         tuple(np.ascontiguousarray(one.T) for one in residuals(problem, state)),
@@ -204,6 +210,7 @@ def _calibration(
         state.delay_s if options.estimates_delays else None,
         accuracy.delay_sigma_s if options.estimates_delays else None, carrier,
         problem.slack[0].size if problem.slack else None, np.array([one.scale for one in alone]),
+        target_bend=bend,
     )  # fmt: skip
 
 
@@ -287,6 +294,7 @@ def _carrier_fit(found: Found, problem: RigProblem, accuracy: RigAccuracy) -> Ca
     return CarrierFit(
         prior.carrier.kind, target_poses(packed, target)[0],
         target_covariance(packed, target, accuracy.carrier_covariance[None])[0],
-        float(prior.sigma[0]), float(prior.sigma[1]), error, angle, size=state.size, size_sigma=accuracy.size_sigma,
+        float(prior.sigma[0]), float(prior.sigma[1]), error, angle, size=state.size,
+        size_sigma=float(np.sqrt(accuracy.amount_covariance[0, 0])) if len(problem.amount) else 0.0,
         size_sigma_before=prior.carrier.size_sigma or FREE_SIZE,
     )  # fmt: skip

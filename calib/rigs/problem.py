@@ -139,7 +139,7 @@ class RigOptions:
     max_iterations: int = 100
     minimise: str = IMAGE  # as `SolveOptions.minimise`
     free_bend: bool = False  # as `SolveOptions.free_bend`
-    bend_sigma_mm: tuple[float, ...] | None = None  # as `SolveOptions.bend_sigma_mm`
+    bend_sigma_mm: tuple[float, float, float, float, float] | None = None  # as `SolveOptions.bend_sigma_mm`
 
 
 @dataclass(frozen=True, eq=False)

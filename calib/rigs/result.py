@@ -3,7 +3,7 @@
 One camera of a solved rig, as a calibration of its own: what is evaluated, judged and kept of single cameras.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -13,7 +13,7 @@ from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
 from calib.core.types import RigObservations, freeze, frozen_array
 from calib.rigs.problem import FREE_SIZE
-from calib.solver.calibration import Calibration, CircleDoubt, Status
+from calib.solver.calibration import Calibration, CircleDoubt, PlaneBend, Status
 from designer.base.arrays import Array, Flags
 from designer.base.marks import LEFT_OUT, OR_NULL, Gap, Shape
 
@@ -74,6 +74,7 @@ class RigCalibration:
     circle_doubt: CircleDoubt | None = None  # of all N unknowns; None: what the points are is known
     capture_covariance: Array | None = None  # (N, N) of what is alike in all photos; None: nothing beyond chance
     photo_covariance: Array | None = None  # (N, N) of what the photos of a frame share; None: likewise
+    target_bend: PlaneBend | None = None  # by which the points were moved; None: it was no unknown
 
     def __post_init__(self) -> None:
         freeze(
@@ -114,6 +115,12 @@ class RigCalibration:
         )  # fmt: skip
 
 
+def as_given(found: RigCalibration) -> RigObservations:
+    """What a rig was solved from, the points where the target's file has them."""
+    seen, bend = found.observations, found.target_bend
+    return seen if bend is None else replace(seen, sightings=tuple(bend.flattened(one) for one in seen.sightings))
+
+
 def camera_alone(found: RigCalibration, camera: int) -> Calibration:
     """A camera with its views: `calib.evaluate(camera_alone(found, 0))`.
 
@@ -136,4 +143,5 @@ def camera_alone(found: RigCalibration, camera: int) -> Calibration:
         remarks=(),
         iterations=found.iterations,
         seconds=found.seconds,
+        target_bend=found.target_bend,
     )

@@ -7,11 +7,6 @@ As `calib.solver.capture_error` and `calib.solver.image_field` have it for one c
 camera is a parameter more of that camera, beside the cameras' own, their places and the frames' poses. Those beyond
 chance are named if they explain all that frames share and leave no field in the image, and what leaving them out did
 is added. Then the scores of frames are compared, since the photos of a frame share the target's pose.
-
-A flat target that is bent, before what carries it or the camera is solved: its points, and what they are unsure by.
-
-A robot's ways fit photos of a board that bows by half a millimetre to a camera that sits a centimetre elsewhere: the
-bow turns each photo's pose, and no noise of the robot's looks like that.
 """
 
 from collections.abc import Iterable, Sequence
@@ -20,25 +15,17 @@ from functools import partial
 
 import numpy as np
 
-from calib.cameras import parameter_names
 from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import pseudo_inverse
 from calib.core.parallel import one_thread
-from calib.core.types import Observations
-from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration, camera_alone
-from calib.rigs.target_error import posed_frames, some_frames, unseen_errors
+from calib.rigs.target_error import posed_frames, some_frames
 from calib.rigs.variance_components import DISAGREES
-from calib.solver.accuracy import UndeterminedError
-from calib.solver.calibration import PlaneBend
 from calib.solver.capture_error import KINDS, kinds_that_count, moved_px, weigh
 from calib.solver.free_shape import PosedSightings, extra_of, free_directions
 from calib.solver.image_field import shared_by_photos, with_image_field
-from calib.solver.problem import SolveOptions
-from calib.solver.solve import solve
 from designer.base.arrays import Array
 from designer.base.words import figure, printable
-from designer.tolerance.prior import ShapePrior
 
 
 @one_thread
@@ -114,36 +101,3 @@ def _is_as_stated(found: RigCalibration, camera: int, moved_px: Array) -> bool:
     """Whether what a cause leaves over of a camera's sightings (M, 2) is their noise, and no field in the image."""
     alone = camera_alone(found, camera)
     return with_image_field(replace(alone, residual_px=alone.residual_px + moved_px)).image_field is None
-
-
-def bent_alone(seen: Observations, choice: CameraChoice) -> tuple[Observations, PlaneBend]:
-    """The sightings with the target's points as bent as the camera's own photos show them, and the bend.
-
-    Raises:
-        InputError: the target is not flat.
-        UndeterminedError: the photos do not tell its bend.
-    """
-    fixed = choice.fixed
-    if choice.given is not None and not choice.is_refined:
-        fixed = tuple(zip(parameter_names(choice.model), choice.given.params.tolist(), strict=True))
-    found = solve(seen, choice.model, SolveOptions(free_bend=True, fixed=fixed))
-    if found.target_bend is None:
-        raise UndeterminedError("--free-bend: the photos do not tell how the target is bent; leave it out")
-    said = found.remarks[0]
-    return replace(found.target_bend.bent(seen), remarks=(*seen.remarks, said)), found.target_bend
-
-
-def with_bend_error(found: RigCalibration, bend: PlaneBend | None) -> RigCalibration:
-    """The rig with what the bend is unsure by among the target's errors; as it was without a bend.
-
-    The photos tell the bend less surely than their noise says, by as much as they do their poses.
-    """
-    if bend is None or not np.isfinite(found.covariance).all():
-        return found
-    value, axes = np.linalg.eigh(bend.covariance * (1 + (found.slack or 0.0)))
-    root = axes * np.sqrt(value.clip(min=0.0))
-    position = found.observations.points.position_mm
-    modes = np.tensordot(root.T, bend.modes_mm(position), 1)
-    (moved,) = unseen_errors(found, [ShapePrior(modes, np.zeros((len(position), 3, 0)))])
-    before = found.target_covariance
-    return replace(found, target_covariance=moved if before is None else before + moved)

@@ -16,11 +16,12 @@ from calib.core.parallel import one_thread_with_scipy
 from calib.core.types import Observations, RigObservations, keep_views
 from calib.rigs.adjust import adjusted
 from calib.rigs.problem import CameraChoice, RigOptions
-from calib.rigs.result import RigCalibration, camera_alone
+from calib.rigs.result import RigCalibration, as_given, camera_alone
 from calib.rigs.start import Alone, solve_alone, view_rms
 from calib.rigs.variance_components import DISAGREES
 from calib.solver.calibration import Calibration
 from calib.solver.circles import through_circles
+from calib.solver.free_bend import require_bendable
 from calib.solver.in_space import require_planes
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
@@ -77,11 +78,12 @@ def _solved(observations: RigObservations, choices: Sequence[CameraChoice], opti
     found = _of_all(observations, choices, options, alone)
     if options.carrier is not None or found.status != "converged" or len(found.cameras) < 2:
         return found
-    rms = [view_rms(seen, left) for seen, left in zip(found.observations.sightings, found.residual_px, strict=True)]
-    if not (is_off := _far_off(found.observations, rms)):
+    used = as_given(found)
+    rms = [view_rms(seen, left) for seen, left in zip(used.sightings, found.residual_px, strict=True)]
+    if not (is_off := _far_off(used, rms)):
         return found
-    is_off = _worst_of_frames(found.observations, is_off, rms)
-    again = _solved_without(is_off, rms, found.observations, choices, options)
+    is_off = _worst_of_frames(used, is_off, rms)
+    again = _solved_without(is_off, rms, used, choices, options)
     return again if again.status == "converged" else found
 
 
@@ -152,6 +154,8 @@ def _check(observations: RigObservations, choices: Sequence[CameraChoice], optio
     """Refuse what does not fit together."""
     for seen in observations.sightings:
         require_planes(options.minimise, seen.points, seen.point)
+    if options.free_bend:
+        require_bendable(observations.points, options.minimise)
     if len(choices) != observations.camera_count:
         raise ValueError("a choice for each camera is needed")
     if not 0 <= options.reference < observations.camera_count:

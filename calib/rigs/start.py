@@ -68,7 +68,10 @@ def solve_alone(seen: Observations, name: str, choice: CameraChoice, options: Ri
         rms[many] = view_rms(part, found.residual_px)
         return Alone(camera, _tie(camera.model, choice), poses, found.scale, None, rms)
     fixed = SolveOptions(weighted=options.weighted, fixed=choice.fixed)
-    wanted = replace(fixed, loss=options.loss, reject_sigma=options.reject_sigma)
+    wanted = replace(
+        fixed, loss=options.loss, reject_sigma=options.reject_sigma, free_bend=options.free_bend,
+        bend_sigma_mm=options.bend_sigma_mm,
+    )  # fmt: skip
     try:
         solved = solve(part, choice.model, wanted)
     except UndeterminedError as error:

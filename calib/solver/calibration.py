@@ -21,7 +21,7 @@ from calib.cameras.surface import surface_model
 from calib.core.types import KnownPoints, Observations, freeze
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
-from designer.base.marks import PACKED, AtLeast, AtMost, Gap, Length, Shape
+from designer.base.marks import LEFT_OUT, PACKED, AtLeast, AtMost, Gap, Length, Shape
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount, Kind
 from designer.tolerance.sources import SOURCES
@@ -47,6 +47,7 @@ class PlaneBend:
     """a to e; of files of before, a and b."""
     covariance_mm2: Annotated[tuple[Gap, ...], Length(3, TERMS * (TERMS + 1) // 2)] = (0.0,) * 15
     """Of a to e: the upper triangle, row by row."""
+    before_mm: Annotated[tuple[_Length, ...], Length(0, TERMS), LEFT_OUT] = ()  # standard deviations believed before
 
     def __post_init__(self) -> None:
         freeze(self, "axes")
@@ -83,10 +84,13 @@ class PlaneBend:
         """Standard deviations of the heights."""
         return tuple(np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0)).tolist())
 
-    def told(self, height_mm: Array, covariance_mm2: Array) -> "PlaneBend":
-        """The same with heights (S,) and their covariance (S, S)."""
+    def told(self, height_mm: Array, covariance_mm2: Array, before_mm: Array) -> "PlaneBend":
+        """The same with heights (S,), their covariance (S, S), and what was believed of them (S,)."""
         upper = covariance_mm2[np.triu_indices(len(height_mm))]
-        return replace(self, height_mm=tuple(height_mm.tolist()), covariance_mm2=tuple(upper.tolist()))
+        return replace(
+            self, height_mm=tuple(height_mm.tolist()), covariance_mm2=tuple(upper.tolist()),
+            before_mm=tuple(before_mm.tolist()),
+        )  # fmt: skip
 
     @property
     def sentence(self) -> str:

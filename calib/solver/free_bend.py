@@ -23,14 +23,14 @@ its longer side: boards of others are bent by .2 to 1 %. And that of the bends t
 these: a board that lies or leans is bent evenly."""
 
 
-def require_bendable(points: KnownPoints, options: SolveOptions) -> None:
+def require_bendable(points: KnownPoints, minimise: str) -> None:
     """Refuse distances in space, and targets that are not flat.
 
     Raises:
         InputError: so it is.
     """
-    if options.minimise != IMAGE:
-        raise InputError(f"--free-bend: goes with distances in the image only; leave --minimise {options.minimise} out")
+    if minimise != IMAGE:
+        raise InputError(f"--free-bend: goes with distances in the image only; leave --minimise {minimise} out")
     plane_bend(points)
 
 

@@ -14,7 +14,7 @@ from calib.solver.calibration import Calibration, Status, plane_bend
 from calib.solver.circles import with_circles
 from calib.solver.costs import IMAGE
 from calib.solver.descend import Descended, descend, descend_again, descend_displaced, is_robust, without_lens
-from calib.solver.free_bend import of_parameters, require_bendable, with_bend
+from calib.solver.free_bend import bend_sigma_mm, of_parameters, require_bendable, with_bend
 from calib.solver.in_space import descend_in_space, require_planes
 from calib.solver.outliers import shifted_photo, variance_power, whitened
 from calib.solver.problem import Problem, SolveOptions, Tie, pack, target_covariance, target_poses, tie_parameters
@@ -55,7 +55,7 @@ def solve(
 
         require_image(surface, options)
     if options.free_bend:
-        require_bendable(observations.points, options)
+        require_bendable(observations.points, options.minimise)
     return with_circles(observations, lambda seen: _solved(seen, model, options, noise_px2, begin))
 
 
@@ -238,7 +238,8 @@ def _calibration(
         remarks = [*remarks, f"{left_out} of {len(is_used)} observations in {views} views left out: {limit}"]
     bend = None
     if amounts:
-        bend = plane_bend(observations.points).told(found.amount, heights_mm2)
+        sigma_mm = bend_sigma_mm(observations.points, options.bend_sigma_mm)
+        bend = plane_bend(observations.points).told(found.amount, heights_mm2, sigma_mm)
         observations, remarks = bend.bent(observations), [bend.sentence, *remarks]
     return Calibration(
         found.camera, observations, target_poses(problem, found.cam_from_target), found.blocks.residual_px.T,

@@ -64,11 +64,13 @@ def moved(state: RigState, problem: RigProblem, step: Array) -> RigState:
 
 
 @pytest.mark.parametrize(
-    "kind", ["plain", "delays", "camera in hand", "target in hand", "slack", "in the planes, in hand"]
+    "kind", ["plain", "delays", "camera in hand", "target in hand", "slack", "in the planes, in hand", "bent, in hand"]
 )
 def test_gradients_are_those_of_the_cost(kind: str) -> None:
-    """The derivative of the cost by every unknown is the equations' own: of chains, delays, carriers, size, planes."""
-    scene = rig_views.ring(count=2, frames=5, noise_px=0.5)
+    """The cost's derivative by every unknown is the equations' own: chains, delays, carriers, size, planes, bend."""
+    is_bent = kind.startswith("bent")
+    points = solver_scenes.board(9, 7) if is_bent else None
+    scene = rig_views.ring(points, count=2, frames=5, noise_px=0.5)
     frames = scene.observations.frame_count
     rng = np.random.default_rng(3)
     base = make_pose(exp_rotation(rng.normal(0, 0.5, (frames, 3))), rng.normal(0, 200.0, (frames, 3)))
@@ -81,6 +83,7 @@ def test_gradients_are_those_of_the_cost(kind: str) -> None:
     problem = pack_rig(
         observations, ties, [not carried, False], weighted=True, loss="squares", scale=np.ones(2),
         with_delays=kind == "delays", carrier=carrier if carried else None,
+        bend_sigma_mm=np.full(5, 0.1) if is_bent else None,
     )  # fmt: skip
     if kind.startswith("in the planes"):
         spaced = [
@@ -88,7 +91,7 @@ def test_gradients_are_those_of_the_cost(kind: str) -> None:
             for one, own in zip(problem.seen, observations.sightings, strict=True)
         ]
         problem = replace(problem, seen=tuple(spaced))
-    amount = problem.seen[0].problem.amount
+    amount = problem.seen[0].problem.amount + (0.05 if is_bent else 0.0)
     state = RigState(
         scene.cameras, scene.cam_from_rig, scene.rig_from_target, np.array([0.0, 0.02]), base[0], amount=amount
     )
