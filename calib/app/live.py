@@ -16,12 +16,11 @@ from designer.page.progress import Progress
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
-    from calib.capture.conversation import Begin, Conversation
-    from calib.capture.photo_folder import PhotoFolder
     from calib.capture.serving import Heard
+    from calib.capture.session import Session
     from designer.page.output import Output
+    from designer.target import TargetGeometry
 
-S = TypeVar("S", bound="Conversation")
 R = TypeVar("R", Run, SolvedRig)
 NEEDED = ("starlette", "uvicorn", "websockets")
 Out = Annotated["Output | Place", written_to("folder of photos and results (default: exports/NAME/live)")]
@@ -82,35 +81,26 @@ def live_rig(
         InputError: files, cameras or options that do not do, a folder that holds another session, or photos that
             determine no rig.
     """
-    from calib.app.inputs import target_of
     from calib.app.rig import rig
-    from calib.capture.photo_folder import PhotoFolder
-    from calib.capture.rig_session import RigSession, write_table
-    from calib.capture.sources import require_apart, rig_sources
-    from calib.judge.rig_guide import RigGuide
-    from designer.page.output import output_of
+    from calib.capture.session import write_table
     from designer.page.page_file import why_no_page
 
     folders = _folders(watch)
     if (count := len(cameras) + len(folders)) < 2:
         raise InputError(f"{count} cameras; give two or more, or take photos with one by calib.live")
-    _require_server()
-    geometry, sources = target_of(target, "rings"), rig_sources(cameras, folders, size)
-    to = output_of(out)
-    SolvedRig.check(to.place)
-    require_apart(folders, to.place)
-    if why := why_no_page(to.place, SolvedRig.kind):
-        raise InputError(why)
-    guide = RigGuide(geometry, tuple(sources), criteria=criteria, model=model, made=made)
-    photos = PhotoFolder(to.place, geometry, guide.names, resume=resume, cameras=guide.names)
 
-    def solve(session: RigSession, progress: Progress) -> SolvedRig:
+    def check(to: "Output") -> None:
+        SolvedRig.check(to.place)
+        if why := why_no_page(to.place, SolvedRig.kind):
+            raise InputError(why)
+
+    def solve(session: "Session", to: "Output", progress: Progress) -> SolvedRig:
         table = write_table(session)
         return rig(target, table=table, model=model, criteria=criteria, made=made, progress=progress, out=to)
 
     return _taken(
-        lambda tell, show: RigSession(geometry, guide, photos, tuple(sources.values()), tell, show), solve, photos, to,
-        port, _opener(opened, heard, browser=browser), heard,
+        target, out, (cameras, folders, size), check, solve, resume=resume, model=model, made=made, criteria=criteria,
+        port=port, browser=browser, opened=opened, heard=heard,
     )  # fmt: skip
 
 
@@ -146,54 +136,43 @@ def live(
             determine no camera.
     """
     from calib.app.calibration_folder import RunFolder
-    from calib.app.inputs import target_of
     from calib.app.run import run
-    from calib.capture.photo_folder import PhotoFolder
-    from calib.capture.session import Session
-    from calib.capture.sources import (
-        BrowserCamera,
-        OpenCVCamera,
-        Source,
-        WatchedFolder,
-        require_apart,
-        require_size_used,
-    )
-    from calib.judge.guide import Guide
     from calib.solver.plan import models_of
-    from designer.page.output import output_of
 
     folders = _folders(watch)
-    if folders and cameras:
-        raise InputError("--watch and --camera: photos come from a folder, or from a camera; give one of them")
-    if len(cameras) + len(folders) > 1:
+    if not (folders and cameras) and len(cameras) + len(folders) > 1:
         flag = f"--camera: {len(cameras)} cameras" if cameras else f"--watch: {len(folders)} folders"
         raise InputError(f"{flag}; calib.live_rig takes photos with several")
-    _require_server()
-    require_size_used(cameras, size)
-    geometry, sources = target_of(target, "rings"), list[Source](map(WatchedFolder, folders))
-    sources += (OpenCVCamera(str(one), size) for one in cameras)
-    sources = sources or [BrowserCamera()]
-    to = output_of(out)
-    writer = RunFolder(to, models_of(model))
-    require_apart(folders, writer.folder)
-    writer.require_room()
-    guide = Guide(geometry, criteria=criteria, model=model, made=made)
-    photos = PhotoFolder(writer.folder, geometry, tuple(one.name for one in sources), resume=resume)
 
-    def solve(session: Session, progress: Progress) -> Run:
+    def check(to: "Output") -> None:
+        RunFolder(to, models_of(model)).require_room()
+
+    def solve(session: "Session", to: "Output", progress: Progress) -> Run:
         return run(target, session.photos, model=model, criteria=criteria, made=made, progress=progress, out=to)
 
     return _taken(
-        lambda tell, show: Session(geometry, guide, photos, tuple(sources), tell, show), solve, photos, to, port,
-        _opener(opened, heard, browser=browser), heard,
+        target, out, (cameras, folders, size), check, solve, resume=resume, model=model, made=made, criteria=criteria,
+        port=port, browser=browser, opened=opened, heard=heard,
     )  # fmt: skip
 
 
-def _require_server() -> None:
-    """Refuse to begin without the web server.
+def _folders(watch: "Place | Sequence[Place]") -> list[Path]:
+    given = [watch] if isinstance(watch, str | PathLike) else watch
+    return [place_of(one, "a folder") for one in given]
 
-    Raises:
-        InputError: a part of it is not installed.
+
+def _taken(
+    target: "TargetGeometry | Place", out: "Output | Place",
+    given: tuple[Sequence[str | int], list[Path], tuple[int, int] | None], check: Callable[["Output"], None],
+    solve: Callable[["Session", "Output", Progress], R], *, resume: bool, model: str, made: str | None, criteria: str,
+    port: int, browser: bool, opened: "Heard | None", heard: "Heard",
+) -> R:  # fmt: skip
+    """What comes of the photos of a session: solved, judged, and drawn, as the page is to show it at the end.
+
+    Args:
+        given: cameras, watched folders, and the size that cameras are asked for.
+        check: refuses a place that does not take what is made there.
+        solve: makes the whole run of a session's photos.
     """
     from importlib.util import find_spec
 
@@ -202,51 +181,45 @@ def _require_server() -> None:
             raise InputError(
                 f"calib live needs {name}, which is not installed; pip install 'ringsolid[live]' brings it"
             )
+    from calib.app.inputs import target_of
+    from calib.capture.photo_folder import SESSION_FILE, PhotoFolder
+    from calib.capture.server import bound_socket
+    from calib.capture.serving import Serving
+    from calib.capture.session import Session
+    from calib.capture.sources import require_apart, sources_of
+    from calib.judge.rig_guide import RigGuide
+    from designer.base.answer import command_line
+    from designer.page.output import output_of
 
+    geometry, sources, to = target_of(target, "rings"), sources_of(*given), output_of(out)
+    require_apart(given[1], to.place)
+    check(to)
+    guide = RigGuide(geometry, tuple(sources), criteria=criteria, model=model, made=made)
+    shown = guide.names if len(sources) > 1 else tuple(source.name for source in sources.values())
+    photos = PhotoFolder(to.place, geometry, shown, resume=resume, cameras=guide.names)
+    of_session: list[Path] = [photos.photos, photos.folder / SESSION_FILE]
 
-def _folders(watch: "Place | Sequence[Place]") -> list[Path]:
-    given = [watch] if isinstance(watch, str | PathLike) else watch
-    return [place_of(one, "a folder") for one in given]
+    def solved(session: Session) -> R:
+        def tell(what: str, done: float, total: int) -> None:
+            session.report("solving", f"{what} {done:.0f} of {total}" if total else what)
 
+        to.files, to.finished, to.answer = [], [*of_session], {}  # when made again, the first attempt does not count
+        found = solve(session, to, tell)
+        session.report("solving", "drawing the page")
+        to.files += found.drawn_in(to.place, command_line())
+        return found
 
-def _opener(opened: "Heard | None", heard: "Heard", *, browser: bool) -> "Heard":
-    """What is told the page's address: who called, or else a person, and the browser."""
-    if opened is not None:
-        return opened
-
-    def tell(address: str) -> None:
+    def open_page(address: str) -> None:
         import webbrowser
 
         heard(f"open {address}")
         if browser:
             webbrowser.open(address)
 
-    return tell
-
-
-def _taken(
-    begin: "Begin[S]", solve: Callable[[S, Progress], R], photos: "PhotoFolder", to: "Output", port: int,
-    opened: "Heard", heard: "Heard",
-) -> R:  # fmt: skip
-    """What comes of the photos of a session: solved, judged, and drawn, as the page is to show it at the end."""
-    from calib.capture.photo_folder import SESSION_FILE
-    from calib.capture.server import bound_socket
-    from calib.capture.serving import Serving
-    from designer.base.answer import command_line
-
-    of_session: list[Path] = [photos.photos, photos.folder / SESSION_FILE]
-
-    def solved(session: S) -> R:
-        def tell(what: str, done: float, total: int) -> None:
-            session.report("solving", f"{what} {done:.0f} of {total}" if total else what)
-
-        to.files, to.finished, to.answer = [], [*of_session], {}  # when made again, the first attempt does not count
-        found = solve(session, tell)
-        session.report("solving", "drawing the page")
-        to.files += found.drawn_in(to.place, command_line())
-        return found
-
     with bound_socket(port) as bound:
         photos.begin()
         to.finished += of_session
-        return Serving(begin, solved, heard).until_done(bound, opened)
+        serving = Serving(
+            lambda tell, show: Session(guide, photos, tuple(sources.values()), tell, show), solved, heard
+        )  # fmt: skip
+        return serving.until_done(bound, opened or open_page)

@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import Annotated
 
 import cv2
-import numpy as np
-from numpy.typing import NDArray
 
+from calib.images.photo import Grey
 from calib.observe.photos import images_in
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
@@ -48,6 +47,13 @@ SESSION = FileKind(SessionRecord, "session", "a session.json", "begin another se
 class PhotoFolder:
     """Where one session's photos go.
 
+    Args:
+        folder: of the session.
+        target: that is photographed.
+        sources: what the page calls the cameras.
+        resume: whether it holds a session that is to go on.
+        cameras: the cameras' names, of which folders are made; as the sources are called, unless told.
+
     Raises:
         InputError: the folder takes no files, holds another session's photos, or another target's.
     """
@@ -56,8 +62,10 @@ class PhotoFolder:
         self, folder: Path, target: TargetGeometry, sources: tuple[str, ...], *, resume: bool,
         cameras: tuple[str, ...] = (),
     ) -> None:  # fmt: skip
-        self.folder, self.photos, self.cameras = folder, folder / PHOTOS, cameras or ("",)
-        for place in (folder, *(self.photos / camera for camera in self.cameras)):
+        self.folder, self.photos = folder, folder / PHOTOS
+        names = cameras or sources
+        self._place_of = {name: self.photos / name if len(names) > 1 else self.photos for name in names}
+        for place in (folder, *self._place_of.values()):
             check_folder(place)
         require_ours(folder / SESSION_FILE, kind=SESSION.format)
         before = SESSION.read_if_there(folder / SESSION_FILE)
@@ -81,7 +89,7 @@ class PhotoFolder:
             )
         left_out = () if before is None else before.left_out
         self.record = SessionRecord(target.layout_id, target.geometry_id, sources, left_out)
-        self._number = max((int(path.stem) for path in there if path.stem.isdecimal()), default=0)
+        self._number = max((int(path.stem) for _, path in there if path.stem.isdecimal()), default=0)
 
     def begin(self) -> None:
         """Write the record.
@@ -92,47 +100,36 @@ class PhotoFolder:
         write_files({self.folder / SESSION_FILE: SESSION.text(self.record)})
 
     @property
-    def kept(self) -> list[Path]:
-        """The photos that were written, in their order, those that are left out among them."""
-        places = [self.photos / camera for camera in self.cameras]
-        return [path for place in places if place.is_dir() for path in images_in(place)]
+    def kept(self) -> list[tuple[str, Path]]:
+        """The photos that were written, with their cameras, in their order, those that are left out among them."""
+        return [(name, path) for name, place in self._place_of.items() if place.is_dir() for path in images_in(place)]
 
-    def write(self, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> Path:
-        """Write a frame, whole or not at all; where it is.
+    def write(self, pixels_of: Mapping[str, Grey]) -> dict[str, Path]:
+        """Write the frames of some cameras under one name, all or none; where they are.
 
         Raises:
             NotWrittenError: the disk is full, or the folder is gone and cannot be made.
             InputError: somebody else's file has the name.
         """
-        return self.write_moment({"": pixels})[""]
-
-    def write_moment(self, pixels_of: Mapping[str, NDArray[np.uint8] | NDArray[np.uint16]]) -> dict[str, Path]:
-        """Write the frames of several cameras under one name, all or none; errors as `write`."""
         name = f"{self._number + 1:04d}.png"
-        files = {camera: self.photos / camera / name for camera in pixels_of}
+        files = {camera: self._place_of[camera] / name for camera in pixels_of}
         write_files({files[camera]: _packed(pixels, files[camera]) for camera, pixels in pixels_of.items()})
         self._number += 1
         return files
 
-    def leave_out(self, name: str) -> None:
-        """Note that a photo is not to count.
+    def leave_out(self, name: str, *, is_left_out: bool = True) -> None:
+        """Note that a photo is not to count, or is to count again.
 
         Raises:
             NotWrittenError: the disk is full.
         """
-        self._note((*self.record.left_out, name))
-
-    def take_back(self, name: str) -> None:
-        """Note that it is to count again; errors as `leave_out`."""
-        self._note(tuple(one for one in self.record.left_out if one != name))
-
-    def _note(self, left_out: tuple[str, ...]) -> None:
-        record = replace(self.record, left_out=left_out)
+        others = tuple(one for one in self.record.left_out if one != name)
+        record = replace(self.record, left_out=(*others, name) if is_left_out else others)
         write_files({self.folder / SESSION_FILE: SESSION.text(record)})
         self.record = record
 
 
-def _packed(pixels: NDArray[np.uint8] | NDArray[np.uint16], path: Path) -> bytes:
+def _packed(pixels: Grey, path: Path) -> bytes:
     is_packed, packed = cv2.imencode(".png", pixels, LIGHTLY)
     if not is_packed:
         raise InputError(f"{path}: a frame of shape {pixels.shape} cannot be written; choose another resolution")

@@ -11,9 +11,9 @@ from typing import Generic, Protocol, TypeVar
 
 import cv2
 
-from calib.capture.conversation import Begin, Conversation, S
 from calib.capture.messages import FrameHeader, Message, NoticeMessage, PageCommand, TakenMessage, with_header
 from calib.capture.server import LOOPBACK, MOST_BYTES, Pages, application
+from calib.capture.session import Session, Show, Tell
 from calib.capture.sources import Frame
 from calib.judge.verdict import Verdict
 from designer.base.errors import InputError
@@ -34,9 +34,7 @@ class Worker:
         failed: takes an error that nobody foresaw, which ends the session.
     """
 
-    def __init__(
-        self, session: Conversation, finish: Callable[[], None], failed: Callable[[BaseException], None]
-    ) -> None:
+    def __init__(self, session: Session, finish: Callable[[], None], failed: Callable[[BaseException], None]) -> None:
         self._session, self._finish, self._failed = session, finish, failed
         self._work = threading.Condition()
         self._frames: dict[int, Frame] = {}  # the newest of each source
@@ -129,7 +127,7 @@ class WithVerdict(Protocol):
 R = TypeVar("R", bound=WithVerdict)
 
 
-class Serving(Generic[S, R]):
+class Serving(Generic[R]):
     """`Serving(begin, solve, heard).until_done(bound, opened)`.
 
     Args:
@@ -138,7 +136,7 @@ class Serving(Generic[S, R]):
         heard: is told a line of each photo, and of what goes wrong.
     """
 
-    def __init__(self, begin: Begin[S], solve: Callable[[S], R], heard: Heard) -> None:
+    def __init__(self, begin: Callable[[Tell, Show], Session], solve: Callable[[Session], R], heard: Heard) -> None:
         self._solve, self._heard = solve, heard
         self._session = begin(self._tell, self._show)
         self._sources = self._session.sources

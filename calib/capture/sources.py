@@ -20,6 +20,8 @@ from designer.base.errors import InputError
 from designer.base.words import printable, shown
 
 STOP_S = 5.0
+ALONE = "camera"
+"""The name of a camera that is the only one: the page calls it by where its frames come from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,30 +297,27 @@ def _is_same(one: _FileState | None, other: _FileState) -> bool:
     return one is not None and (one.size, one.changed_ns) == (other.size, other.changed_ns)
 
 
-def require_size_used(cameras: Sequence[str | int], size: tuple[int, int] | None) -> None:
-    """Refuse a size that nobody can be asked for.
-
-    Raises:
-        InputError: photos come from a folder, the browser, a video or a network.
-    """
-    if size is not None and not any(str(one).isdecimal() for one in cameras):
-        raise InputError("--size: is what a camera of this machine is asked for; give its number with --camera, too")
-
-
-def rig_sources(
+def sources_of(
     cameras: Sequence[str | int], folders: Sequence[Path], size: tuple[int, int] | None
 ) -> dict[str, Source]:
-    """Where frames come from, by the names of the cameras.
+    """Where frames come from, by the names of the cameras; of a single one it is not used.
 
     Raises:
-        InputError: what is not there, given twice, or cannot be together.
+        InputError: what is not there, given twice, or cannot be together; or a size that nobody can be asked for.
     """
     if folders and cameras:
         raise InputError("--watch and --camera: photos come from folders, or from cameras; give one of them")
-    require_size_used(cameras, size)
-    if folders:
-        return dict(zip(camera_names_of(folders), map(WatchedFolder, folders), strict=True))
     places = [str(one) for one in cameras]
+    if size is not None and not any(one.isdecimal() for one in places):
+        raise InputError("--size: is what a camera of this machine is asked for; give its number with --camera, too")
+    every: list[Source] = [*map(WatchedFolder, folders), *(OpenCVCamera(one, size) for one in places)]
+    every = every or [BrowserCamera()]
+    if len(every) == 1:
+        return {ALONE: every[0]}
+    return dict(zip(camera_names_of(folders) if folders else _camera_names(places), every, strict=True))
+
+
+def _camera_names(places: Sequence[str]) -> Sequence[str]:
     again = next((one for one in places if places.count(one) > 1), None)
     if again is not None:
         raise InputError(f"--camera {shown(again)}: is given twice; give each camera once")
@@ -328,7 +327,5 @@ def rig_sources(
             f"--camera {shown(str(films[0]))}: a video goes with no camera that shows what is now; give videos alone"
         )
     if films:
-        names = camera_names_of([one.with_suffix("") for one in films])
-    else:
-        names = [f"camera-{one}" if one.isdecimal() else f"network-{row}" for row, one in enumerate(places)]
-    return {name: OpenCVCamera(place, size) for name, place in zip(names, places, strict=True)}
+        return camera_names_of([one.with_suffix("") for one in films])
+    return [f"camera-{one}" if one.isdecimal() else f"network-{row}" for row, one in enumerate(places)]

@@ -1,7 +1,7 @@
 """Guidance while several cameras see one target: of each of them, and how well they are known against each other."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -16,7 +16,7 @@ from calib.core.parallel import one_thread_with_scipy
 from calib.core.se3 import compose
 from calib.core.types import Detections
 from calib.judge.checks import STANDARD
-from calib.judge.guidance import ALL, Bar, CameraGuidance, FrameNote, Ghost, Guidance, Look, Stage, TakenPhoto
+from calib.judge.guidance import ALL, Bar, FrameNote, Ghost, Guidance, Line, Look, Stage, TakenPhoto
 from calib.judge.guidance_words import bar_of, ghost_at
 from calib.judge.guide import Guide
 from calib.judge.judge import Judged, judge_rig
@@ -33,12 +33,14 @@ from calib.rigs.target_error import with_target_error
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import figure, shown
-from designer.target import TargetGeometry, load_target
+from designer.target import TargetGeometry
 
 MOST_PAIRS = 8
 """That are listed, of a rig with many cameras those that are known worst."""
 ALWAYS = ("frames", "halves", "space")
 """Checks of a rig that have a bar besides those of its pairs."""
+TOGETHER = 2
+"""So many cameras are to see the target at once for a photo that joins them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,71 +56,6 @@ def moment_of(image: str) -> str:
     return PurePath(image).stem
 
 
-@one_thread_with_scipy
-def rig_standing_of(guides: Mapping[str, Guide]) -> RigStanding | None:
-    """Solve and judge the rig of cameras that are each known whole; None as long as they do not make one."""
-    cameras, choices = [], []
-    for name, guide in guides.items():
-        seen, known = guide.observations, guide.calibration
-        if seen is None or known is None or guide.verdict is None:
-            return None
-        cameras.append(RigSightings(name, seen, {view: moment_of(view) for view in seen.view_names}))
-        choices.append(CameraChoice(known.camera.model, known.camera))
-    moments = sorted({moment for one in cameras for moment in one.frame.values()})
-    try:
-        observations, options = rig_observations(cameras, moments), RigOptions()
-        solved = solve_rig(observations, choices, options)
-    except InputError:  # no frames tie some of them to the others yet
-        return None
-    settings = next(iter(guides.values())).settings
-    found = with_target_error(solved, settings.made)
-    halves = rig_halves(found, half_solver(found, choices, options))
-    return RigStanding(found, judge_rig(found, halves, settings.criteria))
-
-
-def shared_moments(guides: Mapping[str, Guide]) -> Mapping[tuple[str, str], int]:
-    """In how many moments each two cameras see the target."""
-    moments = {
-        name: set() if one.observations is None else {moment_of(view) for view in one.observations.view_names}
-        for name, one in guides.items()
-    }
-    return {(a, b): len(moments[a] & moments[b]) for a, b in combinations(guides, 2)}
-
-
-def join_bars(guides: Mapping[str, Guide], standing: RigStanding | None) -> tuple[Bar, ...]:
-    """How well the cameras of each pair are known against each other, and what else the rig's verdict asks."""
-    if standing is None:
-        seen = sorted(shared_moments(guides).items(), key=lambda one: one[1])[:MOST_PAIRS]
-        return tuple(_bar(pair, f"seen together {count} time{'s' * (count != 1)}", 0.0) for pair, count in seen)
-    rig = enlarged(standing.calibration, standing.judged.rig_halves).rig
-    pairs = [
-        _pair_bar(rig, *pair, standing.judged.criteria["baselines"]) for pair in combinations(range(len(rig.names)), 2)
-    ]
-    checks = [one for one in standing.judged.verdict.checks if one.name in ALWAYS or one.grade != "good"]
-    worst = sorted(pairs, key=lambda bar: bar.share)[:MOST_PAIRS]
-    return (*worst, *(bar_of(one) for one in checks if one.name != "baselines"))
-
-
-def _pair_bar(rig: Rig, a: int, b: int, limit: Limits) -> Bar:
-    """The distance of two cameras."""
-    pair, names = relative(rig, a, b), (rig.names[a], rig.names[b])
-    percent = 100 * pair.baseline_sigma_mm / max(pair.baseline_mm, 1e-9)
-    if not math.isfinite(percent):
-        return _bar(names, "not to be told yet", 0.0)
-    measured = measured_text(percent, "%", (limit.good, limit.usable))
-    known = f"{figure(pair.baseline_sigma_mm, 2)} mm of {figure(pair.baseline_mm, 3)} mm"
-    share = min(limit.good / percent, 1.0) if percent > 0 else 1.0
-    return _bar(names, f"{known}, {measured} %, {limit.good:g} % wanted", share, at_most(percent, limit))
-
-
-def _bar(names: tuple[str, str], text: str, share: float, grade: Grade | Literal["unknown"] = "unknown") -> Bar:
-    return Bar(f"pair {names[0]} {names[1]}", f"{names[0]} and {names[1]}", text, share, grade)
-
-
-TOGETHER = 2
-"""So many cameras are to see the target at once for a photo that joins them."""
-
-
 class RigGuide:
     """Says where to hold the target next before several cameras: `calib.RigGuide("ico.target.json", ["a", "b"])`.
 
@@ -130,6 +67,7 @@ class RigGuide:
     Photos of one moment have one name, whatever ends it. As with `Guide` each photo makes another guide, and what it
     tells is found when it is first asked for. First each camera is made known by itself, the one that is known worst
     first; every photo that shows the target to several joins them. Then the places are proposed that join them best.
+    Before one camera it tells what `Guide` does.
 
     Args:
         target: what the photos show: a geometry, or its file.
@@ -149,9 +87,8 @@ class RigGuide:
         if not names:
             raise InputError("no camera; give a name for each")
         require_names(names, fewest=1)
-        geometry = target if isinstance(target, TargetGeometry) else load_target(target, "rings")
-        one = Guide(geometry, criteria=criteria, model=model, made=made)
-        self.guides = dict.fromkeys(names, one)
+        one = Guide(target, criteria=criteria, model=model, made=made)
+        self.settings, self.guides = one.settings, dict.fromkeys(names, one)
         self._skipped: tuple[Array, ...] = ()  # `rig_from_target` (4, 4) that cannot be held
 
     @property
@@ -184,17 +121,16 @@ class RigGuide:
         return self._with({camera: self.of(camera).with_photo(found)})
 
     def without_moment(self, moment: str) -> "RigGuide":
-        """Without the photos of a moment, of all cameras.
+        """Without the photos of a moment, of all cameras; it is also called as a photo of it.
 
         Raises:
             InputError: there is none of that name.
         """
-        changed = {
-            name: guide.without_photo(photo.image)
-            for name, guide in self.guides.items()
-            for photo in guide.photos
-            if moment_of(photo.image) == moment
-        }
+        changed: dict[str, Guide] = {}
+        for name, guide in self.guides.items():
+            for photo in guide.photos:
+                if moment in (photo.image, moment_of(photo.image)):
+                    changed[name] = changed.get(name, guide).without_photo(photo.image)
         if not changed:
             raise InputError(f"{shown(moment)}: no moment is called so; there are {len(self.moments)}")
         return self._with(changed)
@@ -234,15 +170,62 @@ class RigGuide:
         if len(parts) == 1:
             return next(iter(parts.values()))
         cameras = tuple(
-            replace(told.cameras[0], name=name, ghost_px=self._lines(name, told.cameras[0]))
-            for name, told in parts.items()
+            replace(told.cameras[0], name=name, ghost_px=self._lines(name, told)) for name, told in parts.items()
         )
         # Of a camera's bars, the one that says how far it is.
         worst = ((name, min(told.bars, key=lambda bar: bar.share)) for name, told in parts.items())
         own = (replace(bar, name=f"camera {name}", title=f"{name}: {bar.title}") for name, bar in worst)
-        bars = (*own, *join_bars(self.guides, self.standing))
         remarks = tuple(f"{name}: {remark}" for name, told in parts.items() for remark in told.remarks)
-        return Guidance(self._stage, self._headline, bars, cameras, self._ghost, self._photos, remarks)
+        return Guidance(
+            self._stage, self._headline, (*own, *self._bars), cameras, self._ghost, self._photos, remarks
+        )  # fmt: skip
+
+    # ---- how well the cameras are known against each other
+
+    @cached_property
+    @one_thread_with_scipy
+    def standing(self) -> RigStanding | None:
+        """The rig, solved and judged; None as long as a camera is not known whole, or they are not joined."""
+        if len(self.guides) == 1:
+            return None
+        cameras, choices = [], []
+        for name, guide in self.guides.items():
+            seen, known = guide.observations, guide.calibration
+            if seen is None or known is None or guide.verdict is None:
+                return None
+            cameras.append(RigSightings(name, seen, {view: moment_of(view) for view in seen.view_names}))
+            choices.append(CameraChoice(known.camera.model, known.camera))
+        moments = sorted({moment for one in cameras for moment in one.frame.values()})
+        try:
+            observations, options = rig_observations(cameras, moments), RigOptions()
+            solved = solve_rig(observations, choices, options)
+        except InputError:  # no frames tie some of them to the others yet
+            return None
+        found = with_target_error(solved, self.settings.made)
+        halves = rig_halves(found, half_solver(found, choices, options))
+        return RigStanding(found, judge_rig(found, halves, self.settings.criteria))
+
+    @cached_property
+    def _shared(self) -> dict[tuple[str, str], int]:
+        """In how many moments each two cameras see the target."""
+        moments = {
+            name: set() if one.observations is None else set(map(moment_of, one.observations.view_names))
+            for name, one in self.guides.items()
+        }
+        return {(a, b): len(moments[a] & moments[b]) for a, b in combinations(self.guides, 2)}
+
+    @property
+    def _bars(self) -> tuple[Bar, ...]:
+        """How well the cameras of each pair are known against each other, and what else the rig's verdict asks."""
+        if self.standing is None:
+            fewest = sorted(self._shared.items(), key=lambda one: one[1])[:MOST_PAIRS]
+            return tuple(_bar(pair, f"seen together {count} time{'s' * (count != 1)}", 0.0) for pair, count in fewest)
+        judged = self.standing.judged
+        rig = enlarged(self.standing.calibration, judged.rig_halves).rig
+        pairs = (_pair_bar(rig, *pair, judged.criteria["baselines"]) for pair in combinations(range(len(rig.names)), 2))
+        worst = sorted(pairs, key=lambda bar: bar.share)[:MOST_PAIRS]
+        checks = (one for one in judged.verdict.checks if one.name in ALWAYS or one.grade != "good")
+        return (*worst, *(bar_of(one) for one in checks if one.name != "baselines"))
 
     @property
     def _stage(self) -> Stage:
@@ -256,20 +239,16 @@ class RigGuide:
     @property
     def _headline(self) -> str:
         count = f"{len(self.moments)} moment{'s' * (len(self.moments) != 1)}"
-        if self._worst is not None:
-            return f"{self._worst}: {self.guides[self._worst].told.headline}; {count} in all"
-        if self._untied is not None:
+        if self._worst is None and self._untied is not None:
             return f"hold the target where {self._untied[0]} and {self._untied[1]} both see it; {count}"
-        if self.standing is None:
-            lost = next((name for name, one in self.guides.items() if one.verdict is None), self.names[0])
-            return f"{lost}: {self.guides[lost].told.headline}; {count} in all"
+        if self._worst is not None or self.standing is None:
+            unknown = (name for name, one in self.guides.items() if one.verdict is None)
+            name = self._worst or next(unknown, self.names[0])
+            return f"{name}: {self.guides[name].told.headline}; {count} in all"
         said = self.standing.judged.verdict.sentence
         return f"good: {said}; {count} are enough" if self._stage == "good" else f"{said}; {count}"
 
-    @cached_property
-    def standing(self) -> RigStanding | None:
-        """The rig as far as it is known; None as long as a camera is not, or they are not joined."""
-        return rig_standing_of(self.guides) if len(self.guides) > 1 else None
+    # ---- what is proposed
 
     @cached_property
     def _worst(self) -> str | None:
@@ -286,67 +265,61 @@ class RigGuide:
         """The two cameras that share the fewest moments, if all are known, and yet not joined."""
         if self.standing is not None or any(one.verdict is None for one in self.guides.values()):
             return None
-        shared = shared_moments(self.guides)
-        return min(shared, key=lambda pair: (shared[pair], pair))
+        return min(self._shared, key=lambda pair: (self._shared[pair], pair), default=None)
 
     @cached_property
     def _frame(self) -> NextFrame | None:
         """What joins the cameras best, once each of them is known."""
         if self._worst is not None or self.standing is None:
             return None
-        shape = next(iter(self.guides.values())).shape
         for frame in self.standing.judged.next_frames:
             pose = frame.rig_from_target[None]
-            if not any(are_near(shape, skipped, pose)[0] for skipped in self._skipped):
+            if not any(are_near(self.settings.shape, skipped, pose)[0] for skipped in self._skipped):
                 return frame
         return None
 
-    def _held(self, camera: str) -> Array | None:
-        """Where the target is to be for a camera; None: it need not see it.  # (4, 4)"""
-        frame, standing = self._frame, self.standing
-        if frame is None or standing is None or camera not in frame.cameras:
-            return None
-        found = standing.calibration
-        row = found.observations.camera_names.index(camera)
-        return compose(found.cam_from_rig[row], frame.rig_from_target)
+    @cached_property
+    def _held(self) -> dict[str, Array]:
+        """Where the target is to be to join the cameras, for those that are to see it.  # each (4, 4)"""
+        if self._frame is None or self.standing is None:
+            return {}
+        found, frame = self.standing.calibration, self._frame
+        rows = {name: found.observations.camera_names.index(name) for name in self.guides if name in frame.cameras}
+        return {name: compose(found.cam_from_rig[row], frame.rig_from_target) for name, row in rows.items()}
 
-    def _lines(self, name: str, told: CameraGuidance) -> tuple[Array, ...]:
-        held, guide = self._held(name), self.guides[name]
-        if held is None or guide.calibration is None:
-            return told.ghost_px if name == self._worst else ()
-        return ghost_lines(guide.settings.target, guide.calibration.camera, held)
+    def _lines(self, name: str, told: Guidance) -> tuple[Line, ...]:
+        """The ghost in a camera that is to see it."""
+        if name in self._held:
+            return ghost_lines(self.settings.target, self.guides[name].camera, self._held[name])
+        return told.cameras[0].ghost_px if name == self._worst else ()
 
     @cached_property
     def _ghost(self) -> Ghost | None:
         if self._worst is not None:
-            ghost = self.guides[self._worst].told.ghost
-            return ghost and replace(
-                ghost, sentence=f"{self._worst}: {ghost.sentence}", short=f"{self._worst}: {ghost.short}"
-            )
-        frame = self._frame
-        name = None if frame is None else next(one for one in self.guides if one in frame.cameras)
-        pose = None if name is None else self._held(name)
-        if frame is None or name is None or pose is None:
+            name, ghost = self._worst, self.guides[self._worst].told.ghost
+            return ghost and replace(ghost, sentence=f"{name}: {ghost.sentence}", short=f"{name}: {ghost.short}")
+        if self._frame is None:
             return None
-        guide = self.guides[name]
-        gain = f"{figure(frame.sigma_mm_before, 2)} -> {figure(frame.sigma_mm_after, 2)} mm"
-        ghost = ghost_at(pose, guide.camera, guide.shape, frame.sentence, gain, is_rough=False)
+        name, pose = next(iter(self._held.items()))
+        gain = f"{figure(self._frame.sigma_mm_before, 2)} -> {figure(self._frame.sigma_mm_after, 2)} mm"
+        ghost = ghost_at(
+            pose, self.guides[name].camera, self.settings.shape, self._frame.sentence, gain, is_rough=False
+        )  # fmt: skip
         return replace(ghost, short=f"{name}: {ghost.short}")
 
     @cached_property
     def _joining(self) -> dict[str, LookedFor]:
         """What frames of each camera are compared with once only joins are wanted."""
         seen_in = [moment_of(photo.image) for one in self.guides.values() for photo in one.photos]
-        looked = {}
+        shape, looked = self.settings.shape, {}
         for name, guide in self.guides.items():
-            held, seen = self._held(name), guide.observations
-            names = () if seen is None else seen.view_names
+            names = () if guide.observations is None else guide.observations.view_names
             rows = np.array([seen_in.count(moment_of(view)) >= TOGETHER for view in names], dtype=np.bool_)
-            wanted = None if held is None else held_at(guide.camera, guide.shape, held)
+            wanted = held_at(guide.camera, shape, self._held[name]) if name in self._held else None
             last = guide.photos[-1] if guide.photos else None
             looked[name] = LookedFor(
-                guide.camera, guide.settings.points, guide.shape, wanted, None, guide.taken[rows], last
-            )
+                guide.camera, self.settings.points, shape, wanted, None, guide.taken[rows], last
+            )  # fmt: skip
         return looked
 
     @property
@@ -367,5 +340,21 @@ class RigGuide:
 
     def _with(self, changed: dict[str, Guide]) -> "RigGuide":
         other = object.__new__(RigGuide)
-        other.guides, other._skipped = {**self.guides, **changed}, self._skipped
+        other.settings, other.guides, other._skipped = self.settings, {**self.guides, **changed}, self._skipped
         return other
+
+
+def _pair_bar(rig: Rig, a: int, b: int, limit: Limits) -> Bar:
+    """The distance of two cameras."""
+    pair, names = relative(rig, a, b), (rig.names[a], rig.names[b])
+    percent = 100 * pair.baseline_sigma_mm / max(pair.baseline_mm, 1e-9)
+    if not math.isfinite(percent):
+        return _bar(names, "not to be told yet", 0.0)
+    measured = measured_text(percent, "%", (limit.good, limit.usable))
+    known = f"{figure(pair.baseline_sigma_mm, 2)} mm of {figure(pair.baseline_mm, 3)} mm"
+    share = min(limit.good / percent, 1.0) if percent > 0 else 1.0
+    return _bar(names, f"{known}, {measured} %, {limit.good:g} % wanted", share, at_most(percent, limit))
+
+
+def _bar(names: tuple[str, str], text: str, share: float, grade: Grade | Literal["unknown"] = "unknown") -> Bar:
+    return Bar(f"pair {names[0]} {names[1]}", f"{names[0]} and {names[1]}", text, share, grade)

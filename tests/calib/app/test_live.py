@@ -17,7 +17,6 @@ from websockets.sync.client import ClientConnection, connect
 import calib
 from calib.app.calibration import Run
 from calib.app.calibration_folder import RunFolder
-from calib.capture.conversation import Conversation
 from calib.capture.messages import FrameHeader, with_header
 from calib.capture.photo_folder import SESSION, PhotoFolder
 from calib.capture.serving import Serving, Worker
@@ -135,8 +134,8 @@ def test_a_session_that_is_killed_or_stopped_loses_no_photo(photos: Path, tmp_pa
     kept = PhotoFolder(tmp_path / "out", target(), begun_with, resume=True).kept
     with pytest.raises(InputError, match="give the cameras that it was begun with"):
         PhotoFolder(tmp_path / "out", target(), ("another",), resume=True)
-    assert [path.name for path in kept] == ["0001.png", "0002.png"]
-    np.testing.assert_array_equal(cv2.imread(str(kept[1]), cv2.IMREAD_GRAYSCALE), image)
+    assert [path.name for _, path in kept] == ["0001.png", "0002.png"]
+    np.testing.assert_array_equal(cv2.imread(str(kept[1][1]), cv2.IMREAD_GRAYSCALE), image)
 
 
 def test_ctrl_c_reaches_whatever_takes_long(photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -262,10 +261,10 @@ def test_the_line_that_goes_on_is_the_one_that_began(tmp_path: Path, monkeypatch
 
 def test_a_camera_that_is_given_again_makes_a_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One is a camera's, two are a rig's, of videos and of folders alike; Python is told which function to call."""
-    begun = list[str]()
+    begun = list[int]()
 
-    def begin(self: Serving[Conversation, Run], *_: object) -> None:
-        begun.append(type(self._session).__name__)
+    def begin(self: Serving[Run], *_: object) -> None:
+        begun.append(len(self._session.sources))
         raise KeyboardInterrupt
 
     monkeypatch.chdir(tmp_path)
@@ -278,6 +277,6 @@ def test_a_camera_that_is_given_again_makes_a_rig(tmp_path: Path, monkeypatch: p
     ):
         one = () if "--watch" in more else ("--camera", "0")
         command("live", "a.target.json", *one, *more, "-o", f"out{number}")
-    assert begun == ["RigSession", "Session", "Session", "RigSession"]
+    assert begun == [2, 1, 1, 2]
     with pytest.raises(InputError, match="live_rig takes photos with several"):
         calib.live("a.target.json", "out", watch=["left", "right"])

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from calib.app.live import live_rig
 from calib.capture.messages import LookMessage, Message, NoticeMessage, PageCommand, TakenMessage
 from calib.capture.photo_folder import PhotoFolder
-from calib.capture.rig_session import RigSession, own_moment, write_table
-from calib.capture.sources import BrowserCamera, Frame, rig_sources
+from calib.capture.session import Session, own_moment, write_table
+from calib.capture.sources import BrowserCamera, Frame, sources_of
 from calib.core.se3 import look_at, make_pose
 from calib.images.photo import read_image
 from calib.judge.rig_guide import RigGuide
@@ -46,17 +46,17 @@ class Talk:
     time_s: float = 0.0
     number: int = 0
 
-    def begin(self, *, resume: bool = False, names: tuple[str, ...] = NAMES) -> RigSession:
+    def begin(self, *, resume: bool = False, names: tuple[str, ...] = NAMES) -> Session:
         """Begin a session in the folder."""
-        folder = PhotoFolder(self.folder, target(), names, resume=resume, cameras=names)
+        folder = PhotoFolder(self.folder, target(), names, resume=resume)
         folder.begin()
         guide = RigGuide(target(), names, made="exact", model="pinhole", criteria=LIMITS)
         sources = tuple(BrowserCamera() for _ in names)
-        session = RigSession(target(), guide, folder, sources, self.messages.append, lambda frame: None)
+        session = Session(guide, folder, sources, self.messages.append, lambda frame: None)
         session.resume()
         return session
 
-    def show(self, session: RigSession, images: Images, times: int = 6, late_s: float = 0.01) -> None:
+    def show(self, session: Session, images: Images, times: int = 6, late_s: float = 0.01) -> None:
         """Both cameras see something for some tenths of a second, the second a little later than the first."""
         self.time_s += 3.0
         for _ in range(times):
@@ -65,7 +65,7 @@ class Talk:
             session.frame(Frame(0, self.number, self.time_s, images[0]))
             session.frame(Frame(1, self.number, self.time_s + late_s, images[1]))
 
-    def take(self, session: RigSession, images: Images) -> None:
+    def take(self, session: Session, images: Images) -> None:
         """Show both cameras something, and take it by hand."""
         session.command(PageCommand("by_hand"))
         self.show(session, images, 1)
@@ -182,10 +182,10 @@ def test_cameras_are_named_by_where_they_are(tmp_path: Path) -> None:
     for place in ("a/cam.avi", "b/cam.avi"):
         (tmp_path / place).parent.mkdir()
         (tmp_path / place).write_bytes(b"")
-    assert list(rig_sources(("0", 2, "rtsp://10.0.0.7/live"), (), None)) == ["camera-0", "camera-2", "network-2"]
+    assert list(sources_of(("0", 2, "rtsp://10.0.0.7/live"), (), None)) == ["camera-0", "camera-2", "network-2"]
     films = [str(tmp_path / place) for place in ("a/cam.avi", "b/cam.avi")]
-    assert list(rig_sources(films, (), None)) == ["a", "b"]
-    assert list(rig_sources((), (tmp_path / "a", tmp_path / "b"), None)) == ["a", "b"]
+    assert list(sources_of(films, (), None)) == ["a", "b"]
+    assert list(sources_of((), (tmp_path / "a", tmp_path / "b"), None)) == ["a", "b"]
 
 
 @pytest.mark.parametrize(

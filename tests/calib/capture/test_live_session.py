@@ -7,12 +7,11 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.capture.conversation import ENDS_IN_S
 from calib.capture.messages import GuidanceMessage, LookMessage, Message, NoticeMessage, PageCommand, TakenMessage
 from calib.capture.photo_folder import SESSION_FILE, PhotoFolder
-from calib.capture.session import Session
+from calib.capture.session import ENDS_IN_S, Session
 from calib.capture.sources import BrowserCamera, Frame
-from calib.judge.guide import Guide
+from calib.judge.rig_guide import RigGuide
 from designer.base.errors import InputError, NotWrittenError
 from tests.support import ring_views
 from tests.support.live_frames import SIZE, frames_of, held, image_at, target
@@ -34,14 +33,15 @@ class Told:
         """Begin a session in the folder."""
         folder = PhotoFolder(self.folder, target(), ("camera",), resume=resume)
         folder.begin()
-        guide = Guide(target(), made="exact", image_size=SIZE, model="pinhole", criteria=self.criteria)
+        guide = RigGuide(target(), ("camera",), made="exact", model="pinhole", criteria=self.criteria)
         return Session(
-            target(), guide, folder, (BrowserCamera(),), self.messages.append, lambda frame: None, lambda: self.now_s
-        )
+            guide.sized("camera", SIZE), folder, (BrowserCamera(),), self.messages.append, lambda frame: None,
+            lambda: self.now_s,
+        )  # fmt: skip
 
     def hold(self, session: Session, seed: int) -> None:
         """Hold the board where the ghost is, until a photo is taken or some tenths of a second went by."""
-        image, before = image_at(held(session.guide, np.random.default_rng(seed)), seed), len(session.kept)
+        image, before = image_at(held(session.guide.of("camera"), np.random.default_rng(seed)), seed), len(session.kept)
         self.frames += 20
         for frame in frames_of(image, self.frames, 8):
             session.frame(frame)
@@ -67,7 +67,7 @@ def names(session: Session) -> list[str]:
 def test_who_holds_still_at_the_ghost_is_photographed(told: Told) -> None:
     """Not the first frame, but after it stood still; the file holds the very frame, and is there before it is told."""
     session = told.begin()
-    image = image_at(held(session.guide, np.random.default_rng(1)))
+    image = image_at(held(session.guide.of("camera"), np.random.default_rng(1)))
     first, *others = frames_of(image, 0, 8)
     session.frame(first)
     assert told.kinds() == [LookMessage]
@@ -88,7 +88,7 @@ def test_nothing_is_taken_by_itself_when_asked_so_or_while_it_moves(told: Told) 
     told.hold(session, 1)
     assert not session.kept
     session.command(PageCommand("automatic"))
-    pose = held(session.guide, np.random.default_rng(1))
+    pose = held(session.guide.of("camera"), np.random.default_rng(1))
     for number in range(8):
         moved = pose.copy()
         moved[0, 3] += 4.0 * number
@@ -105,7 +105,7 @@ def test_a_deleted_photo_counts_no_more_and_may_come_back(told: Told) -> None:
     assert len(both) == 2
     session.command(PageCommand("delete", both[0]))
     assert names(session) == both[1:]
-    assert [one.image for one in session.guide.photos] == both[1:]
+    assert [one.image for one in session.guide.of("camera").photos] == both[1:]
     assert (told.folder / "photos" / both[0]).exists()
     told.kinds()
     for name in ("../session.json", "0009.png", both[0]):
@@ -129,7 +129,7 @@ def test_a_session_goes_on_where_it_stopped(told: Told) -> None:
     assert isinstance(greeting, GuidanceMessage)
     assert [one.name for one in greeting.left_out] == ["0002.png"]
     assert again.guide.told.headline == session.guide.told.headline
-    again.frame(Frame(0, 0, 0.0, image_at(held(again.guide, np.random.default_rng(9)))))
+    again.frame(Frame(0, 0, 0.0, image_at(held(again.guide.of("camera"), np.random.default_rng(9)))))
     again.command(PageCommand("take"))
     assert names(again)[-1] == "0004.png"
 
