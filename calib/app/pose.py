@@ -13,6 +13,7 @@ from designer.base.codec import encode_written
 from designer.base.errors import InputError
 from designer.base.files import place_of
 from designer.base.options import argument, option
+from designer.base.words import NAME
 from designer.kinds.presets import camera_templates
 from designer.page.capability import OUTPUT, capability, written_to
 from designer.page.progress import Progress, unheard
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from calib.cameras.camera import Camera
     from calib.cameras.rig import Rig
     from calib.observe.target_poses import PhotoWithoutPose, PoseResult, TargetPose
-    from calib.rigs.rig_poses_file import FrameWithoutPose, RigPoseResult, RigTargetPose
+    from calib.rigs.target_poses import FrameWithoutPose, RigPoseResult, RigTargetPose
     from designer.base.files import JsonValue
     from designer.page.blocks import Page
     from designer.page.output import Output
@@ -128,9 +129,9 @@ def pose(
     Raises:
         InputError: files that cannot be read, not one photo that can be searched, or a camera that is not in the rig.
     """
-    from calib.app.inputs import opened_camera, photos_of, target_of
+    from calib.app.inputs import opened_camera, photos_of, rig_of, target_of
     from calib.observe.search import PhotoSearch
-    from calib.observe.target_poses import PhotoWithoutPose, PoseResult, target_poses
+    from calib.observe.target_poses import PhotoWithoutPose, PoseResult, check_output, target_poses
     from designer.page.output import Output, output_of
 
     output = Output(Path(), is_asked=False) if out is None else output_of(out)
@@ -147,12 +148,13 @@ def pose(
     if rig is None and camera is None:
         raise InputError("no camera: give the one that took the photos, or the rig that did")
     if output.is_asked:
-        _check_place(output.place, is_of_rig=rig is not None)
+        check_output(output.place, f"{NAME}.{'poses' if rig is None else 'rig_poses'}")
     found: PoseResult | RigPoseResult
     if rig is not None:
-        from calib.app.rig_poses import poses_before_rig
+        from calib.rigs.target_poses import poses_before_rig
 
-        found = poses_before_rig(target, rig, given, weighted=weighted, jobs=jobs, progress=progress)
+        geometry = target_of(target, "rings")
+        found = poses_before_rig(geometry, rig_of(rig), given, weighted=weighted, jobs=jobs, progress=progress)
         remarks = found.photos.remarks
     else:
         known = cast("Camera | Place", camera)
@@ -184,7 +186,6 @@ def _name(given: object) -> str:
 
 def _drawn(made: TargetPoses, folder: Path) -> tuple[TargetPoses, tuple[Path, ...]]:
     """Draw the photos that have a pose, of a rig in a folder a camera; and where the pictures are."""
-    from calib.app.rig_poses import posed_alone
     from calib.draw.pose_overlay import draw_poses
     from calib.judge.rig_folder import folder_names
     from calib.observe.photos import keep_pictures, no_empty_folders, staging_folder
@@ -195,7 +196,7 @@ def _drawn(made: TargetPoses, folder: Path) -> tuple[TargetPoses, tuple[Path, ..
     else:
         names, found = made.found.photos.camera_names, made.found
         places = zip(names, folder_names(names), strict=True)
-        each = [(name, place, posed_alone(found, row)) for row, (name, place) in enumerate(places)]
+        each = [(name, place, found.of_camera(row)) for row, (name, place) in enumerate(places)]
     overlays, undrawn, pictures = dict[tuple[str, str], str](), list[str](), list[Path]()
     with no_empty_folders(folder):
         for name, place, alone in each:
@@ -208,12 +209,3 @@ def _drawn(made: TargetPoses, folder: Path) -> tuple[TargetPoses, tuple[Path, ..
             overlays |= {(name, image): f"{place}/{picture}".lstrip("/") for image, picture in drawn.items()}
             undrawn += failures
     return replace(made, overlays=overlays, undrawn=tuple(undrawn)), tuple(pictures)
-
-
-def _check_place(place: Path, *, is_of_rig: bool) -> None:
-    """Refuse a place that takes no poses, before any work; what is of rigs is loaded for these alone."""
-    if is_of_rig:
-        from calib.rigs.rig_poses_file import check_rig_poses_output as check
-    else:
-        from calib.observe.target_poses import check_output as check
-    check(place)

@@ -35,7 +35,7 @@ from designer.page.folders import Shown, some_of, table_of, with_sigma
 if TYPE_CHECKING:
     from calib.app.pose import TargetPoses
     from calib.observe.target_poses import TargetPose
-    from calib.rigs.rig_poses_file import RigPoseResult, RigTargetPose
+    from calib.rigs.target_poses import RigPoseResult, RigTargetPose
 
 GOOD_RMS_PX, USABLE_RMS_PX = 0.5, 2.0
 """Of the residuals in the median photo. A ring's centre is good to a few hundredths of a pixel, so half a pixel is

@@ -109,6 +109,11 @@ class PoseResult:
         write_files({place: poses_to_csv(self.poses) if place.suffix.lower() == ".csv" else POSES.text(document)})
         return place
 
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """What could not be read or searched, one line each."""
+        return self.search.failures
+
 
 @dataclass(frozen=True, eq=False)
 class FoundPoses:
@@ -118,7 +123,7 @@ class FoundPoses:
     failed: tuple[PhotoWithoutPose, ...]  # the other photos
 
 
-def check_output(path: Path) -> None:
+def check_output(path: Path, kind: str = POSES.format) -> None:
     """Refuse a place that holds something else, before any work is done.
 
     Raises:
@@ -126,7 +131,7 @@ def check_output(path: Path) -> None:
     """
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: poses are a .json or a .csv file; name it so, such as poses.json")
-    require_ours(path, kind=POSES.format)
+    require_ours(path, kind=kind.replace("_", "-") if path.suffix.lower() == ".csv" else kind)
 
 
 def target_poses(photos: Sequence[Detections], target: TargetGeometry, camera: Camera, *, weighted: bool) -> FoundPoses:
@@ -180,13 +185,18 @@ def target_pose(image: str, cam_from_target: Array, covariance: Array, residual_
         rings=len(residual_px),
         cam_from_target=cam_from_target,
         covariance=covariance,
-        rms_px=float(np.sqrt((residual_px**2).sum(axis=1).mean())),
+        rms_px=rms_of(residual_px),
         camera_mm=-rotation.T @ translation,
         camera_sigma_mm=np.sqrt(np.diag(by_pose @ covariance @ by_pose.T)),
         distance_mm=distance,
         distance_sigma_mm=float(np.sqrt(sight @ covariance[3:, 3:] @ sight)),
         rotation_sigma_rad=float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])),
     )
+
+
+def rms_of(residual_px: Array) -> float:
+    """Root mean square length; nan of none."""
+    return float(np.sqrt((residual_px**2).sum(axis=1).mean())) if len(residual_px) else np.nan
 
 
 def poses_to_csv(poses: Sequence[TargetPose]) -> bytes:

@@ -23,7 +23,7 @@ from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPo
 from calib.renderer.options import RenderOptions
 from calib.renderer.truth import FileOptions, RigTruth, TrueFrame, TrueView, Truth
 from calib.rigs.result import CarrierFit
-from calib.rigs.rig_poses_file import CameraResidual, FrameWithoutPose, RigPosesDocument, RigTargetPose
+from calib.rigs.target_poses import CameraResidual, FrameWithoutPose, RigPosesDocument, RigTargetPose
 from calib.solver.calibration import ImageField, MadeWith, PlaneBend, TargetError
 from calib.solver.metrics.errors import ErrorSummary
 from calib.solver.metrics.evaluation_files import FoundParameter, Metrics, MetricSummary

@@ -13,7 +13,7 @@ import pytest
 import calib
 from calib.core.types import Detections
 from calib.observe.observations import known_points
-from calib.rigs.rig_poses_file import RIG_POSES
+from calib.rigs.target_poses import RIG_POSES
 from designer.target import target_to_json
 from tests.support.calibrations import board
 from tests.support.command_line import calib as command
