@@ -262,10 +262,9 @@ def convert(
         InputError: a file that cannot be read, a format, model, lens or parameter that is none, a camera that sees
             more than the format's lenses can, or a fit that is off by more than is accepted.
     """
-    from calib.app.inputs import opened_camera, opened_rig, rig_named
     from calib.cameras.camera import Camera
     from calib.cameras.formats.holding import ACCEPTED_PX, fit_to_format
-    from calib.cameras.formats.reading import find_format, require_unit
+    from calib.cameras.formats.reading import OpenedRig, find_format, require_unit
     from calib.cameras.rig import Rig
     from designer.page.output import asked_output
 
@@ -275,21 +274,19 @@ def convert(
     output, is_object = asked_output(out), isinstance(camera, Camera | Rig)
     if is_object:
         _refuse_of_file(source=source, source_unit=source_unit)
-    if isinstance(camera, Rig):
-        rig: OpenedRig | None = opened_rig(camera)
-    else:
-        rig = None if isinstance(camera, Camera) else rig_named(camera, source, source_unit)
+    read = _opened(camera, to, source, source_unit)
     target: CameraFormat | RigFormat
     opened: OpenedCamera | OpenedRig
-    if rig is not None:
-        target, opened = find_format(to, RIG_FORMATS, "rig"), _of_cameras(rig, names)
+    rig = read if isinstance(read, OpenedRig) else None
+    if isinstance(read, OpenedRig):
+        target, opened = find_format(to, RIG_FORMATS, "rig"), _of_cameras(read, names)
         require_unit(target, unit, "--unit")
         each, cameras_of = tuple(zip(opened.read.rig.names, opened.read.rig.cameras, strict=True)), target.cameras
     else:
         for flag, value in (("--cameras", names), ("--unit", unit), ("--from-unit", source_unit)):
             if value:
                 raise InputError(f"{flag}: is for rigs, and this is one camera; leave it out")
-        target, opened = find_format(to, FORMATS, "camera"), opened_camera(cast("Camera | Place", camera), source)
+        target, opened = find_format(to, FORMATS, "camera"), read
         each, cameras_of = (("", opened.read.camera),), target
     if output is not None:
         _check_out(output.place, target, opened)
@@ -308,6 +305,26 @@ def convert(
     if output is not None:
         output.files += made.save(output.place)
     return made
+
+
+def _opened(
+    camera: "Camera | Rig | Place", to: str, source: str | None, source_unit: str | None
+) -> "OpenedCamera | OpenedRig":
+    """What is read: one camera is a rig of one where a format holds rigs alone, and the other way round."""
+    from calib.app.inputs import opened_camera, opened_rig, rig_named
+    from calib.cameras.camera import Camera
+    from calib.cameras.formats.reading import as_rig, only_camera
+    from calib.cameras.rig import Rig
+
+    if isinstance(camera, Rig):
+        rig: OpenedRig | None = opened_rig(camera)
+    else:
+        rig = None if isinstance(camera, Camera) else rig_named(camera, source, source_unit)
+    if rig is None:
+        one = opened_camera(cast("Camera | Place", camera), source)
+        return as_rig(one) if to in RIG_FORMATS and to not in FORMATS else one
+    is_alone = len(rig.read.rig.names) == 1 and to in FORMATS and to not in RIG_FORMATS
+    return only_camera(rig) if is_alone else rig
 
 
 def _name(key: str, name: str) -> dict[str, str]:

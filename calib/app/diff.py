@@ -145,6 +145,7 @@ def diff(
     """
     from calib.app.inputs import opened_camera, opened_rig, rig_named
     from calib.cameras.camera import Camera
+    from calib.cameras.formats.reading import only_camera
     from calib.cameras.refit import camera_difference
     from calib.cameras.rig import Rig
     from calib.rigs.relative import compare_rigs
@@ -157,6 +158,8 @@ def diff(
         for one in (a, b)
     ]
     rigs = [one for one in found if one is not None]
+    if all(len(one.read.rig.names) == 1 for one in rigs):  # they are cameras
+        rigs = []
     if len(rigs) == 1:
         rig, camera = names if found[0] is not None else names[::-1]
         raise InputError(
@@ -169,7 +172,10 @@ def diff(
         alone = [(f"alone has {', '.join(only)}",) if only else () for only in apart.only]
         lines = [(*one.read.remarks, *only) for one, only in zip(rigs, alone, strict=True)]
         return Difference((names[0], names[1]), (rigs[0], rigs[1]), None, apart, None, _remarks(names, lines))
-    first, second = (opened_camera(cast("Camera | Place", one)) for one in (a, b))
+    first, second = (
+        opened_camera(cast("Camera | Place", one)) if rig is None else only_camera(rig)
+        for one, rig in zip((a, b), found, strict=True)
+    )
     if output is not None:
         _check_picture(output.place, (first, second))
     difference = camera_difference(first.read.camera, second.read.camera, radius_px=radius_px)

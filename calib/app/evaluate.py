@@ -261,14 +261,19 @@ def calibration_in(place: Path) -> Path:
     """The calibration's file, of itself or of its folder.
 
     Raises:
-        InputError: the folder holds those of several models, one of which is to be named.
+        InputError: the folder holds those of several models or of a rig's cameras, one of which is to be named.
     """
     if not place.is_dir():
         return place
-    inside = [] if (place / CALIBRATION_FILE).exists() else sorted(place.glob(f"*/{CALIBRATION_FILE}"))
+    if (place / CALIBRATION_FILE).exists():
+        return place / CALIBRATION_FILE
+    of_rig = sorted(place.glob(f"cameras/*/{CALIBRATION_FILE}"))
+    if len(of_rig) == 1:
+        return of_rig[0]
+    inside = of_rig or sorted(place.glob(f"*/{CALIBRATION_FILE}"))
     if inside:
-        models = ", ".join(str(path.parent) for path in inside)
-        raise InputError(f"{place}: holds a calibration in a folder of each model; name the folder of one: {models}")
+        what, folders = "camera" if of_rig else "model", ", ".join(str(path.parent) for path in inside)
+        raise InputError(f"{place}: holds a calibration in a folder of each {what}; name the folder of one: {folders}")
     return place / CALIBRATION_FILE
 
 

@@ -247,7 +247,8 @@ def load_rig(name: Place, *, unit: str | None = None) -> "Rig":
     """Read a rig: `load_rig("rig.json").cam_from_rig`.
 
     Args:
-        name: a rig.json, a file of another tool, or a folder with one or with a file a camera.
+        name: a rig.json, a file of another tool, or a folder with one or with a file a camera; of one camera its file
+            is a rig's of that camera alone.
         unit: "mm" or "m", of lengths in a file of a tool that takes any and does not say; None: the usual one.
 
     Raises:

@@ -119,6 +119,15 @@ class Rig:
         return place
 
 
+ALONE = "camera"
+"""What the only camera of a rig is called where nobody named it."""
+
+
+def rig_of_one(camera: Camera, name: str = ALONE) -> Rig:
+    """A camera as a rig of that camera alone, whose frame the rig's is."""
+    return Rig((name,), (camera,), np.eye(4)[None])
+
+
 def keep_cameras(rig: Rig, rows: Sequence[int]) -> Rig:
     """The rig of some of its cameras, in that order; its frame stays where it was."""
     if not len(rows):

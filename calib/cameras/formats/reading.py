@@ -15,7 +15,7 @@ from calib.cameras.formats import FORMATS, OWN, RIG_FORMATS
 from calib.cameras.formats.format import CameraFormat, ReadCamera, ReadRig, RigFiles, RigFormat
 from calib.cameras.formats.parsing import UNIT_WORDS, outline, pick, unit_mm
 from calib.cameras.refit import FOCAL_AND_CENTRE
-from calib.cameras.rig import MOST_CAMERAS, RIG, Rig
+from calib.cameras.rig import ALONE, MOST_CAMERAS, RIG, Rig, rig_of_one
 from calib.core.registry import Registry
 from designer.base.errors import InputError
 from designer.base.files import parse_json, read_small, read_small_text, read_spec_file
@@ -24,6 +24,8 @@ from designer.kinds.presets import preset_names
 
 HEAD = 2**16
 """Characters from which a file's kind is told."""
+ONE_OF = "#"
+"""Between a file of several cameras and the name of one."""
 BINARY = ".bin"
 """COLMAP's files that are no text end so."""
 Format = TypeVar("Format", CameraFormat, RigFormat)
@@ -49,10 +51,10 @@ class OpenedRig:
 
 
 def open_rig(place: Path, format_name: str | None = None, unit: str | None = None) -> OpenedRig:
-    """The rig of a file, or of a folder with its files.
+    """The rig of a file, or of a folder with its files; a camera's file is that of a rig of one.
 
     Args:
-        place: of a file or folder.
+        place: of a file or folder, or one camera of a file, `rig.json#left`.
         format_name: one of `RIG_FORMATS`; None: found out.
         unit: of lengths, "mm" or "m", where the format has none of its own; None: what the file says, or usually has.
 
@@ -60,6 +62,10 @@ def open_rig(place: Path, format_name: str | None = None, unit: str | None = Non
         InputError: no such file, of no known kind, or not valid; the message names it.
     """
     kind = rig_format_of(place) if format_name is None else find_format(format_name, RIG_FORMATS, "rig")
+    if kind is None and _is_of_one(place):
+        if unit is not None:
+            raise InputError(f"--from-unit {unit}: is of lengths, and {place} is one camera; leave it out")
+        return as_rig(open_camera(str(place)), place.name.partition(ONE_OF)[2] or ALONE)
     if kind is None:
         if not place.is_dir():
             read_small_text(place, RIG.largest_bytes, "a rig file")  # says what is wrong with it, if it is not read
@@ -76,6 +82,15 @@ def open_rig(place: Path, format_name: str | None = None, unit: str | None = Non
     said = "as told" if unit is not None else f"as {kind.title} usually has it; another with --from-unit"
     remarks = (f"lengths are taken as {UNIT_WORDS[unit or kind.unit]}, {said}", *_doubts(found.rig))
     return OpenedRig(kind, replace(found, remarks=(*remarks, *found.remarks)), paths)
+
+
+def _is_of_one(place: Path) -> bool:
+    """Whether a place is that of one camera: its file, a folder with its `camera.json`, or one of several in a file."""
+    if ONE_OF in place.name and not os.path.lexists(place):
+        return True
+    if place.is_dir():
+        return (place / FORMATS[OWN].file_name).is_file()
+    return place.is_file() and recognise(read_small_text(place, RIG.largest_bytes, "a rig file")) is not None
 
 
 def rig_format_of(place: Path) -> RigFormat | None:
@@ -183,10 +198,24 @@ class OpenedCamera:
             return False
 
 
+def as_rig(opened: OpenedCamera, name: str = ALONE) -> OpenedRig:
+    """A camera as a rig of that camera alone."""
+    rig = ReadRig(rig_of_one(opened.read.camera, name), (opened.read.refit,), "mm", opened.read.remarks)
+    return OpenedRig(RIG_FORMATS[OWN], rig, () if opened.path is None else (opened.path,))
+
+
+def only_camera(opened: OpenedRig, row: int = 0) -> OpenedCamera:
+    """A camera of a rig; where it stands is left behind."""
+    found = opened.read
+    camera = ReadCamera(found.rig.cameras[row], found.refits[row], found.remarks if len(found.refits) == 1 else ())
+    return OpenedCamera(FORMATS[OWN], camera, next(iter(opened.paths), None))
+
+
 def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
     """The camera of a file, of a template, or of one of a file's several cameras, named as in `FILE#NAME`.
 
-    A folder stands for its `camera.json`. The format is found out if it is not given.
+    A folder stands for its `camera.json`, or for the camera of its `rig.json`. The format is found out if it is not
+    given.
 
     Raises:
         InputError: no such file, of no known kind, or not valid; the message names it.
@@ -198,7 +227,7 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
         own = None if is_preset else path
         camera = camera_or_preset(name)
         return OpenedCamera(FORMATS[OWN], ReadCamera(camera, remarks=_taken_as_none(camera, own)), own)
-    before, mark, after = name.rpartition("#")
+    before, mark, after = name.rpartition(ONE_OF)
     is_one_of = bool(mark) and not os.path.lexists(name)  # a file may have the mark in its own name
     path, wanted = (Path(before), after) if is_one_of else (Path(name), None)
     if path.is_dir():
@@ -213,9 +242,9 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
     kind = known or recognise(text)
     rig_kind = None if known is not None or (kind is not None and kind.holds_many) else recognise_rig(text)
     if rig_kind is not None:
-        found = open_rig(path, rig_kind.name).read  # where the camera stands is left behind
-        row = pick({name: row for row, name in enumerate(found.rig.names)}, wanted, str(path))
-        return OpenedCamera(FORMATS[OWN], ReadCamera(found.rig.cameras[row], found.refits[row]), path)
+        found = open_rig(path, rig_kind.name)
+        row = pick({name: row for row, name in enumerate(found.read.rig.names)}, wanted, str(path))
+        return replace(only_camera(found, row), path=path)
     if kind is None:
         if text.lstrip()[:1] == "{":
             parse_json(text, path, "a camera file")  # which says what is wrong with it, if it is no JSON
@@ -238,8 +267,10 @@ def _taken_as_none(camera: Camera, path: Path | None) -> tuple[str, ...]:
 
 
 def _camera_in(folder: Path) -> Path:
-    """The camera's file in a folder of results."""
-    own = FORMATS[OWN].file_name
+    """The camera's or the rig's file in a folder of results."""
+    own, rig = FORMATS[OWN].file_name, folder / RIG_FORMATS[OWN].file_name
+    if not (folder / own).exists() and rig.is_file():
+        return rig
     inside = [] if (folder / own).exists() else sorted(folder.glob(f"*/{own}"))
     if inside:
         models = ", ".join(str(path.parent) for path in inside)

@@ -12,7 +12,7 @@ import pytest
 import calib
 from calib.app.inputs import load_camera, load_rig
 from calib.cameras.camera import Camera
-from calib.cameras.rig import Rig
+from calib.cameras.rig import Rig, keep_cameras
 from calib.core.se3 import transform
 from designer.base.answer import Summary
 from designer.base.errors import InputError
@@ -170,3 +170,41 @@ def test_files_of_a_folder_that_are_read_are_not_written(folder: Path) -> None:
     Path("file").write_text("")
     with pytest.raises(InputError, match="file: is a file, not a folder"):
         run("pair.json", to="mrcal", out=Path("file"))
+
+
+def test_one_camera_is_a_rig_of_one_in_files(tmp_path: Path) -> None:
+    """A camera's file, its folder, and a camera of a rig are read as rigs; a rig of one, or its folder, as a camera."""
+    alone = stereo().cameras[0]
+    (tmp_path / "run").mkdir()
+    alone.save(tmp_path / "run" / "camera.json")
+    for place in ("run/camera.json", "run"):
+        rig = load_rig(place)
+        assert (rig.names, rig.rig_frame, rig.covariance) == (("camera",), "", None)
+        assert np.array_equal(rig.cameras[0].params, alone.params)
+        assert np.array_equal(rig.cam_from_rig[0], np.eye(4))
+    assert load_rig("pair.json#right").names == ("right",)
+    with pytest.raises(InputError, match=r"--from-unit m: is of lengths, and run is one camera; leave it out"):
+        load_rig("run", unit="m")
+    (tmp_path / "rig").mkdir()
+    keep_cameras(load_rig("pair.json"), [1]).save(tmp_path / "rig" / "rig.json")
+    other = stereo().cameras[1]
+    for place in ("rig/rig.json", "rig", "pair.json#right"):
+        assert np.array_equal(load_camera(place).params, other.params)
+    (tmp_path / "two").mkdir()
+    stereo().save(tmp_path / "two" / "rig.json")
+    with pytest.raises(InputError, match=r"rig.json: holds 2 cameras \(left, right\); name one, as in FILE#left"):
+        load_camera("two")
+    assert calib.diff("rig", "pair.json#right").cameras is not None
+    assert calib.diff("rig", "rig/rig.json").cameras is not None
+
+
+def test_a_format_of_rigs_or_of_cameras_alone_takes_one_camera(tmp_path: Path) -> None:
+    """Caliscope's file is of rigs, Metashape's of one camera: a camera, and a rig of one, are written to either."""
+    pinhole = CAMERAS["pinhole"]
+    pinhole.save("camera.json")
+    Rig(("only",), (pinhole,), np.eye(4)[None]).save("one.json")
+    for source in ("camera.json", "one.json", pinhole, load_rig("one.json")):
+        assert len(calib.convert(source, "caliscope").held) == 1
+        assert calib.convert(source, "metashape").unit == ""
+    with pytest.raises(InputError, match="unknown rig format 'metashape'"):
+        calib.convert("pair.json", "metashape")
