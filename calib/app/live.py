@@ -207,6 +207,7 @@ def _taken(
         found = solve(session, to, tell)
         session.report("solving", "drawing the page")
         to.files += found.drawn_in(to.place, command_line())
+        session.report("done", str(found.verdict.sentence))
         return found
 
     def open_page(address: str) -> None:

@@ -15,7 +15,7 @@ is told so by its last state, before its socket is closed. The page's addresses 
 
 import json
 from dataclasses import dataclass
-from typing import Literal, TypeVar, cast
+from typing import Literal, cast
 
 from calib.judge.guidance import Guidance, Line, Look, TakenPhoto
 from designer.base.codec import decode, encode
@@ -109,20 +109,13 @@ class NoticeMessage:
 
 
 Message = StateMessage | GuidanceMessage | LookMessage | TakenMessage | NoticeMessage
-KINDS: dict[type[Message], str] = {
-    StateMessage: "state",
-    GuidanceMessage: "guidance",
-    LookMessage: "look",
-    TakenMessage: "taken",
-    NoticeMessage: "notice",
-}
-M = TypeVar("M", bound=Message)
 
 
 def text_of(message: Message) -> str:
-    """A message as text: `{"kind": "look", "source": 0, ...}`."""
+    """A message as text: `{"kind": "look", "source": 0, ...}`, of a `LookMessage`."""
+    kind = type(message).__name__.removesuffix("Message").lower()
     fields = cast("dict[str, JsonValue]", encode(type(message), message))
-    return json.dumps({"kind": KINDS[type(message)], **fields}, allow_nan=False)
+    return json.dumps({"kind": kind, **fields}, allow_nan=False)
 
 
 def command_from(text: str) -> PageCommand:

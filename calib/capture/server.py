@@ -12,9 +12,9 @@ others; so are the WebSocket `ADDRESS/socket`, a photo `ADDRESS/photos/NAME` and
 import asyncio
 import secrets
 import socket
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,6 +29,7 @@ from designer.base.errors import InputError
 if TYPE_CHECKING:
     from starlette.applications import Starlette
     from starlette.requests import Request
+    from starlette.responses import Response
     from starlette.websockets import WebSocket
 
 LOOPBACK = "127.0.0.1"
@@ -45,38 +46,24 @@ PAGE_POLICY = (
     "connect-src 'self'; frame-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 """The Content-Security-Policy of the page: nothing is fetched from elsewhere, no script stands in the markup."""
+PHOTO_POLICY = "default-src 'none'"
 REPORT_POLICY = "frame-ancestors 'self'"
 """Of the report, which the page shows in a frame; what may run in it, the report itself says."""
-
-_OWN = Path(__file__).parent / "parts"
-_SHARED = Path(designer.page.__file__).parent / "parts"
-_MEDIA = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
+MEDIA = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
+"""Of the page's files, whatever a machine calls them; of photos their suffix tells it."""
+SHARED = ("page.css", "three.min.js", "viewer_shapes.js")
+"""Files of all pages."""
 TAKEN_OVER, NOT_OURS = 4001, 4003
 BACKLOG = 64
 """Messages that wait for a page that does not read; further pictures and looks are of no use to it."""
 
 
-@dataclass(frozen=True)
-class PageFile:
-    """One file, as it is sent."""
-
-    content: bytes
-    media_type: str  # "text/css; charset=utf-8"
-
-
 @cache
-def page_files() -> dict[str, PageFile]:
-    """All files by their names; the page itself is "".
-
-    `page_files()["live.css"].media_type`
-    """
-    shared = (_SHARED / name for name in ("page.css", "three.min.js", "viewer_shapes.js"))
-    files = {path.name: _file(path) for path in (*sorted(_OWN.iterdir()), *shared)}
-    return {"" if name == "live.html" else name: file for name, file in files.items()}
-
-
-def _file(path: Path) -> PageFile:
-    return PageFile(path.read_bytes(), f"{_MEDIA[path.suffix]}; charset=utf-8")
+def page_files() -> dict[str, Path]:
+    """The files that the page is made of, by their names; the page itself is ""."""
+    shared = (Path(designer.page.__file__).parent / "parts" / name for name in SHARED)
+    files = {path.name: path for path in (*(Path(__file__).parent / "parts").iterdir(), *shared)}
+    return {"" if name == "live.html" else name: path for name, path in files.items()}
 
 
 class Pages:
@@ -178,7 +165,7 @@ def application(
         report: the report, at the end; None: not yet.
     """
     from starlette.applications import Starlette
-    from starlette.responses import FileResponse, PlainTextResponse, Response
+    from starlette.responses import FileResponse, PlainTextResponse
     from starlette.routing import Route, WebSocketRoute
 
     hosts = {f"{LOOPBACK}:{port}", f"localhost:{port}"}
@@ -187,42 +174,33 @@ def application(
         given = str(request.path_params.get("token", ""))
         return request.headers.get("host") in hosts and secrets.compare_digest(given.encode(), token.encode())
 
-    def refused(_: "Request") -> Response:
-        return PlainTextResponse(REFUSED, 403, COMMON_HEADERS)
+    def file_of(path_of: Callable[[str], Path | None], policy: str) -> "Callable[[Request], Awaitable[Response]]":
+        async def answer(request: "Request") -> "Response":
+            path = path_of(request.path_params.get("name", "")) if is_ours(request) else None
+            if path is None or not path.is_file():
+                return PlainTextResponse(REFUSED, 403, COMMON_HEADERS)
+            headers = {**COMMON_HEADERS, "Content-Security-Policy": policy}
+            return FileResponse(path, headers=headers, media_type=MEDIA.get(path.suffix))
 
-    async def part(request: "Request") -> Response:
-        found = page_files().get(request.path_params.get("name", "")) if is_ours(request) else None
-        if found is None:
-            return refused(request)
-        headers = {**COMMON_HEADERS, "Content-Security-Policy": PAGE_POLICY, "Content-Type": found.media_type}
-        return Response(found.content, headers=headers)
-
-    async def photo(request: "Request") -> Response:
-        path = photo_of(request.path_params["name"]) if is_ours(request) else None
-        if path is None or not path.is_file():
-            return refused(request)
-        return FileResponse(path, headers={**COMMON_HEADERS, "Content-Security-Policy": "default-src 'none'"})
-
-    async def last_report(request: "Request") -> Response:
-        path = report() if is_ours(request) else None
-        if path is None or not path.is_file():
-            return refused(request)
-        headers = {**COMMON_HEADERS, "Content-Security-Policy": REPORT_POLICY}
-        return FileResponse(path, media_type="text/html", headers=headers)
+        return answer
 
     async def talk(page: "WebSocket") -> None:
-        origins = {f"http://{host}" for host in hosts}
-        if not is_ours(page) or page.headers.get("origin") not in origins:
+        if is_ours(page) and page.headers.get("origin") in {f"http://{host}" for host in hosts}:
+            await pages.serve(page)
+        else:
             await page.close(NOT_OURS)
-            return
-        await pages.serve(page)
 
+    part = file_of(page_files().get, PAGE_POLICY)
     return Starlette(
         routes=[
-            Route("/{token}/", part), Route("/{token}/report", last_report), Route("/{token}/photos/{name}", photo),
-            Route("/{token}/{name}", part), WebSocketRoute("/{token}/socket", talk), Route("/{path:path}", refused),
+            Route("/{token}/", part),
+            Route("/{token}/report", file_of(lambda _: report(), REPORT_POLICY)),
+            Route("/{token}/photos/{name}", file_of(photo_of, PHOTO_POLICY)),
+            Route("/{token}/{name}", part),
+            WebSocketRoute("/{token}/socket", talk),
+            Route("/{path:path}", file_of(lambda _: None, PAGE_POLICY)),
         ]
-    )  # fmt: skip
+    )
 
 
 def bound_socket(port: int) -> socket.socket:

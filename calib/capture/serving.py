@@ -1,13 +1,15 @@
 """A session with all that runs beside it: its worker, its sources, and the server of its page."""
 
+import math
 import secrets
 import socket
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
 import cv2
 
@@ -15,7 +17,6 @@ from calib.capture.messages import FrameHeader, Message, NoticeMessage, PageComm
 from calib.capture.server import LOOPBACK, MOST_BYTES, Pages, application
 from calib.capture.session import Session, Show, Tell
 from calib.capture.sources import Frame
-from calib.judge.verdict import Verdict
 from designer.base.errors import InputError
 from designer.page.page_file import PAGE_FILE
 
@@ -39,7 +40,7 @@ class Worker:
         self._work = threading.Condition()
         self._frames: dict[int, Frame] = {}  # the newest of each source
         self._photos: deque[Frame] = deque()  # a person's own, none of which may be lost
-        self._todo: deque[Callable[[], None]] = deque()
+        self._todo: deque[tuple[object, Callable[[], None]]] = deque()
         self._is_over = False
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -67,13 +68,14 @@ class Worker:
             self._work.notify_all()
 
     def do(self, command: PageCommand) -> None:
-        """What a person does."""
-        self.call(self._finish if command.kind == "finish" else lambda: self._session.command(command))
+        """What a person does; once, if it is said again before it is done."""
+        self.call(self._finish if command.kind == "finish" else lambda: self._session.command(command), command)
 
-    def call(self, work: Callable[[], None]) -> None:
-        """Something to be done by the session's thread, in turn."""
+    def call(self, work: Callable[[], None], name: object = None) -> None:
+        """Something to be done by the session's thread, in turn; not twice in a row if it has a name."""
         with self._work:
-            self._todo.append(work)
+            if name is None or not self._todo or self._todo[-1][0] != name:
+                self._todo.append((name, work))
             self._work.notify_all()
 
     def _run(self) -> None:
@@ -94,7 +96,7 @@ class Worker:
             if self._is_over:
                 return None
             if self._todo:
-                return self._todo.popleft()
+                return self._todo.popleft()[1]
             if takes and self._photos:
                 frames = [self._photos.popleft()]
             else:  # those of all sources together, so that they are of one moment
@@ -112,19 +114,11 @@ PAGE_LEAVES_S = 60.0
 """So long a page has to fetch the report, and to say so."""
 PAGE_COMES_BACK_S = 5.0
 """So long a page that is being reloaded is away."""
+RELOADED_S = 1.0
+"""So long after a page has the report one that is being reloaded at that moment may ask for it again."""
 STEP_S = 0.1
 Heard = Callable[[str], None]
-
-
-class WithVerdict(Protocol):
-    """What comes of the photos: a camera or a rig, with a verdict."""
-
-    @property
-    def verdict(self) -> Verdict:
-        """On it."""
-
-
-R = TypeVar("R", bound=WithVerdict)
+R = TypeVar("R")
 
 
 class Serving(Generic[R]):
@@ -132,17 +126,17 @@ class Serving(Generic[R]):
 
     Args:
         begin: makes the session, from what it tells the page, and shows it.
-        solve: makes the whole run of a session's photos.
+        solve: makes the whole run of a session's photos, and reports that it is done.
         heard: is told a line of each photo, and of what goes wrong.
     """
 
     def __init__(self, begin: Callable[[Tell, Show], Session], solve: Callable[[Session], R], heard: Heard) -> None:
         self._solve, self._heard = solve, heard
         self._session = begin(self._tell, self._show)
-        self._sources = self._session.sources
         self._worker = Worker(self._session, self._finish, self._fail)
-        self._pages = Pages(lambda: self._worker.call(self._session.greet), self._worker.put, self._do)
+        self._pages = Pages(self._greet, self._worker.put, self._do)
         self._is_over, self._is_asked = threading.Event(), threading.Event()
+        self._until_s = math.inf  # a page has time to fetch the report
         self._result: R | None = None
         self._error: BaseException | None = None
 
@@ -172,15 +166,15 @@ class Serving(Generic[R]):
         thread = threading.Thread(target=server.run, kwargs={"sockets": [bound]}, daemon=True)
         try:
             thread.start()
-            for row, source in enumerate(self._sources):
-                source.start(row, self._worker.put, self._source_says(row))
+            for row, source in enumerate(self._session.sources):
+                source.start(row, self._worker.put, partial(self._source_says, row))
             opened(f"http://{LOOPBACK}:{port}/{token}/")
             self._session.resume()
             self._worker.start()
             self._wait()
         finally:
             self._worker.stop()  # first: a source may wait for it to take a photo
-            for source in self._sources:
+            for source in self._session.sources:
                 source.stop()
             server.should_exit = True
             thread.join(STEP_S * 50)
@@ -192,22 +186,32 @@ class Serving(Generic[R]):
 
     def _wait(self) -> None:
         """Until a page has the report, or there is none that could fetch it."""
-        ended_s: float | None = None
         page_s = time.monotonic()
         while not self._is_over.wait(STEP_S):
             if self._is_asked.is_set():
                 self._run()
             now = time.monotonic()
             page_s = now if self._pages.has_one else page_s
-            if self._session.phase not in ("done", "failed"):
-                ended_s = None
-                continue
-            ended_s = now if ended_s is None else ended_s
-            is_late = self._session.phase == "done" and now - ended_s > PAGE_LEAVES_S
-            if is_late or now - page_s > PAGE_COMES_BACK_S:
+            is_done = self._session.phase in ("done", "failed")
+            if is_done and now > min(self._until_s, page_s + PAGE_COMES_BACK_S):
                 return
 
+    def _run(self) -> None:
+        self._is_asked.clear()
+        self._until_s = math.inf
+        try:
+            self._result, self._error = self._solve(self._session), None
+            self._until_s = min(self._until_s, time.monotonic() + PAGE_LEAVES_S)
+        except InputError as error:
+            self._error = error
+            self._session.report("failed", str(error))
+
     # ---- what the session and the page ask for
+
+    def _greet(self) -> None:
+        if self._session.phase == "done":
+            self._until_s = time.monotonic() + PAGE_LEAVES_S
+        self._worker.call(self._session.greet)
 
     def _tell(self, message: Message) -> None:
         self._pages.tell(message)
@@ -221,35 +225,21 @@ class Serving(Generic[R]):
         if self._pages.has_one:
             self._pages.send(preview_of(frame))
 
-    def _source_says(self, row: int) -> Heard:
-        def say(fault: str) -> None:
-            if fault:
-                self._heard(fault)
-            self._worker.call(lambda: self._session.source_says(row, fault))
-
-        return say
+    def _source_says(self, row: int, fault: str) -> None:
+        if fault:
+            self._heard(fault)
+        self._worker.call(lambda: self._session.source_says(row, fault))
 
     def _do(self, command: PageCommand) -> None:
-        if command.kind == "bye":
-            if self._session.phase in ("done", "failed"):
-                self._is_over.set()
-            return
-        self._worker.do(command)
+        if command.kind != "bye":
+            self._worker.do(command)
+        elif self._session.phase in ("done", "failed"):
+            self._until_s = time.monotonic() + RELOADED_S
 
     def _finish(self) -> None:
         """Have the whole run of the photos made; meanwhile the session's thread changes none of them."""
-        if self._session.phase in ("taking", "ending", "failed") and self._session.begin_to_solve():
+        if self._session.begin_to_solve():
             self._is_asked.set()
-
-    def _run(self) -> None:
-        self._is_asked.clear()
-        try:
-            self._result, self._error = self._solve(self._session), None
-        except InputError as error:
-            self._error = error
-            self._session.report("failed", str(error))
-        else:
-            self._session.report("done", str(self._result.verdict.sentence))
 
     def _fail(self, error: BaseException) -> None:
         self._error = error

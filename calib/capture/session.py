@@ -221,7 +221,9 @@ class Session:
         self._tell(self.state)
 
     def begin_to_solve(self) -> bool:
-        """Go on to the whole run of the photos, if there are any."""
+        """Go on to the whole run of the photos, if there are any, and none is made."""
+        if self.phase in ("solving", "done"):
+            return False
         if not self.photos:
             self._notice("there is no photo yet; take some first")
             return False

@@ -2,11 +2,9 @@
 
 import threading
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import cv2
 import numpy as np
@@ -41,27 +39,11 @@ Say = Callable[[str], None]
 """Takes why nothing comes from a source, in one line; "": it works (again)."""
 
 
-class Source(Protocol):
+class Source:
     """A camera or a folder, read by a thread of its own."""
 
     kind: SourceKind
     name: str  # "camera 0"
-
-    def start(self, row: int, put: Put, say: Say) -> None:
-        """Begin to read.
-
-        Args:
-            row: of the source.
-            put: takes each frame.
-            say: takes what is wrong.
-        """
-
-    def stop(self) -> None:
-        """End, and give the camera back."""
-
-
-class ThreadSource(ABC):
-    """A source that a thread of its own reads: `start` and `stop` as of `Source`."""
 
     def __init__(self) -> None:
         self._is_over, self._thread = threading.Event(), threading.Thread(target=self._read, daemon=True)
@@ -70,33 +52,26 @@ class ThreadSource(ABC):
         self._say: Say = lambda fault: None
 
     def start(self, row: int, put: Put, say: Say) -> None:
-        """As `Source`."""
+        """Begin to read, as this row of the sources; `put` takes each frame, and `say` what is wrong."""
         self._row, self._put, self._say = row, put, say
         self._begin_s = time.monotonic()
         self._thread.start()
 
     def stop(self) -> None:
-        """As `Source`."""
+        """End, and give the camera back."""
         self._is_over.set()
         if self._thread.is_alive():
             self._thread.join(STOP_S)
 
-    @abstractmethod
     def _read(self) -> None:
         """Hand on frames until it is over."""
 
 
-class BrowserCamera:
+class BrowserCamera(Source):
     """Whatever camera the person chooses on the page, with whose messages its frames come; its faults the page says."""
 
     kind: SourceKind = "browser"
     name = "the browser's camera"
-
-    def start(self, row: int, put: Put, say: Say) -> None:
-        """As `Source`; there is nothing to begin."""
-
-    def stop(self) -> None:
-        """As `Source`."""
 
 
 AGAIN_S = 2.0
@@ -106,7 +81,7 @@ MOST_MISSED = 10
 USUAL_FPS, MOST_FPS = 30.0, 240.0
 
 
-class OpenCVCamera(ThreadSource):
+class OpenCVCamera(Source):
     """`OpenCVCamera("0")`, `OpenCVCamera("rtsp://10.0.0.7/live")`, `OpenCVCamera("walk.mp4")`.
 
     Raises:
@@ -196,15 +171,6 @@ GIVEN_UP_S = 5.0
 """A file that did not change for so long and still cannot be read is named."""
 
 
-@dataclass(frozen=True)
-class _FileState:
-    """What a file looked like."""
-
-    size: int
-    changed_ns: int
-    since_s: float  # when it was first seen so
-
-
 def require_apart(folders: Iterable[Path], out: Path) -> None:
     """Refuse to watch the folder that results are written to, whose pictures would be taken for photos.
 
@@ -219,7 +185,11 @@ def require_apart(folders: Iterable[Path], out: Path) -> None:
             )
 
 
-class WatchedFolder(ThreadSource):
+FileState = tuple[int, int, int, int]
+"""What a file looks like: its size and when it changed; and which it is, whatever it is called."""
+
+
+class WatchedFolder(Source):
     """`WatchedFolder(Path("incoming"))`; what is in it already counts, too.
 
     Raises:
@@ -233,8 +203,8 @@ class WatchedFolder(ThreadSource):
             raise InputError(f"--watch {folder}: no such folder; make it, or give the one that the photos come to")
         self.folder, self.name = folder, printable(folder.name or str(folder))
         super().__init__()
-        self._waiting: dict[Path, _FileState] = {}  # not yet read
-        self._done: dict[Path, _FileState] = {}  # read, or given up as it is
+        self._waiting: dict[Path, tuple[FileState, float]] = {}  # not yet read, and since when it is so
+        self._done: dict[Path, FileState] = {}  # read, or given up as it is
         self._broken: dict[Path, str] = {}  # given up, and why
         self._fault = ""
         self._number = 0
@@ -242,59 +212,58 @@ class WatchedFolder(ThreadSource):
     def _read(self) -> None:
         while not self._is_over.is_set():
             if self.folder.is_dir():
-                self._tell(self._looked())
+                fault = self._looked()
             else:
-                self._tell(f"{self.name}: the folder is gone; make it again, or finish with the photos so far")
+                fault = f"{self.name}: the folder is gone; make it again, or finish with the photos so far"
+            if fault != self._fault:  # once, and when it is over
+                self._fault = fault
+                self._say(fault)
             self._is_over.wait(LOOK_S)
-
-    def _tell(self, fault: str) -> None:
-        """A fault once, and when it is over."""
-        if fault != self._fault:
-            self._fault = fault
-            self._say(fault)
 
     def _looked(self) -> str:
         """Read what is complete; what is wrong with the newest file that cannot be, and which else; "" for nothing."""
         now = time.monotonic()
         for path in images_in(self.folder):
-            state = _state_of(path, now)
-            if state is None or path.stem.endswith(OVERLAY_MARK) or _is_same(self._done.get(path), state):
+            state = _state_of(path)
+            if state is None or path.stem.endswith(OVERLAY_MARK) or state == self._done.get(path):
                 continue
             self._broken.pop(path, None)
-            before = self._waiting.get(path)
-            if before is None or not _is_same(before, state):
-                self._waiting[path] = state
+            before, since_s = self._waiting.get(path, (None, now))
+            if before != state:
+                self._waiting[path] = (state, now)
                 continue
-            if reason := self._read_photo(path):
-                if now - before.since_s < GIVEN_UP_S:
-                    continue
+            if reason := self._once_more(path, state) or self._read_photo(path, now - since_s):
                 self._broken[path] = f"{reason}; it is left out"
-            self._done[path] = self._waiting.pop(path)
+            elif reason is None:
+                continue
+            self._done[path] = self._waiting.pop(path)[0]
         broken = [path for path in reversed(self._broken) if path.exists()]
         others = ", ".join(printable(path.name) for path in broken[1:])
         return f"{self._broken[broken[0]]}{f'; so are {others}' if others else ''}" if broken else ""
 
-    def _read_photo(self, path: Path) -> str:
-        """Hand on a photo; why it cannot be read, "" if it can."""
+    def _once_more(self, path: Path, state: FileState) -> str:
+        """Which photo a link leads to, if it counts already."""
+        same = (one for one, before in self._done.items() if before[2:] == state[2:] and one != path and one.exists())
+        other = next(same, None)
+        return "" if other is None else f"{printable(path.name)}: is {printable(other.name)} once more"
+
+    def _read_photo(self, path: Path, waited_s: float) -> str | None:
+        """Hand on a photo; why it cannot be read, "" if it can, None if it may be soon."""
         try:
             pixels = read_image(path).pixels
         except InputError as error:
-            return str(error)
+            return None if waited_s < GIVEN_UP_S else str(error)
         self._put(Frame(self._row, self._number, time.monotonic() - self._begin_s, pixels, path))
         self._number += 1
         return ""
 
 
-def _state_of(path: Path, now: float) -> _FileState | None:
+def _state_of(path: Path) -> FileState | None:
     try:
         found = path.stat()
     except OSError:
         return None
-    return _FileState(found.st_size, found.st_mtime_ns, now)
-
-
-def _is_same(one: _FileState | None, other: _FileState) -> bool:
-    return one is not None and (one.size, one.changed_ns) == (other.size, other.changed_ns)
+    return found.st_size, found.st_mtime_ns, found.st_dev, found.st_ino
 
 
 def sources_of(

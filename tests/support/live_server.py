@@ -12,7 +12,7 @@ import uvicorn
 from numpy.typing import NDArray
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, Response
+from starlette.responses import FileResponse, HTMLResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -26,7 +26,7 @@ from calib.capture.messages import (
     text_of,
     with_header,
 )
-from calib.capture.server import PAGE_POLICY, REPORT_POLICY, page_files
+from calib.capture.server import MEDIA, PAGE_POLICY, REPORT_POLICY, page_files
 from tests.support.pages import png
 from tests.support.waiting import wait_until
 
@@ -109,7 +109,7 @@ def _app(server: ScriptedServer) -> Starlette:
         if found is None:
             return Response(status_code=404)
         headers = {"Content-Security-Policy": PAGE_POLICY, "Cache-Control": "no-store"}
-        return Response(found.content, media_type=found.media_type, headers=headers)
+        return FileResponse(found, media_type=MEDIA[found.suffix], headers=headers)
 
     def photo(request: Request) -> Response:
         return Response(server.photos.get(str(request.path_params["name"]), png(60, 40)), media_type="image/png")

@@ -87,6 +87,21 @@ def test_a_photo_is_read_once_and_when_it_is_whole(tmp_path: Path) -> None:
     assert path.read_bytes() == packed
 
 
+def test_a_link_to_a_photo_is_not_another_photo(tmp_path: Path) -> None:
+    """Whatever its name, symbolic or hard: it is named, and left out; a copy is a file of its own."""
+    packed = cv2.imencode(".png", np.zeros((60, 80), np.uint8))[1].tobytes()
+    heard, source = Heard(), WatchedFolder(tmp_path)
+    (tmp_path / "a.png").write_bytes(packed)
+    (tmp_path / "b.png").symlink_to("a.png")
+    (tmp_path / "c.png").hardlink_to(tmp_path / "a.png")
+    (tmp_path / "d.png").write_bytes(packed)
+    source.start(0, heard.frames.append, heard.said.append)
+    heard.wait(lambda: len(heard.frames) == 2 and len(heard.said) == 1)
+    source.stop()
+    assert [frame.file.name for frame in heard.frames] == ["a.png", "d.png"]
+    assert heard.said == ["c.png: is a.png once more; it is left out; so are b.png"]
+
+
 def test_a_file_that_stays_broken_is_named(tmp_path: Path) -> None:
     """After a while one line says which, all of them; when one is mended it is read, and the line taken back."""
     packed = cv2.imencode(".png", np.zeros((60, 80), np.uint8))[1].tobytes()
