@@ -1,10 +1,10 @@
 """Where a camera sits on a robot: `calib hand-eye`, `calib.hand_eye("t.json", "photos", robot="poses.csv")`."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 from calib.app.hand_eye_poses import Euler, Inverted, PoseUnit, TargetInHand, hand_eye_poses
-from calib.app.options import Fix, FreeBend, Limits, Made, Minimise, Model, PhotoJobs, Points
+from calib.app.options import Fix, FreeBend, Limits, Made, Minimise, Model, PhotoJobs, Points, Priors
 from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, settings_of
 from designer.base.errors import InputError
 from designer.base.options import argument, option
@@ -59,6 +59,7 @@ def hand_eye(
     refine: Refine = False,
     model: Model = "all",
     fix: Fix = (),
+    priors: Priors = (),
     minimise: Minimise = "image",
     target_size: Annotated[
         bool | None,
@@ -106,7 +107,7 @@ def hand_eye(
     poses = robot if isinstance(robot, RobotPoses) else read_robot_poses(
         place_of(robot, "a file of robot poses"), unit=unit, euler=euler, is_inverted=inverted
     )  # fmt: skip
-    limits, wishes = criteria_of(criteria), wishes_of_one(camera, model, fix, minimise, refine=refine)
+    limits, wishes = criteria_of(criteria), wishes_of_one(camera, model, fix, priors, minimise, refine=refine)
     seen = seen_by_one(target, photos, table, points_of(points, diameter_mm), wishes, jobs, progress).with_made(made)
     setting = RobotSetting(target_in_hand, target_size, free_bend, *(robot_noise or (None, None)))
     settings = settings_of(("target", target), ("table", table), ("robot", robot))
@@ -115,8 +116,9 @@ def hand_eye(
 
 
 def wishes_of_one(
-    camera: "Camera | Place | None", model: str, fix: Sequence[str], minimise: str, *, refine: bool
-) -> "CameraWishes":
+    camera: "Camera | Place | None", model: str, fix: Sequence[str],
+    priors: "Mapping[str, tuple[float, float]] | Sequence[str]", minimise: str, *, refine: bool,
+) -> "CameraWishes":  # fmt: skip
     """What was asked for of the one camera.
 
     Raises:
@@ -126,11 +128,13 @@ def wishes_of_one(
     from calib.judge.rig_solution import require_wishes, wishes_of
     from calib.observe.rig_search import ALONE
     from calib.solver.plan import ALL, plan_from_words
+    from calib.solver.priors import texts_of
 
     if refine and camera is None:
         raise InputError("--refine: there is no lens to solve on from; give --camera, or leave it out")
     given = {} if camera is None else {ALONE: camera_of(camera)}
-    wishes = wishes_of(model, given, refine, fix, plan_from_words(ALL, minimise=minimise).options)
+    options = plan_from_words(ALL, minimise=minimise).options
+    wishes = wishes_of(model, given, refine, fix, options, texts_of(priors))
     require_wishes(wishes, (ALONE,))
     return wishes
 

@@ -1,7 +1,7 @@
 """Options that several capabilities take, each declared once."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -76,6 +76,16 @@ Model = Annotated[
 ]
 Fix = Annotated[Sequence[str], option("keep a parameter as it starts, or at a value: k3, k3=0", is_many=True)]
 Share = Annotated[Sequence[str], option("parameters that have one value: fx_px,fy_px", is_many=True)]
+Priors = Annotated[
+    "Mapping[str, tuple[float, float]] | Sequence[str]",
+    option(
+        "what is known of a parameter, its value with a standard deviation: fx=1250+-10px, k1=0+-.01, fy=1250px+-1%",
+        flag="--prior",
+        is_many=True,
+        parse=str,
+        metavar="NAME=VALUE+-SIGMA",
+    ),
+]
 FocalGuess = Annotated[float | None, option("first guess of the focal length: 2500px (not needed)", 1e-3, 1e7)]
 Loss = Annotated[
     str,

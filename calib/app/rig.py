@@ -76,6 +76,17 @@ def rig(
         option("solve the lens of this camera on from the one that is given; or all", is_many=True),
     ] = (),
     fix: Annotated[Sequence[str], option("keep a parameter: k3, k3=0, of one camera left:k3=0", is_many=True)] = (),
+    priors: Annotated[
+        "Mapping[str, tuple[float, float]] | Sequence[str]",
+        option(
+            "what is known of a parameter, its value with a standard deviation: fx=1250+-10px, of one camera "
+            "left:fx=1250+-1%",
+            flag="--prior",
+            is_many=True,
+            parse=str,
+            metavar="NAME=VALUE+-SIGMA",
+        ),
+    ] = (),
     reference: Annotated[str | None, option("camera whose frame the rig's is (default: the first)")] = None,
     loss: Loss = "squares",
     reject_sigma: Reject = None,
@@ -110,12 +121,13 @@ def rig(
     from calib.observe.rig_observations import swapped_cameras, with_remarks
     from calib.observe.rig_search import rig_input
     from calib.solver.plan import ALL, plan_from_words
+    from calib.solver.priors import texts_of
 
     plan = plan_from_words(ALL, loss=loss, reject=reject_sigma, weighted=weighted, minimise=minimise)
     limits = criteria_of(criteria)
     lenses = {name: camera_of(one) for name, one in _of_each("--camera", cameras, "left=left/camera.json").items()}
     is_all = isinstance(refine, Collection) and tuple(refine) == (ALL,)
-    wishes = wishes_of(_models(model), lenses, is_all or refine, fix, plan.options)
+    wishes = wishes_of(_models(model), lenses, is_all or refine, fix, plan.options, texts_of(priors))
     to = begun(out)
     given = rig_input(photos, table, pattern, times, tolerance_s)
     seen = _seen(observed, given, points_of(points, diameter_mm), wishes, jobs, progress).with_made(made)

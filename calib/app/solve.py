@@ -29,6 +29,7 @@ def solve(
     model: options.Model = "all",
     fix: options.Fix = (),
     share: options.Share = (),
+    priors: options.Priors = (),
     focal_px: options.FocalGuess = None,
     loss: options.Loss = "squares",
     reject_sigma: options.Reject = None,
@@ -74,6 +75,7 @@ def solve(
     from calib.judge.solutions import SolveTask
     from calib.solver.capture_error import capture_of
     from calib.solver.plan import plan_from_words
+    from calib.solver.priors import texts_of
     from designer.base.files import named_in_files
     from designer.page.output import output_of
     from designer.tolerance.made import how_made
@@ -81,7 +83,7 @@ def solve(
     limits, taken = criteria_of(criteria), capture_of(capture)
     plan = plan_from_words(
         model, fix=fix, share=share, focal_px=focal_px, loss=loss, reject=reject_sigma, weighted=weighted,
-        minimise=minimise, free_bend=free_bend,
+        minimise=minimise, free_bend=free_bend, prior=texts_of(priors),
     )  # fmt: skip
     to = None if out is None else output_of(out)
     folder = None if to is None else RunFolder(to, plan.may_solve)

@@ -153,7 +153,7 @@ MAX_SIDE_PX = 100_000
 REQUIRED = ("fx_px", "fy_px", "cx_px", "cy_px")
 """What every model has; in a TOML file a lens's parameters may be left out if they do nothing, no control points."""
 FOCAL_RANGE_PX = (1e-3, 1e9)
-LARGEST_BY_UNIT = {"px": 1e9, "1": 1e30}
+LARGEST_BY_UNIT = {"px": 1e9, "rad": 1e30, "1": 1e30}
 """By unit, what a parameter may be at most; what is larger overflows further on, and is no lens."""
 
 GRID, LEAST_SEEN, LEAST_FORWARD = 41, 0.01, 1e-3

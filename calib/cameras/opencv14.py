@@ -30,7 +30,7 @@ class TiltedModel:
     remedy: str = UPRIGHT.remedy
     parameters: tuple[LensParameter, ...] = (
         *UPRIGHT.parameters,
-        *(LensParameter(name, "1", lower=-LARGEST_RAD, upper=LARGEST_RAD) for name in ("tau_x", "tau_y")),
+        *(LensParameter(name, "rad", lower=-LARGEST_RAD, upper=LARGEST_RAD) for name in ("tau_x", "tau_y")),
     )
     opencv_lens: tuple[str, ...] | None = (*(UPRIGHT.opencv_lens or ()), "tau_x", "tau_y")
 

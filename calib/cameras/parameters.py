@@ -21,7 +21,7 @@ class LensParameter:
     """One number of a camera model."""
 
     name: str
-    unit: str  # "px", or "1" for a plain number
+    unit: str  # "px", "rad", or "1" for a plain number
     lower: float = -inf  # not allowed below, nor at a lower bound of 0
     upper: float = inf
     neutral: float = 0.0  # of a lens that does nothing

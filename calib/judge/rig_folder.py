@@ -297,6 +297,7 @@ def _rig_of(record: RigRecord, alone: Sequence[Calibration], points: KnownPoints
         photo_covariance=record.photo_covariance,
         slack=record.slack,
         target_bend=alone[0].target_bend,
+        priors=tuple(one.priors for one in alone),
     )
 
 

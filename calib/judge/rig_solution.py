@@ -21,6 +21,7 @@ from calib.rigs.shared_errors import with_shared_errors
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error
 from calib.solver.plan import ALL, SolvePlan, models_of, plan_from_words
+from calib.solver.priors import full_name, is_prior
 from calib.solver.problem import SolveOptions
 from designer.base.answer import program
 from designer.base.errors import InputError
@@ -29,6 +30,7 @@ from designer.page.progress import Progress
 from designer.target import TargetGeometry
 from designer.tolerance.made import Made, how_made
 
+EXAMPLES = {"--fix": "k3=0", "--prior": "fx=1250+-10px"}
 OF_ONE = ":"
 """Between a camera's name and what is asked of it alone, as in `left:k3=0`."""
 
@@ -40,7 +42,7 @@ class CameraWishes:
     model: str | Mapping[str, str]  # of all cameras, or of each by its name; `all` chooses
     given: Mapping[str, Camera]  # from earlier runs
     refined: bool | Collection[str]  # which of the given ones are solved on
-    fix: tuple[str, ...]
+    fix: tuple[str, ...]  # what is to be kept of parameters, and what is known of them
     options: SolveOptions  # what holds for all cameras
 
     def plan_of(self, name: str) -> SolvePlan:
@@ -51,11 +53,16 @@ class CameraWishes:
         """
         model = self.given[name].model if name in self.given else self._model_of(name)
         known = {one.name for part in models_of(model) if part in MODELS for one in told_parameters(part)}
-        fix = [
-            text for owner, text in map(_split, self.fix) if owner == name or (not owner and _parameter(text) in known)
+        asked = [
+            text
+            for owner, text in map(_split, self.fix)
+            if owner == name or (not owner and full_name(_parameter(text), known) in known)
         ]
         one = self.options
-        return plan_from_words(model, fix=fix, loss=one.loss, reject=one.reject_sigma, weighted=one.weighted)
+        return plan_from_words(
+            model, fix=[text for text in asked if not is_prior(text)], loss=one.loss, reject=one.reject_sigma,
+            weighted=one.weighted, prior=[text for text in asked if is_prior(text)],
+        )  # fmt: skip
 
     def _model_of(self, name: str) -> str:
         return self.model if isinstance(self.model, str) else self.model.get(name, ALL)
@@ -67,7 +74,7 @@ class CameraWishes:
 
 def wishes_of(
     model: str | Mapping[str, str], given: Mapping[str, Camera], refine: bool | Collection[str], fix: Sequence[str],
-    options: SolveOptions,
+    options: SolveOptions, priors: Sequence[str] = (),
 ) -> CameraWishes:  # fmt: skip
     """What was asked for.
 
@@ -81,7 +88,12 @@ def wishes_of(
                 f"{COMMON}"
             )
     refined = refine if isinstance(refine, bool) else tuple(map(str, several("--refine", refine)))
-    return CameraWishes(model, given, refined, tuple(map(str, several("--fix", fix))), options)
+    fix = tuple(map(str, several("--fix", fix)))
+    for option, texts, other in (("--fix", fix, "--prior"), ("--prior", priors, "--fix")):
+        for text in texts:
+            if is_prior(text) != (option == "--prior"):
+                raise InputError(f"{option} {shown(text)}: give that with {other}, or as in {EXAMPLES[option]}")
+    return CameraWishes(model, given, refined, (*fix, *priors), options)
 
 
 def require_wishes(wishes: CameraWishes, names: Sequence[str]) -> None:
@@ -92,8 +104,8 @@ def require_wishes(wishes: CameraWishes, names: Sequence[str]) -> None:
     """
     refined = () if isinstance(wishes.refined, bool) else wishes.refined
     models = () if isinstance(wishes.model, str) else tuple(wishes.model)
-    owners = [owner for owner, _ in map(_split, wishes.fix) if owner]
-    for option, asked in (("--camera", wishes.given), ("--refine", refined), ("--model", models), ("--fix", owners)):
+    owners = [(_option(text), (owner,)) for owner, text in map(_split, wishes.fix) if owner]
+    for option, asked in (("--camera", wishes.given), ("--refine", refined), ("--model", models), *owners):
         for name in asked:
             if name not in names:
                 hint = suggestion(name, list(names)) or f"; there are {', '.join(map(shown, names))}"
@@ -110,17 +122,19 @@ def require_wishes(wishes: CameraWishes, names: Sequence[str]) -> None:
         )
     plans = [wishes.plan_of(name) for name in names if wishes.is_refined(name)]
     if wishes.fix and not plans:
-        raise InputError(f"--fix {shown(wishes.fix[0])}: all cameras are kept as they were given; --refine them too")
+        option = _option(wishes.fix[0])
+        raise InputError(f"{option} {shown(wishes.fix[0])}: all cameras are kept as they were given; --refine them too")
     for plan in plans:
         _together(plan)
     used = {name for plan in plans for name, _ in plan.options.fixed}
+    used |= {one.name for plan in plans for one in plan.options.priors}
     for owner, text in map(_split, wishes.fix):
-        if not owner and _parameter(text) not in used:
+        if not owner and full_name(_parameter(text), used) not in used:
             model = next((plan.models[0] for plan in plans), COMMON)
-            plan_from_words(model, fix=[text])
+            plan_from_words(model, fix=[] if is_prior(text) else [text], prior=[text] if is_prior(text) else [])
         if owner and not wishes.is_refined(owner):
             raise InputError(
-                f"--fix {shown(text)}: camera {shown(owner)} is kept as it was given; --refine {owner} too"
+                f"{_option(text)} {shown(text)}: camera {shown(owner)} is kept as it was given; --refine {owner} too"
             )
 
 
@@ -128,6 +142,10 @@ def _split(text: str) -> tuple[str, str]:
     """The camera that a wish is of, "" for all, and the wish."""
     owner, colon, rest = text.rpartition(OF_ONE)
     return (owner.strip(), rest) if colon else ("", text)
+
+
+def _option(text: str) -> str:
+    return "--prior" if is_prior(text) else "--fix"
 
 
 def _parameter(text: str) -> str:
@@ -159,20 +177,21 @@ def _choice(name: str, seen: Observations, wishes: CameraWishes) -> tuple[Camera
         if not wishes.is_refined(name):
             said = "its lens is kept as it was given; what that is off by is in no sigma here"
             return CameraChoice(camera.model, camera, is_refined=False), said
-        return _refined(camera, wishes.plan_of(name).options.fixed), ""
+        return _refined(camera, wishes.plan_of(name).options), ""
     plan, suited = wishes.plan_of(name).suited(seen)
     said = "; ".join(remark for remark in suited.remarks if remark not in seen.remarks)
     model = _model_of(suited, plan)
-    return CameraChoice(model, fixed=plan.options_of(model).fixed), said
+    own = plan.options_of(model)
+    return CameraChoice(model, fixed=own.fixed, priors=own.priors), said
 
 
-def _refined(camera: Camera, fixed: tuple[tuple[str, float | None], ...]) -> CameraChoice:
+def _refined(camera: Camera, options: SolveOptions) -> CameraChoice:
     """A given lens as the start, with the values at which parameters are to be kept."""
     names, params = parameter_names(camera.model), camera.params.copy()
-    for name, value in fixed:
+    for name, value in options.fixed:
         if value is not None:
             params[names.index(name)] = value
-    return CameraChoice(camera.model, replace(camera, params=params), fixed=fixed)
+    return CameraChoice(camera.model, replace(camera, params=params), fixed=options.fixed, priors=options.priors)
 
 
 def _together(plan: SolvePlan) -> list[str]:
@@ -242,6 +261,6 @@ def judged_rig(
         found = replace(found, remarks=stated.remarks)
     origin = Provenance(
         program(), "" if seen.target is None else seen.target.layout_id, seen.observations.points.geometry_id,
-        options=wishes.options, settings=settings,
+        options=wishes.options, settings=(*settings, *(("prior", text) for text in wishes.fix if is_prior(text))),
     )  # fmt: skip
     return RigRun(found, origin, judge_rig(found, halves, limits), seen.target), seen

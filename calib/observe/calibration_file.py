@@ -28,6 +28,7 @@ from calib.solver.calibration import (
     Status,
     TargetError,
 )
+from calib.solver.priors import ParameterPrior
 from calib.solver.problem import SolveOptions
 from designer.base.arrays import Array
 from designer.base.codec import decode, encode
@@ -89,6 +90,7 @@ class CalibrationRecord:
     photo_error: PhotoError | None = None
     circle_doubt: Annotated[CircleDoubt | None, LEFT_OUT] = None
     target_bend: Annotated[PlaneBend | None, LEFT_OUT] = None
+    priors: Annotated[tuple[ParameterPrior, ...], LEFT_OUT] = ()
     geometry_id: Hash
     observations_sha256: Hash
     planes: Annotated[Array, Shape("F", 4)]
@@ -101,6 +103,8 @@ class CalibrationRecord:
         names = parameter_names(self.camera.model)
         if odd := set(self.fixed) - set(names):
             raise ValueError(f"fixed holds {shown(min(odd))}, which is no parameter of model {self.camera.model!r}")
+        if odd := {one.name for one in self.priors} - set(names):
+            raise ValueError(f"priors hold {shown(min(odd))}, which is no parameter of model {self.camera.model!r}")
         parts = {"param_covariance": self.param_covariance}
         parts |= {
             f"{name}.param_covariance": part.param_covariance

@@ -26,8 +26,10 @@ from calib.solver.blocks import KNEE
 from calib.solver.calibration import Status, plane_bend
 from calib.solver.costs import COSTS, IMAGE
 from calib.solver.in_space import camera_change, in_space
+from calib.solver.priors import contradictions
 from calib.solver.problem import Problem, target_covariance, target_poses
 from designer.base.arrays import Array
+from designer.base.words import printable
 
 
 def rig_in_space(
@@ -180,6 +182,7 @@ def _calibration(
     if problem.prior is not None:
         carrier = replace(_carrier_fit(found, problem, accuracy), undetermined=start.undetermined)
         remarks = (*remarks, *start.undetermined, *_size_remark(carrier))
+    remarks = (*remarks, *_contradicted(problem, state, alone, observations.camera_names, accuracy.covariance))
     remarks = (*remarks, *_why_disagreeing(disagreement(problem, state, alone), observations, alone, options))
     status: Status = "degenerate" if accuracy.weakest else "converged" if found.converged else "stopped"
     if accuracy.weakest:
@@ -211,7 +214,20 @@ def _calibration(
         accuracy.delay_sigma_s if options.estimates_delays else None, carrier,
         problem.slack[0].size if problem.slack else None, np.array([one.scale for one in alone]),
         target_bend=bend,
+        priors=tuple(one.priors for one in alone),
     )  # fmt: skip
+
+
+def _contradicted(
+    problem: RigProblem, state: RigState, alone: Sequence[Alone], names: Sequence[str], covariance: Array
+) -> list[str]:
+    """A word on each prior of a camera that the photos contradict."""
+    said, row, sigma = [], 0, np.sqrt(np.diagonal(covariance)).tolist()
+    for name, seen, camera, one in zip(names, problem.seen, state.cameras, alone, strict=True):
+        told = dict(zip(camera.parameters, sigma[row : row + len(camera.params)], strict=True))
+        said += [f"{printable(name)}: {line}" for line in contradictions(one.priors, camera.parameters, told)]
+        row += len(camera.params) + len(seen.pose)
+    return said
 
 
 def _why_disagreeing(

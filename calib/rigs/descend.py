@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.cameras import is_allowed
+from calib.cameras import is_allowed, parameter_names
 from calib.core.se3 import exp_rotation
 from calib.rigs.carrier import add_prior
 from calib.rigs.problem import (
@@ -85,6 +85,7 @@ def assembled(
             products = views[-1].products
         add_chained(into, products, params_of(problem, number), chain)
     prior = sum(one.prior for one in views) + _add_delays(into, problem, state) + _add_amounts(into, problem, state)
+    prior += _add_known(into, problem, state)
     if problem.prior is not None:
         prior += add_prior(into, problem.prior, state, problem.seen[0].pose)
     cost = sum(float(one.cost.sum()) for one in blocks)
@@ -107,6 +108,20 @@ def _add_amounts(into: Normal, problem: RigProblem, state: RigState) -> float:
     into.other[column, column] += sigma**-2
     into.other[column, -1] += off / sigma
     return float(off @ off)
+
+
+def _add_known(into: Normal, problem: RigProblem, state: RigState) -> float:
+    """Add what is known of the cameras' parameters."""
+    total = 0.0
+    for priors, one, camera in zip(problem.known, problem.seen, state.cameras, strict=bool(problem.known)):
+        for prior in priors:
+            row = parameter_names(camera.model).index(prior.name)
+            column, off = int(one.params[row]), (float(camera.params[row]) - prior.value) / prior.sigma
+            if column >= 0:
+                into.other[column, column] += prior.sigma**-2
+                into.other[column, -1] += off / prior.sigma
+                total += off**2
+    return total
 
 
 def _add_delays(into: Normal, problem: RigProblem, state: RigState) -> float:

@@ -27,6 +27,7 @@ from calib.rigs.motion import Motion
 from calib.solver.costs import IMAGE
 from calib.solver.free_bend import bend_modes_mm
 from calib.solver.levenberg import move_poses
+from calib.solver.priors import ParameterPrior
 from calib.solver.problem import Loss, Problem, pack
 from designer.base.arrays import Array, Rows
 
@@ -98,6 +99,7 @@ class CameraChoice:
     given: Camera | None = None  # from an earlier run; None: solved from nothing
     is_refined: bool = True  # whether its parameters are unknowns
     fixed: tuple[tuple[str, float | None], ...] = ()  # as `SolveOptions.fixed`
+    priors: tuple[ParameterPrior, ...] = ()  # as `SolveOptions.priors`
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,6 +180,7 @@ class RigProblem:
     """(S,) shared unknown of the target's size, then of its bend's heights; -1: as its file says."""
     amount_sigma: Array = field(default_factory=lambda: np.zeros(0))  # (S,) what is believed of these, about 1 and 0
     slack: tuple[SlackPrior, ...] = ()  # (C,) of the views' poses; (): they are the rig's
+    known: tuple[tuple[ParameterPrior, ...], ...] = ()  # (C,) of parameters that are free; (): nothing
 
 
 @dataclass(frozen=True, eq=False)

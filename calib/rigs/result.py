@@ -14,6 +14,7 @@ from calib.cameras.rig import Rig
 from calib.core.types import RigObservations, freeze, frozen_array
 from calib.rigs.problem import FREE_SIZE
 from calib.solver.calibration import Calibration, CircleDoubt, PlaneBend, Status
+from calib.solver.priors import ParameterPrior
 from designer.base.arrays import Array, Flags
 from designer.base.marks import LEFT_OUT, OR_NULL, Gap, Shape
 
@@ -75,6 +76,7 @@ class RigCalibration:
     capture_covariance: Array | None = None  # (N, N) of what is alike in all photos; None: nothing beyond chance
     photo_covariance: Array | None = None  # (N, N) of what the photos of a frame share; None: likewise
     target_bend: PlaneBend | None = None  # by which the points were moved; None: it was no unknown
+    priors: tuple[tuple[ParameterPrior, ...], ...] = ()  # (C,) what was known of parameters beforehand; (): nothing
 
     def __post_init__(self) -> None:
         freeze(
@@ -144,4 +146,5 @@ def camera_alone(found: RigCalibration, camera: int) -> Calibration:
         iterations=found.iterations,
         seconds=found.seconds,
         target_bend=found.target_bend,
+        priors=found.priors[camera] if found.priors else (),
     )

@@ -149,6 +149,7 @@ def start_rig(observations: RigObservations, alone: Sequence[Alone], options: Ri
         loss=options.loss, scale=scale, with_delays=options.estimates_delays, carrier=carrier,
         bend_sigma_mm=bend_sigma_mm(observations.points, options.bend_sigma_mm) if options.free_bend else None,
     )  # fmt: skip
+    problem = replace(problem, known=tuple(one.priors for one in alone))
     frames, _ = frame_candidates(thinned(problem), observations, alone, cam_from_rig, problem.seen[0].problem.origin_mm)
     state = RigState(
         tuple(one.camera for one in alone),

@@ -11,7 +11,7 @@ is added. Then the scores of frames are compared, since the photos of a frame sh
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import pseudo_inverse
 from calib.core.parallel import one_thread
 from calib.rigs.result import RigCalibration, camera_alone
-from calib.rigs.target_error import posed_frames, some_frames
+from calib.rigs.target_error import posed_frames, posed_priors, some_frames
 from calib.rigs.variance_components import DISAGREES
 from calib.solver.capture_error import KINDS, kinds_that_count, moved_px, weigh
 from calib.solver.free_shape import PosedSightings, extra_of, free_directions
@@ -42,7 +42,11 @@ def with_shared_errors(found: RigCalibration) -> RigCalibration:
         return found
     counts, frames = kinds_that_count(found.observations.points), some_frames(found)
     moved = [counts * moved_px(camera_alone(found, number)) for number in range(len(found.cameras))]
-    posed, part = partial(posed_frames, found, basis, frames, moved), len(frames) / found.observations.frame_count
+    part, more = len(frames) / found.observations.frame_count, sum(one.shape[2] for one in moved)
+
+    def posed() -> Iterable[PosedSightings]:
+        return chain(posed_frames(found, basis, frames, moved), posed_priors(found, basis, frames, more))
+
     captured, amplitude, taken = _captured(found, posed(), basis, moved)
     to_q, inner = pseudo_inverse(basis), basis.shape[1]
     off = np.concatenate([-to_q @ taken @ amplitude, amplitude])

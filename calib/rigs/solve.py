@@ -21,6 +21,7 @@ from calib.rigs.start import Alone, solve_alone, view_rms
 from calib.rigs.variance_components import DISAGREES
 from calib.solver.calibration import Calibration
 from calib.solver.circles import through_circles
+from calib.solver.costs import IMAGE
 from calib.solver.free_bend import require_bendable
 from calib.solver.in_space import require_planes
 from calib.solver.problem import SolveOptions
@@ -163,6 +164,8 @@ def _check(observations: RigObservations, choices: Sequence[CameraChoice], optio
     carrier = options.carrier
     if carrier is not None and len(carrier.rig_from_carrier) != observations.frame_count:
         raise ValueError("a pose of the carrier for each frame is needed")
+    if options.minimise != IMAGE and any(one.priors for one in choices):
+        raise InputError(f"--prior: goes with distances in the image only; leave --minimise {options.minimise} out")
     if options.estimates_delays and observations.time_s is None:
         raise InputError("time offsets need time stamps; give each photo's, or leave the offsets out")
 
@@ -225,7 +228,7 @@ def _begun_anew(
 
 def _without_lens(choice: CameraChoice) -> CameraChoice:
     """The same with all but focal lengths and centre as they begin."""
-    kept = {name for name, _ in choice.fixed}
+    kept = {name for name, _ in choice.fixed} | {one.name for one in choice.priors}
     more = tuple((name, None) for name in parameter_names(choice.model)[LINEAR_PART:] if name not in kept)
     return replace(choice, fixed=(*choice.fixed, *more))
 
@@ -235,7 +238,7 @@ def _tells_its_lens(seen: Observations, choice: CameraChoice, one: Alone) -> boo
     if choice.given is not None and not choice.is_refined:
         return True
     try:
-        alone = one.solved or solve(seen, choice.model, SolveOptions(fixed=choice.fixed))
+        alone = one.solved or solve(seen, choice.model, SolveOptions(fixed=choice.fixed, priors=choice.priors))
     except InputError:
         return False
     return alone.status == "converged" and _focal_sigma(alone) <= SURE

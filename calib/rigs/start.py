@@ -20,6 +20,7 @@ from calib.solver.accuracy import UndeterminedError
 from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.calibration import Calibration
 from calib.solver.outliers import deviations
+from calib.solver.priors import ParameterPrior
 from calib.solver.problem import SolveOptions, Tie, tie_parameters
 from calib.solver.solve import solve
 from calib.solver.start import solve_poses
@@ -44,6 +45,7 @@ class Alone:
     scale: float  # standard deviation of an observation: px, or in units of the stated covariance
     solved: Calibration | None = None  # None: its lens was given
     view_rms: Array | None = None  # (V_c, 2) of `view_rms`; nan: it has no pose
+    priors: tuple[ParameterPrior, ...] = ()
 
 
 def solve_alone(seen: Observations, name: str, choice: CameraChoice, options: RigOptions) -> Alone:
@@ -66,8 +68,8 @@ def solve_alone(seen: Observations, name: str, choice: CameraChoice, options: Ri
         poses[many] = found.cam_from_target
         rms = np.full((seen.view_count, 2), np.nan)
         rms[many] = view_rms(part, found.residual_px)
-        return Alone(camera, _tie(camera.model, choice), poses, found.scale, None, rms)
-    fixed = SolveOptions(weighted=options.weighted, fixed=choice.fixed)
+        return Alone(camera, _tie(camera.model, choice), poses, found.scale, None, rms, choice.priors)
+    fixed = SolveOptions(weighted=options.weighted, fixed=choice.fixed, priors=choice.priors)
     wanted = replace(
         fixed, loss=options.loss, reject_sigma=options.reject_sigma, free_bend=options.free_bend,
         bend_sigma_mm=options.bend_sigma_mm,
@@ -83,7 +85,7 @@ def solve_alone(seen: Observations, name: str, choice: CameraChoice, options: Ri
     poses[rows] = solved.cam_from_target
     rms = np.full((seen.view_count, 2), np.nan)
     rms[rows] = view_rms(solved.observations, solved.residual_px)
-    return Alone(solved.camera, tie_parameters(choice.model, fixed), poses, solved.scale, solved, rms)
+    return Alone(solved.camera, tie_parameters(choice.model, fixed), poses, solved.scale, solved, rms, choice.priors)
 
 
 def view_rms(seen: Observations, residual_px: Array) -> Array:
@@ -96,7 +98,7 @@ def view_rms(seen: Observations, residual_px: Array) -> Array:
 def _tie(model: str, choice: CameraChoice) -> Tie:
     """Of a given camera."""
     if choice.is_refined:
-        return tie_parameters(model, SolveOptions(fixed=choice.fixed))
+        return tie_parameters(model, SolveOptions(fixed=choice.fixed, priors=choice.priors))
     names = parameter_names(model)
     return Tie(np.full(len(names), -1), np.full(len(names), np.nan), names)
 

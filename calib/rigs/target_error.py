@@ -17,10 +17,11 @@ sightings' part, W being its block of the pose and h its columns.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
-from calib.cameras import linearise
+from calib.cameras import linearise, parameter_names
 from calib.cameras.rig import POSE
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
@@ -28,7 +29,8 @@ from calib.core.se3 import exp_rotation, invert, make_pose
 from calib.rigs.carrier import error_derivatives, error_weights
 from calib.rigs.problem import Carrier, CarrierPrior
 from calib.rigs.result import CarrierFit, RigCalibration
-from calib.solver.free_shape import PosedSightings, ShapeEquations, equations_of, free_directions, weights
+from calib.solver.free_shape import PosedSightings, ShapeEquations, equations_of, free_directions, posed_prior, weights
+from calib.solver.problem import prior_of
 from calib.solver.target_error import added_covariance
 from designer.base.arrays import Array, Rows
 from designer.tolerance.made import Made
@@ -115,7 +117,18 @@ def posed_unknowns(
     besides = 0 if found.carrier is None else POSE + tells_size(found)  # the target's size, and its place on a carrier
     wide = np.concatenate([basis, np.zeros((len(basis), besides))], axis=1)
     posed = posed_frames(found, wide, frames)
-    return wide, posed if found.carrier is None else _carried(found, posed, frames, wide.shape[1])
+    posed = posed if found.carrier is None else _carried(found, posed, frames, wide.shape[1])
+    return wide, chain(posed, posed_priors(found, wide, frames))
+
+
+def posed_priors(found: RigCalibration, basis: Array, frames: Rows, more: int = 0) -> Iterator[PosedSightings]:
+    """What is known of the cameras' parameters beforehand, as much of it as frames are taken; see `posed_frames`."""
+    part = len(frames) / found.observations.frame_count
+    for camera, (one, priors) in enumerate(zip(found.cameras, found.priors, strict=bool(found.priors))):
+        if priors:
+            prior = prior_of(priors, parameter_names(one.model), part)
+            rows = np.pad(basis[found.rig.params_rows(camera)], ((0, 0), (0, more)))
+            yield posed_prior(prior, one.params, rows, int(found.observations.sightings[camera].point[0]))
 
 
 def some_frames(found: RigCalibration) -> Rows:

@@ -39,9 +39,13 @@ def calibrate(
         raise InputError(f"--free-bend: model {model} is learned from a target as it is given; solve another with it")
     if reference == ALL_VIEWS:
         return with_circles(observations, lambda seen: solve_virtual(seen, options, all_views=True))
-    if options.fixed and (reference is not None or on_plane_mm(observations.points, observations.point) is not None):
+    held = [
+        *(f"{name} cannot be fixed" for name, _ in options.fixed),
+        *(f"--prior {one.text}" for one in options.priors),
+    ]
+    if held and (reference is not None or on_plane_mm(observations.points, observations.point) is not None):
         raise InputError(
-            f"{options.fixed[0][0]} cannot be fixed: the sensor of a map learned from a photo has a focal length and a "
+            f"{held[0]}: the sensor of a map learned from a photo has a focal length and a "
             "centre of its own; learn the map from all views, with --reference all"
         )
     return with_circles(observations, lambda seen: solve_virtual(seen, options, reference))

@@ -16,9 +16,12 @@ from typing import Annotated, Literal
 
 import numpy as np
 
+from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
 from calib.cameras.surface import surface_model
 from calib.core.types import KnownPoints, Observations, freeze
+from calib.solver.priors import ParameterPrior
+from calib.solver.problem import Prior, prior_of
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.marks import LEFT_OUT, PACKED, AtLeast, AtMost, Gap, Length, Shape
@@ -296,6 +299,7 @@ class Calibration:
     photo_error: PhotoError | None = None  # None: the centres of a photo share nothing beyond chance
     circle_doubt: CircleDoubt | None = None  # None: what the points are is known
     target_bend: PlaneBend | None = None  # by which the points were moved; None: it was no unknown
+    priors: tuple[ParameterPrior, ...] = ()  # what was known of parameters beforehand, which is in all that is told
 
     @property
     def errors(self) -> "dict[str, TargetError | ImageField | CaptureError | PhotoError | CircleDoubt]":
@@ -315,6 +319,11 @@ class Calibration:
         parts = [part.param_covariance for part in self.errors.values()]
         stated: Array = sum(parts, start=np.asarray(self.param_covariance))
         return stated
+
+    @property
+    def prior(self) -> Prior:
+        """What priors say of the parameters, beside its whitened residuals."""
+        return prior_of(self.priors, parameter_names(self.camera.model), self.scale**2)
 
     def __post_init__(self) -> None:
         freeze(self, "is_outlier", dtype=np.bool_)

@@ -48,8 +48,10 @@ def bend_modes_mm(seen: Observations) -> Array:
 def with_bend(problem: Problem, seen: Observations, options: SolveOptions, parameters: int) -> Problem:
     """The problem with the heights among its unknowns, before so many parameters of a camera."""
     sigma_mm = bend_sigma_mm(seen.points, options.bend_sigma_mm)
-    precision = np.diag(np.concatenate([sigma_mm**-2, np.zeros(parameters)]))
-    prior = Prior(np.zeros(TERMS + parameters), precision)
+    known = problem.prior or Prior(np.zeros(parameters), np.zeros((parameters, parameters)))
+    precision = np.pad(known.precision, ((TERMS, 0), (TERMS, 0)))
+    precision[:TERMS, :TERMS] = np.diag(sigma_mm**-2)
+    prior = Prior(np.concatenate([np.zeros(TERMS), known.mean]), precision)
     return replace(problem, modes_mm=bend_modes_mm(seen), amount=np.zeros(TERMS), prior=prior)
 
 

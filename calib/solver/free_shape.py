@@ -33,7 +33,7 @@ from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration
-from calib.solver.problem import whiteners
+from calib.solver.problem import Prior, whiteners
 from designer.base.arrays import Array, Flags, Rows
 
 SINGULAR = 1e-13
@@ -219,6 +219,36 @@ def whitened_views(calibration: Calibration, basis: Array) -> Iterator[WhitenedV
             weight @ calibration.residual_px[row][:, :, None], weight @ by_pose, weight @ (by_place @ pose[:3, :3]),
             row, weight,
         )  # fmt: skip
+    if calibration.priors and basis.shape[1]:
+        yield _as_view(calibration, basis)
+
+
+def _as_view(calibration: Calibration, basis: Array) -> WhitenedView:
+    """What is known of parameters as a view of its own."""
+    row = int(np.argmin(calibration.is_outlier))  # any that counts
+    one = posed_prior(calibration.prior, calibration.camera.params, basis, int(calibration.observations.point[row]))
+    count = len(one.point)
+    return WhitenedView(
+        one.point, one.by_camera, one.residual, one.by_pose, one.by_place, np.full(count, row), np.zeros((count, 2, 2))
+    )
+
+
+def posed_prior(prior: Prior, params: Array, basis: Array, point: int) -> PosedSightings:
+    """What is known of parameters (P,) as sightings of any point; a pose takes up rows that say nothing.
+
+    By directions of them (P, Q).
+    """
+    weight = prior.variance * np.diagonal(prior.precision)
+    known = np.flatnonzero(weight)
+    count = POSE + len(known) + len(known) % 2
+    rows, root = slice(POSE, POSE + len(known)), np.sqrt(weight[known])
+    by_camera, residual = np.zeros((count, basis.shape[1])), np.zeros(count)
+    by_camera[rows] = root[:, None] * basis[known]
+    residual[rows] = root * (params - prior.mean)[known]
+    return PosedSightings(
+        np.full(count // 2, point), by_camera.reshape(-1, 2, basis.shape[1]), residual.reshape(-1, 2, 1),
+        np.eye(count, POSE).reshape(-1, 2, POSE), np.zeros((count // 2, 2, 3)),
+    )  # fmt: skip
 
 
 def weights(seen: Observations, row: Rows, *, weighted: bool) -> Array:

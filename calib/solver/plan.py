@@ -4,7 +4,7 @@ Whether photos are of an ordinary lens or of a wide one, by quick solutions of b
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
 
@@ -30,6 +30,7 @@ from calib.core.types import Observations, keep_sightings
 from calib.solver.calibration import Calibration
 from calib.solver.costs import COSTS, IMAGE
 from calib.solver.outliers import deviations
+from calib.solver.priors import full_name, prior_from
 from calib.solver.problem import SolveOptions, pack, select_rows, tie_parameters
 from calib.solver.solve import solve
 from designer.base.errors import InputError
@@ -79,7 +80,7 @@ def lens_kind(observations: Observations, options: SolveOptions | None = None) -
     this one shows, finds none, or leaves residuals that are clearly larger. Which parameters the options fix or share
     is of no account.
     """
-    options = replace(options or SolveOptions(), fixed=(), shared=(), focal_px=None)
+    options = replace(options or SolveOptions(), fixed=(), shared=(), focal_px=None, priors=())
     problem = pack(observations, weighted=False)
     rows = select_rows(problem, np.arange(problem.view_count), PER_VIEW)[1]
     is_kept = np.zeros(len(observations.view), dtype=bool)
@@ -175,6 +176,7 @@ class SolvePlan:
             self.options,
             fixed=tuple(pair for pair in self.options.fixed if pair[0] in names),
             shared=tuple(group for group in self.options.shared if all(name in names for name in group)),
+            priors=tuple(prior for prior in self.options.priors if prior.name in names),
         )
 
 
@@ -189,6 +191,7 @@ def plan_from_words(
     weighted: bool = True,
     minimise: str = IMAGE,
     free_bend: bool = False,
+    prior: Sequence[str] = (),
 ) -> SolvePlan:
     """What to solve, and how.
 
@@ -202,6 +205,7 @@ def plan_from_words(
         weighted: by the covariances of the observations.
         minimise: distances in the image, or others of `calib.solver.costs.COSTS`.
         free_bend: of a flat target, as an unknown.
+        prior: what is known of parameters: `fx=1250+-10px`.
 
     Raises:
         InputError: a word that means nothing; the message says what may stand there.
@@ -220,7 +224,7 @@ def plan_from_words(
         raise InputError(f"--reject {reject:g}: give 1 or more standard deviations, such as 4")
     if loss not in ("squares", "huber", "cauchy"):
         raise InputError(f"--loss {loss!r}: it must be squares, huber or cauchy")
-    known = {parameter.name for one in models for parameter in told_parameters(one)}
+    known = {parameter.name: parameter for one in models for parameter in told_parameters(one)}
     fixed = tuple(_fixed(text, known) for text in fix)
     shared = tuple(_shared(text, known) for text in share)
     options = SolveOptions(
@@ -232,6 +236,7 @@ def plan_from_words(
         focal_px=None if focal_px is None else _focal_px(_number("--focal", focal_px)),
         minimise=cost_of(minimise),
         free_bend=bool(free_bend),
+        priors=tuple(prior_from(text, known) for text in prior),
     )
     plan = SolvePlan(models, options, wide)
     for name in (*models, *wide):
@@ -266,30 +271,31 @@ def _any_of(models: tuple[str, ...], wide_models: tuple[str, ...]) -> tuple[str,
     return (*models, *wide_models, ANY_LENS) if wide_models else models
 
 
-def _fixed(text: str, known: set[str]) -> tuple[str, float | None]:
+def _fixed(text: str, known: Collection[str]) -> tuple[str, float | None]:
     match = _ASSIGNMENT.fullmatch(text)
     if match is None:
         raise InputError(f"--fix {text!r}: name a parameter, such as k3, or give it a value, such as k3=0")
-    _require_known(match[1], known, "--fix")
+    name = full_name(match[1], known)
+    _require_known(name, known, "--fix")
     if match[2] is None:
-        return match[1], None
+        return name, None
     try:
         value = float(match[2])
     except ValueError:
         value = float("nan")
     if not abs(value) < float("inf"):
         raise InputError(f"--fix {text!r}: {match[2]!r} is no finite number; write it as in k3=0")
-    return match[1], value
+    return name, value
 
 
-def _shared(text: str, known: set[str]) -> tuple[str, ...]:
-    names = tuple(name.strip() for name in text.split(","))
+def _shared(text: str, known: Collection[str]) -> tuple[str, ...]:
+    names = tuple(full_name(name.strip(), known) for name in text.split(","))
     for name in names:
         _require_known(name, known, "--share")
     return names
 
 
-def _require_known(name: str, known: set[str], option: str) -> None:
+def _require_known(name: str, known: Collection[str], option: str) -> None:
     if name not in known:
         hint = suggestion(name, sorted(known)) or f"; there are {', '.join(sorted(known))}"
         raise InputError(f"{option} {name!r}: no such parameter{hint}")

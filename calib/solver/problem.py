@@ -3,8 +3,9 @@
 What a person may choose about a solution, and which parameters are free, fixed or shared by it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -14,8 +15,10 @@ from calib.core.se3 import skew
 from calib.core.types import Observations
 from calib.solver.costs import IMAGE
 from calib.solver.distance import InSpace
+from calib.solver.priors import ParameterPrior, require_priors
 from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
+from designer.base.marks import LEFT_OUT
 
 GOLDEN = 0.6180339887498949
 MANY = 2**62
@@ -40,6 +43,14 @@ class Prior:
         block[: len(off), -1] = block[-1, : len(off)] = pull
         block[-1, -1] = off @ pull
         return block
+
+
+def prior_of(priors: Sequence[ParameterPrior], names: Sequence[str], variance: float) -> Prior:
+    """What priors say of parameters of these names, beside whitened residuals of such a variance."""
+    mean, precision = np.zeros(len(names)), np.zeros(len(names))
+    for one in priors:
+        mean[names.index(one.name)], precision[names.index(one.name)] = one.value, one.sigma**-2
+    return Prior(mean, np.diag(precision), variance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,6 +222,7 @@ class SolveOptions:
     free_bend: bool = False  # of a flat target, which is then an unknown
     bend_sigma_mm: tuple[float, float, float, float, float] | None = None
     """What is believed of its heights, about zero (`PlaneBend`); None: what is usual of boards."""
+    priors: Annotated[tuple[ParameterPrior, ...], LEFT_OUT] = ()  # what is known of parameters
 
 
 AS_THE_PAPER = SolveOptions(weighted=False)
@@ -245,6 +257,7 @@ def tie_parameters(model: str, options: SolveOptions) -> Tie:
             raise InputError(f"{name} is fixed twice; fix it once")
         fixed.append(name)
         value[k] = np.nan if number is None else number
+    require_priors(options.priors, model, parameters, fixed)
     row = np.full(len(names), -1)
     follows = _followers(model, names, options, fixed)
     count = 0

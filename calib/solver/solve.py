@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.cameras import MODELS
+from calib.cameras import MODELS, parameter_names
 from calib.cameras.camera import Camera
 from calib.cameras.surface import SurfaceModel, surface_model
 from calib.core.types import Observations, keep_views
@@ -17,12 +17,24 @@ from calib.solver.descend import Descended, descend, descend_again, descend_disp
 from calib.solver.free_bend import bend_sigma_mm, of_parameters, require_bendable, with_bend
 from calib.solver.in_space import descend_in_space, require_planes
 from calib.solver.outliers import shifted_photo, variance_power, whitened
-from calib.solver.problem import Problem, SolveOptions, Tie, pack, target_covariance, target_poses, tie_parameters
+from calib.solver.priors import contradictions
+from calib.solver.problem import (
+    Problem,
+    SolveOptions,
+    Tie,
+    pack,
+    prior_of,
+    target_covariance,
+    target_poses,
+    tie_parameters,
+)
 from calib.solver.start import FirstPoses, coarse_camera, first_poses, turned_over
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 
 FAR_OFF = 6.0
+FIRST_PX2 = 0.1**2
+"""Variance of a coordinate that priors count by until photos that tell no camera without them tell theirs."""
 TURNS = 4
 """Of descending again with poses turned over that are better so."""
 
@@ -54,6 +66,8 @@ def solve(
         from calib.solver.surface import require_image
 
         require_image(surface, options)
+        if options.priors:
+            raise InputError(f"--prior: model {model} follows any lens; give it with another, as {surface.base.name}")
     if options.free_bend:
         require_bendable(observations.points, options.minimise)
     return with_circles(observations, lambda seen: _solved(seen, model, options, noise_px2, begin))
@@ -69,8 +83,9 @@ def _solved(
     tie = tie_parameters(model, options)
     noise = observations.cov_px2 if noise_px2 is None else noise_px2
     problem = pack(observations, weighted=options.weighted)
-    _require_equations(problem, tie)
-    camera = coarse_camera(problem, lens, tie.row, tie.value, options.focal_px, is_robust=is_robust(options))
+    _require_equations(problem, tie, len(options.priors))
+    start = _at_priors(model, options)
+    camera = coarse_camera(problem, lens, start.row, start.value, options.focal_px, is_robust=is_robust(options))
     first = _poses(problem, camera, tie, options)
     if not first.found.any():
         raise InputError("no view has a pose that shows its points; check that points and pixels belong together")
@@ -79,7 +94,7 @@ def _solved(
         noise = None if noise is None else noise[first.found[observations.view]]
         observations = keep_views(observations, first.found)
         problem = pack(observations, weighted=options.weighted)
-        _require_equations(problem, tie)
+        _require_equations(problem, tie, len(options.priors))
     poses = first.cam_from_target[first.found]
     down = _down(observations, problem, camera, poses, tie, options, noise, surface)
     while (is_lost := down.descended.is_lost).any() and not is_lost.all():
@@ -88,7 +103,7 @@ def _solved(
         noise = None if noise is None else noise[~is_lost[observations.view]]
         observations = keep_views(observations, ~is_lost)
         problem = pack(observations, weighted=options.weighted)
-        _require_equations(problem, tie)
+        _require_equations(problem, tie, len(options.priors))
         down = _down(observations, problem, camera, poses, tie, options, noise, surface)
     if not down.descended.is_used.any():
         raise InputError(
@@ -143,13 +158,19 @@ def _down(
 
         forgiving = without_rejection(options)
         lens = descend(problem, camera, poses, tie, forgiving, noise_px2)
-        problem, lens = _bent(observations, problem, lens, tie, forgiving, noise_px2)
+        problem, lens = _with_more(observations, problem, lens, tie, forgiving, noise_px2)
         if lens.is_lost.any():
             return _Down(problem, lens, lens)
         require_points(problem, surface)
         smooth, accuracy = bend(problem, lens, surface, tie, options, noise_px2)
         return _Down(problem, smooth, lens, surface_accuracy=accuracy)
+    known = problem
+    if options.priors:
+        variance = 1.0 if options.weighted and observations.cov_px2 is not None else FIRST_PX2
+        known = replace(problem, prior=prior_of(options.priors, parameter_names(camera.model), variance))
     lens = descend(problem, camera, poses, tie, options, noise_px2)
+    if options.priors and not _tells_camera(observations, lens, tie):
+        problem, lens = known, descend(known, camera, poses, tie, options, noise_px2)
     for _ in range(TURNS):  # a long lens tells the two poses of a plane apart only when it is nearly known
         camera, poses = lens.minimum.camera, lens.minimum.cam_from_target
         turned = None if lens.is_lost.any() else turned_over(problem, camera, poses, is_robust=is_robust(options))
@@ -159,7 +180,7 @@ def _down(
         if not again.minimum.blocks.cost.sum() < lens.minimum.blocks.cost.sum():
             break
         lens = again
-    problem, lens = _bent(observations, problem, lens, tie, options, noise_px2)
+    problem, lens = _with_more(observations, known, lens, tie, options, noise_px2)
     found = descend_in_space(problem, observations.points, observations.point, lens, tie, options, noise_px2)
     if found is None:
         return _Down(problem, lens, lens)
@@ -167,14 +188,32 @@ def _down(
     return _Down(problem, descended, descended, accuracy, remarks=(remark,))
 
 
-def _bent(
+def _at_priors(model: str, options: SolveOptions) -> Tie:
+    """The free parameters to start with, where those are kept of which something is known."""
+    alike = {name: group for group in options.shared for name in group}
+    kept = {name: one.value for one in options.priors for name in alike.get(one.name, (one.name,))}
+    shared = tuple(group for group in options.shared if not kept.keys() & set(group))
+    return tie_parameters(model, replace(options, fixed=(*options.fixed, *kept.items()), shared=shared, priors=()))
+
+
+def _tells_camera(observations: Observations, found: Descended, tie: Tie) -> bool:
+    """Whether photos determine a camera without what is known of it, and so tell their noise whatever that is."""
+    products, used = found.minimum.blocks.products, int(found.is_used.sum())
+    if found.is_lost.any() or not found.minimum.converged:
+        return False
+    accuracy = accuracy_of(products, tie.row, used, found.robust)
+    return not why_degenerate(observations, found.minimum, found.sigma_px, accuracy, tie)
+
+
+def _with_more(
     observations: Observations, problem: Problem, flat: Descended, tie: Tie, options: SolveOptions,
     noise_px2: Array | None,
 ) -> tuple[Problem, Descended]:  # fmt: skip
-    """The problem with the target's bend among its unknowns, if it is to be, and its minimum."""
-    if not options.free_bend or flat.is_lost.any():
+    """The problem with the target's bend among its unknowns if it is to be, and what is known, and its minimum."""
+    if not (options.free_bend or options.priors) or flat.is_lost.any():
         return problem, flat
-    problem = with_bend(problem, observations, options, len(tie.row))
+    if options.free_bend:
+        problem = with_bend(problem, observations, options, len(tie.row))
     return problem, descend_displaced(problem, flat, tie, options, noise_px2)
 
 
@@ -182,6 +221,8 @@ def _check(options: SolveOptions) -> None:
     """Refuse numbers that mean nothing."""
     if options.reject_sigma is not None and not 0 < options.reject_sigma < np.inf:
         raise InputError(f"reject {options.reject_sigma:g}: give more than 0 standard deviations, such as 4")
+    if options.priors and options.minimise != IMAGE:
+        raise InputError(f"--prior: goes with distances in the image only; leave --minimise {options.minimise} out")
     if options.focal_px is not None and not 0 < options.focal_px < np.inf:
         raise InputError(f"focal length {options.focal_px:g} px: must be more than 0")
 
@@ -223,6 +264,9 @@ def _calibration(
         said = f"stopped after {found.iterations} steps, short of the minimum" + (f": {remedy}" if remedy else "")
         remarks = [said, *remarks]
     else:
+        sigma = np.sqrt(np.diagonal(accuracy.param_covariance)).tolist()
+        told = dict(zip(parameter_names(lens.camera.model), sigma, strict=True))
+        remarks = [*contradictions(options.priors, found.camera.parameters, told), *remarks]
         remarks = [*remarks, *shifted_photo(products[:, amounts:, amounts:], tie, observations.view_names)]
     if down.surface_accuracy is not None:
         accuracy = of_parameters(down.surface_accuracy, amounts)
@@ -246,7 +290,7 @@ def _calibration(
         ~is_used, accuracy.scale, accuracy.param_covariance,
         target_covariance(problem, found.cam_from_target, accuracy.pose_covariance), tie.fixed,
         options.weighted and observations.cov_px2 is not None, status, tuple(remarks), found.iterations, seconds,
-        target_bend=bend,
+        target_bend=bend, priors=options.priors,
     )  # fmt: skip
 
 
@@ -278,9 +322,9 @@ def far_off(seen: Observations, residual_px: Array, deviation: Array) -> list[st
     ]
 
 
-def _require_equations(problem: Problem, tie: Tie) -> None:
-    """Refuse fewer equations than unknowns."""
-    unknowns = int(tie.row.max(initial=-1)) + 1 + 6 * problem.view_count
+def _require_equations(problem: Problem, tie: Tie, known: int) -> None:
+    """Refuse fewer equations than unknowns, of some of which something is known."""
+    unknowns = int(tie.row.max(initial=-1)) + 1 + 6 * problem.view_count - known
     equations = 2 * int(problem.is_used.sum())
     if equations < unknowns or problem.view_count == 0:
         views = f"{problem.view_count} view{'s' * (problem.view_count != 1)}"

@@ -162,7 +162,9 @@ def _choice(found: RigCalibration, camera: int) -> CameraChoice:
     named = zip(parameter_names(one.model), one.params.tolist(), sigma.tolist(), strict=False)
     fixed = tuple((name, value) for name, value, variance in named if variance == 0)
     is_refined = found.is_refined[camera]
-    return CameraChoice(one.model, one, is_refined, fixed if is_refined else ())
+    if not is_refined:
+        return CameraChoice(one.model, one, is_refined)
+    return CameraChoice(one.model, one, is_refined, fixed, found.priors[camera] if found.priors else ())
 
 
 def _pair(found: RigCalibration, cam_from_rig: Array, a: int, b: int, frames: int) -> PairSpread:

@@ -183,7 +183,7 @@ def _encode_fields(kind: type, value: object) -> dict[str, JsonValue]:
         if NOT_IN_FILE in marks:
             continue
         encoded = _encode(hint, getattr(value, name))
-        if LEFT_OUT in marks and encoded in (None, ""):
+        if LEFT_OUT in marks and encoded in (None, "", []):
             continue
         document |= cast("dict[str, JsonValue]", encoded) if INLINE in marks else {key: encoded}
     return document

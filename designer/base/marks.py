@@ -132,7 +132,7 @@ ONE_LINE: Final = Sign()
 HEX: Final = Sign()
 """Hexadecimal digits, which mean the same in capitals, as some programs write them."""
 LEFT_OUT: Final = Sign()
-"""None and "" are not written."""
+"""None, "" and () are not written."""
 PACKED: Final = Sign()
 """A covariance; one of hundreds of parameters is written short, see `designer.base.packed`."""
 NOT_IN_FILE: Final = Sign()

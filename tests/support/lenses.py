@@ -13,7 +13,7 @@ from tests.support.solver_scenes import SIZE as LARGE
 from tests.support.virtual_scenes import fisheye_map, virtual_camera, wavy_map
 
 SIZE = (1000, 800)
-SLIGHT = {"px": 1.0, "1": 0.01}
+SLIGHT = {"px": 1.0, "1": 0.01, "rad": 0.01}
 """By unit, the parameters of a slight lens."""
 
 
