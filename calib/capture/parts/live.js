@@ -21,7 +21,7 @@ const FLASH_MS = 500;
 const part = (id) => document.getElementById(id);
 const model = {
   state: null, guidance: null, look: null, looks: [], fault: "", isLost: false, isAsking: false,
-  isWaiting: false, isMirrored: false, hasMap: false, endsAt: null,
+  isWaiting: false, isMirrored: false, hasMap: false, isAsked: false, endsAt: null,
 };
 const pictures = [];
 const band = new Band();
@@ -135,6 +135,7 @@ const TAKES = ["taking", "ending"]; // phases in which the camera is open
 
 function enter(phase, before) {
   document.body.dataset.phase = phase;
+  model.isAsked = false;
   if (!TAKES.includes(phase)) camera?.close();
   else if (before && !TAKES.includes(before)) openCamera();
   if (phase === "done") showReport();
@@ -267,6 +268,10 @@ const reload = () => window.location.reload();
 const CARDS = {
   elsewhere: { words: "This session is shown in another tab or window.", buttons: [["Take it back here", reload]] },
   fault: { words: "", buttons: [["Try again", () => camera.open(camera.wish)]] },
+  asked: {
+    words: "It is not good yet. Finish with the photos so far?",
+    buttons: [["Take more photos", () => ask(false)], ["Finish now", () => wire.command("finish")]],
+  },
   ending: {
     words: "",
     buttons: [["Take more photos", () => wire.command("more")], ["Finish now", () => wire.command("finish")]],
@@ -297,7 +302,14 @@ function cardNow() {
   if (model.state && !model.state.is_here) return "elsewhere";
   if (model.isLost) return "";
   if (["ending", "failed"].includes(model.state?.phase)) return model.state.phase;
-  return model.fault && model.state?.phase === "taking" ? "fault" : "";
+  if (model.state?.phase !== "taking") return "";
+  return model.isAsked ? "asked" : model.fault && "fault";
+}
+
+/** Whether to finish, if the photos do not suffice yet. */
+function ask(isAsked) {
+  model.isAsked = isAsked;
+  showWords();
 }
 
 // ---- what the person does
@@ -323,7 +335,10 @@ const ACTIONS = {
   },
   mirror() { part("mirror").dataset.chosen = "yes"; setMirrored(!model.isMirrored); },
   sound() { sound.toggle(); part("sound").setAttribute("aria-pressed", String(sound.isOn)); },
-  finish: () => wire.command("finish"),
+  finish() {
+    const isEarly = model.state?.phase === "taking" && ["first", "guiding"].includes(model.guidance?.stage);
+    if (isEarly && !model.isAsked) ask(true); else wire.command("finish");
+  },
   help: () => part("help-box").showModal(),
 };
 const KEYS = {
@@ -336,6 +351,7 @@ for (const [name, action] of Object.entries(ACTIONS)) part(name).addEventListene
 document.addEventListener("click", (event) => {
   if (event.detail > 0) event.target.closest("button")?.blur();
 }, true);
+for (const id of ["device", "size"]) part(id).addEventListener("change", () => part(id).blur()); // keys are the page's again
 document.addEventListener("keydown", (event) => {
   const action = KEYS[event.key.length === 1 ? event.key.toLowerCase() : event.key];
   if (!action || event.repeat || event.ctrlKey || event.metaKey || event.altKey || isElsewhere(event)) return;

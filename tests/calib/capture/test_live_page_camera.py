@@ -97,6 +97,16 @@ def test_next_frame_waits_for_the_look_at_the_last(page: Page) -> None:
         assert len(server.frames) == 1
 
 
+def test_keys_are_the_pages_again_after_a_size_was_chosen(page: Page) -> None:
+    """The list gives the focus back."""
+    with live() as server, opened(page, server):
+        frames(server, 1)
+        page.locator("#size").focus()
+        page.locator("#size").dispatch_event("change")  # this camera has one size
+        page.keyboard.press("n")
+        server.heard("skip")
+
+
 def test_camera_that_may_not_be_used_is_said_and_tried_again(page: Page) -> None:
     """Refused, the page says the remedy and tells the server why; a button tries again, which is told too."""
     page.evaluate("() => { window.name = 'NotAllowedError'; }")

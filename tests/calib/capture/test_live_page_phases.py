@@ -135,7 +135,7 @@ def test_mirror_turns_picture_and_words_alike(shown: Shown) -> None:
 def test_keys_say_what_the_buttons_say(shown: Shown) -> None:
     """Each key is a command, once however long it is held; with the focus on a button, space is the button's."""
     server, page = shown
-    for key, kind in ((" ", "take"), ("n", "skip"), ("a", "by_hand"), ("f", "finish")):
+    for key, kind in ((" ", "take"), ("n", "skip"), ("a", "by_hand")):
         page.keyboard.press(key)
         assert server.heard(kind).name == ""
     page.keyboard.press("Delete")
@@ -149,8 +149,17 @@ def test_keys_say_what_the_buttons_say(shown: Shown) -> None:
     page.keyboard.press(" ")
     server.heard("take")
     assert [said.kind for said in server.commands] == []
+    page.keyboard.press("f")  # it is not good yet
+    page.get_by_role("button", name="Take more photos").click()
     page.locator("#finish").focus()
     page.keyboard.press(" ")
+    page.get_by_role("button", name="Finish now").wait_for()
+    assert [said.kind for said in server.commands] == []
+    page.keyboard.press("f")
+    server.heard("finish")
+    server.say(told.guidance(stage="exhausted"))
+    page.get_by_role("button", name="Take more photos").click()
+    page.keyboard.press("f")
     server.heard("finish")
 
 
