@@ -2,7 +2,7 @@
 
 The camera saw the target at `A_v`, the robot was at `B_v`; the equation `A_v = X B_v Z` holds for `cam_from_rig` X and
 `carrier_from_target` Z of any arrangement (camera in hand, target in hand, turntable). A start for the adjustment in
-pixels, which weighs each sighting: poses have no noise of their own that would be known here.
+pixels, which weighs each sighting.
 """
 
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ class HandEyeStart:
         freeze(self, "cam_from_rig", "carrier_from_target", "error")
 
 
-def start_hand_eye(cam_from_target: Array, rig_from_carrier: Array) -> HandEyeStart:
+def start_hand_eye(cam_from_target: Array, rig_from_carrier: Array, own: Array | None = None) -> HandEyeStart:
     """`start_hand_eye(cam_from_target, flange_from_base).cam_from_rig` is cam_from_flange.
 
     Rotations from the turns between all pairs of frames, shifts by linear equations, both then refined together by
@@ -59,10 +59,12 @@ def start_hand_eye(cam_from_target: Array, rig_from_carrier: Array) -> HandEyeSt
     Args:
         cam_from_target: (V, 4, 4) by the camera alone.
         rig_from_carrier: (V, 4, 4) by the robot: camera in hand, flange_from_base; target in hand, base_from_flange.
+        own: standard deviations of the camera's poses (V, 2), rad and mm, of which few points tell some poorly; None:
+            they are alike.
     """
     seen, told = np.asarray(cam_from_target, dtype=np.float64), np.asarray(rig_from_carrier, dtype=np.float64)
-    keep = _agreeing(seen, told)
-    guesses = [_refined(seen, told, turn, keep) for turn in first_turns(seen[keep], told[keep])]
+    keep, own = _agreeing(seen, told), np.zeros((len(seen), 2)) if own is None else own
+    guesses = [_refined(seen, told, turn, keep, own) for turn in first_turns(seen[keep], told[keep])]
     return min(guesses, key=lambda start: _badness(start.error))
 
 
@@ -152,7 +154,7 @@ def _about_one_axis(a: Array, b: Array, seen: Array, told: Array) -> list[Array]
     return [base @ exp_rotation(axis * (angle + more)) for more in (0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi)]
 
 
-def _refined(seen: Array, told: Array, turn: Array, keep: Flags) -> HandEyeStart:
+def _refined(seen: Array, told: Array, turn: Array, keep: Flags, own: Array) -> HandEyeStart:
     """From the rotation in X to all of X and Z."""
     turn_z = nearest_rotation(((turn @ told[:, :3, :3]).transpose(0, 2, 1) @ seen[:, :3, :3])[keep].sum(axis=0))
     length = max(float(np.median(np.linalg.norm(seen[keep, :3, 3], axis=1))), FLOOR_MM)
@@ -164,10 +166,10 @@ def _refined(seen: Array, told: Array, turn: Array, keep: Flags) -> HandEyeStart
     x, z, _ = _stepped(x, z, error, design, unit, surest)
     for step in range(STEPS):
         error, design = equations(seen, told, x, z)
-        weight = surest if step < SURE_STEPS else _weights(error, keep)
+        weight = surest if step < SURE_STEPS else _weights(error, keep, own)
         x, z, loose = _stepped(x, z, error, design, unit, weight)
     error, _ = equations(seen, told, x, z)
-    counts = _weights(error, keep)[:, 0] > 0
+    counts = _weights(error, keep, own)[:, 0] > 0
     rms = np.sqrt((error[counts] ** 2).sum(axis=0) / max(int(counts.sum()), 1))
     return HandEyeStart(
         x, z, float(np.linalg.norm(rms[:3])), float(np.linalg.norm(rms[3:])), error, ~counts, _named(told, x, loose)
@@ -202,14 +204,15 @@ def equations(seen: Array, told: Array, x: Array, z: Array) -> tuple[Array, Arra
     return error, design
 
 
-def _weights(error: Array, keep: Flags) -> Array:
-    """One over what most poses are off, and nothing for those much farther off (V, 6)."""
+def _weights(error: Array, keep: Flags, own: Array) -> Array:
+    """One over what most poses are off, or are sure to; nothing for those much farther off (V, 6)."""
     length = np.linalg.norm(error.reshape(-1, 2, 3), axis=2)
     typical = np.maximum(np.median(length[keep], axis=0), [FLOOR_RAD, FLOOR_MM])
-    counts = (length <= FAR_OFF * typical).all(axis=1) | (len(error) < FEWEST_JUDGED)
+    expected = np.hypot(typical, own)
+    counts = (length <= FAR_OFF * expected).all(axis=1) | (len(error) < FEWEST_JUDGED)
     if counts.sum() < FEWEST_JUDGED:
         counts = keep
-    weight: Array = np.repeat(counts[:, None] / typical * np.sqrt(3), 3, axis=1)
+    weight: Array = np.repeat(counts[:, None] / expected * np.sqrt(3), 3, axis=1)
     return weight
 
 

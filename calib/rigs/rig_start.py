@@ -11,9 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import invert
 from calib.core.types import RigObservations, keep_frames
 from calib.rigs.carrier import start_turntable, turned_by
+from calib.rigs.descend import rig_equations
 from calib.rigs.hand_eye import HandEyeStart, start_hand_eye
 from calib.rigs.motion import motion_of
 from calib.rigs.problem import Carrier, RigOptions, RigProblem, RigState, frame_times, pack_rig
@@ -168,7 +170,11 @@ def start_rig(observations: RigObservations, alone: Sequence[Alone], options: Ri
 def _of_carrier(begin: RigStart, carrier: Carrier) -> RigStart:
     """The start with where the carrier holds the rig or the target, and how it errs; without frames that it belies."""
     problem, frames = begin.problem, begin.state.rig_from_target
-    start = start_hand_eye(frames, carrier.rig_from_carrier) if not carrier.is_turntable else None
+    start = None
+    if not carrier.is_turntable:
+        own = symmetric_inverse(rig_equations(replace(problem, prior=None), begin.state, problem.loss).normal.pose)
+        variance = np.einsum("vkiki->vk", own.covariance.reshape(-1, 2, 3, 2, 3))
+        start = start_hand_eye(frames, carrier.rig_from_carrier, np.sqrt(variance))
     if start is None:
         turn = carrier.rig_from_carrier
         table = start_turntable(frames, None if carrier.has_free_angles else np.arctan2(turn[:, 1, 0], turn[:, 0, 0]))

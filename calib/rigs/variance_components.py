@@ -1,7 +1,8 @@
 """What observations, a carrier and single photos are worth, by what they themselves leave over, and the minimum there.
 
 Each camera's noise, a carrier's own errors and the slack of photos weigh the adjustment, which in turn tells how large
-they are: it is judged and solved again until both agree (variance components; Foerstner 1979).
+they are: it is judged and solved again until both agree (variance components; Foerstner 1979). One that is next to
+nothing falls by a part a round: so each round goes on by the last two (Aitken's rule for vectors; Irons and Tuck 1969).
 """
 
 from collections.abc import Sequence
@@ -15,15 +16,20 @@ from calib.rigs.descend import descend_rig, rig_equations
 from calib.rigs.problem import RigOptions, RigProblem, RigState, SlackPrior, seen_poses, with_scale
 from calib.rigs.start import Alone
 from calib.solver.blocks import RobustLoss, view_misfit
+from calib.solver.levenberg import SMALL_DECREASE
 from calib.solver.outliers import deviations, robust_sigma, whitened
 from calib.solver.problem import Loss
 from designer.base.arrays import Array
 
 ROUNDS = 25
 """Of judging what observations are worth, and solving again."""
-SAME, SURELY_SAME = 0.01, 1e-4
+SAME, SURELY_SAME = 3e-3, 1e-4
 """What a size may still change by, as a part of it: where slacks or a carrier follow, and where only the cameras' noise
 does, so that what comes out does not hang on the order of cameras and frames."""
+FARTHEST_STEP = 1.0
+"""That a round may go beyond what it found, of logarithms of sizes."""
+NEARLY_SMALL_DECREASE = 1e-8
+"""Of the cost: a step that promises less is not taken before the last round."""
 NEAR = 1e-9
 LEAST_SCALE = 1e-9
 LEAST_SIGMA = (1e-9, 1e-6)
@@ -39,12 +45,26 @@ def settled(
 ) -> tuple[Found, RigProblem]:
     """From near the minimum to that at which the observations are worth what their residuals say."""
     taken = found.iterations
-    for _ in range(ROUNDS):
+    before: tuple[Array, Array] | None = None  # what was judged, and by how much it was another
+    for left in reversed(range(ROUNDS)):
         judged = _judged(problem, found, observations, alone, options)
-        is_last = _is_same(judged, problem)
-        next_problem = problem if is_last else judged
+        is_same = _is_same(judged, problem)
+        is_last = is_same or not left
+        next_problem = problem if is_same else judged
+        if not is_last and len(judged.slack) == len(problem.slack):
+            sizes = _sizes(judged)
+            step = sizes - _sizes(problem)
+            if before is not None and (bent := step - before[1]).any():
+                further = -(step @ bent) / (bent @ bent) * (sizes - before[0])
+                if further @ step > 0:  # backwards it is no rule
+                    next_problem = _of_sizes(judged, sizes + np.clip(further, -FARTHEST_STEP, FARTHEST_STEP))
+            before = sizes, step
         there = descend_rig(
-            next_problem, _with_slack(next_problem, found.state), max_iterations=options.max_iterations, damping=NEAR
+            next_problem,
+            _with_slack(next_problem, found.state),
+            max_iterations=options.max_iterations,
+            damping=NEAR,
+            small_decrease=SMALL_DECREASE if is_last else NEARLY_SMALL_DECREASE,
         )
         taken += there.iterations
         if not np.isfinite(there.equations.normal.cost):
@@ -54,6 +74,24 @@ def settled(
         if is_last:
             break
     return replace(found, iterations=taken), problem
+
+
+def _sizes(problem: RigProblem) -> Array:
+    """Logarithms of all that is judged: of noises, a carrier's errors, and one and the slack."""
+    prior = () if problem.prior is None else np.log(problem.prior.sigma)
+    slack = [np.log1p(one.size) for one in problem.slack[:1]]
+    return np.concatenate([np.log(problem.scale), prior, slack])
+
+
+def _of_sizes(problem: RigProblem, sizes: Array) -> RigProblem:
+    """The problem with others."""
+    scale, rest = np.split(sizes, [len(problem.scale)])
+    prior = problem.prior and replace(problem.prior, sigma=np.maximum(np.exp(rest[:2]), LEAST_SIGMA))
+    slack = float(np.clip(np.expm1(sizes[-1]), LEAST_SLACK, MOST_SLACK))
+    return replace(
+        problem, scale=np.maximum(np.exp(scale), LEAST_SCALE), prior=prior,
+        slack=tuple(replace(one, size=slack) for one in problem.slack),
+    )  # fmt: skip
 
 
 def _judged(
@@ -116,14 +154,9 @@ def _with_slack(problem: RigProblem, state: RigState) -> RigState:
 def _is_same(judged: RigProblem, problem: RigProblem) -> bool:
     """Whether the problem is as it was."""
     near = SAME if judged.slack or judged.prior is not None or judged.motion is not None else SURELY_SAME
-    same = bool((np.abs(judged.scale / problem.scale - 1) < near).all())
-    if judged.prior is not None and problem.prior is not None:
-        same = same and bool((np.abs(judged.prior.sigma / problem.prior.sigma - 1) < SAME).all())
-    same = same and len(judged.slack) == len(problem.slack)
-    same = same and all(
-        abs(new.size / old.size - 1) < SAME for new, old in zip(judged.slack, problem.slack, strict=True)
-    )
-    return same and all(
+    if len(judged.slack) != len(problem.slack) or (np.abs(_sizes(judged) - _sizes(problem)) >= near).any():
+        return False
+    return all(
         np.array_equal(one.problem.is_used, other.problem.is_used)
         for one, other in zip(judged.seen, problem.seen, strict=True)
     )
