@@ -240,7 +240,8 @@ def _views_of(image_size: tuple[int, int], center_px: Array, view: Rows, face: R
     covered = np.zeros(shape, dtype=np.bool_)
     for first, last in pairwise([*begin.tolist(), len(view)]):
         if last - first >= LEAST_OF_HULL:
-            _add_hull(_hull_of(place[first:last]), covered)
+            part = place[first:last]
+            _add_hull(part[convex_hull(part)], covered)
         if last == len(view) or view[last] != view[first]:
             views += covered
             covered[:] = False
@@ -279,12 +280,28 @@ def _angle_words(bands: list[str]) -> str:
     return f"{' and '.join(f'{low}° to {high}°' for low, high in spans)} off the axis" if spans else ""
 
 
-def _hull_of(points: Array) -> Array:
-    """The outline of the convex hull of points (N, 2).  # (K, 2)"""
-    import cv2
+def convex_hull(point: Array) -> Rows:
+    """Rows of the corners of the convex hull of points (N, 2), in order around it (Andrew 1979)."""
+    least = 1e-9 * float(np.abs(point).max(initial=0.0)) ** 2
+    return _hull(np.ascontiguousarray(point), np.lexsort((point[:, 1], point[:, 0])), least)
 
-    outline: Array = cv2.convexHull(points.astype(np.float32))[:, 0].astype(np.float64)
-    return outline
+
+@jit
+def _hull(point: Array, order: Rows, least: float) -> Rows:
+    """The same of points in order from left to right: there along one side, and back along the other."""
+    rows, count = np.empty(2 * len(order) + 1, np.int64), 0
+    for step in (1, -1):
+        begin = count
+        for row in order[::step]:
+            while count > begin + 1:
+                a, b, c = point[rows[count - 2]], point[rows[count - 1]], point[row]
+                if (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > least:
+                    break
+                count -= 1
+            rows[count] = row
+            count += 1
+        count -= 1
+    return rows[:count].copy()
 
 
 @jit

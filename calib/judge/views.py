@@ -1,6 +1,5 @@
 """How a target was shown in the photos, and what of it can be shown: its faces, tilts, distances and sizes."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ from calib.cameras.camera import Camera
 from calib.core.linear_algebra import sums_by
 from calib.core.se3 import invert, transform
 from calib.core.types import KnownPoints
+from calib.judge.coverage import convex_hull
 from calib.solver.calibration import Calibration
 from calib.solver.linear_pose import FLAT
 from designer.base.arrays import Array, Rows
@@ -130,7 +130,7 @@ def _outermost(position: Array, face: Rows, number: int, normal: Array) -> Rows:
     if len(rows) < 3:
         return rows
     flat = position[rows] @ in_plane(normal).T
-    return rows[_convex_hull(flat - flat.mean(axis=0))]
+    return rows[convex_hull(flat - flat.mean(axis=0))]
 
 
 def in_plane(normal: Array) -> Array:
@@ -138,27 +138,6 @@ def in_plane(normal: Array) -> Array:
     first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(normal, first)])
-
-
-def _convex_hull(point: Array) -> Rows:
-    """Rows of the corners of the convex hull of points (N, 2), in order around it (Andrew 1979)."""
-    order = np.lexsort((point[:, 1], point[:, 0])).tolist()
-    least = 1e-9 * float(np.abs(point).max(initial=0.0)) ** 2
-    place: list[list[float]] = point.tolist()
-    halves: list[list[int]] = []
-    for rows in (order, order[::-1]):
-        chain: list[int] = []
-        for row in rows:
-            while len(chain) > 1 and not _turn(place[chain[-2]], place[chain[-1]], place[row]) > least:
-                chain.pop()
-            chain.append(row)
-        halves.append(chain[:-1])
-    return np.array(halves[0] + halves[1], dtype=np.int64)
-
-
-def _turn(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> float:
-    """Twice the signed area of a triangle."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _pitch_mm(position: Array, face: Rows) -> float:
