@@ -97,10 +97,26 @@ def _covariance_with_guess(calibration: Calibration) -> Array:
     return covariance
 
 
+@dataclass(frozen=True, eq=False)
+class PlaceInRig:
+    """Where a camera sits in a rig, in whose frame the target's pose then is."""
+
+    cam_from_rig: Array  # (4, 4)
+    by_pose: Array  # (6, Q) how the unknowns q turn and shift it
+
+
 def view_information(
     known: Knowledge, cam_from_target: Array, position_mm: Array, weight: Array, modes_mm: Array | None = None
 ) -> Array:
-    """What each of C photos would add (C, Q + S, Q + S), if their poses must be found too.
+    """What each of C photos would add (C, Q + S, Q + S), if their poses must be found too; arguments as below."""
+    return eliminated(photo_products(known, cam_from_target, position_mm, weight, modes_mm))
+
+
+def photo_products(
+    known: Knowledge, cam_from_target: Array, position_mm: Array, weight: Array, modes_mm: Array | None = None,
+    seat: PlaceInRig | None = None,
+) -> Array:  # fmt: skip
+    """Normal matrices (C, Q + S + 6, Q + S + 6) of C photos by what is unknown of all, and by the pose of each.
 
     Args:
         known: the camera, and the noise of observations.
@@ -108,33 +124,49 @@ def view_information(
         position_mm: points of the target (N, 3).
         weight: how many observations each point stands for in each photo (C, N); 0: not seen.
         modes_mm: displacements of the points by numbers of the target's shape (S, N, 3); None: of the camera only.
+        seat: of a camera in a rig; None: the camera's own frame is that of poses, which turn about the target's middle.
     """
     modes_mm = np.zeros((0, *position_mm.shape)) if modes_mm is None else modes_mm
     step = max(1, CHUNK // max(len(position_mm), 1))
     parts = [slice(begin, begin + step) for begin in range(0, max(len(weight), 1), step)]
     return np.concatenate(
-        [_information(known, cam_from_target[one], position_mm, weight[one], modes_mm) for one in parts]
+        [_products(known, cam_from_target[part], position_mm, weight[part], modes_mm, seat) for part in parts]
     )
 
 
-def _information(known: Knowledge, pose: Array, position_mm: Array, weight: Array, modes_mm: Array) -> Array:
+def _products(
+    known: Knowledge, pose: Array, position_mm: Array, weight: Array, modes_mm: Array, seat: PlaceInRig | None
+) -> Array:
     is_seen = weight > 0
     photo = np.nonzero(is_seen)[0]
-    rotation, origin = pose[:, :3, :3], position_mm.mean(axis=0)
+    rotation, origin = pose[:, :3, :3], position_mm.mean(axis=0) if seat is None else np.zeros(3)
     turned = (rotation @ (position_mm - origin).T).transpose(1, 0, 2)[:, is_seen]  # (3, M)
-    seen = linearise(known.camera, turned + transform(pose, origin)[photo].T)
-    by_params, by_point = (part.transpose(1, 0, 2) for part in (known.basis.T @ seen.by_params, seen.by_point))
+    place = turned + transform(pose, origin)[photo].T
+    seen = linearise(known.camera, place)
+    by_unknowns, by_point = (part.transpose(1, 0, 2) for part in (known.basis.T @ seen.by_params, seen.by_point))
     modes = (rotation @ modes_mm.transpose(0, 2, 1)[:, None]).transpose(0, 2, 1, 3)[:, :, is_seen]  # (S, 3, M)
     by_shape = (by_point * modes[:, :, None]).sum(axis=1)
-    by_turn = turned[[1, 2, 0], None] * by_point[[2, 0, 1]] - turned[[2, 0, 1], None] * by_point[[1, 2, 0]]
-    columns = np.concatenate([by_params, by_shape, by_turn, by_point])  # (K, 2, M)
+    by_motion = _by_motion(turned, by_point)
+    if seat is not None:
+        moved = _by_motion(place - seat.cam_from_rig[:3, 3:], by_point)
+        by_unknowns = by_unknowns + np.tensordot(seat.by_pose, moved, (0, 0))
+        in_rig = seat.cam_from_rig[:3, :3].T @ by_motion.reshape(2, 3, -1)
+        by_motion = in_rig.reshape(by_motion.shape)
+    columns = np.concatenate([by_unknowns, by_shape, by_motion])  # (K, 2, M)
     columns *= np.sqrt(weight[is_seen]) / known.noise_px
     columns[:, :, ~np.isfinite(columns).all(axis=(0, 1))] = 0.0
     # As many rows for each photo: those of points that are not seen stay zero.
     spread = np.zeros((len(pose), len(columns), 2, len(position_mm)))
     spread.transpose(1, 2, 0, 3)[:, :, is_seen] = columns
     rows = spread.reshape(*spread.shape[:2], -1)
-    return eliminated(rows @ rows.transpose(0, 2, 1))
+    products: Array = rows @ rows.transpose(0, 2, 1)
+    return products
+
+
+def _by_motion(lever: Array, by_point: Array) -> Array:
+    """By a turn and a shift (6, 2, M): a turn by w moves a place p (3, M) by w x p."""
+    by_turn = lever[[1, 2, 0], None] * by_point[[2, 0, 1]] - lever[[2, 0, 1], None] * by_point[[1, 2, 0]]
+    return np.concatenate([by_turn, by_point])
 
 
 def eliminated(products: Array) -> Array:

@@ -7,8 +7,7 @@ of their distance, so that the weakest pairs count most.
 Where a target could be held before the cameras of a rig, and which of its points they would see of it there.
 """
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -16,18 +15,19 @@ import numpy as np
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
-from calib.cameras.rig import POSE
+from calib.cameras.rig import POSE, Rig
 from calib.core.parallel import one_thread
-from calib.core.se3 import invert, make_pose, skew, transform
-from calib.core.types import KnownPoints, Observations, RigObservations
-from calib.judge.greedy import best_of, one_by_one
+from calib.core.se3 import make_pose, transform
+from calib.core.types import KnownPoints
+from calib.judge.greedy import InformativeCandidates
 from calib.judge.halves import NoHalves, RigHalves
+from calib.judge.information import Knowledge, PlaceInRig, photo_products
 from calib.judge.next_view_words import distance_words, place_of, place_words, short
-from calib.judge.rig_halves import enlarged
 from calib.judge.verdict import MOST_CAMERAS, NextFrame
-from calib.rigs.relative import relative
+from calib.judge.views import photographed_sides
+from calib.rigs.relative import center_motion, relative, relative_motion
 from calib.rigs.result import RigCalibration
-from calib.rigs.target_error import frame_information
+from calib.rigs.target_error import tells_size, told_by_frames
 from designer.base.arrays import Array, Flags, Rows
 from designer.base.words import figure, printable
 
@@ -41,21 +41,29 @@ NEW_SHARE = 0.1
 """Of the target, seen where a camera has seen nothing: what it then tells is not known well."""
 
 
+@dataclass(frozen=True, eq=False)
+class CandidateFrames:
+    """K places to hold a target at before a rig, and which of a few of its points each of C cameras would see there."""
+
+    rig_from_target: Array  # (K, 4, 4)
+    like_frame: Rows  # (K,) that it is turned as in
+    shown: Flags  # (C, K, S)
+
+
 def some_points(found: RigCalibration) -> KnownPoints:
     """A few of the points, spread over their order, on planes whose normals point to where they were seen from."""
-    points, faces = found.observations.points, len(found.observations.points.plane)
-    seen_from = np.zeros(faces)
-    for pose, seen, frames in zip(
-        found.cam_from_rig, found.observations.sightings, found.observations.frame, strict=True
-    ):
-        center = invert(pose @ found.rig_from_target[frames])[:, :3, 3]
-        above = np.sign(center @ points.plane[:, :3].T - points.plane[:, 3])  # (V, F)
-        face = points.face[seen.point]
-        rows = np.flatnonzero(face >= 0)
-        np.add.at(seen_from, face[rows], above[seen.view[rows], face[rows]])
-    points = replace(points, plane=np.where(seen_from < 0, -1.0, 1.0)[:, None] * points.plane)
+    points, seen = found.observations.points, zip(found.observations.sightings, _views(found), strict=True)
+    sign = photographed_sides(points, seen)
     rows = np.unique(np.linspace(0, len(points.face) - 1, POINTS).astype(np.int64))
-    return replace(points, position_mm=points.position_mm[rows], face=points.face[rows])
+    return replace(
+        points, plane=sign[:, None] * points.plane, position_mm=points.position_mm[rows], face=points.face[rows]
+    )
+
+
+def _views(found: RigCalibration) -> Iterator[Array]:
+    """Of each camera, `cam_from_target` of its views."""
+    for pose, frames in zip(found.cam_from_rig, found.observations.frame, strict=True):
+        yield pose @ found.rig_from_target[frames]
 
 
 def shown_at(
@@ -83,31 +91,33 @@ def shown_at(
     return np.asarray(inside & ((cosine > least_cosine) | (points.face < 0)))
 
 
-def imagined(
-    found: RigCalibration, rig_from_target: Array, shown: Sequence[Flags], points: KnownPoints
-) -> RigCalibration:
-    """The rig with frames in the place of its own, in which a few points (S,) that stand for all are seen.
+def told_by_candidates(found: RigCalibration, basis: Array, tried: CandidateFrames, points: KnownPoints) -> Array:
+    """What each candidate would tell, as `calib.rigs.target_error.frame_information` has it for frames.  # (K, Q, Q)
 
     Args:
-        found: the rig of C cameras.
-        rig_from_target: where the target is in the frames (K, 4, 4).
-        shown: which points each camera sees, (C,) of (K, S).
-        points: the few.
+        found: the rig; with a carrier one of a single camera.
+        basis: directions (N, B) of the rows of the rig's covariance.
+        tried: the candidates.
+        points: the few (S,), which stand for all.
     """
-    count, seen = len(rig_from_target), []
-    names = tuple(map(str, range(count)))
-    for camera, own in zip(found.cameras, shown, strict=True):
-        view, point = np.nonzero(own)
-        seen.append(Observations(camera.image_size, names, view, point, np.zeros((len(view), 2)), None, points))
+    carrier, rig, size, besides = found.carrier, found.rig, 1.0, 0
+    if carrier is not None:
+        size, besides = carrier.size, POSE + tells_size(found)  # the target's size, and its place on the carrier
+        found = replace(found, carrier=replace(carrier, error=np.zeros((len(tried.like_frame), POSE))))
+    position_mm, count = size * points.position_mm, basis.shape[1] + besides
     share = len(found.observations.points.position_mm) / len(points.position_mm)
-    frames = (np.arange(count),) * len(seen)
-    return replace(
-        found, observations=RigObservations(found.observations.camera_names, names, tuple(seen), frames),
-        rig_from_target=rig_from_target, residual_px=tuple(np.zeros((len(one.view), 2)) for one in seen),
-        is_outlier=tuple(np.zeros(len(one.view), dtype=bool) for one in seen), weighted=False,
-        scale=found.noise_px / math.sqrt(share),
-        carrier=None if found.carrier is None else replace(found.carrier, error=np.zeros((count, POSE))),
-    )  # fmt: skip
+    product = np.zeros((len(tried.like_frame), count + POSE, count + POSE))
+    for camera, (lens, pose, shown) in enumerate(zip(found.cameras, found.cam_from_rig, tried.shown, strict=True)):
+        rows = slice(rig.first_row[camera], rig.first_row[camera + 1])
+        own = np.flatnonzero(basis[rows].any(axis=0))
+        known = Knowledge(lens, basis[rig.params_rows(camera)][:, own], float(found.noise_px[camera]), True)
+        seat = PlaceInRig(pose, basis[rig.pose_rows(camera)][:, own])
+        resized = position_mm[None] if tells_size(found) else None
+        into = np.r_[own, basis.shape[1] : basis.shape[1] + tells_size(found), count : count + POSE]
+        product[:, into[:, None], into] += photo_products(
+            known, pose @ tried.rig_from_target, position_mm, share * shown, resized, seat
+        )
+    return told_by_frames(replace(found, rig_from_target=tried.rig_from_target), product)
 
 
 def sights(camera: Camera, off: Array) -> Array:
@@ -137,8 +147,6 @@ MOST_FRAMES = 3
 """What is known after so many is to be solved before more are chosen by it."""
 MOST_CANDIDATES, FEWEST_CANDIDATES = 800, 50
 """Times cameras, and of any rig."""
-ROUNDING = 1e-12
-"""Of the largest eigenvalue: what is less tells nothing."""
 FEWEST_SEEN, LEAST_FACING = 6, 0.34
 """Points by which a camera sees the target; cosine of the largest angle from which they are read."""
 TURNS = 6
@@ -153,92 +161,42 @@ NAMED = 4
 """Cameras that a sentence names."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Held:
-    """K places to hold a target at, and which cameras would see it there."""
-
-    rig_from_target: Array  # (K, 4, 4)
-    like_frame: Rows  # (K,) that it is turned as in
-    sees: Flags  # (C, K)
-
-
 @one_thread
 def next_frames(found: RigCalibration, halves: RigHalves | NoHalves) -> tuple[NextFrame, ...]:
     """The frames to take next, the most useful first; none if more do little, or nothing can be said."""
-    told = replace(enlarged(found, halves), carrier=None, slack=None)  # a person holds the target in the next frames
+    found = replace(found, carrier=None, slack=None)  # a person holds the target in the next frames
     if not 2 <= len(found.cameras) <= MOST_CAMERAS or found.status == "degenerate":
         return ()
-    if not np.isfinite(told.covariance).all() or not (told.noise_px > 0).all():
+    if not np.isfinite(found.covariance).all() or not (found.noise_px > 0).all():
         return ()
-    points, (poses, like) = some_points(told), _held_poses(told)
-    shown = [shown_at(told, camera, poses, points, LEAST_FACING) for camera in range(len(told.cameras))]
+    points, (poses, like) = some_points(found), _held_poses(found)
+    shown = np.stack([shown_at(found, camera, poses, points, LEAST_FACING) for camera in range(len(found.cameras))])
     share = len(found.observations.points.position_mm) / len(points.position_mm)
-    sees = np.stack([one.sum(axis=1) * share >= FEWEST_SEEN for one in shown])
+    sees = shown.sum(axis=2) * share >= FEWEST_SEEN  # (C, K)
     joins = sees.sum(axis=0) >= 2
     if not joins.any():
         return ()
-    held = _Held(poses[joins], like[joins], sees[:, joins])
-    own = [(one & does[:, None])[joins] for one, does in zip(shown, sees, strict=True)]
-    frames = imagined(told, held.rig_from_target, own, points)
-    frames = replace(frames, scale=halves.factor * frames.scale)
-    roots, quantity, first = [], _pair_quantities(told), told.rig.first_row
-    for told_by, does in zip(frame_information(frames, np.eye(len(told.covariance))), held.sees.T, strict=True):
-        rows = np.concatenate([np.arange(first[k], first[k + 1]) for k in np.flatnonzero(does).tolist()])
-        value, axis = np.linalg.eigh(told_by[np.ix_(rows, rows)])
-        some = value > ROUNDING * value[-1]
-        roots.append(_Root(rows, axis[:, some] * np.sqrt(value[some])))
-
-    def choose(covariance: Array) -> int | None:
-        before = quantity @ covariance @ quantity.T
-        gains = (quantity @ _gained(covariance, root) for root in roots)
-        return best_of(np.array([_badness(before - gain @ gain.T) for gain in gains]), _badness(before))
-
-    def add(covariance: Array, row: int) -> Array:
-        gain = _gained(covariance, roots[row])
-        return np.asarray(covariance - gain @ gain.T)
-
-    steps = one_by_one(np.array(told.covariance), choose, add, MOST_FRAMES)
-    return tuple(_told(told, held, one.choice, one.before, one.after) for one in steps)
+    tried = CandidateFrames(poses[joins], like[joins], (shown & sees[:, :, None])[:, joins])
+    information = told_by_candidates(found, np.eye(len(found.covariance)), tried, points)
+    unknowns = np.repeat(sees[:, joins].T, np.diff(found.rig.first_row), axis=1)
+    steps = InformativeCandidates.by(information, unknowns).chosen(
+        np.array(found.covariance), _pair_moves(found.rig), MOST_FRAMES
+    )
+    square = halves.factor**2
+    return tuple(
+        _told(found, tried, one.choice, square * one.before.covariance, square * one.after.covariance) for one in steps
+    )
 
 
-def _pair_quantities(found: RigCalibration) -> Array:
-    """How the unknowns move each pair's centres against each other, as shares of their distance.  # (3 pairs, N)"""
-    rig = found.rig
-    rows = []
-    for a, b in combinations(range(len(rig.names)), 2):
+def _pair_moves(rig: Rig) -> Array:
+    """How the unknowns move the centres of each pair against each other, as shares of their distance.  # (P, 3, N)"""
+    pairs = list(combinations(range(len(rig.names)), 2))
+    moves = np.zeros((len(pairs), 3, rig.first_row[-1]))
+    for own, (a, b) in zip(moves, pairs, strict=True):
+        rows, motion = relative_motion(rig, a, b)
         pair = relative(rig, a, b)
-        turn, shift = pair.b_from_a[:3, :3], pair.b_from_a[:3, 3]
-        carried = turn @ rig.cam_from_rig[a, :3, 3]
-        by_turn, by_shift = np.zeros((3, rig.first_row[-1])), np.zeros((3, rig.first_row[-1]))
-        first, second = rig.pose_rows(a).start, rig.pose_rows(b).start
-        by_turn[:, first : first + 3], by_turn[:, second : second + 3] = -turn, np.eye(3)
-        by_shift[:, first + 3 : first + 6], by_shift[:, second + 3 : second + 6] = -turn, np.eye(3)
-        # As `calib.rigs.relative` has it.
-        moved = -(by_shift + skew(carried) @ by_turn) - skew(shift) @ by_turn
-        rows.append(moved / max(pair.baseline_mm, 1e-9))
-    return np.concatenate(rows)
-
-
-def _badness(covariance: Array) -> float:
-    """Of all pairs, whose blocks of three stand along the diagonal, the weakest above all."""
-    trace = np.diagonal(covariance).reshape(-1, 3).sum(axis=1).clip(min=0.0)
-    return float(np.sqrt(np.sqrt((trace**2).mean())))
-
-
-@dataclass(frozen=True, eq=False)
-class _Root:
-    """G of what a frame tells, its information being `G G'`, of the unknowns of the cameras that see the target."""
-
-    rows: Rows  # (S,)
-    root: Array  # (S, R)
-
-
-def _gained(covariance: Array, told: _Root) -> Array:
-    """What a frame takes from a covariance S: H of `S - H H'`, which is `S G (1 + G' S G)^-1/2`.  # (N, R)"""
-    half = covariance[:, told.rows] @ told.root
-    value, axis = np.linalg.eigh(np.eye(half.shape[1]) + told.root.T @ half[told.rows])
-    gained: Array = half @ (axis / np.sqrt(value.clip(min=1.0)))
-    return gained
+        own[:, rows] = center_motion(pair.b_from_a) @ motion / max(pair.baseline_mm, 1e-9)
+    return moves
 
 
 def _held_poses(found: RigCalibration) -> tuple[Array, Rows]:
@@ -259,21 +217,21 @@ def _held_poses(found: RigCalibration) -> tuple[Array, Rows]:
     return make_pose(turn, shift), np.array([frame for _, frame in pairs], dtype=np.int64)
 
 
-def _told(found: RigCalibration, held: _Held, row: int, before: Array, after: Array) -> NextFrame:
+def _told(found: RigCalibration, tried: CandidateFrames, row: int, before: Array, after: Array) -> NextFrame:
     """A frame in words."""
     names = found.observations.camera_names
-    seeing = np.flatnonzero(held.sees[:, row]).tolist()
+    seeing, pose = np.flatnonzero(tried.shown[:, row].any(axis=1)).tolist(), tried.rig_from_target[row]
     rig, then = (replace(found.rig, covariance=one) for one in (before, after))
     known = {pair: relative(rig, *pair) for pair in combinations(range(len(names)), 2)}
     a, b = max(known, key=lambda pair: known[pair].place_sigma_mm / max(known[pair].baseline_mm, 1e-9))
     sigma = known[a, b].place_sigma_mm, relative(then, a, b).place_sigma_mm
-    is_rough = any(is_new(found, camera, held.rig_from_target[row]) for camera in seeing)
+    is_rough = any(is_new(found, camera, pose) for camera in seeing)
     then_mm = f"about {figure(sigma[1], 1)} mm if the lenses are as solved" if is_rough else f"{figure(sigma[1], 2)} mm"
     gain = f"the place of {short(names[b])} against {short(names[a])}, 1 sigma, {figure(sigma[0], 2)} -> {then_mm}"
-    hold = f"hold the target {_where(found, held.rig_from_target[row], seeing)}"
-    turned = f"turned as in {short(found.observations.frame_names[int(held.like_frame[row])])}"
+    hold = f"hold the target {_where(found, pose, seeing)}"
+    turned = f"turned as in {short(found.observations.frame_names[int(tried.like_frame[row])])}"
     return NextFrame(
-        held.rig_from_target[row], tuple(printable(names[k]) for k in seeing), f"{hold}, {turned}: {gain}",
+        pose, tuple(printable(names[k]) for k in seeing), f"{hold}, {turned}: {gain}",
         (printable(names[a]), printable(names[b])), *sigma,
     )  # fmt: skip
 

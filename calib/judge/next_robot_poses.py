@@ -14,7 +14,7 @@ by which a pose that ends that comes first.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,16 +23,25 @@ from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.core.se3 import exp_rotation, invert, make_pose, transform
 from calib.core.types import KnownPoints
-from calib.judge.greedy import best_of, one_by_one
+from calib.judge.greedy import InformativeCandidates, KnownAfter
 from calib.judge.halves import NoHalves, RigHalves
-from calib.judge.next_frames import AROUND, few_of_many, imagined, is_new, shown_at, sights, some_points
+from calib.judge.next_frames import (
+    AROUND,
+    CandidateFrames,
+    few_of_many,
+    is_new,
+    shown_at,
+    sights,
+    some_points,
+    told_by_candidates,
+)
 from calib.judge.next_view_words import short
 from calib.judge.verdict import MOST_POSES, NextPose
-from calib.rigs.relative import center_covariance
+from calib.rigs.relative import center_motion, center_sigma_mm
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.rigs.target_error import carrier_prior, expected_information, frame_information
 from calib.solver.free_shape import free_directions
-from designer.base.arrays import Array, Flags, Rows
+from designer.base.arrays import Array
 from designer.base.words import figure
 
 MOST_CANDIDATES = 1000
@@ -63,14 +72,11 @@ VAGUE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class _TriedPoses:
-    """K poses of the robot, and what a photo from each would tell."""
+class _CandidatePoses(CandidateFrames):
+    """K poses of the robot, and what a photo from each would show."""
 
     base_from_flange: Array  # (K, 4, 4)
-    rig_from_target: Array  # (K, 4, 4)
-    like_frame: Rows  # (K,) that it is turned as in
-    tilt_rad: Array  # (K, 3) by which it is turned more, about the flange's axes
-    shown: Flags  # (K, S) of some points
+    tilt_rad: Array  # (K, 3) by which it is turned more than in that frame, about the flange's axes
 
 
 @one_thread
@@ -82,25 +88,19 @@ def next_robot_poses(found: RigCalibration, halves: RigHalves | NoHalves) -> tup
     if not (fit.sigma_rad > 0 and fit.sigma_mm > 0 and (found.noise_px > 0).all()):
         return ()
     points, basis = some_points(found), _directions(found)
-    tried = _candidates(found, fit, points)
-    if not len(tried.like_frame) or basis.shape[1] > MOST_UNKNOWNS:
+    tried, count = _candidates(found, fit, points), basis.shape[1]
+    if not len(tried.like_frame) or count > MOST_UNKNOWNS:
         return ()
     told = frame_information(found, basis).sum(axis=0) + _weak(found, basis)
-    each = frame_information(imagined(found, tried.rig_from_target, (tried.shown,), points), basis)
-    moves, count = _moves(found, basis), basis.shape[1]
+    each = told_by_candidates(found, basis, tried, points)
+    moves = np.zeros((1, POSE, len(told)))
+    moves[0, :, :count] = _moves(found, basis)
+    candidates = InformativeCandidates.by(each, np.ones(each.shape[:2], dtype=np.bool_))
+    steps = candidates.chosen(symmetric_inverse(told).inverse, moves, MOST_POSES)
 
-    def choose(known: tuple[Array, list[int]]) -> int | None:
-        left = _badness(moves, symmetric_inverse(known[0] + each).inverse)
-        left[known[1]] = np.inf  # the same pose again would show what it hides again, too
-        return best_of(left, float(_badness(moves, symmetric_inverse(known[0]).inverse[None])[0]))
+    def stated(known: KnownAfter) -> tuple[float, float]:
+        return _stated(found, halves.factor**2 * basis @ known.covariance[:count, :count] @ basis.T)
 
-    def add(known: tuple[Array, list[int]], row: int) -> tuple[Array, list[int]]:
-        return known[0] + each[row], [*known[1], row]
-
-    def stated(known: tuple[Array, list[int]]) -> tuple[float, float]:
-        return _stated(found, halves.factor**2 * basis @ symmetric_inverse(known[0]).inverse[:count, :count] @ basis.T)
-
-    steps = one_by_one((told, list[int]()), choose, add, MOST_POSES)
     return tuple(_told(found, tried, one.choice, stated(one.before), stated(one.after)) for one in steps)
 
 
@@ -153,27 +153,15 @@ def _weak(found: RigCalibration, basis: Array) -> Array:
 def _moves(found: RigCalibration, basis: Array) -> Array:
     """How a camera's direction, times the usual distance, and its centre follow the basis's directions.  # (6, K)"""
     pose = basis[found.rig.pose_rows(0)]
-    shift = found.cam_from_rig[0, :3, 3]
-    centre = np.cross(shift, pose[:3], axisb=0, axisc=0) + pose[3:]
-    return np.concatenate([_usual_mm(found) * pose[:3], centre])
-
-
-def _badness(moves: Array, covariance: Array) -> Array:
-    """The root of what is to be least, of covariances (K, Q, Q).  # (K,)"""
-    count = moves.shape[1]
-    variance = np.einsum("mi,kij,mj->k", moves, covariance[:, :count, :count], moves)
-    return np.asarray(np.sqrt(variance.clip(min=0.0)))
+    return np.concatenate([_usual_mm(found) * pose[:3], center_motion(found.cam_from_rig[0]) @ pose])
 
 
 def _stated(found: RigCalibration, noise: Array) -> tuple[float, float]:
     """The sigmas of direction and place as they are told, by a covariance (N, N) of the noise: rad, mm."""
-    rows = found.rig.pose_rows(0)
-    covariance = noise[rows, rows]
-    if found.target_covariance is not None:
-        covariance = covariance + found.target_covariance[rows, rows]
-    pose = found.cam_from_rig[0]
-    place = pose[:3, :3].T @ center_covariance(pose, covariance) @ pose[:3, :3]
-    turn_rad, place_mm = (float(np.sqrt(np.diagonal(one).max())) for one in (covariance[:3, :3], place))
+    covariance = noise if found.target_covariance is None else noise + found.target_covariance
+    rig = replace(found.rig, covariance=covariance)
+    turn_rad = math.sqrt(np.diagonal(covariance)[rig.pose_rows(0)][:3].max())
+    place_mm = float(center_sigma_mm(rig)[0].max())
     return (
         turn_rad if turn_rad < KNOWN * WEAK_RAD else math.nan,
         place_mm if place_mm < KNOWN * _usual_mm(found) else math.nan,
@@ -197,7 +185,7 @@ def _usual_mm(found: RigCalibration) -> float:
     return float(np.median(np.linalg.norm(seen, axis=1)))
 
 
-def _candidates(found: RigCalibration, fit: CarrierFit, points: KnownPoints) -> _TriedPoses:
+def _candidates(found: RigCalibration, fit: CarrierFit, points: KnownPoints) -> _CandidatePoses:
     """Poses in reach from which the camera sees about as much of the target as it did."""
     carried = carrier_prior(found)[0].carrier.rig_from_carrier
     used = invert(carried) if found.rig_frame == "flange" else carried
@@ -224,11 +212,11 @@ def _candidates(found: RigCalibration, fit: CarrierFit, points: KnownPoints) -> 
     is_in_reach = ((goal[:, :3, 3] >= low) & (goal[:, :3, 3] <= high)).all(axis=1)
     good = np.flatnonzero((shown.sum(axis=1) * share >= USUAL_SHARE * usual) & is_in_reach)
     rows = good[few_of_many(len(good), MOST_CANDIDATES)]
-    return _TriedPoses(goal[rows], held[rows], like[rows], tilt_rad[rows], shown[rows])
+    return _CandidatePoses(held[rows], like[rows], shown[None, rows], goal[rows], tilt_rad[rows])
 
 
 def _told(
-    found: RigCalibration, tried: _TriedPoses, row: int, before: tuple[float, float], after: tuple[float, float]
+    found: RigCalibration, tried: _CandidatePoses, row: int, before: tuple[float, float], after: tuple[float, float]
 ) -> NextPose:
     """A pose in words."""
     name = short(found.observations.frame_names[int(tried.like_frame[row])])

@@ -1,5 +1,6 @@
 """How a target was shown in the photos, and what of it can be shown: its faces, tilts, distances and sizes."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,7 @@ from calib.cameras import linearise
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import sums_by
 from calib.core.se3 import invert, transform
-from calib.core.types import KnownPoints
+from calib.core.types import KnownPoints, Observations
 from calib.judge.coverage import convex_hull
 from calib.solver.calibration import Calibration
 from calib.solver.linear_pose import FLAT
@@ -60,8 +61,8 @@ def shape_of(calibration: Calibration) -> TargetShape | None:
     position = points.position_mm[points.face >= 0]
     if len(position) < 3:
         return None
-    center = 0.5 * (position.min(axis=0) + position.max(axis=0))
-    return shape_of_points(points, _towards_camera(calibration, points, center))
+    sign = photographed_sides(points, [(calibration.observations, calibration.cam_from_target)])
+    return shape_of_points(points, sign[:, None] * points.plane[:, :3])
 
 
 def shape_of_points(points: KnownPoints, normal: Array) -> TargetShape:
@@ -80,21 +81,25 @@ def shape_of_points(points: KnownPoints, normal: Array) -> TargetShape:
     return TargetShape(position, face, normal, middle, corner, center, axes, aspect, is_flat, _pitch_mm(position, face))
 
 
-def _towards_camera(calibration: Calibration, points: KnownPoints, center: Array) -> Array:
-    """Normals (F, 3) to the side that the photos were taken from; of faces never seen, away from the middle.
+def photographed_sides(points: KnownPoints, photos: Iterable[tuple[Observations, Array]]) -> Array:
+    """1 where a plane's normal points to where photos were taken from, or out of the target if it is in none; -1: not.
 
-    A plane from elsewhere does not say which of its sides carries the rings.
+    A plane from elsewhere does not say which of its sides carries the rings.  # (F,)
+
+    Args:
+        points: of the target.
+        photos: what is seen by cameras, and `cam_from_target` (V, 4, 4) of their views.
     """
-    plane, seen = points.plane, calibration.observations
-    eye = invert(calibration.cam_from_target)[:, :3, 3]
-    face = points.face[seen.point]
-    known = face >= 0
-    side = np.sign((plane[face, :3] * eye[seen.view]).sum(axis=1) - plane[face, 3])
-    votes = np.bincount(face[known], side[known], len(plane))
+    plane, on_face = points.plane, points.face >= 0
+    position = points.position_mm[on_face] if on_face.any() else points.position_mm
+    votes, center = np.zeros(len(plane)), 0.5 * (position.min(axis=0) + position.max(axis=0))
+    for seen, cam_from_target in photos:
+        face, eye = points.face[seen.point], invert(cam_from_target)[:, :3, 3][seen.view]
+        face, eye = face[face >= 0], eye[face >= 0]
+        side = np.sign((plane[face, :3] * eye).sum(axis=1) - plane[face, 3])
+        votes += np.bincount(face, side, len(plane))
     outward = np.sign(plane[:, 3] - plane[:, :3] @ center)
-    sign = np.where(votes != 0, np.sign(votes), np.where(outward != 0, outward, 1.0))
-    oriented: Array = plane[:, :3] * sign[:, None]
-    return oriented
+    return np.where(votes != 0, np.sign(votes), np.where(outward != 0, outward, 1.0))
 
 
 def _axes(position: Array, normal: Array, towards: Array) -> tuple[Array, float]:

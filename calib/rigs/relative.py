@@ -29,7 +29,7 @@ from calib.space.budget import expected_errors
 from calib.space.propagate import PointSightings
 from calib.space.triangulate import triangulate_points
 from calib.space.volume import default_volume, seen_by_cameras
-from designer.base.arrays import Array, Flags
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 from designer.base.marks import Gap
 
@@ -81,20 +81,32 @@ def relative(rig: Rig, a: int, b: int) -> Relative:
     b_from_a = compose(rig.cam_from_rig[b], invert(rig.cam_from_rig[a]))
     covariance = np.full((6, 6), np.nan)
     if rig.covariance is not None:
-        rows = np.r_[rig.pose_rows(a), rig.pose_rows(b)]
-        # w = w_b - R w_a and s = s_b - R s_a + (R t_a) x w, with R of b_from_a
-        turn, carried = b_from_a[:3, :3], b_from_a[:3, :3] @ rig.cam_from_rig[a, :3, 3]
-        jacobian = np.zeros((6, 12))
-        jacobian[:3, :3], jacobian[:3, 6:9] = -turn, np.eye(3)
-        jacobian[3:, 3:6], jacobian[3:, 9:] = -turn, np.eye(3)
-        jacobian[3:] += skew(carried) @ jacobian[:3]
+        rows, jacobian = relative_motion(rig, a, b)
         covariance = jacobian @ rig.covariance[np.ix_(rows, rows)] @ jacobian.T
     return Relative(b_from_a, covariance, center_covariance(b_from_a, covariance))
 
 
+def relative_motion(rig: Rig, a: int, b: int) -> tuple[Rows, Array]:
+    """How the cameras' poses, rows (12,) of the covariance, turn and shift camera b against camera a.  # (6, 12)
+
+    w = w_b - R w_a and s = s_b - R s_a + (R t_a) x w, with R of b_from_a.
+    """
+    turn = compose(rig.cam_from_rig[b], invert(rig.cam_from_rig[a]))[:3, :3]
+    jacobian = np.zeros((6, 12))
+    jacobian[:3, :3], jacobian[:3, 6:9] = -turn, np.eye(3)
+    jacobian[3:, 3:6], jacobian[3:, 9:] = -turn, np.eye(3)
+    jacobian[3:] += skew(turn @ rig.cam_from_rig[a, :3, 3]) @ jacobian[:3]
+    return np.r_[rig.pose_rows(a), rig.pose_rows(b)], jacobian
+
+
+def center_motion(cam_from_other: Array) -> Array:
+    """How a camera's centre moves in another frame, in the camera's axes: by `-s - t x w`.  # (3, 6)"""
+    return np.concatenate([-skew(cam_from_other[:3, 3]), -np.eye(3)], axis=1)
+
+
 def center_covariance(cam_from_other: Array, covariance: Array) -> Array:
-    """Of where a camera is in another frame, in the camera's axes: its centre moves by `-s - t x w`.  # (3, 3)"""
-    jacobian = np.concatenate([-skew(cam_from_other[:3, 3]), -np.eye(3)], axis=1)
+    """Of where a camera is in another frame, in the camera's axes.  # (3, 3)"""
+    jacobian = center_motion(cam_from_other)
     moved: Array = jacobian @ covariance @ jacobian.T
     return moved
 

@@ -286,17 +286,22 @@ def frame_information(found: RigCalibration, basis: Array) -> Array:
         for frame, one in zip(some.tolist(), posed_frames(found, wide, some), strict=True):
             column = np.concatenate([one.by_camera, one.by_pose], axis=2).reshape(-1, count + POSE)
             product[frame] = column.T @ column
+    return told_by_frames(found, product)
+
+
+def told_by_frames(found: RigCalibration, product: Array) -> Array:
+    """The same of normal matrices (V, Q + 6, Q + 6) of what is seen in frames at `rig_from_target`, poses last."""
+    count = product.shape[1] - POSE
     if found.slack is not None:
         pose = product[:, :, count:]
         taken = pose @ symmetric_inverse(pose[:, count:]).inverse @ pose.transpose(0, 2, 1)
-        product -= found.slack / (1 + found.slack) * taken
+        product = product - found.slack / (1 + found.slack) * taken
     if found.carrier is not None:
         prior, fit = carrier_prior(found)
         by_frame, by_carrier = error_derivatives(prior, found.rig_from_target, fit.carrier_from_target)
-        told = np.zeros((len(product), POSE, count + POSE))
-        told[:, :, count - POSE : count], told[:, :, count:] = by_carrier, by_frame
-        told *= error_weights(prior)[:, None]
-        product += told.transpose(0, 2, 1) @ told
+        told = error_weights(prior)[:, None] * np.concatenate([by_carrier, by_frame], axis=2)
+        product = product.copy()
+        product[:, -2 * POSE :, -2 * POSE :] += told.transpose(0, 2, 1) @ told
     cross = product[:, :count, count:]
     left: Array = product[:, :count, :count] - (
         cross @ symmetric_inverse(product[:, count:, count:]).inverse @ cross.transpose(0, 2, 1)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calib.judge.greedy import LITTLE_GAIN, Exchange, best_of, one_by_one
+from calib.judge.greedy import LITTLE_GAIN, Exchange, InformativeCandidates, best_of, one_by_one
 
 
 def test_each_choice_is_by_what_is_known_with_those_before_it() -> None:
@@ -38,3 +38,19 @@ def test_an_exchange_is_no_longer_and_still_reaches_the_goal() -> None:
     assert sorted(exchange(8, 1).improved((0, 1, 2, 3))) == [4]
     assert sorted(exchange(8, 2).improved((0, 1, 2, 3))) == [3, 4]
     assert len(exchange(10, 4).improved((0, 1, 2, 3))) == 4
+
+
+def test_candidates_that_tell_of_some_unknowns_are_weighed_as_by_the_whole_information() -> None:
+    """The first leaves least of the weakest things, what is known after it is the inverse of all; none comes twice."""
+    rng = np.random.default_rng(0)
+    is_told = np.arange(6) // 2 != np.array([0, 1, 2, 0])[:, None]
+    half = rng.normal(size=(4, 6, 5)) * is_told[:, :, None]
+    information, moves = half @ half.transpose(0, 2, 1), rng.normal(size=(3, 2, 6))
+    covariance = np.diag([1.0, 4.0, 0.5, 2.0, 9.0, 0.0])  # the last is fixed
+    steps = InformativeCandidates.by(information, is_told).chosen(covariance, moves, 9)
+    root = np.sqrt(covariance)
+    after = [root @ np.linalg.inv(np.eye(6) + root @ one @ root) @ root for one in information]
+    left = [np.einsum("ndi,ij,ndj->n", moves, one, moves) ** 2 for one in after]
+    assert steps[0].choice == int(np.argmin([one.sum() for one in left]))
+    assert np.allclose(steps[0].after.covariance, after[steps[0].choice], atol=1e-12)
+    assert 2 <= len(steps) == len({step.choice for step in steps})
