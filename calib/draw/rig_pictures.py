@@ -20,7 +20,7 @@ from calib.observe.photos import (
     with_overlays,
 )
 from calib.observe.rig_search import RigSearch
-from calib.rigs.result import RigCalibration, camera_alone
+from calib.rigs.result import RigCalibration
 from designer.page.blocks import Section
 
 MOST_PICTURES = 12
@@ -50,7 +50,7 @@ def pictured(found: RigCalibration) -> tuple[PicturedPhoto, ...]:
 
 def _worst_and_usual(found: RigCalibration, camera: int) -> list[PicturedPhoto]:
     """Two photos of a camera, with the residuals of the rig's own solution; fewer where it has no more with any."""
-    alone = camera_alone(found, camera)
+    alone = found.alone[camera]
     facts, seen = view_facts(alone), alone.observations
     known = np.flatnonzero(np.isfinite(facts.rms_px))
     order = known[np.argsort(-facts.rms_px[known], kind="stable")].tolist()

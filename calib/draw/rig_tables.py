@@ -21,7 +21,7 @@ from calib.judge.verdict import NextPose
 from calib.observe.rotations import to_quaternion
 from calib.rigs.figures import PairFigures
 from calib.rigs.relative import center_covariance, worst
-from calib.rigs.result import CarrierFit, RigCalibration, camera_alone
+from calib.rigs.result import CarrierFit, RigCalibration
 from designer.base.arrays import Array, Rows
 from designer.base.words import capital, cut, printable
 from designer.base.words import figure as digits
@@ -57,7 +57,7 @@ def cameras_table(run: RigRun) -> Table:
         columns.append(Column("delay ms", note="by which its time stamps run behind, with its standard deviation"))
     rows = []
     for row, one in enumerate(evidence.cameras):
-        alone = camera_alone(told, row)
+        alone = told.alone[row]
         value = float(alone.camera.params[0])
         focal = focal_length(alone) if told.is_refined[row] else f"{digits(value, 6)} (given)"
         cells = [

@@ -13,7 +13,7 @@ from calib.judge.halves import NoHalves, RigHalves
 from calib.judge.rig_halves import enlarged
 from calib.rigs.figures import pair_figures, rms_length, ties_of
 from calib.rigs.relative import carried_error, middle_error
-from calib.rigs.result import RigCalibration, camera_alone
+from calib.rigs.result import RigCalibration
 
 
 def joint_evidence(found: RigCalibration, halves: RigHalves | NoHalves) -> JointEvidence:
@@ -45,7 +45,7 @@ def _camera(found: RigCalibration, row: int) -> CameraEvidence:
         left_out=int(out.sum()),
         rms_px=rms_length(found.residual_px[row][~out]),
         times_stated=float(found.scale[row]) if found.weighted and seen.cov_px2 is not None else None,
-        coverage=coverage_of(camera_alone(found, row)) if found.is_refined[row] else None,
+        coverage=coverage_of(found.alone[row]) if found.is_refined[row] else None,
     )
 
 

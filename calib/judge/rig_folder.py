@@ -30,7 +30,7 @@ from calib.judge.judged_run import kept_target, within
 from calib.judge.rig_halves import enlarged
 from calib.judge.verdict import Criteria, Verdict
 from calib.observe.calibration_file import CALIBRATION_FILE, Provenance, calibration_files, read_calibration
-from calib.rigs.result import CarrierFit, RigCalibration, camera_alone
+from calib.rigs.result import CarrierFit, RigCalibration
 from calib.solver.calibration import Calibration, CircleDoubt, Status
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
@@ -152,7 +152,7 @@ def write_rig(
     digests = []
     names = folder_names(found.observations.camera_names)
     for camera, name in enumerate(names):
-        own, told = calibration_files(folder / CAMERAS / name, camera_alone(found, camera), provenance)
+        own, told = calibration_files(folder / CAMERAS / name, found.alone[camera], provenance)
         files |= own
         digests.append(told.observations_sha256)
     text = RIG_CALIBRATION.text(_record(found, provenance, names, digests))

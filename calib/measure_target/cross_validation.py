@@ -25,7 +25,7 @@ from calib.measure_target.solve import measure, measure_rig, with_known_weights
 from calib.measure_target.unknowns import AsBuiltOptions
 from calib.observe.observations import known_points
 from calib.rigs.problem import CameraChoice, RigOptions
-from calib.rigs.result import RigCalibration, camera_alone
+from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.solver.calibration import Calibration
 from calib.solver.metrics import METRICS
@@ -190,7 +190,7 @@ def _measured_from_frames(
     ]
     weighted, allows_slack = options.solve.weighted, rig.slack is not None
     solved = solve_rig(others, choices, RigOptions(max(rig.reference, 0), weighted, allows_slack=allows_slack))
-    return measure_rig(solved, nominal, options), [camera_alone(solved, row) for row in range(len(rig.cameras))]
+    return measure_rig(solved, nominal, options), list(solved.alone)
 
 
 def _is_measured(found: AsBuilt) -> Flags:

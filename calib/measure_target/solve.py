@@ -24,7 +24,7 @@ from calib.measure_target.problem import HeldPoses, Joint, State, joint_problem,
 from calib.measure_target.result import AsBuilt, face_shift_mm, left_open_mm, target_of
 from calib.measure_target.unknowns import AsBuiltOptions, nominal_shape, place_rings, strain_matrix, unknowns_of
 from calib.observe.observations import known_points
-from calib.rigs.result import RigCalibration, camera_alone
+from calib.rigs.result import RigCalibration
 from calib.solver.calibration import Calibration, Status
 from calib.solver.outliers import deviations
 from calib.solver.problem import Tie, tie_parameters
@@ -117,14 +117,13 @@ def measure_rig(
         raise InputError("a rig may see front and back of a board at once, which measuring takes for two boards; "
                          "measure it from photos without a rig")  # fmt: skip
     options = with_known_weights(options or AsBuiltOptions(), found.observations.sightings)
-    points, cameras = known_points(target), range(len(found.cameras))
-    alone = [camera_alone(found, camera) for camera in cameras]
-    started = [replace(one, observations=replace(one.observations, points=points)) for one in alone]
+    points = known_points(target)
+    started = [replace(one, observations=replace(one.observations, points=points)) for one in found.alone]
     started[0] = replace(started[0], remarks=found.remarks)
-    fixed = [tuple((name, None) for name in one.fixed) for one in alone]
+    fixed = [tuple((name, None) for name in one.fixed) for one in found.alone]
     ties = [
         tie_parameters(one.camera.model, replace(options.solve, fixed=held, shared=()) if held else options.solve)
-        for one, held in zip(alone, fixed, strict=True)
+        for one, held in zip(found.alone, fixed, strict=True)
     ]
     held = HeldPoses(found.cam_from_rig, found.rig_from_target)
     return _measured(

@@ -14,7 +14,7 @@ from calib.core.linear_algebra import symmetric_inverse
 from calib.rigs.carrier import carrier_errors, error_derivatives
 from calib.rigs.descend import RigEquations, chain_of, params_of
 from calib.rigs.problem import RigProblem, RigState, seen_poses, slack_evidence
-from calib.rigs.result import RigCalibration, camera_alone
+from calib.rigs.result import RigCalibration
 from calib.rigs.target_error import posed_unknowns
 from calib.solver.blocks import RobustLoss
 from calib.solver.circles import circle_shift_px, doubt_of, unsaid_mm
@@ -273,7 +273,7 @@ def with_circle_doubt(found: RigCalibration) -> RigCalibration:
     shift = [
         np.zeros_like(seen.center_px)
         if own is None
-        else circle_shift_px(camera_alone(found, row), np.where(own > 0, unit_mm, 0.0))
+        else circle_shift_px(found.alone[row], np.where(own > 0, unit_mm, 0.0))
         for row, (seen, own) in enumerate(zip(found.observations.sightings, units, strict=True))
     ]
     off = tuple(left + by for left, by in zip(found.residual_px, shift, strict=True))

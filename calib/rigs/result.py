@@ -1,9 +1,7 @@
-"""A solved rig, with what is known of its accuracy.
-
-One camera of a solved rig, as a calibration of its own: what is evaluated, judged and kept of single cameras.
-"""
+"""A solved rig, with what is known of its accuracy: its cameras' own calibrations, and what joins them."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -116,35 +114,37 @@ class RigCalibration:
             self.delay_s, self.rig_frame, self.observations.points.geometry_id,
         )  # fmt: skip
 
+    @cached_property
+    def alone(self) -> tuple[Calibration, ...]:
+        """Each camera with its views, for what is asked of one camera: `calib.evaluate(found.alone[0])`.  # (C,)
+
+        Its poses are those of the joint solution, and as sure.
+        """
+        rig, seen, stated = self.rig, self.observations, self.stated_covariance
+        return tuple(
+            Calibration(
+                camera=camera,
+                observations=seen.sightings[row],
+                cam_from_target=self.cam_from_rig[row] @ self.rig_from_target[seen.frame[row]],
+                residual_px=self.residual_px[row],
+                is_outlier=self.is_outlier[row],
+                scale=float(self.scale[row]),
+                param_covariance=stated[rig.params_rows(row), rig.params_rows(row)],
+                pose_covariance=self.pose_covariance[row],
+                fixed=() if self.is_refined[row] else parameter_names(camera.model),
+                weighted=self.weighted,
+                status=self.status,
+                remarks=(),
+                iterations=self.iterations,
+                seconds=self.seconds,
+                target_bend=self.target_bend,
+                priors=self.priors[row] if self.priors else (),
+            )
+            for row, camera in enumerate(self.cameras)
+        )
+
 
 def as_given(found: RigCalibration) -> RigObservations:
     """What a rig was solved from, the points where the target's file has them."""
     seen, bend = found.observations, found.target_bend
     return seen if bend is None else replace(seen, sightings=tuple(bend.flattened(one) for one in seen.sightings))
-
-
-def camera_alone(found: RigCalibration, camera: int) -> Calibration:
-    """A camera with its views: `calib.evaluate(camera_alone(found, 0))`.
-
-    Its poses are those of the joint solution, and as sure.
-    """
-    rig, one = found.rig, found.cameras[camera]
-    rows = rig.params_rows(camera)
-    return Calibration(
-        camera=one,
-        observations=found.observations.sightings[camera],
-        cam_from_target=found.cam_from_rig[camera] @ found.rig_from_target[found.observations.frame[camera]],
-        residual_px=found.residual_px[camera],
-        is_outlier=found.is_outlier[camera],
-        scale=float(found.scale[camera]),
-        param_covariance=found.stated_covariance[rows, rows],
-        pose_covariance=found.pose_covariance[camera],
-        fixed=() if found.is_refined[camera] else parameter_names(one.model),
-        weighted=found.weighted,
-        status=found.status,
-        remarks=(),
-        iterations=found.iterations,
-        seconds=found.seconds,
-        target_bend=found.target_bend,
-        priors=found.priors[camera] if found.priors else (),
-    )

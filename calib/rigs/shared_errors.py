@@ -18,7 +18,7 @@ import numpy as np
 from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import pseudo_inverse
 from calib.core.parallel import one_thread
-from calib.rigs.result import RigCalibration, camera_alone
+from calib.rigs.result import RigCalibration
 from calib.rigs.target_error import posed_frames, posed_priors, some_frames
 from calib.rigs.variance_components import DISAGREES
 from calib.solver.capture_error import KINDS, kinds_that_count, moved_px, weigh
@@ -41,7 +41,7 @@ def with_shared_errors(found: RigCalibration) -> RigCalibration:
     if found.status != "converged" or has_more or has_many or not basis.size:
         return found
     counts, frames = kinds_that_count(found.observations.points), some_frames(found)
-    moved = [counts * moved_px(camera_alone(found, number)) for number in range(len(found.cameras))]
+    moved = [counts * moved_px(one) for one in found.alone]
     part, more = len(frames) / found.observations.frame_count, sum(one.shape[2] for one in moved)
 
     def posed() -> Iterable[PosedSightings]:
@@ -103,5 +103,5 @@ def _captured(
 
 def _is_as_stated(found: RigCalibration, camera: int, moved_px: Array) -> bool:
     """Whether what a cause leaves over of a camera's sightings (M, 2) is their noise, and no field in the image."""
-    alone = camera_alone(found, camera)
+    alone = found.alone[camera]
     return with_image_field(replace(alone, residual_px=alone.residual_px + moved_px)).image_field is None

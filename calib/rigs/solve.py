@@ -16,7 +16,7 @@ from calib.core.parallel import one_thread_with_scipy
 from calib.core.types import Observations, RigObservations, keep_views
 from calib.rigs.adjust import adjusted
 from calib.rigs.problem import CameraChoice, RigOptions
-from calib.rigs.result import RigCalibration, as_given, camera_alone
+from calib.rigs.result import RigCalibration, as_given
 from calib.rigs.start import Alone, solve_alone, view_rms
 from calib.rigs.variance_components import DISAGREES
 from calib.solver.calibration import Calibration
@@ -62,7 +62,7 @@ def solve_rig(
     found, said = through_circles(
         observations.sightings,
         lambda seen: _solved(replace(observations, sightings=tuple(seen)), choices, options),
-        lambda rig: [camera_alone(rig, number) for number in range(len(choices))],
+        lambda rig: rig.alone,
     )
     return replace(found, remarks=(*found.remarks, *said)) if said else found
 
