@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from calib.app.calibration_folder import RunFolder
     from calib.app.inputs import Place
     from calib.core.types import Observations
-    from calib.judge.judged_run import JudgedRun
+    from calib.judge.folders import JudgedRun
     from calib.judge.next_views import NextView
     from calib.judge.solutions import Solution, SolveTask
     from calib.judge.verdict import Criteria, Verdict
@@ -209,9 +209,9 @@ def solved(
         UndeterminedError: the photos tell too little.
         InputError: something else was wrong, or a file is somebody else's.
     """
+    from calib.judge.folders import JudgedRun
     from calib.judge.halves import half_split
     from calib.judge.judge import inputs_of, judge_cameras
-    from calib.judge.judged_run import JudgedRun
     from calib.judge.solutions import best_of, solve_models
 
     solutions: list[Solution] = []

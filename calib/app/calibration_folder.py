@@ -11,8 +11,8 @@ from calib.app.detect import DETECTIONS_FILE, detections_answer
 from calib.cameras import MODELS
 from calib.draw import CALIBRATION_PICTURE
 from calib.draw.gallery import OVERLAYS
+from calib.judge.folders import RECORDS_FILE, JudgedRun, keep_target, records_in
 from calib.judge.judge import VERDICT, VERDICT_FILE
-from calib.judge.judged_run import RECORDS_FILE, JudgedRun, keep_target, records_in
 from calib.judge.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextViews
 from calib.judge.solutions import Solution, best_of
 from calib.observe.calibration_file import (

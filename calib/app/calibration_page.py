@@ -27,8 +27,8 @@ from calib.draw.run_tables import (
 )
 from calib.judge.coverage import lit_part
 from calib.judge.difference import Known, apart
+from calib.judge.folders import JudgedRun
 from calib.judge.halves import HalvesApart, NoHalves, half_split, halves_apart
-from calib.judge.judged_run import JudgedRun
 from calib.judge.next_views import why_no_next_views
 from calib.judge.solutions import Solution
 from calib.judge.verdict import LEAST_PX, px

@@ -14,8 +14,8 @@ from calib.app.inputs import Place, load_observations, observations_of, photos_o
 from calib.cameras import COMMON, fitted_models
 from calib.core.types import Detections, Observations
 from calib.coupon_reading.ink_of_rings import InkBleed, ink_of_rings
+from calib.judge.folders import read_rig_run
 from calib.judge.judge import VERDICT, VERDICT_FILE
-from calib.judge.rig_folder import read_rig_run
 from calib.measure_target.earlier_lens import is_another_lens, seen_through, with_shared_error
 from calib.measure_target.lengths import CaliperLength, doubt_about, usual_sigmas
 from calib.measure_target.result import AsBuilt

@@ -187,9 +187,9 @@ def _name(given: object) -> str:
 def _drawn(made: TargetPoses, folder: Path) -> tuple[TargetPoses, tuple[Path, ...]]:
     """Draw the photos that have a pose, of a rig in a folder a camera; and where the pictures are."""
     from calib.draw.pose_overlay import draw_poses
-    from calib.judge.rig_folder import folder_names
     from calib.observe.photos import keep_pictures, no_empty_folders, staging_folder
     from calib.observe.target_poses import PoseResult
+    from calib.rigs.rig_calibration_file import folder_names
 
     if isinstance(made.found, PoseResult):
         each = [("", "", made.found)]

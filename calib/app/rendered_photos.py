@@ -105,7 +105,7 @@ class RenderedSet(Result, kind="photos", title="Rendered photos", doing="renderi
         """What `save` does, and the same photos with what was done; None: nothing."""
         from calib.app.inputs import processes_of
         from calib.cameras.rig import RIG
-        from calib.judge.judged_run import keep_target
+        from calib.judge.folders import keep_target
         from calib.renderer.job import run_jobs
 
         if out is None:

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from designer.page.blocks import Page
     from designer.page.output import Output
 
-CALIBRATION, RIG = "calibration", "rig"
-
 
 @dataclass(frozen=True, eq=False)
 class Report(Result, kind="report", title="Report", doing="drawing"):
@@ -89,17 +87,14 @@ def report(
     Raises:
         InputError: nothing to report, limits of what is no calibration, or a page that stays; the message says why.
     """
-    from calib.judge.judged_run import is_run_folder
-    from calib.judge.rig_folder import is_rig_folder
+    from calib.judge.folders import kind_in
     from designer.page.page_file import BLOCKS_FILE, PAGE, why_no_page
 
     folder = Path(folder)
     has_blocks = (folder / BLOCKS_FILE).is_file()
-    is_rig = is_rig_folder(folder)
-    is_judged = is_rig or is_run_folder(folder)
-    why = why_no_page(folder, *((RIG,) if is_rig else (CALIBRATION, "detections"))) if is_judged else ""
-    if is_judged and not why:
-        kind = RIG if is_rig else CALIBRATION
+    kind = kind_in(folder)
+    why = why_no_page(folder, kind, *(("detections",) if kind == "calibration" else ())) if kind else ""
+    if kind and not why:
         _require_kind(folder, kind, kinds)
         before = PAGE.keys(folder / BLOCKS_FILE).get("page") if has_blocks else None
         done = _judged(folder, kind, criteria, str(before.get("made_by", "")) if isinstance(before, dict) else "")
@@ -121,18 +116,17 @@ def _judged(folder: Path, kind: str, criteria: str | None, command: str) -> Repo
     from calib.app.calibration import Run
     from calib.app.solved_rig import SolvedRig
     from calib.judge.checks import read_criteria
+    from calib.judge.folders import RigRun, judge_again, read_solved
     from calib.judge.judge import VERDICT_FILE
-    from calib.judge.judged_run import judge_again, read_run
-    from calib.judge.rig_folder import judge_rig_again, read_rig_run
 
     if criteria is not None:
-        (judge_rig_again if kind == RIG else judge_again)(folder, read_criteria(criteria))
-    found = SolvedRig(read_rig_run(folder)) if kind == RIG else Run(read_run(folder), place=folder)
+        judge_again(folder, read_criteria(criteria))
+    run = read_solved(folder)
+    found = SolvedRig(run) if isinstance(run, RigRun) else Run(run, place=folder)
     page, files, remark = found.draw_page(folder, command)
     if page is None:
         raise InputError(remark)
-    verdict = folder / VERDICT_FILE
-    return Report(kind, page, files[-1], None if criteria is None else verdict, not verdict.exists())
+    return Report(kind, page, files[-1], None if criteria is None else folder / VERDICT_FILE, run.judged is None)
 
 
 def _from_blocks(folder: Path, kind: str, page: "Page", criteria: str | None, kinds: Collection[str]) -> Report:

@@ -19,10 +19,11 @@ from calib.draw.rig_tables import (
     ties_table,
 )
 from calib.draw.run_tables import headline_by, verdict_blocks
+from calib.judge.folders import RIG_FILE, RigRun
 from calib.judge.halves import NoHalves, RigHalves, SplitKind
 from calib.judge.next_robot_poses import photo_names
-from calib.judge.rig_folder import CAMERAS, RIG_FILE, RigRun, folder_names
 from calib.rigs.relative import center_sigma_mm
+from calib.rigs.rig_calibration_file import CAMERAS, folder_names
 from designer.base.words import capital, counted, printable
 from designer.base.words import figure as digits
 from designer.page.blocks import Block, Command, Facts, Headline, Page, Paragraph, Section, Steps

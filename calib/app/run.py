@@ -71,7 +71,7 @@ def run(
     from calib.app.calibration_folder import RunFolder
     from calib.app.inputs import criteria_of, photos_of, target_of
     from calib.draw.gallery import OVERLAYS
-    from calib.judge.judged_run import is_run_folder
+    from calib.judge.folders import kind_in
     from calib.judge.solutions import SolveTask
     from calib.observe.observations import observations_from_detections
     from calib.observe.photos import named_photos
@@ -107,7 +107,7 @@ def run(
         if to is not None and folder is not None:
             overlays = to.place / OVERLAYS
             found = DetectedPhotos(search, found.target_file, to.place / DETECTIONS_FILE, overlays, search.remarks)
-            to.page = overlays if is_run_folder(to.place) else to.place
+            to.page = overlays if kind_in(to.place) else to.place
             to.answer = {**to.answer, "best": None, "models": [], "verdict": None}
         raise NothingFoundError(f"none of {len(search.results)} photos shows the target", found)
     plan, observations = plan.suited(observations_from_detections(search.with_target, geometry, origin="the photos"))

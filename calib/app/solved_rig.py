@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.rig import Rig
     from calib.core.types import RigObservations
+    from calib.judge.folders import RigRun
     from calib.judge.hand_eye_file import HandEye
     from calib.judge.judge import Judged
-    from calib.judge.rig_folder import RigRun
     from calib.judge.rig_solution import RigSeen
     from calib.judge.verdict import NextPose, Verdict
     from calib.rigs.result import RigCalibration
@@ -153,7 +153,7 @@ class SolvedRig(
 
     def purposes(self, folder: Path) -> tuple[tuple[str, str], ...]:
         """Those of the rig, and the lens of each camera."""
-        from calib.judge.rig_folder import CAMERAS, folder_names
+        from calib.rigs.rig_calibration_file import CAMERAS, folder_names
 
         names = self.calibration.observations.camera_names
         lenses = (
@@ -176,11 +176,13 @@ class SolvedRig(
             InputError: the message names the file.
         """
         from calib.cameras.rig import RIG
+        from calib.judge.folders import RIG_FILE
         from calib.judge.hand_eye_file import HAND_EYE, HAND_EYE_FILE
         from calib.judge.judge import VERDICT, VERDICT_FILE
-        from calib.judge.rig_folder import RIG_CALIBRATION, RIG_CALIBRATION_FILE, RIG_FILE
+        from calib.observe.calibration_file import RIG_CALIBRATION_FILE
         from calib.observe.rig_observations import KIND as SIGHTINGS
         from calib.observe.robot_poses import KIND as ROBOT_POSES
+        from calib.rigs.rig_calibration_file import RIG_CALIBRATION
         from designer.base.files import check_folder
         from designer.base.own_files import require_ours
 
@@ -213,11 +215,10 @@ class SolvedRig(
         import numpy as np
 
         from calib.draw.rig_pictures import remove_rig_pictures
+        from calib.judge.folders import keep_target, kind_in, write_rig
         from calib.judge.hand_eye_file import HAND_EYE, HAND_EYE_FILE
         from calib.judge.judge import EARLIER_RIG_VERDICT_FILE
-        from calib.judge.judged_run import keep_target
         from calib.judge.next_robot_poses import photo_names
-        from calib.judge.rig_folder import is_rig_folder, write_rig
         from calib.observe.photos import remove_ours
         from calib.observe.rig_observations import rig_sightings_to_csv
         from calib.observe.robot_poses import robot_poses_to_csv
@@ -226,7 +227,7 @@ class SolvedRig(
         folder, run = out.place, self.run
         if why := why_no_page(folder, self.kind):
             raise InputError(why)
-        is_again = is_rig_folder(folder)
+        is_again = kind_in(folder) == "rig"
         out.files += write_rig(folder, run.found, run.provenance, run.judged)
         tables = {folder / SIGHTINGS_FILE: rig_sightings_to_csv(self.observations)}
         if run.found.carrier is not None:

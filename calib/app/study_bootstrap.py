@@ -189,8 +189,8 @@ def rig_bootstrap(
     """
     import numpy as np
 
-    from calib.judge.rig_folder import read_rig
     from calib.rigs.result import RigCalibration
+    from calib.rigs.rig_calibration_file import read_rig
     from calib.solver.problem import SolveOptions
     from calib.studies import rig_bootstrap as frames_drawn
     from calib.studies.samples import Case

@@ -9,7 +9,6 @@ import numpy as np
 
 from calib.draw.gallery import OVERLAYS, STANDS_OUT, Shot, gallery
 from calib.draw.run_photos import PhotoRow, caption_of, overlay_paths
-from calib.judge.rig_folder import CAMERAS, folder_names
 from calib.judge.views import view_facts
 from calib.observe.photos import (
     OVERLAY_MARK,
@@ -21,6 +20,7 @@ from calib.observe.photos import (
 )
 from calib.observe.rig_search import RigSearch
 from calib.rigs.result import RigCalibration
+from calib.rigs.rig_calibration_file import CAMERAS, folder_names
 from designer.page.blocks import Section
 
 MOST_PICTURES = 12

@@ -14,9 +14,9 @@ import numpy as np
 
 from calib.draw.run_tables import focal_length
 from calib.draw.style import BLUE, GREY, INK, PALE, svg_panel
+from calib.judge.folders import RigRun
 from calib.judge.halves import RigHalves
 from calib.judge.next_robot_poses import gain_words, photo_names
-from calib.judge.rig_folder import RigRun
 from calib.judge.verdict import NextPose
 from calib.observe.rotations import to_quaternion
 from calib.rigs.figures import PairFigures

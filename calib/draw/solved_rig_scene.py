@@ -7,8 +7,8 @@ from calib.core.types import KnownPoints
 from calib.draw.camera_scene import first_look, points_layers
 from calib.draw.rig_scene import CAMERA, rig_layer
 from calib.draw.rig_tables import frame_name
+from calib.judge.folders import RigRun
 from calib.judge.next_robot_poses import rig_from_target_at
-from calib.judge.rig_folder import RigRun
 from calib.rigs.relative import center_covariance
 from calib.rigs.result import RigCalibration
 from designer.base.arrays import Array

@@ -12,7 +12,7 @@ import numpy as np
 from calib.cameras import COMMON
 from calib.core.se3 import invert
 from calib.core.types import freeze, keep_views
-from calib.judge.rig_folder import RigRun
+from calib.judge.folders import RigRun
 from calib.judge.rig_solution import CameraWishes, RigSeen, judged_rig
 from calib.judge.verdict import MOST_POSES, Criteria, NextPose
 from calib.observe.rig_observations import alone_as_rig

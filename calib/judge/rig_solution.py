@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from calib.cameras import COMMON, MODELS, free_form_models, learned_models, parameter_names, told_parameters
 from calib.cameras.camera import Camera
 from calib.core.types import Observations, RigObservations
+from calib.judge.folders import RigRun
 from calib.judge.halves import RigHalves
 from calib.judge.judge import judge_rig
-from calib.judge.rig_folder import RigRun
 from calib.judge.rig_halves import half_solver, rig_halves
 from calib.judge.solutions import SolveTask, best_of, compared, solve_models
 from calib.judge.verdict import Criteria

@@ -42,6 +42,8 @@ LARGEST_SCALE = 1e9
 LARGEST_COVARIANCE = 1e100
 """Squares of what is larger overflow further on."""
 CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE = "calibration.json", "observations.csv", "camera.json"
+RIG_CALIBRATION_FILE = "rig_calibration.json"
+"""Of cameras that were solved together, each of which has a folder with the files above beside it."""
 
 _Covariance = Annotated[Array, Shape("P", "P"), PACKED]
 _Point = tuple[float, float, float, Annotated[int, AtLeast(-1)]]

@@ -24,8 +24,8 @@ from calib.cameras.formats import FORMATS
 from calib.cli import app as calib_app
 from calib.detector.pipeline import detect
 from calib.judge.checks import CHECKS, read_criteria
+from calib.judge.folders import read_run
 from calib.judge.halves import NoHalves
-from calib.judge.judged_run import read_run
 from designer.base.errors import InputError
 from designer.cli import app as design_app
 from designer.kinds.layout import lay_out

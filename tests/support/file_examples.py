@@ -15,7 +15,6 @@ from calib.judge.difference import Known
 from calib.judge.halves import Half, PairApart, RigSplit
 from calib.judge.judge import Judged
 from calib.judge.next_views import NextView, NextViews
-from calib.judge.rig_folder import HeldCamera, RigRecord, SolvedFrame
 from calib.judge.verdict import Check, Criteria, Limits, NextFrame, NextPose, Verdict
 from calib.observe.calibration_file import CalibrationRecord, Provenance, SolvedView
 from calib.observe.dataset import ImageRecord, Records
@@ -23,6 +22,7 @@ from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPo
 from calib.renderer.options import RenderOptions
 from calib.renderer.truth import FileOptions, RigTruth, TrueFrame, TrueView, Truth
 from calib.rigs.result import CarrierFit
+from calib.rigs.rig_calibration_file import HeldCamera, RigRecord, SolvedFrame
 from calib.rigs.target_poses import CameraResidual, FrameWithoutPose, RigPosesDocument, RigTargetPose
 from calib.solver.calibration import ImageField, MadeWith, PlaneBend, TargetError
 from calib.solver.metrics.errors import ErrorSummary

@@ -11,7 +11,7 @@ from PIL import Image
 
 from calib.app.calibration import Run
 from calib.core.types import FaceRecord
-from calib.judge.judged_run import read_run
+from calib.judge.folders import read_run
 from calib.observe.calibration_file import Provenance, write_calibration
 from calib.observe.dataset import RECORDS, ImageRecord, Records
 from calib.renderer.truth import Truth

@@ -15,7 +15,7 @@ from typer.testing import CliRunner, Result
 import calib
 from calib.app import evaluate as capability
 from calib.draw.run_tables import models_table
-from calib.judge.judged_run import read_run
+from calib.judge.folders import read_run
 from calib.judge.solutions import Solution
 from calib.observe.calibration_file import Provenance, write_calibration
 from calib.renderer.job import RenderJob, truth_text

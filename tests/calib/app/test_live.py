@@ -21,8 +21,8 @@ from calib.capture.messages import FrameHeader, with_header
 from calib.capture.photo_folder import SESSION, PhotoFolder
 from calib.capture.serving import Serving, Worker
 from calib.capture.sources import Frame
+from calib.judge.folders import JudgedRun
 from calib.judge.guide import Guide
-from calib.judge.judged_run import JudgedRun
 from designer.base.errors import InputError, NotWrittenError
 from designer.page.output import Output
 from designer.target import target_to_json

@@ -9,7 +9,7 @@ import pytest
 
 from calib.app.measure import measure
 from calib.core.types import keep_frames
-from calib.judge.rig_folder import write_rig
+from calib.judge.folders import write_rig
 from calib.observe.calibration_file import Provenance
 from designer.base.errors import InputError
 from designer.target import load_target, target_to_json

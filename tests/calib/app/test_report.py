@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from calib.app.calibration import Run
+from calib.judge.folders import read_run
 from calib.judge.judge import VERDICT, VERDICT_FILE
-from calib.judge.judged_run import read_run
 from designer.page.page_file import BLOCKS_FILE, PAGE, StoredPage
 from designer.target import target_to_json
 from tests.support.calibrations import board
@@ -68,11 +68,11 @@ def test_criteria_judge_it(run: Path) -> None:
 def test_halves_are_not_solved_again_for_other_limits(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A verdict stores them; those of another camera are not believed."""
     calls: list[int] = []
-    from calib.judge import judged_run
+    from calib.judge import folders
     from calib.judge.halves import NoHalves
 
     calib("report", run, "--criteria", "standard")
-    monkeypatch.setattr(judged_run, "half_split", lambda *_: calls.append(1) or NoHalves("asked for"))
+    monkeypatch.setattr(folders, "half_split", lambda *_: calls.append(1) or NoHalves("asked for"))
     calib("report", run, "--criteria", "metrology")
     assert not calls
     document = json.loads((run / "verdict.json").read_text())

@@ -16,7 +16,7 @@ from calib.draw.rig_scene import view_of
 from calib.draw.run_tables import as_sentence, field_of_view_words, finding_of, headline_by
 from calib.draw.sigma_map import place_in_image
 from calib.judge.checks import read_criteria
-from calib.judge.judged_run import judge_again, read_run
+from calib.judge.folders import judge_again, read_run
 from calib.judge.verdict import Check, Verdict
 from calib.observe.observations import known_points
 from calib.renderer.truth import Truth, true_views

@@ -17,8 +17,8 @@ from calib.detector.why_nothing import explained, why_nothing
 from calib.draw.run_photos import photo_rows
 from calib.draw.study_tables import fall_in_words
 from calib.judge.checks import read_criteria
+from calib.judge.folders import read_run
 from calib.judge.judge import Judged
-from calib.judge.judged_run import read_run
 from calib.judge.verdict import Verdict
 from calib.observe.dataset import Records, image_record
 from calib.observe.photos import Search

@@ -11,7 +11,7 @@ import pytest
 
 from calib.draw.gallery import MOST_PICTURES
 from calib.draw.run_photos import photo_rows, photos_section
-from calib.judge.judged_run import read_run
+from calib.judge.folders import read_run
 from designer.page.blocks import Findings, Gallery, Page, Table
 from designer.page.shell import page_html
 from tests.support.pages import blocks_of, section_of, table_of

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from calib.app.study_bootstrap import rig_bootstrap
-from calib.judge.rig_folder import write_rig
+from calib.judge.folders import write_rig
 from calib.observe.calibration_file import Provenance
 from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration

@@ -12,9 +12,9 @@ from calib.app.report import report
 from calib.app.rig_page import limits_of, rig_page
 from calib.draw.rig_pictures import WORST, pictured
 from calib.judge.checks import read_criteria
+from calib.judge.folders import RigRun, read_rig_run, write_rig
 from calib.judge.halves import NoHalves, RigHalves, RigSplit
 from calib.judge.judge import Judged, judge_rig
-from calib.judge.rig_folder import RigRun, read_rig_run, write_rig
 from calib.observe.calibration_file import Provenance
 from calib.rigs.result import CarrierFit, RigCalibration
 from designer.base.errors import InputError

@@ -12,15 +12,16 @@ from calib.app.inputs import load_rig
 from calib.judge.checks import CHECKS, read_criteria
 from calib.judge.coverage import Coverage
 from calib.judge.evidence import JointEvidence
+from calib.judge.folders import RIG_FILE, write_rig
 from calib.judge.halves import NoHalves, RigHalves, RigSplit
 from calib.judge.joint_evidence import joint_evidence
 from calib.judge.judge import judge, judge_rig
 from calib.judge.next_frames import next_frames
-from calib.judge.rig_folder import CAMERAS, RIG_CALIBRATION_FILE, RIG_FILE, folder_names, read_rig, write_rig
 from calib.judge.verdict import Grade
-from calib.observe.calibration_file import Provenance, read_calibration
+from calib.observe.calibration_file import RIG_CALIBRATION_FILE, Provenance, read_calibration
 from calib.rigs.relative import CarriedError, relative
 from calib.rigs.result import CarrierFit, RigCalibration
+from calib.rigs.rig_calibration_file import CAMERAS, folder_names, read_rig
 from designer.base.errors import InputError
 from tests.support.file_examples import same
 from tests.support.rig_views import RigScene, ring, scene_of, solved_slowly, stereo_pair

@@ -1,46 +1,36 @@
-"""`rig_calibration.json`, with a folder of each camera: a whole solved rig, to report and to go on from.
+"""`rig_calibration.json`, and a folder a camera: a whole solved rig, to judge and evaluate without anything else.
 
-    rig_calibration.json        what ties the cameras together: poses, frames, the joint covariance
-    rig.json                    what programs need of it
-    rig_verdict.json            the verdict on it
-    cameras/left/               calibration.json, observations.csv and camera.json, as of a single camera
-
-Each camera's folder is one that `calib evaluate`, `calib diff` and the others take. In memory and read from its folder
-a rig is the same value, so that both are told alike.
+What is joint is in the one file; of each camera `calibration.json`, `observations.csv` and `camera.json` are in its own
+folder, as of a camera that was solved by itself.
 """
 
-import hashlib
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 
-from calib.cameras.rig import LONGEST_DELAY_S, MOST_CAMERAS, POSE, RIG
+from calib.cameras.rig import LONGEST_DELAY_S, MOST_CAMERAS, POSE
 from calib.core.se3 import rigid_fault
 from calib.core.types import KnownPoints, RigObservations
-from calib.judge.evidence import JointEvidence
-from calib.judge.halves import NOT_COMPARED
-from calib.judge.joint_evidence import joint_evidence
-from calib.judge.judge import VERDICT, VERDICT_FILE, Judged, judge_rig, read_verdict
-from calib.judge.judged_run import kept_target, within
-from calib.judge.rig_halves import enlarged
-from calib.judge.verdict import Criteria, Verdict
-from calib.observe.calibration_file import CALIBRATION_FILE, Provenance, calibration_files, read_calibration
+from calib.observe.calibration_file import (
+    CALIBRATION_FILE,
+    RIG_CALIBRATION_FILE,
+    Provenance,
+    calibration_files,
+    read_calibration,
+)
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.solver.calibration import Calibration, CircleDoubt, Status
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
-from designer.base.files import write_files
 from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Count, Length, Line, Shape, Word
 from designer.base.words import shown
-from designer.target import TargetGeometry
 
-RIG_FILE, RIG_CALIBRATION_FILE, CAMERAS = "rig.json", "rig_calibration.json", "cameras"
+CAMERAS = "cameras"
 MOST_FRAMES = 1_000_000
 LARGEST_COVARIANCE = 1e100
 LONGEST_TIME_S = 1e12
@@ -134,36 +124,20 @@ RIG_CALIBRATION = FileKind(
 )
 
 
-def write_rig(
-    folder: Path, found: RigCalibration, provenance: Provenance, judged: Judged | None = None
-) -> tuple[Path, ...]:
-    """Write a solved rig's files, all or none; their places.
-
-    Args:
-        folder: of the rig.
-        found: the rig.
-        provenance: where it comes from.
-        judged: the verdict on it, whose halves may enlarge what `rig.json` states; None: there is none.
+def rig_files(folder: Path, found: RigCalibration, provenance: Provenance) -> dict[Path, bytes]:
+    """The files of a solved rig and of its cameras, the rig's own last.
 
     Raises:
-        InputError: they cannot be written, or hold what `read_rig` refuses.
+        InputError: they hold what `read_rig` refuses.
     """
     files: dict[Path, bytes] = {}
     digests = []
     names = folder_names(found.observations.camera_names)
-    for camera, name in enumerate(names):
-        own, told = calibration_files(folder / CAMERAS / name, found.alone[camera], provenance)
+    for one, name in zip(found.alone, names, strict=True):
+        own, told = calibration_files(folder / CAMERAS / name, one, provenance)
         files |= own
         digests.append(told.observations_sha256)
-    text = RIG_CALIBRATION.text(_record(found, provenance, names, digests))
-    files[folder / RIG_CALIBRATION_FILE] = text
-    if judged is not None:
-        written = replace(judged, solution_sha256=hashlib.sha256(text).hexdigest())
-        files[folder / VERDICT_FILE] = VERDICT.text(written)
-    stated = found if judged is None else enlarged(found, judged.rig_halves)
-    files[folder / RIG_FILE] = RIG.text(stated.rig)
-    write_files(files)
-    return tuple(files)
+    return {**files, folder / RIG_CALIBRATION_FILE: RIG_CALIBRATION.text(_record(found, provenance, names, digests))}
 
 
 def folder_names(camera_names: Sequence[str]) -> tuple[str, ...]:
@@ -177,18 +151,16 @@ def folder_names(camera_names: Sequence[str]) -> tuple[str, ...]:
     return tuple(found)
 
 
+_ALIKE = sorted({one.name for one in fields(RigRecord)} & {one.name for one in fields(RigCalibration)} - {"cameras"})
+"""What the file says in the words of the solution."""
+
+
 def _record(found: RigCalibration, provenance: Provenance, folders: Sequence[str], digests: Sequence[str]) -> RigRecord:
+    """What the file says."""
     seen = found.observations
     return RigRecord(
         provenance=provenance,
-        status=found.status,
-        remarks=found.remarks,
         observed=seen.remarks,
-        iterations=found.iterations,
-        seconds=found.seconds,
-        weighted=found.weighted,
-        reference=found.reference,
-        rig_frame=found.rig_frame,
         cameras=tuple(
             HeldCamera(
                 name,
@@ -207,23 +179,12 @@ def _record(found: RigCalibration, provenance: Provenance, folders: Sequence[str
             SolvedFrame(*frame)
             for frame in zip(seen.frame_names, found.rig_from_target, found.frame_covariance, strict=True)
         ),
-        covariance=found.covariance,
-        target_covariance=found.target_covariance,
-        circle_doubt=found.circle_doubt,
-        capture_covariance=found.capture_covariance,
-        photo_covariance=found.photo_covariance,
-        slack=found.slack,
-        carrier=found.carrier,
+        **{name: getattr(found, name) for name in _ALIKE},
     )
 
 
-def is_rig_folder(folder: Path) -> bool:
-    """Whether a folder holds a solved rig, readable or not."""
-    return (folder / RIG_CALIBRATION_FILE).is_file()
-
-
 def read_rig(folder: Path) -> tuple[RigCalibration, Provenance]:
-    """Read what `write_rig` wrote.
+    """Read the rig of a folder.
 
     Raises:
         InputError: a file cannot be read, breaks a rule, or does not belong to the others; the message names it.
@@ -277,87 +238,12 @@ def _rig_of(record: RigRecord, alone: Sequence[Calibration], points: KnownPoints
         residual_px=tuple(one.residual_px for one in alone),
         is_outlier=tuple(one.is_outlier for one in alone),
         scale=np.array([one.scale for one in alone]),
-        covariance=record.covariance,
         frame_covariance=np.stack([one.covariance for one in record.frames]),
         pose_covariance=tuple(one.pose_covariance for one in alone),
-        reference=record.reference,
-        rig_frame=record.rig_frame,
         is_refined=tuple(one.is_refined for one in cameras),
-        weighted=record.weighted,
-        status=record.status,
-        remarks=record.remarks,
-        iterations=record.iterations,
-        seconds=record.seconds,
         delay_s=np.array(delays) if delays else None,
         delay_sigma_s=np.array(sigmas) if len(sigmas) == len(cameras) else None,
-        carrier=record.carrier,
-        target_covariance=record.target_covariance,
-        circle_doubt=record.circle_doubt,
-        capture_covariance=record.capture_covariance,
-        photo_covariance=record.photo_covariance,
-        slack=record.slack,
         target_bend=alone[0].target_bend,
         priors=tuple(one.priors for one in alone),
+        **{name: getattr(record, name) for name in _ALIKE},
     )
-
-
-@dataclass(frozen=True, eq=False)
-class RigRun:
-    """A solved rig, and what is known of it."""
-
-    found: RigCalibration
-    provenance: Provenance
-    judged: Judged | None = None  # None: nobody judged
-    target: TargetGeometry | None = None  # as it was used
-    faults: tuple[str, ...] = ()  # what is there and could not be read or written, one line each
-
-    @property
-    def verdict(self) -> Verdict | None:
-        """On the rig."""
-        return None if self.judged is None else self.judged.verdict
-
-    @cached_property
-    def stated(self) -> RigCalibration:
-        """With deviations as they are told: enlarged as halves of the frames tell."""
-        return enlarged(self.found, self.evidence.halves)
-
-    @cached_property
-    def evidence(self) -> JointEvidence:
-        """What it was, or would be, judged by."""
-        return joint_evidence(self.found, NOT_COMPARED if self.judged is None else self.judged.rig_halves)
-
-
-def read_rig_run(folder: Path) -> RigRun:
-    """Read a rig's folder; a verdict or a target that cannot be read is left out, and said.
-
-    Raises:
-        InputError: the rig cannot be read; the message names the file.
-    """
-    found, provenance = read_rig(folder)
-    faults: list[str] = []
-    judged: Judged | None = None
-    try:
-        judged = read_verdict(folder)
-    except InputError as error:
-        faults.append(within(folder, error))
-    if judged is not None and judged.solution_sha256 != _digest(folder):
-        faults.append(f"{VERDICT_FILE}: on another solution; calib report with --criteria judges again")
-        judged = None
-    target, wrong = kept_target(folder, found.observations.points.geometry_id)
-    return RigRun(found, provenance, judged, target, (*faults, *wrong))
-
-
-def judge_rig_again(folder: Path, criteria: Criteria) -> Judged:
-    """Judge a folder's rig by other limits, and write `rig_verdict.json`; halves are those of the verdict there.
-
-    Raises:
-        InputError: the folder holds no rig that can be read, or takes no files; the message names it.
-    """
-    run = read_rig_run(folder)
-    judged = replace(judge_rig(run.found, run.evidence.halves, criteria), solution_sha256=_digest(folder))
-    write_files({folder / VERDICT_FILE: VERDICT.text(judged)})
-    return judged
-
-
-def _digest(folder: Path) -> str:
-    return hashlib.sha256((folder / RIG_CALIBRATION_FILE).read_bytes()).hexdigest()

@@ -1,18 +1,23 @@
-"""Cameras of one or several models from the same photos with the verdict on the best, in memory or in a folder."""
+"""Folders of what was solved: cameras of one or several models from the same photos, or a rig, with the verdict on it.
 
+Any of them is read by `read_solved`, and judged again by `judge_again`. What is of rigs is loaded for these alone.
+"""
+
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from calib.cameras import MODELS
-from calib.judge.halves import Halves, half_split
-from calib.judge.judge import VERDICT, VERDICT_FILE, Judged, inputs_of, judge_cameras
+from calib.cameras.rig import RIG
+from calib.judge.halves import NOT_COMPARED, Halves, half_split
+from calib.judge.judge import VERDICT, VERDICT_FILE, Judged, inputs_of, judge_cameras, judge_rig, read_verdict
 from calib.judge.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextView, NextViews
 from calib.judge.solutions import Solution
-from calib.judge.verdict import Criteria
-from calib.observe.calibration_file import CALIBRATION_FILE, read_calibration
+from calib.judge.verdict import Criteria, Verdict
+from calib.observe.calibration_file import CALIBRATION_FILE, RIG_CALIBRATION_FILE, Provenance, read_calibration
 from calib.observe.dataset import RECORDS, Records
 from calib.solver.calibration import Calibration
 from calib.solver.metrics.evaluation import evaluate
@@ -24,9 +29,13 @@ from designer.base.own_files import is_ours
 from designer.base.words import printable
 from designer.target import FORMAT, TargetGeometry, load_target, target_to_json
 
+if TYPE_CHECKING:
+    from calib.judge.evidence import JointEvidence
+    from calib.rigs.result import RigCalibration
+
 T = TypeVar("T")
 
-RECORDS_FILE, TARGET_FILE = "detections.records.json", "target.json"
+RECORDS_FILE, TARGET_FILE, RIG_FILE = "detections.records.json", "target.json", "rig.json"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,29 +66,97 @@ class JudgedRun:
         return tuple(one for one in self.solved if one is not self.best)
 
 
-def is_run_folder(folder: Path) -> bool:
-    """Whether a folder holds a calibration, readable or not."""
-    return any((place / CALIBRATION_FILE).is_file() for place in (folder, *(folder / model for model in MODELS)))
+@dataclass(frozen=True, eq=False)
+class RigRun:
+    """A solved rig, and what is known of it."""
+
+    found: "RigCalibration"
+    provenance: Provenance
+    judged: Judged | None = None  # None: nobody judged
+    target: TargetGeometry | None = None  # as it was used
+    faults: tuple[str, ...] = ()  # what is there and could not be read or written, one line each
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """On the rig."""
+        return None if self.judged is None else self.judged.verdict
+
+    @cached_property
+    def stated(self) -> "RigCalibration":
+        """With deviations as they are told: enlarged as halves of the frames tell."""
+        from calib.judge.rig_halves import enlarged
+
+        return enlarged(self.found, self.evidence.halves)
+
+    @cached_property
+    def evidence(self) -> "JointEvidence":
+        """What it was, or would be, judged by."""
+        from calib.judge.joint_evidence import joint_evidence
+
+        return joint_evidence(self.found, NOT_COMPARED if self.judged is None else self.judged.rig_halves)
+
+
+def kind_in(folder: Path) -> Literal["rig", "calibration", ""]:
+    """What a folder holds, readable or not: a solved rig, cameras of several models, or neither."""
+    if (folder / RIG_CALIBRATION_FILE).is_file():
+        return "rig"
+    places = (folder, *(folder / model for model in MODELS))
+    return "calibration" if any((place / CALIBRATION_FILE).is_file() for place in places) else ""
+
+
+def read_solved(folder: Path) -> JudgedRun | RigRun:
+    """Read a folder of either kind. What cannot be read but one camera, or the rig, is left out, and said.
+
+    Raises:
+        InputError: no camera, or no rig, can be read; the message names the file.
+    """
+    return read_rig_run(folder) if kind_in(folder) == "rig" else read_run(folder)
 
 
 def read_run(folder: Path) -> JudgedRun:
-    """Read a run's folder. What cannot be read but one camera is left out, and said.
-
-    Raises:
-        InputError: no camera can be read; the message names the first.
-    """
+    """Likewise, of cameras."""
     faults: list[str] = []
     solved = _read_cameras(folder, faults)
-    judged = _read(VERDICT, folder / VERDICT_FILE, folder, faults)
+    judged = _read_judged(folder, faults)
     views = _read(NEXT_VIEWS, folder / NEXT_VIEWS_FILE, folder, faults)
-    records = records_in(folder, solved[0].calibration.observations.view_names, faults)
-    target, wrong = kept_target(folder, solved[0].calibration.observations.points.geometry_id)
+    seen = solved[0].calibration.observations
+    records = records_in(folder, seen.view_names, faults)
+    target, wrong = kept_target(folder, seen.points.geometry_id)
+    run = JudgedRun(tuple(solved), judged, () if views is None else views.views, records, target)
     faults += wrong
-    run = JudgedRun(tuple(solved), judged, () if views is None else views.views, records, target, tuple(faults))
-    if judged is None or judged.solution_sha256 == run.best.provenance.observations_sha256:
-        return run
-    word = f"{VERDICT_FILE}: on another camera or other photos; calib report with --criteria judges again"
-    return replace(run, judged=None, faults=(*faults, word))
+    judged = _if_on(judged, run.best.provenance.observations_sha256, "another camera or other photos", faults)
+    return replace(run, judged=judged, faults=tuple(faults))
+
+
+def read_rig_run(folder: Path) -> RigRun:
+    """Likewise, of a rig."""
+    from calib.rigs.rig_calibration_file import read_rig
+
+    found, provenance = read_rig(folder)
+    faults: list[str] = []
+    judged = _if_on(_read_judged(folder, faults), _rig_digest(folder), "another solution", faults)
+    target, wrong = kept_target(folder, found.observations.points.geometry_id)
+    return RigRun(found, provenance, judged, target, (*faults, *wrong))
+
+
+def _read_judged(folder: Path, faults: list[str]) -> Judged | None:
+    try:
+        return read_verdict(folder)
+    except InputError as error:
+        faults.append(within(folder, error))
+        return None
+
+
+def _if_on(judged: Judged | None, digest: str, other: str, faults: list[str]) -> Judged | None:
+    """The verdict if it is on that solution; None if not, which is added to the faults."""
+    if judged is None or judged.solution_sha256 == digest:
+        return judged
+    faults.append(f"{VERDICT_FILE}: on {other}; calib report with --criteria judges again")
+    return None
+
+
+def _rig_digest(folder: Path) -> str:
+    return hashlib.sha256((folder / RIG_CALIBRATION_FILE).read_bytes()).hexdigest()
 
 
 def records_in(folder: Path, photos: Sequence[str], faults: list[str]) -> Records | None:
@@ -90,14 +167,19 @@ def records_in(folder: Path, photos: Sequence[str], faults: list[str]) -> Record
 
 
 def judge_again(folder: Path, criteria: Criteria) -> Judged:
-    """Judge the best camera of a folder, and write `verdict.json` and `next_views.json`, both or none.
+    """Judge the best camera of a folder, or its rig, and write `verdict.json` and `next_views.json`, both or none.
 
     Half solutions that an earlier verdict stored are used again.
 
     Raises:
-        InputError: the folder holds no camera that can be read, or takes no files; the message names it.
+        InputError: the folder holds neither that can be read, or takes no files; the message names it.
     """
-    run = read_run(folder)
+    run = read_solved(folder)
+    if isinstance(run, RigRun):
+        judged = judge_rig(run.found, run.evidence.halves, criteria)
+        judged = replace(judged, solution_sha256=_rig_digest(folder))
+        write_files({folder / VERDICT_FILE: VERDICT.text(judged)})
+        return judged
     best = replace(run, judged=None).best
     stored = run.judged is not None and best is run.best and isinstance(run.judged.halves, Halves)
     halves = run.judged.halves if stored and run.judged else half_split(best.calibration, best.provenance.options)
@@ -110,6 +192,33 @@ def judge_again(folder: Path, criteria: Criteria) -> Judged:
         {folder / VERDICT_FILE: VERDICT.text(judged), folder / NEXT_VIEWS_FILE: NEXT_VIEWS.text(NextViews(views))}
     )
     return judged
+
+
+def write_rig(
+    folder: Path, found: "RigCalibration", provenance: Provenance, judged: Judged | None = None
+) -> tuple[Path, ...]:
+    """Write a solved rig's files, all or none; their places.
+
+    Args:
+        folder: of the rig.
+        found: the rig.
+        provenance: where it comes from.
+        judged: the verdict on it, whose halves may enlarge what `rig.json` states; None: there is none.
+
+    Raises:
+        InputError: they cannot be written, or hold what `read_rig` refuses.
+    """
+    from calib.judge.rig_halves import enlarged
+    from calib.rigs.rig_calibration_file import rig_files
+
+    files = rig_files(folder, found, provenance)
+    if judged is not None:
+        digest = hashlib.sha256(files[folder / RIG_CALIBRATION_FILE]).hexdigest()
+        files[folder / VERDICT_FILE] = VERDICT.text(replace(judged, solution_sha256=digest))
+    stated = found if judged is None else enlarged(found, judged.rig_halves)
+    files[folder / RIG_FILE] = RIG.text(stated.rig)
+    write_files(files)
+    return tuple(files)
 
 
 def _read_cameras(folder: Path, faults: list[str]) -> list[Solution]:
