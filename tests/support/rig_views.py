@@ -193,7 +193,7 @@ def solved_slowly(scene: RigScene, *, refined: Sequence[bool] | None = None, ste
             )
         ),
         reference=0, rig_frame="", is_refined=is_refined, weighted=True, status="converged", remarks=(),
-        iterations=steps, seconds=0.1,
+        iterations=steps, seconds=0.1, priors=((),) * len(cameras),
     )  # fmt: skip
 
 
