@@ -8,22 +8,18 @@ import numpy as np
 from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
 from calib.core.types import Detections
-from calib.judge.coverage import Coverage, lit_part
+from calib.judge.coverage import lit_part
 from calib.judge.guidance import Bar, Ghost, GuideSettings, Line, SensorMap, Stage, TakenPhoto
-from calib.judge.guide_state import FEWEST_PHOTOS, Insight, Proposal, Standing
-from calib.judge.information import knowledge_of
+from calib.judge.guide_state import FEWEST_PHOTOS, MAP, Insight, Proposal, Standing
 from calib.judge.next_view_words import place_of, place_words, thing_word, tilt_words
 from calib.judge.next_views import outline_px
 from calib.judge.target_hints import held_at, short_of, side_words
 from calib.judge.verdict import Check, Grade, px
 from calib.judge.views import TargetShape
-from calib.solver.accuracy import projected_sigma_px, share_px
-from calib.solver.calibration import Calibration
+from calib.solver.accuracy import projected_sigma_px
 from designer.base.arrays import Array, Rows
-from designer.base.words import figure
+from designer.base.words import counted, figure
 
-MAP = (24, 16)
-"""Columns and rows of the sensor map."""
 ALWAYS = {"uncertainty": "uncertainty", "coverage": "coverage", "halves": "halves agree"}
 """Checks that have a bar from the first photo on; others only where they are not good."""
 FEW_RINGS = 0.5
@@ -31,63 +27,42 @@ FEW_RINGS = 0.5
 LEAST_OF_FACE = 3
 
 
-def covariance_of(calibration: Calibration, standing: Standing | None) -> Array:
-    """The parameters' covariance as it is told; where the photos leave some open, with a guess of those.  # (P, P)"""
-    if standing is None:
-        basis = knowledge_of(calibration).basis
-        return np.asarray(basis @ basis.T)
-    more = standing.evidence.uncertainty.factor**2 - 1
-    return calibration.stated_covariance + more * calibration.param_covariance
-
-
-def map_of(calibration: Calibration, standing: Standing | None, covered: Coverage, wanted_px: float) -> SensorMap:
-    """What is known of each part of the image."""
+def map_of(known: Insight, wanted_px: float) -> SensorMap | None:
+    """What is known of each part of the image; None: no camera is."""
+    calibration, covered = known.calibration, known.coverage
+    if calibration is None or covered is None:
+        return None
     pixel = image_grid(calibration.camera.image_size, *MAP)
     flat, cells = pixel.reshape(-1, 2), covered.is_covered
-    sigma = projected_sigma_px(lit_part(calibration).camera, covariance_of(calibration, standing), flat)
+    sigma = projected_sigma_px(lit_part(calibration).camera, known.covariance_of(calibration), flat)
     place = (flat + 0.5) / calibration.camera.image_size * cells.shape[::-1]
     column, row = np.clip(place.astype(np.int64), 0, np.array(cells.shape[::-1]) - 1).T
     shape = pixel.shape[:2]
     return SensorMap(sigma.reshape(shape), cells[row, column].reshape(shape), wanted_px)
 
 
-def told_sigma_px(calibration: Calibration, standing: Standing | None) -> float:
-    """What 95 % of the image stays within; infinite if less is known."""
-    if standing is not None:
-        known = standing.evidence.uncertainty.image_px
-        return math.inf if known is None else known
-    lit = lit_part(calibration)
-    pixel = image_grid(calibration.camera.image_size, *MAP).reshape(-1, 2)
-    return share_px(projected_sigma_px(lit.camera, covariance_of(calibration, None), pixel[lit.is_lit(pixel)]))
-
-
-def count_words(photos: int) -> str:
-    """How many photos."""
-    return "no photo yet" if photos == 0 else f"{photos} photo{'s' * (photos > 1)}"
-
-
-def headline_of(
-    stage: Stage, sigma_px: float, covered: float, standing: Standing | None, settings: GuideSettings, photos: int
-) -> str:
+def headline_of(stage: Stage, known: Insight, settings: GuideSettings) -> str:
     """The state in a line."""
     wanted, percent = settings.criteria["uncertainty"].good, settings.criteria["coverage"].good
+    count = counted(known.photos, "photo") if known.photos else "no photo yet"
     if stage == "first":
-        return f"no camera yet; {count_words(photos)}"
-    if standing is None:
-        known = f"about {figure(sigma_px, 1)} px in 95 % of the image" if math.isfinite(sigma_px) else "hardly anything"
+        return f"no camera yet; {count}"
+    is_told = math.isfinite(known.sigma_px)
+    if known.standing is None:
+        told = f"about {figure(known.sigma_px, 1)} px in 95 % of the image" if is_told else "hardly anything"
         more = "; no view is found that would help" if stage == "exhausted" else ""
-        return f"{known} by a first camera, {wanted:g} px wanted; {count_words(photos)}{more}"
-    known = f"{px(sigma_px)} in 95 % of the image" if math.isfinite(sigma_px) else "part of the image is not known"
+        return f"{told} by a first camera, {wanted:g} px wanted; {count}{more}"
+    told = f"{px(known.sigma_px)} in 95 % of the image" if is_told else "part of the image is not known"
     if stage == "good":
-        return f"good: {known}, {100 * covered:.0f} % covered; {count_words(photos)} are enough"
+        return f"good: {told}, {100 * known.covered:.0f} % covered; {count} are enough"
     if stage == "exhausted":
-        return f"{standing.verdict.grade}: {known}; {count_words(photos)}; {why_exhausted(standing)}"
-    missing = [] if sigma_px <= wanted else [f"{wanted:g} px wanted"]
-    if 100 * covered < percent:
-        missing.append(f"{100 * covered:.0f} % covered, {percent:.0f} % wanted")
-    missing = missing or [f"to be checked: {check.title.lower()}" for check in not_good(standing)[:1]]
+        return f"{known.standing.verdict.grade}: {told}; {count}; {why_exhausted(known.standing)}"
+    missing = [] if known.sigma_px <= wanted else [f"{wanted:g} px wanted"]
+    if 100 * known.covered < percent:
+        missing.append(f"{100 * known.covered:.0f} % covered, {percent:.0f} % wanted")
+    missing = missing or [f"to be checked: {check.title.lower()}" for check in not_good(known.standing)[:1]]
     missing = missing or [f"at least {FEWEST_PHOTOS} photos wanted"]
-    return "; ".join([", ".join([known, *missing]), count_words(photos)])
+    return "; ".join([", ".join([told, *missing]), count])
 
 
 def not_good(standing: Standing) -> list[Check]:
@@ -106,22 +81,22 @@ def why_exhausted(standing: Standing) -> str:
     return f"more would help little: {standing.verdict.sentence}"
 
 
-def bars_of(covered: float, sigma_px: float, standing: Standing | None, settings: GuideSettings) -> tuple[Bar, ...]:
+def bars_of(known: Insight, settings: GuideSettings) -> tuple[Bar, ...]:
     """How far the checks are."""
-    criteria = settings.criteria
-    if standing is None:
-        limit, part = criteria["uncertainty"].good, criteria["coverage"].good
-        known = f"about {figure(sigma_px, 1)} px" if math.isfinite(sigma_px) else "not known yet"
+    if known.standing is None:
+        limit, part = settings.criteria["uncertainty"].good, settings.criteria["coverage"].good
+        sigma_px, percent = known.sigma_px, 100 * known.covered
+        told = f"about {figure(sigma_px, 1)} px" if math.isfinite(sigma_px) else "not known yet"
         share = min(limit / sigma_px, 1.0) if sigma_px > 0 else 0.0
-        area = min(100 * covered / part, 1.0) if part > 0 else 1.0
+        area = min(percent / part, 1.0) if part > 0 else 1.0
         grade: Grade = "good" if area >= 1 else "bad"
         return (
-            Bar("uncertainty", ALWAYS["uncertainty"], f"{known}, {limit:g} px wanted", share, "unknown"),
-            Bar("coverage", ALWAYS["coverage"], f"{100 * covered:.0f} %, {part:.0f} % wanted", area, grade),
+            Bar("uncertainty", ALWAYS["uncertainty"], f"{told}, {limit:g} px wanted", share, "unknown"),
+            Bar("coverage", ALWAYS["coverage"], f"{percent:.0f} %, {part:.0f} % wanted", area, grade),
             Bar("halves", ALWAYS["halves"], "not to be told yet", 0.0, "unknown"),
         )
-    some = [check for check in standing.verdict.checks if check.name in ALWAYS]
-    return tuple(bar_of(check) for check in [*some, *(one for one in not_good(standing) if one.name not in ALWAYS)])
+    some = [check for check in known.standing.verdict.checks if check.name in ALWAYS]
+    return tuple(bar_of(one) for one in [*some, *(one for one in not_good(known.standing) if one.name not in ALWAYS)])
 
 
 def bar_of(check: Check) -> Bar:

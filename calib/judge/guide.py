@@ -1,6 +1,5 @@
 """Guidance while photos are taken, as a value: photo after photo, and frame after frame."""
 
-import math
 from collections.abc import Sequence
 from functools import cached_property
 from os import PathLike
@@ -11,26 +10,13 @@ from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations
 from calib.judge.candidate_views import first_pose, guessed_camera
 from calib.judge.checks import STANDARD
-from calib.judge.coverage import Coverage, coverage, coverage_of
-from calib.judge.guidance import (
-    ALL,
-    CameraGuidance,
-    FrameNote,
-    Ghost,
-    Guidance,
-    Line,
-    Look,
-    SensorMap,
-    Stage,
-    settings_of,
-)
-from calib.judge.guidance_words import bars_of, ghost_of, headline_of, map_of, photos_of, told_sigma_px
-from calib.judge.guide_state import Insight, Proposal, Standing, insight_of, proposal_of, standing_of
+from calib.judge.guidance import ALL, CameraGuidance, FrameNote, Ghost, Guidance, Line, Look, Stage, settings_of
+from calib.judge.guidance_words import bars_of, ghost_of, headline_of, map_of, photos_of
+from calib.judge.guide_state import Insight, Proposal, insight_of, judged, proposal_of
 from calib.judge.live_frame import LookedFor, frame_pose, look_at_frame
-from calib.judge.next_views import ViewGains, gains_of
+from calib.judge.next_views import gains_of
 from calib.judge.target_hints import ghost_lines, held_at
 from calib.judge.verdict import Criteria, Verdict
-from calib.judge.views import TargetShape
 from calib.solver.calibration import Calibration
 from designer.base.arrays import Array
 from designer.base.errors import InputError
@@ -88,12 +74,12 @@ class Guide:
     @property
     def calibration(self) -> Calibration | None:
         """The camera as far as it is known; None if not even its focal length is."""
-        return self._insight.calibration if self._standing is None else self._standing.calibration
+        return self._insight.calibration
 
     @property
     def verdict(self) -> Verdict | None:
         """On the camera; None as long as the photos do not determine all of it."""
-        return None if self._standing is None else self._standing.verdict
+        return None if self._insight.standing is None else self._insight.standing.verdict
 
     @property
     def is_good(self) -> bool:
@@ -127,12 +113,12 @@ class Guide:
         if self._proposal is None:
             return self
         other = self._with(self._photos, (*self._skipped, self._proposal.cam_from_target))
-        other.__dict__.update(_insight=self._insight, _standing=self._standing)  # what the photos tell is the same
+        other.__dict__.update(_insight=self._insight)  # what the photos tell is the same
         return other
 
     def sized(self, image_size: tuple[int, int]) -> "Guide":
         """With the size of the frames; that of photos goes before it."""
-        if image_size == self._image_size or self._counted:
+        if image_size == self._image_size or self._insight.photos:
             return self
         other = self._with(self._photos, self._skipped)
         other._image_size = image_size
@@ -150,62 +136,29 @@ class Guide:
     @cached_property
     def told(self) -> Guidance:
         """All that is to be shown between two photos."""
-        calibration, standing, covered = self.calibration, self._standing, self._covered
-        sigma_px = math.inf if calibration is None else told_sigma_px(calibration, standing)
-        share = 0.0 if covered is None else covered.share
-        map_: SensorMap | None = None
+        known, settings, proposal = self._insight, self.settings, self._proposal
         ghost: Ghost | None = None
         ghost_px: tuple[Line, ...] = ()
-        if calibration is not None and covered is not None:
-            map_ = map_of(calibration, standing, covered, self.settings.criteria["uncertainty"].good)
-        if self._proposal is not None:
-            ghost = ghost_of(self._proposal, self.camera, self.shape, is_rough=standing is None)
-            ghost_px = ghost_lines(self.settings.target, self.camera, self._proposal.cam_from_target)
-        return Guidance(
-            self._stage, headline_of(self._stage, sigma_px, share, standing, self.settings, self._counted),
-            bars_of(share, sigma_px, standing, self.settings),
-            (CameraGuidance(NAME, self.camera.image_size, map_, ghost_px),), ghost,
-            photos_of(self._photos, self._insight, self.settings.points.face),
-            () if calibration is None else calibration.remarks,
-        )  # fmt: skip
-
-    @property
-    def _stage(self) -> Stage:
+        if proposal is not None:
+            ghost = ghost_of(proposal, self.camera, settings.shape, is_rough=known.standing is None)
+            ghost_px = ghost_lines(settings.target, self.camera, proposal.cam_from_target)
         if self.calibration is None:
-            return "first"
-        if self._standing is not None and self._standing.is_good and (self._standing.is_enough or not self._proposal):
-            return "good"
-        return "exhausted" if self._proposal is None else "guiding"
-
-    @property
-    def _counted(self) -> int:
-        """How many photos count."""
-        return 0 if self._insight.observations is None else self._insight.observations.view_count
+            stage: Stage = "first"
+        elif known.is_good and (known.is_enough or proposal is None):
+            stage = "good"
+        else:
+            stage = "exhausted" if proposal is None else "guiding"
+        map_ = map_of(known, settings.criteria["uncertainty"].good)
+        return Guidance(
+            stage, headline_of(stage, known, settings), bars_of(known, settings),
+            (CameraGuidance(NAME, self.camera.image_size, map_, ghost_px),), ghost,
+            photos_of(self._photos, known, settings.points.face),
+            () if self.calibration is None else self.calibration.remarks,
+        )  # fmt: skip
 
     @cached_property
     def _insight(self) -> Insight:
-        return insight_of(self._photos, self.settings)
-
-    @cached_property
-    def _standing(self) -> Standing | None:
-        return standing_of(self._insight, self.settings)
-
-    @cached_property
-    def _covered(self) -> Coverage | None:
-        """What the sightings surround; None without any."""
-        if self._standing is not None:
-            return self._standing.evidence.coverage
-        if self._insight.calibration is not None:
-            return coverage_of(self._insight.calibration)
-        seen = self._insight.observations
-        return (
-            None if seen is None else coverage(seen.image_size, seen.center_px, seen.view, seen.points.face[seen.point])
-        )
-
-    @property
-    def shape(self) -> TargetShape:
-        """Of the target."""
-        return self.settings.shape
+        return judged(insight_of(self._photos, self.settings), self.settings)
 
     @cached_property
     def camera(self) -> Camera:
@@ -227,28 +180,21 @@ class Guide:
     def _proposal(self) -> Proposal | None:
         if self.calibration is None:
             taken = np.concatenate([self.taken, np.array(self._skipped).reshape(-1, 4, 4)])
-            return Proposal(first_pose(self.camera, self.shape, taken), None)
+            return Proposal(first_pose(self.camera, self.settings.shape, taken), None)
+        asked = (self.calibration, self._insight, self.settings)
         # The last photo once more is no progress, but of a small target held near all others are like it.
-        asked = (self.calibration, self._standing, self.settings, self.shape)
-        opened = self._insight.opened
-        return proposal_of(*asked, (*self._skipped, self.taken[-1]), opened) or proposal_of(
-            *asked, self._skipped, opened
-        )
-
-    @cached_property
-    def _gains(self) -> ViewGains | None:
-        proposal, covered = self._proposal, self._covered
-        if self.calibration is None or covered is None or proposal is None or proposal.view is None:
-            return None
-        return gains_of(self.calibration, self.shape, covered, proposal.view, is_for_accuracy=proposal.is_for_accuracy)
+        return proposal_of(*asked, (*self._skipped, self.taken[-1])) or proposal_of(*asked, self._skipped)
 
     @cached_property
     def _looked_for(self) -> LookedFor:
-        wanted = None
-        if self._proposal is not None:
-            wanted = held_at(self.camera, self.shape, self._proposal.cam_from_target)
+        proposal, shape, covered = self._proposal, self.settings.shape, self._insight.coverage
+        wanted = None if proposal is None else held_at(self.camera, shape, proposal.cam_from_target)
+        gains = None
+        if self.calibration is not None and covered is not None and proposal is not None and proposal.view is not None:
+            is_for_accuracy = proposal.is_for_accuracy
+            gains = gains_of(self.calibration, shape, covered, proposal.view, is_for_accuracy=is_for_accuracy)
         last = self._photos[-1] if self._photos else None
-        return LookedFor(self.camera, self.settings.points, self.shape, wanted, self._gains, self.taken, last)
+        return LookedFor(self.camera, self.settings.points, shape, wanted, gains, self.taken, last)
 
     def _with(self, photos: tuple[Detections, ...], skipped: tuple[Array, ...]) -> "Guide":
         other = object.__new__(Guide)

@@ -10,13 +10,15 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from calib.cameras import WIDE, told_parameters
+from calib.cameras.refit import image_grid
 from calib.core.parallel import one_thread
 from calib.core.types import LEAST_POINTS, Detections, Observations, keep_views
-from calib.judge.coverage import lit_part, sigma_over_lit_px
+from calib.judge.coverage import Coverage, coverage, coverage_of, lit_part, sigma_over_lit_px
 from calib.judge.evidence import LensEvidence, evidence_of, lens_evidence, rms_px, uncertainty_of
 from calib.judge.guidance import GuideSettings
 from calib.judge.halves import half_split
@@ -26,9 +28,8 @@ from calib.judge.next_views import NextView, next_view_search, proposed_views
 from calib.judge.target_hints import are_near
 from calib.judge.verdict import Verdict
 from calib.judge.view_search import ViewGoal
-from calib.judge.views import TargetShape
 from calib.observe.observations import observations_from_detections
-from calib.solver.accuracy import NO_FIT, UNSURE_FOCAL
+from calib.solver.accuracy import NO_FIT, UNSURE_FOCAL, projected_sigma_px, share_px
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
 from calib.solver.capture_error import with_capture_error
@@ -53,6 +54,25 @@ CONTRADICTS, LEAST_FAR_PX = 5.0, 0.3
 """Times the others' residuals that a photo leaves, and pixels, if something is wrong with it."""
 FEWEST_OTHERS = 3
 """Photos that must agree before another one is said to contradict them."""
+ENOUGH_PHOTOS = 12
+"""With so many, checks that fail although the camera is known as well as wanted fail for another reason than chance."""
+FEWEST_PHOTOS = 6
+"""Halves of four photos agree by chance too often for their word to be taken: the true error of cameras that were good
+after so few was beyond twice the stated one in 2 of 9 (`bench_guidance`)."""
+LITTLE_BY_TARGET = 0.3
+"""Of the uncertainty: a smaller part by the target enlarges it by less than a twentieth."""
+LITTLE_OF_NOISE = 0.995
+"""A photo that leaves more than this of the deviation is not worth taking, where noise is most of it: several do."""
+MAP = (24, 16)
+"""Columns and rows of the map of an image."""
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What is to be said of a camera that the photos determine whole."""
+
+    evidence: LensEvidence
+    verdict: Verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +83,59 @@ class Insight:
     left_out: tuple[tuple[str, str], ...]  # photos that do not count, and why
     calibration: Calibration | None  # "converged": the whole model; else what is open is a guess; None: no camera yet
     opened: LeftOpen | None = None  # of the target's shape, beside the camera; None: nothing, or no camera
+    standing: Standing | None = None  # None: not judged, or the photos do not determine all of the model
 
     @property
-    def whole(self) -> Calibration | None:
-        """The calibration, if the photos determine all of it."""
-        found = self.calibration
-        return found if found is not None and found.status == "converged" else None
+    def photos(self) -> int:
+        """How many count."""
+        return 0 if self.observations is None else self.observations.view_count
+
+    @property
+    def is_good(self) -> bool:
+        """Whether nothing is left to be wished for but more photos."""
+        return self.standing is not None and self.standing.verdict.grade == "good"
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether so few photos as there are may be trusted to be good."""
+        return self.is_good and self.photos >= FEWEST_PHOTOS
+
+    @cached_property
+    def coverage(self) -> Coverage | None:
+        """What the sightings surround; None without any."""
+        if self.standing is not None:
+            return self.standing.evidence.coverage
+        if self.calibration is not None:
+            return coverage_of(self.calibration)
+        seen = self.observations
+        if seen is None:
+            return None
+        return coverage(seen.image_size, seen.center_px, seen.view, seen.points.face[seen.point])
+
+    @property
+    def covered(self) -> float:
+        """Of the image, 0 to 1."""
+        return 0.0 if self.coverage is None else self.coverage.share
+
+    @cached_property
+    def sigma_px(self) -> float:
+        """What 95 % of the image stays within; infinite if less is known."""
+        if self.calibration is None:
+            return math.inf
+        if self.standing is not None:
+            known = self.standing.evidence.uncertainty.image_px
+            return math.inf if known is None else known
+        lit = lit_part(self.calibration)
+        pixel = image_grid(self.calibration.camera.image_size, *MAP).reshape(-1, 2)
+        return share_px(projected_sigma_px(lit.camera, self.covariance_of(self.calibration), pixel[lit.is_lit(pixel)]))
+
+    def covariance_of(self, calibration: Calibration) -> Array:
+        """The parameters' as it is told; where the photos leave some open, with a guess of those.  # (P, P)"""
+        if self.standing is None:
+            basis = knowledge_of(calibration).basis
+            return np.asarray(basis @ basis.T)
+        more = self.standing.evidence.uncertainty.factor**2 - 1
+        return calibration.stated_covariance + more * calibration.param_covariance
 
 
 @one_thread
@@ -215,51 +282,22 @@ def _shifted(found: Calibration) -> tuple[str, str] | None:
     return found.observations.view_names[shift.view], why
 
 
-ENOUGH_PHOTOS = 12
-"""With so many, checks that fail although the camera is known as well as wanted fail for another reason than chance."""
-FEWEST_PHOTOS = 6
-"""Halves of four photos agree by chance too often for their word to be taken: the true error of cameras that were good
-after so few was beyond twice the stated one in 2 of 9 (`bench_guidance`)."""
-LITTLE_BY_TARGET = 0.3
-"""Of the uncertainty: a smaller part by the target enlarges it by less than a twentieth."""
-LITTLE_OF_NOISE = 0.995
-"""A photo that leaves more than this of the deviation is not worth taking, where noise is most of it: several do."""
-
-
-@dataclass(frozen=True, eq=False)
-class Standing:
-    """What is to be said of a camera that the photos determine whole."""
-
-    calibration: Calibration
-    evidence: LensEvidence
-    verdict: Verdict
-
-    @property
-    def is_good(self) -> bool:
-        """Whether nothing is left to be wished for but more photos."""
-        return self.verdict.grade == "good"
-
-    @property
-    def is_enough(self) -> bool:
-        """Whether so few photos as there are may be trusted to be good."""
-        return self.is_good and self.calibration.observations.view_count >= FEWEST_PHOTOS
-
-
 @one_thread
-def standing_of(insight: Insight, settings: GuideSettings) -> Standing | None:
-    """The verdict on a camera; None as long as the photos do not determine all of it."""
-    found = insight.whole
-    if found is None:
-        return None
+def judged(known: Insight, settings: GuideSettings) -> Insight:
+    """With the verdict on the camera, if the photos determine all of it."""
+    found = known.calibration
+    if found is None or found.status != "converged":
+        return known
     evidence = lens_evidence([found], 0, half_split(found, SolveOptions()))
-    standing = Standing(found, evidence, judge(evidence_of(found, evidence), settings.criteria))
-    if not standing.is_good:
-        return standing
+    standing = Standing(evidence, judge(evidence_of(found, evidence), settings.criteria))
+    if standing.verdict.grade != "good":
+        return replace(known, standing=standing)
     # What is alike in all photos or fixed in the image takes as long as the rest, and may only make worse what is good.
     found = with_capture_error(found)
-    known = uncertainty_of(found, evidence.coverage, evidence.uncertainty.factor)
-    evidence = replace(evidence, uncertainty=known)
-    return Standing(found, evidence, judge(evidence_of(found, evidence), settings.criteria))
+    uncertain = uncertainty_of(found, evidence.coverage, evidence.uncertainty.factor)
+    evidence = replace(evidence, uncertainty=uncertain)
+    standing = Standing(evidence, judge(evidence_of(found, evidence), settings.criteria))
+    return replace(known, calibration=found, standing=standing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,43 +311,35 @@ class Proposal:
 
 @one_thread
 def proposal_of(
-    calibration: Calibration,
-    standing: Standing | None,
-    settings: GuideSettings,
-    shape: TargetShape,
-    avoided: Sequence[Array],
-    opened: LeftOpen | None = None,
+    calibration: Calibration, known: Insight, settings: GuideSettings, avoided: Sequence[Array]
 ) -> Proposal | None:
     """The view that tells most of those that are not avoided; None if none tells anything.
 
     Args:
-        calibration: what is known, whole or in part.
-        standing: of the whole; None: in part.
+        calibration: that is known, whole or in part.
+        known: all of it.
         settings: what is asked.
-        shape: of the target.
         avoided: poses of what cannot be done (4, 4).
-        opened: what is open of the target's shape; None: nothing.
     """
-    if standing is not None and standing.is_enough:
+    if known.is_enough:
         return None
-    uncertain = None if standing is None else standing.evidence.uncertainty
+    uncertain = None if known.standing is None else known.standing.evidence.uncertainty
     # To follow what photos tell of the target's shape takes a while, and is worth it where that is a part of the error.
     is_targets = uncertain is not None and uncertain.target_px > LITTLE_BY_TARGET * (uncertain.image_px or 0.0)
-    weighed = opened if is_targets else None
 
     def is_avoided(poses: Array) -> Flags:
         near = np.zeros(len(poses), dtype=np.bool_)
         for pose in avoided:
-            near |= are_near(shape, pose, poses)
+            near |= are_near(settings.shape, pose, poses)
         return near
 
     search = next_view_search(
-        calibration, factor=1.0 if uncertain is None else uncertain.factor, opened=weighed,
-        is_avoided=is_avoided if avoided else None, shape=shape,
+        calibration, factor=1.0 if uncertain is None else uncertain.factor, opened=known.opened if is_targets else None,
+        is_avoided=is_avoided if avoided else None, shape=settings.shape,
     )  # fmt: skip
     if search is None:
         return None
-    for goal in _goals(standing, settings, calibration.observations.view_count):
+    for goal in _goals(known, settings):
         for view in proposed_views(search, goal, 1):
             tells = view.sigma_px_before > goal.sigma_px
             tells &= view.sigma_px_after <= goal.little_gain * view.sigma_px_before
@@ -317,7 +347,7 @@ def proposal_of(
     return None
 
 
-def _goals(standing: Standing | None, settings: GuideSettings, photos: int) -> list[ViewGoal]:
+def _goals(known: Insight, settings: GuideSettings) -> list[ViewGoal]:
     """What views are sought for, one after the other: the deviation, what is covered, and which gain is little.
 
     As long as some of the image is not covered, a view that hardly makes the camera better known gives way to one that
@@ -325,14 +355,14 @@ def _goals(standing: Standing | None, settings: GuideSettings, photos: int) -> l
     """
     wanted_px, wanted_share = settings.criteria["uncertainty"].good, settings.criteria["coverage"].good / 100
     wanted, closely = ViewGoal(wanted_px, wanted_share), ViewGoal(wanted_px, wanted_share, LITTLE_OF_NOISE)
-    beyond = [ViewGoal(0.0, 1.0, LITTLE_OF_NOISE)] if photos < ENOUGH_PHOTOS else []
-    if standing is None:
+    beyond = [ViewGoal(0.0, 1.0, LITTLE_OF_NOISE)] if known.photos < ENOUGH_PHOTOS else []
+    if known.standing is None:
         return [wanted, *beyond]
-    uncertain, covered = standing.evidence.uncertainty, standing.evidence.coverage.share
+    uncertain = known.standing.evidence.uncertainty
     is_sure = uncertain.image_px is not None and uncertain.image_px <= wanted_px
-    if is_sure and covered >= wanted_share:
+    if is_sure and known.covered >= wanted_share:
         return beyond
     if not is_sure and (uncertain.by_target or uncertain.by_field):
         # More photos than are reckoned with here also tell the target's shape: some are always taken.
         return [wanted, *beyond]
-    return [*([wanted] if covered < wanted_share else []), closely, *beyond]
+    return [*([wanted] if known.covered < wanted_share else []), closely, *beyond]

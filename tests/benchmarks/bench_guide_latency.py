@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from calib.judge.guide import Guide
-from calib.judge.guide_state import insight_of, proposal_of, standing_of
+from calib.judge.guide_state import insight_of, judged, proposal_of
 from designer.target import TargetGeometry
 from tests.support.guided_scenes import WEBCAM, board_target, found_at, held_by_person, ico_target
 from tests.support.verdict_cases import all_over
@@ -43,13 +43,11 @@ def measure(name: str, target: TargetGeometry) -> None:
         guide = guide.with_photo(found_at(pose, target, rng, f"{number}.png"))
     rings = np.mean([len(found.ring) for found in guide.photos])
     solving, insight = median_ms(lambda: insight_of(guide.photos, guide.settings), TIMES)
-    judging, standing = median_ms(lambda: standing_of(insight, guide.settings), TIMES)
-    found = insight.whole
-    if found is None or standing is None:
+    judging, known = median_ms(lambda: judged(insight, guide.settings), TIMES)
+    found = known.calibration
+    if found is None or known.standing is None:
         raise RuntimeError("thirty photos determine a camera")
-    proposing, proposal = median_ms(
-        lambda: proposal_of(found, standing, guide.settings, guide.shape, (), insight.opened), TIMES
-    )
+    proposing, proposal = median_ms(lambda: proposal_of(found, known, guide.settings, ()), TIMES)
     frames = [found_at(held_by_person(pose, target, rng), target, rng) for pose in poses[:LOOKS]]
     guide.look(frames[0])
     looking = np.median([median_ms(lambda frame=frame: guide.look(frame), 3)[0] for frame in frames])

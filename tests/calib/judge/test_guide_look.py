@@ -9,7 +9,6 @@ import pytest
 from calib.core.se3 import exp_rotation, look_at
 from calib.core.types import Detections
 from calib.judge.guidance import FrameNote, Look
-from calib.judge.guidance_words import bars_of, headline_of
 from calib.judge.guide import Guide
 from calib.judge.live_frame import Shutter
 from calib.judge.target_hints import ghost_lines, held_at, hint_of, place_short, turn_between
@@ -85,10 +84,12 @@ def test_places_have_short_names() -> None:
 
 def test_a_limit_is_told_alike_everywhere() -> None:
     """As the verdict's checks have it: 0.05 px, before a camera is known and after."""
-    settings = Guide(TARGET, image_size=WEBCAM.image_size, made="exact").settings
-    bars = bars_of(0.3, 0.21, None, settings)
-    assert bars[0].text.endswith(", 0.05 px wanted")
-    assert "0.05 px wanted" in headline_of("guiding", 0.21, 0.3, None, settings, 2)
+    guide, rng = Guide(TARGET, image_size=WEBCAM.image_size, made="exact"), np.random.default_rng(2)
+    for number in range(6):
+        told = guide.told
+        assert ", 0.05 px wanted" in told.bars[0].text
+        assert ("0.05 px wanted" in told.headline) == (told.stage != "first")
+        guide = guide.with_photo(found_at(told.ghost.cam_from_target, TARGET, rng, f"{number}.png"))
 
 
 def test_the_ghost_held_by_a_person_is_wanted_and_the_last_photo_is_not() -> None:
