@@ -154,7 +154,7 @@ def uncertainty_figure(
     if calibration.target_error is not None and calibration.target_error.param_covariance.any():
         caption += f", and what a target {made_words(calibration.target_error)} may be off"
     if calibration.image_field is not None:
-        caption += ", and what it may have taken of a field fixed in the image that the lens model does not follow"
+        caption += ", and what it took of a field fixed in the image that the lens model does not follow"
     if calibration.capture_error is not None:
         caption += ", and what is alike in all photos (motion, focus, tilt)"
     if calibration.circle_doubt is not None:

@@ -235,6 +235,9 @@ def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -
             by[name] = _if_known(sigma_over_lit_px(lit, part.param_covariance)) or 0.0
         image, noise = (sigma_over_lit_px(lit, one) for one in (covariance, calibration.param_covariance))
         inside = share_px(sigma_over(Known(camera, covariance), covered))
+        if calibration.image_field is not None:  # no parameter follows what the model leaves of it
+            left_px = calibration.image_field.left_px
+            image, inside, by["image_field"] = (math.hypot(px, left_px) for px in (image, inside, by["image_field"]))
     is_exact = camera.learned is not None
     return Uncertainty(
         _if_known(image), _if_known(inside), _if_known(noise), by["target_error"], calibration.target_error, known,

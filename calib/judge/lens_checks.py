@@ -18,6 +18,8 @@ REFUTED = 1.05
 """A model that leaves over so many times as much as the judged one does not fit the lens: its dissent tells nothing."""
 OWN_ROTATION = "its own rotation removed"
 """Said of the covered area: the rotation is that which fits it, not the whole image, best."""
+MOST_EFFECTS = 2
+"""That a sentence tells of what is alike in all photos, the surest."""
 IRRELEVANT = 0.25
 """Of what good models may differ by: halves that differ by less do no harm, whatever they should."""
 LARGE_SHARE = 0.5
@@ -51,8 +53,8 @@ def uncertainty(evidence: LensEvidence, criteria: Criteria) -> Found:
         inside += f"; {px(found.target_px)} of it is what a target {made_as(found.target_error)} may be off"
     if found.image_field is not None and found.by_field and found.field_px >= LEAST_PX:
         inside += (
-            f"; {px(found.field_px)} of it is what the camera may have taken of a field of "
-            f"{px(found.image_field.left_px)} fixed in the image that the lens model does not follow"
+            f"; {px(found.field_px)} of it is what is fixed in the image and the lens model does not follow, "
+            f"{px(found.image_field.left_px)} RMS, with what the camera took of it"
         )
     if found.by_circles and found.circle_px >= LEAST_PX:
         inside += f"; {px(found.circle_px)} of it is what the camera may be off if its points are centres of circles"
@@ -320,8 +322,8 @@ def capture(evidence: LensEvidence, criteria: Criteria) -> Found | None:
     shown = "; ".join(
         f"{effect.name} ({figure(effect.amount, 2)} ± {figure(effect.sigma, 1)} {effect.unit}), which moved the camera "
         f"by up to {px(effect.camera_px)} in 95 % of the image"
-        for effect in error.effects
-    )
+        for effect in error.effects[:MOST_EFFECTS]
+    ) + f"; and {len(error.effects) - MOST_EFFECTS} less sure" * (len(error.effects) > MOST_EFFECTS)
     if all(effect.explains for effect in error.effects):
         sentence = f"the photos show {shown}; its uncertainty contains it"
     else:

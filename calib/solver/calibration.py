@@ -206,7 +206,7 @@ class TargetError:
 class ImageField:
     """Errors that are fixed in the image and that the lens model does not follow, as the residuals show them."""
 
-    left_px: Annotated[float, AtLeast(0)]  # root mean square that it leaves in a coordinate of the residuals
+    left_px: Annotated[float, AtLeast(0)]  # RMS of a coordinate over the image, of what the camera does not follow
     param_covariance: Annotated[Array, Shape("P", "P"), PACKED]  # of what the parameters took of it, to be added
 
     def __post_init__(self) -> None:

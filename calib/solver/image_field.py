@@ -11,11 +11,12 @@ X and Z the derivatives of the whitened residuals r by camera and field, the pos
 
     r = X c + Z z + noise,   noise ~ N(0, v),   z ~ N(0, a^2 K(l)),
 
-the amplitude a and the length l are the likeliest for what c does not take up, and the camera's covariance is more by
-`a^2 T K T'`, T = (X' X)^-1 X' Z. K is Matern's with the smoothness 5/2: twice differentiable as lenses are, rough where
-l is short. That the large scales, which the camera takes, follow from the smaller ones, which show, is an assumption: a
-field that looks like a lens to begin with is larger than is stated. The longer l, the more is taken to follow so; where
-the residuals do not tell a longer one from a shorter one, the shorter one stands.
+the amplitude a and the length l are the likeliest for what c does not take up, and K is Matern's with the smoothness
+5/2: twice differentiable as lenses are, rough where l is short. With them the residuals tell what z is, its mean and
+its covariance: `E(z z')`. Where no camera of the model is the lens, that is meant that follows it best over the image
+as it was seen, `F z` from the camera without a field. What was solved is `T z`, T = (X' X)^-1 X' Z: photos and poses
+have a part in it. The camera's covariance is more by `(T - F) E(z z') (T - F)'`, and the image is off by what even the
+best leaves. Where the residuals do not tell a longer l from a shorter one, the shorter one stands.
 
 What the centres of a photo share, and how much less sure a camera is by it than by errors that are independent.
 
@@ -33,9 +34,11 @@ that is stated already is added. Few photos tell few directions, so nothing is t
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from calib.cameras import linearise, rays
 from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import pseudo_inverse, sums_by, symmetric_inverse
 from calib.core.parallel import one_thread
@@ -67,12 +70,35 @@ def with_image_field(calibration: Calibration) -> Calibration:
     equations = _equations(calibration, basis)
     if not (equations.freedom > 0 and equations.square > 0):
         return without
-    covariance = _likeliest(equations)
-    if not covariance.any():
+    field = _likeliest(equations)
+    if field is None:
         return without
-    taken = basis @ equations.taken
-    left_px = float(np.sqrt((equations.normal * covariance).sum() / equations.weights))
-    return replace(calibration, image_field=ImageField(left_px, taken @ covariance @ taken.T))
+    fitted, rest_px = _fitted(calibration, equations.nodes, basis, field)
+    wrong = basis @ (equations.taken @ field - fitted)
+    return replace(calibration, image_field=ImageField(rest_px, wrong @ wrong.T))
+
+
+def _fitted(calibration: Calibration, nodes: "_Nodes", basis: Array, field: Array) -> tuple[Array, float]:
+    """By how much the camera would follow fields (2 K, N) at best (Q, N), and what it leaves of them all, in px.
+
+    Over the image as it was seen, and the camera turned as it likes. What it would be then is the camera that is meant
+    where the lens is of no model's kind.
+    """
+    counted = ~calibration.is_outlier
+    shown_px = (calibration.observations.center_px + calibration.residual_px)[counted]
+    ray = rays(calibration.camera, shown_px)
+    known = np.isfinite(ray).all(axis=1)
+    linear = linearise(calibration.camera, np.ascontiguousarray(ray[known].T))
+    by_turn = np.cross(ray[known][:, None, :], linear.by_point.transpose(2, 0, 1))
+    change = np.concatenate([linear.by_params.transpose(2, 0, 1) @ basis, by_turn], axis=2)  # (M, 2, Q + 3)
+    count, size = len(nodes.place_px), change.shape[2]
+    corner, share = nodes.corner[counted][known], nodes.share[counted][known]
+    summed = sums_by(corner.ravel(), (share[:, :, None, None] * change[:, None]).reshape(-1, 2 * size), count)
+    cross = summed.reshape(count, 2, size).transpose(2, 1, 0).reshape(size, 2 * count) @ field
+    follows = symmetric_inverse(np.einsum("mip,miq->pq", change, change)).inverse @ cross
+    both = field.reshape(2, count, -1)
+    square = len(change) * np.einsum("ikn,kl,iln->", both, nodes.together, both) - (cross * follows).sum()
+    return follows[: basis.shape[1]], math.sqrt(max(square, 0.0) / (2 * len(change)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +109,14 @@ class _Nodes:
     spacing_px: float
     corner: Rows  # (M, 4) the nodes about each sighting
     share: Array  # (M, 4) theirs in it, in sum 1; 0 of sightings that do not count
+
+    @cached_property
+    def together(self) -> Array:
+        """How sightings lie between pairs of nodes: `z' together z` is a field's mean square over them.  # (K, K)"""
+        count = len(self.place_px)
+        pair = count * self.corner[:, :, None] + self.corner[:, None, :]
+        sums = np.bincount(pair.ravel(), (self.share[:, :, None] * self.share[:, None, :]).ravel(), count**2)
+        return np.asarray(sums.reshape(count, count) / self.share.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,36 +196,35 @@ def _by_nodes(nodes: _Nodes, view: WhitenedView, count: int) -> tuple[Rows, Arra
     return np.concatenate([corner, corner + count], axis=1), derivative.reshape(len(corner), 2, 8)
 
 
-def _likeliest(equations: _Equations) -> Array:
-    """The covariance of the field's nodes (2 K, 2 K); zero if noise alone explains the residuals.
+def _likeliest(equations: _Equations) -> Array | None:
+    """A root (2 K, N) of what the residuals tell of the field: of its mean's square and its covariance.
 
-    In the eigenvectors of `R' normal R`, K = R R', the likelihood is a sum for every amplitude at once.
-    As the nodes lie on a grid, the least eigenvalue of K is 3e-11 of the largest or more, far from rounding.
+    None if noise alone explains the residuals. In the eigenvectors of `R' normal R`, K = R R', the likelihood is a sum
+    for every amplitude at once. As the nodes lie on a grid, the least eigenvalue of K is 3e-11 of the largest or more,
+    far from rounding.
     """
     freedom, square, nodes = equations.freedom, equations.square, equations.nodes
     alone = freedom * np.log(square / freedom)
     ratio = AMPLITUDES * equations.count / equations.weights
-    count = len(nodes.place_px)
-    pair = count * nodes.corner[:, :, None] + nodes.corner[:, None, :]
-    together = np.bincount(pair.ravel(), (nodes.share[:, :, None] * nodes.share[:, None, :]).ravel(), count**2)
-    together = together.reshape(count, count) / nodes.share.sum()  # how sightings lie between pairs of nodes
     distance = np.linalg.norm(nodes.place_px[:, None] - nodes.place_px, axis=2) / nodes.spacing_px
-    best, covariance = 0.0, np.zeros_like(equations.normal)
+    best, found = 0.0, None
     for length in LENGTHS:
         x = np.sqrt(5) * distance / length
         field = (1 + x + x**2 / 3) * np.exp(-x)
-        field /= (together * field).sum()  # so that a sighting's variance is 1 on average
+        field /= (nodes.together * field).sum()  # so that a sighting's variance is 1 on average
         root = np.kron(np.eye(2), np.linalg.cholesky(field))
         told, axis = np.linalg.eigh(root.T @ equations.normal @ root)
-        told, pull = np.maximum(told, 0.0), (axis.T @ (root.T @ equations.gradient)) ** 2
+        told, pull = np.maximum(told, 0.0), axis.T @ (root.T @ equations.gradient)
         wider = 1 + ratio[:, None] * told
-        left = np.maximum(square - (ratio[:, None] * pull / wider).sum(axis=1), np.finfo(float).tiny)
+        left = np.maximum(square - (ratio[:, None] * pull**2 / wider).sum(axis=1), np.finfo(float).tiny)
         worse = freedom * np.log(left / freedom) + np.log(wider).sum(axis=1) - alone
         least = int(np.argmin(worse))
         if worse[least] < best - SURE:
             best = float(worse[least])
-            covariance = ratio[least] * left[least] / freedom * np.kron(np.eye(2), field)
-    return covariance
+            share = ratio[least] / wider[least]
+            spread = np.sqrt(share * left[least] / freedom)  # what is left open
+            found = root @ axis @ np.column_stack([share * pull, np.diag(spread)])
+    return found
 
 
 BY_CHANCE = 4.0
