@@ -51,7 +51,9 @@ def settled(
         is_same = _is_same(judged, problem)
         is_last = is_same or not left
         next_problem = problem if is_same else judged
-        if not is_last and len(judged.slack) == len(problem.slack):
+        if len(judged.slack) != len(problem.slack):
+            before = None
+        elif not is_last:
             sizes = _sizes(judged)
             step = sizes - _sizes(problem)
             if before is not None and (bent := step - before[1]).any():
