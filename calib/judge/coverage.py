@@ -12,6 +12,7 @@ one nothing is asked, and that is said. Nor is anything asked where a wide model
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -22,7 +23,7 @@ from calib.cameras.refit import image_grid
 from calib.core.jit import jit
 from calib.core.se3 import transform
 from calib.core.types import freeze
-from calib.solver.accuracy import projected_sigma_px, share_px
+from calib.solver.accuracy import moved_sigma_px, projected_change, share_px
 from calib.solver.calibration import Calibration
 from designer.base.arrays import Array, Flags, Rows
 
@@ -44,6 +45,12 @@ class LitPart:
         if self.off_axis_rad is None:
             return np.ones(pixel.shape[:-1], dtype=np.bool_)
         return np.asarray(np.isfinite(rays(self.camera, pixel)).all(axis=-1))
+
+    @cached_property
+    def change(self) -> Array:
+        """How each parameter moves what is seen at a grid of its pixels (N, 2, P)."""
+        pixel = image_grid(self.camera.image_size).reshape(-1, 2)
+        return projected_change(self.camera, pixel[self.is_lit(pixel)])
 
     @property
     def name(self) -> str:
@@ -108,8 +115,7 @@ def lit_part(calibration: Calibration) -> LitPart:
 
 def sigma_over_lit_px(lit: LitPart, param_covariance: Array) -> float:
     """What 95 % of it stays within (1 sigma); infinite if less is known."""
-    pixel = image_grid(lit.camera.image_size).reshape(-1, 2)
-    return share_px(projected_sigma_px(lit.camera, param_covariance, pixel[lit.is_lit(pixel)]))
+    return share_px(moved_sigma_px(lit.change, param_covariance))
 
 
 COLUMNS = 160

@@ -96,18 +96,19 @@ def apart(a: Known, b: Known, coverage: Coverage) -> Apart | None:
     except InputError:  # cameras of other image sizes, or that share no pixel
         return None
     flat = pixel.reshape(-1, 2)
-    ray = rays(a.camera, flat)
-    off = project(b.camera, ray @ turn.T) - flat
+    row = np.flatnonzero(covered)
+    ray = rays(a.camera, flat[row])
+    off = project(b.camera, ray @ turn.T) - flat[row]
     # b's rays are asked for too: its covariance is stated where it sees the same light.
-    seen = covered.reshape(-1) & np.isfinite(off).all(axis=1)
-    seen &= np.isfinite(rays(b.camera, np.where(seen[:, None], flat + off, 0.0))).all(axis=1)
-    if seen.sum() < LEAST_PIXELS:
+    known = np.isfinite(off).all(axis=1) & np.isfinite(rays(b.camera, np.nan_to_num(flat[row] + off))).all(axis=1)
+    row, ray, off = row[known], ray[known], off[known]
+    if len(row) < LEAST_PIXELS:
         return None
     difference = np.full((len(flat), 2), np.nan)
     covariance = np.full((len(flat), 2, 2), np.nan)
-    changes, difference[seen] = _less_turn(b.camera, ray[seen] @ turn.T, off[seen])
-    own, _ = _less_turn(a.camera, ray[seen], off[seen])
-    covariance[seen] = moved_covariance(own, a.param_covariance) + moved_covariance(changes, b.param_covariance)
+    changes, difference[row] = _less_turn(b.camera, ray @ turn.T, off)
+    own, _ = _less_turn(a.camera, ray, off)
+    covariance[row] = moved_covariance(own, a.param_covariance) + moved_covariance(changes, b.param_covariance)
     shape = pixel.shape[:2]
     return Apart(pixel, difference.reshape(*shape, 2), covariance.reshape(*shape, 2, 2), covered)
 

@@ -132,7 +132,12 @@ def projected_covariance_px2(camera: Camera, param_covariance: Array, pixel: Arr
 
 def projected_sigma_px(camera: Camera, param_covariance: Array, pixel: Array) -> Array:
     """Standard deviations (N,) of the same along their worse axes."""
-    covariance = projected_covariance_px2(camera, param_covariance, pixel)
+    return moved_sigma_px(projected_change(camera, pixel), param_covariance)
+
+
+def moved_sigma_px(change: Array, param_covariance: Array) -> Array:
+    """Standard deviations (N,) of what parameters move (N, 2, P), along the worse axes; nan where that is not known."""
+    covariance = moved_covariance(change, param_covariance)
     known: Flags = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
     return np.where(known, worse_sigma(np.where(known[:, None, None], covariance, 0.0)), np.nan)
 

@@ -205,20 +205,21 @@ def _add_to(total: Array, row: Rows, part: Array) -> None:
 
 def whitened_views(calibration: Calibration, basis: Array) -> Iterator[WhitenedView]:
     """The observations of each view that count, to first order; `basis` are directions of the parameters (P, Q)."""
-    seen = calibration.observations
+    seen, columns = calibration.observations, np.cumsum([basis.shape[1], 1, POSE])
     for view, pose in enumerate(calibration.cam_from_target):
         row = np.flatnonzero((seen.view == view) & ~calibration.is_outlier)
-        place = seen.points.position_mm[seen.point[row]] @ pose[:3, :3].T + pose[:3, 3]
-        linear = linearise(calibration.camera, np.ascontiguousarray(place.T))
-        by_place = linear.by_point.transpose(2, 0, 1)
+        rotation, residual = pose[:3, :3], calibration.residual_px[row].T[:, None]
+        place = rotation @ seen.points.position_mm[seen.point[row]].T + pose[:3, 3:]  # (3, M)
+        linear = linearise(calibration.camera, place)
+        by_place, after, before = linear.by_point, [1, 2, 0], [2, 0, 1]
         # A turn by w about the camera's axes moves a place p by w x p.
-        by_pose = np.concatenate([np.cross(place[:, None, :], by_place), by_place], axis=2)
+        by_turn = place[after] * by_place[:, before] - place[before] * by_place[:, after]
         weight = weights(seen, row, weighted=calibration.weighted)
-        yield WhitenedView(
-            seen.point[row], weight @ (linear.by_params.transpose(2, 0, 1) @ basis),
-            weight @ calibration.residual_px[row][:, :, None], weight @ by_pose, weight @ (by_place @ pose[:3, :3]),
-            row, weight,
-        )  # fmt: skip
+        whole = weight @ np.concatenate(
+            [basis.T @ linear.by_params, residual, by_turn, by_place, rotation.T @ by_place], axis=1
+        ).transpose(2, 0, 1)
+        by_camera, residual, by_pose, by_place = np.split(whole, columns, axis=2)
+        yield WhitenedView(seen.point[row], by_camera, residual, by_pose, by_place, row, weight)
     if calibration.priors and basis.shape[1]:
         yield _as_view(calibration, basis)
 

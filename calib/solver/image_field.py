@@ -171,7 +171,7 @@ def _equations(calibration: Calibration, basis: Array) -> _Equations:
         across, by_column, slot = view.poses_taken(), by_node.transpose(0, 2, 1), column.ravel()
         cross += sums_by(slot, (by_column @ known).reshape(len(slot), -1), 2 * count)
         pair = (2 * count * column[:, :, None] + column[:, None, :]).ravel()
-        normal += np.bincount(pair, (by_column @ by_node).ravel(), normal.size).reshape(normal.shape)
+        np.add.at(normal.reshape(-1), pair, (by_column @ by_node).ravel())
         taken.append(np.einsum("mij,mip->jp", across, known))
         taken_field.append(sums_by(slot, (by_column @ across).reshape(-1, POSE), 2 * count).T)
         freedom += 2 * len(view.row) - POSE
@@ -207,14 +207,17 @@ def _likeliest(equations: _Equations) -> Array | None:
     alone = freedom * np.log(square / freedom)
     ratio = AMPLITUDES * equations.count / equations.weights
     distance = np.linalg.norm(nodes.place_px[:, None] - nodes.place_px, axis=2) / nodes.spacing_px
+    count = len(nodes.place_px)
+    normal = equations.normal.reshape(2, count, 2, count).transpose(0, 2, 1, 3)
     best, found = 0.0, None
     for length in LENGTHS:
         x = np.sqrt(5) * distance / length
         field = (1 + x + x**2 / 3) * np.exp(-x)
         field /= (nodes.together * field).sum()  # so that a sighting's variance is 1 on average
-        root = np.kron(np.eye(2), np.linalg.cholesky(field))
-        told, axis = np.linalg.eigh(root.T @ equations.normal @ root)
-        told, pull = np.maximum(told, 0.0), axis.T @ (root.T @ equations.gradient)
+        root = np.linalg.cholesky(field)  # the same for u and v
+        scaled = (root.T @ normal @ root).transpose(0, 2, 1, 3).reshape(2 * count, -1)
+        told, axis = np.linalg.eigh(scaled)
+        told, pull = np.maximum(told, 0.0), axis.T @ (equations.gradient.reshape(2, count) @ root).ravel()
         wider = 1 + ratio[:, None] * told
         left = np.maximum(square - (ratio[:, None] * pull**2 / wider).sum(axis=1), np.finfo(float).tiny)
         worse = freedom * np.log(left / freedom) + np.log(wider).sum(axis=1) - alone
@@ -223,7 +226,8 @@ def _likeliest(equations: _Equations) -> Array | None:
             best = float(worse[least])
             share = ratio[least] / wider[least]
             spread = np.sqrt(share * left[least] / freedom)  # what is left open
-            found = root @ axis @ np.column_stack([share * pull, np.diag(spread)])
+            amounts = (axis @ np.column_stack([share * pull, np.diag(spread)])).reshape(2, count, -1)
+            found = (root @ amounts).reshape(2 * count, -1)
     return found
 
 
