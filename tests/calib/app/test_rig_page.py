@@ -175,7 +175,7 @@ def test_a_rig_of_many_cameras_shows_the_worst_photos_and_no_more_than_a_page_ta
         found(), cameras=tuple(found().cameras[row] for row in rows), cam_from_rig=found().cam_from_rig[rows],
         residual_px=tuple((1 + number) * found().residual_px[row] for number, row in enumerate(rows)),
         is_outlier=tuple(found().is_outlier[row] for row in rows), scale=found().scale[rows], is_refined=(False,) * 16,
-        pose_covariance=tuple(found().pose_covariance[row] for row in rows),
+        priors=((),) * 16, pose_covariance=tuple(found().pose_covariance[row] for row in rows),
         covariance=np.zeros((sum(len(found().cameras[row].params) + 6 for row in rows),) * 2),
         observations=replace(
             seen, camera_names=tuple(f"cam{number}" for number in range(16)),
