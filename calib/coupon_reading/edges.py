@@ -19,6 +19,7 @@ the edge's shape.
 import math
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass, fields
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -142,6 +143,16 @@ class Pixels:
     moves: Array  # (N, K) of the distance in mm, by the numbers of the displacement
     bend_px: Array  # (N,) curvature of the edge, 1 / px; above 0: the ink is convex
     room_px: tuple[float, float]  # into the ink and into the white as drawn
+
+    @cached_property
+    def usual_per_mm(self) -> float:
+        """Pixels along the normal."""
+        return float(np.median(self.per_mm))
+
+    @cached_property
+    def lightest(self) -> float:
+        """The largest grey level."""
+        return float(self.value.max())
 
     def within(self, rows: Flags) -> "Pixels":
         """Some of them."""

@@ -9,6 +9,7 @@ each edge's own numbers are eliminated from the equations of the shared ones (a 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -24,7 +25,6 @@ from calib.coupon_reading.edges import (
     STEP,
     Edge,
     Pixels,
-    Profile,
     Tone,
     pixels_of,
     risen,
@@ -133,6 +133,10 @@ class Reading:
     cut_off: float  # share of the edges' pixels that are blacker or whiter than the file holds
 
 
+_Shapes = tuple[Array, Array]
+"""Numbers of shapes (S, 10), and their profiles (S, L)."""
+
+
 @dataclass(frozen=True)
 class _File:
     """What cuts grey levels off."""
@@ -148,6 +152,14 @@ class _Guess:
     edge: Edge
     pixels: Pixels
     own: Array  # (6 + K,) levels of white and of ink, displacement in mm
+
+    @cached_property
+    def is_astray(self) -> bool:
+        """Whether it ended where its pixels do not reach, or at levels that none of them is near to."""
+        if not (np.isfinite(self.own).all() and _reach_px(self) > 0):
+            return True
+        (white, ink), most = _planes(self), self.pixels.lightest
+        return not ((ink < white).all() and white.max() < 2 * most and ink.min() > -LEAST_INK * most)
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +197,7 @@ def read_edges(image: Array, placed: Placed, edges: Sequence[Edge], full: float 
     file = replace(file, noise=float(np.median(_noises(guesses, shape, file))))
     # Ink that has grown leaves less room to the next edge than was drawn.
     guesses = _again_from_rings(guesses)
-    narrowed = [near for one in guesses if not _is_astray(one) and (near := _narrowed(one)) is not None]
+    narrowed = [near for one in guesses if not one.is_astray and (near := _narrowed(one)) is not None]
     kept = [one for one in narrowed if _reach_px(one) > LEAST_REACH * float(np.median(shape.blur_at(one.pixels)))]
     if len(kept) < LEAST_EDGES:
         return None
@@ -218,7 +230,7 @@ def _first(edge: Edge, pixels: Pixels) -> _Guess:
     own = np.zeros(LEVELS + pixels.moves.shape[1])
     own[3], own[0] = np.quantile(pixels.value, (0.1, 0.9))
     dark = float((pixels.value < (own[0] + own[3]) / 2).mean())
-    own[LEVELS : LEVELS + 2] = np.quantile(pixels.distance_px, dark) / np.median(pixels.per_mm)
+    own[LEVELS : LEVELS + 2] = np.quantile(pixels.distance_px, dark) / pixels.usual_per_mm
     return _Guess(edge, pixels, own)
 
 
@@ -227,14 +239,6 @@ def _levels(guesses: Sequence[_Guess], file: _File) -> tuple[float, float]:
     ink, white = (float(np.median([one.own[k] for one in guesses])) / file.full for k in (3, 0))
     white = min(max(white, 0.02), 1.1)
     return min(max(ink, 0.003), 0.95 * white), white
-
-
-def _is_astray(one: _Guess) -> bool:
-    """Whether an edge ended where its pixels do not reach, or at levels that none of them is near to."""
-    if not (np.isfinite(one.own).all() and _reach_px(one) > 0):
-        return True
-    (white, ink), most = _planes(one), float(one.pixels.value.max())
-    return not ((ink < white).all() and white.max() < 2 * most and ink.min() > -LEAST_INK * most)
 
 
 def _planes(one: _Guess) -> tuple[Array, Array]:
@@ -258,17 +262,17 @@ def _reach_px(one: _Guess) -> float:
 def _sound(guesses: list[_Guess], shape: EdgeShape, file: _File) -> list[_Guess]:
     """The edges, each settled by itself, that look like edges at all: one that does not would hold up all others."""
     for _ in range(FIRST_ROUNDS):
-        profile = shape.tone.profile(_levels(guesses, file))
-        guesses = [_own_step(one, shape, profile, file) for one in guesses]
+        shapes = _shapes([shape], _levels(guesses, file))
+        guesses = [_own_step(one, shapes, file) for one in guesses]
     noise = _noises(guesses, shape, file)
     is_sound = noise < MOST_NOISE * np.median(noise)
-    return [one for one, ok in zip(guesses, is_sound.tolist(), strict=True) if ok and not _is_astray(one)]
+    return [one for one, ok in zip(guesses, is_sound.tolist(), strict=True) if ok and not one.is_astray]
 
 
 def _noises(guesses: Sequence[_Guess], shape: EdgeShape, file: _File) -> Array:
     """Root mean squares of what is left of each edge."""
-    profiles = [(shape, shape.tone.profile(_levels(guesses, file)))]
-    return np.array([float(np.sqrt((_equations(one, profiles, file).left ** 2).mean())) for one in guesses])
+    shapes = _shapes([shape], _levels(guesses, file))
+    return np.array([float(np.sqrt((_equations(one, shapes, file).left ** 2).mean())) for one in guesses])
 
 
 def _again_from_rings(guesses: Sequence[_Guess]) -> list[_Guess]:
@@ -291,19 +295,18 @@ def _narrowed(one: _Guess) -> _Guess | None:
     return None if len(pixels.value) < LEAST_PIXELS else replace(one, pixels=pixels)
 
 
-def _equations(one: _Guess, profiles: Sequence[tuple[EdgeShape, Profile]], file: _File) -> _EdgeEquations:
+def _equations(one: _Guess, shapes: _Shapes, file: _File) -> _EdgeEquations:
     """The model at a shape, and by differences how it changes with each of the shared numbers.
 
     Args:
         one: an edge and its numbers.
-        profiles: of the shape, then of shapes of which one number is a step larger.
+        shapes: the shape, then those of which one number is a step larger.
         file: what cuts grey levels off.
     """
     pixels = one.pixels
     told = _model(
         pixels.value, pixels.distance_px, pixels.per_mm, pixels.bend_px, pixels.direction, pixels.place, pixels.offset,
-        pixels.moves, one.own, np.array([shape.numbers for shape, _ in profiles]),
-        np.array([profile.level for _, profile in profiles]), file.full, file.noise,
+        pixels.moves, one.own, *shapes, file.full, file.noise,
     )  # fmt: skip
     return _EdgeEquations(*told)
 
@@ -361,27 +364,30 @@ def _model(
     return by_own, by_shape, left, away_px, contrast, is_seen
 
 
-def _profiles(shape: EdgeShape, levels: tuple[float, float]) -> list[tuple[EdgeShape, Profile]]:
-    """The profile of a shape, and of those a step away."""
-    shapes = [shape, *(EdgeShape(shape.numbers + step) for step in SHAPE_STEP * np.eye(BLUR + COUNT))]
-    return [(one, one.tone.profile(levels)) for one in shapes]
+def _with_steps(shape: EdgeShape) -> list[EdgeShape]:
+    """A shape, and those a step away."""
+    return [shape, *(EdgeShape(shape.numbers + step) for step in SHAPE_STEP * np.eye(BLUR + COUNT))]
+
+
+def _shapes(shapes: Sequence[EdgeShape], levels: tuple[float, float]) -> _Shapes:
+    """Shapes, where ink and white have such levels."""
+    return np.array([one.numbers for one in shapes]), np.array([one.tone.profile(levels).level for one in shapes])
 
 
 def _moved(one: _Guess, step: Array) -> _Guess:
     """An edge after a step, no longer than its pixels allow."""
-    most_mm = MOST_STEP_PX / float(np.median(one.pixels.per_mm))
+    most_mm = MOST_STEP_PX / one.pixels.usual_per_mm
     clipped = np.concatenate([step[:LEVELS], np.clip(step[LEVELS:], -most_mm, most_mm)])
     return replace(one, own=one.own + clipped)
 
 
-def _own_step(one: _Guess, shape: EdgeShape, profile: Profile, file: _File) -> _Guess:
+def _own_step(one: _Guess, shapes: _Shapes, file: _File) -> _Guess:
     """An edge's own numbers, once better, its shape as it is; a step that leads up is halved."""
-    profiles = [(shape, profile)]
-    found = _equations(one, profiles, file)
+    found = _equations(one, shapes, file)
     step, cost = _solve(found.by_own, found.left), float((found.left**2).sum())
     for half in range(4):
         trial = _moved(one, step / 2**half)
-        if not _is_astray(trial) and (_equations(trial, profiles, file).left ** 2).sum() < cost:
+        if not trial.is_astray and (_equations(trial, shapes, file).left ** 2).sum() < cost:
             return trial
     return one
 
@@ -399,16 +405,16 @@ def _descended(shape: EdgeShape, guesses: list[_Guess], file: _File, free: int) 
     """Levenberg-Marquardt of the first of the shared numbers, and all own ones, together."""
     damping = 1e-3
     for _ in range(ROUNDS):
-        profiles = _profiles(shape, _levels(guesses, file))
-        found = [_equations(one, profiles, file) for one in guesses]
+        shapes = _shapes(_with_steps(shape), _levels(guesses, file))
+        found = [_equations(one, shapes, file) for one in guesses]
         noise2 = _noise2(found)
         cost, (normal, gradient, own) = _cost(found, shape, noise2), _reduced(found, shape, noise2)
         while True:
             trial_shape = _stepped(shape, normal + damping * np.diag(np.diagonal(normal)), gradient, free)
             step = trial_shape.numbers - shape.numbers
             trial = [_moved(one, by[:, 0] - by[:, 1:] @ step) for one, by in zip(guesses, own, strict=True)]
-            profile = [(trial_shape, trial_shape.tone.profile(_levels(trial, file)))]
-            trial, trial_found = _no_worse(guesses, found, trial, profile, file)
+            trial_shapes = _shapes([trial_shape], _levels(trial, file))
+            trial, trial_found = _no_worse(guesses, found, trial, trial_shapes, file)
             trial_cost = _cost(trial_found, trial_shape, noise2)
             if trial_cost < cost or damping > MOST_DAMPING:
                 break
@@ -421,18 +427,15 @@ def _descended(shape: EdgeShape, guesses: list[_Guess], file: _File, free: int) 
 
 
 def _no_worse(
-    guesses: Sequence[_Guess],
-    found: Sequence[_EdgeEquations],
-    trial: Sequence[_Guess],
-    profile: Sequence[tuple[EdgeShape, Profile]],
-    file: _File,
+    guesses: Sequence[_Guess], found: Sequence[_EdgeEquations], trial: Sequence[_Guess], shapes: _Shapes, file: _File
 ) -> tuple[list[_Guess], list[_EdgeEquations]]:
     """Edges after a step, but as they were where that is better: one that leapt would hold up all others."""
-    moved = [(one, _equations(one, profile, file)) for one in trial]
+    moved = [(one, _equations(one, shapes, file)) for one in trial]
     for k, (before, guess) in enumerate(zip(found, guesses, strict=True)):
-        if _is_astray(moved[k][0]) or not _sum2(moved[k][1]) <= _sum2(before):
-            stayed = guess, _equations(guess, profile, file)
-            if _is_astray(moved[k][0]) or not _sum2(moved[k][1]) <= _sum2(stayed[1]):
+        one, after = moved[k]
+        if one.is_astray or not _sum2(after) <= _sum2(before):
+            stayed = guess, _equations(guess, shapes, file)
+            if one.is_astray or not _sum2(after) <= _sum2(stayed[1]):
                 moved[k] = stayed
     return [one for one, _ in moved], [one for _, one in moved]
 
@@ -491,8 +494,8 @@ def _cost(found: Sequence[_EdgeEquations], shape: EdgeShape, noise2: float) -> f
 def _told(shape: EdgeShape, guesses: Sequence[_Guess], left_out: int, file: _File) -> Reading:
     """The solution with its covariances."""
     levels = _levels(guesses, file)
-    profiles = _profiles(shape, levels)
-    found = [_equations(one, profiles, file) for one in guesses]
+    shapes = _shapes(_with_steps(shape), levels)
+    found = [_equations(one, shapes, file) for one in guesses]
     noise2, fits, rests = _noise2(found), [], []
     for guess, one in zip(guesses, found, strict=True):
         own = _solve(one.by_own, one.by_shape)
