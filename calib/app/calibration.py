@@ -1,13 +1,15 @@
 """Cameras that are solved and judged, and how that is told: what `calib.run` and `calib.solve` give."""
 
 import os
+from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Self, cast
 
 from calib.app.detect import detections_answer
 from designer.base.errors import InputError
+from designer.page.output import Output, output_of
 from designer.page.progress import Progress
 from designer.page.result import Result
 from designer.page.terminal import quoted
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
     from calib.app.calibration_folder import RunFolder
     from calib.app.inputs import Place
     from calib.core.types import Observations
-    from calib.judge.folders import JudgedRun
+    from calib.judge.folders import JudgedRun, RigRun
     from calib.judge.next_views import NextView
     from calib.judge.solutions import Solution, SolveTask
     from calib.judge.verdict import Criteria, Verdict
@@ -31,8 +33,57 @@ LEAST_VIEWS_HELD_OUT, MOST_NAMED = 6, 5
 """Photos that are worth the advice to hold some out; photos without the target that a screen names."""
 
 
-@dataclass(frozen=True, eq=False)
-class Run(Result, kind="calibration", title="Calibration", sought="camera is determined", replaces=("detections",)):
+class SolvedCameras(Result, kind="cameras", title="Cameras"):
+    """Cameras that are solved and, as a rule, judged: one of several models, or those of a rig."""
+
+    run: "JudgedRun | RigRun"
+    """As it is read from its folder."""
+
+    def __repr__(self) -> str:
+        """A line, where no page can be shown."""
+        return f"<{type(self).__name__}, {self.verdict.grade}: {self.verdict.sentence}>"
+
+    @property
+    def verdict(self) -> "Verdict":
+        """Whether to use what was solved, and why.
+
+        Raises:
+            ValueError: nobody judged.
+        """
+        if self.run.judged is None:
+            raise ValueError("nobody judged the cameras of this folder")
+        return self.run.judged.verdict
+
+    @property
+    def is_negative(self) -> bool:
+        """Not to be used."""
+        return self.run.judged is not None and self.verdict.grade == "bad"
+
+    @abstractmethod
+    def write(self, out: Output) -> Self:
+        """Write all but the page; the same with what the folder adds.
+
+        Raises:
+            InputError: a file is somebody else's, or the solution makes no sense.
+        """
+
+    def save(self, folder: str | os.PathLike[str], *, command: str = "", has_page: bool = True) -> tuple[Path, ...]:
+        """Write the folder that the command writes: cameras, tables, pictures, verdict and page; return the files.
+
+        Raises:
+            InputError: the folder takes no files, or holds somebody else's; the message names them.
+        """
+        out = output_of(folder)
+        written = self.write(out)
+        if has_page:
+            out.files += written.drawn_in(out.place, command)
+        return tuple(out.files)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run(
+    SolvedCameras, kind="calibration", title="Calibration", sought="camera is determined", replaces=("detections",)
+):
     """Cameras of one or several models from the same photos, judged: `run.best.camera`, `run.verdict.grade`."""
 
     judged_run: "JudgedRun"
@@ -41,9 +92,10 @@ class Run(Result, kind="calibration", title="Calibration", sought="camera is det
     place: Path | None = None  # the folder; None: nothing is written
     truth_file: Path | None = None  # of rendered photos
 
-    def __repr__(self) -> str:
-        """A line, where no page can be shown."""
-        return f"<Run, {self.verdict.grade}: {self.verdict.sentence}>"
+    @property
+    def run(self) -> "JudgedRun":  # type: ignore[override]  # a field of a rig
+        """As it is read from its folder."""
+        return self.judged_run
 
     @property
     def solutions(self) -> "tuple[Solution, ...]":
@@ -66,17 +118,6 @@ class Run(Result, kind="calibration", title="Calibration", sought="camera is det
         return self.judged_run.target
 
     @property
-    def verdict(self) -> "Verdict":
-        """Whether to use the best camera, and why.
-
-        Raises:
-            ValueError: nobody judged.
-        """
-        if self.judged_run.judged is None:
-            raise ValueError("nobody judged the cameras of this folder")
-        return self.judged_run.judged.verdict
-
-    @property
     def observations(self) -> "Observations":
         """What the cameras were solved from."""
         return self.best.calibration.observations if self.task is None else self.task.observations
@@ -88,11 +129,6 @@ class Run(Result, kind="calibration", title="Calibration", sought="camera is det
         made = () if self.task is None or self.task.made is None else (self.task.made.sentence,)
         of_best = (*self.best.calibration.remarks, *self.best.evaluated.remarks)
         return tuple(dict.fromkeys((*of_search, *made, *of_best, *self.observations.remarks)))
-
-    @property
-    def is_negative(self) -> bool:
-        """Not to be used."""
-        return self.judged_run.judged is not None and self.verdict.grade == "bad"
 
     @property
     def remedy(self) -> str:
@@ -172,20 +208,16 @@ class Run(Result, kind="calibration", title="Calibration", sought="camera is det
         solved = solutions_answer(self.solutions, self.best.model, self.place or Path())
         return {**found, **solved, "verdict": verdict}
 
-    def save(self, folder: str | os.PathLike[str], *, command: str = "", has_page: bool = True) -> tuple[Path, ...]:
-        """Write the folder that `calib run` writes: cameras, tables, pictures, verdict and page; return the files.
+    def write(self, out: Output) -> "Run":
+        """Write all but the page; the run as it is in the folder.
 
         Raises:
-            InputError: the folder takes no files, or holds somebody else's; the message names them.
+            InputError: a file is somebody else's, or the best camera makes no sense.
         """
         from calib.app.calibration_folder import RunFolder
-        from designer.page.output import output_of
 
-        out = output_of(folder)
         kept = RunFolder(out, [one.model for one in self.solutions]).write_all(self.judged_run, self.search)
-        if has_page:
-            out.files += replace(self, judged_run=kept).drawn_in(out.place, command)
-        return tuple(out.files)
+        return replace(self, judged_run=kept)
 
     def _repr_html_(self) -> str:
         from html import escape

@@ -80,14 +80,11 @@ FILES_OF_MODEL = (
 
 def headline_of(run: JudgedRun) -> Headline:
     """The answer, before anything else."""
-    if run.judged is not None:
-        return headline_by(run.judged.verdict)
     best = run.best
     left = f", with residuals of {digits(best.rms_px, 3)} px (RMS)" if best.rms_px >= 0 else ""
     views = best.calibration.observations.view_count
-    return Headline(
-        "note", "not judged", f"The camera ({best.model}) was solved from {views} photos{left}. {NOT_JUDGED}"
-    )
+    unjudged = f"The camera ({best.model}) was solved from {views} photos{left}. {NOT_JUDGED}"
+    return headline_by(None if run.judged is None else run.judged.verdict, unjudged)
 
 
 def key_facts(run: JudgedRun) -> Facts:

@@ -45,18 +45,15 @@ class DetectedPhotos(Result, kind="detections", title="Detections"):
 
     def page(self) -> "Page":
         """Whether enough was found, why rings are missing, and what to do about it."""
-        return self._page(None)
+        from calib.app.detect_page import detected_page
+
+        return detected_page(self)
 
     def page_beside(self, folder: Path) -> "Page":
         """The same with the pictures."""
-        return self._page(folder)
+        from calib.app.detect_page import detected_page
 
-    def _page(self, folder: Path | None) -> "Page":
-        from calib.app.detect_page import SearchFiles, detected_page
-
-        return detected_page(
-            self.search, SearchFiles(self.target_file, self.table, self.overlays), self.remarks, folder
-        )
+        return detected_page(self, folder)
 
     def purposes(self, folder: Path) -> tuple[tuple[str, str], ...]:
         """The table and its records, where they can be linked."""

@@ -5,8 +5,8 @@ import os
 import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from calib.core.types import NOT_MEASURABLE, UNMEASURABLE_WORDS, FaceRecord
 from calib.draw.gallery import SHARE_RULE, Shot, gallery, is_there, level_of_share, shortened, title_of_pictures
@@ -14,7 +14,7 @@ from calib.observe.dataset import ImageRecord, common_remarks, median_sigma_px
 from calib.observe.observations import misplaced_pieces
 from calib.observe.photos import PhotoResult, Search
 from designer.base.answer import program
-from designer.base.words import capital, counted, printable
+from designer.base.words import capital, counted, printable, span
 from designer.base.words import figure as digits
 from designer.page.blocks import (
     Cell,
@@ -32,6 +32,9 @@ from designer.page.blocks import (
 )
 from designer.page.folders import Shown, some_of, table_of, whole
 
+if TYPE_CHECKING:
+    from calib.app.detect import DetectedPhotos
+
 WORDS: Mapping[Level, str] = {"good": "found", "usable": "found in part", "bad": "not found", "note": ""}
 SOLVED_FOLDER = "camera"
 """Beside the detections: where the next step solves the camera."""
@@ -46,34 +49,25 @@ EXPECTED = f"of the faces that show, without those {UNMEASURABLE_WORDS}"
 OVERLAYS_SHOW = "the same command with --overlay DIR draws what was and was not found"
 
 
-@dataclass(frozen=True)
-class SearchFiles:
-    """Where photos were searched from, and what was written."""
-
-    target_file: str  # as it was given; "" for one that comes from no file
-    table: Path | None  # of the detections
-    overlays: Path | None  # folder of the pictures
-
-
-def detected_page(search: Search, at: SearchFiles, remarks: Sequence[str], folder: Path | None = None) -> Page:
+def detected_page(made: "DetectedPhotos", folder: Path | None = None) -> Page:
     """What is to be said of photos that were searched.
 
     Args:
         folder: of the page, with the pictures; None: a page without them.
     """
-    records = [result.record for result in search.results]
-    rows = _checks(search)
+    search = made.search
+    records, rows = [result.record for result in search.results], _checks(search)
     level = worst_level(rows)
     common = common_remarks([seen.remarks for seen in search.detections])
-    shots = [] if folder is None else _shots(search, at, folder, common)
+    shots = [] if folder is None else _shots(made, folder, common)
     said = (
-        *(Finding("note", "All photos", shortened(remark)) for remark in (*common, *remarks)),
+        *(Finding("note", "All photos", shortened(remark)) for remark in (*common, *made.remarks)),
         *(Finding("usable", "Pieces", capital(line)) for line in misplaced_pieces(search.detections)),
         *(Finding("usable", "Not searched", line) for line in some_of(search.failures)),
         *((Finding("note", "Left out", f"{search.overlays_left_out} overlays of an earlier run"),)
           if search.overlays_left_out else ()),
         *(Finding("usable", "", one.overlay_failure) for one in search.results if one.overlay_failure),
-        *((Finding("note", "No pictures", OVERLAYS_SHOW),) if at.overlays is None else ()),
+        *((Finding("note", "No pictures", OVERLAYS_SHOW),) if made.overlays is None else ()),
     )  # fmt: skip
     photos = (
         *((Findings(said),) if said else ()),
@@ -92,7 +86,7 @@ def detected_page(search: Search, at: SearchFiles, remarks: Sequence[str], folde
     )
     return Page(
         "" if folder is None else title_of_pictures(folder), "", _headline(search, level), sections,
-        lead=(_facts(search, at, records, folder),), next_steps=_next(search, at),
+        lead=(_facts(made, records, folder),), next_steps=_next(made),
     )  # fmt: skip
 
 
@@ -151,13 +145,14 @@ def _first_reason(search: Search) -> str:
     return f"{capital(words)}." if is_same else f"{printable(without[0].image)}: {words}."
 
 
-def _facts(search: Search, at: SearchFiles, records: Sequence[ImageRecord], folder: Path | None) -> Facts:
+def _facts(made: "DetectedPhotos", records: Sequence[ImageRecord], folder: Path | None) -> Facts:
+    search = made.search
     sizes = Counter(seen.image_size for seen in search.detections)
     shown = ", ".join(f"{width} x {height} px" for (width, height), _ in sizes.most_common(3))
     seen = {face.face for record in records for face in record.named}
-    table, way = "" if at.table is None else str(at.table), way_to(at.table, folder)
+    table, way = "" if made.table is None else str(made.table), way_to(made.table, folder)
     return Facts((
-        ("target", printable(f"{at.target_file or 'given'}, id {search.target.geometry_id}")),
+        ("target", printable(f"{made.target_file or 'given'}, id {search.target.geometry_id}")),
         ("photos", f"{len(search.results)}, {len(search.detections)} of them searched"),
         ("image", f"{shown}{', ...' if len(sizes) > 3 else ''}" if shown else "none could be read"),
         *(() if search.target.is_planar else (("faces seen", f"{len(seen)} of {search.target.face_count}"),)),
@@ -168,13 +163,11 @@ def _facts(search: Search, at: SearchFiles, records: Sequence[ImageRecord], fold
 
 
 def _sigma_words(search: Search) -> str:
-    sigmas_px = sorted(median_sigma_px(seen) for seen in search.with_target)
-    if not sigmas_px:
+    if not search.with_target:
         return ""
-    least, most = digits(sigmas_px[0], 2), digits(sigmas_px[-1], 2)
     return (
-        f"The standard deviation of a centre is {least if least == most else f'{least} to {most}'} px, the median of a "
-        "photo: from how well a ring fits its pixels, which says nothing of a bent print."
+        f"The standard deviation of a centre is {span(map(median_sigma_px, search.with_target), 2)} px, the median of "
+        "a photo: from how well a ring fits its pixels, which says nothing of a bent print."
     )
 
 
@@ -231,11 +224,11 @@ def _level(result: PhotoResult) -> Level | None:
     return None if level == "good" else level
 
 
-def _shots(search: Search, at: SearchFiles, folder: Path, common: Sequence[str]) -> list[Shot]:
+def _shots(made: "DetectedPhotos", folder: Path, common: Sequence[str]) -> list[Shot]:
     """The pictures, the worst first."""
-    inside = "" if at.overlays in (None, folder) else f"{at.overlays.relative_to(folder).as_posix()}/"
+    inside = "" if made.overlays in (None, folder) else f"{made.overlays.relative_to(folder).as_posix()}/"
     shots = []
-    for one in sorted(search.results, key=_share):
+    for one in sorted(made.search.results, key=_share):
         if one.overlay is not None:
             rings = f"{one.record.features} of {one.record.expected} rings, sigma {digits(_sigma_px(one), 2)} px"
             words = (rings if one.record.features else "not found", _missing(one), _remark(one, common))
@@ -279,10 +272,10 @@ def _missing_section(records: Sequence[ImageRecord]) -> Section:
     return Section(title, (table,), lead=f"{lead}.")
 
 
-def _next(search: Search, at: SearchFiles) -> tuple[Command, ...]:
+def _next(made: "DetectedPhotos") -> tuple[Command, ...]:
     """What to do with the detections."""
-    if at.table is None or not search.with_target or not at.target_file:
+    if made.table is None or not made.search.with_target or not made.target_file:
         return ()
-    places = (at.table, at.target_file, at.table.parent / SOLVED_FOLDER)
+    places = (made.table, made.target_file, made.table.parent / SOLVED_FOLDER)
     table, target, out = (shlex.quote(printable(str(place))) for place in places)
     return (Command(f"calib solve {table} --target {target} -o {out}"),)

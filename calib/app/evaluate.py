@@ -130,11 +130,10 @@ class CameraErrors(
         Raises:
             InputError: the folder takes no files, or holds somebody else's.
         """
-        from calib.app.inputs import folder_of
         from calib.solver.metrics.evaluation_files import evaluation_files
-        from designer.base.files import write_files
+        from designer.base.files import place_of, write_files
 
-        place = folder_of(folder)
+        place = place_of(folder, "a folder, such as '.'")
         self.check(place)
         files = evaluation_files(self.asked, place)
         if self.has_figures:
@@ -294,7 +293,5 @@ def _held_out(
             "leave --held-out away, or solve without a reference"
         )
 
-    def solve_again(seen: "Observations") -> "Calibration":
-        return calibrate(seen, calibration.camera.model, options)
-
-    return evaluate_held_out(calibration, solve_again, folds, truth)
+    model = calibration.camera.model
+    return evaluate_held_out(calibration, lambda seen: calibrate(seen, model, options), folds, truth)

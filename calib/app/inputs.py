@@ -8,12 +8,12 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from calib.app.options import MOST_JOBS
+from calib.app.options import MOST_JOBS, grid_of
 from calib.cameras.formats import FORMATS, OWN, RIG_FORMATS
 from calib.core.types import Detections, Observations, RigObservations
 from designer.base.errors import InputError
 from designer.base.files import place_of
-from designer.base.words import printable, shown
+from designer.base.words import shown
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera
@@ -135,21 +135,15 @@ def file_or_observations(
     Raises:
         InputError: as for `load_observations`, or what is no file has such an option.
     """
-    from calib.observe.corners_vnl import PointGrid
-
     if not isinstance(observed, str | PathLike):
         told = (("--image-size", image_size), ("--grid", grid), ("--pitch", pitch_mm), ("--points", points))
         if odd := next((option for option, value in told if value is not None), ""):
             raise InputError(f"{odd}: is of a file; leave it out")
         return observations_of(observed, target)
-    if (grid is None) != (pitch_mm is None):
-        raise InputError("--grid and --pitch belong together: --grid 10x7 --pitch 20mm")
-    kind, diameter_mm = points_of(points, None)
+    corners, (kind, diameter_mm) = grid_of(grid, pitch_mm), points_of(points, None)
     return load_observations(
-        observed, target, image_size=image_size,
-        grid=None if grid is None or pitch_mm is None else PointGrid(*grid, pitch_mm),
-        points=kind, diameter_mm=diameter_mm,
-    )  # fmt: skip
+        observed, target, image_size=image_size, grid=corners, points=kind, diameter_mm=diameter_mm
+    )
 
 
 def _with_names_of_their_own(found: tuple[Detections, ...]) -> tuple[Detections, ...]:
@@ -231,18 +225,6 @@ def opened_camera(camera: "Camera | Place", kind: str | None = None) -> "OpenedC
     return open_camera(fspath(camera), kind)
 
 
-def camera_remarks(camera: "Camera | Place") -> tuple[str, ...]:
-    """What to know of the file that a camera comes from, a line each.
-
-    Raises:
-        InputError: neither a camera, nor a file that can be read.
-    """
-    read = opened_camera(camera).read
-    refit = read.refit
-    fitted = () if refit is None else (f"its lens is fitted, RMS {refit.rms_px:.4f} px, max {refit.max_px:.4f} px",)
-    return tuple(f"{printable(str(camera))}: {printable(line)}" for line in (*fitted, *read.remarks))
-
-
 def load_rig(name: Place, *, unit: str | None = None) -> "Rig":
     """Read a rig: `load_rig("rig.json").cam_from_rig`.
 
@@ -310,15 +292,6 @@ def rig_named(name: Place, kind: str | None = None, unit: str | None = None) -> 
         return open_rig(place, kind, unit)
     found = rig_format_of(place)
     return None if found is None or kind not in (None, found.name) else open_rig(place, found.name, unit)
-
-
-def folder_of(folder: Place) -> Path:
-    """A folder to write to.
-
-    Raises:
-        InputError: no path.
-    """
-    return place_of(folder, "a folder, such as '.'")
 
 
 def processes_of(jobs: int | None) -> int:

@@ -8,8 +8,17 @@ import numpy as np
 from calib.coupon_reading.ink_of_rings import InkBleed
 from calib.draw.measured_picture import axes_words, cameras_table, faces_table, gains_table, rings_table
 from calib.draw.measured_scene import measure_view
-from calib.draw.print_errors import degrees, errors_table, is_plastic, next_print, percent, told, whole_rows
-from calib.draw.seats import seat_findings, seats_sentence
+from calib.draw.print_errors import (
+    degrees,
+    errors_table,
+    is_plastic,
+    next_print,
+    percent,
+    seat_findings,
+    seats_sentence,
+    told,
+    whole_rows,
+)
 from calib.measure_target.deviations import JUDGED, Estimate, WholePrint
 from calib.measure_target.record import AsBuiltRecord
 from designer.base.units import format_mm

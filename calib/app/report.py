@@ -136,7 +136,9 @@ def _from_blocks(folder: Path, kind: str, page: "Page", criteria: str | None, ki
     from designer.page.shell import page_html
 
     if criteria is not None:
-        raise _no_limits(folder, kind)
+        raise InputError(
+            f"--criteria: limits are for calibrations and rigs, and {folder} holds another kind: {printable(kind)}"
+        )
     _require_kind(folder, kind, kinds)
     write_files({folder / PAGE_FILE: page_html(page)})
     return Report(kind, page, folder / PAGE_FILE)
@@ -171,9 +173,3 @@ def _require_kind(folder: Path, kind: str, kinds: Collection[str]) -> None:
     if kinds and kind not in kinds:
         what = printable(kind)
         raise InputError(f"{folder / PAGE_FILE}: stays as it is, the page of what is in this folder otherwise ({what})")
-
-
-def _no_limits(folder: Path, kind: str) -> InputError:
-    return InputError(
-        f"--criteria: limits are for calibrations and rigs, and {folder} holds another kind: {printable(kind)}"
-    )

@@ -24,9 +24,9 @@ from calib.judge.halves import NoHalves, RigHalves, SplitKind
 from calib.judge.next_robot_poses import photo_names
 from calib.rigs.relative import center_sigma_mm
 from calib.rigs.rig_calibration_file import CAMERAS, folder_names
-from designer.base.words import capital, counted, printable
+from designer.base.words import capital, counted, printable, span
 from designer.base.words import figure as digits
-from designer.page.blocks import Block, Command, Facts, Headline, Page, Paragraph, Section, Steps
+from designer.page.blocks import Block, Command, Facts, Page, Paragraph, Section, Steps
 from designer.page.folders import some_of
 
 if TYPE_CHECKING:
@@ -81,15 +81,9 @@ def rig_page(run: RigRun, folder: Path | None = None, *, is_drawn: bool = True) 
         Section("Halves of the frames", compared, lead=lead),
         Section("What is not in the numbers", tuple(map(Paragraph, limits_of(run)))),
     ]
-    return Page("", "", rig_headline(run), tuple(sections), lead=(rig_facts(run),), next_steps=next_steps(run))
-
-
-def rig_headline(run: RigRun) -> Headline:
-    """The answer, before anything else."""
-    if run.verdict is not None:
-        return headline_by(run.verdict)
-    todo = "Nobody judged it; calib report with --criteria standard does."
-    return Headline("note", "not judged", f"{counts_words(run)}. {todo}")
+    unjudged = f"{counts_words(run)}. Nobody judged it; calib report with --criteria standard does."
+    headline = headline_by(run.verdict, unjudged)
+    return Page("", "", headline, tuple(sections), lead=(rig_facts(run),), next_steps=next_steps(run))
 
 
 def _next(run: RigRun) -> tuple[Section, ...]:
@@ -117,10 +111,11 @@ def rig_facts(run: RigRun) -> Facts:
     """Cameras, residuals, distances, error in space and checks, a line each."""
     found, evidence = run.found, run.evidence
     own = printable(frame_name(found))
+    known_px = [one.rms_px for one in evidence.cameras if math.isfinite(one.rms_px)]
     rows = [
         ("rig", f"{counts_words(run)}, {found.status}"),
         ("its frame", f"that of {own}: x right, y down, z forward" if found.reference >= 0 else f"that of the {own}"),
-        ("residuals", _residual_words(run)),
+        ("residuals", f"{span(known_px, 2)} px RMS, camera by camera" if known_px else "none"),
     ]
     if found.carrier is not None:
         rows.append(("camera", _sits_words(run.stated)))
@@ -173,14 +168,6 @@ def carrier_words(carrier: "CarrierFit") -> str:
     return f"{printable(carrier.kind)}; its own errors are {own} a coordinate{size}"
 
 
-def _residual_words(run: RigRun) -> str:
-    known = [one for one in run.evidence.cameras if math.isfinite(one.rms_px)]
-    if not known:
-        return "none"
-    least, most = (digits(end(one.rms_px for one in known), 2) for end in (min, max))
-    return f"{least if least == most else f'{least} to {most}'} px RMS, camera by camera"
-
-
 def _distances_words(run: RigRun) -> str:
     pairs = [pair.relative for pair in run.evidence.pairs]
     known = [one for one in pairs if math.isfinite(one.baseline_sigma_mm)]
@@ -188,9 +175,8 @@ def _distances_words(run: RigRun) -> str:
         return "not determined"
     if len(pairs) == 1:
         return f"{digits(known[0].baseline_mm, 5)} ± {digits(known[0].baseline_sigma_mm, 2)} mm between the cameras"
-    least, most = (digits(end(one.baseline_mm for one in known), 4) for end in (min, max))
     worst = digits(max(one.baseline_sigma_mm for one in known), 2)
-    return f"{least} to {most} mm between cameras, each known to {worst} mm or better (1 sigma)"
+    return f"{span(one.baseline_mm for one in known)} mm between cameras, each known to {worst} mm or better (1 sigma)"
 
 
 def halves_words(halves: RigHalves | NoHalves) -> str:

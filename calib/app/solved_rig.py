@@ -7,13 +7,12 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
+from calib.app.calibration import SolvedCameras
 from calib.app.options import exports_folder
 from designer.base.errors import InputError
 from designer.base.files import named_in_files
 from designer.base.words import printable
-from designer.page.output import output_of
 from designer.page.progress import Progress
-from designer.page.result import Result
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from calib.judge.hand_eye_file import HandEye
     from calib.judge.judge import Judged
     from calib.judge.rig_solution import RigSeen
-    from calib.judge.verdict import NextPose, Verdict
+    from calib.judge.verdict import NextPose
     from calib.rigs.result import RigCalibration
     from designer.base.answer import Value
     from designer.page.blocks import Page
@@ -32,9 +31,9 @@ if TYPE_CHECKING:
 SIGHTINGS_FILE, NEXT_POSES_FILE = "sightings.csv", "next_poses.csv"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SolvedRig(
-    Result, kind="rig", title="Rig of cameras", sought="solution",
+    SolvedCameras, kind="rig", title="Rig of cameras", sought="solution",
     files={
         "rig.json": "the cameras, where each stands and the joint covariance, for other commands and programs",
         "verdict.json": "what was checked, for programs",
@@ -49,10 +48,6 @@ class SolvedRig(
     run: "RigRun"  # as it is read from its folder
     seen: "RigSeen | None" = None  # what it was solved from; None: read from a folder
     folder: Path | None = None  # that holds it; None: nothing is written
-
-    def __repr__(self) -> str:
-        """A line, where no page can be shown."""
-        return f"<SolvedRig, {self.verdict.grade}: {self.verdict.sentence}>"
 
     @property
     def rig(self) -> "Rig":
@@ -81,11 +76,6 @@ class SolvedRig(
         return self.run.judged
 
     @property
-    def verdict(self) -> "Verdict":
-        """Whether to use it, and why; ValueError: nobody judged."""
-        return self.judged.verdict
-
-    @property
     def hand_eye(self) -> "HandEye":
         """Where the first camera sits on the robot, or beside it.
 
@@ -106,11 +96,6 @@ class SolvedRig(
         """What a person must know of photos, observations and cameras, one line each."""
         made = () if self.seen is None or self.seen.made is None else (self.seen.made.sentence,)
         return tuple(dict.fromkeys((*made, *self.calibration.remarks, *self.observations.remarks)))
-
-    @property
-    def is_negative(self) -> bool:
-        """Not to be used."""
-        return self.run.verdict is not None and self.run.verdict.grade == "bad"
 
     @property
     def remedy(self) -> str:
@@ -193,19 +178,6 @@ class SolvedRig(
         ):  # fmt: skip
             require_ours(folder / name, kind=kind)
 
-    def save(self, folder: str | PathLike[str], *, command: str = "", has_page: bool = True) -> tuple[Path, ...]:
-        """Write the folder that `calib rig` writes; return the files.
-
-        Raises:
-            InputError: the folder takes no files, or holds somebody else's; the message names them.
-        """
-        out = output_of(folder)
-        self.check(out.place)
-        written = self.write(out)
-        if has_page:
-            out.files += written.drawn_in(out.place, command)
-        return tuple(out.files)
-
     def write(self, out: "Output") -> "SolvedRig":
         """Write all but the page; the rig with its folder.
 
@@ -225,6 +197,7 @@ class SolvedRig(
         from designer.page.page_file import why_no_page
 
         folder, run = out.place, self.run
+        self.check(folder)
         if why := why_no_page(folder, self.kind):
             raise InputError(why)
         is_again = kind_in(folder) == "rig"
@@ -262,11 +235,9 @@ def begun(out: "Output | Place | None") -> "Output | None":
     Raises:
         InputError: it takes none.
     """
-    if out is None:
-        return None
-    to = output_of(out)
-    SolvedRig.check(to.place)
-    to.answer = {"verdict": None}
+    to = SolvedRig.begun(out)
+    if to is not None:
+        to.answer = {"verdict": None}
     return to
 
 

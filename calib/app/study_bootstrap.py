@@ -86,13 +86,14 @@ class Bootstrap(
         Raises:
             InputError: the folder takes no files, or holds another study.
         """
-        self.check(place_of(folder, "a folder, such as '.'"))
-        path = place_of(folder, "a folder, such as '.'") / "study.sqlite"
+        place = place_of(folder, "a folder, such as '.'")
+        self.check(place)
+        path = place / "study.sqlite"
         if self.study and path.exists() and path.read_bytes() != self.study:
             raise InputError(f"{path}: there is another study; choose another folder")
         if self.study and not path.exists():
             write_files({path: self.study})
-        return super().save(folder, command=command, has_page=has_page)
+        return super().save(place, command=command, has_page=has_page)
 
     def page(self) -> "Page":
         """Errors with their spread, what more views bring, and how parameters go together."""

@@ -118,11 +118,6 @@ class StudyResult(Result, kind="study", title="Study"):
         """As every result; figures that lie there in other formats are drawn again in these, too."""
         place = place_of(folder, "a folder, such as '.'")
         files = super().save(place, command=command, has_page=has_page)
-        left = self._save_left(place, files)
-        kept = (place / name for name in self.files if (place / name).exists())
-        return tuple(dict.fromkeys((*files, *left, *kept)))
-
-    def _save_left(self, place: Path, files: Sequence[Path]) -> tuple[Path, ...]:
         left = [suffix for suffix in FORMATS if suffix not in self.formats]
         again = {
             place / path: content
@@ -133,7 +128,8 @@ class StudyResult(Result, kind="study", title="Study"):
             if path.endswith(suffix)
         }
         write_files(again)
-        return tuple(path for path in again if path not in files)
+        kept = (place / name for name in self.files if (place / name).exists())
+        return tuple(dict.fromkeys((*files, *again, *kept)))
 
     @cached_property
     def _sheets(self) -> "tuple[FigureSheet, ...]":

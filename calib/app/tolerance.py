@@ -343,7 +343,8 @@ def tolerance(
         InputError: files or options that break a rule, or no workers are left; the draws in a folder are kept.
         StudyStoppedError: interrupted; so they are.
     """
-    from calib.app.inputs import camera_of, camera_remarks
+    from calib.app.cameras_told import remarks_on
+    from calib.app.inputs import opened_camera
     from calib.cameras.camera import Camera
     from calib.studies.runner import ask_cluster
     from calib.studies.tolerance.explore import Photographing, TolerancePlan, compared, explore
@@ -353,9 +354,9 @@ def tolerance(
 
     requirements = parse_requirements(require)
     by = quantity_named(by or (requirements[0].quantity if requirements else "intersection")).name
-    taken = camera_of(camera)
-    camera_name = taken.model if isinstance(camera, Camera) else fspath(camera)
-    photographing = Photographing(views, taken, camera_name, model, weighted, seed, aim_offset_mm)
+    read = opened_camera(camera).read
+    camera_name = read.camera.model if isinstance(camera, Camera) else fspath(camera)
+    photographing = Photographing(views, read.camera, camera_name, model, weighted, seed, aim_offset_mm)
     for name, is_given in (("--full", full), ("--resume", resume), (f"--dask {dask}", dask is not None)):
         if linear and is_given:
             raise InputError(f"{name} does not fit --linear, which draws nothing; leave one of them out")
@@ -385,7 +386,7 @@ def tolerance(
         if other is not None:
             study = compared(study, table, other, plan, vary)
     found = Tolerance(
-        study, drawn, seed, first.errors.layer_height_mm, _file_of(target), camera_remarks(camera),
+        study, drawn, seed, first.errors.layer_height_mm, _file_of(target), remarks_on(camera_name, read),
         tuple(formats), command_line(),
     )  # fmt: skip
     return found.saved(output, progress)

@@ -11,7 +11,7 @@ from calib.solver.metrics.errors import centers_mm
 from calib.solver.metrics.evaluation import by_view
 from designer.base.arrays import Array
 from designer.base.words import figure as digits
-from designer.base.words import printable
+from designer.base.words import printable, span
 from designer.page.blocks import View3d
 from designer.page.scene import Layer, Rings, Scene, Segments, Surface
 from designer.target import TargetGeometry
@@ -68,8 +68,7 @@ def camera_view(one: Solution, target: TargetGeometry | None, proposed: tuple[Ne
 def spread_words(one: Solution) -> str:
     """From where photos were taken, as a sentence."""
     points, facts = one.calibration.observations.points, view_facts(one.calibration)
-    least, most = digits(float(facts.distance_mm.min()), 3), digits(float(facts.distance_mm.max()), 3)
-    words = f"{len(facts.name)} photos from {least if least == most else f'{least} to {most}'} mm away"
+    words = f"{len(facts.name)} photos from {span(facts.distance_mm.tolist(), 3)} mm away"
     known = facts.tilt_deg[np.isfinite(facts.tilt_deg[:, 2]), 2]
     if facts.is_flat and len(known):
         words += f", tilted by {known.min():.0f} to {known.max():.0f}° against the image"

@@ -217,15 +217,14 @@ def uncertainty_drawing(found: SigmaMap) -> AxesDrawing:
     """How uncertain a camera is over the image."""
     less = "learned map taken as exact" if found.is_map_exact else "less a common rotation"
     title = f"Uncertainty of the camera (1 sigma, {less})"
-    return AxesDrawing(title, found.words, lambda axes: _draw_uncertainty(axes, found), found.image_size, has_bar=True)
 
+    def draw(axes: "Axes") -> None:
+        image_axes(axes, found.image_size)
+        axes.set_facecolor(EMPTY)
+        if found.is_known:
+            draw_map(axes, found.pixel, found.sigma_px, "px", may_be_wide=True)
 
-def _draw_uncertainty(axes: "Axes", found: SigmaMap) -> None:
-    """Standard deviation of the camera's pixels over the image."""
-    image_axes(axes, found.image_size)
-    axes.set_facecolor(EMPTY)
-    if found.is_known:
-        draw_map(axes, found.pixel, found.sigma_px, "px", may_be_wide=True)
+    return AxesDrawing(title, found.words, draw, found.image_size, has_bar=True)
 
 
 MAP_WIDTH_PX = 1300

@@ -6,8 +6,7 @@ import numpy as np
 
 from calib.cameras.camera import Camera
 from designer.base.arrays import Array
-from designer.base.words import counted
-from designer.base.words import figure as digits
+from designer.base.words import counted, span
 from designer.target import TargetGeometry
 
 if TYPE_CHECKING:
@@ -65,9 +64,7 @@ def place_words(target: TargetGeometry | None, cam_from_target: Array) -> str:
 
 def distance_words(cam_from_target: Array) -> str:
     """How far cameras stand from the target's origin."""
-    distance = np.linalg.norm(cam_from_target[:, :3, 3], axis=1)
-    least, most = digits(float(distance.min()), 3), digits(float(distance.max()), 3)
-    return f"{least} mm" if least == most else f"{least} to {most} mm"
+    return f"{span(np.linalg.norm(cam_from_target[:, :3, 3], axis=1).tolist(), 3)} mm"
 
 
 def tilts_deg(target: TargetGeometry, cam_from_target: Array) -> Array:
@@ -81,16 +78,14 @@ def tilts_deg(target: TargetGeometry, cam_from_target: Array) -> Array:
 
 def _axes(poses: Array) -> "tuple[Layer, ...]":
     """The axes of the target's frame with their letters."""
-    from designer.page.scene import Labels, Layer, Segments
+    from calib.draw.rig_scene import seen_from_both_sides
+    from designer.page.scene import Layer, Segments
     from designer.target_scene import AXES
 
     usual = float(np.median(np.linalg.norm(poses[:, :3, 3], axis=1)))
     length = max(AXIS_SHARE * usual, 1e-3)
     ends = np.zeros((3, 2, 3))
     ends[:, 1] = length * np.eye(3)
-    # A label hides when its normal points away: two with opposite normals are always seen.
-    at, normal = np.repeat(1.1 * length * np.eye(3), 2, axis=0), np.repeat(np.eye(3), 2, axis=0)
-    normal[1::2] *= -1
-    letters = tuple(letter for letter, _ in AXES for _ in range(2))
-    labels = Labels(at, normal, letters, LETTER_SHARE * usual)
+    letters = tuple(letter for letter, _ in AXES)
+    labels = seen_from_both_sides(1.1 * length * np.eye(3), np.eye(3), letters, LETTER_SHARE * usual)
     return (Layer("axes of the target", (Segments(ends, tuple(colour for _, colour in AXES)), labels)),)

@@ -5,10 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
-from calib.draw.gallery import OVERLAYS, STANDS_OUT, Shot, gallery
-from calib.draw.run_photos import PhotoRow, caption_of, overlay_paths
+from calib.draw.gallery import OVERLAYS, Shot, gallery
+from calib.draw.run_photos import PhotoRow, caption_of, overlay_paths, used_rows
 from calib.judge.views import view_facts
 from calib.observe.photos import (
     OVERLAY_MARK,
@@ -51,23 +49,11 @@ def pictured(found: RigCalibration) -> tuple[PicturedPhoto, ...]:
 def _worst_and_usual(found: RigCalibration, camera: int) -> list[PicturedPhoto]:
     """Two photos of a camera, with the residuals of the rig's own solution; fewer where it has no more with any."""
     alone = found.alone[camera]
-    facts, seen = view_facts(alone), alone.observations
-    known = np.flatnonzero(np.isfinite(facts.rms_px))
-    order = known[np.argsort(-facts.rms_px[known], kind="stable")].tolist()
-    chosen = [*order[:1], *([order[len(order) // 2]] if len(order) > 1 else [])]
-    usual_px = float(np.median(facts.rms_px[known])) if len(known) else math.nan
-    photos = []
-    for view, why in zip(chosen, (WORST, USUAL), strict=False):
-        mine, rms_px = seen.view == view, float(facts.rms_px[view])
-        face = seen.points.face[seen.point[mine]]
-        row = PhotoRow(
-            facts.name[view], True, int(mine.sum()), None, int(facts.left_out[view]), rms_px,
-            float(np.hypot(*alone.residual_px[mine].T).max()), math.nan, float(facts.distance_mm[view]),
-            float(facts.tilt_deg[view, 2]) if facts.is_flat else math.nan, 100 * float(facts.size[view]),
-            len(np.unique(face[face >= 0])), "", "usable" if rms_px > STANDS_OUT * usual_px else None,
-        )  # fmt: skip
-        photos.append(PicturedPhoto(camera, row, why))
-    return photos
+    facts, unknown = view_facts(alone), [math.nan] * alone.observations.view_count
+    rows = used_rows(alone, facts, facts.rms_px.tolist(), unknown, unknown, {})
+    known = sorted((row for row in rows if math.isfinite(row.rmse_px)), key=lambda row: -row.rmse_px)
+    chosen = [*known[:1], *([known[len(known) // 2]] if len(known) > 1 else [])]
+    return [PicturedPhoto(camera, row, why) for row, why in zip(chosen, (WORST, USUAL), strict=False)]
 
 
 def pictures_section(folder: Path, found: RigCalibration) -> Section | None:

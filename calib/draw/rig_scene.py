@@ -11,7 +11,7 @@ from calib.draw.style import round_length
 from designer.base.arrays import Array
 from designer.base.words import printable
 from designer.page.blocks import View3d
-from designer.page.scene import Cameras, Layer, Scene, Segments
+from designer.page.scene import Cameras, Labels, Layer, Scene, Segments
 
 CAMERA, POINT, EDGE = "#0072B2", "#D55E00", "#8a9099"
 """Okabe and Ito's blue and vermilion, and a grey, seen on light and dark."""
@@ -71,6 +71,13 @@ def looked_at(rig: Rig, layers: tuple[Layer, ...], legend: tuple[tuple[str, str]
     side = np.cross(up, back)
     from_direction = back + 0.6 * up + 0.7 * side if np.linalg.norm(side) > 0.3 else np.array([0.6, -0.7, -1.0])
     return Scene(layers, unit(up), unit(from_direction), legend)
+
+
+def seen_from_both_sides(place_mm: Array, normal: Array, texts: tuple[str, ...], height_mm: float) -> Labels:
+    """Labels (N, 3), each twice: one hides where its normal points away."""
+    both = np.repeat(normal, 2, axis=0)
+    both[1::2] *= -1
+    return Labels(np.repeat(place_mm, 2, axis=0), both, tuple(text for text in texts for _ in range(2)), height_mm)
 
 
 def unit(vector: Array) -> tuple[float, float, float]:

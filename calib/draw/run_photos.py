@@ -14,9 +14,10 @@ import numpy as np
 
 from calib.core.types import UNMEASURABLE_WORDS
 from calib.draw.gallery import OVERLAYS, STANDS_OUT, Shot, gallery, shortened
-from calib.judge.views import view_facts
+from calib.judge.views import ViewFacts, view_facts
 from calib.observe.dataset import ImageRecord, Records, common_remarks
 from calib.observe.photos import OVERLAY_MARK
+from calib.solver.calibration import Calibration
 from calib.solver.metrics.evaluation import Evaluation, by_view
 from designer.base.words import figure as digits
 from designer.base.words import printable
@@ -54,8 +55,18 @@ def photo_rows(evaluation: Evaluation, records: Records | None) -> tuple[PhotoRo
         record.image: replace(record, remarks=tuple(remark for remark in record.remarks if remark not in common))
         for record in (() if records is None else records.images)
     }
-    used = set(evaluation.calibration.observations.view_names)
-    return (*_used_rows(evaluation, images), *(_unused_row(one) for one in images.values() if one.image not in used))
+    calibration = evaluation.calibration
+    used = set(calibration.observations.view_names)
+    reprojection, intersection = evaluation.of("reprojection"), evaluation.of("intersection")
+    left_over = None if reprojection is None else by_view(evaluation, reprojection)
+    meeting = None if intersection is None else by_view(evaluation, intersection)
+    unknown = [math.nan] * calibration.observations.view_count
+    rows = used_rows(
+        calibration, view_facts(calibration), unknown if left_over is None else [one.rmse for one in left_over],
+        unknown if left_over is None else [one.largest for one in left_over],
+        unknown if meeting is None else [one.rmse for one in meeting], images,
+    )  # fmt: skip
+    return (*rows, *(_unused_row(one) for one in images.values() if one.image not in used))
 
 
 def remarks_of_all(records: Records | None) -> tuple[str, ...]:
@@ -63,33 +74,27 @@ def remarks_of_all(records: Records | None) -> tuple[str, ...]:
     return () if records is None else common_remarks([one.remarks for one in records.images if not one.failure])
 
 
-def _used_rows(evaluation: Evaluation, records: Mapping[str, ImageRecord]) -> list[PhotoRow]:
-    calibration = evaluation.calibration
+def used_rows(
+    calibration: Calibration, facts: ViewFacts, rmse_px: Sequence[float], worst_px: Sequence[float],
+    intersection_mm: Sequence[float], records: Mapping[str, ImageRecord],
+) -> list[PhotoRow]:  # fmt: skip
+    """A row for each photo that a camera was solved from, with errors of each and what was recorded of some."""
     seen = calibration.observations
-    reprojection = evaluation.of("reprojection")
-    intersection = evaluation.of("intersection")
-    left_over = None if reprojection is None else by_view(evaluation, reprojection)
-    meeting = None if intersection is None else by_view(evaluation, intersection)
     outliers = np.bincount(seen.view[calibration.is_outlier], minlength=seen.view_count).tolist()
     observations = np.bincount(seen.view, minlength=seen.view_count).tolist()
-    facts = view_facts(calibration)
-    distance, size = facts.distance_mm.tolist(), (100 * facts.size).tolist()
-    tilt = facts.tilt_deg[:, 2].tolist() if facts.is_flat else [math.nan] * seen.view_count
-    known = np.array([math.nan] if left_over is None else [summary.rmse for summary in left_over])
-    known = known[np.isfinite(known)]
-    usual = float(np.median(known)) if len(known) else math.nan
-    faces = seen.points.face[seen.point]
-    rows = []
+    known = [one for one in rmse_px if math.isfinite(one)]
+    usual_px = float(np.median(known)) if known else math.nan
+    faces, rows = seen.points.face[seen.point], []
     for view, name in enumerate(seen.view_names):
         record = records.get(name)
-        rmse = math.nan if left_over is None else left_over[view].rmse
-        named = np.unique(faces[(seen.view == view) & (faces >= 0)])
         rows.append(PhotoRow(
             name, True, observations[view] if record is None else record.features,
-            None if record is None else record.expected, outliers[view], rmse,
-            math.nan if left_over is None else left_over[view].largest,
-            math.nan if meeting is None else meeting[view].rmse, distance[view], tilt[view], size[view], len(named),
-            "" if record is None else "; ".join(record.remarks), "usable" if rmse > STANDS_OUT * usual else None,
+            None if record is None else record.expected, outliers[view], rmse_px[view], worst_px[view],
+            intersection_mm[view], float(facts.distance_mm[view]),
+            float(facts.tilt_deg[view, 2]) if facts.is_flat else math.nan, 100 * float(facts.size[view]),
+            len(np.unique(faces[(seen.view == view) & (faces >= 0)])),
+            "" if record is None else "; ".join(record.remarks),
+            "usable" if rmse_px[view] > STANDS_OUT * usual_px else None,
         ))  # fmt: skip
     return rows
 

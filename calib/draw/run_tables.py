@@ -203,8 +203,10 @@ LEVELS: dict[Grade, Level] = {"good": "good", "usable": "usable", "bad": "bad", 
 WORDS: dict[Grade, str] = {"good": "good", "usable": "usable", "bad": "do not use", "unknown": "not checked"}
 
 
-def headline_by(verdict: Verdict) -> Headline:
-    """The answer of a verdict."""
+def headline_by(verdict: Verdict | None, unjudged: str = "") -> Headline:
+    """The answer of a verdict; without one what there is, and what to do."""
+    if verdict is None:
+        return Headline("note", "not judged", unjudged)
     return Headline(LEVELS[verdict.grade], WORDS[verdict.grade], as_sentence(printable(verdict.sentence)))
 
 

@@ -5,14 +5,14 @@ import numpy as np
 from calib.core.se3 import compose, make_pose, transform
 from calib.core.types import KnownPoints
 from calib.draw.camera_scene import first_look, points_layers
-from calib.draw.rig_scene import CAMERA, rig_layer
+from calib.draw.rig_scene import CAMERA, rig_layer, seen_from_both_sides
 from calib.draw.rig_tables import frame_name
 from calib.judge.folders import RigRun
 from calib.judge.next_robot_poses import rig_from_target_at
 from calib.rigs.relative import center_covariance
 from calib.rigs.result import RigCalibration
 from designer.base.arrays import Array
-from designer.base.words import counted, printable
+from designer.base.words import counted, printable, span
 from designer.base.words import figure as digits
 from designer.page.blocks import View3d
 from designer.page.scene import Labels, Layer, Scene, Segments
@@ -64,8 +64,7 @@ def rig_words(found: RigCalibration) -> str:
     count, frames = len(found.cameras), len(found.rig_from_target)
     cameras = counted(count, "camera")
     distance = np.linalg.norm(found.rig_from_target[:, None, :3, 3] - found.rig.center_mm[None], axis=2)
-    least, most = digits(float(distance.min()), 3), digits(float(distance.max()), 3)
-    away = least if least == most else f"{least} to {most}"
+    away = span(distance.ravel().tolist(), 3)
     return f"{cameras}, and the target in {counted(frames, 'frame')}, {away} mm from them."
 
 
@@ -106,11 +105,8 @@ def _held_points(found: RigCalibration, middle: Array) -> KnownPoints:
 def _names(found: RigCalibration, size_mm: float) -> Labels:
     """Beside the cameras' centres, from both sides."""
     back = -found.rig.rig_from_cam[:, :3, 2]
-    place = np.repeat(found.rig.center_mm + 0.3 * size_mm * back, 2, axis=0)
-    normal = np.repeat(back, 2, axis=0)
-    normal[1::2] *= -1
-    texts = tuple(printable(name) for name in found.observations.camera_names for _ in range(2))
-    return Labels(place, normal, texts, 0.13 * size_mm)
+    names = tuple(map(printable, found.observations.camera_names))
+    return seen_from_both_sides(found.rig.center_mm + 0.3 * size_mm * back, back, names, 0.13 * size_mm)
 
 
 def _held(found: RigCalibration, rig_from_target: Array, colour: str) -> Segments:

@@ -89,6 +89,13 @@ def figure(number: float, digits: int = 4) -> str:
     return f"{number:.{digits - 1}e}"
 
 
+def span(numbers: Iterable[float], digits: int = 4) -> str:
+    """From the least to the largest of some numbers, or the one that they all are: `3.1 to 4.2`."""
+    known = list(numbers)
+    least, most = figure(min(known), digits), figure(max(known), digits)
+    return least if least == most else f"{least} to {most}"
+
+
 def with_digits(value: float, sigma: float) -> str:
     """A value to the second digit of its standard deviation."""
     if not sigma > 0 or not math.isfinite(sigma):
