@@ -74,7 +74,7 @@ class Difference(Result, kind="difference", title="Difference", doing="comparing
 
     def page(self) -> "Page":
         """Tables of what differs, the largest difference, and what was removed."""
-        from designer.page.blocks import Command, Facts, Page, Section
+        from designer.page.blocks import Command, Facts, Headline, Page, Section
         from designer.page.folders import notes
         from designer.page.terminal import quoted
 
@@ -89,8 +89,11 @@ class Difference(Result, kind="difference", title="Difference", doing="comparing
         section = Section("Differences", (_zones_table(self.zones), *notes(self.remarks)))
         within = "" if _is_whole(self.cameras) else f" --radius {self.cameras.radius_px:g}"
         line = f"calib diff {' '.join(quoted(Path(name)) for name in self.names)}{within} --picture difference.png"
+        whole = self.zones["whole image"]
+        sentence = f"RMS where both see the same light, at most {whole.max_px:.4f} px."
         return Page(
-            "", "", _camera_headline(self), (section,), lead=(Facts((*_camera_facts(self.cameras), *read)),),
+            "", "", Headline("note", f"{whole.rms_px:.4f} px", sentence), (section,),
+            lead=(Facts((*_camera_facts(self.cameras), *read)),),
             next_steps=() if self.drawn else (Command(line, "draws the map"),),
         )  # fmt: skip
 
@@ -228,14 +231,6 @@ def _rotation_words(difference: "CameraDifference") -> str:
         return "no rotation removed"
     where = "the whole image" if _is_whole(difference) else f"{difference.radius_px:g} px about the centre"
     return f"rotation removed: {math.degrees(difference.turn_rad):.4f} deg, fitted to {where}"
-
-
-def _camera_headline(found: Difference) -> "Headline":
-    from designer.page.blocks import Headline
-
-    whole = found.zones["whole image"]
-    sentence = f"RMS where both see the same light, at most {whole.max_px:.4f} px."
-    return Headline("note", f"{whole.rms_px:.4f} px", sentence)
 
 
 def _camera_facts(difference: "CameraDifference") -> tuple[tuple[str, str], ...]:

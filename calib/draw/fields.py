@@ -52,7 +52,8 @@ def _draw_residuals(axes: "Axes", residuals: Residuals, most: int) -> None:
     rows = np.arange(count) if count <= most else np.linspace(0, count - 1, most).astype(np.int64)
     pixel, arrow = residuals.pixel[rows], residuals.residual_px[rows]
     if count:
-        enlarged = _enlarged(residuals.image_size, float(np.percentile(np.hypot(*residuals.residual_px.T), 95)))
+        long_px = float(np.percentile(np.hypot(*residuals.residual_px.T), 95))
+        enlarged = round_length(ARROW_SHARE * residuals.image_size[0] / long_px) if long_px > 0 else 1.0
         axes.quiver(
             *pixel.T, *arrow.T, angles="xy", scale_units="xy", scale=1 / enlarged, width=0.012, units="inches",
             color=BLUE, headwidth=4, headlength=4, headaxislength=3.5, rasterized=True,
@@ -76,11 +77,6 @@ def residuals_drawing(residuals: Residuals, rmse_px: float, most: int = MOST_ARR
         "Residuals: predicted - measured", words, lambda axes: _draw_residuals(axes, residuals, most),
         residuals.image_size,
     )  # fmt: skip
-
-
-def _enlarged(image_size: tuple[int, int], length_px: float) -> float:
-    """How much arrows are enlarged: a round number."""
-    return round_length(ARROW_SHARE * image_size[0] / length_px) if length_px > 0 else 1.0
 
 
 def _scale_arrow(axes: "Axes", width: int, enlarged: float) -> None:

@@ -45,9 +45,12 @@ def measure_view(record: AsBuiltRecord, target: TargetGeometry) -> View3d | None
     if not target.is_planar:
         title = f"outlines of the faces, {factor:g} times as far off"
         layers.append(Layer(title, (_faces(record, target, factor),), is_shown=record.seats is not None))
+    bad = () if record.seats is None or not record.seats.bad else (
+        (BAD, f"outline of a {record.seats.piece} that sits badly"),
+    )  # fmt: skip
     scene = target_scene(
         target, body_colour=BODY, ink_colour=INK, ring_colours=_colours(found, most_mm),
-        legend=(*_legend(most_mm, found), *_seat_legend(record)), more=tuple(layers),
+        legend=(*_legend(most_mm, found), *bad), more=tuple(layers),
         has_numbers=record.seats is not None,
     )  # fmt: skip
     return View3d("Where faces and rings came out", scene, _alt(found, target), _caption(factor, record))
@@ -111,11 +114,6 @@ def _legend(most_mm: float, found: Deviations) -> tuple[tuple[str, str], ...]:
     legend = [(colour(0.5 + 0.5 * share), text) for share, text in named]
     unseen = len(found.size_mm) > len(found.known)
     return (*legend, (ARROWS, "where to in the plane"), *(((NOT_KNOWN, "not known"),) if unseen else ()))
-
-
-def _seat_legend(record: AsBuiltRecord) -> tuple[tuple[str, str], ...]:
-    """The colour of pieces that sit badly, if there are some."""
-    return ((BAD, f"outline of a {record.seats.piece} that sits badly"),) if record.seats and record.seats.bad else ()
 
 
 def _arrows(found: Deviations, target: TargetGeometry, factor: float) -> Surface:

@@ -64,7 +64,8 @@ def draw_pose(
     radius = max(1.0, float(np.median(seen.ellipse_px[:, 2])))
     grey, scale = pale(pixels, radius)
     width = float(np.clip(radius * scale / 10, 1.5, 12))
-    enlargement = _enlargement(pose.rms_px, radius)
+    half_a_ring = 0.5 * radius / max(pose.rms_px, 1e-9)
+    enlargement = max((factor for factor in _ENLARGEMENTS if factor <= half_a_ring), default=1)
     above = _header(pose, enlargement, grey.shape[1])
     sheet, canvas = canvas_between(above, grey, above[:0], scale)
     predicted = project(camera, transform(pose.cam_from_target, target.center_mm[seen.ring]))
@@ -72,12 +73,6 @@ def draw_pose(
         _draw_residual(canvas, measured, measured + enlargement * off, width, 0.3 * radius)
     _draw_axes(canvas, target, camera, pose, width)
     return sheet
-
-
-def _enlargement(rms_px: float, radius_px: float) -> int:
-    """A round factor at which the usual distance is half a ring."""
-    wanted = 0.5 * radius_px / max(rms_px, 1e-9)
-    return max((factor for factor in _ENLARGEMENTS if factor <= wanted), default=1)
 
 
 def _draw_residual(canvas: Canvas, measured: Array, end: Array, width: float, arm: float) -> None:
