@@ -91,7 +91,7 @@ class RigCalibration:
         doubt = None if self.circle_doubt is None else self.circle_doubt.param_covariance
         parts = (self.target_covariance, doubt, self.capture_covariance, self.photo_covariance)
         stated: Array = sum((one for one in parts if one is not None), start=np.asarray(self.covariance))
-        return stated
+        return 0.5 * (stated + stated.T)  # rounding differs on both sides of the diagonal, and readers refuse that
 
     @property
     def noise_px(self) -> Array:

@@ -288,6 +288,10 @@ def test_a_rig_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert same(again, found)
     assert same(provenance, PROVENANCE)
     assert same(load_rig(tmp_path / RIG_FILE).covariance, found.rig.covariance)
+    rounded = np.array(found.covariance)
+    rounded[0, 1] *= 1 + 1e-4
+    write_rig(tmp_path, replace(found, covariance=rounded), PROVENANCE)
+    assert load_rig(tmp_path / RIG_FILE).covariance is not None, "whatever rounding does, what is written is read"
 
 
 def test_a_camera_of_a_rig_is_a_calibration(tmp_path: Path) -> None:
