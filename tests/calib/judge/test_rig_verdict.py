@@ -302,7 +302,7 @@ def test_a_camera_of_a_rig_is_a_calibration(tmp_path: Path) -> None:
     assert np.allclose(
         alone.cam_from_target, found.cam_from_rig[1] @ found.rig_from_target[found.observations.frame[1]]
     )
-    assert np.array_equal(alone.param_covariance, found.covariance[15:24, 15:24])
+    assert np.array_equal(alone.param_covariance, found.stated_covariance[15:24, 15:24])
 
 
 def test_folders_stay_inside_whatever_cameras_are_called() -> None:
