@@ -200,7 +200,7 @@ def plan(
     import numpy as np
 
     from calib.app.inputs import camera_of, target_of
-    from calib.judge.guidance import settings_of
+    from calib.judge.guide_state import settings_of
     from calib.judge.planned_views import (
         PlanWish,
         calibration_before,

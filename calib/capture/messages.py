@@ -17,7 +17,8 @@ import json
 from dataclasses import dataclass
 from typing import Literal, cast
 
-from calib.judge.guidance import Guidance, Line, Look, TakenPhoto
+from calib.judge.guidance import Guidance, Look, TakenPhoto
+from calib.judge.target_hints import Line
 from designer.base.codec import decode, encode
 from designer.base.files import JsonValue
 

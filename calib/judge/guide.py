@@ -1,31 +1,134 @@
 """Guidance while photos are taken, as a value: photo after photo, and frame after frame."""
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 
 import numpy as np
 
 from calib.cameras.camera import Camera
+from calib.core.parallel import one_thread
 from calib.core.types import Detections, Observations
 from calib.judge.candidate_views import first_pose, guessed_camera
 from calib.judge.checks import STANDARD
-from calib.judge.guidance import ALL, CameraGuidance, FrameNote, Ghost, Guidance, Line, Look, Stage, settings_of
-from calib.judge.guidance_words import bars_of, ghost_of, headline_of, map_of, photos_of
-from calib.judge.guide_state import Insight, Proposal, insight_of, judged, proposal_of
+from calib.judge.guidance import (
+    CameraGuidance,
+    FrameNote,
+    Ghost,
+    Guidance,
+    Look,
+    Stage,
+    bars_of,
+    ghost_at,
+    headline_of,
+    map_of,
+    photos_of,
+)
+from calib.judge.guide_state import ALL, GuideSettings, Insight, insight_of, judged, settings_of
 from calib.judge.live_frame import LookedFor, frame_pose, look_at_frame
-from calib.judge.next_views import gains_of
-from calib.judge.target_hints import ghost_lines, held_at
+from calib.judge.next_views import NextView, gains_of, next_view_search, proposed_views
+from calib.judge.target_hints import Line, are_near, ghost_lines, held_at
 from calib.judge.verdict import Criteria, Verdict
+from calib.judge.view_search import ViewGoal
+from calib.judge.views import TargetShape
 from calib.solver.calibration import Calibration
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
-from designer.base.words import shown
+from designer.base.words import figure, shown
 from designer.target import TargetGeometry, load_target
 
 USUAL_SIZE = (1280, 720)
 """Of images, as long as nobody says theirs."""
 NAME = "camera"
+
+
+ENOUGH_PHOTOS = 12
+"""With so many, checks that fail although the camera is known as well as wanted fail for another reason than chance."""
+LITTLE_BY_TARGET = 0.3
+"""Of the uncertainty: a smaller part by the target enlarges it by less than a twentieth."""
+LITTLE_OF_NOISE = 0.995
+"""A photo that leaves more than this of the deviation is not worth taking, where noise is most of it: several do."""
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A view to take next."""
+
+    cam_from_target: Array  # (4, 4)
+    view: NextView | None  # what it gives; None: no camera is known
+    is_for_accuracy: bool = True  # the camera is better known by it; else a part of the image is shown first
+
+
+@one_thread
+def proposal_of(
+    calibration: Calibration, known: Insight, settings: GuideSettings, avoided: Sequence[Array]
+) -> Proposal | None:
+    """The view that tells most of those that are not avoided; None if none tells anything.
+
+    Args:
+        calibration: that is known, whole or in part.
+        known: all of it.
+        settings: what is asked.
+        avoided: poses of what cannot be done (4, 4).
+    """
+    if known.is_enough:
+        return None
+    uncertain = None if known.standing is None else known.standing.evidence.uncertainty
+    # To follow what photos tell of the target's shape takes a while, and is worth it where that is a part of the error.
+    is_targets = uncertain is not None and uncertain.target_px > LITTLE_BY_TARGET * (uncertain.image_px or 0.0)
+
+    def is_avoided(poses: Array) -> Flags:
+        near = np.zeros(len(poses), dtype=np.bool_)
+        for pose in avoided:
+            near |= are_near(settings.shape, pose, poses)
+        return near
+
+    search = next_view_search(
+        calibration, factor=1.0 if uncertain is None else uncertain.factor, opened=known.opened if is_targets else None,
+        is_avoided=is_avoided if avoided else None, shape=settings.shape,
+    )  # fmt: skip
+    if search is None:
+        return None
+    for goal in _goals(known, settings):
+        for view in proposed_views(search, goal, 1):
+            tells = view.sigma_px_before > goal.sigma_px
+            tells &= view.sigma_px_after <= goal.little_gain * view.sigma_px_before
+            return Proposal(view.cam_from_target, view, tells)
+    return None
+
+
+def _goals(known: Insight, settings: GuideSettings) -> list[ViewGoal]:
+    """What views are sought for, one after the other: the deviation, what is covered, and which gain is little.
+
+    As long as some of the image is not covered, a view that hardly makes the camera better known gives way to one that
+    shows more. What is as good as wanted, and yet not good in the verdict, is to be better than wanted.
+    """
+    wanted_px, wanted_share = settings.criteria["uncertainty"].good, settings.criteria["coverage"].good / 100
+    wanted, closely = ViewGoal(wanted_px, wanted_share), ViewGoal(wanted_px, wanted_share, LITTLE_OF_NOISE)
+    beyond = [ViewGoal(0.0, 1.0, LITTLE_OF_NOISE)] if known.photos < ENOUGH_PHOTOS else []
+    if known.standing is None:
+        return [wanted, *beyond]
+    uncertain = known.standing.evidence.uncertainty
+    is_sure = uncertain.image_px is not None and uncertain.image_px <= wanted_px
+    if is_sure and known.covered >= wanted_share:
+        return beyond
+    if not is_sure and (uncertain.by_target or uncertain.by_field):
+        # More photos than are reckoned with here also tell the target's shape: some are always taken.
+        return [wanted, *beyond]
+    return [*([wanted] if known.covered < wanted_share else []), closely, *beyond]
+
+
+def ghost_of(proposal: Proposal, camera: Camera, shape: TargetShape, *, is_rough: bool) -> Ghost:
+    """A proposed view in words."""
+    view, sentence, gain = proposal.view, "", ""
+    if view is not None:
+        sentence, gain = view.sentence, f"{100 * view.covered_before:.0f} -> {100 * view.covered_after:.0f} % covered"
+        if proposal.is_for_accuracy:
+            before = f"{figure(view.sigma_px_before, 2)} -> " if math.isfinite(view.sigma_px_before) else ""
+            gain = f"{before}{figure(view.sigma_px_after, 2)} px"
+    return ghost_at(proposal.cam_from_target, camera, shape, sentence, gain, is_rough=is_rough)
 
 
 class Guide:

@@ -14,21 +14,21 @@ from functools import cached_property
 
 import numpy as np
 
-from calib.cameras import WIDE, told_parameters
+from calib.cameras import ABILITIES, COMMON, WIDE, solved_models, told_parameters
+from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
+from calib.cameras.surface import surface_model
 from calib.core.parallel import one_thread
-from calib.core.types import LEAST_POINTS, Detections, Observations, keep_views
+from calib.core.types import LEAST_POINTS, Detections, KnownPoints, Observations, keep_views
+from calib.judge.checks import STANDARD, read_criteria
 from calib.judge.coverage import Coverage, coverage, coverage_of, lit_part, sigma_over_lit_px
 from calib.judge.evidence import LensEvidence, evidence_of, lens_evidence, rms_px, uncertainty_of
-from calib.judge.guidance import GuideSettings
 from calib.judge.halves import half_split
 from calib.judge.information import knowledge_of
 from calib.judge.judge import judge
-from calib.judge.next_views import NextView, next_view_search, proposed_views
-from calib.judge.target_hints import are_near
-from calib.judge.verdict import Verdict
-from calib.judge.view_search import ViewGoal
-from calib.observe.observations import observations_from_detections
+from calib.judge.verdict import Criteria, Verdict
+from calib.judge.views import TargetShape, shape_of_points
+from calib.observe.observations import known_points, observations_from_detections
 from calib.solver.accuracy import NO_FIT, UNSURE_FOCAL, projected_sigma_px, share_px
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
@@ -38,8 +38,11 @@ from calib.solver.plan import lens_kind
 from calib.solver.problem import SolveOptions, origin_poses, pack, tie_parameters
 from calib.solver.solve import solve
 from calib.solver.target_error import LeftOpen, target_told
-from designer.base.arrays import Array, Flags
+from designer.base.arrays import Array
 from designer.base.errors import InputError
+from designer.base.words import shown, suggestion
+from designer.target import TargetGeometry
+from designer.tolerance.made import Made, how_made
 
 FOCAL_CENTRE = ("fx_px", "fy_px", "cx_px", "cy_px")
 ROUGH_SHARE = 0.02
@@ -54,17 +57,59 @@ CONTRADICTS, LEAST_FAR_PX = 5.0, 0.3
 """Times the others' residuals that a photo leaves, and pixels, if something is wrong with it."""
 FEWEST_OTHERS = 3
 """Photos that must agree before another one is said to contradict them."""
-ENOUGH_PHOTOS = 12
-"""With so many, checks that fail although the camera is known as well as wanted fail for another reason than chance."""
 FEWEST_PHOTOS = 6
 """Halves of four photos agree by chance too often for their word to be taken: the true error of cameras that were good
 after so few was beyond twice the stated one in 2 of 9 (`bench_guidance`)."""
-LITTLE_BY_TARGET = 0.3
-"""Of the uncertainty: a smaller part by the target enlarges it by less than a twentieth."""
-LITTLE_OF_NOISE = 0.995
-"""A photo that leaves more than this of the deviation is not worth taking, where noise is most of it: several do."""
 MAP = (24, 16)
 """Columns and rows of the map of an image."""
+
+
+ALL = "all"
+
+
+@dataclass(frozen=True, eq=False)
+class GuideSettings:
+    """What is asked."""
+
+    target: TargetGeometry
+    points: KnownPoints  # of the target
+    made: Made | None  # how it was; None: nobody knows
+    criteria: Criteria
+    model: str  # that cameras are solved by
+    may_be_wide: bool  # the model was not asked for: a wide lens gets one of its own
+    camera: Camera | None  # a first guess
+
+    @cached_property
+    def shape(self) -> TargetShape:
+        """Of the target, whose file says which of its sides carry the rings."""
+        return shape_of_points(self.points, self.points.plane[:, :3])
+
+
+def settings_of(
+    target: TargetGeometry, criteria: Criteria | str = STANDARD, model: str = ALL, made: str | None = None,
+    camera: Camera | None = None,
+) -> GuideSettings:  # fmt: skip
+    """What is asked, from words.
+
+    Raises:
+        InputError: a word that means nothing; the message says what may stand there.
+    """
+    limits = criteria if isinstance(criteria, Criteria) else read_criteria(criteria)
+    return GuideSettings(
+        target, known_points(target), how_made(target, made), limits, _guiding_model(model), model == ALL, camera
+    )
+
+
+def _guiding_model(model: str) -> str:
+    """The formula that photos are guided by: of a map or a surface, which take many photos, one that takes few."""
+    choices = solved_models()
+    if model != ALL and model not in choices:
+        hint = suggestion(model, [*choices, ALL]) or f"; there are {', '.join(choices)} and {ALL}"
+        raise InputError(f"model {shown(model)}: none that is solved{hint}")
+    if model == ALL or ABILITIES[model].is_learned:
+        return COMMON
+    surface = surface_model(model)
+    return model if surface is None else surface.base.name
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,71 +343,3 @@ def judged(known: Insight, settings: GuideSettings) -> Insight:
     evidence = replace(evidence, uncertainty=uncertain)
     standing = Standing(evidence, judge(evidence_of(found, evidence), settings.criteria))
     return replace(known, calibration=found, standing=standing)
-
-
-@dataclass(frozen=True, eq=False)
-class Proposal:
-    """A view to take next."""
-
-    cam_from_target: Array  # (4, 4)
-    view: NextView | None  # what it gives; None: no camera is known
-    is_for_accuracy: bool = True  # the camera is better known by it; else a part of the image is shown first
-
-
-@one_thread
-def proposal_of(
-    calibration: Calibration, known: Insight, settings: GuideSettings, avoided: Sequence[Array]
-) -> Proposal | None:
-    """The view that tells most of those that are not avoided; None if none tells anything.
-
-    Args:
-        calibration: that is known, whole or in part.
-        known: all of it.
-        settings: what is asked.
-        avoided: poses of what cannot be done (4, 4).
-    """
-    if known.is_enough:
-        return None
-    uncertain = None if known.standing is None else known.standing.evidence.uncertainty
-    # To follow what photos tell of the target's shape takes a while, and is worth it where that is a part of the error.
-    is_targets = uncertain is not None and uncertain.target_px > LITTLE_BY_TARGET * (uncertain.image_px or 0.0)
-
-    def is_avoided(poses: Array) -> Flags:
-        near = np.zeros(len(poses), dtype=np.bool_)
-        for pose in avoided:
-            near |= are_near(settings.shape, pose, poses)
-        return near
-
-    search = next_view_search(
-        calibration, factor=1.0 if uncertain is None else uncertain.factor, opened=known.opened if is_targets else None,
-        is_avoided=is_avoided if avoided else None, shape=settings.shape,
-    )  # fmt: skip
-    if search is None:
-        return None
-    for goal in _goals(known, settings):
-        for view in proposed_views(search, goal, 1):
-            tells = view.sigma_px_before > goal.sigma_px
-            tells &= view.sigma_px_after <= goal.little_gain * view.sigma_px_before
-            return Proposal(view.cam_from_target, view, tells)
-    return None
-
-
-def _goals(known: Insight, settings: GuideSettings) -> list[ViewGoal]:
-    """What views are sought for, one after the other: the deviation, what is covered, and which gain is little.
-
-    As long as some of the image is not covered, a view that hardly makes the camera better known gives way to one that
-    shows more. What is as good as wanted, and yet not good in the verdict, is to be better than wanted.
-    """
-    wanted_px, wanted_share = settings.criteria["uncertainty"].good, settings.criteria["coverage"].good / 100
-    wanted, closely = ViewGoal(wanted_px, wanted_share), ViewGoal(wanted_px, wanted_share, LITTLE_OF_NOISE)
-    beyond = [ViewGoal(0.0, 1.0, LITTLE_OF_NOISE)] if known.photos < ENOUGH_PHOTOS else []
-    if known.standing is None:
-        return [wanted, *beyond]
-    uncertain = known.standing.evidence.uncertainty
-    is_sure = uncertain.image_px is not None and uncertain.image_px <= wanted_px
-    if is_sure and known.covered >= wanted_share:
-        return beyond
-    if not is_sure and (uncertain.by_target or uncertain.by_field):
-        # More photos than are reckoned with here also tell the target's shape: some are always taken.
-        return [wanted, *beyond]
-    return [*([wanted] if known.covered < wanted_share else []), closely, *beyond]

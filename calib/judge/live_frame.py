@@ -21,8 +21,7 @@ from calib.cameras.camera import Camera
 from calib.core.types import LEAST_POINTS, Detections, KnownPoints, Observations
 from calib.detector.frame_quality import FrameQuality
 from calib.judge.candidate_views import novelty
-from calib.judge.guidance import FrameNote, Look
-from calib.judge.guidance_words import outlines_of
+from calib.judge.guidance import FrameNote, Look, outlines_of
 from calib.judge.next_views import ViewGains
 from calib.judge.target_hints import HeldView, held_at, hint_of, is_same
 from calib.judge.views import TargetShape

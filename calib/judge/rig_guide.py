@@ -16,13 +16,13 @@ from calib.core.parallel import one_thread_with_scipy
 from calib.core.se3 import compose
 from calib.core.types import Detections
 from calib.judge.checks import STANDARD
-from calib.judge.guidance import ALL, Bar, FrameNote, Ghost, Guidance, Line, Look, Stage, TakenPhoto
-from calib.judge.guidance_words import bar_of, ghost_at
+from calib.judge.guidance import Bar, FrameNote, Ghost, Guidance, Look, Stage, TakenPhoto, bar_of, ghost_at
 from calib.judge.guide import Guide
+from calib.judge.guide_state import ALL
 from calib.judge.judge import Judged, judge_rig
 from calib.judge.live_frame import LookedFor, look_at_frame
 from calib.judge.rig_halves import enlarged, half_solver, rig_halves
-from calib.judge.target_hints import are_near, ghost_lines, held_at
+from calib.judge.target_hints import Line, are_near, ghost_lines, held_at
 from calib.judge.verdict import Grade, Limits, NextFrame, at_most, measured_text
 from calib.observe.rig_observations import RigSightings, require_names, rig_observations
 from calib.rigs.problem import CameraChoice, RigOptions

@@ -12,12 +12,13 @@ from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.se3 import angles_between, transform
 from calib.judge.candidate_views import LONG
-from calib.judge.guidance import Line
 from calib.judge.next_view_words import A_LITTLE, distance_words
 from calib.judge.views import TargetShape
 from designer.base.arrays import Array, Flags
 from designer.target import TargetGeometry
 
+Line = Array
+"""Points of an image in a row (K, 2)."""
 SAME_TURN_DEG = 15.0
 """A person holds a target to about 5 degrees about each axis, so that the whole turn is now and then this far off."""
 SAME_PLACE_MM, LEAST_PLACE, MOST_PLACE = 40.0, 0.1, 0.3

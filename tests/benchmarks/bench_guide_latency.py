@@ -13,8 +13,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from calib.judge.guide import Guide
-from calib.judge.guide_state import insight_of, judged, proposal_of
+from calib.judge.guide import Guide, proposal_of
+from calib.judge.guide_state import insight_of, judged
 from designer.target import TargetGeometry
 from tests.support.guided_scenes import WEBCAM, board_target, found_at, held_by_person, ico_target
 from tests.support.verdict_cases import all_over
