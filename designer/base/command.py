@@ -26,7 +26,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from designer.base.answer import LINE, NegativeError, StoppedError, Summary, document, program
 from designer.base.errors import InputError
-from designer.base.interrupts import heed_interrupts, hold_interrupts
+from designer.base.interrupts import STOPS, heed_interrupts, hold_interrupts
 from designer.base.words import printable
 
 if TYPE_CHECKING:
@@ -275,7 +275,8 @@ def _leave() -> None:
 
     What the command wrote and said stands; Ctrl-C comes too late.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for stop in STOPS:
+        signal.signal(stop, signal.SIG_IGN)
     if "manifold3d" in sys.modules:
         gc.collect()
     gc.freeze()

@@ -244,10 +244,10 @@ def test_photos_that_come_while_nothing_is_taken_wait(tmp_path: Path) -> None:
 
 
 def test_the_line_that_goes_on_is_the_one_that_began(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With all its options, once with --resume, and without passwords."""
+    """With all its options, once with --resume, and without passwords; whoever ends the process, it is as Ctrl-C."""
 
     def stopped(*_: object) -> None:
-        raise KeyboardInterrupt
+        signal.raise_signal(signal.SIGTERM)
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Serving, "until_done", stopped)
