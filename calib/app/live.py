@@ -82,7 +82,6 @@ def live_rig(
             determine no rig.
     """
     from calib.app.rig import rig
-    from calib.capture.session import write_table
     from designer.page.page_file import why_no_page
 
     folders = _folders(watch)
@@ -95,7 +94,7 @@ def live_rig(
             raise InputError(why)
 
     def solve(session: "Session", to: "Output", progress: Progress) -> SolvedRig:
-        table = write_table(session)
+        table = session.folder.write_table({moment: kept.files for moment, kept in session.counted.items()})
         return rig(target, table=table, model=model, criteria=criteria, made=made, progress=progress, out=to)
 
     return _taken(

@@ -3,11 +3,13 @@
     OUT/session.json     what is photographed, by which sources, and which photos were deleted
     OUT/photos/0001.png  each frame that was taken, grey, as it was judged
     OUT/photos/left/...  of several cameras a folder each, photos of one moment named alike
+    OUT/photos.csv       of several cameras, at the end: which photos count, and which are of one moment
     OUT/...              at the end what `calib run` writes
 
 A photo that is deleted on the page stays where it is and is only left out, so that nothing is ever lost.
 """
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +17,7 @@ from typing import Annotated
 
 import cv2
 
+from calib.core.csv_table import csv_bytes, csv_cell
 from calib.images.photo import Grey
 from calib.observe.photos import images_in
 from designer.base.errors import InputError
@@ -26,6 +29,8 @@ from designer.base.words import counted, shown
 from designer.target import TargetGeometry
 
 PHOTOS, SESSION_FILE = "photos", "session.json"
+TABLE_FILE = "photos.csv"
+"""Which photos count, and which were taken at once, as `calib rig --table` reads it."""
 LIGHTLY = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 """A photo of a megapixel is written in 20 ms; thoroughly packed it takes ten times as long and is hardly smaller."""
 MOST_PHOTOS, MOST_SOURCES = 9999, 16
@@ -127,6 +132,21 @@ class PhotoFolder:
         record = replace(self.record, left_out=(*others, name) if is_left_out else others)
         write_files({self.folder / SESSION_FILE: SESSION.text(record)})
         self.record = record
+
+    def write_table(self, moments: Mapping[str, Mapping[str, Path]]) -> Path:
+        """Write which photos count, and which were taken at once: `{"0001": {"left": ..., "right": ...}}`.
+
+        Raises:
+            InputError: the folder cannot be written.
+        """
+        rows = (
+            (camera, moment, csv_cell(os.path.relpath(files[camera], self.folder)))
+            for moment, files in moments.items()
+            for camera in self._place_of
+            if camera in files
+        )
+        write_files({self.folder / TABLE_FILE: csv_bytes((), ("camera", "frame", "file"), rows)})
+        return self.folder / TABLE_FILE
 
 
 def _packed(pixels: Grey, path: Path) -> bytes:

@@ -7,8 +7,6 @@ all cameras that see it, and their frames came within `AT_ONCE_S` of each other.
 """
 
 import math
-import os
-import re
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -29,8 +27,7 @@ from calib.capture.messages import (
     TakenMessage,
 )
 from calib.capture.photo_folder import PhotoFolder
-from calib.capture.sources import Frame, Source
-from calib.core.csv_table import csv_bytes, csv_cell
+from calib.capture.sources import Frame, Source, own_moment
 from calib.core.types import LEAST_POINTS, Detections
 from calib.detector.frame_quality import frame_quality
 from calib.detector.glance import glance
@@ -43,7 +40,6 @@ from calib.judge.rig_guide import RigGuide, moment_of
 from calib.observe.photos import PhotoFile, in_order
 from calib.observe.search import look_for
 from designer.base.errors import InputError, NotWrittenError
-from designer.base.files import write_files
 from designer.page.scene import scene_json
 from designer.target import TargetGeometry
 from designer.target_scene import target_scene
@@ -58,10 +54,6 @@ BODY, INK = "#f4f4f2", "#2b2b2b"
 MANY_RINGS = 15
 """So many ring-like things without a name are more than chance."""
 LONGEST_FAULT = 300
-TABLE_FILE = "photos.csv"
-"""Which photos count, and which were taken at once, as `calib rig --table` reads it."""
-SEPARATORS = "_. -"
-"""Of the parts of a file's name."""
 Tell = Callable[[Message], None]
 Show = Callable[[Frame], None]
 
@@ -106,6 +98,8 @@ class Session:
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
         self.guide, self.folder, self.sources, self.target = guide, folder, sources, guide.settings.target
+        rings = f"{len(self.target.center_mm)} rings"
+        self._words = rings if self.target.spec is None else f"{self.target.spec.words}, {rings}"
         self.phase: Phase = "taking"
         self.kept: dict[str, KeptMoment] = {}  # by the moments' names
         self._tell, self._show, self._now_s = tell, show, now_s
@@ -195,7 +189,7 @@ class Session:
         states = tuple(SourceState(source.kind, name, fault) for source, name, fault in told)
         left_s = None if self._ends_s is None else max(0.0, self._ends_s - self._now_s())
         return StateMessage(
-            self.phase, described(self.target), self.folder.folder.name, states, self._is_automatic, True, left_s,
+            self.phase, self._words, self.folder.folder.name, states, self._is_automatic, True, left_s,
             self._said,
         )  # fmt: skip
 
@@ -322,7 +316,10 @@ class Session:
             return
         self.source_says(frame.source, "")
         camera, pixels, target = self.guide.names[frame.source], frame.pixels, self.target
-        self._fit_guide(camera, (pixels.shape[1], pixels.shape[0]))
+        sized = self.guide.sized(camera, (pixels.shape[1], pixels.shape[0]))
+        if sized is not self.guide:  # the first proposal is for images of the size that come
+            self.guide = sized
+            self._tell_guidance()
         if self.sources[frame.source].kind != "browser":
             self._show(frame)
         if frame.file is None:
@@ -346,13 +343,6 @@ class Session:
         self._last[camera] = SeenFrame(frame, found, look)
         if self._is_automatic and self.phase == "taking" and (frames := self._due()):
             self._take(frames, by_itself=True)
-
-    def _fit_guide(self, camera: str, image_size: tuple[int, int]) -> None:
-        """The first proposal is for images of the size that come."""
-        sized = self.guide.sized(camera, image_size)
-        if sized is not self.guide:
-            self.guide = sized
-            self._tell_guidance()
 
     def _notes(self, camera: str, frame: Frame, found: Detections) -> tuple[FrameNote, ...]:
         """What is wrong with a frame, by the blur of the sharpest one so far, which tells what the lens can do."""
@@ -378,12 +368,6 @@ class Session:
         return {camera: one.frame for camera, one in seeing.items() if not any(note.forbids for note in one.look.notes)}
 
 
-def described(target: TargetGeometry) -> str:
-    """A target in a few words: "icosahedron, edge 60 mm, 420 rings"."""
-    rings = f"{len(target.center_mm)} rings"
-    return rings if target.spec is None else f"{target.spec.words}, {rings}"
-
-
 def labels_of(found: Detections, target: TargetGeometry) -> tuple[tuple[float, float, str], ...]:
     """Where the faces of a solid are in an image, and what they are called; none of a board."""
     if target.face_count < 2 or not len(found.ring):
@@ -393,30 +377,3 @@ def labels_of(found: Detections, target: TargetGeometry) -> tuple[tuple[float, f
         (*np.round(found.center_px[face == number].mean(axis=0), 1).tolist(), str(number))
         for number in np.unique(face).tolist()
     )
-
-
-def own_moment(camera: str, file: Path) -> str:
-    """What a person's own photo is called: files of one moment are named alike, but for the camera's name in them.
-
-    Its name is a part of the file's between separators; at the end a number is that of the photo, not of a camera.
-    """
-    end = "" if camera.isdecimal() else "|$"
-    stem = re.sub(rf"(^|[{SEPARATORS}]+){re.escape(camera)}([{SEPARATORS}]+{end})", r"\1", file.stem, count=1)
-    return f"{stem.strip(SEPARATORS) or file.stem}{file.suffix}"
-
-
-def write_table(session: Session) -> Path:
-    """Write which photos count, and which were taken at once.
-
-    Raises:
-        InputError: the folder cannot be written.
-    """
-    path = session.folder.folder / TABLE_FILE
-    rows = (
-        (camera, moment, csv_cell(os.path.relpath(kept.files[camera], path.parent)))
-        for moment, kept in session.counted.items()
-        for camera in session.guide.names
-        if camera in kept.files
-    )
-    write_files({path: csv_bytes((), ("camera", "frame", "file"), rows)})
-    return path

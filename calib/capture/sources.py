@@ -1,5 +1,6 @@
 """Where frames come from: the browser's camera, one that OpenCV reads, or a folder that is written to."""
 
+import re
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -185,6 +186,8 @@ def require_apart(folders: Iterable[Path], out: Path) -> None:
             )
 
 
+SEPARATORS = "_. -"
+"""Of the parts of a file's name."""
 FileState = tuple[int, int, int, int]
 """What a file looks like: its size and when it changed; and which it is, whatever it is called."""
 
@@ -264,6 +267,16 @@ def _state_of(path: Path) -> FileState | None:
     except OSError:
         return None
     return found.st_size, found.st_mtime_ns, found.st_dev, found.st_ino
+
+
+def own_moment(camera: str, file: Path) -> str:
+    """What a person's own photo is called: files of one moment are named alike, but for the camera's name in them.
+
+    Its name is a part of the file's between separators; at the end a number is that of the photo, not of a camera.
+    """
+    end = "" if camera.isdecimal() else "|$"
+    stem = re.sub(rf"(^|[{SEPARATORS}]+){re.escape(camera)}([{SEPARATORS}]+{end})", r"\1", file.stem, count=1)
+    return f"{stem.strip(SEPARATORS) or file.stem}{file.suffix}"
 
 
 def sources_of(

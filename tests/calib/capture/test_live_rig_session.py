@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from calib.app.live import live_rig
 from calib.capture.messages import LookMessage, Message, NoticeMessage, PageCommand, TakenMessage
 from calib.capture.photo_folder import PhotoFolder
-from calib.capture.session import Session, own_moment, write_table
-from calib.capture.sources import BrowserCamera, Frame, sources_of
+from calib.capture.session import Session
+from calib.capture.sources import BrowserCamera, Frame, own_moment, sources_of
 from calib.core.se3 import look_at, make_pose
 from calib.images.photo import read_image
 from calib.judge.rig_guide import RigGuide
@@ -129,10 +129,8 @@ def test_a_deleted_moment_is_left_out_of_all_cameras_and_comes_back(talk: Talk, 
     before = session.guide.told.headline
     session.command(PageCommand("delete", "0001.png"))
     assert session.guide.moments == ("0002",)
-    assert write_table(session).read_text().splitlines()[1:3] == [
-        "left,0002,photos/left/0002.png",
-        "right,0002,photos/right/0002.png",
-    ]
+    table = session.folder.write_table({name: kept.files for name, kept in session.counted.items()})
+    assert table.read_text().splitlines()[1:3] == ["left,0002,photos/left/0002.png", "right,0002,photos/right/0002.png"]
     assert (talk.folder / "photos/left/0001.png").exists()
     session.command(PageCommand("restore", "0001.png"))
     assert session.guide.told.headline == before
