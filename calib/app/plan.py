@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from calib.cameras.camera import Camera
     from calib.judge.hand_eye_file import HandEye
     from calib.judge.next_views import NextView
-    from calib.judge.planned_views import PlannedViews, TriedPlan
+    from calib.judge.planned_views import TriedPlan
     from designer.base.arrays import Array
     from designer.base.files import JsonValue
     from designer.page.blocks import Page
@@ -256,7 +256,7 @@ def plan(
         geometry_id=geometry.geometry_id, target=geometry.words,
         made="" if settings.made is None else settings.made.sentence, taken_by=HAND if hand is None else hand.carried,
         noise_px=noise_px, goal_px=goal_px, goal_covered=goal_covered,
-        photos=_worded(found, table_deg, is_by_hand=hand is None), distance_mm=found.distance_mm,
+        photos=_worded(found.views, table_deg, is_by_hand=hand is None), distance_mm=found.distance_mm,
         tilt_deg=found.tilt_deg, base_from_flange=hand.base_from_flange(poses) if hand and at is None else None,
         table_deg=table_deg, tried=tried, remarks=tuple(text for text, is_so in remarks if is_so),
     )  # fmt: skip
@@ -287,21 +287,17 @@ def _why_nothing(distance_mm: tuple[float, float], *, is_on_table: bool) -> str:
     )
 
 
-def _worded(found: "PlannedViews", table_deg: "Array | None", *, is_by_hand: bool) -> "tuple[NextView, ...]":
+def _worded(
+    views: "tuple[NextView, ...]", table_deg: "Array | None", *, is_by_hand: bool
+) -> "tuple[NextView, ...]":  # fmt: skip
     """The photos as they are told: of a turntable by its angle, and no two with the same words."""
-    from calib.judge.next_view_words import gain_words
-
-    if table_deg is not None:
-        return tuple(
-            replace(view, sentence=f"turn the table to {angle:g} deg: {gain_words(gain)}")
-            for view, gain, angle in zip(found.views, found.gains, table_deg.tolist(), strict=True)
-        )
     told, photos = set[str](), []
-    for view in found.views:
+    for number, view in enumerate(views):
         first, colon, gain = view.sentence.partition(": ")
         head = first if is_by_hand else first.replace("hold the", "show the", 1)
         if head in told and is_by_hand:
             head = head.replace("any side", "another side") if "any side" in head else f"{head}, a little otherwise"
         told.add(first)
+        head = head if table_deg is None else f"turn the table to {float(table_deg[number]):g} deg"
         photos.append(replace(view, sentence=f"{head}{colon}{gain}"))
     return tuple(photos)

@@ -3,14 +3,11 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from designer.base.arrays import Array
 from designer.base.words import figure, printable
-
-LongSide = Literal["", "level", "upright"]
 
 MOST_NAME = 40
 METRES_FROM_MM = 300.0
@@ -23,21 +20,6 @@ SHIFT, LITTLE_SHIFT = 0.08, 0.03
 A_LITTLE = 0.25
 NEAR = 0.12
 """Of the image's side: what leaves no more free is near the border."""
-
-
-@dataclass(frozen=True)
-class Hold:
-    """Where and how to hold a target."""
-
-    place: tuple[float, float]  # right and down, of `place_of`
-    distance_mm: float
-    tilt_deg: float  # of a flat target
-    away: tuple[float, float]  # right and down, to its far side
-    long_side: LongSide  # "": about as long as wide
-    like_photo: str  # a solid must show the same side as there; "": any side
-    is_flat: bool
-    off_axis_deg: float | None = None  # of the target's middle, where the image ends before its border
-    usual_distance_mm: float | None = None  # in the photos so far, where only the ratio of distances is known
 
 
 @dataclass(frozen=True)
@@ -58,38 +40,16 @@ def thing_word(*, is_flat: bool) -> str:
     return "board" if is_flat else "target"
 
 
-def sentence_of(hold: Hold, gain: ViewGain) -> str:
-    """What to do and what it gives."""
-    parts = [f"hold the {thing_word(is_flat=hold.is_flat)} {place_words(hold.place)}"]
-    if hold.off_axis_deg is not None and any(hold.place):
-        parts.append(f"{hold.off_axis_deg:.0f} deg off the axis")
-    if hold.long_side:
-        parts.append(f"its long side {hold.long_side}")
-    if hold.is_flat:
-        parts.append(tilt_words(hold.tilt_deg, hold.away))
-    else:
-        side = f"turned as in {short(hold.like_photo)}" if hold.like_photo else "any side to the camera"
-        parts.append(side)
-    parts.append(f"at about {distance_words(hold.distance_mm, hold.usual_distance_mm)}")
-    return f"{', '.join(parts)}: {gain_words(gain)}"
-
-
 def gain_words(gain: ViewGain) -> str:
-    """What a photo gives: "95 % sigma 0.21 -> 0.13 px, coverage 18 -> 31 %"."""
+    """What a photo gives: "95 % sigma 0.21 -> 0.13 px, coverage 18 -> 31 %"; of a lens that is known badly its size."""
     words = []
     if gain.tells_sigma:
         before = figure(gain.before_px, 2) if math.isfinite(gain.before_px) else "not determined"
-        words.append(f"95 % sigma {before} -> {after_words(gain)}")
+        rough = f"about {figure(gain.after_px, 1)} px if the lens is as estimated"
+        words.append(f"95 % sigma {before} -> {rough if gain.is_rough else f'{figure(gain.after_px, 2)} px'}")
     if gain.tells_area:
         words.append(f"coverage {100 * gain.covered_before:.0f} -> {100 * gain.covered_after:.0f} %")
     return ", ".join(words)
-
-
-def after_words(gain: ViewGain) -> str:
-    """The deviation with the photo; of a lens that is known badly no more than its size."""
-    if gain.is_rough:
-        return f"about {figure(gain.after_px, 1)} px if the lens is as estimated"
-    return f"{figure(gain.after_px, 2)} px"
 
 
 def place_of(

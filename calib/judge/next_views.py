@@ -24,7 +24,16 @@ from calib.judge.candidate_views import LONG, candidates_of, faces_seen, shown_i
 from calib.judge.coverage import Coverage, area_of
 from calib.judge.greedy import one_by_one
 from calib.judge.information import ImageGoal, Knowledge, image_goal, knowledge_of, stated_error, view_information
-from calib.judge.next_view_words import Hold, ViewGain, place_of, sentence_of
+from calib.judge.next_view_words import (
+    ViewGain,
+    distance_words,
+    gain_words,
+    place_of,
+    place_words,
+    short,
+    thing_word,
+    tilt_words,
+)
 from calib.judge.view_search import COARSE_MAP, CandidatePhoto, SoFar, ViewGoal, ViewSearch, view_search
 from calib.judge.views import TargetShape, habits_of, shape_of
 from calib.solver.accuracy import NO_FIT
@@ -163,7 +172,7 @@ def proposed_view(search: ViewSearch, photo: CandidatePhoto, gain: ViewGain) -> 
     outline = outline_px(search.calibration.camera, search.shape, pose)
     before, after = round(gain.covered_before, 6), round(gain.covered_after, 6)
     lines = tuple(np.array([[round(u, 2), round(v, 2)] for u, v in line.tolist()]) for line in outline)
-    sentence = sentence_of(_hold(search, photo.row, outline), gain)
+    sentence = f"{_hold_words(search, photo.row, outline)}: {gain_words(gain)}"
     return NextView(pose, sentence, gain.before_px, gain.after_px, before, after, lines)
 
 
@@ -177,28 +186,32 @@ def photos_needed(photos: int, sigma_px_now: float, limit_px: float) -> int:
     return max(photos, math.ceil(photos * (sigma_px_now / limit_px) ** 2 - 1e-9))
 
 
-def _hold(search: ViewSearch, row: int, outline: tuple[Array, ...]) -> Hold:
-    """How a candidate is to be held, as plain numbers."""
+def _hold_words(search: ViewSearch, row: int, outline: tuple[Array, ...]) -> str:
+    """How a candidate is to be held, all that a person must do."""
     one, shape, calibration = search.candidates, search.shape, search.calibration
     like, distance_mm = int(one.like_view[row]), float(one.distance_mm[row])
     first, last = search.lit.box_px
+    place = place_of(outline, (last - first + 1).tolist(), first.tolist())
+    parts = [f"hold the {thing_word(is_flat=shape.is_flat)} {place_words(place)}"]
+    if search.lit.off_axis_rad is not None and any(place):
+        x, y, z = transform(one.cam_from_target[row], shape.center_mm).tolist()
+        parts.append(f"{math.degrees(math.atan2(math.hypot(x, y), z)):.0f} deg off the axis")
+    if shape.aspect > LONG and like < 0:
+        parts.append(f"its long side {'upright' if one.is_upright[row] else 'level'}")
+    if shape.is_flat:
+        right, down = one.away[row].tolist()
+        parts.append(tilt_words(float(one.tilt_deg[row]), (right, down)))
+    else:
+        # Whether a solid tells about as much at a place, whichever of its sides is shown.
+        alike = (one.place == one.place[row]).all(axis=1) & np.isclose(one.distance_mm, distance_mm)
+        share = search.coarse.compared_px(covariance_with_prior(search.information[alike]))
+        any_side = like < 0 or float(share.max()) <= SAME_FROM_ANY_SIDE * float(share.min())
+        names = calibration.observations.view_names
+        parts.append("any side to the camera" if any_side else f"turned as in {short(names[like])}")
     away_mm = np.linalg.norm(transform(calibration.cam_from_target, shape.center_mm), axis=1)
-    x, y, z = transform(one.cam_from_target[row], shape.center_mm).tolist()
-    # Whether a solid tells about as much at a place, whichever of its sides is shown.
-    alike = (one.place == one.place[row]).all(axis=1) & np.isclose(one.distance_mm, distance_mm)
-    share = search.coarse.compared_px(covariance_with_prior(search.information[alike]))
-    any_side = like < 0 or float(share.max()) <= SAME_FROM_ANY_SIDE * float(share.min())
-    return Hold(
-        place=place_of(outline, (last - first + 1).tolist(), first.tolist()),
-        off_axis_deg=None if search.lit.off_axis_rad is None else math.degrees(math.atan2(math.hypot(x, y), z)),
-        distance_mm=distance_mm,
-        usual_distance_mm=None if search.known.is_determined else float(np.median(away_mm)),
-        tilt_deg=float(one.tilt_deg[row]),
-        away=(float(one.away[row, 0]), float(one.away[row, 1])),
-        long_side="" if shape.aspect <= LONG or like >= 0 else "upright" if one.is_upright[row] else "level",
-        like_photo="" if any_side else calibration.observations.view_names[like],
-        is_flat=shape.is_flat,
-    )
+    # Where the lens is not determined, only the ratio of distances is known.
+    usual_mm = None if search.known.is_determined else float(np.median(away_mm))
+    return ", ".join([*parts, f"at about {distance_words(distance_mm, usual_mm)}"])
 
 
 def outline_px(camera: Camera, shape: TargetShape, cam_from_target: Array) -> tuple[Array, ...]:

@@ -55,17 +55,10 @@ class PlannedViews:
     """The photos of a plan, in the order to take them."""
 
     views: tuple[NextView, ...]  # deviations by the noise alone
-    gains: tuple[ViewGain, ...]  # the same in numbers
     distance_mm: Array  # (V,)
     tilt_deg: Array  # (V,) of a flat target; nan: a solid
     greedy_count: int  # photos before any was left out
     is_accurate: bool  # the image is known as well as wanted
-    is_covered: bool  # and so much of it is covered
-
-    @property
-    def is_reached(self) -> bool:
-        """Whether both goals are."""
-        return self.is_accurate and self.is_covered
 
 
 def planned_views(
@@ -108,16 +101,14 @@ def planned_views(
             lambda rest: next(search.for_accuracy(after(rest)), None),
             FEWEST,
         ).improved(photos)
-    states = list(accumulate(photos, SoFar.with_photo, initial=start))
-    gains = tuple(
-        ViewGain(a.within_px, b.within_px, a.covered, b.covered, tells_area=True) for a, b in pairwise(states)
+    states = accumulate(photos, SoFar.with_photo, initial=start)
+    views = tuple(
+        proposed_view(search, photo, ViewGain(a.within_px, b.within_px, a.covered, b.covered, tells_area=True))
+        for photo, (a, b) in zip(photos, pairwise(states), strict=True)
     )
-    rows = np.array([photo.row for photo in photos], dtype=np.int64)
-    return PlannedViews(
-        tuple(proposed_view(search, photo, gain) for photo, gain in zip(photos, gains, strict=True)), gains,
-        search.candidates.distance_mm[rows], search.candidates.tilt_deg[rows], greedy_count,
-        states[-1].within_px <= goal_px, states[-1].covered >= goal_covered,
-    )  # fmt: skip
+    rows, is_accurate = [photo.row for photo in photos], after(photos).within_px <= goal_px
+    taken = search.candidates[np.array(rows, dtype=np.int64)]
+    return PlannedViews(views, taken.distance_mm, taken.tilt_deg, greedy_count, is_accurate)
 
 
 FOCAL_UNSURE = 0.3

@@ -1,6 +1,7 @@
 """The photos to take next, held against the solver and against what is right by construction."""
 
 import math
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -15,7 +16,7 @@ from calib.core.types import Observations, without_empty_views
 from calib.judge.candidate_views import TILTS_DEG, candidates_of, faces_seen, shown_in
 from calib.judge.coverage import coverage, coverage_of
 from calib.judge.information import eliminated, knowledge_of, view_information
-from calib.judge.next_view_words import Hold, ViewGain, gain_words, place_of, place_words, sentence_of, tilt_words
+from calib.judge.next_view_words import ViewGain, gain_words, place_of, place_words, short, tilt_words
 from calib.judge.next_views import next_views, photos_needed, why_no_next_views
 from calib.judge.views import habits_of, shape_of
 from calib.solver.accuracy import projected_sigma_px, share_px
@@ -207,16 +208,19 @@ def test_the_sentence_says_where_the_sketch_has_it(target: str, model: str) -> N
 def test_words_of_photos() -> None:
     """A sentence says all that a person must do, and what it gives: no deviation where that is not the point."""
     assert tilt_words(0.0, (0.0, 0.0)) == "facing the camera straight on"
-    hold = Hold((-1, 1), 412.0, 40.0, (1, 0), "", "", is_flat=True)
-    assert sentence_of(hold, ViewGain(0.21, 0.13, 0.4, 0.5)) == (
-        "hold the board in the bottom left corner of the image, tilted 40 deg with its right side away from the "
-        "camera, at about 0.41 m: 95 % sigma 0.21 -> 0.13 px"
+    assert tilt_words(40.0, (1.0, 0.0)) == "tilted 40 deg with its right side away from the camera"
+    hold = (
+        r"hold the board (in|at|half way to) the .* of the image(, .*)?, its long side (level|upright), (tilted|facing) .*"
+        r"camera(, .*)?, at about [0-9.]+ (m|mm): 95 % sigma [0-9.]+ -> [0-9.]+ px"
     )
+    assert re.fullmatch(hold, next_views(base("board", "opencv"), most=1)[0].sentence)
+    solid = next_views(base("solid", "opencv"), most=1)[0].sentence
+    assert re.search(r", (any side to the camera|turned as in [^,]+), at about ", solid)
+    assert gain_words(ViewGain(0.21, 0.13, 0.4, 0.5)) == "95 % sigma 0.21 -> 0.13 px"
     assert gain_words(ViewGain(0.21, 0.13, 0.181, 0.312, tells_area=True)).endswith("0.13 px, coverage 18 -> 31 %")
     assert gain_words(ViewGain(0.21, 0.21, 0.18, 0.31, tells_sigma=False, tells_area=True)) == "coverage 18 -> 31 %"
-    solid = Hold((0, 0), 90.0, math.nan, (0, 0), "", "a\nb.png", is_flat=False)
-    assert "\n" not in sentence_of(solid, ViewGain(math.inf, 0.13, 0.1, 0.2))
-    assert "not determined -> 0.13 px" in sentence_of(solid, ViewGain(math.inf, 0.13, 0.1, 0.2))
+    assert gain_words(ViewGain(math.inf, 0.13, 0.1, 0.2)) == "95 % sigma not determined -> 0.13 px"
+    assert "\n" not in short("a\nb.png")
 
 
 def test_a_board_seen_on_the_left_only_is_wanted_on_the_right() -> None:
