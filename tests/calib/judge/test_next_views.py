@@ -210,8 +210,8 @@ def test_words_of_photos() -> None:
     assert tilt_words(0.0, (0.0, 0.0)) == "facing the camera straight on"
     assert tilt_words(40.0, (1.0, 0.0)) == "tilted 40 deg with its right side away from the camera"
     hold = (
-        r"hold the board (in|at|half way to) the .* of the image(, .*)?, its long side (level|upright), (tilted|facing) .*"
-        r"camera(, .*)?, at about [0-9.]+ (m|mm): 95 % sigma [0-9.]+ -> [0-9.]+ px"
+        r"hold the board (in|at|half way to) the .* of the image(, .*)?, its long side (level|upright), "
+        r"(tilted|facing) .*camera(, .*)?, at about [0-9.]+ (m|mm): 95 % sigma [0-9.]+ -> [0-9.]+ px"
     )
     assert re.fullmatch(hold, next_views(base("board", "opencv"), most=1)[0].sentence)
     solid = next_views(base("solid", "opencv"), most=1)[0].sentence
