@@ -33,10 +33,11 @@ if TYPE_CHECKING:
     from calib.app.solved_rig import SolvedRig
     from calib.app.study_bootstrap import Bootstrap, RigBootstrap, bootstrap, rig_bootstrap
     from calib.app.study_cost import CostStudy, study_cost
-    from calib.app.tolerance import RigTolerance, Tolerance, Ways, rig_tolerance, tolerance, ways
+    from calib.app.tolerance import RigTolerance, Tolerance, rig_tolerance, tolerance
     from calib.app.triangulate import Triangulation, triangulate
     from calib.app.turntable import turntable
     from calib.app.undistort import UndistortedPhotos, Undistorter, undistort, undistort_photos
+    from calib.app.ways import Ways, ways
     from calib.cameras.camera import Camera
     from calib.cameras.rig import Rig
     from calib.cameras.undistortion import Undistorted
@@ -145,7 +146,8 @@ _HOMES = {
     "calib.app.measured_print": ("MeasuredPrint", "RescaledTarget"),
     "calib.app.render": ("render", "render_rig"),
     "calib.app.rendered_photos": ("RenderedPhotos", "RenderedRig"),
-    "calib.app.tolerance": ("RigTolerance", "Tolerance", "Ways", "rig_tolerance", "tolerance", "ways"),
+    "calib.app.tolerance": ("RigTolerance", "Tolerance", "rig_tolerance", "tolerance"),
+    "calib.app.ways": ("Ways", "ways"),
     "calib.app.run": ("NothingFoundError", "run"),
     "calib.app.solve": ("solve",),
     "calib.app.plan": ("PhotoPlan", "plan"),

@@ -17,7 +17,8 @@ from designer.page.folders import Shown, notes, table_of, warnings
 from designer.tolerance.sources import SOURCES
 
 if TYPE_CHECKING:
-    from calib.app.tolerance import RigTolerance, Tolerance, Ways
+    from calib.app.tolerance import RigTolerance, Tolerance
+    from calib.app.ways import Ways
     from calib.studies.tolerance.record import PhotographedSetting, ToleranceStudy
 
 QUESTION = "What do errors of manufacturing cost a calibration that takes the drawing for true? "

@@ -103,7 +103,7 @@ def test_an_option_that_names_nothing_is_refused(
 
 def _numbers(name: str) -> list[Parameter]:
     """Options of a capability that take numbers."""
-    place = f"calib.app.tolerance:{STUDIED[name]}" if name in STUDIED else place_of(name)
+    place = f"calib.app.{STUDIED[name]}:{STUDIED[name]}" if name in STUDIED else place_of(name)
     module, _, word = place.partition(":")
     of_function = parameters_of(inspect.unwrap(getattr(importlib.import_module(module), word)))
     is_number = {int, float, *(one.kind for one in of_function.values() if get_args(one.kind)[:1] == (float,))}

@@ -6,7 +6,7 @@ from functools import cache
 import pytest
 
 import calib
-from calib.app.tolerance import Ways
+from calib.app.ways import Ways
 from calib.draw.tolerance_tables import WAYS, ways_table
 from calib.studies.tolerance.quantities import NAMES
 from designer.base.errors import InputError
