@@ -55,6 +55,8 @@ ABILITIES: dict[str, Abilities] = {
     ),
     "opencv12": Abilities(also_called="thinprism"),
     "opencv14": Abilities(also_called="tilted scheimpflug tiltedmodel"),
+    "opencv_skew": Abilities(),
+    "luhmann_skew": Abilities(),
     "fisheye": Abilities(
         is_wide=True,
         is_in_all_wide=True,

@@ -85,9 +85,9 @@ class Camera:
 
     @property
     def matrix(self) -> Array:
-        """The linear part as OpenCV has it: `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]` in px.  # (3, 3)"""
+        """The linear part: `[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]` in px; most models have no skew.  # (3, 3)"""
         fx, fy, cx, cy = self.params[:4]
-        return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        return np.array([[fx, self.parameters.get("skew_px", 0.0), cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
     @property
     def distortion(self) -> Array:

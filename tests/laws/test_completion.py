@@ -41,7 +41,7 @@ def offered(line: str, shell: str = "bash") -> list[str]:
         ("design board --lattice ", ["square", "triangular"]),
         ("design tolerance t.json --errors fdm", [name for name in preset_names("errors") if name.startswith("fdm")]),
         ("calib convert c.json --to ", list(dict.fromkeys([*FORMATS, *RIG_FORMATS]))),
-        ("calib solve d.csv --model l", ["luhmann"]),
+        ("calib solve d.csv --model l", ["luhmann", "luhmann_skew"]),
         ("calib render t.json --camera ", preset_names("cameras")),
         ("calib render t.json --rig ", preset_names("rigs")),
         ("calib study pl", ["plot"]),

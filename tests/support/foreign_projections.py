@@ -152,7 +152,7 @@ def in_metashape(text: str, ray: Array, lens: str, size: tuple[int, int], _: Pat
     A fisheye's x and y are the angle off the axis, along the direction about it; an equisolid one's 2 sin(theta / 2).
     """
     root = ElementTree.fromstring(text)
-    assert root.findtext("projection") == (lens or "frame")
+    assert root.findtext("projection") == (lens.removesuffix("_b2") or "frame")
 
     def value(name: str) -> float:
         return float(root.findtext(name) or 0)

@@ -63,7 +63,7 @@ class FileLens:
         """Parameters of its model that must be as without a lens."""
         if self.model is None or not self.numbers:
             return ()
-        return tuple(name for name in parameter_names(self.model)[4:] if name not in self.names)
+        return tuple(name for name in parameter_names(self.model)[4:] if name.removesuffix("_px") not in self.names)
 
     @property
     def is_plain(self) -> bool:

@@ -28,6 +28,8 @@ OF_OPENCV = {5: COMMON, 8: "opencv8", 12: "opencv12", 14: "opencv14"}
 """Its models by the number of their coefficients."""
 QUICK_OF_OPENCV = (COMMON, "opencv8")
 """Those that are fitted in a moment."""
+SKEWED = {COMMON: "opencv_skew"}
+"""Models with a skew beside the same numbers."""
 PLAINER = {"thin_prism_fisheye": "fisheye"}
 """What a camera of a model is where the numbers beyond are zero."""
 OPENCV_ORDER = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
@@ -75,7 +77,7 @@ def lens_camera(lens: FileLens, values: Sequence[float], image_size: tuple[int, 
     if model in OF_OPENCV.values():
         return brown_camera(linear, [known.get(name, 0.0) for name in OPENCV_ORDER], image_size, origin)
     none = dict(zip(parameter_names(model), neutral(model).tolist(), strict=True))
-    rest = [known.get(name, value) for name, value in list(none.items())[4:]]
+    rest = [known.get(name.removesuffix("_px"), value) for name, value in list(none.items())[4:]]
     camera = make_camera(model, [*linear, *rest], image_size, origin)
     return ReadCamera((in_other_words(camera, PLAINER[model]) if model in PLAINER else None) or camera)
 

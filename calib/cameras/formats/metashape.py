@@ -29,9 +29,9 @@ CORNER = 0.5
 MAX_FILE_BYTES = 2**24
 """Exported cameras come with the poses of all photos."""
 
-FOREIGN = ("b2", "p3", "p4")
+FOREIGN = ("p3", "p4")
 """What no model of ours has."""
-SWAPPED = {"p1": "p2", "p2": "p1"}
+SWAPPED = {"p1": "p2", "p2": "p1", "skew": "b2"}
 NUMBERS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4")
 _RECOGNISED = re.compile(r"\A\s*(?=<)(?s:.*?)<calibration\b")
 
@@ -39,6 +39,7 @@ _RECOGNISED = re.compile(r"\A\s*(?=<)(?s:.*?)<calibration\b")
 LENSES = (
     FileLens("frame", "opencv", "fx fy cx cy k1 k2 k3 p2 p1"),
     FileLens("fisheye", "thin_prism_fisheye", "fx fy cx cy k1 k2 k3 k4 p2 p1"),
+    FileLens("frame_b2", "opencv_skew", "fx fy cx cy skew k1 k2 k3 p2 p1"),
 )
 """Its camera types, with the numbers of ours in its order."""
 EQUIDISTANT = ("fisheye", "equidistant_fisheye")
@@ -47,14 +48,17 @@ EQUISOLID = "equisolid_fisheye"
 
 def write(camera: Camera, lens: FileLens) -> str:
     """The text of a calibration for a camera of the lens's model."""
-    fx, fy, cx, cy, *rest = lens.values(camera)
+    known = dict(zip(lens.names, lens.values(camera), strict=True))
+    fx, fy, skew = known["fx"], known["fy"], known.pop("skew", 0.0)
     width, height = camera.image_size
-    *radial, p1, p2 = rest
-    values = {"f": fy, "cx": cx + CORNER - width / 2, "cy": cy + CORNER - height / 2, "b1": fx - fy, "b2": 0.0}
+    *radial, p1, p2 = list(known.values())[4:]
+    cx, cy = known["cx"] + CORNER - width / 2, known["cy"] + CORNER - height / 2
+    values = {"f": fy, "cx": cx, "cy": cy, "b1": fx - fy, "b2": skew}
     values |= {f"k{k}": value for k, value in enumerate(radial, start=1)} | {"p1": p1, "p2": p2}
     lines = "".join(f"  <{name}>{real(value)}</{name}>\n" for name, value in values.items())
+    kind = lens.name.removesuffix("_b2")
     return (
-        f'<?xml version="1.0" encoding="UTF-8"?>\n<calibration>\n  <projection>{lens.name}</projection>\n'
+        f'<?xml version="1.0" encoding="UTF-8"?>\n<calibration>\n  <projection>{kind}</projection>\n'
         f"  <width>{width}</width>\n  <height>{height}</height>\n{lines}</calibration>\n"
     )
 
@@ -93,9 +97,9 @@ def _camera(calibration: Element, origin: str) -> ReadCamera:
     f, b1 = values["f"], values["b1"]
     linear = [f + b1, f, size[0] / 2 + values["cx"] - CORNER, size[1] / 2 + values["cy"] - CORNER]
     wide = kind != "frame"
-    foreign = [name for name in (*FOREIGN, *(() if wide else ("k4",))) if values[name]]
+    foreign = [name for name in (*FOREIGN, "b2" if wide else "k4") if values[name]]
     if kind != EQUISOLID and not foreign:
-        lens = LENSES[wide]
+        lens = LENSES[1 if wide else 2 if values["b2"] else 0]
         return lens_camera(lens, [*linear, *(values[SWAPPED.get(name, name)] for name in lens.names[4:])], size, origin)
     what = f"its {kind} lens" + (f" with {' '.join(foreign)}" if foreign else "")
     distort = _distortion(values, values["b2"] / linear[0] if linear[0] else 0.0)

@@ -23,9 +23,19 @@ from calib.cameras.formats.format import (
     WrittenRig,
     assembled,
 )
-from calib.cameras.formats.lens import QUICK_OF_OPENCV, brown_camera, fit_foreign, lens_camera
+from calib.cameras.formats.lens import QUICK_OF_OPENCV, SKEWED, brown_camera, fit_foreign, lens_camera
 from calib.cameras.formats.lens_names import NamedLens, mentions_lens, named_lens, names_lens
-from calib.cameras.formats.parsing import image_size, number, numbers, parse_tree, pose_of, real, required, unit_said
+from calib.cameras.formats.parsing import (
+    image_size,
+    make_camera,
+    number,
+    numbers,
+    parse_tree,
+    pose_of,
+    real,
+    required,
+    unit_said,
+)
 from calib.cameras.rig import rectified_pair
 from calib.core.se3 import exp_rotation, skew
 from designer.base.arrays import Array
@@ -139,7 +149,9 @@ def _doubts(lens: Sequence[float], name: str, named: NamedLens | None) -> tuple[
 
 
 def _skewed(camera: Camera, skew: float, origin: str) -> ReadCamera:
-    """The camera nearest to one that shows, right of a camera's pixels, as much more as they are below the centre."""
+    """The camera that shows, right of a camera's pixels, as much more as they are below the centre; or the nearest."""
+    if camera.model in SKEWED:
+        return ReadCamera(make_camera(SKEWED[camera.model], [*camera.params.tolist(), skew], camera.image_size, origin))
     _, fy, _, cy = linear = camera.params[:4].tolist()
 
     def rays(pixel: Array) -> Array:

@@ -12,6 +12,7 @@ import yaml
 from calib.cameras import MODELS, project
 from calib.cameras.camera import Camera
 from calib.cameras.formats import FORMATS
+from calib.cameras.formats.holding import fit_to_format, lost_of
 from calib.cameras.formats.reading import open_camera
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE, lens_camera, text_of, whole_image, written
@@ -206,6 +207,7 @@ cam2:
 TWO_BY_TWO = {"image_width": 640, "image_height": 480}
 MATRIX = [[600.0, 0.0, 320.5], [0.0, 601.0, 241.5], [0.0, 0.0, 1.0]]
 BROWN, KANNALA = [-0.11, 0.08, -0.001, 0.002, 0.0], [0.1, -0.02, 0.001, 0.0002]
+RATIONAL = [-0.11, 0.08, -0.001, 0.002, 0.01, 0.02, 0.01, 0.001]
 
 
 @pytest.mark.parametrize("dump", [json.dumps, yaml.safe_dump, lambda tree: json.dumps(tree, indent=2)])
@@ -358,8 +360,20 @@ def test_a_part_that_is_none_is_refused(change: dict[str, object], rule: str) ->
         FORMATS["ros"].read(json.dumps(message), "c", None)
 
 
-@pytest.mark.parametrize(("model", "lens"), [("plumb_bob", BROWN), ("equidistant", KANNALA)])
-def test_skew_is_fitted(model: str, lens: list[float]) -> None:
+def test_skew_is_held() -> None:
+    """A camera matrix with skew beside Brown's lens is a model of its own: the matrix of what OpenCV's lens shows."""
+    message = {**TWO_BY_TWO, "K": [[600.0, 1.5, 320.5], *MATRIX[1:]], "D": BROWN, "distortion_model": "plumb_bob"}
+    found = FORMATS["ros"].read(json.dumps(message), "c", None)
+    assert (found.camera.model, found.refit) == ("opencv_skew", None)
+    assert found.camera.matrix.tolist() == [[600.0, 1.5, 320.5], *MATRIX[1:]]
+    pixel, ray = whole_image(found.camera)
+    lens = cv2.projectPoints(ray / ray[:, 2:], np.zeros(3), np.zeros(3), np.eye(3), np.array(BROWN))[0][:, 0]
+    assert np.column_stack([lens, np.ones(len(lens))]) @ found.camera.matrix[:2].T == pytest.approx(pixel, abs=1e-8)
+    assert lost_of(found.camera, fit_to_format(found.camera, FORMATS["opencv"]), FORMATS["opencv"])  # OpenCV takes none
+
+
+@pytest.mark.parametrize(("model", "lens"), [("rational_polynomial", RATIONAL), ("equidistant", KANNALA)])
+def test_skew_beside_other_lenses_is_fitted(model: str, lens: list[float]) -> None:
     """A camera matrix with skew: the closest camera without, and how far it is from OpenCV's projection."""
     message = {**TWO_BY_TWO, "K": MATRIX, "D": lens, "distortion_model": model}
     skewed = {**message, "K": [[600.0, 1.5, 320.5], *MATRIX[1:]]}
