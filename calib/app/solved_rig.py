@@ -189,9 +189,7 @@ class SolvedRig(
         from calib.draw.rig_pictures import remove_rig_pictures
         from calib.judge.folders import keep_target, kind_in, write_rig
         from calib.judge.hand_eye_file import HAND_EYE, HAND_EYE_FILE
-        from calib.judge.judge import EARLIER_RIG_VERDICT_FILE
         from calib.judge.next_robot_poses import photo_names
-        from calib.observe.photos import remove_ours
         from calib.observe.rig_observations import rig_sightings_to_csv
         from calib.observe.robot_poses import robot_poses_to_csv
         from designer.page.page_file import why_no_page
@@ -214,7 +212,6 @@ class SolvedRig(
         if run.target is not None:
             out.files += keep_target(folder, run.target, is_again=is_again)
         remove_rig_pictures(folder, run.found)
-        remove_ours({folder / EARLIER_RIG_VERDICT_FILE: ""})
         out.finished.append(folder)
         return replace(self, folder=folder)
 

@@ -1,15 +1,16 @@
-"""What is measured before anything is judged: no limits here. Of several cameras, `calib.judge.joint_evidence` does."""
+"""What is measured before anything is judged, of one camera or of several: no limits here."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.cameras import rays
+from calib.cameras import project, rays
 from calib.cameras.refit import image_grid
 from calib.core.linear_algebra import sums_by
+from calib.core.se3 import transform
 from calib.judge.coverage import Coverage, coverage_of, lit_part, sigma_over_lit_px
 from calib.judge.difference import Known, apart, sigma_over
 from calib.judge.halves import HalfSplit, HalvesApart, NoHalves, RigHalves, halves_apart
@@ -25,7 +26,7 @@ from calib.solver.outliers import deviations
 if TYPE_CHECKING:
     from calib.rigs.figures import CameraTie, PairFigures
     from calib.rigs.relative import CarriedError, MiddleError
-    from calib.rigs.result import CarrierFit
+    from calib.rigs.result import CarrierFit, RigCalibration
 
 LEAST_SHARE = 0.25
 """Of the residuals: a smaller systematic part blames nobody."""
@@ -294,3 +295,74 @@ def rms_px(calibration: Calibration) -> float:
     """Root mean square length of the residuals that count; nan of none."""
     residual = calibration.residual_px[~calibration.is_outlier]
     return math.sqrt(float((residual**2).sum(axis=1).mean())) if len(residual) else math.nan
+
+
+def joint_evidence(found: "RigCalibration", halves: RigHalves | NoHalves) -> JointEvidence:
+    """What a rig and halves of its frames tell."""
+    from calib.judge.rig_halves import enlarged
+    from calib.rigs.figures import pair_figures, rms_length, ties_of
+    from calib.rigs.relative import carried_error, middle_error
+
+    told, seen, is_known = enlarged(found, halves), found.observations, found.status != "degenerate"
+    return JointEvidence(
+        status=found.status,
+        status_reason=found.remarks[0] if found.remarks else "",
+        frames=len(found.rig_from_target),
+        cameras=tuple(
+            CameraEvidence(
+                name=name,
+                frames=one.observations.view_count,
+                sightings=int((~one.is_outlier).sum()),
+                left_out=int(one.is_outlier.sum()),
+                rms_px=rms_length(one.residual_px[~one.is_outlier]),
+                times_stated=one.scale if one.weighted and one.observations.cov_px2 is not None else None,
+                coverage=coverage_of(one) if is_refined else None,
+            )
+            for name, one, is_refined in zip(seen.camera_names, found.alone, found.is_refined, strict=True)
+        ),
+        pairs=pair_figures(told),
+        ties=ties_of(told.rig, seen.shared),
+        halves=halves,
+        middle=middle_error(told) if is_known else None,
+        carrier=found.carrier,
+        carried=carried_error(enlarged(found, halves, as_target=True)) if is_known else None,
+        delay_px=_delay_px(told),
+        by_circles=_by_circles(found),
+    )
+
+
+def _by_circles(found: "RigCalibration") -> ByCircles | None:
+    """The error of the carried target, or of a point in the middle, by that doubt and by noise."""
+    from calib.rigs.relative import carried_error, middle_error
+
+    doubt = found.circle_doubt
+    if doubt is None or found.status == "degenerate":
+        return None
+    sigmas = []
+    for covariance in (doubt.param_covariance, found.covariance):
+        one = replace(found, covariance=covariance, target_covariance=None, circle_doubt=None)
+        carried, middle = carried_error(one), middle_error(one)
+        if carried is not None:
+            away_mm, sigma_mm = carried.away_mm, carried.sigma_mm
+        elif middle is not None:
+            away_mm, sigma_mm = middle.away_mm, middle.rig_mm
+        else:
+            return None
+        sigmas.append(sigma_mm)
+    return ByCircles(doubt, sigmas[0], sigmas[1], away_mm)
+
+
+def _delay_px(found: "RigCalibration") -> tuple[float, ...]:
+    """Standard deviations of delays times how fast the target moved through each image, its median speed."""
+    seen = found.observations
+    if found.delay_sigma_s is None or seen.time_s is None:
+        return ()
+    moved = []
+    for row, (camera, sigma) in enumerate(zip(found.cameras, found.delay_sigma_s.tolist(), strict=True)):
+        place = transform(found.cam_from_rig[row] @ found.rig_from_target[seen.frame[row]], seen.points.middle_mm)
+        step = np.linalg.norm(np.diff(project(camera, place), axis=0), axis=1)
+        time = np.diff(seen.time_s[row])
+        speed = step[time > 0] / time[time > 0]
+        known = speed[np.isfinite(speed)]
+        moved.append(sigma * float(np.median(known)) if len(known) else math.nan)
+    return tuple(moved)

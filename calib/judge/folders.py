@@ -13,7 +13,16 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 from calib.cameras import MODELS
 from calib.cameras.rig import RIG
 from calib.judge.halves import NOT_COMPARED, Halves, half_split
-from calib.judge.judge import VERDICT, VERDICT_FILE, Judged, inputs_of, judge_cameras, judge_rig, read_verdict
+from calib.judge.judge import (
+    EARLIER_RIG_VERDICT_FILE,
+    VERDICT,
+    VERDICT_FILE,
+    Judged,
+    inputs_of,
+    judge_cameras,
+    judge_rig,
+    read_verdict,
+)
 from calib.judge.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextView, NextViews
 from calib.judge.solutions import Solution
 from calib.judge.verdict import Criteria, Verdict
@@ -91,7 +100,7 @@ class RigRun:
     @cached_property
     def evidence(self) -> "JointEvidence":
         """What it was, or would be, judged by."""
-        from calib.judge.joint_evidence import joint_evidence
+        from calib.judge.evidence import joint_evidence
 
         return joint_evidence(self.found, NOT_COMPARED if self.judged is None else self.judged.rig_halves)
 
@@ -179,6 +188,7 @@ def judge_again(folder: Path, criteria: Criteria) -> Judged:
         judged = judge_rig(run.found, run.evidence.halves, criteria)
         judged = replace(judged, solution_sha256=_rig_digest(folder))
         write_files({folder / VERDICT_FILE: VERDICT.text(judged)})
+        _remove_earlier_verdict(folder)
         return judged
     best = replace(run, judged=None).best
     stored = run.judged is not None and best is run.best and isinstance(run.judged.halves, Halves)
@@ -218,7 +228,15 @@ def write_rig(
     stated = found if judged is None else enlarged(found, judged.rig_halves)
     files[folder / RIG_FILE] = RIG.text(stated.rig)
     write_files(files)
+    _remove_earlier_verdict(folder)
     return tuple(files)
+
+
+def _remove_earlier_verdict(folder: Path) -> None:
+    """Remove the verdict of a rig that an earlier version wrote under another name."""
+    path = folder / EARLIER_RIG_VERDICT_FILE
+    if path.is_file() and is_ours(path, ""):
+        path.unlink()
 
 
 def _read_cameras(folder: Path, faults: list[str]) -> list[Solution]:

@@ -178,7 +178,7 @@ def judge_rig(found: "RigCalibration", halves: RigHalves | NoHalves, criteria: C
         halves: of its frames, by `calib.judge.rig_halves.rig_halves`.
         criteria: the limits.
     """
-    from calib.judge.joint_evidence import joint_evidence
+    from calib.judge.evidence import joint_evidence
     from calib.judge.next_frames import next_frames
     from calib.judge.next_robot_poses import next_robot_poses
 

@@ -205,3 +205,4 @@ def test_a_verdict_of_an_earlier_version_is_read(tmp_path: Path) -> None:
     assert (run.judged.verdict, run.judged.rig_halves) == (judged().verdict, AGREE)
     report(tmp_path, criteria="standard")
     assert (tmp_path / "verdict.json").exists()
+    assert not (tmp_path / "rig_verdict.json").exists()

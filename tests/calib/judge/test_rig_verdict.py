@@ -11,10 +11,9 @@ import pytest
 from calib.app.inputs import load_rig
 from calib.judge.checks import CHECKS, read_criteria
 from calib.judge.coverage import Coverage
-from calib.judge.evidence import JointEvidence
+from calib.judge.evidence import JointEvidence, joint_evidence
 from calib.judge.folders import RIG_FILE, write_rig
 from calib.judge.halves import NoHalves, RigHalves, RigSplit
-from calib.judge.joint_evidence import joint_evidence
 from calib.judge.judge import judge, judge_rig
 from calib.judge.next_frames import next_frames
 from calib.judge.verdict import Grade

@@ -10,8 +10,8 @@ import pytest
 
 from calib.cameras.rig import Rig
 from calib.core.se3 import compose, exp_rotation, invert, log_rotation, make_pose, skew
+from calib.judge.evidence import joint_evidence
 from calib.judge.halves import NOT_COMPARED, RigHalves, RigSplit
-from calib.judge.joint_evidence import joint_evidence
 from calib.judge.rig_halves import enlarged
 from calib.rigs.figures import epipolar_distances, seen_by_both, ties_of, widest_chain
 from calib.rigs.problem import CameraChoice, RigOptions

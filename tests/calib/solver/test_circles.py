@@ -11,8 +11,8 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import transform
 from calib.core.types import KnownPoints, Observations, RigObservations
 from calib.judge.checks import checks_of, read_criteria
+from calib.judge.evidence import joint_evidence
 from calib.judge.halves import NoHalves
-from calib.judge.joint_evidence import joint_evidence
 from calib.rigs.accuracy import with_circle_doubt as with_rig_circle_doubt
 from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration
