@@ -157,8 +157,9 @@ def calibration_before(camera: Camera, points: KnownPoints, noise_px: float) -> 
     deviation[:2] = FOCAL_UNSURE * camera.params[:2]
     deviation[2:4] = CENTRE_UNSURE * max(camera.image_size)
     return Calibration(
-        camera, Observations(camera.image_size, (), none, none, np.zeros((0, 2)), None, points), np.zeros((0, 4, 4)),
-        np.zeros((0, 2)), np.zeros(0, dtype=np.bool_), noise_px, np.diag(deviation**2), np.zeros((0, 6, 6)), (),
+        camera=camera, observations=Observations(camera.image_size, (), none, none, np.zeros((0, 2)), None, points),
+        cam_from_target=np.zeros((0, 4, 4)), residual_px=np.zeros((0, 2)), is_outlier=np.zeros(0, dtype=np.bool_),
+        scale=noise_px, param_covariance=np.diag(deviation**2), pose_covariance=np.zeros((0, 6, 6)), fixed=(),
         weighted=False, status="converged", remarks=(), iterations=0, seconds=0.0,
     )  # fmt: skip
 

@@ -14,38 +14,26 @@ from typing import Annotated
 import numpy as np
 
 from calib.cameras import parameter_names
-from calib.cameras.camera import Camera, camera_to_json
+from calib.cameras.camera import camera_to_json
 from calib.core.se3 import rigid_fault
 from calib.core.types import KnownPoints, Observations
 from calib.observe.observation_table import MAX_RESIDUAL_PX, observations_to_csv, read_sightings
-from calib.solver.calibration import (
-    Calibration,
-    CaptureError,
-    CircleDoubt,
-    ImageField,
-    PhotoError,
-    PlaneBend,
-    Status,
-    TargetError,
-)
-from calib.solver.priors import ParameterPrior
+from calib.solver.calibration import Calibration, CameraSolution
 from calib.solver.problem import SolveOptions
 from designer.base.arrays import Array
 from designer.base.codec import decode, encode
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.files import write_files
-from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Count, Gap, Hash, Length, Shape
+from designer.base.marks import LEFT_OUT, OR_NULL, AtLeast, Hash, Length, Shape
 from designer.base.words import shown
 
-LARGEST_SCALE = 1e9
 LARGEST_COVARIANCE = 1e100
 """Squares of what is larger overflow further on."""
 CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE = "calibration.json", "observations.csv", "camera.json"
 RIG_CALIBRATION_FILE = "rig_calibration.json"
 """Of cameras that were solved together, each of which has a folder with the files above beside it."""
 
-_Covariance = Annotated[Array, Shape("P", "P"), PACKED]
 _Point = tuple[float, float, float, Annotated[int, AtLeast(-1)]]
 
 
@@ -73,26 +61,10 @@ class SolvedView:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class CalibrationRecord:
+class CalibrationRecord(CameraSolution):
     """The keys of the file: a calibration but for what stands in the table beside it."""
 
     provenance: Provenance
-    status: Status
-    remarks: tuple[str, ...]
-    iterations: Count
-    seconds: Annotated[float, AtLeast(0)]
-    scale: Annotated[Gap, AtLeast(0), AtMost(LARGEST_SCALE)]
-    weighted: bool
-    fixed: tuple[str, ...]
-    camera: Camera
-    param_covariance: Annotated[_Covariance, OR_NULL]
-    target_error: TargetError | None = None
-    image_field: ImageField | None = None
-    capture_error: CaptureError | None = None
-    photo_error: PhotoError | None = None
-    circle_doubt: Annotated[CircleDoubt | None, LEFT_OUT] = None
-    target_bend: Annotated[PlaneBend | None, LEFT_OUT] = None
-    priors: Annotated[tuple[ParameterPrior, ...], LEFT_OUT] = ()
     geometry_id: Hash
     observations_sha256: Hash
     planes: Annotated[Array, Shape("F", 4)]
@@ -108,11 +80,7 @@ class CalibrationRecord:
         if odd := {one.name for one in self.priors} - set(names):
             raise ValueError(f"priors hold {shown(min(odd))}, which is no parameter of model {self.camera.model!r}")
         parts = {"param_covariance": self.param_covariance}
-        parts |= {
-            f"{name}.param_covariance": part.param_covariance
-            for name in ("target_error", "image_field", "capture_error", "photo_error", "circle_doubt")
-            if (part := getattr(self, name)) is not None
-        }
+        parts |= {f"{name}.param_covariance": part.param_covariance for name, part in self.errors.items()}
         for name, covariance in parts.items():
             if covariance.shape != (len(names),) * 2:
                 raise ValueError(f"{name} must be {len(names)} rows of {len(names)} numbers")
@@ -138,8 +106,7 @@ class CalibrationRecord:
 
 CALIBRATION = FileKind(CalibrationRecord, "calibration", "a calibration.json", "solve again", largest_bytes=512 * 2**20)
 
-_ALIKE = sorted({one.name for one in fields(CalibrationRecord)} & {one.name for one in fields(Calibration)})
-"""What the file says in the words of the solution."""
+_ALIKE = tuple(one.name for one in fields(CameraSolution))
 
 
 def _check_covariance(name: str, matrix: Array) -> None:

@@ -197,22 +197,22 @@ def _calibration(
         remarks = (bend.sentence, *remarks)
         observations = replace(observations, sightings=tuple(bend.bent(own) for own in observations.sightings))
     return RigCalibration(
-        observations, state.cameras, state.cam_from_rig, frames,
-        tuple(np.ascontiguousarray(one.T) for one in residuals(problem, state)),
-        tuple(~one.problem.is_used for one in problem.seen), scale, accuracy.covariance,
-        target_covariance(packed, state.rig_from_target, accuracy.frame_covariance),
-        tuple(
+        observations=observations, cameras=state.cameras, cam_from_rig=state.cam_from_rig, rig_from_target=frames,
+        residual_px=tuple(np.ascontiguousarray(one.T) for one in residuals(problem, state)),
+        is_outlier=tuple(~one.problem.is_used for one in problem.seen), scale=scale, covariance=accuracy.covariance,
+        frame_covariance=target_covariance(packed, state.rig_from_target, accuracy.frame_covariance),
+        pose_covariance=tuple(
             target_covariance(packed, seen_poses(rigid, state, k)[1], one)
             for k, one in enumerate(accuracy.pose_covariance)
         ),
-        reference,
-        observations.camera_names[reference] if problem.prior is None else _frame_name(options),
-        tuple(bool((one.tie.row >= 0).any()) for one in alone),
-        options.weighted and all(one.cov_px2 is not None for one in observations.sightings), status, remarks,
-        found.iterations, time.perf_counter() - begin,
-        state.delay_s if options.estimates_delays else None,
-        accuracy.delay_sigma_s if options.estimates_delays else None, carrier,
-        problem.slack[0].size if problem.slack else None, np.array([one.scale for one in alone]),
+        reference=reference,
+        rig_frame=observations.camera_names[reference] if problem.prior is None else _frame_name(options),
+        is_refined=tuple(bool((one.tie.row >= 0).any()) for one in alone),
+        weighted=options.weighted and all(one.cov_px2 is not None for one in observations.sightings), status=status,
+        remarks=remarks, iterations=found.iterations, seconds=time.perf_counter() - begin,
+        delay_s=state.delay_s if options.estimates_delays else None,
+        delay_sigma_s=accuracy.delay_sigma_s if options.estimates_delays else None, carrier=carrier,
+        slack=problem.slack[0].size if problem.slack else None, alone_scale=np.array([one.scale for one in alone]),
         target_bend=bend,
         priors=tuple(one.priors for one in alone),
     )  # fmt: skip

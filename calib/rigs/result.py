@@ -11,10 +11,10 @@ from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
 from calib.core.types import RigObservations, freeze, frozen_array
 from calib.rigs.problem import FREE_SIZE
-from calib.solver.calibration import Calibration, CircleDoubt, PlaneBend, Status
+from calib.solver.calibration import Calibration, CircleDoubt, PlaneBend, Solved
 from calib.solver.priors import ParameterPrior
 from designer.base.arrays import Array, Flags
-from designer.base.marks import LEFT_OUT, OR_NULL, Gap, Shape
+from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Gap, Shape, Word
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +41,29 @@ class CarrierFit:
         freeze(self, "carrier_from_target", "covariance", "error", "angle_rad")
 
 
-@dataclass(frozen=True, eq=False)
-class RigCalibration:
+LARGEST_COVARIANCE, LARGEST_SLACK = 1e100, 1e12
+_Joint = Annotated[Array, Shape("N", "N"), PACKED, OR_NULL, AtLeast(-LARGEST_COVARIANCE), AtMost(LARGEST_COVARIANCE)]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class JointSolution(Solved):
+    """What a rig's file says in the words of its calibration."""
+
+    reference: Annotated[int, AtLeast(-1)]  # the camera whose frame the rig's is; -1: a carrier's
+    rig_frame: Word  # its name, or "flange", "base", "table"
+    covariance: _Joint  # (N, N) by the noise alone, rows as those of `Rig`
+    target_covariance: Annotated[_Joint | None, LEFT_OUT] = None
+    """Of what the target's own shape may have done; None: not known."""
+    circle_doubt: Annotated[CircleDoubt | None, LEFT_OUT] = None  # of all N unknowns; None: what points are is known
+    capture_covariance: Annotated[_Joint | None, LEFT_OUT] = None  # of what is alike in all photos; None: nothing
+    photo_covariance: Annotated[_Joint | None, LEFT_OUT] = None  # of what the photos of a frame share; None: likewise
+    slack: Annotated[Annotated[float, AtLeast(0), AtMost(LARGEST_SLACK)] | None, LEFT_OUT] = None
+    """By how much less surely a photo tells its pose than errors of its own would let it (variances); None: at once."""
+    carrier: Annotated[CarrierFit | None, LEFT_OUT] = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RigCalibration(JointSolution):
     """A solved rig of C cameras, its V frames and how sure they are: `found.rig.save("rig.json")`."""
 
     observations: RigObservations  # of the frames that were solved
@@ -52,27 +73,12 @@ class RigCalibration:
     residual_px: tuple[Array, ...]  # (C,) of (M_c, 2): predicted - measured, of outliers too
     is_outlier: tuple[Flags, ...]  # (C,) of (M_c,): left out of the solution
     scale: Array  # (C,) posterior standard deviation of an observation: px, or in units of the stated covariance
-    covariance: Array  # (N, N) by the noise alone, rows as those of `Rig`
     frame_covariance: Array  # (V, 6, 6) of rig_from_target, in the rig's axes: rotation vector (rad), shift (mm)
     pose_covariance: tuple[Array, ...]  # (C,) of (V_c, 6, 6) of each camera's cam_from_target, likewise in its own axes
-    reference: int  # the camera whose frame the rig's is; -1: a carrier's
-    rig_frame: str  # its name, or "flange", "base", "table"
     is_refined: tuple[bool, ...]  # (C,) whether the camera's own parameters were solved
-    weighted: bool  # by the covariances of the observations
-    status: Status
-    remarks: tuple[str, ...]  # why degenerate, what was left out and why; one line each
-    iterations: int
-    seconds: float
     delay_s: Array | None = None  # (C,) see `Rig`; None: not estimated
     delay_sigma_s: Array | None = None  # (C,)
-    carrier: CarrierFit | None = None
-    slack: float | None = None
-    """By how much less surely a photo tells its pose than errors of its own would let it (variances); None: at once."""
     alone_scale: Array | None = None  # (C,) as `scale`, of each camera by itself: more in the rig is told by no lens
-    target_covariance: Array | None = None  # (N, N) of what the target's own shape may have done; None: not known
-    circle_doubt: CircleDoubt | None = None  # of all N unknowns; None: what the points are is known
-    capture_covariance: Array | None = None  # (N, N) of what is alike in all photos; None: nothing beyond chance
-    photo_covariance: Array | None = None  # (N, N) of what the photos of a frame share; None: likewise
     target_bend: PlaneBend | None = None  # by which the points were moved; None: it was no unknown
     priors: tuple[tuple[ParameterPrior, ...], ...] = ()  # (C,) what was known of parameters beforehand; (): nothing
 

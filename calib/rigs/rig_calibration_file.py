@@ -22,22 +22,18 @@ from calib.observe.calibration_file import (
     calibration_files,
     read_calibration,
 )
-from calib.rigs.result import CarrierFit, RigCalibration
-from calib.solver.calibration import Calibration, CircleDoubt, Status
+from calib.rigs.result import JointSolution, RigCalibration
+from calib.solver.calibration import Calibration
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
-from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Count, Length, Line, Shape, Word
+from designer.base.marks import LEFT_OUT, OR_NULL, AtLeast, AtMost, Length, Line, Shape, Word
 from designer.base.words import shown
 
 CAMERAS = "cameras"
 MOST_FRAMES = 1_000_000
-LARGEST_COVARIANCE = 1e100
 LONGEST_TIME_S = 1e12
 _SAFE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,59}")
-_Covariance = Annotated[
-    Array, Shape("N", "N"), PACKED, OR_NULL, AtLeast(-LARGEST_COVARIANCE), AtMost(LARGEST_COVARIANCE)
-]
 _Rows = Annotated[Rows, Shape("V"), AtLeast(0)]
 _Times = Annotated[Array, Shape("V"), AtLeast(-LONGEST_TIME_S), AtMost(LONGEST_TIME_S)]
 
@@ -78,27 +74,13 @@ class SolvedFrame:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class RigRecord:
+class RigRecord(JointSolution):
     """The keys of the file."""
 
     provenance: Provenance
-    status: Status
-    remarks: tuple[Line, ...]
     observed: tuple[Line, ...] = ()  # remarks on the observations
-    iterations: Count
-    seconds: Annotated[float, AtLeast(0)]
-    weighted: bool
-    reference: Annotated[int, AtLeast(-1)]
-    rig_frame: Word
     cameras: Annotated[tuple[HeldCamera, ...], Length(1, MOST_CAMERAS)]
     frames: Annotated[tuple[SolvedFrame, ...], Length(1, MOST_FRAMES)]
-    covariance: _Covariance
-    target_covariance: Annotated[_Covariance | None, LEFT_OUT] = None
-    circle_doubt: Annotated[CircleDoubt | None, LEFT_OUT] = None
-    capture_covariance: Annotated[_Covariance | None, LEFT_OUT] = None
-    photo_covariance: Annotated[_Covariance | None, LEFT_OUT] = None
-    slack: Annotated[_Sigma | None, LEFT_OUT] = None  # see `RigCalibration`
-    carrier: Annotated[CarrierFit | None, LEFT_OUT] = None
 
     def __post_init__(self) -> None:
         count = len(self.cameras)
@@ -151,8 +133,7 @@ def folder_names(camera_names: Sequence[str]) -> tuple[str, ...]:
     return tuple(found)
 
 
-_ALIKE = sorted({one.name for one in fields(RigRecord)} & {one.name for one in fields(RigCalibration)} - {"cameras"})
-"""What the file says in the words of the solution."""
+_ALIKE = tuple(one.name for one in fields(JointSolution))
 
 
 def _record(found: RigCalibration, provenance: Provenance, folders: Sequence[str], digests: Sequence[str]) -> RigRecord:

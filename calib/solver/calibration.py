@@ -24,7 +24,7 @@ from calib.solver.priors import ParameterPrior
 from calib.solver.problem import Prior, prior_of
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
-from designer.base.marks import LEFT_OUT, PACKED, AtLeast, AtMost, Gap, Length, Shape
+from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Count, Gap, Length, Shape
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount, Kind
 from designer.tolerance.sources import SOURCES
@@ -36,6 +36,7 @@ TERMS = 5
 SURELY_BENT = 3.0
 """Standard deviations."""
 LARGEST_MM = 1e7
+LARGEST_SCALE = 1e9
 _Length = Annotated[float, AtLeast(-LARGEST_MM), AtMost(LARGEST_MM)]
 
 
@@ -274,32 +275,34 @@ class CircleDoubt:
         return self.diameter_mm, 0.5 * self.diameter_mm / self.sigmas
 
 
-@dataclass(frozen=True, eq=False)
-class Calibration:
-    """A solved camera, its V poses and how sure they are: `run.best.calibration.cam_from_target`."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Solved:
+    """How a solution came about, of one camera or of several; also in their files."""
 
-    camera: Camera
-    observations: Observations  # of the views that were solved; covariances as their residuals have them
-    cam_from_target: Array  # (V, 4, 4)
-    residual_px: Array  # (M, 2) predicted - measured, of outliers too
-    is_outlier: Flags  # (M,) left out of the solution
-    scale: float
-    """Posterior standard deviation of an observation: px, or with weights in units of the stated covariance."""
-    param_covariance: Array  # (P, P) by the noise alone, zero for fixed parameters
-    pose_covariance: Array  # (V, 6, 6) rotation vector (rad), translation (mm), both in the camera's axes
-    fixed: tuple[str, ...]  # parameters that were not estimated
-    weighted: bool  # by the covariances of the observations
     status: Status
     remarks: tuple[str, ...]  # why degenerate, what was left out and why; one line each
-    iterations: int
-    seconds: float
+    iterations: Count
+    seconds: Annotated[float, AtLeast(0)]
+    weighted: bool  # by the covariances of the observations
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CameraSolution(Solved):
+    """What a camera's file says in the words of its calibration."""
+
+    scale: Annotated[Gap, AtLeast(0), AtMost(LARGEST_SCALE)]
+    """Posterior standard deviation of an observation: px, or with weights in units of the stated covariance."""
+    fixed: tuple[str, ...]  # parameters that were not estimated
+    camera: Camera
+    param_covariance: Annotated[Array, Shape("P", "P"), PACKED, OR_NULL]  # by the noise alone, 0 for fixed parameters
     target_error: TargetError | None = None  # None: nothing is known of how the target was made
     image_field: ImageField | None = None  # None: nothing shows that there is one
     capture_error: CaptureError | None = None  # None: not asked, or of a camera that is not told by few parameters
     photo_error: PhotoError | None = None  # None: the centres of a photo share nothing beyond chance
-    circle_doubt: CircleDoubt | None = None  # None: what the points are is known
-    target_bend: PlaneBend | None = None  # by which the points were moved; None: it was no unknown
-    priors: tuple[ParameterPrior, ...] = ()  # what was known of parameters beforehand, which is in all that is told
+    circle_doubt: Annotated[CircleDoubt | None, LEFT_OUT] = None  # None: what the points are is known
+    target_bend: Annotated[PlaneBend | None, LEFT_OUT] = None  # that moved the points; None: it was no unknown
+    priors: Annotated[tuple[ParameterPrior, ...], LEFT_OUT] = ()
+    """What was known of parameters beforehand, which is in all that is told."""
 
     @property
     def errors(self) -> "dict[str, TargetError | ImageField | CaptureError | PhotoError | CircleDoubt]":
@@ -312,6 +315,17 @@ class Calibration:
             "circle_doubt": self.circle_doubt,
         }
         return {name: part for name, part in parts.items() if part is not None}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Calibration(CameraSolution):
+    """A solved camera, its V poses and how sure they are: `run.best.calibration.cam_from_target`."""
+
+    observations: Observations  # of the views that were solved; covariances as their residuals have them
+    cam_from_target: Array  # (V, 4, 4)
+    residual_px: Array  # (M, 2) predicted - measured, of outliers too
+    is_outlier: Flags  # (M,) left out of the solution
+    pose_covariance: Array  # (V, 6, 6) rotation vector (rad), translation (mm), both in the camera's axes
 
     @property
     def stated_covariance(self) -> Array:

@@ -286,11 +286,12 @@ def _calibration(
         bend = plane_bend(observations.points).told(found.amount, heights_mm2, sigma_mm)
         observations, remarks = bend.bent(observations), [bend.sentence, *remarks]
     return Calibration(
-        found.camera, observations, target_poses(problem, found.cam_from_target), found.blocks.residual_px.T,
-        ~is_used, accuracy.scale, accuracy.param_covariance,
-        target_covariance(problem, found.cam_from_target, accuracy.pose_covariance), tie.fixed,
-        options.weighted and observations.cov_px2 is not None, status, tuple(remarks), found.iterations, seconds,
-        target_bend=bend, priors=options.priors,
+        camera=found.camera, observations=observations, cam_from_target=target_poses(problem, found.cam_from_target),
+        residual_px=found.blocks.residual_px.T, is_outlier=~is_used, scale=accuracy.scale,
+        param_covariance=accuracy.param_covariance,
+        pose_covariance=target_covariance(problem, found.cam_from_target, accuracy.pose_covariance), fixed=tie.fixed,
+        weighted=options.weighted and observations.cov_px2 is not None, status=status, remarks=tuple(remarks),
+        iterations=found.iterations, seconds=seconds, target_bend=bend, priors=options.priors,
     )  # fmt: skip
 
 

@@ -72,8 +72,10 @@ def test_distances_are_what_they_are_called() -> None:
     along = (ray * place).sum(axis=1)
     beside = np.linalg.norm(place - along[:, None] * ray, axis=1)
     known = Calibration(
-        camera, seen, poses, np.zeros_like(seen.center_px), np.zeros(len(ray), bool), 1.0, np.zeros((9, 9)),
-        np.zeros((len(poses), 6, 6)), (), False, "converged", (), 0, 0.0,
+        camera=camera, observations=seen, cam_from_target=poses, residual_px=np.zeros_like(seen.center_px),
+        is_outlier=np.zeros(len(ray), bool), scale=1.0, param_covariance=np.zeros((9, 9)),
+        pose_covariance=np.zeros((len(poses), 6, 6)), fixed=(), weighted=False, status="converged", remarks=(),
+        iterations=0, seconds=0.0,
     )  # fmt: skip
     in_plane = intersection(predict(known)).size
     in_image = np.linalg.norm(project(camera, place) - seen.center_px, axis=1)
