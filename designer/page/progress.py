@@ -30,13 +30,14 @@ def progress_bar(label: str, total: int) -> Iterator[Callable[[float], None]]:
         total: how many there are.
     """
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = TextColumn(label), BarColumn(), TextColumn("{task.fields[whole]}/{task.total}"), TimeRemainingColumn()
     console = Console(stderr=True)
     if not console.is_terminal:
         yield _lines(label, total)
         return
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = TextColumn(label), BarColumn(), TextColumn("{task.fields[whole]}/{task.total}"), TimeRemainingColumn()
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(label, total=total, whole=0)
         yield lambda done: bar.update(task, completed=done, whole=int(done + 1e-9))
