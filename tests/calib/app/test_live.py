@@ -17,7 +17,7 @@ from websockets.sync.client import ClientConnection, connect
 import calib
 from calib.app.calibration import Run
 from calib.app.calibration_folder import RunFolder
-from calib.capture.messages import FrameHeader, with_header
+from calib.capture.messages import FrameHeader, PageCommand, with_header
 from calib.capture.photo_folder import SESSION, PhotoFolder
 from calib.capture.serving import Serving, Worker
 from calib.capture.sources import Frame
@@ -62,12 +62,16 @@ def until(page: ClientConnection, is_it: Callable[[dict[str, object]], bool]) ->
             return message
 
 
-def opening(play: Callable[[ClientConnection], None]) -> Callable[[str], None]:
-    """What is done with the address: a page plays a part, in a thread of its own."""
+def opening(
+    play: Callable[[ClientConnection], None], again: Callable[[ClientConnection], None] | None = None
+) -> Callable[[str], None]:
+    """What is done with the address: a page plays a part, in a thread of its own, and maybe one that is loaded next."""
 
     def be_page(address: str) -> None:
-        with page_of(address) as page:
-            play(page)
+        for part in (play, again):
+            if part is not None:
+                with page_of(address) as page:
+                    part(page)
 
     return lambda address: threading.Thread(target=be_page, args=(address,), daemon=True).start()
 
@@ -82,7 +86,10 @@ def frame(image: np.ndarray, number: int) -> bytes:
 
 
 def test_the_end_of_a_session_is_that_of_a_run(photos: Path, tmp_path: Path) -> None:
-    """The same files as `calib.run` of the same photos writes, the same camera, and the page is given the report."""
+    """The same files as `calib.run` of the same photos writes, the same camera, and the page is given the report.
+
+    So is a page that is reloaded at that very moment.
+    """
     seen: list[dict[str, object]] = []
 
     def play(page: ClientConnection) -> None:
@@ -92,13 +99,17 @@ def test_the_end_of_a_session_is_that_of_a_run(photos: Path, tmp_path: Path) -> 
         seen.append(until(page, is_at_the_end))
         page.send('{"kind": "bye"}')
 
+    def reloaded(page: ClientConnection) -> None:
+        seen.append(until(page, is_at_the_end))
+        page.send('{"kind": "bye"}')
+
     before = {path: path.read_bytes() for path in photos.iterdir()}
     file = tmp_path / "a.target.json"
     file.write_text(target_to_json(target()))
-    live = calib.live(file, tmp_path / "live", watch=photos, opened=opening(play), **SOLVED)
+    live = calib.live(file, tmp_path / "live", watch=photos, opened=opening(play, reloaded), **SOLVED)
     run = calib.run(file, photos, **SOLVED)
     run.save(tmp_path / "run")
-    assert seen[-1]["phase"] == "done"
+    assert [one.get("phase") for one in seen[-2:]] == ["done", "done"]
     written = {path.relative_to(tmp_path / "live") for path in (tmp_path / "live").rglob("*")} - {Path("session.json")}
     assert written == {path.relative_to(tmp_path / "run") for path in (tmp_path / "run").rglob("*")}
     np.testing.assert_array_equal(live.best.camera.params, run.best.camera.params)
@@ -241,6 +252,28 @@ def test_photos_that_come_while_nothing_is_taken_wait(tmp_path: Path) -> None:
     wait_until(lambda: len(looked) == len(own))
     worker.stop()
     assert [one.number for one in looked] == list(range(12))
+
+
+def test_a_key_that_is_pressed_again_before_its_work_is_done_does_it_once() -> None:
+    """Whatever a page sends in a row; what was done in between is done again."""
+    done: list[str] = []
+
+    class Quiet:
+        takes_photos = True
+
+        def command(self, command: PageCommand) -> None:
+            done.append(command.kind)
+
+        def tick(self) -> bool:
+            return False
+
+    worker = Worker(Quiet(), lambda: None, lambda error: None)  # type: ignore[arg-type]  # as much of one as it asks for
+    for kind in ("skip", "skip", "by_hand", "automatic", "by_hand", "take", "take"):
+        worker.do(PageCommand(kind))
+    worker.start()
+    wait_until(lambda: len(done) == 5)
+    worker.stop()
+    assert done == ["skip", "by_hand", "automatic", "by_hand", "take"]
 
 
 def test_the_line_that_goes_on_is_the_one_that_began(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

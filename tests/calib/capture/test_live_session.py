@@ -132,6 +132,9 @@ def test_a_session_goes_on_where_it_stopped(told: Told) -> None:
     again.frame(Frame(0, 0, 0.0, image_at(held(again.guide.of("camera"), np.random.default_rng(9)))))
     again.command(PageCommand("take"))
     assert names(again)[-1] == "0004.png"
+    told.kinds()
+    again.command(PageCommand("take"))  # of the same frame once more
+    assert told.kinds() == [NoticeMessage]
 
 
 def test_a_full_disk_loses_nothing_and_ends_nothing(told: Told, monkeypatch: pytest.MonkeyPatch) -> None:
