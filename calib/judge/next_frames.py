@@ -7,7 +7,6 @@ of their distance, so that the weakest pairs count most.
 Where a target could be held before the cameras of a rig, and which of its points they would see of it there.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -52,18 +51,12 @@ class CandidateFrames:
 
 def some_points(found: RigCalibration) -> KnownPoints:
     """A few of the points, spread over their order, on planes whose normals point to where they were seen from."""
-    points, seen = found.observations.points, zip(found.observations.sightings, _views(found), strict=True)
-    sign = photographed_sides(points, seen)
+    points = found.observations.points
+    sign = photographed_sides(points, found.alone)
     rows = np.unique(np.linspace(0, len(points.face) - 1, POINTS).astype(np.int64))
     return replace(
         points, plane=sign[:, None] * points.plane, position_mm=points.position_mm[rows], face=points.face[rows]
     )
-
-
-def _views(found: RigCalibration) -> Iterator[Array]:
-    """Of each camera, `cam_from_target` of its views."""
-    for pose, frames in zip(found.cam_from_rig, found.observations.frame, strict=True):
-        yield pose @ found.rig_from_target[frames]
 
 
 def shown_at(

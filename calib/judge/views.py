@@ -9,7 +9,7 @@ from calib.cameras import linearise
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import sums_by
 from calib.core.se3 import invert, transform
-from calib.core.types import KnownPoints, Observations
+from calib.core.types import KnownPoints
 from calib.judge.coverage import convex_hull
 from calib.solver.calibration import Calibration
 from calib.solver.linear_pose import FLAT
@@ -61,7 +61,7 @@ def shape_of(calibration: Calibration) -> TargetShape | None:
     position = points.position_mm[points.face >= 0]
     if len(position) < 3:
         return None
-    sign = photographed_sides(points, [(calibration.observations, calibration.cam_from_target)])
+    sign = photographed_sides(points, [calibration])
     return shape_of_points(points, sign[:, None] * points.plane[:, :3])
 
 
@@ -81,20 +81,17 @@ def shape_of_points(points: KnownPoints, normal: Array) -> TargetShape:
     return TargetShape(position, face, normal, middle, corner, center, axes, aspect, is_flat, _pitch_mm(position, face))
 
 
-def photographed_sides(points: KnownPoints, photos: Iterable[tuple[Observations, Array]]) -> Array:
+def photographed_sides(points: KnownPoints, cameras: Iterable[Calibration]) -> Array:
     """1 where a plane's normal points to where photos were taken from, or out of the target if it is in none; -1: not.
 
     A plane from elsewhere does not say which of its sides carries the rings.  # (F,)
-
-    Args:
-        points: of the target.
-        photos: what is seen by cameras, and `cam_from_target` (V, 4, 4) of their views.
     """
     plane, on_face = points.plane, points.face >= 0
     position = points.position_mm[on_face] if on_face.any() else points.position_mm
     votes, center = np.zeros(len(plane)), 0.5 * (position.min(axis=0) + position.max(axis=0))
-    for seen, cam_from_target in photos:
-        face, eye = points.face[seen.point], invert(cam_from_target)[:, :3, 3][seen.view]
+    for one in cameras:
+        seen = one.observations
+        face, eye = points.face[seen.point], invert(one.cam_from_target)[:, :3, 3][seen.view]
         face, eye = face[face >= 0], eye[face >= 0]
         side = np.sign((plane[face, :3] * eye).sum(axis=1) - plane[face, 3])
         votes += np.bincount(face, side, len(plane))
