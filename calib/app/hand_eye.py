@@ -125,8 +125,8 @@ def wishes_of_one(
         InputError: what it cannot have.
     """
     from calib.app.inputs import camera_of
+    from calib.cameras.rig import ALONE
     from calib.judge.rig_solution import require_wishes, wishes_of
-    from calib.observe.rig_search import ALONE
     from calib.solver.plan import ALL, plan_from_words
     from calib.solver.priors import texts_of
 
@@ -149,10 +149,11 @@ def seen_by_one(
         InputError: neither or both are given, or they cannot be read.
     """
     from calib.app.inputs import photos_of, require_photos_for_jobs, target_of
+    from calib.cameras.rig import ALONE
     from calib.core.types import Observations
     from calib.judge.rig_solution import RigSeen
     from calib.observe.rig_observations import alone_as_rig
-    from calib.observe.rig_search import ALONE, observations_of_rig, photos_of_one, search_cameras
+    from calib.observe.rig_search import observations_of_rig, photos_of_one, search_cameras
 
     if kind != (None, None) and (table is None or isinstance(table, Observations)):
         raise InputError("--points: says what the points of a table are; leave it out")

@@ -10,13 +10,13 @@ from typing import Annotated
 import numpy as np
 
 from calib.cameras import COMMON
+from calib.cameras.rig import ALONE
 from calib.core.se3 import invert
 from calib.core.types import freeze, keep_views
 from calib.judge.folders import RigRun
 from calib.judge.rig_solution import CameraWishes, RigSeen, judged_rig
 from calib.judge.verdict import MOST_POSES, Criteria, NextPose
 from calib.observe.rig_observations import alone_as_rig
-from calib.observe.rig_search import ALONE
 from calib.observe.robot_poses import RobotPoses, poses_of
 from calib.observe.rotations import to_quaternion
 from calib.rigs.carrier import turned_by

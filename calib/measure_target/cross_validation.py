@@ -24,7 +24,7 @@ from calib.measure_target.result import AsBuilt
 from calib.measure_target.solve import measure, measure_rig, with_known_weights
 from calib.measure_target.unknowns import AsBuiltOptions
 from calib.observe.observations import known_points
-from calib.rigs.problem import CameraChoice, RigOptions
+from calib.rigs.problem import RigOptions
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.solver.calibration import Calibration
@@ -184,10 +184,7 @@ def _measured_from_frames(
     """The print as the frames of other parts show it, and their cameras as these are with the target as designed."""
     number = np.arange(used.frame_count)
     others = keep_frames(used, np.isin(number, np.concatenate(used.frame)) & (number % part[1] != part[0]))
-    choices = [
-        CameraChoice(camera.model, None if is_refined else camera, is_refined)
-        for camera, is_refined in zip(rig.cameras, rig.is_refined, strict=True)
-    ]
+    choices = [replace(one, given=None) if one.is_refined else one for one in rig.choices]
     weighted, allows_slack = options.solve.weighted, rig.slack is not None
     solved = solve_rig(others, choices, RigOptions(max(rig.reference, 0), weighted, allows_slack=allows_slack))
     return measure_rig(solved, nominal, options), list(solved.alone)

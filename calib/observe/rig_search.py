@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from calib.cameras.rig import ALONE
 from calib.core.csv_table import stamps_s
 from calib.core.types import RigObservations
 from calib.observe.photos import FoundPhotos, named_photos
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
 
 Place: TypeAlias = str | PathLike[str]
 USUAL_TOLERANCE_S = 0.02
-ALONE = "camera"
-"""The name of one camera that is solved as a rig is."""
 TRIED_MIRRORED = 3
 """Photos of a camera that sees nothing, which are looked at in a mirror."""
 

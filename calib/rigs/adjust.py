@@ -207,7 +207,7 @@ def _calibration(
         ),
         reference=reference,
         rig_frame=observations.camera_names[reference] if problem.prior is None else _frame_name(options),
-        is_refined=tuple(bool((one.tie.row >= 0).any()) for one in alone),
+        fixed=tuple(one.tie.fixed for one in alone),
         weighted=options.weighted and all(one.cov_px2 is not None for one in observations.sightings), status=status,
         remarks=remarks, iterations=found.iterations, seconds=time.perf_counter() - begin,
         delay_s=state.delay_s if options.estimates_delays else None,

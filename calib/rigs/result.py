@@ -10,7 +10,7 @@ from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
 from calib.core.types import RigObservations, freeze, frozen_array
-from calib.rigs.problem import FREE_SIZE
+from calib.rigs.problem import FREE_SIZE, CameraChoice
 from calib.solver.calibration import Calibration, CircleDoubt, PlaneBend, Solved
 from calib.solver.priors import ParameterPrior
 from designer.base.arrays import Array, Flags
@@ -75,7 +75,7 @@ class RigCalibration(JointSolution):
     scale: Array  # (C,) posterior standard deviation of an observation: px, or in units of the stated covariance
     frame_covariance: Array  # (V, 6, 6) of rig_from_target, in the rig's axes: rotation vector (rad), shift (mm)
     pose_covariance: tuple[Array, ...]  # (C,) of (V_c, 6, 6) of each camera's cam_from_target, likewise in its own axes
-    is_refined: tuple[bool, ...]  # (C,) whether the camera's own parameters were solved
+    fixed: tuple[tuple[str, ...], ...]  # (C,) parameters of each camera that were not estimated
     delay_s: Array | None = None  # (C,) see `Rig`; None: not estimated
     delay_sigma_s: Array | None = None  # (C,)
     alone_scale: Array | None = None  # (C,) as `scale`, of each camera by itself: more in the rig is told by no lens
@@ -120,6 +120,25 @@ class RigCalibration(JointSolution):
             self.delay_s, self.rig_frame, self.observations.points.geometry_id,
         )  # fmt: skip
 
+    @property
+    def is_refined(self) -> tuple[bool, ...]:
+        """Whether each camera's own parameters were solved.  # (C,)"""
+        each = zip(self.fixed, self.cameras, strict=True)
+        return tuple(set(fixed) != set(parameter_names(camera.model)) for fixed, camera in each)
+
+    @property
+    def choices(self) -> tuple[CameraChoice, ...]:
+        """How each camera was solved, from where it ended.  # (C,)"""
+        return tuple(
+            CameraChoice(
+                one.model, one, is_refined, tuple((name, one.parameters[name]) for name in fixed) if is_refined else (),
+                priors if is_refined else (),
+            )
+            for one, is_refined, fixed, priors in zip(
+                self.cameras, self.is_refined, self.fixed, self.priors or ((),) * len(self.cameras), strict=True
+            )
+        )  # fmt: skip
+
     @cached_property
     def alone(self) -> tuple[Calibration, ...]:
         """Each camera with its views, for what is asked of one camera: `calib.evaluate(found.alone[0])`.  # (C,)
@@ -137,7 +156,7 @@ class RigCalibration(JointSolution):
                 scale=float(self.scale[row]),
                 param_covariance=stated[rig.params_rows(row), rig.params_rows(row)],
                 pose_covariance=self.pose_covariance[row],
-                fixed=() if self.is_refined[row] else parameter_names(camera.model),
+                fixed=self.fixed[row],
                 weighted=self.weighted,
                 status=self.status,
                 remarks=(),

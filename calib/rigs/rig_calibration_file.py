@@ -221,7 +221,7 @@ def _rig_of(record: RigRecord, alone: Sequence[Calibration], points: KnownPoints
         scale=np.array([one.scale for one in alone]),
         frame_covariance=np.stack([one.covariance for one in record.frames]),
         pose_covariance=tuple(one.pose_covariance for one in alone),
-        is_refined=tuple(one.is_refined for one in cameras),
+        fixed=tuple(one.fixed for one in alone),
         delay_s=np.array(delays) if delays else None,
         delay_sigma_s=np.array(sigmas) if len(sigmas) == len(cameras) else None,
         target_bend=alone[0].target_bend,

@@ -13,7 +13,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from calib.cameras import parameter_names
 from calib.cameras.rig import Rig
 from calib.core.se3 import compose, invert, log_rotation
 from calib.core.types import RigObservations
@@ -126,9 +125,7 @@ def frame_pool(found: RigCalibration, options: SolveOptions) -> FramePool:
         max(found.reference, 0), found.weighted, options.loss, allows_slack=found.slack is not None,
         minimise=options.minimise,
     )  # fmt: skip
-    return FramePool(
-        without_outliers(found), tuple(_choice(found, row) for row in range(len(found.cameras))), as_solved
-    )
+    return FramePool(without_outliers(found), found.choices, as_solved)
 
 
 def identity(pool: FramePool, seed: int) -> StudyIdentity:
@@ -153,18 +150,6 @@ def rig_spread(found: RigCalibration, samples: Samples) -> tuple[PairSpread, ...
     poses, shared = poses_of(samples.params[has_rig]), found.observations.shared
     count = len(found.cameras)
     return tuple(_pair(found, poses, a, b, int(shared[a, b])) for b in range(count) for a in range(b))
-
-
-def _choice(found: RigCalibration, camera: int) -> CameraChoice:
-    """How a camera was solved: what has no deviation was fixed."""
-    one, rows = found.cameras[camera], found.rig.params_rows(camera)
-    sigma = np.diagonal(found.covariance)[rows]
-    named = zip(parameter_names(one.model), one.params.tolist(), sigma.tolist(), strict=False)
-    fixed = tuple((name, value) for name, value, variance in named if variance == 0)
-    is_refined = found.is_refined[camera]
-    if not is_refined:
-        return CameraChoice(one.model, one, is_refined)
-    return CameraChoice(one.model, one, is_refined, fixed, found.priors[camera] if found.priors else ())
 
 
 def _pair(found: RigCalibration, cam_from_rig: Array, a: int, b: int, frames: int) -> PairSpread:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.cameras import linearise, project
+from calib.cameras import linearise, parameter_names, project
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose, steps_between, transform
 from calib.core.types import KnownPoints, Observations, RigObservations, keep_frames, keep_views, sightings_per_view
@@ -192,7 +192,11 @@ def solved_slowly(scene: RigScene, *, refined: Sequence[bool] | None = None, ste
                 np.cumsum([len(one.params) + POSE for one in cameras]).tolist(), cam_from_rig, seen.frame, strict=True
             )
         ),
-        reference=0, rig_frame="", is_refined=is_refined, weighted=True, status="converged", remarks=(),
+        reference=0, rig_frame="",
+        fixed=tuple(
+            () if free else parameter_names(one.model) for one, free in zip(cameras, is_refined, strict=True)
+        ),
+        weighted=True, status="converged", remarks=(),
         iterations=steps, seconds=0.1, priors=((),) * len(cameras),
     )  # fmt: skip
 

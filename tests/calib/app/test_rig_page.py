@@ -138,7 +138,7 @@ def test_one_camera_on_a_robot_has_a_page(refined: bool) -> None:
         pair, observations=replace(seen, camera_names=("left",), sightings=seen.sightings[:1], frame=seen.frame[:1]),
         cameras=pair.cameras[:1], cam_from_rig=pair.cam_from_rig[:1], residual_px=pair.residual_px[:1],
         is_outlier=pair.is_outlier[:1], scale=pair.scale[:1], covariance=pair.covariance[:rows, :rows],
-        is_refined=(refined,), reference=-1, rig_frame="flange",
+        fixed=pair.fixed[:1], reference=-1, rig_frame="flange",
         carrier=CarrierFit("robot, camera in hand", np.eye(4), np.eye(6), 1e-3, 1.0, error, None, ("its height",)),
     )  # fmt: skip
     page = page_of(alone, judge_rig(alone, NoHalves("too few"), read_criteria()))
@@ -174,7 +174,8 @@ def test_a_rig_of_many_cameras_shows_the_worst_photos_and_no_more_than_a_page_ta
     many = replace(
         found(), cameras=tuple(found().cameras[row] for row in rows), cam_from_rig=found().cam_from_rig[rows],
         residual_px=tuple((1 + number) * found().residual_px[row] for number, row in enumerate(rows)),
-        is_outlier=tuple(found().is_outlier[row] for row in rows), scale=found().scale[rows], is_refined=(False,) * 16,
+        is_outlier=tuple(found().is_outlier[row] for row in rows), scale=found().scale[rows],
+        fixed=tuple(found().fixed[row] for row in rows),
         priors=((),) * 16, pose_covariance=tuple(found().pose_covariance[row] for row in rows),
         covariance=np.zeros((sum(len(found().cameras[row].params) + 6 for row in rows),) * 2),
         observations=replace(

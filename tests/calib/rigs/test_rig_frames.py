@@ -1,17 +1,21 @@
 """Halves of a rig's frames tell what moved from noise; frames that are shifted, or hardly tell their lenses."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from calib.cameras import project
+from calib.cameras import parameter_names, project
 from calib.core.se3 import transform
 from calib.core.types import Observations, RigObservations, keep_frames, keep_views
+from calib.judge.folders import write_rig
 from calib.judge.halves import NoHalves, RigHalves
 from calib.judge.rig_halves import half_solver, rig_halves, ways_to_halve, without_outliers
+from calib.observe.calibration_file import Provenance
 from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration
+from calib.rigs.rig_calibration_file import read_rig
 from calib.rigs.shared_errors import with_shared_errors
 from calib.rigs.solve import solve_rig
 from calib.solver.calibration import Calibration
@@ -169,3 +173,18 @@ def test_photos_that_tell_their_lens_may_have_slack_and_others_none(monkeypatch:
     solved.clear()
     assert solve_rig(replace(pair, sightings=(pair.sightings[0], late)), choices).slack is not None
     assert len(solved) == 2
+
+
+def test_parameters_that_were_fixed_are_told_and_stay_so(tmp_path: Path) -> None:
+    """Of each camera by name, also in its folder, whoever solves or measures with it again; a kept lens has all."""
+    scene = stereo_pair(frames=6)
+    left = CameraChoice("opencv", fixed=(("k3", 0.0), ("cx_px", None)))
+    right = CameraChoice("opencv", scene.cameras[1], is_refined=False)
+    found = solve_rig(scene.observations, (left, right))
+    assert [one.fixed for one in found.alone] == [("k3", "cx_px"), parameter_names("opencv")]
+    assert found.is_refined == (True, False)
+    assert found.choices[0].fixed == (("k3", 0.0), ("cx_px", found.cameras[0].parameters["cx_px"]))
+    assert found.choices[1] == right
+    write_rig(tmp_path, found, Provenance("test 1"))
+    again, _ = read_rig(tmp_path)
+    assert (again.fixed, again.is_refined) == (found.fixed, found.is_refined)
