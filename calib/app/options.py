@@ -86,6 +86,27 @@ Priors = Annotated[
         metavar="NAME=VALUE+-SIGMA",
     ),
 ]
+Breathing = Annotated[
+    float | None,
+    option(
+        "the focal length follows the distance, as an autofocus makes it: it is solved how, and the camera is that at "
+        "this distance: 400mm",
+        1.0,
+        1e6,
+    ),
+]
+Vary = Annotated[
+    str | None,
+    option(
+        "what differs between sessions: focal, fx, fy, cx, cy, several as in focal,cx,cy; with how much if that is "
+        "known, focal+-2px (default: estimated)",
+        metavar="NAMES",
+    ),
+]
+Sessions = Annotated[
+    "Mapping[str, str] | Place | None",
+    option("of --vary: a table file,session (default: photos of one folder are of one)", metavar="FILE"),
+]
 FocalGuess = Annotated[float | None, option("first guess of the focal length: 2500px (not needed)", 1e-3, 1e7)]
 Loss = Annotated[
     str,

@@ -41,6 +41,9 @@ def run(
     weighted: options.Weighted = True,
     minimise: options.Minimise = "image",
     free_bend: options.FreeBend = False,
+    breathing_mm: options.Breathing = None,
+    vary: options.Vary = None,
+    sessions: options.Sessions = None,
     reference: options.ReferencePhoto = None,
     reference_target: options.ReferenceTarget = None,
     made: options.Made = None,
@@ -76,9 +79,9 @@ def run(
     from calib.observe.observations import observations_from_detections
     from calib.observe.photos import named_photos
     from calib.observe.search import PhotoSearch, truth_beside, with_truth
+    from calib.observe.sessions import with_sessions
     from calib.solver.capture_error import capture_of
     from calib.solver.plan import plan_from_words
-    from calib.solver.priors import texts_of
     from designer.base.files import named_in_files, place_of
     from designer.page.output import output_of
     from designer.tolerance.made import how_made
@@ -86,7 +89,8 @@ def run(
     geometry, limits, taken = target_of(target, "rings"), criteria_of(criteria), capture_of(capture)
     plan = plan_from_words(
         model, fix=fix, share=share, focal_px=focal_px, loss=loss, reject=reject_sigma, weighted=weighted,
-        minimise=minimise, free_bend=free_bend, prior=texts_of(priors),
+        minimise=minimise, free_bend=free_bend, prior=priors,
+        breathing_mm=breathing_mm, vary=vary,
     )  # fmt: skip
     to = None if out is None else output_of(out)
     folder = None if to is None else RunFolder(to, plan.may_solve)
@@ -96,7 +100,8 @@ def run(
     asked, known = with_truth(asked, None if truth is None else place_of(truth, "a truth.json"))
     way = how_made(geometry, made, rendered_id=asked.rendered_id)
     seen, told = reference_of(reference, reference_target)
-    seen = view_of_reference(seen, plan, [photo.name for photo in named_photos(asked.paths)])
+    named = {photo.name: str(photo.path.parent) for photo in named_photos(asked.paths)}
+    seen = view_of_reference(seen, plan := with_sessions(plan, sessions, named), list(named))
     with nullcontext() if folder is None else folder.drawing() as staging:
         search, plan = PhotoSearch(geometry, asked, staging, jobs, progress).twice(plan)
         if folder is not None and staging is not None:

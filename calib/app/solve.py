@@ -36,6 +36,9 @@ def solve(
     weighted: options.Weighted = True,
     minimise: options.Minimise = "image",
     free_bend: options.FreeBend = False,
+    breathing_mm: options.Breathing = None,
+    vary: options.Vary = None,
+    sessions: options.Sessions = None,
     reference: options.ReferencePhoto = None,
     reference_target: options.ReferenceTarget = None,
     image_size: options.ImageSize = None,
@@ -68,14 +71,15 @@ def solve(
         InputError: options that break a rule, or observations that do not determine a camera.
     """
     from os import PathLike
+    from pathlib import PurePath
 
     from calib.app.calibration import reference_of, solved, view_of_reference
     from calib.app.calibration_folder import RunFolder
     from calib.app.inputs import criteria_of, file_or_observations, rendered_id_of, target_of, truth_from
     from calib.judge.solutions import SolveTask
+    from calib.observe.sessions import with_sessions
     from calib.solver.capture_error import capture_of
     from calib.solver.plan import plan_from_words
-    from calib.solver.priors import texts_of
     from designer.base.files import named_in_files
     from designer.page.output import output_of
     from designer.tolerance.made import how_made
@@ -83,7 +87,8 @@ def solve(
     limits, taken = criteria_of(criteria), capture_of(capture)
     plan = plan_from_words(
         model, fix=fix, share=share, focal_px=focal_px, loss=loss, reject=reject_sigma, weighted=weighted,
-        minimise=minimise, free_bend=free_bend, prior=texts_of(priors),
+        minimise=minimise, free_bend=free_bend, prior=priors,
+        breathing_mm=breathing_mm, vary=vary,
     )  # fmt: skip
     to = None if out is None else output_of(out)
     folder = None if to is None else RunFolder(to, plan.may_solve)
@@ -91,6 +96,7 @@ def solve(
     geometry = None if target is None else target_of(target)
     way = how_made(geometry, made, rendered_id=rendered_id or rendered_id_of(observed))
     seen, told = reference_of(reference, reference_target)
+    plan = with_sessions(plan, sessions, {name: str(PurePath(name).parent) for name in observations.view_names})
     plan, observations = plan.suited(observations)
     seen = view_of_reference(seen, plan, observations.view_names)
     given = named_in_files(Path(target)) if isinstance(target, str | PathLike) else ""

@@ -134,6 +134,12 @@ class Camera:
         return place
 
 
+def relinear(pixel: Array, old: Array, new: Array) -> Array:
+    """Where pixels (N, 2) of cameras with some fx, fy, cx, cy (N, 4) or (4,) are in those with others."""
+    moved: Array = (pixel - old[..., 2:4]) / old[..., :2] * new[..., :2] + new[..., 2:4]
+    return moved
+
+
 def _rows_of(value: object, columns: int, what: str) -> Array:
     """An array (..., columns) of numbers.
 

@@ -7,6 +7,7 @@ programs need.
 
 import hashlib
 import math
+import re
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Annotated
@@ -85,6 +86,8 @@ class CalibrationRecord(CameraSolution):
             if covariance.shape != (len(names),) * 2:
                 raise ValueError(f"{name} must be {len(names)} rows of {len(names)} numbers")
             _check_covariance(name, covariance)
+        if self.linear is not None and len(self.linear) != len(self.views):
+            raise ValueError("linear must have a row a view")
         if fault := rigid_fault(np.stack([view.cam_from_target for view in self.views])):
             raise ValueError(f"views.{fault[0]}.cam_from_target {fault[1]}")
         for number, plane in enumerate(self.planes.tolist()):
@@ -148,6 +151,9 @@ def calibration_files(
         folder / OBSERVATIONS_FILE: table,
         folder / CAMERA_FILE: camera_to_json(calibration.camera).encode(),
     }
+    for one in calibration.sessions:
+        word = re.sub(r"[^A-Za-z0-9_-]+", "_", one.name)
+        files[folder / f"camera.{word}.json"] = camera_to_json(one.of(calibration.camera)).encode()
     return files, replace(provenance, observations_sha256=digest)
 
 

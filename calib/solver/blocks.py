@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.cameras import linearise, project
-from calib.cameras.camera import Camera
+from calib.cameras.camera import Camera, relinear
 from calib.cameras.surface import linearise_points
 from calib.core.jit import jit, jit_sums
 from calib.solver.problem import Loss, Problem
@@ -383,7 +383,7 @@ def view_blocks(
     if problem.prior is not None and not of_poses:
         prior = problem.prior.block(np.concatenate([problem.amount, camera.params]))
     blocks = Blocks(np.empty(views), np.empty((2, count)), products, prior)
-    pose = np.ascontiguousarray(cam_from_target)
+    pose, linear = np.ascontiguousarray(cam_from_target), problem.linear(camera)
     for first, last in _runs(problem.view_start):
         width = int(problem.view_start[last] - problem.view_start[first])
         turned, point = np.empty((3, width)), np.empty((3, width))
@@ -392,7 +392,14 @@ def view_blocks(
         if len(problem.amount) and not of_poses:
             among = slice(problem.view_start[first], problem.view_start[last])
             counts = np.diff(problem.view_start[first : last + 1])
-            rows = with_modes(rows, np.repeat(pose[first:last, :3, :3], counts, axis=0), problem.modes_mm[:, :, among])
+            rotation, by_view = np.repeat(pose[first:last, :3, :3], counts, axis=0), None
+            if linear is not None:
+                view = np.repeat(np.arange(first, last), counts)
+                slope = (rows[:2] - camera.params[2:4, None]) / camera.params[:2, None]
+                by_view = problem.shifts[:, view, :2].transpose(2, 0, 1) * slope[:, None]
+                by_view += problem.shifts[:, view, 2:].transpose(2, 0, 1)
+                rows = _in_views(rows, camera, linear[view].T)
+            rows = with_modes(rows, rotation, problem.modes_mm[:, :, among], by_view)
         _view_products(
             problem.view_start, first, last, lever, rows, measured, problem.whitener,
             problem.is_used, LOSSES[loss.kind], loss.knee, blocks.residual_px, products, blocks.cost,
@@ -401,10 +408,25 @@ def view_blocks(
     return blocks
 
 
-def with_modes(rows: Array, rotation: Array, modes_mm: Array) -> Array:
-    """The rows (8 + 2 P, N) with derivatives by displacements (S, 3, N) of the points before those by parameters."""
+def _in_views(rows: Array, camera: Camera, linear: Array) -> Array:
+    """Rows (8 + 2 P, N) of a camera whose fx, fy, cx, cy are others (4, N); by its own they are as they were."""
+    gain, many = linear[:2] / camera.params[:2, None], len(camera.params)
+    moved = rows.copy()
+    moved[:2] = gain * (rows[:2] - camera.params[2:4, None]) + linear[2:]
+    moved[2:8] = (gain[:, None] * rows[2:8].reshape(2, 3, -1)).reshape(6, -1)
+    by_params = moved[8:].reshape(2, many, -1)
+    by_params[:, 4:] *= gain[:, None]
+    return moved
+
+
+def with_modes(rows: Array, rotation: Array, modes_mm: Array, by_view: Array | None = None) -> Array:
+    """The rows (8 + 2 P, N) with derivatives by displacements (S, 3, N) of the points before those by parameters.
+
+    To these is added what the amounts do to the view itself (2, S, N).
+    """
     by_point, by_params = rows[2:8].reshape(2, 3, -1), rows[8:].reshape(2, -1, rows.shape[1])
     by_modes = np.einsum("kjn,sjn->ksn", np.einsum("kin,nij->kjn", by_point, rotation), modes_mm)
+    by_modes = by_modes if by_view is None else by_modes + by_view
     both = np.concatenate([by_modes, by_params], axis=1)
     return np.concatenate([rows[:8], both.reshape(-1, rows.shape[1])])
 
@@ -412,13 +434,16 @@ def with_modes(rows: Array, rotation: Array, modes_mm: Array) -> Array:
 def view_misfit(problem: Problem, camera: Camera, cam_from_target: Array, loss: RobustLoss) -> Misfit:
     """What `view_blocks` says of the residuals, without derivatives."""
     misfit = Misfit(np.empty(problem.view_count), np.empty((2, problem.measured_px.shape[1])))
-    pose = np.ascontiguousarray(cam_from_target)
+    pose, linear = np.ascontiguousarray(cam_from_target), problem.linear(camera)
     for first, last in _runs(problem.view_start):
         width = int(problem.view_start[last] - problem.view_start[first])
         turned, point = np.empty((3, width)), np.empty((3, width))
         _to_camera(problem.view_start, first, last, pose, problem.position_mm, turned, point)
         if problem.space is None:
             shown, measured = project(camera, point.T), problem.measured_px
+            if linear is not None:
+                counts = np.diff(problem.view_start[first : last + 1])
+                shown = relinear(shown, camera.params[:4], np.repeat(linear[first:last], counts, axis=0))
         else:
             rows, _, measured = _linearised(problem, camera, pose, (first, last), turned, point)
             shown = np.ascontiguousarray(rows[:2].T)

@@ -35,6 +35,8 @@ def calibrate(
         return solve(observations, model, options)
     from calib.solver.solve_virtual import on_plane_mm, solve_virtual
 
+    if options.breathing_mm is not None or options.vary:
+        raise InputError(f"--breathing, --vary: model {model} is learned of one focal length; solve another with it")
     if options.free_bend:
         raise InputError(f"--free-bend: model {model} is learned from a target as it is given; solve another with it")
     if reference == ALL_VIEWS:

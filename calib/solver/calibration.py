@@ -24,7 +24,8 @@ from calib.solver.priors import ParameterPrior
 from calib.solver.problem import Prior, prior_of
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
-from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Count, Gap, Length, Shape
+from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, Above, AtLeast, AtMost, Count, Gap, Length, Shape
+from designer.base.words import shown
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount, Kind
 from designer.tolerance.sources import SOURCES
@@ -255,6 +256,49 @@ class PhotoError:
         freeze(self, "param_covariance")
 
 
+LINEAR = ("fx", "fy", "cx", "cy")
+
+
+@dataclass(frozen=True)
+class Breathing:
+    """How the focal length follows the distance Z of what is photographed: `f (1 + mm (1 / Z - 1 / at_mm))`."""
+
+    mm: float
+    sigma_mm: Annotated[float, AtLeast(0)]
+    at_mm: Annotated[float, Above(0)]  # where it is the camera's
+
+    @property
+    def sentence(self) -> str:
+        """What it is, and at which distance the camera holds."""
+        return (
+            f"the focal length follows the distance Z: f (1 + b (1/Z - 1/{self.at_mm:g} mm)) with b = "
+            f"{self.mm:.3g} ± {self.sigma_mm:.2g} mm; the camera is that at {self.at_mm:g} mm"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoSession:
+    """The linear part of a group of photos, between which it varies."""
+
+    name: _Text
+    photos: tuple[str, ...]
+    linear: Annotated[Array, Shape(4)]  # fx, fy, cx, cy in px
+    sigma: Annotated[Array, Shape(4)]
+
+    def __post_init__(self) -> None:
+        freeze(self, "linear", "sigma")
+
+    def of(self, camera: Camera) -> Camera:
+        """The camera of these photos, of that of all."""
+        return replace(camera, params=np.concatenate([self.linear, camera.params[4:]]))
+
+    def told(self, camera: Camera) -> str:
+        """What is another than in the camera of all."""
+        each = zip(LINEAR, self.linear.tolist(), self.sigma.tolist(), camera.params[:4].tolist(), strict=True)
+        parts = [f"{name} {value:.6g} ± {sigma:.2g} px" for name, value, sigma, mean in each if value != mean]
+        return f"session {shown(self.name)}: {', '.join(parts)}"
+
+
 @dataclass(frozen=True, eq=False)
 class CircleDoubt:
     """What the camera may be off because nobody said whether its points are centres of circles."""
@@ -301,6 +345,10 @@ class CameraSolution(Solved):
     photo_error: PhotoError | None = None  # None: the centres of a photo share nothing beyond chance
     circle_doubt: Annotated[CircleDoubt | None, LEFT_OUT] = None  # None: what the points are is known
     target_bend: Annotated[PlaneBend | None, LEFT_OUT] = None  # that moved the points; None: it was no unknown
+    linear: Annotated[Annotated[Array, Shape("V", 4)] | None, LEFT_OUT] = None
+    """Of each view fx, fy, cx, cy, where these vary; None: the camera's."""
+    breathing: Annotated[Breathing | None, LEFT_OUT] = None
+    sessions: Annotated[tuple[PhotoSession, ...], LEFT_OUT] = ()
     priors: Annotated[tuple[ParameterPrior, ...], LEFT_OUT] = ()
     """What was known of parameters beforehand, which is in all that is told."""
 
@@ -341,7 +389,7 @@ class Calibration(CameraSolution):
 
     def __post_init__(self) -> None:
         freeze(self, "is_outlier", dtype=np.bool_)
-        freeze(self, "cam_from_target", "residual_px", "param_covariance", "pose_covariance")
+        freeze(self, "cam_from_target", "residual_px", "param_covariance", "pose_covariance", "linear")
 
 
 def without_surface(calibration: Calibration) -> Calibration:

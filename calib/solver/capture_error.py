@@ -71,7 +71,7 @@ KINDS = (
     ),
     ErrorKind(
         "a focal length that changes with the distance", "‰ from the middle distance to the farthest",
-        dict.fromkeys(get_args(Capture), 0.1), _FOCUS,
+        dict.fromkeys(get_args(Capture), 0.1), f"{_FOCUS}, or have it solved with --breathing",
     ),
     ErrorKind(
         "a focal length that changes with time", "‰ from the middle photo to the last",

@@ -4,7 +4,7 @@ Whether photos are of an ordinary lens or of a wide one, by quick solutions of b
 """
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
 
@@ -27,13 +27,15 @@ from calib.cameras import (
 from calib.cameras.camera import Camera
 from calib.core.se3 import angles_between
 from calib.core.types import Observations, keep_sightings
-from calib.solver.calibration import Calibration
+from calib.solver.calibration import LINEAR, Calibration
 from calib.solver.costs import COSTS, IMAGE
 from calib.solver.outliers import deviations
-from calib.solver.priors import full_name, prior_from
+from calib.solver.priors import BETWEEN, full_name, prior_from, texts_of
 from calib.solver.problem import SolveOptions, pack, select_rows, tie_parameters
 from calib.solver.solve import solve
+from calib.solver.varying import FOCAL
 from designer.base.errors import InputError
+from designer.base.units import parse_quantity
 from designer.base.words import several, shown, suggestion
 
 PER_VIEW = 64
@@ -80,7 +82,9 @@ def lens_kind(observations: Observations, options: SolveOptions | None = None) -
     this one shows, finds none, or leaves residuals that are clearly larger. Which parameters the options fix or share
     is of no account.
     """
-    options = replace(options or SolveOptions(), fixed=(), shared=(), focal_px=None, priors=())
+    options = replace(
+        options or SolveOptions(), fixed=(), shared=(), focal_px=None, priors=(), breathing_mm=None, vary=()
+    )
     problem = pack(observations, weighted=False)
     rows = select_rows(problem, np.arange(problem.view_count), PER_VIEW)[1]
     is_kept = np.zeros(len(observations.view), dtype=bool)
@@ -191,7 +195,9 @@ def plan_from_words(
     weighted: bool = True,
     minimise: str = IMAGE,
     free_bend: bool = False,
-    prior: Sequence[str] = (),
+    prior: Mapping[str, tuple[float, float]] | Sequence[str] = (),
+    breathing_mm: float | None = None,
+    vary: str | None = None,
 ) -> SolvePlan:
     """What to solve, and how.
 
@@ -206,6 +212,8 @@ def plan_from_words(
         minimise: distances in the image, or others of `calib.solver.costs.COSTS`.
         free_bend: of a flat target, as an unknown.
         prior: what is known of parameters: `fx=1250+-10px`.
+        breathing_mm: distance at which the camera is told; its focal length follows the distance.
+        vary: what differs between sessions: `focal`, `focal+-2px`, `fx,cx,cy`.
 
     Raises:
         InputError: a word that means nothing; the message says what may stand there.
@@ -236,7 +244,10 @@ def plan_from_words(
         focal_px=None if focal_px is None else _focal_px(_number("--focal", focal_px)),
         minimise=cost_of(minimise),
         free_bend=bool(free_bend),
-        priors=tuple(prior_from(text, known) for text in prior),
+        priors=tuple(prior_from(text, known) for text in texts_of(prior)),
+        breathing_mm=breathing_mm,
+        vary=() if vary is None else _varied(vary)[0],
+        vary_sigma_px=None if vary is None else _varied(vary)[1],
     )
     plan = SolvePlan(models, options, wide)
     for name in (*models, *wide):
@@ -293,6 +304,28 @@ def _shared(text: str, known: Collection[str]) -> tuple[str, ...]:
     for name in names:
         _require_known(name, known, "--share")
     return names
+
+
+def _varied(text: str) -> tuple[tuple[str, ...], float | None]:
+    """What differs between sessions, and by how much if that is told."""
+    names, *sigma = BETWEEN.split(text)
+    found = tuple(name.strip().removesuffix("_px") for name in names.split(","))
+    offered = (FOCAL, *LINEAR)
+    odd = next((name for name in found if name not in offered), None)
+    if odd is not None:
+        hint = suggestion(odd, list(offered)) or f"; there are {', '.join(offered)}"
+        raise InputError(f"--vary {shown(odd)}: nothing that may differ between sessions{hint}")
+    if len(set(found)) < len(found) or (FOCAL in found and {"fx", "fy"} & set(found)):
+        raise InputError(f"--vary {shown(text)}: names the same twice; name it once")
+    if not sigma:
+        return found, None
+    try:
+        size = parse_quantity(sigma[0], {"": 1.0, "px": 1.0}, "pixels, as in focal+-2px", MAX_FOCAL_PX)
+    except ValueError as error:
+        raise InputError(f"--vary {shown(text)}: {error}") from None
+    if not size > 0 or len(sigma) > 1:
+        raise InputError(f"--vary {shown(text)}: give one deviation of more than 0, as in focal+-2px")
+    return found, size
 
 
 def _require_known(name: str, known: Collection[str], option: str) -> None:

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from calib.cameras import MODELS, solved_models, told_parameters
+from calib.cameras.camera import Camera
 from calib.core.jit import jit
 from calib.core.se3 import skew
 from calib.core.types import Observations
@@ -68,6 +69,8 @@ class Problem:
     modes_mm: Array = field(default_factory=lambda: np.zeros((0, 3, 0)))
     """(S, 3, M) displacements of the points by a unit of each of S more unknowns, before the camera's parameters."""
     amount: Array = field(default_factory=lambda: np.zeros(0))  # (S,) of these, by which `position_mm` is displaced
+    shifts: Array = field(default_factory=lambda: np.zeros((0, 0, 4)))
+    """(S, V, 4) of fx, fy, cx, cy in each view by a unit of each amount; of none where there are none at all."""
     prior: Prior | None = None
 
     def at(self, amount: Array) -> "Problem":
@@ -76,6 +79,27 @@ class Problem:
             return self
         moved = np.tensordot(amount - self.amount, self.modes_mm, 1)
         return replace(self, position_mm=self.position_mm + moved, amount=amount)
+
+    def linear(self, camera: Camera) -> Array | None:
+        """Values of fx, fy, cx, cy in each view (V, 4), where these vary."""
+        return camera.params[:4] + np.tensordot(self.amount, self.shifts, 1) if len(self.shifts) else None
+
+    def with_shifts(self, shifts: Array, sigma: Array, parameters: int) -> "Problem":
+        """With K more amounts behind those there are, which shift views (K, V, 4), of deviations (K,) about zero."""
+        before, count = len(self.amount), len(self.amount) + len(shifts)
+        own = self.shifts if len(self.shifts) else np.zeros((before, *shifts.shape[1:]))
+        modes = np.zeros((count, *self.position_mm.shape))
+        modes[:before] = self.modes_mm if before else 0.0
+        kept = np.r_[0:before, count : count + parameters]
+        mean, precision = np.zeros(count + parameters), np.zeros((count + parameters,) * 2)
+        if self.prior is not None:
+            mean[kept], precision[np.ix_(kept, kept)] = self.prior.mean, self.prior.precision
+        precision[range(before, count), range(before, count)] = sigma**-2
+        return replace(
+            self, modes_mm=modes, amount=np.concatenate([self.amount, np.zeros(len(shifts))]),
+            shifts=np.concatenate([own, shifts]),
+            prior=Prior(mean, precision, 1.0 if self.prior is None else self.prior.variance),
+        )  # fmt: skip
 
     def rows(self, tie: Rows) -> Rows:
         """The free unknown of each amount and each parameter (S + P,), of those of the parameters alone (P,)."""
@@ -169,7 +193,8 @@ def select(problem: Problem, views: Rows, per_view: int) -> Problem:
         problem.image_size, start, problem.position_mm.take(rows, axis=1), problem.measured_px.take(rows, axis=1),
         problem.whitener.take(rows, axis=1), np.ones(len(rows), dtype=bool), problem.origin_mm,
         None if problem.space is None else problem.space.take(rows),
-        problem.modes_mm[:, :, rows] if len(problem.amount) else problem.modes_mm, problem.amount, problem.prior,
+        problem.modes_mm[:, :, rows] if len(problem.amount) else problem.modes_mm, problem.amount,
+        problem.shifts[:, views] if len(problem.shifts) else problem.shifts, problem.prior,
     )  # fmt: skip
 
 
@@ -223,6 +248,11 @@ class SolveOptions:
     bend_sigma_mm: tuple[float, float, float, float, float] | None = None
     """What is believed of its heights, about zero (`PlaneBend`); None: what is usual of boards."""
     priors: Annotated[tuple[ParameterPrior, ...], LEFT_OUT] = ()  # what is known of parameters
+    breathing_mm: Annotated[float | None, LEFT_OUT] = None
+    """The focal length follows the distance, and the camera is that at this one; see `calib.solver.varying`."""
+    vary: Annotated[tuple[str, ...], LEFT_OUT] = ()  # what differs from session to session
+    vary_sigma_px: Annotated[float | None, LEFT_OUT] = None  # by so much; None: estimated
+    sessions: Annotated[tuple[tuple[str, str], ...], LEFT_OUT] = ()  # of views, by their names
 
 
 AS_THE_PAPER = SolveOptions(weighted=False)

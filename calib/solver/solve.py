@@ -10,7 +10,7 @@ from calib.cameras.camera import Camera
 from calib.cameras.surface import SurfaceModel, surface_model
 from calib.core.types import Observations, keep_views
 from calib.solver.accuracy import Accuracy, UndeterminedError, accuracy_of, long_lens_remedy, why_degenerate
-from calib.solver.calibration import Calibration, Status, plane_bend
+from calib.solver.calibration import TERMS, Breathing, Calibration, PhotoSession, Status, plane_bend
 from calib.solver.circles import with_circles
 from calib.solver.costs import IMAGE
 from calib.solver.descend import Descended, descend, descend_again, descend_displaced, is_robust, without_lens
@@ -29,6 +29,7 @@ from calib.solver.problem import (
     tie_parameters,
 )
 from calib.solver.start import FirstPoses, coarse_camera, first_poses, turned_over
+from calib.solver.varying import session_rows, sessions_of, with_breathing, with_sessions
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 
@@ -66,6 +67,10 @@ def solve(
         from calib.solver.surface import require_image
 
         require_image(surface, options)
+        if options.breathing_mm is not None or options.vary:
+            raise InputError(
+                f"--breathing, --vary: model {model} follows any lens; give another, as {surface.base.name}"
+            )
         if options.priors:
             raise InputError(f"--prior: model {model} follows any lens; give it with another, as {surface.base.name}")
     if options.free_bend:
@@ -210,11 +215,16 @@ def _with_more(
     noise_px2: Array | None,
 ) -> tuple[Problem, Descended]:  # fmt: skip
     """The problem with the target's bend among its unknowns if it is to be, and what is known, and its minimum."""
-    if not (options.free_bend or options.priors) or flat.is_lost.any():
+    varies = options.breathing_mm is not None or bool(options.vary)
+    if not (options.free_bend or options.priors or varies) or flat.is_lost.any():
         return problem, flat
     if options.free_bend:
         problem = with_bend(problem, observations, options, len(tie.row))
-    return problem, descend_displaced(problem, flat, tie, options, noise_px2)
+    if not varies:
+        return problem, descend_displaced(problem, flat, tie, options, noise_px2)
+    if options.breathing_mm is not None:
+        return with_breathing(problem, flat, tie, options, options.breathing_mm, noise_px2)
+    return with_sessions(problem, flat, tie, options, observations.view_names, noise_px2)
 
 
 def _check(options: SolveOptions) -> None:
@@ -223,6 +233,9 @@ def _check(options: SolveOptions) -> None:
         raise InputError(f"reject {options.reject_sigma:g}: give more than 0 standard deviations, such as 4")
     if options.priors and options.minimise != IMAGE:
         raise InputError(f"--prior: goes with distances in the image only; leave --minimise {options.minimise} out")
+    varied = "--breathing" if options.breathing_mm is not None else "--vary" if options.vary else ""
+    if varied and (options.minimise != IMAGE or (options.breathing_mm is not None and options.vary)):
+        raise InputError(f"{varied}: goes with distances in the image, and not with both of --breathing and --vary")
     if options.focal_px is not None and not 0 < options.focal_px < np.inf:
         raise InputError(f"focal length {options.focal_px:g} px: must be more than 0")
 
@@ -253,7 +266,8 @@ def _calibration(
         accuracy = accuracy_of(
             products, down.problem.rows(tie.row), int(down.lens.is_used.sum()), down.lens.robust, lens.blocks.prior
         )
-    heights_mm2 = (down.surface_accuracy or accuracy).param_covariance[:amounts, :amounts]
+    joint = (down.surface_accuracy or accuracy).param_covariance
+    heights_mm2 = joint[:amounts, :amounts]
     accuracy = of_parameters(accuracy, amounts)
     reason = why_degenerate(observations, lens, down.lens.sigma_px, accuracy, tie)
     status: Status = "degenerate" if reason else "converged" if found.converged else "stopped"
@@ -281,17 +295,30 @@ def _calibration(
         limit = f"beyond {options.reject_sigma:g} robust standard deviations"
         remarks = [*remarks, f"{left_out} of {len(is_used)} observations in {views} views left out: {limit}"]
     bend = None
-    if amounts:
+    if options.free_bend and amounts:
         sigma_mm = bend_sigma_mm(observations.points, options.bend_sigma_mm)
-        bend = plane_bend(observations.points).told(found.amount, heights_mm2, sigma_mm)
+        bend = plane_bend(observations.points).told(found.amount[:TERMS], heights_mm2[:TERMS, :TERMS], sigma_mm)
         observations, remarks = bend.bent(observations), [bend.sentence, *remarks]
+    breathing: Breathing | None = None
+    sessions: tuple[PhotoSession, ...] = ()
+    camera, linear = found.camera, down.problem.at(found.amount).linear(found.camera)
+    own = TERMS if options.free_bend else 0
+    if options.breathing_mm is not None and amounts > own:
+        breathing = Breathing(float(found.amount[own]), float(np.sqrt(joint[own, own])), options.breathing_mm)
+        remarks = [breathing.sentence, *remarks]
+    if options.vary and amounts > own:
+        names, _ = session_rows(observations.view_names, options)
+        sessions, camera, covariance = sessions_of(camera, options, names, found.amount[own:], joint[own:, own:])
+        accuracy = replace(accuracy, param_covariance=covariance)
+        remarks = [*(one.told(camera) for one in sessions), *remarks]
     return Calibration(
-        camera=found.camera, observations=observations, cam_from_target=target_poses(problem, found.cam_from_target),
+        camera=camera, observations=observations, cam_from_target=target_poses(problem, found.cam_from_target),
         residual_px=found.blocks.residual_px.T, is_outlier=~is_used, scale=accuracy.scale,
         param_covariance=accuracy.param_covariance,
         pose_covariance=target_covariance(problem, found.cam_from_target, accuracy.pose_covariance), fixed=tie.fixed,
         weighted=options.weighted and observations.cov_px2 is not None, status=status, remarks=tuple(remarks),
-        iterations=found.iterations, seconds=seconds, target_bend=bend, priors=options.priors,
+        iterations=found.iterations, seconds=seconds, target_bend=bend, linear=linear, breathing=breathing,
+        sessions=sessions, priors=options.priors,
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from calib.cameras import project, rays
+from calib.cameras.camera import relinear
 from calib.core.types import freeze
 from calib.solver.calibration import Calibration
 from designer.base.arrays import Array, Flags, Rows
@@ -140,11 +141,17 @@ def predict(calibration: Calibration, true_cam_from_target: Array | None = None)
     position = seen.points.position_mm[seen.point]
     rotation, shift = calibration.cam_from_target[:, :3, :3], calibration.cam_from_target[:, :3, 3]
     in_camera = np.einsum("mij,mj->mi", rotation[seen.view], position) + shift[seen.view]
-    ray = rays(calibration.camera, seen.center_px)
+    camera, measured, predicted = calibration.camera, seen.center_px, project(calibration.camera, in_camera)
+    if calibration.linear is not None:  # of each photo's own
+        own = calibration.linear[seen.view]
+        measured, predicted = (
+            relinear(measured, own, camera.params[:4]), relinear(predicted, camera.params[:4], own)
+        )  # fmt: skip
+    ray = rays(camera, measured)
     return Prediction(
         calibration,
         position,
-        project(calibration.camera, in_camera),
+        predicted,
         centers_mm(calibration.cam_from_target),
         np.einsum("mji,mj->mi", rotation[seen.view], ray),
         true_cam_from_target,

@@ -13,7 +13,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.circles import with_circles
 from calib.solver.metrics import METRICS, OF_TRUTH
 from calib.solver.metrics.errors import Errors, ErrorSummary, is_known, predict, summarise, summarise_groups
-from calib.solver.start import solve_poses
+from calib.solver.varying import posed_photos
 from designer.base.arrays import Flags, Rows
 from designer.base.errors import InputError
 
@@ -241,16 +241,21 @@ def _posed(calibration: Calibration, observations: Observations, is_outlier: Fla
         observations = calibration.target_bend.bent(observations)
     rows = ~is_outlier & is_known(rays(calibration.camera, observations.center_px))
     is_told = np.bincount(observations.view[rows], minlength=observations.view_count) >= LEAST_POINTS
-    poses = np.full((observations.view_count, 4, 4), np.nan)
+    poses, linear = np.full((observations.view_count, 4, 4), np.nan), None
     if is_told.any():
         shown = keep_views(keep_sightings(observations, rows), is_told)
-        poses[is_told] = solve_poses(calibration.camera, shown, weighted=calibration.weighted).cam_from_target
+        found, own = posed_photos(calibration, shown)
+        poses[is_told] = found.cam_from_target
+        if own is not None:
+            linear = np.full((observations.view_count, 4), np.nan)
+            linear[is_told] = own
     has_pose: Flags = np.isfinite(poses.sum(axis=(1, 2)))
     kept = has_pose[observations.view]
     one = replace(
         calibration,
         observations=keep_views(observations, has_pose),
         cam_from_target=poses[has_pose],
+        linear=None if linear is None else linear[has_pose],
         residual_px=np.full((int(kept.sum()), 2), np.nan),
         is_outlier=is_outlier[kept],
         pose_covariance=np.full((int(has_pose.sum()), 6, 6), np.nan),
@@ -273,8 +278,7 @@ def held_out_px(calibration: Calibration, solve: Solve) -> float:
     square = []
     for fold in range(folds := min(USUAL_FOLDS, views)):
         held = np.arange(views) % folds == fold
-        camera = solve(keep_views(used, ~held)).camera
-        residual = solve_poses(camera, keep_views(used, held), weighted=calibration.weighted).residual_px
+        residual = posed_photos(solve(keep_views(used, ~held)), keep_views(used, held))[0].residual_px
         square.append((residual**2).sum(axis=1))
     left_px = float(np.sqrt(np.concatenate(square).mean()))
     return left_px if np.isfinite(left_px) else np.inf

@@ -1,0 +1,139 @@
+"""A focal length that follows the distance, or differs between sessions, is solved with what it is for each photo."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import calib
+from calib.cameras.camera import load_camera, relinear
+from calib.core.types import Observations
+from calib.observe.calibration_file import read_calibration
+from calib.solver.capture_error import with_capture_error
+from calib.solver.metrics.errors import predict
+from calib.solver.metrics.evaluation import held_out_px
+from calib.solver.plan import plan_from_words
+from calib.solver.problem import SolveOptions
+from calib.solver.solve import solve
+from designer.base.arrays import Array
+from designer.base.errors import InputError
+from tests.support import solver_scenes as scenes
+
+TRUE = scenes.CAMERAS["opencv"]
+AT_MM, B_MM = 450.0, 6.0
+NOISE_PX = 0.05
+
+
+def seen_with(linear: Array, poses: Array, rng: np.random.Generator) -> Observations:
+    """What cameras with such fx, fy, cx, cy (V, 4) see of a board."""
+    seen = scenes.observe(TRUE, scenes.board(9, 7), poses, rng)
+    return scenes.noisy(
+        replace(seen, center_px=relinear(seen.center_px, TRUE.params[:4], linear[seen.view])), NOISE_PX, rng
+    )
+
+
+def breathing(seed: int, b_mm: float = B_MM) -> Observations:
+    """Photos of an autofocus, from near and far."""
+    fixed = np.random.default_rng(7)
+    poses = scenes.poses_around(14, fixed, half_angle_deg=40)
+    poses[:, :3, 3] *= fixed.uniform(0.7, 1.9, (14, 1))
+    points = scenes.board(9, 7).position_mm
+    depth = (points @ poses[:, 2, :3].T + poses[:, 2, 3]).mean(axis=0)
+    linear = np.tile(TRUE.params[:4], (14, 1))
+    linear[:, :2] *= 1 + b_mm * (1 / depth - 1 / AT_MM)[:, None]
+    return seen_with(linear, poses, np.random.default_rng(seed))
+
+
+def sessions(seed: int) -> tuple[Observations, dict[str, str], Array]:
+    """Photos of five sessions, which photo is of which, and their focal lengths."""
+    rng, of = np.random.default_rng(seed), np.arange(20) % 5
+    focal = TRUE.params[0] + rng.normal(0, 8.0, 5)
+    linear = np.tile(TRUE.params[:4], (20, 1))
+    linear[:, :2] *= (focal[of] / TRUE.params[0])[:, None]
+    seen = seen_with(linear, scenes.poses_around(20, np.random.default_rng(7), half_angle_deg=40), rng)
+    names = {name: f"s{number}" for name, number in zip(seen.view_names, of.tolist(), strict=True)}
+    return seen, names, focal
+
+
+@pytest.mark.parametrize("b_mm", [B_MM, 0.0])
+def test_breathing_is_told_as_surely_as_stated(b_mm: float) -> None:
+    """Also if there is none; the camera is that at the distance that was asked for."""
+    off, squares = [], []
+    for seed in range(12):
+        found = solve(breathing(seed, b_mm), "opencv", SolveOptions(breathing_mm=AT_MM))
+        assert found.breathing is not None
+        off.append((found.breathing.mm - b_mm) / found.breathing.sigma_mm)
+        error = found.camera.params - TRUE.params
+        squares.append(error @ np.linalg.solve(found.param_covariance, error) / len(error))
+    assert 0.5 < np.sqrt(np.mean(np.square(off))) < 1.6
+    assert 0.6 < np.mean(squares) < 1.5
+
+
+def test_what_was_named_as_a_cause_is_gone_when_it_is_solved() -> None:
+    """A focal length that follows the distance is found in photos, and is the option's remedy."""
+    without, solved = (
+        with_capture_error(solve(breathing(0), "opencv", SolveOptions(breathing_mm=at))) for at in (None, AT_MM)
+    )
+    assert without.capture_error is not None
+    assert "changes with the distance" in without.capture_error.effects[0].name
+    assert "--breathing" in without.capture_error.effects[0].remedy
+    assert solved.capture_error is not None
+    assert not solved.capture_error.effects
+    assert solved.scale == pytest.approx(NOISE_PX, rel=0.1)
+
+
+def test_sessions_have_their_own_focal_lengths() -> None:
+    """As surely as stated, with the camera as their mean, whether it is told how much they differ or not."""
+    seen, of, focal = sessions(0)
+    for sigma_px in (None, 8.0):
+        options = SolveOptions(vary=("focal",), vary_sigma_px=sigma_px, sessions=tuple(of.items()))
+        found = solve(seen, "opencv", options)
+        assert [one.name for one in found.sessions] == [f"s{number}" for number in range(5)]
+        own = np.array([(one.linear[0], one.sigma[0]) for one in found.sessions])
+        assert (np.abs(own[:, 0] - focal) < 3.5 * own[:, 1]).all()
+        assert (own[:, 1] < 1.0).all()
+        assert found.camera.params[0] == pytest.approx(own[:, 0].mean())
+        assert found.scale == pytest.approx(NOISE_PX, rel=0.1)
+
+
+@pytest.mark.parametrize("kind", ["breathing", "sessions"])
+def test_photos_held_out_are_seen_with_their_own(kind: str) -> None:
+    """They leave over what the noise is, and not what the mean camera would."""
+    options, seen = SolveOptions(breathing_mm=AT_MM), breathing(0)
+    if kind == "sessions":
+        seen, of, _ = sessions(0)
+        options = SolveOptions(vary=("focal",), sessions=tuple(of.items()))
+    left_px = held_out_px(solve(seen, "opencv", options), lambda part: solve(part, "opencv", options))
+    assert left_px == pytest.approx(np.sqrt(2) * NOISE_PX, rel=0.1)
+
+
+def test_a_folder_keeps_what_varies(tmp_path: Path) -> None:
+    """Each session has a camera file, and what is read back predicts each photo as it was solved."""
+    seen, of, _ = sessions(0)
+    table = tmp_path / "sessions.csv"
+    table.write_text("file,session\n" + "".join(f"{name},{one}\n" for name, one in of.items()))
+    calib.solve(seen, model="opencv", vary="focal", sessions=table, out=tmp_path / "out")
+    back, origin = read_calibration(tmp_path / "out" / "calibration.json")
+    assert origin.options.vary == ("focal",)
+    for one in back.sessions:
+        assert load_camera(tmp_path / "out" / f"camera.{one.name}.json").params[:4].tolist() == one.linear.tolist()
+    left_px = predict(back).predicted_px - back.observations.center_px
+    assert left_px == pytest.approx(back.residual_px, abs=1e-5)
+
+
+@pytest.mark.parametrize("vary", ["", "k1", "focal,fx", "focal+-0", "focal+-2mm", "focal+-1+-2", "fx,fx"])
+def test_what_cannot_vary_is_refused(vary: str) -> None:
+    """In one line."""
+    with pytest.raises(InputError, match="--vary") as caught:
+        plan_from_words("opencv", vary=vary)
+    assert "\n" not in str(caught.value)
+
+
+def test_sessions_must_be_told() -> None:
+    """One session, a photo of none, and sessions between which nothing varies are refused."""
+    seen, of, _ = sessions(0)
+    few = dict(list(of.items())[1:])
+    for told, vary, why in ((None, "focal", "all photos"), (few, "focal", "no session of"), (of, None, "vary focal")):
+        with pytest.raises(InputError, match=why):
+            calib.solve(seen, model="opencv", vary=vary, sessions=told)
