@@ -246,6 +246,7 @@ def solved(
     from calib.judge.judge import inputs_of, judge_cameras
     from calib.judge.solutions import best_of, solve_models
 
+    task = replace(task, plan=task.plan.for_target(task.made, task.observations.points))
     solutions: list[Solution] = []
     total = len(task.plan.models)
     progress("solving", 0, total)

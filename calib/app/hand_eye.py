@@ -68,7 +68,7 @@ def hand_eye(
             off="--no-target-size",
         ),
     ] = None,
-    free_bend: FreeBend = False,
+    free_bend: FreeBend = None,
     robot_noise: Annotated[
         tuple[float, float] | None, option("the robot's own errors, if they are known: 0.1mm,0.02deg", parse=_noise)
     ] = None,
@@ -107,9 +107,12 @@ def hand_eye(
     poses = robot if isinstance(robot, RobotPoses) else read_robot_poses(
         place_of(robot, "a file of robot poses"), unit=unit, euler=euler, is_inverted=inverted
     )  # fmt: skip
-    limits, wishes = criteria_of(criteria), wishes_of_one(camera, model, fix, priors, minimise, refine=refine)
+    limits, wishes = (
+        criteria_of(criteria),
+        wishes_of_one(camera, model, fix, priors, minimise, free_bend, refine=refine),
+    )
     seen = seen_by_one(target, photos, table, points_of(points, diameter_mm), wishes, jobs, progress).with_made(made)
-    setting = RobotSetting(target_in_hand, target_size, free_bend, *(robot_noise or (None, None)))
+    setting = RobotSetting(target_in_hand, target_size, *(robot_noise or (None, None)))
     settings = settings_of(("target", target), ("table", table), ("robot", robot))
     run = judged_on_robot(seen, poses, setting, wishes, limits, settings, progress)
     return finished(SolvedRig(*run), to, out, progress)
@@ -117,7 +120,7 @@ def hand_eye(
 
 def wishes_of_one(
     camera: "Camera | Place | None", model: str, fix: Sequence[str],
-    priors: "Mapping[str, tuple[float, float]] | Sequence[str]", minimise: str, *, refine: bool,
+    priors: "Mapping[str, tuple[float, float]] | Sequence[str]", minimise: str, free_bend: bool | None, *, refine: bool,
 ) -> "CameraWishes":  # fmt: skip
     """What was asked for of the one camera.
 
@@ -133,7 +136,7 @@ def wishes_of_one(
     if refine and camera is None:
         raise InputError("--refine: there is no lens to solve on from; give --camera, or leave it out")
     given = {} if camera is None else {ALONE: camera_of(camera)}
-    options = plan_from_words(ALL, minimise=minimise).options
+    options = plan_from_words(ALL, minimise=minimise, free_bend=free_bend).options
     wishes = wishes_of(model, given, refine, fix, options, texts_of(priors))
     require_wishes(wishes, (ALONE,))
     return wishes

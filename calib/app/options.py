@@ -122,7 +122,13 @@ Minimise = Annotated[
         names=lambda: tuple(COSTS),
     ),
 ]
-FreeBend = Annotated[bool, option("the bend of a flat target is an unknown, too")]
+FreeBend = Annotated[
+    bool | None,
+    option(
+        "the bend of a flat target is an unknown, too (default: of one that was made, not rendered or measured)",
+        off="--no-free-bend",
+    ),
+]
 ReferencePhoto = Annotated[
     "Observations | str | None",
     option(

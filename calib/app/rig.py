@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
-from calib.app.options import Limits, Loss, Made, Minimise, PhotoJobs, Points, Reject, Weighted
+from calib.app.options import FreeBend, Limits, Loss, Made, Minimise, PhotoJobs, Points, Reject, Weighted
 from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, settings_of
 from designer.base.errors import InputError
 from designer.base.options import argument, option
@@ -92,6 +92,7 @@ def rig(
     reject_sigma: Reject = None,
     weighted: Weighted = True,
     minimise: Minimise = "image",
+    free_bend: FreeBend = None,
     delays: Annotated[bool, option("estimate how late each camera is, from time stamps of a moving target")] = False,
     made: Made = None,
     criteria: Limits = "standard",
@@ -123,7 +124,9 @@ def rig(
     from calib.solver.plan import ALL, plan_from_words
     from calib.solver.priors import texts_of
 
-    plan = plan_from_words(ALL, loss=loss, reject=reject_sigma, weighted=weighted, minimise=minimise)
+    plan = plan_from_words(
+        ALL, loss=loss, reject=reject_sigma, weighted=weighted, minimise=minimise, free_bend=free_bend
+    )
     limits = criteria_of(criteria)
     lenses = {name: camera_of(one) for name, one in _of_each("--camera", cameras, "left=left/camera.json").items()}
     is_all = isinstance(refine, Collection) and tuple(refine) == (ALL,)

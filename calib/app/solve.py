@@ -35,7 +35,7 @@ def solve(
     reject_sigma: options.Reject = None,
     weighted: options.Weighted = True,
     minimise: options.Minimise = "image",
-    free_bend: options.FreeBend = False,
+    free_bend: options.FreeBend = None,
     breathing_mm: options.Breathing = None,
     vary: options.Vary = None,
     sessions: options.Sessions = None,

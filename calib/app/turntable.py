@@ -4,7 +4,7 @@ import math
 from typing import TYPE_CHECKING, Annotated
 
 from calib.app.hand_eye import Lens, PhotosTaken, Refine, Table, TargetShown, seen_by_one, wishes_of_one
-from calib.app.options import Fix, Limits, Made, Minimise, Model, PhotoJobs, Points, Priors
+from calib.app.options import Fix, FreeBend, Limits, Made, Minimise, Model, PhotoJobs, Points, Priors
 from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, settings_of
 from designer.base.errors import InputError
 from designer.base.options import option
@@ -43,6 +43,7 @@ def turntable(
     fix: Fix = (),
     priors: Priors = (),
     minimise: Minimise = "image",
+    free_bend: FreeBend = None,
     made: Made = None,
     criteria: Limits = "standard",
     jobs: PhotoJobs = None,
@@ -72,7 +73,10 @@ def turntable(
     if step_deg == 0:
         raise InputError("--step 0deg: a table that does not turn tells nothing; leave it out, or give its turn")
     to = begun(out)
-    limits, wishes = criteria_of(criteria), wishes_of_one(camera, model, fix, priors, minimise, refine=refine)
+    limits, wishes = (
+        criteria_of(criteria),
+        wishes_of_one(camera, model, fix, priors, minimise, free_bend, refine=refine),
+    )
     seen = seen_by_one(target, photos, table, points_of(points, diameter_mm), wishes, jobs, progress).with_made(made)
     names = seen.observations.frame_names
     taken = names if seen.search is None else seen.search.photos.frame_names

@@ -220,7 +220,7 @@ def half_split(calibration: Calibration, options: SolveOptions) -> HalfSplit:
         return NoHalves(f"{views} photo{'s' if views > 1 else ''} cannot be halved; take {LEAST_VIEWS} or more")
     if not np.bincount(seen.view[~calibration.is_outlier], minlength=views).all():
         return NoHalves("a photo has no sighting that counts; leave it out and solve again")
-    used = keep_sightings(seen, ~calibration.is_outlier)
+    used = keep_sightings(calibration.given, ~calibration.is_outlier)
     pairs, reasons = [], []
     for is_first in splits(calibration):
         halves = [_solved(keep_views(used, rows), calibration.camera.model, options) for rows in (is_first, ~is_first)]

@@ -136,7 +136,6 @@ class RobotSetting:
 
     is_target_in_hand: bool = False  # else it holds the camera
     solves_size: bool | None = None  # of the target, by the robot's ways alone; None: as sure as it was made so
-    is_bent: bool = False  # a flat target, as the photos show it
     sigma_rad: float | None = None  # of a coordinate of the robot's errors; None: estimated
     sigma_mm: float | None = None
 
@@ -173,7 +172,7 @@ def judged_on_robot(
     )  # fmt: skip
 
     def solved(by: Carrier) -> tuple[RigRun, RigSeen]:
-        options = RigOptions(carrier=by, minimise=wishes.options.minimise, free_bend=setting.is_bent)
+        options = RigOptions(carrier=by, minimise=wishes.options.minimise)
         return judged_rig(seen, wishes, options, limits, settings, progress)
 
     run, told = solved(carrier)

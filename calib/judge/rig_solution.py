@@ -251,6 +251,9 @@ def judged_rig(
     """
     choices, said = choices_of(seen.observations, wishes, progress)
     seen = replace(seen, observations=with_remarks(seen.observations, said))
+    plan = SolvePlan((COMMON,), wishes.options).for_target(seen.made, seen.observations.points)
+    bend = plan.options_of(COMMON)
+    options = replace(options, free_bend=bool(bend.free_bend), bend_sigma_mm=bend.bend_sigma_mm)
     progress("solving", 0, 0)
     solved = solve_rig(seen.observations, choices, options)
     stated = with_circle_doubt(with_target_error(solved, seen.made))

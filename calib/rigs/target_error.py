@@ -31,7 +31,7 @@ from calib.rigs.problem import Carrier, CarrierPrior
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.solver.free_shape import PosedSightings, ShapeEquations, equations_of, free_directions, posed_prior, weights
 from calib.solver.problem import prior_of
-from calib.solver.target_error import added_covariance
+from calib.solver.target_error import added_covariance, unbent
 from designer.base.arrays import Array, Rows
 from designer.tolerance.made import Made
 from designer.tolerance.prior import ShapePrior
@@ -50,7 +50,8 @@ def with_target_error(found: RigCalibration, made: Made | None) -> RigCalibratio
     covariance = np.zeros_like(found.covariance)
     basis = free_directions(found.covariance)
     if made.prior is not None and basis.size:
-        covariance = added_covariance(rig_equations(found, basis, made.prior))
+        prior = unbent(made.prior, found.target_bend, found.observations.points)
+        covariance = added_covariance(rig_equations(found, basis, prior))
     return replace(found, target_covariance=covariance)
 
 

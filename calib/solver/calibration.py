@@ -19,6 +19,7 @@ import numpy as np
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
 from calib.cameras.surface import surface_model
+from calib.core.linear_algebra import least_squares
 from calib.core.types import KnownPoints, Observations, freeze
 from calib.solver.priors import ParameterPrior
 from calib.solver.problem import Prior, prior_of
@@ -66,6 +67,14 @@ class PlaneBend:
         heights = np.stack([1 - x**2, 1 - y**2, x * y, y * (1 - x**2), x * (1 - y**2)])
         modes: Array = heights[: len(self.height_mm), :, None] * self.axes[2]
         return modes
+
+    def heights_of(self, position_mm: Array, displaced_mm: Array) -> Array:
+        """The heights that displacements (N, K, 3) of points (K, 3) have, but for what poses take up.  # (N, S)"""
+        place = (position_mm - self.middle_mm) @ self.axes[:2].T
+        bends = self.modes_mm(position_mm) @ self.axes[2]
+        columns = np.column_stack([np.ones(len(place)), place / self.half_mm, bends.T])
+        heights: Array = least_squares(columns, (displaced_mm @ self.axes[2]).T)[3:].T
+        return heights
 
     def bent(self, seen: Observations) -> Observations:
         """Sightings of the flat target as those of the bent one."""
@@ -386,6 +395,11 @@ class Calibration(CameraSolution):
     def prior(self) -> Prior:
         """What priors say of the parameters, beside its whitened residuals."""
         return prior_of(self.priors, parameter_names(self.camera.model), self.scale**2)
+
+    @property
+    def given(self) -> Observations:
+        """The observations, the points where the target's file has them."""
+        return self.observations if self.target_bend is None else self.target_bend.flattened(self.observations)
 
     def __post_init__(self) -> None:
         freeze(self, "is_outlier", dtype=np.bool_)

@@ -13,9 +13,10 @@ import numpy as np
 
 from calib.cameras import neutral
 from calib.cameras.camera import Camera
+from calib.core.linear_algebra import symmetric_inverse
 from calib.core.types import LEAST_POINTS
 from calib.solver.accuracy import accuracy_of
-from calib.solver.blocks import RobustLoss, view_misfit
+from calib.solver.blocks import RobustLoss, view_blocks, view_misfit
 from calib.solver.levenberg import FIRST_DAMPING, Minimum, minimise
 from calib.solver.outliers import deviations, forgetful, robust_scale, robust_sigma, whitened
 from calib.solver.problem import Loss, Problem, SolveOptions, Tie, few_per_view, select
@@ -153,6 +154,32 @@ def descend_displaced(
         if before is None or after is None or abs(after.variance / before.variance - 1) < SAME_VARIANCE:
             break
     return replace(found, minimum=replace(found.minimum, iterations=taken))
+
+
+def shrunk(problem: Problem, found: Descended, tie: Tie, options: SolveOptions, cov_px2: Array | None) -> Descended:
+    """The minimum with displacements drawn to zero as far as they are chance (James and Stein's, its positive part).
+
+    With amounts h of covariance C they are `1 - (S - 2) / h'C^-1 h` of what they were: so a target that is as its file
+    says costs next to nothing, and for no other one is this worse on average. What is stated stays that of free ones.
+    """
+    amount, minimum = found.minimum.amount, found.minimum
+    count, used = len(amount), int(found.is_used.sum())
+    sure = accuracy_of(minimum.blocks.products, problem.rows(tie.row), used, prior=minimum.blocks.prior)
+    square = float(amount @ symmetric_inverse(sure.param_covariance[:count, :count]).inverse @ amount)
+    if count <= TWICE or not (minimum.converged and 0 < square < np.inf):
+        return found
+    problem = with_variance(problem.at(max(1 - (count - 2) / square, 0.0) * amount), found, tie, options)
+    problem = replace(problem, is_used=found.is_used)
+    loss = RobustLoss()
+    if options.loss != "squares":
+        loss = RobustLoss(options.loss, robust_sigma(whitened(problem.whitener, minimum.blocks.residual_px)))
+    there = minimise(
+        problem.without_amounts, minimum.camera, minimum.cam_from_target, tie.row, loss,
+        max_iterations=options.max_iterations, damping=NEAR,
+    )  # fmt: skip
+    blocks = view_blocks(problem, there.camera, there.cam_from_target, loss)
+    there = replace(there, blocks=blocks, amount=problem.amount, iterations=minimum.iterations + there.iterations)
+    return descended_at(problem, there, found.is_used, found.is_beyond, found.robust, cov_px2)
 
 
 def with_variance(problem: Problem, found: Descended, tie: Tie, options: SolveOptions) -> Problem:

@@ -6,6 +6,7 @@ one more view's (`calib.solver.problem.Prior`): what photos hardly tell stays sm
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,11 @@ from calib.solver.problem import Prior, Problem, SolveOptions
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 
+if TYPE_CHECKING:
+    from designer.tolerance.made import Made
+
+LEAST_MM = 1e-3
+"""A board that is made no worse is flat."""
 USUAL, SKEWED = 0.01, 0.25
 """Standard deviation of curvatures and of the twist of a board of which nobody knows how it was made, as a part of half
 its longer side: boards of others are bent by .2 to 1 %. And that of the bends that change across it, as a part of
@@ -32,6 +38,17 @@ def require_bendable(points: KnownPoints, minimise: str) -> None:
     if minimise != IMAGE:
         raise InputError(f"--free-bend: goes with distances in the image only; leave --minimise {minimise} out")
     plane_bend(points)
+
+
+def made_bend_mm(made: "Made | None", points: KnownPoints) -> tuple[float, float, float, float, float] | None:
+    """Standard deviations of the heights by how a flat target was made; None: nobody knows, or it is not bent."""
+    position = points.position_mm
+    if made is None or made.prior is None or made.prior.modes_mm.shape[1] != len(position):
+        return None
+    heights = plane_bend(points).heights_of(position, made.prior.modes_mm)
+    sigma = np.sqrt((heights**2).sum(axis=0))
+    a, b, c, d, e = np.maximum(sigma, SKEWED * sigma.max()).tolist()
+    return (a, b, c, d, e) if a > LEAST_MM else None
 
 
 def bend_sigma_mm(points: KnownPoints, told: Sequence[float] | None) -> Array:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from calib.cameras import (
     DEFAULT,
     MODELS,
     WIDE,
+    learned_models,
     models_of_all,
     models_of_all_wide,
     rays,
@@ -26,9 +28,10 @@ from calib.cameras import (
 )
 from calib.cameras.camera import Camera
 from calib.core.se3 import angles_between
-from calib.core.types import Observations, keep_sightings
-from calib.solver.calibration import LINEAR, Calibration
+from calib.core.types import KnownPoints, Observations, keep_sightings
+from calib.solver.calibration import LINEAR, Calibration, is_flat
 from calib.solver.costs import COSTS, IMAGE
+from calib.solver.free_bend import made_bend_mm
 from calib.solver.outliers import deviations
 from calib.solver.priors import BETWEEN, full_name, prior_from, texts_of
 from calib.solver.problem import SolveOptions, pack, select_rows, tie_parameters
@@ -37,6 +40,9 @@ from calib.solver.varying import FOCAL
 from designer.base.errors import InputError
 from designer.base.units import parse_quantity
 from designer.base.words import several, shown, suggestion
+
+if TYPE_CHECKING:
+    from designer.tolerance.made import Made
 
 PER_VIEW = 64
 """Observations of a view that are enough to tell the kinds apart."""
@@ -155,6 +161,8 @@ class SolvePlan:
     options: SolveOptions  # with the names of every model asked for
     wide_models: tuple[str, ...] = ()  # that are solved instead where the lens is a wide one
     is_compared: bool = False  # by photos held out
+    is_bent: bool = False  # whether the bend of a target is an unknown, if nobody says
+    bend_sigma_mm: tuple[float, float, float, float, float] | None = None  # see `SolveOptions`
 
     @property
     def may_solve(self) -> tuple[str, ...]:
@@ -173,11 +181,22 @@ class SolvePlan:
         plan = replace(self, models=models, wide_models=(), is_compared=True)
         return plan, replace(observations, remarks=(*observations.remarks, said))
 
+    def for_target(self, made: "Made | None", points: KnownPoints) -> "SolvePlan":
+        """The plan with what is believed of a flat target's bend: an unknown unless it is as exact as photos see."""
+        if self.options.free_bend is False or self.options.minimise != IMAGE or not is_flat(points):
+            return self
+        sigma_mm = made_bend_mm(made, points)
+        is_likely = made is None or (made.errors is not None and sigma_mm is not None)
+        return replace(self, is_bent=is_likely, bend_sigma_mm=sigma_mm)
+
     def options_of(self, model: str) -> SolveOptions:
         """The options without the parameters that this model does not have."""
         names = {parameter.name for parameter in told_parameters(model)}
+        is_bent = self.options.free_bend
         return replace(
             self.options,
+            free_bend=self.is_bent and model not in learned_models() if is_bent is None else is_bent,
+            bend_sigma_mm=self.bend_sigma_mm,
             fixed=tuple(pair for pair in self.options.fixed if pair[0] in names),
             shared=tuple(group for group in self.options.shared if all(name in names for name in group)),
             priors=tuple(prior for prior in self.options.priors if prior.name in names),
@@ -194,7 +213,7 @@ def plan_from_words(
     reject: float | None = None,
     weighted: bool = True,
     minimise: str = IMAGE,
-    free_bend: bool = False,
+    free_bend: bool | None = None,
     prior: Mapping[str, tuple[float, float]] | Sequence[str] = (),
     breathing_mm: float | None = None,
     vary: str | None = None,
@@ -210,7 +229,7 @@ def plan_from_words(
         reject: leave out what is farther off than so many robust standard deviations.
         weighted: by the covariances of the observations.
         minimise: distances in the image, or others of `calib.solver.costs.COSTS`.
-        free_bend: of a flat target, as an unknown.
+        free_bend: of a flat target, as an unknown; None: if it is likely.
         prior: what is known of parameters: `fx=1250+-10px`.
         breathing_mm: distance at which the camera is told; its focal length follows the distance.
         vary: what differs between sessions: `focal`, `focal+-2px`, `fx,cx,cy`.
@@ -243,7 +262,7 @@ def plan_from_words(
         shared=shared,
         focal_px=None if focal_px is None else _focal_px(_number("--focal", focal_px)),
         minimise=cost_of(minimise),
-        free_bend=bool(free_bend),
+        free_bend=free_bend,
         priors=tuple(prior_from(text, known) for text in texts_of(prior)),
         breathing_mm=breathing_mm,
         vary=() if vary is None else _varied(vary)[0],

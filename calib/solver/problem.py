@@ -101,6 +101,14 @@ class Problem:
             prior=Prior(mean, precision, 1.0 if self.prior is None else self.prior.variance),
         )  # fmt: skip
 
+    @property
+    def without_amounts(self) -> "Problem":
+        """With the points displaced as they are, for good."""
+        count, prior = len(self.amount), self.prior
+        if prior is not None:
+            prior = replace(prior, mean=prior.mean[count:], precision=prior.precision[count:, count:])
+        return replace(self, modes_mm=self.modes_mm[:0], amount=self.amount[:0], shifts=self.shifts[:0], prior=prior)
+
     def rows(self, tie: Rows) -> Rows:
         """The free unknown of each amount and each parameter (S + P,), of those of the parameters alone (P,)."""
         count = len(self.amount)
@@ -244,7 +252,7 @@ class SolveOptions:
     focal_px: float | None = None  # first guess
     max_iterations: int = 300
     minimise: str = IMAGE  # of `calib.solver.costs.COSTS`
-    free_bend: bool = False  # of a flat target, which is then an unknown
+    free_bend: bool | None = None  # of a flat target, as an unknown; None: if it is likely, see `SolvePlan.for_target`
     bend_sigma_mm: tuple[float, float, float, float, float] | None = None
     """What is believed of its heights, about zero (`PlaneBend`); None: what is usual of boards."""
     priors: Annotated[tuple[ParameterPrior, ...], LEFT_OUT] = ()  # what is known of parameters

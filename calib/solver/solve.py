@@ -13,7 +13,16 @@ from calib.solver.accuracy import Accuracy, UndeterminedError, accuracy_of, long
 from calib.solver.calibration import TERMS, Breathing, Calibration, PhotoSession, Status, plane_bend
 from calib.solver.circles import with_circles
 from calib.solver.costs import IMAGE
-from calib.solver.descend import Descended, descend, descend_again, descend_displaced, is_robust, without_lens
+from calib.solver.descend import (
+    Descended,
+    descend,
+    descend_again,
+    descend_displaced,
+    is_robust,
+    shrunk,
+    with_variance,
+    without_lens,
+)
 from calib.solver.free_bend import bend_sigma_mm, of_parameters, require_bendable, with_bend
 from calib.solver.in_space import descend_in_space, require_planes
 from calib.solver.outliers import shifted_photo, variance_power, whitened
@@ -117,6 +126,9 @@ def _solved(
         )
     if noise_px2 is None:
         observations, problem, down = _weighed(observations, problem, down, tie, options)
+    if len(down.problem.amount) and not len(down.problem.shifts) and down.surface_accuracy is None:
+        found = shrunk(down.problem, down.descended, tie, options, noise)
+        down = replace(down, descended=found, lens=found)
     return _calibration(observations, problem, down, tie, options, remarks, time.perf_counter() - begin)
 
 
@@ -163,18 +175,18 @@ def _down(
 
         forgiving = without_rejection(options)
         lens = descend(problem, camera, poses, tie, forgiving, noise_px2)
-        problem, lens = _with_more(observations, problem, lens, tie, forgiving, noise_px2)
+        problem, lens, said = _with_more(observations, problem, lens, tie, forgiving, noise_px2)
         if lens.is_lost.any():
             return _Down(problem, lens, lens)
         require_points(problem, surface)
         smooth, accuracy = bend(problem, lens, surface, tie, options, noise_px2)
-        return _Down(problem, smooth, lens, surface_accuracy=accuracy)
+        return _Down(problem, smooth, lens, surface_accuracy=accuracy, remarks=said)
     known = problem
     if options.priors:
         variance = 1.0 if options.weighted and observations.cov_px2 is not None else FIRST_PX2
         known = replace(problem, prior=prior_of(options.priors, parameter_names(camera.model), variance))
     lens = descend(problem, camera, poses, tie, options, noise_px2)
-    if options.priors and not _tells_camera(observations, lens, tie):
+    if options.priors and not _tells_camera(observations, problem, lens, tie):
         problem, lens = known, descend(known, camera, poses, tie, options, noise_px2)
     for _ in range(TURNS):  # a long lens tells the two poses of a plane apart only when it is nearly known
         camera, poses = lens.minimum.camera, lens.minimum.cam_from_target
@@ -185,10 +197,10 @@ def _down(
         if not again.minimum.blocks.cost.sum() < lens.minimum.blocks.cost.sum():
             break
         lens = again
-    problem, lens = _with_more(observations, known, lens, tie, options, noise_px2)
+    problem, lens, said = _with_more(observations, known, lens, tie, options, noise_px2)
     found = descend_in_space(problem, observations.points, observations.point, lens, tie, options, noise_px2)
     if found is None:
-        return _Down(problem, lens, lens)
+        return _Down(problem, lens, lens, remarks=said)
     descended, accuracy, remark = found
     return _Down(problem, descended, descended, accuracy, remarks=(remark,))
 
@@ -201,30 +213,52 @@ def _at_priors(model: str, options: SolveOptions) -> Tie:
     return tie_parameters(model, replace(options, fixed=(*options.fixed, *kept.items()), shared=shared, priors=()))
 
 
-def _tells_camera(observations: Observations, found: Descended, tie: Tie) -> bool:
+def _tells_camera(observations: Observations, problem: Problem, found: Descended, tie: Tie) -> bool:
     """Whether photos determine a camera without what is known of it, and so tell their noise whatever that is."""
-    products, used = found.minimum.blocks.products, int(found.is_used.sum())
-    if found.is_lost.any() or not found.minimum.converged:
-        return False
-    accuracy = accuracy_of(products, tie.row, used, found.robust)
-    return not why_degenerate(observations, found.minimum, found.sigma_px, accuracy, tie)
+    is_there = found.minimum.converged and not found.is_lost.any()
+    return is_there and not _why_open(observations, problem, found, tie)
 
 
 def _with_more(
     observations: Observations, problem: Problem, flat: Descended, tie: Tie, options: SolveOptions,
     noise_px2: Array | None,
-) -> tuple[Problem, Descended]:  # fmt: skip
-    """The problem with the target's bend among its unknowns if it is to be, and what is known, and its minimum."""
+) -> tuple[Problem, Descended, tuple[str, ...]]:  # fmt: skip
+    """The problem with what is known, and the target's bend if it is to be an unknown, its minimum, and a word on that.
+
+    Where photos hardly tell the camera, a bend would take from it what they do.
+    """
     varies = options.breathing_mm is not None or bool(options.vary)
     if not (options.free_bend or options.priors or varies) or flat.is_lost.any():
-        return problem, flat
-    if options.free_bend:
-        problem = with_bend(problem, observations, options, len(tie.row))
-    if not varies:
-        return problem, descend_displaced(problem, flat, tie, options, noise_px2)
+        return problem, flat, ()
+    said: tuple[str, ...] = ()
+    if options.free_bend and not _why_open(observations, problem, flat, tie):
+        bent = with_bend(problem, observations, options, len(tie.row))
+        found = descend_displaced(bent, flat, tie, options, noise_px2)
+        if found.is_lost.any() or _why_open(observations, bent, found, tie):
+            said = ("the photos do not tell how the target is bent; it is taken to be flat",)
+        elif varies:
+            problem = bent
+        else:
+            return with_variance(bent, found, tie, options), found, ()
     if options.breathing_mm is not None:
-        return with_breathing(problem, flat, tie, options, options.breathing_mm, noise_px2)
-    return with_sessions(problem, flat, tie, options, observations.view_names, noise_px2)
+        return *with_breathing(problem, flat, tie, options, options.breathing_mm, noise_px2), said
+    if options.vary:
+        return *with_sessions(problem, flat, tie, options, observations.view_names, noise_px2), said
+    if options.priors:
+        return problem, descend_displaced(problem, flat, tie, options, noise_px2), said
+    return problem, flat, said
+
+
+def _accuracy_at(problem: Problem, found: Descended, tie: Tie) -> Accuracy:
+    """Of amounts of displacements, the camera's parameters, and the poses, at a minimum in the image."""
+    blocks = found.minimum.blocks
+    return accuracy_of(blocks.products, problem.rows(tie.row), int(found.is_used.sum()), found.robust, blocks.prior)
+
+
+def _why_open(observations: Observations, problem: Problem, found: Descended, tie: Tie) -> str:
+    """Why a minimum determines no camera; "" if it does."""
+    accuracy = of_parameters(_accuracy_at(problem, found, tie), len(found.minimum.amount))
+    return why_degenerate(observations, found.minimum, found.sigma_px, accuracy, tie)
 
 
 def _check(options: SolveOptions) -> None:
@@ -263,9 +297,7 @@ def _calibration(
     found, is_used, accuracy = descended.minimum, descended.is_used, down.lens_accuracy
     amounts, products = len(found.amount), lens.blocks.products
     if accuracy is None:
-        accuracy = accuracy_of(
-            products, down.problem.rows(tie.row), int(down.lens.is_used.sum()), down.lens.robust, lens.blocks.prior
-        )
+        accuracy = _accuracy_at(down.problem, down.lens, tie)
     joint = (down.surface_accuracy or accuracy).param_covariance
     heights_mm2 = joint[:amounts, :amounts]
     accuracy = of_parameters(accuracy, amounts)
@@ -294,15 +326,14 @@ def _calibration(
         views = len(np.unique(observations.view[~is_used & ~beyond]))
         limit = f"beyond {options.reject_sigma:g} robust standard deviations"
         remarks = [*remarks, f"{left_out} of {len(is_used)} observations in {views} views left out: {limit}"]
-    bend = None
-    if options.free_bend and amounts:
+    bend, own = None, TERMS if down.problem.modes_mm[:TERMS].any() else 0
+    if own:
         sigma_mm = bend_sigma_mm(observations.points, options.bend_sigma_mm)
         bend = plane_bend(observations.points).told(found.amount[:TERMS], heights_mm2[:TERMS, :TERMS], sigma_mm)
         observations, remarks = bend.bent(observations), [bend.sentence, *remarks]
     breathing: Breathing | None = None
     sessions: tuple[PhotoSession, ...] = ()
     camera, linear = found.camera, down.problem.at(found.amount).linear(found.camera)
-    own = TERMS if options.free_bend else 0
     if options.breathing_mm is not None and amounts > own:
         breathing = Breathing(float(found.amount[own]), float(np.sqrt(joint[own, own])), options.breathing_mm)
         remarks = [breathing.sentence, *remarks]

@@ -13,16 +13,17 @@ the normal equations N over camera and shape (poses eliminated), E = (N + v diag
 The solution itself stays as it is, so its mean square error is `v E_cc + (E_cs g_s)(E_cs g_s)'`; what is more than
 the noise alone would do, v N_cc^-1, is the target's part. Where the photos tell the shape and it is as the file says,
 little is added; where they tell that it is not, the error that they tell is added; where they do not tell it, what the
-way of making lets expect. What poses take up, also the size of the whole, does nothing.
+way of making lets expect. What poses take up, also the size of the whole, does nothing; nor a bend solved for.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.core.linear_algebra import symmetric_inverse
+from calib.core.linear_algebra import pseudo_inverse, symmetric_inverse
 from calib.core.parallel import one_thread
-from calib.solver.calibration import Calibration, MadeWith, TargetError
+from calib.core.types import KnownPoints
+from calib.solver.calibration import Calibration, MadeWith, PlaneBend, TargetError
 from calib.solver.free_shape import ShapeEquations, camera_directions, shape_equations
 from designer.base.arrays import Array
 from designer.target import TargetGeometry
@@ -56,7 +57,7 @@ def target_told(calibration: Calibration, made: Made | None) -> "tuple[Calibrati
     covariance, opened = np.zeros((size, size)), None
     if found is not None and settled is not None:
         equations, modes_mm = found
-        covariance, opened = _added(equations, settled), _opened(equations, modes_mm, settled)
+        covariance, opened = _added(equations, settled), _opened(calibration, equations, modes_mm, settled)
     errors = None if made.errors is None else MadeWith.of(made.errors)
     return replace(calibration, target_error=TargetError(made.name, made.because, covariance, errors)), opened
 
@@ -85,12 +86,18 @@ def left_open(calibration: Calibration, prior: ShapePrior | None) -> LeftOpen | 
     settled = None if found is None else _settled(found[0])
     if found is None or settled is None:
         return None
-    return _opened(*found, settled)
+    return _opened(calibration, *found, settled)
 
 
-def _opened(equations: ShapeEquations, modes_mm: Array, settled: "tuple[Extended, float]") -> LeftOpen:
+def _opened(
+    calibration: Calibration, equations: ShapeEquations, modes_mm: Array, settled: "tuple[Extended, float]"
+) -> LeftOpen:
     solved, variance = settled
     square = variance * solved.covariance + np.outer(solved.mean, solved.mean)
+    if calibration.target_bend is not None:  # of which the equations do not know
+        camera, to_basis = equations.camera, pseudo_inverse(equations.basis)
+        alone = variance * (solved.camera_inverse - solved.more)
+        square[camera, camera] += to_basis @ calibration.param_covariance @ to_basis.T - alone
     return LeftOpen(equations.basis, modes_mm, square)
 
 
@@ -99,9 +106,18 @@ def _equations(calibration: Calibration, prior: ShapePrior | None) -> tuple[Shap
     basis = camera_directions(calibration)
     if prior is None or not basis.size or calibration.camera.learned is not None:
         return None
+    prior = unbent(prior, calibration.target_bend, calibration.observations.points)
     used = np.unique(calibration.observations.point[~calibration.is_outlier])
     modes_mm = prior.modes_mm[np.abs(prior.modes_mm[:, used]).max(axis=(1, 2), initial=0.0) > 0]
     return shape_equations(calibration, basis, modes_mm, prior.ring_modes_mm), modes_mm
+
+
+def unbent(prior: ShapePrior, bend: PlaneBend | None, points: KnownPoints) -> ShapePrior:
+    """A prior without what a solution has among its unknowns, and states as such."""
+    if bend is None:
+        return prior
+    heights, modes = bend.heights_of(points.position_mm, prior.modes_mm), bend.modes_mm(points.position_mm)
+    return replace(prior, modes_mm=prior.modes_mm - np.tensordot(heights, modes, 1))
 
 
 def added_covariance(equations: ShapeEquations) -> Array:

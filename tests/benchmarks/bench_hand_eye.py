@@ -30,7 +30,6 @@ from calib.observe.robot_poses import read_robot_poses
 from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.relative import carried_error
 from calib.rigs.result import RigCalibration
-from calib.rigs.shared_errors import bent_alone
 from calib.rigs.solve import solve_rig
 from calib.solver.solve import solve
 from calib.solver.start import solve_poses
@@ -89,20 +88,15 @@ class HandEye:
 
 
 def ours(photos: Photos, model: str, noise: tuple[float, float] | None = None, *, kind: str = IN_HAND[0],
-         tells_size: bool = True, allows_slack: bool = True) -> RigCalibration:  # fmt: skip
+         tells_size: bool = True, allows_slack: bool = True, free_bend: bool = False) -> RigCalibration:  # fmt: skip
     """One adjustment of everything, the robot's noise estimated or given."""
     carrier = Carrier(
         kind, photos.rig_from_carrier, is_camera_in_hand=kind == IN_HAND[0],
         size_sigma=FREE_SIZE if tells_size else 0.0,
         sigma_rad=noise[0] if noise else None, sigma_mm=noise[1] if noise else None,
     )  # fmt: skip
-    return solve_rig(photos.seen, [CameraChoice(model)], RigOptions(carrier=carrier, allows_slack=allows_slack))
-
-
-def bent(photos: Photos, model: str) -> Photos:
-    """With the grid as bent as these photos show it."""
-    seen, _ = bent_alone(photos.seen.sightings[0], CameraChoice(model))
-    return replace(photos, seen=replace(photos.seen, sightings=(seen,)))
+    options = RigOptions(carrier=carrier, allows_slack=allows_slack, free_bend=free_bend)
+    return solve_rig(photos.seen, [CameraChoice(model)], options)
 
 
 def solution(found: RigCalibration) -> HandEye:
@@ -167,7 +161,7 @@ def print_real() -> None:
             found[f"one adjustment, {model}"] = free
             found[f"  robot's noise given, {model}"] = solution(ours(train, model, GIVEN))
             found[f"  and no slack of photos, {model}"] = solution(ours(train, model, GIVEN, allows_slack=False))
-            found[f"  and the grid's bend, {model}"] = solution(ours(bent(train, model), model))
+            found[f"  and the grid's bend, {model}"] = solution(ours(train, model, free_bend=True))
             if model == "opencv":
                 found |= {f"{name}, opencv": one for name, one in theirs(train, model).items()}
                 sure = theirs(train, model, free.size)

@@ -272,13 +272,15 @@ def held_out_px(calibration: Calibration, solve: Solve) -> float:
     Raises:
         InputError: fewer views than parts, or the others do not determine a camera.
     """
-    used, views = keep_sightings(calibration.observations, ~calibration.is_outlier), calibration.observations.view_count
+    used, views = keep_sightings(calibration.given, ~calibration.is_outlier), calibration.observations.view_count
     if views < LEAST_FOLDS:
         raise InputError(f"{views} views: give {LEAST_FOLDS} or more to hold some out")
     square = []
     for fold in range(folds := min(USUAL_FOLDS, views)):
         held = np.arange(views) % folds == fold
-        residual = posed_photos(solve(keep_views(used, ~held)), keep_views(used, held))[0].residual_px
+        others, shown = solve(keep_views(used, ~held)), keep_views(used, held)
+        shown = shown if others.target_bend is None else others.target_bend.bent(shown)
+        residual = posed_photos(others, shown)[0].residual_px
         square.append((residual**2).sum(axis=1))
     left_px = float(np.sqrt(np.concatenate(square).mean()))
     return left_px if np.isfinite(left_px) else np.inf
@@ -286,9 +288,7 @@ def held_out_px(calibration: Calibration, solve: Solve) -> float:
 
 def _fold(calibration: Calibration, held: Flags, solve: Solve) -> tuple[Calibration, Flags, list[str]]:
     """The camera of the other views with the poses of those held out, which of all views have one, and remarks."""
-    seen, bend = calibration.observations, calibration.target_bend
-    if bend is not None:  # what the others tell of it counts
-        seen = bend.flattened(seen)
+    seen = calibration.given  # of a bend counts what the others tell
     others = solve(keep_views(keep_sightings(seen, ~calibration.is_outlier), ~held))
     one, has_pose = _posed(others, keep_views(seen, held), calibration.is_outlier[held[seen.view]])
     found = held.copy()

@@ -114,13 +114,17 @@ def test_how_the_target_was_made_is_assumed_said_and_told() -> None:
     sigmas = [np.sqrt(one.stated_covariance[0, 0]) for one in (exact, sheet, assumed)]
     assert sigmas == sorted(sigmas)
     assert sigmas[0] < 0.95 * sigmas[2]
-    assert np.array_equal(exact.param_covariance, assumed.param_covariance)
+    assert (exact.target_bend, assumed.target_bend is None) == (None, False)
+    assert "the target is bent: " in said
+    flat, said = solve("--no-page", "--no-free-bend")
+    assert np.array_equal(exact.param_covariance, flat.param_covariance)
+    assert "the target is bent" not in said
     records = Path("detections.records.json")
     document = json.loads(records.read_text()) | {"rendered_id": BOARD.geometry_id}
     records.write_text(json.dumps(document))
     rendered, said = solve("--no-page")
     assert rendered.target_error is not None
-    assert rendered.target_error.made == "exact"
+    assert (rendered.target_error.made, rendered.target_bend) == ("exact", None)
     assert "the photos were rendered of it" in said
     answer = calib("solve", "detections.csv", "--target", "board.target.json", "--made", "fdm-bord", "-o", "x")
     assert (answer.code, answer.err.count("\n")) == (2, 1)
