@@ -140,6 +140,8 @@ MOST_FRAMES = 3
 """What is known after so many is to be solved before more are chosen by it."""
 MOST_CANDIDATES, FEWEST_CANDIDATES = 800, 50
 """Times cameras, and of any rig."""
+MOST_NUMBERS = 50_000_000
+"""Of what all candidates tell, so that it fits in memory: a lens with a surface has hundreds of unknowns."""
 FEWEST_SEEN, LEAST_FACING = 6, 0.34
 """Points by which a camera sees the target; cosine of the largest angle from which they are read."""
 TURNS = 6
@@ -203,7 +205,8 @@ def _held_poses(found: RigCalibration) -> tuple[Array, Rows]:
         ray = sights(camera, ACROSS * AROUND) @ rig_from_cam[:3, :3].T
         places += [centre + times * usual * one for times in (NEARER, 1.0, FARTHER) for one in ray]
     pairs = [(place, frame) for place in places for frame in frames.tolist()]
-    most = max(MOST_CANDIDATES // len(found.cameras), FEWEST_CANDIDATES)
+    most = min(MOST_CANDIDATES // len(found.cameras), MOST_NUMBERS // len(found.covariance) ** 2)
+    most = max(most, FEWEST_CANDIDATES)
     pairs = [pairs[row] for row in few_of_many(len(pairs), most).tolist()]
     turn = found.rig_from_target[[frame for _, frame in pairs], :3, :3]
     shift = np.array([place for place, _ in pairs]) - turn @ middle

@@ -93,8 +93,10 @@ def next_robot_poses(found: RigCalibration, halves: RigHalves | NoHalves) -> tup
         return ()
     told = frame_information(found, basis).sum(axis=0) + _weak(found, basis)
     each = told_by_candidates(found, basis, tried, points)
-    moves = np.zeros((1, POSE, len(told)))
-    moves[0, :, :count] = _moves(found, basis)
+    # The camera's direction, times the usual distance, and its centre.
+    pose, moves = basis[found.rig.pose_rows(0)], np.zeros((1, POSE, len(told)))
+    moves[0, :3, :count] = _usual_mm(found) * pose[:3]
+    moves[0, 3:, :count] = center_motion(found.cam_from_rig[0]) @ pose
     candidates = InformativeCandidates.by(each, np.ones(each.shape[:2], dtype=np.bool_))
     steps = candidates.chosen(symmetric_inverse(told).inverse, moves, MOST_POSES)
 
@@ -148,12 +150,6 @@ def _weak(found: RigCalibration, basis: Array) -> Array:
     least[rows[lens : lens + POSE], rows[lens : lens + POSE]] = pose
     least[rows[-POSE:], rows[-POSE:]] = pose
     return least
-
-
-def _moves(found: RigCalibration, basis: Array) -> Array:
-    """How a camera's direction, times the usual distance, and its centre follow the basis's directions.  # (6, K)"""
-    pose = basis[found.rig.pose_rows(0)]
-    return np.concatenate([_usual_mm(found) * pose[:3], center_motion(found.cam_from_rig[0]) @ pose])
 
 
 def _stated(found: RigCalibration, noise: Array) -> tuple[float, float]:
