@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
     from calib.core.types import Observations
-    from calib.judge.rig_solution import CameraWishes, RigSeen
+    from calib.judge.joint_solution import CameraWishes, RigSeen
     from calib.observe.robot_poses import RobotPoses
     from designer.page.output import Output
     from designer.target import TargetGeometry
@@ -95,7 +95,7 @@ def hand_eye(
         InputError: files or options that break a rule, or poses that look inverted or in another unit.
     """
     from calib.app.inputs import criteria_of, points_of
-    from calib.judge.hand_eye_file import RobotSetting, judged_on_robot
+    from calib.judge.joint_solution import RobotSetting, judged_on_robot
     from calib.observe.robot_poses import RobotPoses, read_robot_poses
     from designer.base.files import place_of
 
@@ -129,7 +129,7 @@ def wishes_of_one(
     """
     from calib.app.inputs import camera_of
     from calib.cameras.rig import ALONE
-    from calib.judge.rig_solution import require_wishes, wishes_of
+    from calib.judge.joint_solution import require_wishes, wishes_of
     from calib.solver.plan import ALL, plan_from_words
     from calib.solver.priors import texts_of
 
@@ -154,7 +154,7 @@ def seen_by_one(
     from calib.app.inputs import photos_of, require_photos_for_jobs, target_of
     from calib.cameras.rig import ALONE
     from calib.core.types import Observations
-    from calib.judge.rig_solution import RigSeen
+    from calib.judge.joint_solution import RigSeen
     from calib.observe.rig_observations import alone_as_rig
     from calib.observe.rig_search import observations_of_rig, photos_of_one, search_cameras
 

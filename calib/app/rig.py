@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
     from calib.core.types import RigObservations
-    from calib.judge.rig_solution import CameraWishes, RigSeen
+    from calib.judge.joint_solution import CameraWishes, RigSeen
     from calib.observe.rig_search import RigInput
     from calib.rigs.problem import RigOptions
     from calib.solver.problem import SolveOptions
@@ -118,7 +118,7 @@ def rig(
         InputError: files or options that break a rule, or cameras that no frames tie together.
     """
     from calib.app.inputs import camera_of, criteria_of, points_of
-    from calib.judge.rig_solution import judged_rig, wishes_of
+    from calib.judge.joint_solution import judged_rig, wishes_of
     from calib.observe.rig_observations import swapped_cameras, with_remarks
     from calib.observe.rig_search import rig_input
     from calib.solver.plan import ALL, plan_from_words
@@ -173,7 +173,7 @@ def _seen(
     """What was seen, of which target, and in which photos."""
     from calib.app.inputs import require_photos_for_jobs, target_of
     from calib.core.types import RigObservations
-    from calib.judge.rig_solution import RigSeen, require_wishes
+    from calib.judge.joint_solution import RigSeen, require_wishes
     from calib.observe.rig_observations import read_rig_sightings
     from calib.observe.rig_search import observations_of_rig, photos_of_rig, search_cameras
 

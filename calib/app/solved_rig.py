@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from calib.core.types import RigObservations
     from calib.judge.folders import RigRun
     from calib.judge.hand_eye_file import HandEye
+    from calib.judge.joint_solution import RigSeen
     from calib.judge.judge import Judged
-    from calib.judge.rig_solution import RigSeen
     from calib.judge.verdict import NextPose
     from calib.rigs.result import RigCalibration
     from designer.base.answer import Value

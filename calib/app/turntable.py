@@ -66,7 +66,7 @@ def turntable(
     import numpy as np
 
     from calib.app.inputs import criteria_of, points_of
-    from calib.judge.rig_solution import judged_rig
+    from calib.judge.joint_solution import judged_rig
     from calib.rigs.carrier import turned_by
     from calib.rigs.problem import Carrier, RigOptions
 

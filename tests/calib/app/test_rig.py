@@ -37,7 +37,7 @@ def solved() -> SolvedRig:
 @pytest.fixture(autouse=True)
 def without_halves(solved: SolvedRig, monkeypatch: pytest.MonkeyPatch) -> None:
     """Halves of the frames are solved of one rig here, no more."""
-    monkeypatch.setattr("calib.judge.rig_solution.rig_halves", lambda *_: solved.judged.rig_halves)
+    monkeypatch.setattr("calib.judge.joint_solution.rig_halves", lambda *_: solved.judged.rig_halves)
 
 
 @pytest.fixture
