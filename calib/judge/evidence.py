@@ -299,7 +299,7 @@ def rms_px(calibration: Calibration) -> float:
 
 def joint_evidence(found: "RigCalibration", halves: RigHalves | NoHalves) -> JointEvidence:
     """What a rig and halves of its frames tell."""
-    from calib.judge.rig_halves import enlarged
+    from calib.judge.joint_halves import enlarged
     from calib.rigs.figures import pair_figures, rms_length, ties_of
     from calib.rigs.relative import carried_error, middle_error
 

@@ -93,7 +93,7 @@ class RigRun:
     @cached_property
     def stated(self) -> "RigCalibration":
         """With deviations as they are told: enlarged as halves of the frames tell."""
-        from calib.judge.rig_halves import enlarged
+        from calib.judge.joint_halves import enlarged
 
         return enlarged(self.found, self.evidence.halves)
 
@@ -218,7 +218,7 @@ def write_rig(
     Raises:
         InputError: they cannot be written, or hold what `read_rig` refuses.
     """
-    from calib.judge.rig_halves import enlarged
+    from calib.judge.joint_halves import enlarged
     from calib.rigs.rig_calibration_file import rig_files
 
     files = rig_files(folder, found, provenance)

@@ -16,8 +16,8 @@ from calib.core.se3 import invert
 from calib.core.types import Observations, RigObservations, keep_views
 from calib.judge.folders import RigRun
 from calib.judge.halves import RigHalves
+from calib.judge.joint_halves import half_solver, rig_halves
 from calib.judge.judge import judge_rig
-from calib.judge.rig_halves import half_solver, rig_halves
 from calib.judge.solutions import SolveTask, best_of, compared, solve_models
 from calib.judge.verdict import Criteria
 from calib.observe.calibration_file import Provenance

@@ -175,7 +175,7 @@ def judge_rig(found: "RigCalibration", halves: RigHalves | NoHalves, criteria: C
 
     Args:
         found: the rig.
-        halves: of its frames, by `calib.judge.rig_halves.rig_halves`.
+        halves: of its frames, by `calib.judge.joint_halves.rig_halves`.
         criteria: the limits.
     """
     from calib.judge.evidence import joint_evidence

@@ -19,9 +19,9 @@ from calib.judge.checks import STANDARD
 from calib.judge.guidance import Bar, FrameNote, Ghost, Guidance, Look, Stage, TakenPhoto, bar_of, ghost_at
 from calib.judge.guide import Guide
 from calib.judge.guide_state import ALL
+from calib.judge.joint_halves import enlarged, half_solver, rig_halves
 from calib.judge.judge import Judged, judge_rig
 from calib.judge.live_frame import LookedFor, look_at_frame
-from calib.judge.rig_halves import enlarged, half_solver, rig_halves
 from calib.judge.target_hints import Line, are_near, ghost_lines, held_at
 from calib.judge.verdict import Grade, Limits, NextFrame, at_most, measured_text
 from calib.observe.rig_observations import RigSightings, require_names, rig_observations

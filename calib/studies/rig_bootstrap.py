@@ -16,7 +16,7 @@ import numpy as np
 from calib.cameras.rig import Rig
 from calib.core.se3 import compose, invert, log_rotation
 from calib.core.types import RigObservations
-from calib.judge.rig_halves import without_outliers
+from calib.judge.joint_halves import without_outliers
 from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.relative import relative
 from calib.rigs.result import RigCalibration

@@ -11,7 +11,7 @@ from calib.core.se3 import transform
 from calib.core.types import Observations, RigObservations, keep_frames, keep_views
 from calib.judge.folders import write_rig
 from calib.judge.halves import NoHalves, RigHalves
-from calib.judge.rig_halves import half_solver, rig_halves, ways_to_halve, without_outliers
+from calib.judge.joint_halves import half_solver, rig_halves, ways_to_halve, without_outliers
 from calib.observe.calibration_file import Provenance
 from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration

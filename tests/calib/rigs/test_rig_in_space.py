@@ -120,7 +120,7 @@ def test_halves_and_the_record_know_what_was_minimised(monkeypatch: pytest.Monke
         asked.append(options.minimise)
         raise InputError("no halves here")
 
-    monkeypatch.setattr("calib.judge.rig_halves.solve_rig", solved)
+    monkeypatch.setattr("calib.judge.joint_halves.solve_rig", solved)
     found = calib.rig(scene().observations, model="opencv", minimise="ray", loss="huber")
     assert set(asked) == {"ray"}
     assert (found.run.provenance.options.minimise, found.run.provenance.options.loss) == ("ray", "huber")

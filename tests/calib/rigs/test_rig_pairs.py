@@ -12,7 +12,7 @@ from calib.cameras.rig import Rig
 from calib.core.se3 import compose, exp_rotation, invert, log_rotation, make_pose, skew
 from calib.judge.evidence import joint_evidence
 from calib.judge.halves import NOT_COMPARED, RigHalves, RigSplit
-from calib.judge.rig_halves import enlarged
+from calib.judge.joint_halves import enlarged
 from calib.rigs.figures import epipolar_distances, seen_by_both, ties_of, widest_chain
 from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.relative import Relative, compare_rigs, middle_error, relative

@@ -9,7 +9,7 @@ import pytest
 from calib.cameras import parameter_names
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose, skew, steps_between
 from calib.core.types import RigObservations, keep_frames, keep_views
-from calib.judge.rig_halves import half_solver
+from calib.judge.joint_halves import half_solver
 from calib.rigs.accuracy import motion_covariance, shared_inverse
 from calib.rigs.carrier import turned_by
 from calib.rigs.descend import assembled, descend_rig, rig_equations
