@@ -65,7 +65,8 @@ def open_rig(place: Path, format_name: str | None = None, unit: str | None = Non
     if kind is None and _is_of_one(place):
         if unit is not None:
             raise InputError(f"--from-unit {unit}: is of lengths, and {place} is one camera; leave it out")
-        return as_rig(open_camera(str(place)), place.name.partition(ONE_OF)[2] or ALONE)
+        name = ALONE if os.path.lexists(place) else str(place).rpartition(ONE_OF)[2]
+        return as_rig(open_camera(str(place)), name)
     if kind is None:
         if not place.is_dir():
             read_small_text(place, RIG.largest_bytes, "a rig file")  # says what is wrong with it, if it is not read
@@ -86,8 +87,9 @@ def open_rig(place: Path, format_name: str | None = None, unit: str | None = Non
 
 def _is_of_one(place: Path) -> bool:
     """Whether a place is that of one camera: its file, a folder with its `camera.json`, or one of several in a file."""
-    if ONE_OF in place.name and not os.path.lexists(place):
-        return True
+    if not os.path.lexists(place):
+        before, mark, _ = str(place).rpartition(ONE_OF)
+        return bool(mark) and os.path.lexists(before)
     if place.is_dir():
         return (place / FORMATS[OWN].file_name).is_file()
     return place.is_file() and recognise(read_small_text(place, RIG.largest_bytes, "a rig file")) is not None

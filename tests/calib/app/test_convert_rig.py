@@ -183,6 +183,8 @@ def test_one_camera_is_a_rig_of_one_in_files(tmp_path: Path) -> None:
         assert np.array_equal(rig.cameras[0].params, alone.params)
         assert np.array_equal(rig.cam_from_rig[0], np.eye(4))
     assert load_rig("pair.json#right").names == ("right",)
+    with pytest.raises(InputError, match=r"^nothing.json#right: cannot be read"):
+        load_rig("nothing.json#right")
     with pytest.raises(InputError, match=r"--from-unit m: is of lengths, and run is one camera; leave it out"):
         load_rig("run", unit="m")
     (tmp_path / "rig").mkdir()
