@@ -38,7 +38,7 @@ from calib.solver.problem import (
     tie_parameters,
 )
 from calib.solver.start import FirstPoses, coarse_camera, first_poses, turned_over
-from calib.solver.varying import session_rows, sessions_of, with_breathing, with_sessions
+from calib.solver.varying import sessions_of, with_breathing, with_sessions
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 
@@ -338,8 +338,9 @@ def _calibration(
         breathing = Breathing(float(found.amount[own]), float(np.sqrt(joint[own, own])), options.breathing_mm)
         remarks = [breathing.sentence, *remarks]
     if options.vary and amounts > own:
-        names, _ = session_rows(observations.view_names, options)
-        sessions, camera, covariance = sessions_of(camera, options, names, found.amount[own:], joint[own:, own:])
+        sessions, camera, covariance = sessions_of(
+            camera, down.problem, options, observations.view_names, found.amount[own:], joint[own:, own:]
+        )
         accuracy = replace(accuracy, param_covariance=covariance)
         remarks = [*(one.told(camera) for one in sessions), *remarks]
     return Calibration(

@@ -30,7 +30,7 @@ from designer.base.words import shown
 BREATHES = 0.2
 """Deviation of b before photos tell it, as a part of their distance."""
 ROUNDS = 2
-"""Of breathing: depths follow the focal length a little."""
+"""As depths, and the ratio of the focal lengths, follow a little."""
 AXES = np.eye(4)
 FOCAL = "focal"
 """Both focal lengths by the same share."""
@@ -77,20 +77,22 @@ def with_sessions(
 ) -> tuple[Problem, Descended]:  # fmt: skip
     """The problem with the sessions' deviations behind its amounts, and its minimum, from one without."""
     names, session = session_rows(view_names, options)
-    problem, first, camera = base, len(base.amount), found.minimum.camera
-    shifts = session_shifts(camera, options, session)
-    sigma = np.full(len(shifts), options.vary_sigma_px or FIRST_SHARE * float(camera.params[0]))
-    for _ in range(SESSION_ROUNDS):
+    problem, first, count = base, len(base.amount), len(names) * len(options.vary)
+    sigma = np.full(count, options.vary_sigma_px or FIRST_SHARE * float(found.minimum.camera.params[0]))
+    for done in range(SESSION_ROUNDS):
+        shifts = session_shifts(found.minimum.camera, options, session)
         problem = base.with_shifts(shifts, sigma, len(tie.row))
         found = descend_displaced(problem, found, tie, options, noise_px2)
         blocks, used = found.minimum.blocks, int(found.is_used.sum())
-        if options.vary_sigma_px is not None or found.is_lost.any():
+        if (options.vary_sigma_px is not None and done + 1 >= ROUNDS) or found.is_lost.any():
             break
+        if options.vary_sigma_px is not None:
+            continue
         told = accuracy_of(blocks.products, problem.rows(tie.row), used, found.robust, blocks.prior).param_covariance
         amount, variance, before = found.minimum.amount[first:], np.diagonal(told)[first:], sigma
         sigma = np.concatenate([
             np.full(len(names), component(amount[rows], variance[rows], float(before[rows[0]])))
-            for rows in np.arange(len(shifts)).reshape(-1, len(names))
+            for rows in np.arange(count).reshape(-1, len(names))
         ])  # fmt: skip
         if not (np.isfinite(sigma).all() and (np.abs(sigma - before) > SAME * before).any()):
             break
@@ -120,14 +122,15 @@ def session_shifts(camera: Camera, options: SolveOptions, session: Rows) -> Arra
 
 
 def sessions_of(
-    camera: Camera, options: SolveOptions, names: Sequence[str], amount: Array, covariance: Array
+    camera: Camera, problem: Problem, options: SolveOptions, view_names: Sequence[str], amount: Array, covariance: Array
 ) -> tuple[tuple[PhotoSession, ...], Camera, Array]:
-    """The sessions of names, and their mean as a camera with its covariance (P, P).
+    """The sessions of views, and their mean as a camera with its covariance (P, P).
 
     By deviations (K G,), and the joint covariance of these and of the camera's parameters. The mean is that of these
     sessions, and not of all there may be: it is as sure as they are.
     """
-    shifts = session_shifts(camera, options, np.arange(len(names)))  # a view a session
+    names, session = session_rows(view_names, options)
+    shifts = problem.shifts[-len(amount) :, np.unique(session, return_index=True)[1]]  # of a view of each
     found, mean, count = [], shifts.mean(axis=1), len(camera.params)
     for name, own in zip(names, shifts.transpose(1, 0, 2), strict=True):
         by_all = np.concatenate([own, np.eye(count, 4)])
