@@ -324,14 +324,15 @@ def capture(evidence: LensEvidence, criteria: Criteria) -> Found | None:
         f"by up to {px(effect.camera_px)} in 95 % of the image"
         for effect in error.effects[:MOST_EFFECTS]
     ) + f"; and {len(error.effects) - MOST_EFFECTS} less sure" * (len(error.effects) > MOST_EFFECTS)
+    grade = at_most(value, criteria["capture"])
     if all(effect.explains for effect in error.effects):
-        sentence = f"the photos show {shown}; its uncertainty contains it"
-    else:
-        sentence = (
-            f"something looks like {shown}; it does not explain all that is left over, or parameters were fixed or "
-            "shared, so it may be another cause"
-        )
-    return Found(at_most(value, criteria["capture"]), value, sentence)
+        return Found(grade, value, f"the photos show {shown}; its uncertainty contains it")
+    sentence = (
+        f"something looks like {shown}; it does not explain all that is left over, or parameters were fixed or "
+        "shared, so it may be another cause"
+    )
+    # Of a cause that is not sure the uncertainty decides, which contains it.
+    return Found("usable" if grade == "bad" else grade, value, sentence)
 
 
 def taken_as(error: CaptureError) -> str:
