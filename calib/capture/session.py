@@ -306,9 +306,10 @@ class Session:
         }
         if frames:
             self._take(frames, by_itself=False)
+        elif self._last:
+            self._notice("this picture is taken already; the next one comes in a moment")
         else:
-            several = "s" * (len(self.sources) > 1)
-            self._notice(f"there is no {'new ' if self._last else ''}picture yet; start the camera{several}")
+            self._notice(f"there is no picture yet; start the camera{'s' * (len(self.sources) > 1)}")
 
     def frame(self, frame: Frame) -> None:
         """A frame of a source."""
