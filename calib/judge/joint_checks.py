@@ -19,10 +19,12 @@ def frames(evidence: JointEvidence, criteria: Criteria) -> Found:
         return Found(at_least(evidence.frames, limits), float(evidence.frames), words)
     weakest = min(evidence.ties, key=lambda tie: tie.joining_frames)
     count, name = weakest.joining_frames, printable(evidence.names[weakest.camera])
-    sentence = f"each camera shares {count} frames or more with another"
-    if count < max(tie.joining_frames for tie in evidence.ties):
+    grade, sentence = at_least(count, limits), f"each camera shares {count} frames or more with another"
+    if grade != "good":
+        sentence = f"{name} shares only {count} frame{'s' * (count != 1)} with another camera"
+    elif count < max(tie.joining_frames for tie in evidence.ties):
         sentence += f", {name} the fewest"
-    return Found(at_least(count, limits), float(count), sentence)
+    return Found(grade, float(count), sentence)
 
 
 def lenses(evidence: JointEvidence, _: Criteria) -> Found | None:

@@ -136,7 +136,7 @@ def test_one_camera_that_few_frames_join_is_named() -> None:
     one, two = evidence().ties
     verdict = judge(evidence(ties=(one, replace(two, joining_frames=3))), STANDARD)
     assert (verdict.grade, verdict.leads_with) == ("bad", "frames")
-    assert "right the fewest" in verdict.sentence
+    assert "right shares only" in verdict.sentence
     assert any("right" in step for step in verdict.advice)
 
 
