@@ -23,6 +23,7 @@ from calib.draw.run_tables import (
     headline_by,
     models_table,
     parameters_table,
+    sessions_table,
     verdict_blocks,
 )
 from calib.judge.coverage import lit_part
@@ -163,6 +164,7 @@ def camera_section(run: JudgedRun) -> Section:
     best, is_usable = run.best, run.judged is None or run.judged.verdict.grade != "bad"
     place = f"{best.path}camera.json"
     blocks: list[Block] = [parameters_table(best.metrics)]
+    blocks += [sessions_table(best.calibration)] if best.calibration.sessions else []
     blocks += [Fold(f"Parameters of model {one.model}", (parameters_table(one.metrics),)) for one in run.others]
     if is_usable:
         blocks.append(Command(

@@ -16,7 +16,7 @@ from calib.core.types import UNMEASURABLE_WORDS
 from calib.judge.solutions import Solution
 from calib.judge.verdict import Check, Grade, Verdict
 from calib.observe.dataset import Records
-from calib.solver.calibration import Calibration
+from calib.solver.calibration import LINEAR, Calibration
 from calib.solver.metrics.evaluation import Evaluation, by_face
 from calib.solver.metrics.evaluation_files import FoundParameter, Metrics
 from designer.base.words import capital, printable, with_digits
@@ -49,6 +49,20 @@ def parameters_table(metrics: Metrics) -> Table:
     if metrics.model in MODELS and (surface := surface_model(metrics.model)) is not None:
         title += f", without the {len(surface.parameters) - surface.first_control} control points of its surface"
     return Table(title, tuple(columns), rows, visible_rows=20)
+
+
+def sessions_table(calibration: Calibration) -> Table:
+    """A row a session of photos, between which the linear part varies."""
+    rows = []
+    for one in calibration.sessions:
+        values = zip(one.linear.tolist(), one.sigma.tolist(), strict=True)
+        cells = (Cell(f"{with_digits(value, sigma)} ± {sigma:.2g}", value) for value, sigma in values)
+        rows.append((Cell(printable(one.name)), Cell(str(len(one.photos))), *cells, Cell(printable(one.file_name))))
+    columns = (
+        Column("session", is_number=False), Column("photos"), *(Column(f"{name} (px)") for name in LINEAR),
+        Column("file", is_number=False),
+    )  # fmt: skip
+    return Table("Sessions, of which the camera is the mean", columns, tuple(rows), visible_rows=20)
 
 
 def _parameter(name: str, one: FoundParameter, *, has_truth: bool) -> tuple[Cell, ...]:

@@ -7,7 +7,6 @@ programs need.
 
 import hashlib
 import math
-import re
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Annotated
@@ -152,8 +151,7 @@ def calibration_files(
         folder / CAMERA_FILE: camera_to_json(calibration.camera).encode(),
     }
     for one in calibration.sessions:
-        word = re.sub(r"[^A-Za-z0-9_-]+", "_", one.name)
-        files[folder / f"camera.{word}.json"] = camera_to_json(one.of(calibration.camera)).encode()
+        files[folder / one.file_name] = camera_to_json(one.of(calibration.camera)).encode()
     return files, replace(provenance, observations_sha256=digest)
 
 

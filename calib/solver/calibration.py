@@ -11,6 +11,7 @@ P1(x) P2(y). The first two are the curvatures of mrcal's deformed calibration ob
 others are curvatures that change from one side to the other.
 """
 
+import re
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
@@ -285,6 +286,11 @@ class Breathing:
         )
 
 
+def session_word(name: str) -> str:
+    """A session's name in that of its file."""
+    return re.sub("[^A-Za-z0-9_-]+", "_", name)
+
+
 @dataclass(frozen=True, eq=False)
 class PhotoSession:
     """The linear part of a group of photos, between which it varies."""
@@ -300,6 +306,11 @@ class PhotoSession:
     def of(self, camera: Camera) -> Camera:
         """The camera of these photos, of that of all."""
         return replace(camera, params=np.concatenate([self.linear, camera.params[4:]]))
+
+    @property
+    def file_name(self) -> str:
+        """Of its camera."""
+        return f"camera.{session_word(self.name)}.json"
 
     def told(self, camera: Camera) -> str:
         """What is another than in the camera of all."""

@@ -45,6 +45,7 @@ from designer.base.errors import InputError
 FAR_OFF = 6.0
 FIRST_PX2 = 0.1**2
 """Variance of a coordinate that priors count by until photos that tell no camera without them tell theirs."""
+MOST_SAID = 8
 TURNS = 4
 """Of descending again with poses turned over that are better so."""
 
@@ -342,7 +343,8 @@ def _calibration(
             camera, down.problem, options, observations.view_names, found.amount[own:], joint[own:, own:]
         )
         accuracy = replace(accuracy, param_covariance=covariance)
-        remarks = [*(one.told(camera) for one in sessions), *remarks]
+        more = [f"{len(sessions) - MOST_SAID} more sessions are in calibration.json"] * (len(sessions) > MOST_SAID)
+        remarks = [*(one.told(camera) for one in sessions[:MOST_SAID]), *more, *remarks]
     return Calibration(
         camera=camera, observations=observations, cam_from_target=target_poses(problem, found.cam_from_target),
         residual_px=found.blocks.residual_px.T, is_outlier=~is_used, scale=accuracy.scale,

@@ -114,9 +114,10 @@ def test_a_folder_keeps_what_varies(tmp_path: Path) -> None:
     seen, of, _ = sessions(0)
     table = tmp_path / "sessions.csv"
     table.write_text("file,session\n" + "".join(f"{name},{one}\n" for name, one in of.items()))
-    calib.solve(seen, model="opencv", vary="focal", sessions=table, out=tmp_path / "out")
+    calib.solve(seen, model="opencv", vary="focal", sessions=table).save(tmp_path / "out")
     back, origin = read_calibration(tmp_path / "out" / "calibration.json")
     assert origin.options.vary == ("focal",)
+    assert "Sessions, of which" in (tmp_path / "out" / "index.html").read_text()
     for one in back.sessions:
         assert load_camera(tmp_path / "out" / f"camera.{one.name}.json").params[:4].tolist() == one.linear.tolist()
     left_px = predict(back).predicted_px - back.observations.center_px
