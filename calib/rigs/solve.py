@@ -4,14 +4,22 @@ With a slack of each photo (`calib.rigs.problem`) a frame that was not taken at 
 camera's lens comes from its own photos. Where these hardly tell it, as a small board far away, the lens is lost with
 what the other cameras said of it: four webcams of others place corners 1.2 mm off with slacks, and .92 mm without. So
 photos have slack where they do not fit together and each camera tells its lens by itself.
+
+A camera with few photos takes up their noise with its lens, and two cameras then place what was not photographed many
+times farther off than all others. Where another camera of the rig has the same model and image size, and nothing that
+the photos say speaks against lenses of one kind, that one's lens is an observation of this one's, as good as such
+lenses are alike.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import chdtrc
 
-from calib.cameras import parameter_names
+from calib.cameras import linearise, parameter_names, rays
+from calib.cameras.refit import image_grid
+from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread_with_scipy
 from calib.core.types import Observations, RigObservations, keep_views
 from calib.rigs.adjust import adjusted
@@ -19,11 +27,13 @@ from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration, as_given
 from calib.rigs.start import Alone, solve_alone, view_rms
 from calib.rigs.variance_components import DISAGREES
+from calib.solver.accuracy import projected_sigma_px
 from calib.solver.calibration import Calibration
 from calib.solver.circles import through_circles
 from calib.solver.costs import IMAGE
 from calib.solver.free_bend import require_bendable
 from calib.solver.in_space import require_planes
+from calib.solver.priors import ParameterPrior
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.base.arrays import Array, Flags
@@ -35,6 +45,13 @@ FAR_OFF, MOST_OFF, FEWEST_LEFT = 3.5, 0.1, 4
 many have to be left."""
 LINEAR_PART = 4
 """Parameters of any model before those of its distortion."""
+ALIKE_FOCAL, ALIKE_CENTRE, ALIKE = 0.01, 0.015, 2.5e-3
+"""Standard deviations by which lenses of one kind differ: focal lengths, as parts of these; the principal point, as
+parts of the image's longer side; and by each other parameter at the border of the image, likewise."""
+UNLIKELY = 1e-3
+"""Probability of a difference between two lenses, from which on they are not taken as of one kind."""
+FAR_APART = 3.0
+"""Standard deviations of a single parameter's difference, likewise."""
 SURE = 3e-3
 """Standard deviation of a focal length, as a part of it, from which on a camera's own photos tell its lens."""
 
@@ -82,7 +99,7 @@ def _solved(observations: RigObservations, choices: Sequence[CameraChoice], opti
     used = as_given(found)
     rms = [view_rms(seen, left) for seen, left in zip(used.sightings, found.residual_px, strict=True)]
     if not (is_off := _far_off(used, rms)):
-        return found
+        return _with_lenses_alike(found, observations, choices, options, alone)
     is_off = _worst_of_frames(used, is_off, rms)
     again = _solved_without(is_off, rms, used, choices, options)
     return again if again.status == "converged" else found
@@ -100,6 +117,73 @@ def _of_all(
     if not all(_tells_its_lens(*one) for one in zip(observations.sightings, choices, alone, strict=True)):
         return found
     return adjusted(observations, replace(options, allows_slack=True), [alone])
+
+
+def _with_lenses_alike(
+    found: RigCalibration,
+    observations: RigObservations,
+    choices: Sequence[CameraChoice],
+    options: RigOptions,
+    alone: Sequence[Alone],
+) -> RigCalibration:
+    """The rig with lenses that its photos leave open near the surest other one of their kind; as it was if none is."""
+    open_px = []
+    for number, one in enumerate(found.cameras):
+        own, pixel = found.rig.params_rows(number), image_grid(one.image_size).reshape(-1, 2)
+        sigma_px = projected_sigma_px(one, found.covariance[own, own], pixel)
+        open_px.append(float(np.median(np.nan_to_num(sigma_px, nan=max(one.image_size)))))
+    wanted, begun, said = list(choices), list(alone), []
+    for number, (one, choice) in enumerate(zip(found.cameras, choices, strict=True)):
+        if not choice.is_refined or choice.priors or open_px[number] <= ALIKE * max(one.image_size):
+            continue
+        like = [
+            (open_px[row], row)
+            for row, other in enumerate(found.cameras)
+            if other.model == one.model and other.image_size == one.image_size and open_px[row] < open_px[number] / 2
+        ]
+        if not like or len(one.params) != len(parameter_names(one.model)):
+            continue
+        row, name = min(like)[1], observations.camera_names[number]
+        priors = _priors_from(found, number, row)
+        if not priors:
+            continue
+        lens = replace(choice, given=found.cameras[row])
+        start = solve_alone(observations.sightings[number], name, lens, options)
+        wanted[number] = replace(choice, priors=priors)
+        begun[number] = replace(
+            alone[number], camera=start.camera, cam_from_target=start.cam_from_target, priors=priors
+        )
+        said.append(
+            f"{printable(name)}: its photos leave its lens open ({open_px[number]:.2g} px over half of the image), so "
+            f"it is held as near to that of {printable(observations.camera_names[row])} as lenses of one kind are: "
+            "take more photos with it, or give what is known (--prior)"
+        )
+    if not said:
+        return found
+    again = _of_all(observations, wanted, options, begun)
+    return replace(again, remarks=(*said, *again.remarks)) if again.status == "converged" else found
+
+
+def _priors_from(found: RigCalibration, camera: int, other: int) -> tuple[ParameterPrior, ...]:
+    """What another lens of one kind tells of a camera's; nothing if the two differ by more than chance and kind do."""
+    one, like = found.cameras[camera], found.cameras[other]
+    ray = rays(like, image_grid(like.image_size).reshape(-1, 2))
+    by_params = linearise(like, np.ascontiguousarray(ray[np.isfinite(ray).all(axis=1)].T)).by_params
+    width = max(like.image_size)
+    scatter = ALIKE * width / np.nanpercentile(np.hypot(*by_params), 95, axis=1)
+    scatter[:LINEAR_PART] = *ALIKE_FOCAL * like.params[:2], ALIKE_CENTRE * width, ALIKE_CENTRE * width
+    own, its = found.rig.params_rows(camera), found.rig.params_rows(other)
+    covariance = found.covariance[own, own] + found.covariance[its, its] + np.diag(scatter**2)
+    covariance -= found.covariance[own, its] + found.covariance[its, own]
+    sigma = np.hypot(scatter, np.sqrt(np.diagonal(found.covariance)[its]))
+    free = np.flatnonzero(np.diagonal(found.covariance)[own] > 0)
+    off = (one.params - like.params)[free]
+    among = covariance[np.ix_(free, free)]
+    square = off @ symmetric_inverse(among).inverse @ off
+    if chdtrc(len(free), square) < UNLIKELY or (np.abs(off) > FAR_APART * np.sqrt(np.diagonal(among))).any():
+        return ()
+    names = parameter_names(one.model)
+    return tuple(ParameterPrior(names[k], float(like.params[k]), float(sigma[k])) for k in free.tolist())
 
 
 def _far_off(observations: RigObservations, rms: Sequence[Array]) -> tuple[Flags, ...]:

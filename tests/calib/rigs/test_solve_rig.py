@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.cameras import parameter_names
-from calib.core.se3 import exp_rotation, invert, look_at, make_pose, skew, steps_between
+from calib.cameras import parameter_names, project
+from calib.core.se3 import exp_rotation, invert, look_at, make_pose, skew, steps_between, transform
 from calib.core.types import RigObservations, keep_frames, keep_views
 from calib.judge.joint_halves import half_solver
 from calib.rigs.accuracy import motion_covariance, shared_inverse
@@ -33,6 +33,8 @@ from calib.solver.in_space import in_space
 from calib.solver.levenberg import move_poses
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
+from calib.space.propagate import of_rows
+from calib.space.triangulate import triangulate_points
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from tests.support import rig_views, solver_scenes
@@ -454,3 +456,64 @@ def test_a_photo_that_hardly_tells_its_pose_is_no_wrong_pose_of_the_robot(seed: 
     found = solve_rig(observations, [CameraChoice("opencv")], RigOptions(carrier=carrier))
     assert not any("left out" in remark for remark in found.remarks)
     assert found.observations.frame_count == observations.frame_count
+
+
+def _three_cameras(seed: int, third_focal: float) -> tuple[rig_views.RigScene, RigObservations]:
+    """Two that see a board ten times, and one that sees it three times, of a focal length that is told as a part."""
+    rng = np.random.default_rng(seed)
+    one = rig_views.camera()
+    lenses = [
+        replace(
+            one, params=one.params * (1 + np.r_[rng.normal(0, 0.004) * np.ones(2), rng.normal(0, 0.01, 2), np.zeros(5)])
+        )
+        for _ in range(3)
+    ]
+    lenses[2] = replace(lenses[2], params=lenses[2].params * np.r_[third_focal * np.ones(2), np.ones(7)])
+    eye, aim = (
+        np.array([[-200.0, 0, 0], [0, 0, 0], [200.0, 0, 0]]),
+        np.array([[-60.0, 900, 0], [0, 900, 0], [60.0, 900, 0]]),
+    )
+    turned = make_pose(exp_rotation(rng.uniform(-0.4, 0.4, (10, 3))), rng.uniform(-120, 120, (10, 3)))
+    world = (
+        make_pose(np.eye(3), np.array([0.0, 900, 0]))
+        @ turned
+        @ make_pose(exp_rotation(np.array([np.pi / 2, 0, 0])), np.zeros(3))
+    )
+    names = ("left", "middle", "right")
+    scene = rig_views.scene_of(names, lenses, look_at(eye, aim), world, solver_scenes.board(9, 7, 20.0), rng, 0.15)
+    seen = scene.observations
+    every = np.ones(10, dtype=bool)
+    return scene, _without_views(seen, [every, every, np.isin(np.arange(10), [1, 4, 6])])
+
+
+def _length_error_mm(scene: rig_views.RigScene, found: RigCalibration, frames: Array) -> float:
+    """Of the sides of the board in frames, as the last two cameras place what they truly show."""
+    shown, count = scene.observations.points.position_mm, len(frames)
+    there = transform(scene.rig_from_target[frames, None], shown).reshape(-1, 3)
+    pixel = [project(scene.cameras[k], transform(scene.cam_from_rig[k], there)) for k in (1, 2)]
+    camera, names = np.repeat([1, 2], len(there)), tuple(map(str, range(len(there)))) * 2
+    seen = of_rows(camera, ("all",) * len(camera), names, np.concatenate(pixel))
+    placed = triangulate_points(found.rig, seen, rejects=False).position_mm.reshape(count, -1, 3)
+    long = np.linalg.norm(placed[:, 0] - placed[:, -1], axis=1) - np.linalg.norm(shown[0] - shown[-1])
+    return float(np.sqrt(np.mean(long**2)))
+
+
+def test_a_lens_that_few_photos_leave_open_is_near_to_another_of_its_kind() -> None:
+    """What is not photographed lies far nearer than by its own photos alone, and no farther than is stated."""
+    off_mm, squares = [], []
+    for seed in range(4):
+        scene, seen = _three_cameras(seed, 1.0)
+        found = solve_rig(seen, [CameraChoice("opencv")] * 3)
+        assert any(remark.startswith("right: its photos leave its lens open") for remark in found.remarks)
+        off_mm.append(_length_error_mm(scene, found, np.array([0, 2, 3, 5, 7, 8, 9])))
+        squares.append(_chi_square(found, scene.cam_from_rig, 2))
+    assert max(off_mm) < 0.6
+    assert np.mean(squares) < 12.0
+
+
+def test_lenses_of_different_kinds_are_not_drawn_together() -> None:
+    """A focal length that is another by half, which even three photos tell."""
+    _, seen = _three_cameras(0, 1.5)
+    found = solve_rig(seen, [CameraChoice("opencv")] * 3)
+    assert not any(remark.startswith("right: its photos leave") for remark in found.remarks)
+    assert found.priors == () or not found.priors[2]
