@@ -19,6 +19,10 @@ from designer.base.arrays import Array, Flags, Rows
 
 RUN = 2000
 """Observations at a time; their derivatives stay in the processor's cache."""
+KEPT = 2**22
+"""Bytes that the C library is to keep for the next step once they are freed. glibc learns that from the first such
+block; before, it gives a step's arrays back to the system, and has them again page by page: a fifth of the time."""
+np.empty(KEPT, dtype=np.int8)
 CHUNK = 112
 """Of them at a time, at most; their derivatives and equations stay in the nearest cache."""
 

@@ -211,7 +211,7 @@ def linear_poses(problem: Problem, camera: Camera, *, is_robust: bool, as_planes
     """
     ray = rays(camera, problem.measured_px.T)
     view_from_cam = _facing(problem, ray)
-    slope = slopes(np.einsum("mij,mj->mi", view_from_cam[problem.view], ray))
+    slope = slopes(ray if view_from_cam is None else np.einsum("mij,mj->mi", view_from_cam[problem.view], ray))
     used = problem.is_used & ((slope**2).sum(axis=1) < STEEPEST**2)  # false of nan
     counts = np.add.reduceat(used.astype(np.int64), problem.view_start[:-1])
     poses = np.full((problem.view_count, 4, 4), np.nan)
@@ -222,24 +222,33 @@ def linear_poses(problem: Problem, camera: Camera, *, is_robust: bool, as_planes
     start = np.concatenate([[0], np.cumsum(counts[views])])
     position, image = problem.position_mm[:, inside], slope[inside].T
     fitted = linear_views(start, position, image, as_planes=as_planes, is_robust=is_robust)
-    cam_from_view = make_pose(view_from_cam[views].transpose(0, 2, 1), np.zeros(3))
-    poses[views] = compose(cam_from_view, poses_of(fitted))
+    cam_from_view = None if view_from_cam is None else make_pose(view_from_cam[views].transpose(0, 2, 1), np.zeros(3))
+    poses[views] = _composed(cam_from_view, poses_of(fitted))
     if not as_planes and not fitted.is_planar.all():
         other = np.full_like(poses, np.nan)
-        other[views] = compose(cam_from_view, weak_perspective_poses(start, position, image))
+        other[views] = _composed(cam_from_view, weak_perspective_poses(start, position, image))
         median = [_median_squares(problem, camera, one) for one in (poses, other)]
         poses = np.where((median[1] < median[0])[:, None, None], other, poses)
     return poses
 
 
-def _facing(problem: Problem, ray: Array) -> Array:
-    """Rotations (V, 3, 3) after which the rays (M, 3) of views that lie far off the axis have it in their middle."""
+def _composed(cam_from_view: Array | None, poses: Array) -> Array:
+    return poses if cam_from_view is None else compose(cam_from_view, poses)
+
+
+def _facing(problem: Problem, ray: Array) -> Array | None:
+    """Rotations (V, 3, 3) after which the rays (M, 3) of views that lie far off the axis have it in their middle.
+
+    None if there are no such views.
+    """
     known = np.where(np.isfinite(ray) & problem.is_used[:, None], ray, 0.0)
     middle = np.add.reduceat(known, problem.view_start[:-1], axis=0)
     length = np.linalg.norm(middle, axis=1, keepdims=True)
     ahead = np.array([0.0, 0.0, 1.0])
     is_far = np.minimum.reduceat(np.where(known[:, 2] == 0, 1.0, known[:, 2]), problem.view_start[:-1]) < FAR_COSINE
     is_far &= length[:, 0] > 0
+    if not is_far.any():
+        return None
     towards = np.where(is_far[:, None], middle / np.where(length > 0, length, 1.0), ahead)
     return rotation_between(towards, np.broadcast_to(ahead, towards.shape))
 
