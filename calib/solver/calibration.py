@@ -109,17 +109,21 @@ class PlaneBend:
 
     @property
     def sentence(self) -> str:
-        """How the target is bent, in a line."""
+        """How the target is bent, in a line; one that is not surely bent is flat within so much."""
         (a, b, *rest), (sigma_a, sigma_b, *rest_sigma) = self.height_mm, self.sigma_mm
+        sigma_mm = np.array(self.sigma_mm)
+        if not (np.abs(self.height_mm) > SURELY_BENT * sigma_mm).any():
+            within_mm = float((np.abs(self.height_mm) + SURELY_BENT * sigma_mm).max())
+            return (
+                f"the target is flat within {within_mm:.2g} mm, as the photos show it; what they leave open is stated"
+            )
         x, y, z = self.axes[2].tolist()
         others = ", ".join(f"{one:.2g} ± {sigma:.2g}" for one, sigma in zip(rest, rest_sigma, strict=True))
-        is_sure = (np.abs(self.height_mm) > SURELY_BENT * np.array(self.sigma_mm)).any()
         return (
             f"the target is bent: its middle stands {a:.3g} ± {sigma_a:.2g} mm out against the ends of its first side "
             f"and {b:.3g} ± {sigma_b:.2g} mm against those of its second, along its normal ({x:g}, {y:g}, {z:g})"
             + (f" (twist and skew bends {others} mm)" if others else "")
             + "; its points were moved so"
-            + ("" if is_sure else ", by no more than chance")
         )
 
 

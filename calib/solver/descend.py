@@ -27,6 +27,8 @@ MOST_ROUNDS = 60
 WIDER = 0.004
 """Part of the angle off the axis by which more is left out each time that leaving out was not enough."""
 TWICE = 2
+DIMENSIONS = 2
+"""Of displacements that are not drawn to zero, for fewer that would be worse (Stein 1956)."""
 NEAR = 1e-10
 """Damping to begin the last descent with."""
 CLOSE = 1e-12
@@ -164,11 +166,12 @@ def shrunk(problem: Problem, found: Descended, tie: Tie, options: SolveOptions, 
     """
     amount, minimum = found.minimum.amount, found.minimum
     count, used = len(amount), int(found.is_used.sum())
-    sure = accuracy_of(minimum.blocks.products, problem.rows(tie.row), used, prior=minimum.blocks.prior)
+    blocks = minimum.blocks
+    sure = accuracy_of(blocks.products, problem.rows(tie.row), used, found.robust, blocks.prior)
     square = float(amount @ symmetric_inverse(sure.param_covariance[:count, :count]).inverse @ amount)
-    if count <= TWICE or not (minimum.converged and 0 < square < np.inf):
+    if count <= DIMENSIONS or not (minimum.converged and 0 < square < np.inf):
         return found
-    problem = with_variance(problem.at(max(1 - (count - 2) / square, 0.0) * amount), found, tie, options)
+    problem = with_variance(problem.at(max(1 - (count - DIMENSIONS) / square, 0.0) * amount), found, tie, options)
     problem = replace(problem, is_used=found.is_used)
     loss = RobustLoss()
     if options.loss != "squares":

@@ -115,10 +115,10 @@ def test_how_the_target_was_made_is_assumed_said_and_told() -> None:
     assert sigmas == sorted(sigmas)
     assert sigmas[0] < 0.95 * sigmas[2]
     assert (exact.target_bend, assumed.target_bend is None) == (None, False)
-    assert "the target is bent: " in said
+    assert "the target is flat within " in said
     flat, said = solve("--no-page", "--no-free-bend")
     assert np.array_equal(exact.param_covariance, flat.param_covariance)
-    assert "the target is bent" not in said
+    assert "the target is flat" not in said
     records = Path("detections.records.json")
     document = json.loads(records.read_text()) | {"rendered_id": BOARD.geometry_id}
     records.write_text(json.dumps(document))
