@@ -23,9 +23,10 @@ from calib.solver.accuracy import SHARE_PERCENT
 from calib.solver.calibrate import calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.problem import SolveOptions
-from designer.base.arrays import Array, Flags
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 from designer.base.marks import INLINE, LEFT_OUT, AtLeast, AtMost, Key, Length, Line, Word
+from designer.base.words import shown
 
 LEAST_VIEWS = 4
 BY_CHANCE_APART = 1.35
@@ -218,6 +219,10 @@ def half_split(calibration: Calibration, options: SolveOptions) -> HalfSplit:
         return NoHalves("a learned map states no standard deviation that a difference could be compared with")
     if views < LEAST_VIEWS:
         return NoHalves(f"{views} photo{'s' if views > 1 else ''} cannot be halved; take {LEAST_VIEWS} or more")
+    alone = np.bincount(_session(calibration)) == 1
+    if alone.any():
+        name = calibration.sessions[int(np.argmax(alone))].name
+        return NoHalves(f"session {shown(name)} has one photo only, and halves must have each; take 2 or more of it")
     if not np.bincount(seen.view[~calibration.is_outlier], minlength=views).all():
         return NoHalves("a photo has no sighting that counts; leave it out and solve again")
     used = keep_sightings(calibration.given, ~calibration.is_outlier)
@@ -271,28 +276,38 @@ def splits(calibration: Calibration) -> tuple[Flags, ...]:
     Each orders the views along another direction in which they differ (where in the image, how large, from which side,
     how rolled; the principal axes of these) and takes them in turns: first, second, second, first. So the halves are
     alike in that direction, and in the others not on purpose: halves with the same poses would make the same errors.
-    The order in which the views are given does not matter but for ties.
+    The order in which the views are given does not matter but for ties. Each session is halved by itself: a camera is
+    the mean of its sessions, and so that of others in halves that lack some.
     """
     # Of hundreds of parameters a split takes megabytes to keep, and tells much by itself.
     most = MOST_SPLITS if surface_model(calibration.camera.model) is None else 1
     # A half and its complement are the same split.
     found: dict[bytes, Flags] = {}
-    for is_first in by_turns(_features(calibration), most):
+    for is_first in by_turns(_features(calibration), most, _session(calibration)):
         found.setdefault((is_first == is_first[0]).tobytes(), is_first)
     return tuple(found.values())
 
 
-def by_turns(feature: Array, most: int) -> list[Flags]:
+def _session(calibration: Calibration) -> Rows:
+    """The session of each view; all are of one where nothing varies between them.  # (V,)"""
+    of = {photo: number for number, one in enumerate(calibration.sessions) for photo in one.photos}
+    return np.array([of.get(name, 0) for name in calibration.observations.view_names])
+
+
+def by_turns(feature: Array, most: int, group: Rows | None = None) -> list[Flags]:
     """Halves (V,) of views or frames, which differ in their features (V, K), that are alike along the principal axes.
 
-    They are ordered along an axis and taken first, second, second, first.
+    They are ordered along an axis and taken first, second, second, first: those of each group (V,), the other way
+    round in every other.
     """
+    group = np.zeros(len(feature), dtype=np.int64) if group is None else group
     feature = feature - feature.mean(axis=0)
     axes = np.linalg.svd(feature, full_matrices=False)[2]
     # An axis may point either way; which one must not depend on the order of the views.
     axes *= np.sign(np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1))
-    ranks = (np.argsort(np.argsort(feature @ axis, kind="stable")) for axis in axes[:most])
-    return [np.isin(rank % 4, (0, 3)) for rank in ranks]
+    before = np.searchsorted(np.sort(group), group)
+    ranks = (np.argsort(np.lexsort((feature @ axis, group))) - before for axis in axes[:most])
+    return [np.isin(rank % 4, (0, 3)) ^ (group % 2 == 1) for rank in ranks]
 
 
 def _features(calibration: Calibration) -> Array:

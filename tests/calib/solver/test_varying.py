@@ -9,6 +9,8 @@ import pytest
 import calib
 from calib.cameras.camera import load_camera, relinear
 from calib.core.types import Observations
+from calib.judge.coverage import coverage_of
+from calib.judge.halves import BY_CHANCE_APART, HalvesApart, NoHalves, half_split, halves_apart
 from calib.observe.calibration_file import read_calibration
 from calib.solver.capture_error import with_capture_error
 from calib.solver.metrics.errors import predict
@@ -96,6 +98,20 @@ def test_sessions_have_their_own_focal_lengths() -> None:
         assert found.camera.params[:2] == pytest.approx(own.mean(axis=0))
         assert (scenes.sigma_of(found.param_covariance)[:2] < 0.6).all()
         assert found.scale == pytest.approx(NOISE_PX, rel=0.1)
+
+
+def test_halves_have_photos_of_each_session() -> None:
+    """Noise alone shows no difference between them, and sessions of one photo have no halves."""
+    seen, of, _ = sessions(0)
+    options = SolveOptions(vary=("focal",), sessions=tuple(of.items()))
+    found = solve(seen, "opencv", options)
+    apart = halves_apart(half_split(found, options), coverage_of(found))
+    assert isinstance(apart, HalvesApart)
+    assert apart.ratio < BY_CHANCE_APART
+    of |= {seen.view_names[0]: "only"}
+    alone = half_split(solve(seen, "opencv", few := replace(options, sessions=tuple(of.items()))), few)
+    assert isinstance(alone, NoHalves)
+    assert "session only has one photo" in alone.reason.replace("'", "")
 
 
 @pytest.mark.parametrize("kind", ["breathing", "sessions"])
