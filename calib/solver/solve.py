@@ -38,7 +38,7 @@ from calib.solver.problem import (
     tie_parameters,
 )
 from calib.solver.start import FirstPoses, coarse_camera, first_poses, turned_over
-from calib.solver.varying import sessions_of, with_breathing, with_sessions
+from calib.solver.varying import FOCAL, sessions_of, with_breathing, with_sessions
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 
@@ -271,6 +271,12 @@ def _check(options: SolveOptions) -> None:
     varied = "--breathing" if options.breathing_mm is not None else "--vary" if options.vary else ""
     if varied and (options.minimise != IMAGE or (options.breathing_mm is not None and options.vary)):
         raise InputError(f"{varied}: goes with distances in the image, and not with both of --breathing and --vary")
+    differ = {"fx", "fy", *options.vary} if FOCAL in options.vary else set(options.vary)
+    if (known := next((one for one in options.priors if one.name.removesuffix("_px") in differ), None)) is not None:
+        raise InputError(
+            f"--prior {known.text}: with --vary {','.join(options.vary)} it differs between sessions, and no one value "
+            "of it is known; leave one of them out"
+        )
     if options.focal_px is not None and not 0 < options.focal_px < np.inf:
         raise InputError(f"focal length {options.focal_px:g} px: must be more than 0")
 

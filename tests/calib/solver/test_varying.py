@@ -148,6 +148,14 @@ def test_what_cannot_vary_is_refused(vary: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(("vary", "name"), [("focal", "fy"), ("cx", "cx")])
+def test_nothing_is_known_of_what_differs(vary: str, name: str) -> None:
+    """A prior on what varies between sessions is of no one value."""
+    seen, of, _ = sessions(0)
+    with pytest.raises(InputError, match=f"--prior {name}.*vary {vary}.*leave one"):
+        calib.solve(seen, model="opencv", vary=vary, sessions=of, priors={name: (1250.0, 5.0)})
+
+
 def test_sessions_must_be_told() -> None:
     """One session, a photo of none, and sessions between which nothing varies are refused."""
     seen, of, _ = sessions(0)
