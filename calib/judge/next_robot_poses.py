@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.cameras.rig import POSE
-from calib.core.linear_algebra import symmetric_inverse
+from calib.core.linear_algebra import pseudo_inverse, symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.core.se3 import exp_rotation, invert, make_pose, transform
 from calib.core.types import KnownPoints
@@ -91,7 +91,7 @@ def next_robot_poses(found: RigCalibration, halves: RigHalves | NoHalves) -> tup
     tried, count = _candidates(found, fit, points), basis.shape[1]
     if not len(tried.like_frame) or count > MOST_UNKNOWNS:
         return ()
-    told = frame_information(found, basis).sum(axis=0) + _weak(found, basis)
+    told = _known(found, basis)
     each = told_by_candidates(found, basis, tried, points)
     # The camera's direction, times the usual distance, and its centre.
     pose, moves = basis[found.rig.pose_rows(0)], np.zeros((1, POSE, len(told)))
@@ -138,6 +138,21 @@ def _directions(found: RigCalibration) -> Array:
     own = free_directions(lens)
     own = np.concatenate([own, np.zeros((size - len(own), own.shape[1]))])
     return np.concatenate([own, np.eye(size)[:, pose]], axis=1)
+
+
+def _known(found: RigCalibration, basis: Array) -> Array:
+    """What the frames tell of all unknowns, and of the camera what is stated, as information.  # (Q, Q)
+
+    With what is known of parameters, and with what a bend of the target leaves open.
+    """
+    weak, own = _weak(found, basis), slice(basis.shape[1])
+    told: Array = frame_information(found, basis).sum(axis=0) + weak
+    if np.isfinite(found.covariance).all():
+        to_basis = pseudo_inverse(basis)
+        stated = to_basis @ found.covariance @ to_basis.T
+        by_frames = symmetric_inverse(symmetric_inverse(told).inverse[own, own]).inverse
+        told[own, own] += symmetric_inverse(stated).inverse - by_frames + weak[own, own]
+    return told
 
 
 def _weak(found: RigCalibration, basis: Array) -> Array:

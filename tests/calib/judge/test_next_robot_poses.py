@@ -26,6 +26,7 @@ from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import expected_information, frame_information
 from calib.solver.calibration import Calibration
 from calib.solver.free_shape import free_directions
+from calib.solver.priors import ParameterPrior
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.base.arrays import Array
@@ -49,8 +50,9 @@ class Robot:
     base_from_flange: Array  # (V, 4, 4) where it was sent
 
     def solved(
-        self, more: Array | None = None, *, seed: int = 0, is_free: bool = False, allows_slack: bool = False
-    ) -> RigCalibration:
+        self, more: Array | None = None, *, seed: int = 0, is_free: bool = False, allows_slack: bool = False,
+        priors: tuple[ParameterPrior, ...] = (), is_bent: bool = False,
+    ) -> RigCalibration:  # fmt: skip
         """By photos from its poses, and from some more."""
         rng = np.random.default_rng(seed)
         sent = self.base_from_flange if more is None else np.concatenate([self.base_from_flange, more])
@@ -67,8 +69,8 @@ class Robot:
             self.kind, told[rows], is_camera_in_hand=self.kind == HAND, sigma_rad=NOISE[0], sigma_mm=NOISE[1],
             size_sigma=FREE_SIZE if is_free else 0.0,
         )  # fmt: skip
-        choice = CameraChoice("opencv", given=lens, is_refined=is_free)
-        return solve_rig(seen, [choice], RigOptions(carrier=carrier, allows_slack=allows_slack))
+        choice = CameraChoice("opencv", None if priors else lens, is_refined=is_free, priors=priors)
+        return solve_rig(seen, [choice], RigOptions(carrier=carrier, allows_slack=allows_slack, free_bend=is_bent))
 
 
 def robot(kind: str, *, turns: Array | None = None, seed: int = 4) -> Robot:
@@ -136,6 +138,20 @@ def test_poses_give_what_they_promise_and_more_than_others_in_reach(kind: str) -
     like = one.base_from_flange[rng.choice(10, len(poses), replace=False)].copy()
     like[:, :3, :3] = like[:, :3, :3] @ exp_rotation(rng.uniform(-0.4, 0.4, (len(poses), 3)))
     assert place_sigma_mm(again) < 0.9 * place_sigma_mm(one.solved(like))
+
+
+@pytest.mark.parametrize("is_bent", [False, True])
+def test_poses_start_from_what_is_known_of_a_lens_and_of_a_bend(*, is_bent: bool) -> None:
+    """Places are said as they are stated, and come out: with focal lengths known, and with a bend unknown."""
+    fx, fy = rig_views.camera().params[:2].tolist()
+    known = () if is_bent else (ParameterPrior("fx_px", fx, 0.05), ParameterPrior("fy_px", fy, 0.05))
+    one = robot(HAND)
+    found = one.solved(is_free=is_bent, priors=known, is_bent=is_bent)
+    poses = next_robot_poses(found, ALONE)
+    assert poses[0].place_sigma_mm_before == pytest.approx(place_sigma_mm(found), rel=1e-3)
+    more = np.stack([pose.base_from_flange for pose in poses])
+    again = one.solved(more, is_free=is_bent, priors=known, is_bent=is_bent)
+    assert place_sigma_mm(again) == pytest.approx(poses[-1].place_sigma_mm_after, rel=0.15)
 
 
 @pytest.mark.parametrize("kind", [HAND, TARGET])
