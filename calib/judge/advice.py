@@ -23,6 +23,7 @@ from calib.judge.verdict import Criteria, px
 from calib.judge.views import ViewFacts, shape_of, view_facts
 from calib.solver.accuracy import is_parallel
 from calib.solver.calibration import Calibration, is_flat
+from calib.solver.free_bend import NOT_TOLD
 from calib.solver.outliers import deviations
 from designer.base.arrays import Rows
 from designer.base.words import figure
@@ -192,7 +193,8 @@ def _target(calibration: Calibration, evidence: LensEvidence, criteria: Criteria
     on_target, shape, halves = evidence.target_px, evidence.shape, evidence.halves
     measure = f"measure the target, and solve with the measured one: {inputs.measure}"
     is_learned = calibration.camera.learned is not None
-    if calibration.target_bend is None and not is_learned and is_flat(calibration.observations.points):
+    is_tried = calibration.target_bend is not None or NOT_TOLD in calibration.remarks
+    if not is_tried and not is_learned and is_flat(calibration.observations.points):
         free = f"{inputs.solve} --model {calibration.camera.model} --free-bend"
         measure = f"solve with the bend of the board as an unknown: `{free}`; if that does not do, {measure}"
     if on_target is not None and on_target > criteria["systematic"].good:

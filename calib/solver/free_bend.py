@@ -29,6 +29,10 @@ its longer side: boards of others are bent by .2 to 1 %. And that of the bends t
 these: a board that lies or leans is bent evenly."""
 
 
+NOT_TOLD = "the photos do not tell how the target is bent; it is taken to be flat"
+"""Of a solution that was to have the bend among its unknowns."""
+
+
 def require_bendable(points: KnownPoints, minimise: str) -> None:
     """Refuse distances in space, and targets that are not flat.
 

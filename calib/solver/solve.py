@@ -23,7 +23,7 @@ from calib.solver.descend import (
     with_variance,
     without_lens,
 )
-from calib.solver.free_bend import bend_sigma_mm, of_parameters, require_bendable, with_bend
+from calib.solver.free_bend import NOT_TOLD, bend_sigma_mm, of_parameters, require_bendable, with_bend
 from calib.solver.in_space import descend_in_space, require_planes
 from calib.solver.outliers import shifted_photo, variance_power, whitened
 from calib.solver.priors import contradictions
@@ -236,7 +236,7 @@ def _with_more(
         bent = with_bend(problem, observations, options, len(tie.row))
         found = descend_displaced(bent, flat, tie, options, noise_px2)
         if found.is_lost.any() or _why_open(observations, bent, found, tie):
-            said = ("the photos do not tell how the target is bent; it is taken to be flat",)
+            said = (NOT_TOLD,)
         elif varies:
             problem = bent
         else:

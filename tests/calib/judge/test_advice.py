@@ -15,6 +15,7 @@ from calib.judge.next_views import NextView, next_views
 from calib.judge.verdict import Criteria, px
 from calib.judge.views import view_facts
 from calib.solver.calibration import Calibration
+from calib.solver.free_bend import NOT_TOLD
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.base.arrays import Array
@@ -197,7 +198,10 @@ def test_a_bent_board_is_to_be_measured_before_anything_else() -> None:
     bent = replace(BOARD, position_mm=BOARD.position_mm + np.array([0, 0, 1e-4]) * BOARD.position_mm[:, :1] ** 2)
     poses = shown_at(ALL_OVER, (330.0, 400.0, 500.0), (35.0, 10.0, 45.0, 25.0))
     seen = observe(CAMERAS["opencv"], bent, poses, np.random.default_rng(3), noise_px=NOISE_PX)
-    said = advice(solve(replace(seen, points=BOARD), "opencv"))
+    flat = solve(replace(seen, points=BOARD), "opencv")
+    said = advice(flat)
+    assert "--free-bend" in said[0]
+    assert "--free-bend" not in advice(replace(flat, remarks=(NOT_TOLD,)))[0]
     assert "`calib measure NAME.target.json detections.csv --photos FOLDER -o measured/NAME.target.json`" in said[0]
     found = replace(evidence(good()), halves=halves_apart_by(4.2, 0.1, 0.02, 0.2))
     said = advice_of(good(), found, criteria())
