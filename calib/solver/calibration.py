@@ -99,6 +99,14 @@ class PlaneBend:
         """Standard deviations of the heights."""
         return tuple(np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0)).tolist())
 
+    @property
+    def believed_mm(self) -> tuple[float, float, float, float, float] | None:
+        """As `SolveOptions.bend_sigma_mm`, to solve again as this was; None: what is usual."""
+        if len(self.before_mm) < TERMS:  # files of before do not say
+            return None
+        a, b, c, d, e = self.before_mm
+        return a, b, c, d, e
+
     def told(self, height_mm: Array, covariance_mm2: Array, before_mm: Array) -> "PlaneBend":
         """The same with heights (S,), their covariance (S, S), and what was believed of them (S,)."""
         upper = covariance_mm2[np.triu_indices(len(height_mm))]

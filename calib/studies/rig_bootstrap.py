@@ -121,9 +121,10 @@ def drawn_frames(observations: RigObservations, drawn: Rows) -> RigObservations:
 
 def frame_pool(found: RigCalibration, options: SolveOptions) -> FramePool:
     """The frames of a rig without a carrier, to be solved with its loss; what it left out stays out."""
+    bend = found.target_bend
     as_solved = RigOptions(
         max(found.reference, 0), found.weighted, options.loss, allows_slack=found.slack is not None,
-        minimise=options.minimise,
+        minimise=options.minimise, free_bend=bend is not None, bend_sigma_mm=None if bend is None else bend.believed_mm,
     )  # fmt: skip
     return FramePool(without_outliers(found), found.choices, as_solved)
 
@@ -135,7 +136,7 @@ def identity(pool: FramePool, seed: int) -> StudyIdentity:
         pool.seen.camera_names, pool.seen.sightings, pool.seen.frame, pool.choices, strict=True
     ):
         given = None if choice.given is None else choice.given.to_json()
-        told = repr((digest_of(seen), frame.tolist(), given, choice.is_refined, choice.fixed))
+        told = repr((digest_of(seen), frame.tolist(), given, choice.is_refined, choice.fixed, choice.priors))
         inputs[f"camera {name}"] = hashlib.sha256(told.encode()).hexdigest()
     return identity_of(seed, {"study": KIND, "options": repr(pool.options)}, inputs)
 
@@ -153,7 +154,7 @@ def rig_spread(found: RigCalibration, samples: Samples) -> tuple[PairSpread, ...
 
 
 def _pair(found: RigCalibration, cam_from_rig: Array, a: int, b: int, frames: int) -> PairSpread:
-    stated = relative(replace(found, target_covariance=None).rig, a, b)
+    stated = relative(replace(found.rig, covariance=found.covariance), a, b)
     everything = None if found.target_covariance is None else relative(found.rig, a, b)
     poses = compose(cam_from_rig[:, b], invert(cam_from_rig[:, a]))
     center = invert(poses)[:, :3, 3]

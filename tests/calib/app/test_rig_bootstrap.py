@@ -16,7 +16,10 @@ from calib.rigs.problem import CameraChoice
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error
-from calib.studies.rig_bootstrap import drawn_frames
+from calib.solver.calibration import plane_bend
+from calib.solver.priors import ParameterPrior
+from calib.solver.problem import SolveOptions
+from calib.studies.rig_bootstrap import drawn_frames, frame_pool, identity
 from designer.base.errors import InputError
 from designer.tolerance.made import how_made
 from tests.support.as_built_scenes import rig_before_print, solid
@@ -51,6 +54,8 @@ def test_samples_scatter_as_honest_sigmas_say_and_show_those_that_are_not() -> N
     assert honest.pairs[0].baseline_spread_mm == pytest.approx(honest.pairs[0].baseline_sigma_mm, rel=0.6)
     few, again = (rig_bootstrap(_found(), samples=2, seed=3) for _ in range(2))
     assert again.pairs == few.pairs
+    doubted = rig_bootstrap(replace(_found(), capture_covariance=_found().covariance), samples=2, seed=3)
+    assert doubted.pairs[0].place_sigma_mm == pytest.approx(few.pairs[0].place_sigma_mm, rel=1e-6)
     printed, _ = rig_before_print()
     by_drawing = rig_bootstrap(with_target_error(printed, how_made(solid(), "fdm-dual")), samples=5)
     assert by_drawing.ratio > 2
@@ -69,6 +74,21 @@ def test_samples_are_kept_and_gone_on_with(tmp_path: Path) -> None:
         rig_bootstrap(_found(), samples=2, seed=2, out=tmp_path, resume=True)
     with pytest.raises(InputError, match=r"camera .* give the same files|camera left has changed"):
         rig_bootstrap(rig_before_print()[0], samples=2, out=tmp_path, resume=True)
+
+
+def test_samples_are_solved_as_the_rig_was() -> None:
+    """With its board's bend and what was believed of it; what is known of lenses makes it another study."""
+    found = _found()
+    bend = plane_bend(found.observations.points)
+    bent = replace(found, target_bend=bend.told(np.zeros(5), np.eye(5), np.arange(1.0, 6.0)))
+    options = frame_pool(bent, SolveOptions()).options
+    assert (options.free_bend, options.bend_sigma_mm) == (True, (1.0, 2.0, 3.0, 4.0, 5.0))
+    old = frame_pool(replace(found, target_bend=bend), SolveOptions()).options
+    assert (old.free_bend, old.bend_sigma_mm) == (True, None)
+    known = replace(found, priors=((ParameterPrior("fx_px", 1250.0, 10.0),), ()))
+    one, other, third = (identity(frame_pool(rig, SolveOptions()), 1) for rig in (found, bent, known))
+    assert one != other
+    assert one != third
 
 
 def test_the_command_tells_the_spread_of_a_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
