@@ -55,6 +55,7 @@ class ErrorKind:
     unit: str
     expected: Mapping[Capture, float]  # standard deviation beforehand: assumptions
     remedy: str
+    or_solved: str = ""  # another, of a camera by itself
 
 
 _ROWS = "px from the first row to the last"
@@ -71,7 +72,7 @@ KINDS = (
     ),
     ErrorKind(
         "a focal length that changes with the distance", "‰ from the middle distance to the farthest",
-        dict.fromkeys(get_args(Capture), 0.1), f"{_FOCUS}, or have it solved with --breathing",
+        dict.fromkeys(get_args(Capture), 0.1), _FOCUS, ", or have it solved with --breathing",
     ),
     ErrorKind(
         "a focal length that changes with time", "‰ from the middle photo to the last",
@@ -118,7 +119,9 @@ def with_capture_error(calibration: Calibration, capture: Capture | None = None)
     if found is None:
         return with_photo_error(with_image_field(replace(calibration, capture_error=None)))
     way = capture or ASSUMED
-    weighed = weigh(found, np.array([kind.expected[way] for kind in KINDS]))
+    is_solved = [bool(kind.or_solved) and calibration.breathing is not None for kind in KINDS]
+    expected = [0.0 if done else kind.expected[way] for kind, done in zip(KINDS, is_solved, strict=True)]
+    weighed = weigh(found, np.array(expected))
     sure = list(weighed.sure)
     # A cause that leaves a field in the image over is none, and parameters that are held do what moves things does.
     is_free = free_directions(calibration.param_covariance).shape[1] == len(camera.params)
@@ -132,7 +135,7 @@ def with_capture_error(calibration: Calibration, capture: Capture | None = None)
         CaptureEffect(
             KINDS[row].name, float(weighed.mean[row]), float(sigma[row]), KINDS[row].unit,
             share_px(np.linalg.norm(steps[:, :, number], axis=1)), field is None and is_free,
-            KINDS[row].remedy,
+            KINDS[row].remedy + KINDS[row].or_solved * (not is_solved[row]),
         )
         for number, row in enumerate(sure)
         if counts[row]

@@ -287,6 +287,18 @@ def test_a_lens_that_changes_with_time_is_named_alone_and_its_effect_stated() ->
     assert mean_square(scenes, found, alone=False) < 2
 
 
+def test_no_remedy_of_one_camera_is_named_for_rigs() -> None:
+    """A focal length that follows the distance, which a camera by itself may have solved, is to be mended."""
+    scene = stereo_pair(frames=FRAMES)
+    seen = scene.observations.sightings[1]
+    depth = (scene.cam_from_rig[1] @ scene.rig_from_target)[scene.observations.frame[1], 2, 3]
+    far = ((depth - depth.mean()) / np.ptp(depth))[seen.view, None]
+    (said,) = solved(moved(scene, 1, 2e-3 * far * (seen.center_px - scene.cameras[1].params[2:4]))).remarks
+    assert "a focal length that changes with the distance" in said
+    assert "focus by hand" in said
+    assert "--" not in said
+
+
 def robot_mm(seed: int) -> tuple[float, float]:
     """How far a camera on a robot places a target wrong, and what is stated of that."""
     rng = np.random.default_rng(seed)

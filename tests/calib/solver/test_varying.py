@@ -82,6 +82,10 @@ def test_what_was_named_as_a_cause_is_gone_when_it_is_solved() -> None:
     assert "--breathing" in without.capture_error.effects[0].remedy
     assert solved.capture_error is not None
     assert not solved.capture_error.effects
+    more, stated = (
+        np.sqrt(np.diagonal(one)[0]) for one in (solved.capture_error.param_covariance, solved.param_covariance)
+    )
+    assert more < 0.2 * stated  # is not expected once more
     assert solved.scale == pytest.approx(NOISE_PX, rel=0.1)
 
 
