@@ -276,7 +276,7 @@ def judged_rig(
         found = replace(found, remarks=stated.remarks)
     origin = Provenance(
         program(), "" if seen.target is None else seen.target.layout_id, seen.observations.points.geometry_id,
-        options=wishes.options, settings=(*settings, *(("prior", text) for text in wishes.fix if is_prior(text))),
+        options=wishes.options, settings=(*settings, *((_option(text)[2:], text) for text in wishes.fix)),
     )  # fmt: skip
     return RigRun(found, origin, judge_rig(found, halves, limits), seen.target), seen
 

@@ -24,6 +24,7 @@ from calib.observe.calibration_file import (
 )
 from calib.rigs.result import JointSolution, RigCalibration
 from calib.solver.calibration import Calibration
+from calib.solver.problem import SolveOptions
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
@@ -116,10 +117,20 @@ def rig_files(folder: Path, found: RigCalibration, provenance: Provenance) -> di
     digests = []
     names = folder_names(found.observations.camera_names)
     for one, name in zip(found.alone, names, strict=True):
-        own, told = calibration_files(folder / CAMERAS / name, one, provenance)
+        as_solved = replace(provenance, options=_as_solved(one, provenance.options))
+        own, told = calibration_files(folder / CAMERAS / name, one, as_solved)
         files |= own
         digests.append(told.observations_sha256)
     return {**files, folder / RIG_CALIBRATION_FILE: RIG_CALIBRATION.text(_record(found, provenance, names, digests))}
+
+
+def _as_solved(one: Calibration, options: SolveOptions) -> SolveOptions:
+    """How a camera by itself is solved again as with the others."""
+    bend = one.target_bend
+    return replace(
+        options, fixed=tuple((name, one.camera.parameters[name]) for name in one.fixed), priors=one.priors,
+        free_bend=bend is not None, bend_sigma_mm=None if bend is None else bend.believed_mm,
+    )  # fmt: skip
 
 
 def folder_names(camera_names: Sequence[str]) -> tuple[str, ...]:

@@ -140,6 +140,7 @@ def test_given_lenses_are_kept_or_solved_on() -> None:
     assert not found.rig.covariance[found.rig.params_rows(0)].any()
     assert any("kept as it was given" in line for line in found.remarks)
     on = calib.rig(SEEN, cameras={first: given}, refine=[first], fix=[f"{first}:k3=0"], **OPENCV)
+    assert ("fix", f"{first}:k3=0") in on.run.provenance.settings
     assert on.rig.cameras[0].params[-1] == 0 != on.rig.cameras[0].params[4]
     assert on.rig.cameras[1].params[-1] != 0
 

@@ -1,6 +1,7 @@
 """What is stated of a rig beyond noise, against what is true: errors of the target, bends, what photos share."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ import calib
 from calib.cameras import project
 from calib.core.se3 import exp_rotation, invert, make_pose, steps_between, transform
 from calib.core.types import Observations, RigObservations
+from calib.judge.folders import write_rig
+from calib.observe.calibration_file import Provenance, read_calibration
 from calib.observe.observations import known_points
 from calib.observe.robot_poses import RobotPoses
 from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
@@ -18,6 +21,9 @@ from calib.rigs.shared_errors import with_shared_errors
 from calib.rigs.solve import solve_rig
 from calib.rigs.target_error import with_target_error
 from calib.solver.calibration import plane_bend
+from calib.solver.metrics.errors import summarise
+from calib.solver.priors import ParameterPrior
+from calib.solver.problem import SolveOptions
 from calib.solver.start import solve_poses
 from designer.base.arrays import Array
 from designer.base.errors import InputError
@@ -210,6 +216,28 @@ def test_a_rig_has_the_bend_among_its_unknowns() -> None:
     again = solve_rig(found.observations, choices)
     assert again.scale == pytest.approx(found.scale, rel=0.01)
     assert np.allclose(as_given(found).points.position_mm, scene.observations.points.position_mm, atol=1e-9)
+
+
+def test_a_camera_of_a_rig_is_held_out_as_it_was_solved(tmp_path: Path) -> None:
+    """By its folder: with the board's bend, what was kept and what was known; all of a lens that was given is kept."""
+    scene, _ = _bent_pair()
+    known = ParameterPrior("fx_px", float(scene.cameras[0].params[0]), 0.01)
+    choices = [
+        CameraChoice("opencv", fixed=(("k3", 0.0),), priors=(known,)),
+        CameraChoice(scene.cameras[1].model, scene.cameras[1], is_refined=False),
+    ]
+    found = solve_rig(scene.observations, choices, RigOptions(free_bend=True))
+    write_rig(tmp_path, found, Provenance("test 1", options=SolveOptions(loss="huber")))
+    for camera, one in enumerate(found.alone):
+        folder = tmp_path / "cameras" / found.observations.camera_names[camera]
+        options = read_calibration(folder / "calibration.json")[1].options
+        assert options.loss == "huber"
+        assert options.priors == choices[camera].priors
+        assert options.fixed == tuple((name, one.camera.parameters[name]) for name in one.fixed)
+        errors = calib.evaluate(folder, held_out=4)
+        assert errors.held_out is not None
+        held_px, solved_px = (summarise(on.errors[0]).rmse for on in (errors.held_out, errors.solved_from))
+        assert held_px < 1.5 * solved_px
 
 
 def test_a_solid_has_no_bend() -> None:
