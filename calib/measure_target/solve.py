@@ -31,6 +31,7 @@ from calib.solver.problem import Tie, tie_parameters
 from calib.solver.solve import far_off, solve
 from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
+from designer.base.words import printable
 from designer.target import TargetGeometry, bounding_radius_mm
 
 ROUNDS = 8
@@ -126,9 +127,15 @@ def measure_rig(
         for one, held in zip(found.alone, fixed, strict=True)
     ]
     held = HeldPoses(found.cam_from_rig, found.rig_from_target)
-    return _measured(
+    built = _measured(
         _Start(started, ties, found.observations.frame, held, max(found.reference, 0)), target, options, lengths, begin
     )
+    unused = [
+        f"{printable(name)}: what the rig knew of its lens beforehand is not used here ({', '.join(named)})"
+        for name, own in zip(found.observations.camera_names, found.alone, strict=True)
+        if (named := [prior.name for prior in own.priors])
+    ]
+    return replace(built, remarks=(*built.remarks, *unused))
 
 
 @dataclass(frozen=True, eq=False)

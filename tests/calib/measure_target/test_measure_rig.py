@@ -15,6 +15,7 @@ from calib.measure_target.solve import measure, measure_rig
 from calib.measure_target.unknowns import AsBuiltOptions, unknowns_of
 from calib.observe.observations import known_points
 from calib.solver.eliminate import JointStep
+from calib.solver.priors import ParameterPrior
 from calib.solver.problem import SolveOptions, tie_parameters
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
@@ -95,9 +96,17 @@ def _place_sigma_mm(found: AsBuilt) -> float:
 
 
 def test_a_rig_tells_more_of_a_print_and_states_it_truly() -> None:
-    """From the same photos faces are known better; places are off by as much as is stated."""
+    """From the same photos faces are known better; places are off by as much as is stated.
+
+    What was known of a lens beforehand is not used, and said so.
+    """
     found, shape = rig_before_print()
-    by_rig = measure_rig(found, solid(), OPTIONS)
+    priors = ((), (ParameterPrior("fx_px", 1250.0, 10.0),), ())
+    by_rig = measure_rig(replace(found, priors=priors), solid(), OPTIONS)
+    name = found.observations.camera_names[1]
+    assert [line for line in by_rig.remarks if "not used" in line] == [
+        f"{name}: what the rig knew of its lens beforehand is not used here (fx_px)"
+    ]
     by_photos = measure(found.observations.sightings, solid(), "opencv", OPTIONS)
     assert _place_sigma_mm(by_photos) > 1.1 * _place_sigma_mm(by_rig)
     assert by_rig.scale == pytest.approx(1.0, abs=0.05)
