@@ -23,7 +23,7 @@ from calib.solver.calibration import LINEAR, Calibration, PhotoSession
 from calib.solver.descend import Descended, descend_displaced
 from calib.solver.problem import Problem, SolveOptions, Tie
 from calib.solver.start import Poses, solve_poses
-from designer.base.arrays import Array, Rows
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 from designer.base.words import shown
 
@@ -148,8 +148,17 @@ def component(amount: Array, variance: Array, sigma: float) -> float:
     return max(float(np.sqrt((amount**2).sum() / max(told, 1e-3))), LEAST_PX)
 
 
+def has_session(calibration: Calibration, view_names: Sequence[str]) -> Flags:
+    """Whether the solution has the session of each photo, by its name; of all where there are none.  # (V,)"""
+    photos = {photo for one in calibration.sessions for photo in one.photos}
+    return np.array([not photos or name in photos for name in view_names], dtype=bool)
+
+
 def posed_photos(calibration: Calibration, seen: Observations) -> tuple[Poses, Array | None]:
-    """Poses of other photos by a camera that is known, and fx, fy, cx, cy of each (V, 4) where these vary."""
+    """Poses of other photos by a camera that is known, and fx, fy, cx, cy of each (V, 4) where these vary.
+
+    Those of a session that the solution does not have are to be left out before (`has_session`).
+    """
     camera, weighted = calibration.camera, calibration.weighted
     found, linear, breathing = solve_poses(camera, seen, weighted=weighted), None, calibration.breathing
     own = {photo: one.linear for one in calibration.sessions for photo in one.photos}

@@ -13,7 +13,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.circles import with_circles
 from calib.solver.metrics import METRICS, OF_TRUTH
 from calib.solver.metrics.errors import Errors, ErrorSummary, is_known, predict, summarise, summarise_groups
-from calib.solver.varying import posed_photos
+from calib.solver.varying import has_session, posed_photos
 from designer.base.arrays import Flags, Rows
 from designer.base.errors import InputError
 
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 LEAST_FOLDS = 2
 USUAL_FOLDS = 5
 Solve = Callable[[Observations], Calibration]
+NO_POSE = "no pose shows its points where they were seen"
+NO_SESSION = "the camera was solved from no photo of its session"
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +178,7 @@ def evaluate_held_out(calibration: Calibration, solve: Solve, folds: int, truth:
             kept.append(np.flatnonzero(found))
             parts.append(errors_of(one, truth))
     if not parts:
-        raise InputError("no view that was held out has a pose that shows its points; nothing to evaluate")
+        raise InputError(f"no view that was held out can be evaluated: {remarks[-1]}")
     errors = tuple(joined(calibration, same, kept) for same in zip(*parts, strict=True))
     return Evaluation(calibration, errors, truth, folds, tuple(remarks))
 
@@ -195,12 +197,19 @@ def evaluate_on(calibration: Calibration, observations: Observations, name: str)
     is_outlier = np.zeros(len(observations.view), dtype=bool)
     one = with_circles(observations, lambda seen: _posed(calibration, seen, is_outlier)[0])
     has_pose = np.isin(observations.view_names, one.observations.view_names)
+    is_familiar = has_session(calibration, observations.view_names)
+    if not is_familiar.any():
+        raise InputError(
+            f"{name}: no photo is, by its name, of a session that the camera was solved from; solve with them, too"
+        )
     if not has_pose.any():
         raise InputError(f"{name}: no photo has a pose that shows its points; check that they are of this camera")
     remarks = [
-        f"{observations.view_names[view]}: not evaluated: no pose shows its points where they were seen"
+        f"{observations.view_names[view]}: not evaluated: {NO_POSE if is_familiar[view] else NO_SESSION}"
         for view in np.flatnonzero(~has_pose).tolist()
     ]
+    if calibration.sessions:
+        remarks.append("of which session a photo is, is told by its name: that of a photo the camera was solved from")
     found = Evaluation(one, errors_of(one, None), on=name)
     remarks = [*observations.remarks, *remarks, *_far_off(found), *_again(calibration, one)]
     return replace(found, remarks=tuple(remarks))
@@ -241,6 +250,7 @@ def _posed(calibration: Calibration, observations: Observations, is_outlier: Fla
         observations = calibration.target_bend.bent(observations)
     rows = ~is_outlier & is_known(rays(calibration.camera, observations.center_px))
     is_told = np.bincount(observations.view[rows], minlength=observations.view_count) >= LEAST_POINTS
+    is_told &= has_session(calibration, observations.view_names)
     poses, linear = np.full((observations.view_count, 4, 4), np.nan), None
     if is_told.any():
         shown = keep_views(keep_sightings(observations, rows), is_told)
@@ -267,10 +277,10 @@ def _posed(calibration: Calibration, observations: Observations, is_outlier: Fla
 def held_out_px(calibration: Calibration, solve: Solve) -> float:
     """Root mean square distance in views held out, as `evaluate_held_out` does it: the one figure, without metrics.
 
-    Infinite where a view that was held out has no pose.
+    Infinite where a view that was held out has no pose. Without views of sessions that the others have none of.
 
     Raises:
-        InputError: fewer views than parts, or the others do not determine a camera.
+        InputError: fewer views than parts, the others do not determine a camera, or have no session of any.
     """
     used, views = keep_sightings(calibration.given, ~calibration.is_outlier), calibration.observations.view_count
     if views < LEAST_FOLDS:
@@ -278,10 +288,15 @@ def held_out_px(calibration: Calibration, solve: Solve) -> float:
     square = []
     for fold in range(folds := min(USUAL_FOLDS, views)):
         held = np.arange(views) % folds == fold
-        others, shown = solve(keep_views(used, ~held)), keep_views(used, held)
+        others = solve(keep_views(used, ~held))
+        shown = keep_views(used, held & has_session(others, used.view_names))
+        if not shown.view_count:
+            continue
         shown = shown if others.target_bend is None else others.target_bend.bent(shown)
         residual = posed_photos(others, shown)[0].residual_px
         square.append((residual**2).sum(axis=1))
+    if not square:
+        raise InputError(f"no view can be held out: {NO_SESSION}")
     left_px = float(np.sqrt(np.concatenate(square).mean()))
     return left_px if np.isfinite(left_px) else np.inf
 
@@ -294,6 +309,8 @@ def _fold(calibration: Calibration, held: Flags, solve: Solve) -> tuple[Calibrat
     found = held.copy()
     found[held] = has_pose
     remarks = list(others.remarks) if others.status != "converged" else []
-    if lost := int(held.sum() - found.sum()):
+    is_strange = held & ~has_session(others, seen.view_names)
+    remarks += [f"{seen.view_names[view]}: not evaluated: {NO_SESSION}" for view in np.flatnonzero(is_strange).tolist()]
+    if lost := int((held & ~found & ~is_strange).sum()):
         remarks.append(f"{lost} views have no pose that shows their points")
     return one, found, remarks

@@ -8,13 +8,14 @@ import pytest
 
 import calib
 from calib.cameras.camera import load_camera, relinear
-from calib.core.types import Observations
+from calib.core.types import Observations, keep_views
 from calib.judge.coverage import coverage_of
 from calib.judge.halves import BY_CHANCE_APART, HalvesApart, NoHalves, half_split, halves_apart
 from calib.observe.calibration_file import read_calibration
+from calib.solver.calibration import Calibration
 from calib.solver.capture_error import with_capture_error
 from calib.solver.metrics.errors import predict
-from calib.solver.metrics.evaluation import held_out_px
+from calib.solver.metrics.evaluation import evaluate_held_out, evaluate_on, held_out_px
 from calib.solver.plan import plan_from_words
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
@@ -127,6 +128,32 @@ def test_photos_held_out_are_seen_with_their_own(kind: str) -> None:
         options = SolveOptions(vary=("focal",), sessions=tuple(of.items()))
     left_px = held_out_px(solve(seen, "opencv", options), lambda part: solve(part, "opencv", options))
     assert left_px == pytest.approx(np.sqrt(2) * NOISE_PX, rel=0.1)
+
+
+def test_photos_of_other_sessions_are_left_out_and_named() -> None:
+    """No camera that is known is theirs: of photos held out, and of those that another camera was solved from."""
+    seen, of, _ = sessions(0)
+    of |= {seen.view_names[0]: "only"}
+    options = SolveOptions(vary=("focal",), sessions=tuple(of.items()))
+
+    def again(part: Observations) -> Calibration:
+        return solve(part, "opencv", options)
+
+    every = again(seen)
+    assert held_out_px(every, again) == pytest.approx(np.sqrt(2) * NOISE_PX, rel=0.1)
+    held = evaluate_held_out(every, again, 5)
+    assert [line for line in held.remarks if "view0.png: not evaluated" in line and "session" in line]
+    is_first = np.arange(20) < 12
+    on = evaluate_on(again(keep_views(seen, is_first)), keep_views(seen, np.arange(20) >= 8), "new")
+    assert on.calibration.observations.view_names == seen.view_names[8:12]
+    assert sum("no photo of its session" in line for line in on.remarks) == 8
+    with pytest.raises(InputError, match="session that the camera was solved from"):
+        evaluate_on(again(keep_views(seen, is_first)), keep_views(seen, ~is_first), "new")
+    options = replace(options, sessions=tuple((name, name) for name in seen.view_names))
+    with pytest.raises(InputError, match="no photo of its session"):
+        held_out_px(every, again)
+    with pytest.raises(InputError, match="no photo of its session"):
+        evaluate_held_out(every, again, 5)
 
 
 def test_a_folder_keeps_what_varies(tmp_path: Path) -> None:
