@@ -288,6 +288,18 @@ def _glb(design: Design) -> Made:
     yield "glb", glb_bytes(design.part, design.job.printing), "a coloured 3D model for viewers"
 
 
+def _simulator(design: Design) -> Made:
+    """As heavy as the print; what has no printed body is taken for plastic all through."""
+    from designer.formats.simulator import simulator_files, weight_of
+    from designer.make.estimate import DENSITY_G_PER_CM3
+    from designer.make.textured import textured
+
+    job, takes = design.job, design.estimate
+    mesh = textured(design.artwork, job.target, (job.printing.body_colour, job.printing.ink_colour))
+    mass_kg = 1e-3 * (takes.body_g + takes.ink_g or 1e-3 * DENSITY_G_PER_CM3 * mesh.solid.volume_mm3)
+    yield from simulator_files(job.name, mesh, weight_of(mesh, mass_kg))
+
+
 def _stand(design: Design) -> Made:
     from designer.formats.stl import stl_bytes
     from designer.make.stand import make_stand
@@ -342,6 +354,7 @@ EXPORTERS: dict[Format, Exporter] = {
     "svg": _svg,
     "step": _step,
     "glb": _glb,
+    "simulator": _simulator,
     "dxf": _dxf,
     "laser": _laser,
     "gerber": _gerber,

@@ -13,8 +13,8 @@ _ROUGHNESS = 0.9
 """Matt plastic."""
 
 # Codes of the glTF 2.0 specification.
-_UNSIGNED_INT, _FLOAT = 5125, 5126
-_ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
+UNSIGNED_INT, FLOAT = 5125, 5126
+ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 _MAGIC, _VERSION, _JSON_CHUNK, _BINARY_CHUNK = 0x46546C67, 2, 0x4E4F534A, 0x004E4942
 
 
@@ -29,7 +29,7 @@ def glb_bytes(part: Part, printing: PrintSpec) -> bytes:
     binary = b"".join(_indices(mesh).tobytes() + _positions(mesh).tobytes() for _, mesh, _ in meshes)
     buffers = [size for _, mesh, _ in meshes for size in (_indices(mesh).nbytes, _positions(mesh).nbytes)]
     starts = np.cumsum([0, *buffers[:-1]]).tolist()
-    targets = (_ELEMENT_ARRAY_BUFFER, _ARRAY_BUFFER) * len(meshes)
+    targets = (ELEMENT_ARRAY_BUFFER, ARRAY_BUFFER) * len(meshes)
     document = {
         "asset": {"version": "2.0", "generator": "ringsolid"},
         "scene": 0,
@@ -53,7 +53,7 @@ def glb_bytes(part: Part, printing: PrintSpec) -> bytes:
         ],
         "buffers": [{"byteLength": len(binary)}],
     }
-    return _container(json.dumps(document, separators=(",", ":")).encode("ascii"), binary)
+    return container(json.dumps(document, separators=(",", ":")).encode("ascii"), binary)
 
 
 def _indices(mesh: Mesh) -> np.ndarray[tuple[int, ...], np.dtype[np.uint32]]:
@@ -69,8 +69,8 @@ def _accessors(mesh: Mesh, first_view: int) -> list[dict[str, object]]:
     positions = _positions(mesh)
     bounds = {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
     return [
-        {"bufferView": first_view, "componentType": _UNSIGNED_INT, "count": mesh.triangles.size, "type": "SCALAR"},
-        {"bufferView": first_view + 1, "componentType": _FLOAT, "count": len(positions), "type": "VEC3", **bounds},
+        {"bufferView": first_view, "componentType": UNSIGNED_INT, "count": mesh.triangles.size, "type": "SCALAR"},
+        {"bufferView": first_view + 1, "componentType": FLOAT, "count": len(positions), "type": "VEC3", **bounds},
     ]
 
 
@@ -83,7 +83,7 @@ def _material(name: str, colour: str) -> dict[str, object]:
     return {"name": name, "pbrMetallicRoughness": surface}
 
 
-def _container(document: bytes, binary: bytes) -> bytes:
+def container(document: bytes, binary: bytes) -> bytes:
     """The GLB container: a header and two chunks, each padded to four bytes."""
     document += b" " * (-len(document) % 4)
     size = 12 + 8 + len(document) + 8 + len(binary)  # the arrays hold four-byte values, so `binary` needs no padding

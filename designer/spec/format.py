@@ -99,6 +99,7 @@ FORMATS: Mapping[Format, FileFormat] = {
     "svg": FileFormat("SVG, artwork for print shops"),
     "step": FileFormat("STEP, for CAD", has_true_circles=True, is_of_one_piece=True, is_of_filaments=True),
     "glb": FileFormat("GLB, for viewers", is_of_filaments=True),
+    "simulator": FileFormat("Simulator models, for Gazebo, MuJoCo, PyBullet, Isaac Sim and Blender"),
     "dxf": FileFormat("DXF, for lasers, cutters and CAD", is_flat=True, suffix=".dxf", guide="dxf"),
     "laser": FileFormat("Laser SVG, to engrave and cut", is_flat=True, suffix=".laser.svg", guide="laser"),
     "gerber": _GERBER,
