@@ -10,9 +10,10 @@ LINES = {
     "make": "Make a template or a TOML file.",
     "templates": "List the templates for targets, printers and manufacturing errors.",
     "check": "Check a design against a printer's rules.",
+    "convert": "Write a target's points for another tool.",
 }
 """What the list of commands says of each, as its docstring begins; a kind of target says it by itself."""
-MODULES = {"templates": "templates", "check": "check"}
+MODULES = {"templates": "templates", "check": "check", "convert": "convert"}
 """Those of `designer.app` in which a command is a function of its name; all others make a target."""
 ABOUT = (
     "Design camera-calibration targets: from one size to files that print in two filaments.\n\n"

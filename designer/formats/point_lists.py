@@ -1,0 +1,131 @@
+"""A target's points for other tools: an entry here for each, which another's reader takes.
+
+A point's name is `f03-2-5`: its face, and its place (i, j) in the face's lattice. Its id is the row of the target's
+arrays, the `ring` of `detections.csv`.
+"""
+
+import csv
+import io
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from designer.base.errors import InputError
+from designer.target import TargetGeometry
+
+M_PER_MM = 0.001
+SQUARE = 1e-6
+"""Of a lattice's step: steps that differ by less are alike, and stand on each other."""
+
+
+@dataclass(frozen=True)
+class PointFormat:
+    """A file of a target's points."""
+
+    title: str  # for whom
+    file_name: str  # the usual end of its name
+    write: Callable[[TargetGeometry], str]
+    use: str  # what to do with it
+
+
+def names_of(target: TargetGeometry) -> list[str]:
+    """Of all points."""
+    index = np.column_stack([target.ring_face, target.ring_index]).tolist()
+    return [f"f{face:02d}-{i}-{j}" for face, i, j in index]
+
+
+def _rows(header: tuple[str, ...], rows: list[tuple[object, ...]], mark: str = "") -> str:
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    stream.write(mark)
+    writer.writerow(header)
+    writer.writerows(rows)
+    return stream.getvalue()
+
+
+def _table(target: TargetGeometry) -> str:
+    """All that a table can hold."""
+    kinds = np.where(target.is_dot, "dot" if target.has_marks else "point", "ring").tolist()
+    diameters = (2 * target.radius_outer_mm).tolist()
+    rows: list[tuple[object, ...]] = [
+        (number, name, *map(repr, place), face, kind, repr(diameter))
+        for number, (name, place, face, kind, diameter) in enumerate(
+            zip(names_of(target), target.center_mm.tolist(), target.ring_face.tolist(), kinds, diameters, strict=True)
+        )
+    ]
+    return _rows(("id", "name", "X", "Y", "Z", "plane", "kind", "diameter_mm"), rows)
+
+
+def _labels(target: TargetGeometry) -> str:
+    """Label and place in metres, as programs of photogrammetry import control points."""
+    places = np.round(M_PER_MM * target.center_mm, 12).tolist()
+    return _rows(
+        ("label", "x", "y", "z"),
+        [(name, *map(repr, place)) for name, place in zip(names_of(target), places, strict=True)], "#",
+    )  # fmt: skip
+
+
+def _colmap(target: TargetGeometry) -> str:
+    """Points of `points3D.txt`, black for ink, of which no photo is known; ids count from 1."""
+    lines = [
+        "# 3D point list with one line of data per point:",
+        "#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)",
+        f"# millimetres; POINT3D_ID - 1 is the row of target {target.geometry_id}",
+    ]
+    lines += [f"{row + 1} {x!r} {y!r} {z!r} 0 0 0 0" for row, (x, y, z) in enumerate(target.center_mm.tolist())]
+    return "\n".join(lines) + "\n"
+
+
+def _opencv(target: TargetGeometry) -> str:
+    """FileStorage: `object_points`, N x 3 in mm, a row an id."""
+    values = ", ".join(f"{value!r}" for value in target.center_mm.ravel().tolist())
+    names = "".join(f'   - "{name}"\n' for name in names_of(target))
+    return (
+        f'%YAML:1.0\n---\ngeometry_id: "{target.geometry_id}"\nobject_points: !!opencv-matrix\n'
+        f"   rows: {target.ring_count}\n   cols: 3\n   dt: d\n   data: [ {values} ]\nnames:\n{names}"
+    )
+
+
+def _kalibr(target: TargetGeometry) -> str:
+    """A grid of circles, in metres.
+
+    Raises:
+        InputError: it is none: it has several faces, or its lattice is not square and full.
+    """
+    lattice = None if target.lattice_mm is None else target.lattice_mm[0]
+    index = target.ring_index - target.ring_index.min(axis=0)
+    columns, rows = (index.max(axis=0) + 1).tolist()
+    is_square = lattice is not None and (
+        abs(float(lattice[0] @ lattice[1])) < SQUARE * float(lattice[0] @ lattice[0])
+        and abs(float(np.linalg.norm(lattice[0]) / np.linalg.norm(lattice[1])) - 1) < SQUARE
+    )
+    if not (target.is_planar and is_square and columns * rows == target.ring_count and lattice is not None):
+        raise InputError("--to kalibr: holds one full square grid of circles, and this target is none; use --to csv")
+    spacing_m = M_PER_MM * float(np.linalg.norm(lattice[0]))
+    return (
+        f"target_type: 'circlegrid'\ntargetCols: {columns}\ntargetRows: {rows}\nspacingMeters: {spacing_m:.9g}\n"
+        "asymmetricGrid: False\n"
+    )
+
+
+POINT_FORMATS: Mapping[str, PointFormat] = {
+    "csv": PointFormat(
+        "a table of all points: id,name,X,Y,Z,plane,kind,diameter_mm in mm", ".points.csv", _table,
+        "calib target --from reads it back",
+    ),
+    "metashape": PointFormat(
+        "Metashape and RealityCapture: label,x,y,z in m", ".markers.csv", _labels,
+        "import it as reference of markers, or as ground control points",
+    ),
+    "colmap": PointFormat("COLMAP: points3D.txt, in mm", ".points3D.txt", _colmap, "a text model's points"),
+    "opencv": PointFormat(
+        "OpenCV: object_points in mm (cv2.FileStorage)", ".points.yml", _opencv,
+        "row k belongs to ring k of detections.csv",
+    ),
+    "kalibr": PointFormat(
+        "Kalibr: a grid of circles, of boards", ".kalibr.yaml", _kalibr,
+        "its detector looks for circles, of which rings and dots have the outer edge; try it on a photo first",
+    ),
+}  # fmt: skip
+"""By what `--to` calls them."""
