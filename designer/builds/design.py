@@ -244,6 +244,12 @@ def _svg(design: Design) -> Made:
     yield "svg", svg_bytes(design.pages), f"{_sheets(design)}, for cutters and print shops"
 
 
+def _shop(design: Design) -> Made:
+    from designer.formats.print_shop import print_shop_files
+
+    yield from print_shop_files(design.job.name, design.target, design.artwork, design.job.printing.ink_colour)
+
+
 def _sheets(design: Design) -> str:
     count = len(design.pages)
     what = "artwork" if design.target.is_planar else "sticker sheets"
@@ -352,6 +358,7 @@ EXPORTERS: dict[Format, Exporter] = {
     "png": _png,
     "pdf": _pdf,
     "svg": _svg,
+    "shop": _shop,
     "step": _step,
     "glb": _glb,
     "simulator": _simulator,

@@ -3,9 +3,11 @@
 import io
 import math
 
+from reportlab.lib.colors import Color
 from reportlab.pdfgen.canvas import Canvas
+from reportlab.pdfgen.pathobject import PDFPathObject
 
-from designer.make.pages import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, SheetPage, Text
+from designer.make.pages import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, Polygon, SheetPage, Text
 
 POINTS_PER_MM = 72 / 25.4
 FONT = "Helvetica"
@@ -20,7 +22,7 @@ def pdf_bytes(pages: tuple[SheetPage, ...]) -> bytes:
     """
     buffer = io.BytesIO()
     canvas = Canvas(buffer, invariant=True, pdfVersion=(1, 6))
-    canvas.setTitle(_encodable(pages[0].title))
+    canvas.setTitle(encodable(pages[0].title))
     canvas.setCreator("ringsolid")
     canvas.setViewerPreference("PrintScaling", "None")
     for page in pages:
@@ -35,16 +37,11 @@ def _draw(canvas: Canvas, page: SheetPage) -> None:
     """Draw a page in millimetres."""
     canvas.scale(POINTS_PER_MM, POINTS_PER_MM)
     for area in page.drawing.areas:
-        _fill(canvas, area)
+        fill_area(canvas, area, area.colour)
     canvas.setLineWidth(LINE_MM)
     canvas.setStrokeColor(CUT_COLOUR)
     for cut in page.drawing.cuts:
-        path = canvas.beginPath()
-        path.moveTo(*cut[0])
-        for point in cut[1:]:
-            path.lineTo(*point)
-        path.close()
-        canvas.drawPath(path)
+        canvas.drawPath(line_of(canvas, cut))
     canvas.setStrokeColor(MARK_COLOUR)
     for start, end in page.drawing.marks:
         canvas.line(*start, *end)
@@ -53,7 +50,17 @@ def _draw(canvas: Canvas, page: SheetPage) -> None:
         _write(canvas, text)
 
 
-def _fill(canvas: Canvas, area: Area) -> None:
+def line_of(canvas: Canvas, cut: Polygon) -> PDFPathObject:
+    """A closed line."""
+    path = canvas.beginPath()
+    path.moveTo(*cut[0])
+    for point in cut[1:]:
+        path.lineTo(*point)
+    path.close()
+    return path
+
+
+def fill_area(canvas: Canvas, area: Area, colour: str | Color) -> None:
     """Fill one area under the even-odd rule."""
     path = canvas.beginPath()
     for circle in area.circles:
@@ -63,7 +70,7 @@ def _fill(canvas: Canvas, area: Area) -> None:
         for point in polygon[1:]:
             path.lineTo(*point)
         path.close()
-    canvas.setFillColor(area.colour)
+    canvas.setFillColor(colour)
     canvas.drawPath(path, stroke=0, fill=1, fillMode=EVEN_ODD)
 
 
@@ -73,10 +80,10 @@ def _write(canvas: Canvas, text: Text) -> None:
     canvas.rotate(math.degrees(text.angle_rad))
     canvas.setFont(FONT, text.size_mm)
     draw = canvas.drawCentredString if text.centred else canvas.drawString
-    draw(0, 0, _encodable(text.text))
+    draw(0, 0, encodable(text.text))
     canvas.restoreState()
 
 
-def _encodable(text: str) -> str:
+def encodable(text: str) -> str:
     """The text with a question mark for each letter that the standard fonts lack."""
     return text.encode("cp1252", "replace").decode("cp1252")

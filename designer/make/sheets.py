@@ -90,7 +90,7 @@ def _stickers(
     beside = adjacent_faces(target)
     pieces = tuple(
         Drawing(
-            areas=(*_ink(face, pattern.stamps, printing.ink_colour), _code_corner_mark(cut, reach, text_mm)),
+            areas=(*ink_areas(face, pattern.stamps, printing.ink_colour), _code_corner_mark(cut, reach, text_mm)),
             cuts=(polygon(cut),),
             marks=trim,
             texts=_sticker_labels(number, beside[number].tolist(), cut, reach, text_mm, turns=grid.turns),
@@ -179,7 +179,7 @@ def _board(pattern: Pattern, printing: PrintSpec) -> tuple[tuple[Drawing, ...], 
     below = (0.0, -height / 2 - BLEED_MM - _CLEAR_MM - _ASCENT * _TEXT_MM)
     pieces = tuple(
         Drawing(
-            areas=_ink(face, pattern.stamps, printing.ink_colour),
+            areas=ink_areas(face, pattern.stamps, printing.ink_colour),
             cuts=(polygon(outline),),
             marks=_trim_marks(outline, BLEED_MM, band),
             texts=(Text(f"SIDE {number}", below, _TEXT_MM, centred=True),) if several else (),
@@ -191,8 +191,10 @@ def _board(pattern: Pattern, printing: PrintSpec) -> tuple[tuple[Drawing, ...], 
     return pieces, grid, f"{'two sides of a ' if several else ''}board {width:g} x {height:g} mm"
 
 
-def _ink(face: FacePattern, stamps: tuple[Stamp, ...], colour: str) -> tuple[Area, ...]:
-    """A face's rings, dots, border and letters."""
+def ink_areas(
+    face: FacePattern, stamps: tuple[Stamp, ...], colour: str, bleed_mm: float = BLEED_MM
+) -> tuple[Area, ...]:
+    """A face's rings, dots, border and letters, in its own frame."""
     rings = []
     for row, (x, y) in zip(face.stamp.tolist(), face.position_mm.tolist(), strict=True):
         radii = (stamps[row].outer_radius_mm, stamps[row].inner_radius_mm)
@@ -200,7 +202,7 @@ def _ink(face: FacePattern, stamps: tuple[Stamp, ...], colour: str) -> tuple[Are
     letters = [Area(colour, polygons=(polygon(contour),)) for contour in face.dark_text]
     if face.window is None:
         return (*rings, *letters)
-    contours = (moved_in(face.outline, -BLEED_MM), face.window, *face.light_text)
+    contours = (moved_in(face.outline, -bleed_mm), face.window, *face.light_text)
     border = Area(colour, polygons=tuple(polygon(contour) for contour in contours))
     return (border, *rings, *letters)
 

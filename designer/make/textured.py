@@ -129,39 +129,53 @@ class _Sheet:
         width, height = self.cell_px
         x = self.low_mm[row, 0] + (np.arange(width) + 0.5 - GUTTER_PX) / self.px_per_mm
         y = self.high_mm[row, 1] - (np.arange(height) + 0.5 - GUTTER_PX) / self.px_per_mm
-        ink = np.zeros((height, width))
-        if face.window is not None:
-            ink = self._covered(_outside_mm(face.window[::-1], x, y))
-        for number, middle in zip(face.stamp.tolist(), face.position_mm, strict=True):
-            stamp = pattern.stamps[number]
-            reach = stamp.outer_radius_mm + 1 / self.px_per_mm
-            columns, rows = (np.flatnonzero(np.abs(at - to) <= reach) for at, to in zip((x, y), middle, strict=True))
-            window = np.ix_(rows, columns)
-            away = np.hypot(x[columns] - middle[0], (y[rows] - middle[1])[:, None])
-            hole = self._covered(stamp.inner_radius_mm - away) if stamp.inner_radius_mm > 0 else 0.0
-            ink[window] = np.maximum(ink[window], self._covered(stamp.outer_radius_mm - away) - hole)
-        for contours, share in ((face.dark_text, 1.0), (face.light_text, 0.0)):
-            for contour in contours:
-                self._letter(ink, contour, share, x, y)
-        return ink
+        return ink_share(face, pattern, x, y)
 
-    def _covered(self, inside_mm: Array) -> Array:
-        """The share of a pixel that an edge so far beyond its middle leaves inside."""
-        return np.clip(0.5 + inside_mm * self.px_per_mm, 0.0, 1.0)
 
-    def _letter(self, ink: Array, contour: Array, share: float, x: Array, y: Array) -> None:
-        """Paint a polygon."""
-        low, high = contour.min(axis=0) - 1 / self.px_per_mm, contour.max(axis=0) + 1 / self.px_per_mm
-        columns, rows = np.flatnonzero((x > low[0]) & (x < high[0])), np.flatnonzero((y > low[1]) & (y < high[1]))
-        if not (len(columns) and len(rows)):
-            return
-        mask = Image.new("L", (len(columns) * _OVERSAMPLING, len(rows) * _OVERSAMPLING))
-        step = self.px_per_mm * _OVERSAMPLING
-        corners = [((u - x[columns[0]]) * step + 3.5, (y[rows[0]] - v) * step + 3.5) for u, v in contour.tolist()]
-        ImageDraw.Draw(mask).polygon(corners, fill=255)
-        covered = np.asarray(mask.reduce(_OVERSAMPLING), dtype=np.float64) / 255
+def ink_share(face: FacePattern, pattern: Pattern, x_mm: Array, y_mm: Array) -> Array:
+    """The share of ink in each pixel of a grid over a face, with a border's ink going on beyond its outline.  # (H, W)
+
+    Args:
+        face: of the pattern.
+        pattern: all of it.
+        x_mm: middles of the columns in the face's frame, left to right (W,).
+        y_mm: middles of the rows, downwards (H,).
+    """
+    px_per_mm = 1 / float(x_mm[1] - x_mm[0])
+
+    def covered(inside_mm: Array) -> Array:
+        return np.clip(0.5 + inside_mm * px_per_mm, 0.0, 1.0)
+
+    ink = np.zeros((len(y_mm), len(x_mm)))
+    if face.window is not None:
+        ink = covered(_outside_mm(face.window[::-1], x_mm, y_mm))
+    for number, middle in zip(face.stamp.tolist(), face.position_mm.tolist(), strict=True):
+        stamp = pattern.stamps[number]
+        reach = stamp.outer_radius_mm + 1 / px_per_mm
+        columns, rows = (np.flatnonzero(np.abs(at - to) <= reach) for at, to in zip((x_mm, y_mm), middle, strict=True))
         window = np.ix_(rows, columns)
-        ink[window] += covered * (share - ink[window])
+        away = np.hypot(x_mm[columns] - middle[0], (y_mm[rows] - middle[1])[:, None])
+        hole = covered(stamp.inner_radius_mm - away) if stamp.inner_radius_mm > 0 else 0.0
+        ink[window] = np.maximum(ink[window], covered(stamp.outer_radius_mm - away) - hole)
+    for contours, share in ((face.dark_text, 1.0), (face.light_text, 0.0)):
+        for contour in contours:
+            _paint_letter(ink, contour, share, x_mm, y_mm)
+    return ink
+
+
+def _paint_letter(ink: Array, contour: Array, share: float, x_mm: Array, y_mm: Array) -> None:
+    """Paint a polygon."""
+    px_per_mm = 1 / float(x_mm[1] - x_mm[0])
+    low, high = contour.min(axis=0) - 1 / px_per_mm, contour.max(axis=0) + 1 / px_per_mm
+    columns, rows = (np.flatnonzero((at > a) & (at < b)) for at, a, b in zip((x_mm, y_mm), low, high, strict=True))
+    if not (len(columns) and len(rows)):
+        return
+    mask = Image.new("L", (len(columns) * _OVERSAMPLING, len(rows) * _OVERSAMPLING))
+    step, half = px_per_mm * _OVERSAMPLING, (_OVERSAMPLING - 1) / 2
+    corners = [((u - x_mm[columns[0]]) * step + half, (y_mm[rows[0]] - v) * step + half) for u, v in contour.tolist()]
+    ImageDraw.Draw(mask).polygon(corners, fill=255)
+    window = np.ix_(rows, columns)
+    ink[window] += np.asarray(mask.reduce(_OVERSAMPLING), dtype=np.float64) / 255 * (share - ink[window])
 
 
 def _outside_mm(polygon: Array, x: Array, y: Array) -> Array:

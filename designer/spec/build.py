@@ -7,7 +7,20 @@ from typing import Literal
 Form = Literal["solid", "plate"]
 """What a target is: faces around a body, or a board."""
 Format = Literal[
-    "3mf", "project", "stl", "png", "pdf", "svg", "step", "glb", "simulator", "dxf", "laser", "gerber", "gerber-mask"
+    "3mf",
+    "project",
+    "stl",
+    "png",
+    "pdf",
+    "svg",
+    "shop",
+    "step",
+    "glb",
+    "simulator",
+    "dxf",
+    "laser",
+    "gerber",
+    "gerber-mask",
 ]
 """What each is, and what it is for: `designer.spec.format`."""
 CircuitInk = Literal["legend", "mask"]

@@ -97,6 +97,7 @@ FORMATS: Mapping[Format, FileFormat] = {
     "png": FileFormat("PNG, a preview"),
     "pdf": FileFormat("PDF, artwork for printers"),
     "svg": FileFormat("SVG, artwork for print shops"),
+    "shop": FileFormat("Print-shop files: PDF with trim, bleed and cut, TIFF, and an order sheet", is_flat=True),
     "step": FileFormat("STEP, for CAD", has_true_circles=True, is_of_one_piece=True, is_of_filaments=True),
     "glb": FileFormat("GLB, for viewers", is_of_filaments=True),
     "simulator": FileFormat("Simulator models, for Gazebo, MuJoCo, PyBullet, Isaac Sim and Blender"),
