@@ -55,6 +55,8 @@ DESIGN = (
     Case(("check", "3d-board", "--printer", "prusa-xl"), 0),
     Case(("check", "3d-board", "--printer", "bambu-a1-mini"), 1),
     Case(("check", "none.toml"), 2),
+    Case(("convert", "board.target.json", "--to", "csv", "-o", "points.csv"), 0),
+    Case(("convert", "board.target.json", "--to", "foo"), 2),
     Case((*TOLERANCE, "--errors", "fdm-board"), 0),
     Case((*TOLERANCE, "--errors", "fdm-board", "--require", "intersection=1mm"), 0),
     Case((*TOLERANCE, "--errors", "fdm-board", "--require", "intersection=1um"), 1),

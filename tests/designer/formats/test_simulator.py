@@ -12,7 +12,7 @@ from designer.builds.design import EXPORTERS, Design
 from designer.make.textured import TexturedMesh, textured
 from tests.support.designs import design_of, small
 
-KINDS = ("ico", "board", "cube", "octahedron")
+KINDS = ("ico", "board", "cube")
 each = pytest.mark.parametrize("kind", KINDS)
 
 
