@@ -34,7 +34,7 @@ from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
 from calib.solver.capture_error import with_capture_error
 from calib.solver.outliers import shift_of_photo
-from calib.solver.plan import lens_kind
+from calib.solver.plan import SolvePlan, lens_kind
 from calib.solver.problem import SolveOptions, origin_poses, pack, tie_parameters
 from calib.solver.solve import solve
 from calib.solver.target_error import LeftOpen, target_told
@@ -78,6 +78,11 @@ class GuideSettings:
     model: str  # that cameras are solved by
     may_be_wide: bool  # the model was not asked for: a wide lens gets one of its own
     camera: Camera | None  # a first guess
+
+    @cached_property
+    def plan(self) -> SolvePlan:
+        """How cameras are solved: as they will be of all photos, with the bend of a flat target if it is likely."""
+        return SolvePlan((self.model,), SolveOptions()).for_target(self.made, self.points)
 
     @cached_property
     def shape(self) -> TargetShape:
@@ -210,8 +215,8 @@ def _without_odd(seen: Observations, left_out: tuple[tuple[str, str], ...], sett
     left_out += tuple((name, "nowhere could the target show its rings so") for name in seen.view_names if name in lost)
     odd = odd_photo(found)
     if odd is None or len(left_out) > seen.view_count:
-        return Insight(found.observations, left_out, found, opened)
-    others = keep_views(found.observations, np.array(found.observations.view_names) != odd[0])
+        return Insight(found.given, left_out, found, opened)
+    others = keep_views(found.given, np.array(found.observations.view_names) != odd[0])
     return _without_odd(others, (*left_out, odd), settings)
 
 
@@ -239,11 +244,11 @@ def _usable(photos: Sequence[Detections], settings: GuideSettings) -> tuple[list
 
 def _camera(seen: Observations, settings: GuideSettings) -> tuple[Calibration | None, LeftOpen | None]:
     """The camera that the observations determine as far as they do, None if not even its focal length; what is open."""
-    found = _solved(seen, settings.model)
+    found = _solved(seen, settings.model, settings.plan)
     # The whole of a model that leaves no more over than the noise that is stated suits the lens.
     is_of_noise = found is not None and found.status == "converged" and found.weighted and found.scale < NOISY
     if settings.may_be_wide and not is_of_noise and lens_kind(seen).is_wide:
-        found = _solved(seen, WIDE)
+        found = _solved(seen, WIDE, settings.plan)
     if found is None or not (math.isfinite(found.scale) and found.scale > 0):
         return None, None
     if not rms_px(found) < NO_FIT * max(found.camera.image_size):  # points are not about where they were seen
@@ -255,9 +260,9 @@ def _camera(seen: Observations, settings: GuideSettings) -> tuple[Calibration | 
     return (found if focal < UNSURE else None), None
 
 
-def _solved(seen: Observations, model: str) -> Calibration | None:
+def _solved(seen: Observations, model: str, plan: SolvePlan) -> Calibration | None:
     """The model with as many parameters as the photos determine; with a part of them its status is "degenerate"."""
-    for options in _fewer_and_fewer(model):
+    for options in _fewer_and_fewer(model, plan):
         with suppress(InputError):
             found = solve(seen, model, options)
             rough_px = ROUGH_SHARE * max(seen.image_size)
@@ -285,11 +290,11 @@ def _is_usual(found: Calibration) -> bool:
     return max(off, default=0.0) < MOST_OF_LENS
 
 
-def _fewer_and_fewer(model: str) -> Iterator[SolveOptions]:
+def _fewer_and_fewer(model: str, plan: SolvePlan) -> Iterator[SolveOptions]:
     """All parameters; without the centre and with ever fewer of the lens; at last the focal length alone."""
     lens = tuple(parameter.name for parameter in told_parameters(model) if parameter.name not in FOCAL_CENTRE)
     square = (FOCAL_CENTRE[:2],)
-    yield SolveOptions()
+    yield plan.options_of(model)
     for kept, centre in ((2, ()), (1, FOCAL_CENTRE[2:]), (0, FOCAL_CENTRE[2:])):
         if len(lens) >= kept:
             yield SolveOptions(fixed=tuple((name, None) for name in (*centre, *lens[kept:])), shared=square)
@@ -333,7 +338,7 @@ def judged(known: Insight, settings: GuideSettings) -> Insight:
     found = known.calibration
     if found is None or found.status != "converged":
         return known
-    evidence = lens_evidence([found], 0, half_split(found, SolveOptions()))
+    evidence = lens_evidence([found], 0, half_split(found, settings.plan.options_of(found.camera.model)))
     standing = Standing(evidence, judge(evidence_of(found, evidence), settings.criteria))
     if standing.verdict.grade != "good":
         return replace(known, standing=standing)

@@ -197,7 +197,8 @@ class RigGuide:
             choices.append(CameraChoice(known.camera.model, known.camera))
         moments = sorted({moment for one in cameras for moment in one.frame.values()})
         try:
-            observations, options = rig_observations(cameras, moments), RigOptions()
+            observations, bend = rig_observations(cameras, moments), self.settings.plan.options_of(self.settings.model)
+            options = RigOptions(free_bend=bool(bend.free_bend), bend_sigma_mm=bend.bend_sigma_mm)
             solved = solve_rig(observations, choices, options)
         except InputError:  # no frames tie some of them to the others yet
             return None

@@ -112,6 +112,17 @@ def test_a_lens_that_is_wide_is_solved_as_one_without_being_told() -> None:
     assert (guide.calibration.camera.model, guide.calibration.status) == ("fisheye", "converged")
 
 
+def test_a_board_is_solved_as_it_will_be_of_all_photos() -> None:
+    """The camera, and what noise and the board's bend leave open of it, are those that `calib.solve` states."""
+    guide = calib.Guide(TARGET, image_size=WEBCAM.image_size, model="opencv")
+    for one in five():
+        guide = guide.with_photo(one)
+    solved = calib.solve(list(guide.photos), TARGET, model="opencv").solutions[0].calibration
+    np.testing.assert_allclose(guide.calibration.camera.params, solved.camera.params, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(guide.calibration.param_covariance, solved.param_covariance, rtol=1e-6)
+    np.testing.assert_allclose(guide.observations.points.position_mm, guide.settings.points.position_mm, atol=1e-12)
+
+
 def test_deleting_photos_is_as_if_they_had_not_been_taken() -> None:
     """Down to none; of a name that is not there it is bad input."""
     guide, fewer = after_five(), with_all(five()[:2])

@@ -22,8 +22,8 @@ MOST_MOMENTS, MOST_TRIES = 20, 20
 Moment = dict[str, Detections]
 
 
-def begun(names: tuple[str, ...] = NAMES) -> RigGuide:
-    guide = RigGuide(TARGET, names, made="exact", model="pinhole", criteria=LIMITS)
+def begun(names: tuple[str, ...] = NAMES, made: str | None = "exact") -> RigGuide:
+    guide = RigGuide(TARGET, names, made=made, model="pinhole", criteria=LIMITS)
     for name in names:
         guide = guide.sized(name, CAMERA.image_size)
     return guide
@@ -60,8 +60,8 @@ def moments(rig: TrueRig) -> list[Moment]:
     return taken
 
 
-def after(moments: list[Moment]) -> RigGuide:
-    guide = begun()
+def after(moments: list[Moment], made: str | None = "exact") -> RigGuide:
+    guide = begun(made=made)
     for moment in moments:
         guide = with_moment(guide, moment)
     return guide
@@ -74,6 +74,12 @@ def test_who_follows_the_ghost_comes_to_a_good_rig(moments: list[Moment]) -> Non
     assert guide.told.ghost is None
     assert relative(guide.standing.calibration.rig, 0, 1).baseline_mm == pytest.approx(120.0, abs=0.2)
     assert "pair left right" in [bar.name for bar in guide.told.bars]
+
+
+def test_the_bend_of_a_board_that_may_be_bent_is_an_unknown_of_the_rig(moments: list[Moment]) -> None:
+    """As `calib rig` solves it: not of an exact board."""
+    bends = [after(moments, made).standing.calibration.target_bend for made in ("exact", "fdm-board")]
+    assert [bend is not None for bend in bends] == [False, True]
 
 
 def test_a_rig_of_one_camera_is_guided_as_a_camera(moments: list[Moment]) -> None:
