@@ -16,7 +16,7 @@ from calib.core.types import UNMEASURABLE_WORDS
 from calib.judge.solutions import Solution
 from calib.judge.verdict import Check, Grade, Verdict
 from calib.observe.dataset import Records
-from calib.solver.calibration import LINEAR, Calibration
+from calib.solver.calibration import LINEAR, Calibration, session_files
 from calib.solver.metrics.evaluation import Evaluation, by_face
 from calib.solver.metrics.evaluation_files import FoundParameter, Metrics
 from designer.base.words import capital, printable, with_digits
@@ -54,10 +54,10 @@ def parameters_table(metrics: Metrics) -> Table:
 def sessions_table(calibration: Calibration) -> Table:
     """A row a session of photos, between which the linear part varies."""
     rows = []
-    for one in calibration.sessions:
+    for one, file in zip(calibration.sessions, session_files(calibration.sessions), strict=True):
         values = zip(one.linear.tolist(), one.sigma.tolist(), strict=True)
         cells = (Cell(f"{with_digits(value, sigma)} ± {sigma:.2g}", value) for value, sigma in values)
-        rows.append((Cell(printable(one.name)), Cell(str(len(one.photos))), *cells, Cell(printable(one.file_name))))
+        rows.append((Cell(printable(one.name)), Cell(str(len(one.photos))), *cells, Cell(file)))
     columns = (
         Column("session", is_number=False), Column("photos"), *(Column(f"{name} (px)") for name in LINEAR),
         Column("file", is_number=False),

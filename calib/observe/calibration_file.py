@@ -18,7 +18,7 @@ from calib.cameras.camera import camera_to_json
 from calib.core.se3 import rigid_fault
 from calib.core.types import KnownPoints, Observations
 from calib.observe.observation_table import MAX_RESIDUAL_PX, observations_to_csv, read_sightings
-from calib.solver.calibration import Calibration, CameraSolution
+from calib.solver.calibration import Calibration, CameraSolution, session_files
 from calib.solver.problem import SolveOptions
 from designer.base.arrays import Array
 from designer.base.codec import decode, encode
@@ -150,8 +150,8 @@ def calibration_files(
         folder / OBSERVATIONS_FILE: table,
         folder / CAMERA_FILE: camera_to_json(calibration.camera).encode(),
     }
-    for one in calibration.sessions:
-        files[folder / one.file_name] = camera_to_json(one.of(calibration.camera)).encode()
+    for one, name in zip(calibration.sessions, session_files(calibration.sessions), strict=True):
+        files[folder / name] = camera_to_json(one.of(calibration.camera)).encode()
     return files, replace(provenance, observations_sha256=digest)
 
 

@@ -1,13 +1,11 @@
 """Which photos are of one session, between which a focal length may change: those of a folder, or as a table says."""
 
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
 from calib.core.csv_table import column_fault, read_table, read_text
-from calib.solver.calibration import session_word
 from calib.solver.plan import SolvePlan
 from designer.base.errors import InputError
 from designer.base.words import shown
@@ -49,9 +47,6 @@ def with_sessions(
             f"--vary: all photos are of session {shown(found[0][1])}; give folders of {FEWEST} or more, or a table "
             "file,session with --sessions"
         )
-    words = Counter(session_word(one).lower() for one in {session for _, session in found})
-    if (alike := next((word for word, count in words.items() if count > 1), None)) is not None:
-        raise InputError(f"--sessions: two sessions would be called {shown(alike)} in names of files; rename one")
     return replace(plan, options=replace(plan.options, sessions=tuple(found)))
 
 

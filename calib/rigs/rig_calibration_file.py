@@ -29,7 +29,7 @@ from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.marks import LEFT_OUT, OR_NULL, AtLeast, AtMost, Length, Line, Shape, Word
-from designer.base.words import shown
+from designer.base.words import no_two_alike, shown
 
 CAMERAS = "cameras"
 MOST_FRAMES = 1_000_000
@@ -135,13 +135,10 @@ def _as_solved(one: Calibration, options: SolveOptions) -> SolveOptions:
 
 def folder_names(camera_names: Sequence[str]) -> tuple[str, ...]:
     """A folder of each camera: its name where that is a plain one, else its number; no two alike in any letters."""
-    found: list[str] = []
-    for number, name in enumerate(camera_names):
-        short = name if _SAFE.fullmatch(name) and not name.endswith(".") else f"camera_{number}"
-        while short.lower() in map(str.lower, found):
-            short += f"_{number}"
-        found.append(short)
-    return tuple(found)
+    return no_two_alike(
+        name if _SAFE.fullmatch(name) and not name.endswith(".") else f"camera_{number}"
+        for number, name in enumerate(camera_names)
+    )
 
 
 _ALIKE = tuple(one.name for one in fields(JointSolution))

@@ -12,6 +12,7 @@ others are curvatures that change from one side to the other.
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
@@ -27,7 +28,7 @@ from calib.solver.problem import Prior, prior_of
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, Above, AtLeast, AtMost, Count, Gap, Length, Shape
-from designer.base.words import shown
+from designer.base.words import no_two_alike, shown
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount, Kind
 from designer.tolerance.sources import SOURCES
@@ -298,11 +299,6 @@ class Breathing:
         )
 
 
-def session_word(name: str) -> str:
-    """A session's name in that of its file."""
-    return re.sub("[^A-Za-z0-9_-]+", "_", name)
-
-
 @dataclass(frozen=True, eq=False)
 class PhotoSession:
     """The linear part of a group of photos, between which it varies."""
@@ -319,16 +315,17 @@ class PhotoSession:
         """The camera of these photos, of that of all."""
         return replace(camera, params=np.concatenate([self.linear, camera.params[4:]]))
 
-    @property
-    def file_name(self) -> str:
-        """Of its camera."""
-        return f"camera.{session_word(self.name)}.json"
-
     def told(self, camera: Camera) -> str:
         """What is another than in the camera of all."""
         each = zip(LINEAR, self.linear.tolist(), self.sigma.tolist(), camera.params[:4].tolist(), strict=True)
         parts = [f"{name} {value:.6g} ± {sigma:.2g} px" for name, value, sigma, mean in each if value != mean]
         return f"session {shown(self.name)}: {', '.join(parts)}"
+
+
+def session_files(sessions: Sequence[PhotoSession]) -> tuple[str, ...]:
+    """The file of each one's camera: by its name, in letters that any system has; no two alike."""
+    words = no_two_alike(re.sub("[^A-Za-z0-9_-]+", "_", one.name)[:60] for one in sessions)
+    return tuple(f"camera.{word}.json" for word in words)
 
 
 @dataclass(frozen=True, eq=False)

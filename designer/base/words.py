@@ -56,6 +56,17 @@ def first_few(texts: Sequence[str], most: int = 4) -> str:
     return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
+def no_two_alike(words: Iterable[str]) -> tuple[str, ...]:
+    """Words as names of files: those that are as one before in any letters, with their number behind."""
+    found: list[str] = []
+    for number, word in enumerate(words):
+        own = word
+        while own.lower() in map(str.lower, found):
+            own += f"_{number}"
+        found.append(own)
+    return tuple(found)
+
+
 def several(option: str, value: Iterable[Item] | str) -> tuple[Item | str, ...]:
     """What an option was given: one text, or any number of values.
 
