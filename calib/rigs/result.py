@@ -80,7 +80,7 @@ class RigCalibration(JointSolution):
     delay_sigma_s: Array | None = None  # (C,)
     alone_scale: Array | None = None  # (C,) as `scale`, of each camera by itself: more in the rig is told by no lens
     target_bend: PlaneBend | None = None  # by which the points were moved; None: it was no unknown
-    priors: tuple[tuple[ParameterPrior, ...], ...] = ()  # (C,) what was known of parameters beforehand; (): nothing
+    priors: tuple[tuple[ParameterPrior, ...], ...]  # (C,) what was known of each camera's parameters beforehand
 
     def __post_init__(self) -> None:
         freeze(
@@ -135,7 +135,7 @@ class RigCalibration(JointSolution):
                 priors if is_refined else (),
             )
             for one, is_refined, fixed, priors in zip(
-                self.cameras, self.is_refined, self.fixed, self.priors or ((),) * len(self.cameras), strict=True
+                self.cameras, self.is_refined, self.fixed, self.priors, strict=True
             )
         )  # fmt: skip
 
@@ -163,7 +163,7 @@ class RigCalibration(JointSolution):
                 iterations=self.iterations,
                 seconds=self.seconds,
                 target_bend=self.target_bend,
-                priors=self.priors[row] if self.priors else (),
+                priors=self.priors[row],
             )
             for row, camera in enumerate(self.cameras)
         )

@@ -125,7 +125,7 @@ def posed_unknowns(
 def posed_priors(found: RigCalibration, basis: Array, frames: Rows, more: int = 0) -> Iterator[PosedSightings]:
     """What is known of the cameras' parameters beforehand, as much of it as frames are taken; see `posed_frames`."""
     part = len(frames) / found.observations.frame_count
-    for camera, (one, priors) in enumerate(zip(found.cameras, found.priors, strict=bool(found.priors))):
+    for camera, (one, priors) in enumerate(zip(found.cameras, found.priors, strict=True)):
         if priors:
             prior = prior_of(priors, parameter_names(one.model), part)
             rows = np.pad(basis[found.rig.params_rows(camera)], ((0, 0), (0, more)))

@@ -80,8 +80,9 @@ def test_a_rig_of_one_camera_measures_what_its_photos_do() -> None:
                                      seen.sightings[1:2], (np.arange(len(frames)),)),
         cameras=found.cameras[1:2], cam_from_rig=invert(rig_from_cam)[None], reference=0,
         rig_from_target=found.rig_from_target[frames], residual_px=found.residual_px[1:2],
-        is_outlier=found.is_outlier[1:2], scale=found.scale[1:2], fixed=((),), covariance=np.zeros((15, 15)),
-        frame_covariance=found.frame_covariance[frames], pose_covariance=found.pose_covariance[1:2],
+        is_outlier=found.is_outlier[1:2], scale=found.scale[1:2], fixed=((),), priors=((),),
+        covariance=np.zeros((15, 15)), frame_covariance=found.frame_covariance[frames],
+        pose_covariance=found.pose_covariance[1:2],
     )  # fmt: skip
     by_photos = measure(seen.sightings[1:2], solid(), "opencv", OPTIONS)
     by_rig = measure_rig(alone, solid(), OPTIONS)
