@@ -75,6 +75,11 @@ def test_a_camera_in_hand_is_found_and_written_for_programs(folder: Path, tmp_pa
     assert "flange_from_cam" in answer.out
     told = HAND_EYE.read(out / "hand_eye.json")
     found = calib.hand_eye(None, table=folder / "seen.csv", robot=folder / "robot.csv")
+    evaluated = calib.evaluate(out).calibration
+    assert found.calibration.carrier is not None
+    sizes = evaluated.observations.points.position_mm / found.calibration.observations.points.position_mm
+    np.testing.assert_allclose(sizes[np.isfinite(sizes)], found.calibration.carrier.size)
+    assert any("of what its file says" in line for line in evaluated.remarks)
     assert np.allclose(told.flange_from_cam, found.hand_eye.flange_from_cam, atol=1e-6)
     pose = invert(told.flange_from_cam)
     off = np.concatenate([log_rotation(pose[:3, :3] @ CAM_FROM_FLANGE[:3, :3].T), pose[:3, 3] - CAM_FROM_FLANGE[:3, 3]])
