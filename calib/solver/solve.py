@@ -272,9 +272,11 @@ def _check(options: SolveOptions) -> None:
     if varied and (options.minimise != IMAGE or (options.breathing_mm is not None and options.vary)):
         raise InputError(f"{varied}: goes with distances in the image, and not with both of --breathing and --vary")
     differ = {"fx", "fy", *options.vary} if FOCAL in options.vary else set(options.vary)
-    if (known := next((one for one in options.priors if one.name.removesuffix("_px") in differ), None)) is not None:
+    told = [(f"--prior {one.text}", one.name) for one in options.priors]
+    told += [(f"--fix {name}" + ("" if value is None else f"={value:g}"), name) for name, value in options.fixed]
+    if (known := next((text for text, name in told if name.removesuffix("_px") in differ), None)) is not None:
         raise InputError(
-            f"--prior {known.text}: with --vary {','.join(options.vary)} it differs between sessions, and no one value "
+            f"{known}: with --vary {','.join(options.vary)} it differs between sessions, and no one value "
             "of it is known; leave one of them out"
         )
     if options.focal_px is not None and not 0 < options.focal_px < np.inf:

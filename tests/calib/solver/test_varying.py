@@ -184,8 +184,10 @@ def test_what_cannot_vary_is_refused(vary: str) -> None:
 
 @pytest.mark.parametrize(("vary", "name"), [("focal", "fy"), ("cx", "cx")])
 def test_nothing_is_known_of_what_differs(vary: str, name: str) -> None:
-    """A prior on what varies between sessions is of no one value."""
+    """What varies between sessions is of no one value: no prior on it, and it is not fixed."""
     seen, of, _ = sessions(0)
+    with pytest.raises(InputError, match=f"fix {name}.*=1250: .*vary {vary}.*leave one"):
+        calib.solve(seen, model="opencv", vary=vary, sessions=of, fix=[f"{name}=1250"])
     with pytest.raises(InputError, match=f"--prior {name}.*vary {vary}.*leave one"):
         calib.solve(seen, model="opencv", vary=vary, sessions=of, priors={name: (1250.0, 5.0)})
 
