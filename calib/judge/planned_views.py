@@ -34,6 +34,7 @@ from calib.judge.next_views import MAX_PX, NextView, proposed_view
 from calib.judge.view_search import CandidatePhoto, SoFar, ViewGoal, view_search
 from calib.judge.views import READABLE_PITCH_PX, Habits, TargetShape, shape_of
 from calib.solver.calibration import Calibration
+from calib.solver.plan import SolvePlan
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from calib.solver.target_error import with_target_error
@@ -234,16 +235,17 @@ class PlanWish:
 def tried_plan(wish: PlanWish, cam_from_target: Array, rng: np.random.Generator) -> TriedPlan:
     """Take the photos of a plan (V, 4, 4) once, with noise and as they are held, and solve the camera from them."""
     poses = cam_from_target if wish.is_held_exactly else held_by_hand(cam_from_target, wish.shape, rng)
-    seen = _photographed(wish, poses, rng)
+    seen, model = _photographed(wish, poses, rng), wish.before.camera.model
+    options = SolvePlan((model,), SolveOptions()).for_target(wish.made, seen.points).options_of(model)
     try:
-        found = solve(seen, wish.before.camera.model, SolveOptions()) if seen.view_count else None
+        found = solve(seen, model, options) if seen.view_count else None
     except InputError:
         found = None
     if found is None or found.status != "converged":
         return NOT_DETERMINED
     stated = with_target_error(found, wish.made)  # as the verdict on these photos has it
     covered = coverage_of(stated)
-    halves = halves_apart(half_split(stated, SolveOptions()), covered)
+    halves = halves_apart(half_split(stated, options), covered)
     known = uncertainty_of(stated, covered, halves.factor)
     if known.image_px is None or known.noise_px is None:
         return NOT_DETERMINED

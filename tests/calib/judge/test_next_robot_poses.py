@@ -16,8 +16,17 @@ from calib.judge.halves import NoHalves, RigHalves, RigSplit, half_split
 from calib.judge.judge import Judged
 from calib.judge.next_robot_poses import next_robot_poses
 from calib.judge.next_views import NextView, next_views
-from calib.judge.planned_views import FEWEST, PlannedViews, calibration_before, planned_views, usual_hold
+from calib.judge.planned_views import (
+    FEWEST,
+    PlannedViews,
+    PlanWish,
+    calibration_before,
+    planned_views,
+    tried_plan,
+    usual_hold,
+)
 from calib.judge.views import shape_of
+from calib.observe.observations import known_points
 from calib.observe.robot_poses import read_robot_poses, robot_poses_to_csv
 from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
 from calib.rigs.relative import center_sigma_mm
@@ -30,7 +39,9 @@ from calib.solver.priors import ParameterPrior
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.base.arrays import Array
+from designer.tolerance.made import how_made
 from tests.support import rig_views, solver_scenes
+from tests.support.guided_scenes import board_target
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, observe, poses_around
 from tests.support.verdict_cases import judge_run
 
@@ -259,6 +270,23 @@ def test_a_goal_out_of_reach_is_told() -> None:
     plan = planned_views(before, usual_hold(before, shape), goal_px=1e-4, goal_covered=0.7, most=7)
     assert not plan.is_accurate
     assert len(plan.views) == 7
+
+
+def test_plans_are_tried_with_a_board_that_may_be_bent() -> None:
+    """As the photos will be solved: its bend is an unknown, so that the same noise leaves more of the camera open."""
+    target = board_target()
+    before = calibration_before(CAMERA, known_points(target), NOISE_PX)
+    shape = shape_of(before)
+    assert shape is not None
+    poses = poses_around(20, np.random.default_rng(7), distance_mm=200.0)
+    flat, bent = (
+        tried_plan(
+            PlanWish(before, shape, usual_hold(before, shape), 1.0, 0.5, 12, how_made(target, made)), poses,
+            np.random.default_rng(0),
+        )
+        for made in ("exact", "fdm-board")
+    )  # fmt: skip
+    assert bent.by_noise_px > 1.01 * flat.by_noise_px
 
 
 def judged(calibration: Calibration) -> tuple[Judged, tuple[NextView, ...]]:
