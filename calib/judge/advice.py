@@ -15,7 +15,7 @@ from calib.cameras import ANY_LENS, free_form_models
 from calib.judge.checks import checks_of, faults_of, missing_of
 from calib.judge.evidence import FAR_OFF, LensEvidence, evidence_of
 from calib.judge.halves import HalvesApart
-from calib.judge.lens_checks import BY_CHANCE, SURE, diameter_words, made_words
+from calib.judge.lens_checks import BY_CHANCE, LEAVE_PRIOR_OUT, SURE, diameter_words, made_words
 from calib.judge.next_view_words import distance_words, short
 from calib.judge.next_views import NextView
 from calib.judge.photo_advice import is_sure, photo_advice
@@ -111,7 +111,7 @@ def advice_of(
     """
     if evidence.reading:  # of observations that are read wrongly nothing else is known
         return (evidence.reading,)
-    facts = view_facts(calibration)
+    facts, whole = view_facts(calibration), evidence_of(calibration, evidence)
     # What the solver says of photos that do not determine the camera; for a map that was learned it has no word.
     undetermined = "" if evidence.uncertainty.is_map_exact else next(iter(calibration.remarks), "")
     undetermined = undetermined or "take more photos, from different sides: these do not determine the camera"
@@ -119,6 +119,7 @@ def advice_of(
         (_step(undetermined, "solution"),)
         if calibration.status == "degenerate"
         else (
+            _step(LEAVE_PRIOR_OUT if whole.contradicted else "", "priors"),
             _step(_points(evidence, criteria, inputs), "points", "uncertainty"),
             _step(_alike(evidence), "capture"),
             _target(calibration, evidence, criteria, inputs),
@@ -142,7 +143,6 @@ def advice_of(
         _step(_map(evidence)),
     )
     # The checks that keep the verdict from being good, as the verdict names them, the worst first.
-    whole = evidence_of(calibration, evidence)
     checks = checks_of(whole, criteria)
     wanting = (*faults_of(checks, "bad"), *faults_of(checks, "usable"), *missing_of(whole, checks))
     order = [check.name for check in wanting]

@@ -76,6 +76,16 @@ def _solution(evidence: Evidence, _: Criteria) -> Found | None:
     return Found("bad", None, f"{fault}: {evidence.status_reason}" if evidence.status_reason else fault)
 
 
+def _priors(evidence: Evidence, _: Criteria) -> Found | None:
+    """What was known beforehand against what the photos say: one of both is wrong, and all numbers are of both."""
+    said = evidence.contradicted
+    if said is None:
+        return None
+    if not said:
+        return Found("good", None, "nothing in the photos contradicts what was known beforehand")
+    return Found("bad", None, said[0] + (f" (and {len(said) - 1} more)" if len(said) > 1 else ""))
+
+
 def _coverage(evidence: Evidence, criteria: Criteria) -> Found | None:
     """What the observations surround of the image of the camera that saw least; a given lens was learned elsewhere.
 
@@ -125,6 +135,7 @@ CHECKS: dict[str, CheckKind] = {
     kind.name: kind
     for kind in (
         CheckKind("solution", "Solution", "", _solution),
+        CheckKind("priors", "What was known beforehand", "", _priors),
         CheckKind("reading", "How the observations read", "", lens=lens_checks.reading),
         CheckKind(
             "frames",
@@ -160,8 +171,8 @@ CHECKS: dict[str, CheckKind] = {
 }
 """In the order of reading. Their limits are in `templates/criteria`."""
 FIRST = (
-    "carrier", "reading", "solution", "points", "capture", "target", "residuals", "outliers", "halves", "systematic",
-    "frames", "delays", "baselines", "space", "lenses", "uncertainty", "coverage", "models",
+    "carrier", "reading", "solution", "priors", "points", "capture", "target", "residuals", "outliers", "halves",
+    "systematic", "frames", "delays", "baselines", "space", "lenses", "uncertainty", "coverage", "models",
 )  # fmt: skip
 """Of checks that are beyond their limits alike, the one that is named first: what spoils the data comes before what a
 few more photos mend."""

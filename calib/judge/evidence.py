@@ -22,6 +22,8 @@ from calib.solver.metrics.errors import Errors, summarise
 from calib.solver.metrics.evaluation import evaluate
 from calib.solver.metrics.residual_cells import LEAST_PER_CELL, cells_of_residuals, residuals_of
 from calib.solver.outliers import deviations
+from calib.solver.priors import contradictions
+from designer.base.words import printable
 
 if TYPE_CHECKING:
     from calib.rigs.figures import CameraTie, PairFigures
@@ -144,6 +146,7 @@ class Evidence:
     status_reason: str  # of a status other than converged
     frames: int
     cameras: tuple[CameraEvidence, ...]  # (C,)
+    contradicted: tuple[str, ...] | None = None  # a word on each prior that the photos contradict; None: no priors
 
     @property
     def lens(self) -> LensEvidence | None:
@@ -207,7 +210,18 @@ def lens_evidence(calibrations: Sequence[Calibration], best: int, halves: HalfSp
 def evidence_of(calibration: Calibration, lens: LensEvidence) -> Evidence:
     """What a verdict on a camera that was solved by itself rests on."""
     reason = calibration.remarks[0] if calibration.remarks else ""
-    return Evidence(status=calibration.status, status_reason=reason, frames=lens.frames, cameras=(lens,))
+    return Evidence(
+        status=calibration.status, status_reason=reason, frames=lens.frames, cameras=(lens,),
+        contradicted=_contradicted(calibration),
+    )  # fmt: skip
+
+
+def _contradicted(one: Calibration) -> tuple[str, ...] | None:
+    """What the photos say against a camera's priors, by noise alone as the solver does; None: nothing is known."""
+    if not one.priors or one.status != "converged":
+        return None
+    sigma = dict(zip(one.camera.parameters, np.sqrt(np.diagonal(one.param_covariance)).tolist(), strict=True))
+    return tuple(contradictions(one.priors, one.camera.parameters, sigma))
 
 
 def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -> Uncertainty:
@@ -323,12 +337,25 @@ def joint_evidence(found: "RigCalibration", halves: RigHalves | NoHalves) -> Joi
         pairs=pair_figures(told),
         ties=ties_of(told.rig, seen.shared),
         halves=halves,
+        contradicted=_contradicted_together(found),
         middle=middle_error(told) if is_known else None,
         carrier=found.carrier,
         carried=carried_error(enlarged(found, halves, as_target=True)) if is_known else None,
         delay_px=_delay_px(told),
         by_circles=_by_circles(found),
     )
+
+
+def _contradicted_together(found: "RigCalibration") -> tuple[str, ...] | None:
+    """The same of all cameras of a rig."""
+    said: list[str] | None = None
+    rig = found.rig
+    for row, (name, one) in enumerate(zip(found.observations.camera_names, found.alone, strict=True)):
+        rows = rig.params_rows(row)
+        own = _contradicted(replace(one, param_covariance=found.covariance[rows, rows]))
+        if own is not None:
+            said = [*(said or ()), *(f"{printable(name)}: {line}" for line in own)]
+    return None if said is None else tuple(said)
 
 
 def _by_circles(found: "RigCalibration") -> ByCircles | None:

@@ -4,7 +4,7 @@ import math
 
 from calib.judge.evidence import JointEvidence
 from calib.judge.halves import NoHalves, RigHalves
-from calib.judge.lens_checks import circle_words
+from calib.judge.lens_checks import LEAVE_PRIOR_OUT, circle_words
 from calib.judge.verdict import Criteria, Found, at_least, at_most, px
 from designer.base.words import figure, printable
 
@@ -173,7 +173,7 @@ def why_good(evidence: JointEvidence) -> str:
 
 def steps_of(evidence: JointEvidence, criteria: Criteria) -> list[str]:
     """What to do better, what would change the verdict first."""
-    steps = []
+    steps = [LEAVE_PRIOR_OUT] if evidence.contradicted else []
     halves = evidence.halves
     if isinstance(halves, RigHalves) and halves.has_moved:
         steps.append(

@@ -166,7 +166,7 @@ def judged_by(
 
 MENDED_BY_FRAMES = ("frames", "baselines", "space", "halves")
 """Checks that more frames may make good."""
-SPOILT = ("solution", "carrier", "residuals", "halves")
+SPOILT = ("solution", "priors", "carrier", "residuals", "halves")
 """Checks that more frames like these mend in no way; a robot's next poses may mend what its poses so far leave open."""
 
 

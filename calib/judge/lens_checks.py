@@ -18,6 +18,7 @@ REFUTED = 1.05
 """A model that leaves over so many times as much as the judged one does not fit the lens: its dissent tells nothing."""
 OWN_ROTATION = "its own rotation removed"
 """Said of the covered area: the rotation is that which fits it, not the whole image, best."""
+LEAVE_PRIOR_OUT = "leave the prior that the photos contradict out, or give the value that the lens has"
 MOST_EFFECTS = 2
 """That a sentence tells of what is alike in all photos, the surest."""
 IRRELEVANT = 0.25

@@ -21,6 +21,7 @@ from calib.observe.calibration_file import RIG_CALIBRATION_FILE, Provenance, rea
 from calib.rigs.relative import CarriedError, relative
 from calib.rigs.result import CarrierFit, RigCalibration
 from calib.rigs.rig_calibration_file import CAMERAS, folder_names, read_rig
+from calib.solver.priors import ParameterPrior
 from designer.base.errors import InputError
 from tests.support.file_examples import same
 from tests.support.rig_views import RigScene, ring, scene_of, solved_slowly, stereo_pair
@@ -57,6 +58,19 @@ def test_a_sound_rig_is_good_and_says_how_well_it_is_known() -> None:
     assert "the distances of the cameras are known to" in verdict.sentence
     assert verdict.advice == ()
     assert "lenses" not in {check.name for check in verdict.checks}
+
+
+def test_a_prior_of_a_camera_that_its_photos_contradict_leads() -> None:
+    """With the camera's name and both numbers; what agrees is good, and without priors nothing is said of them."""
+    rig = solved_slowly(stereo_pair(frames=12))
+    fx = float(rig.cameras[1].params[0])
+    for off_px, grade in ((0.1, "good"), (40.0, "bad")):
+        priors = ((), (ParameterPrior("fx_px", fx + off_px, 2.0),))
+        told = judge_rig(replace(rig, priors=priors), AGREE, STANDARD).verdict
+        assert {check.name: check.grade for check in told.checks}["priors"] == grade
+    assert told.leads_with == "priors"
+    assert told.sentence.startswith(f"{rig.observations.camera_names[1]}: fx_px: the prior says")
+    assert told.advice[0].startswith("leave the prior")
 
 
 def carried(degrees: float) -> CarrierFit:

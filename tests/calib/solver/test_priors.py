@@ -11,6 +11,8 @@ from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, log_rotation
 from calib.core.types import Observations
+from calib.judge.checks import read_criteria
+from calib.judge.halves import NoHalves
 from calib.judge.solutions import SolveTask, solve_models
 from calib.observe.calibration_file import read_calibration, write_calibration
 from calib.rigs.problem import CameraChoice
@@ -23,6 +25,7 @@ from designer.base.arrays import Array
 from designer.base.errors import InputError
 from tests.support import solver_scenes as scenes
 from tests.support.rig_views import stereo_pair
+from tests.support.verdict_cases import judge_run
 
 TRUE = scenes.CAMERAS["opencv"]
 KNOWN = {"fx_px": 10.0, "fy_px": 10.0, "k1": 0.01, "cx_px": 5.0}
@@ -92,11 +95,20 @@ def test_covariances_with_priors_keep_their_promise(views: int, tilt_deg: float)
 def test_a_prior_that_photos_contradict_is_named() -> None:
     """With what it says, what they say without it, and in no other case."""
     observations = seen(3, views=8, tilt_deg=30.0)
-    (said,) = solve(observations, "opencv", SolveOptions(priors=(ParameterPrior("fx_px", 2560.0, 4.0),))).remarks
+    off, fits = (
+        solve(observations, "opencv", SolveOptions(priors=(ParameterPrior("fx_px", one, 4.0),)))
+        for one in (2560.0, 2510.0)
+    )
+    (said,) = off.remarks
     alone = solve(observations, "opencv").camera.params[0]
     assert said.startswith("fx_px: the prior says 2560.00 ± 4, the photos without it ")
     assert float(said.split("without it ")[1].split()[0]) == pytest.approx(alone, abs=2.0)
-    assert not solve(observations, "opencv", SolveOptions(priors=(ParameterPrior("fx_px", 2510.0, 4.0),))).remarks
+    assert not fits.remarks
+    judged, agreed = (judge_run([one], 0, NoHalves("not asked for"), read_criteria()).verdict for one in (off, fits))
+    assert (judged.grade, judged.leads_with) == ("bad", "priors")
+    assert judged.sentence.startswith(said)
+    assert judged.advice[0].startswith("leave the prior that the photos contradict out")
+    assert {check.name: check.grade for check in agreed.checks}["priors"] == "good"
 
 
 def test_what_may_be_off_besides_noise_counts_with_priors_too() -> None:
