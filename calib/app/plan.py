@@ -199,7 +199,8 @@ def plan(
     """
     import numpy as np
 
-    from calib.app.inputs import camera_of, target_of
+    from calib.app.cameras_told import remarks_on
+    from calib.app.inputs import opened_camera, target_of
     from calib.judge.guide_state import settings_of
     from calib.judge.planned_views import (
         PlanWish,
@@ -212,11 +213,11 @@ def plan(
     from calib.judge.verdict import Criteria
     from calib.judge.views import shape_of
 
-    geometry, given = target_of(target, "rings"), camera_of(camera)
+    geometry, read = target_of(target, "rings"), opened_camera(camera).read
     settings = settings_of(geometry, criteria if isinstance(criteria, Criteria) else fspath(criteria), made=made)
     goal_px = settings.criteria["uncertainty"].good if within_px is None else within_px
     hand = _hand_of(hand_eye)
-    planned, of_lens = planned_camera(given, goal_px)
+    planned, of_lens = planned_camera(read.camera, goal_px)
     before = calibration_before(planned, front_of(geometry, settings.points), noise_px)
     shape = shape_of(before)
     if shape is None:
@@ -258,7 +259,8 @@ def plan(
         noise_px=noise_px, goal_px=goal_px, goal_covered=goal_covered,
         photos=_worded(found.views, table_deg, is_by_hand=hand is None), distance_mm=found.distance_mm,
         tilt_deg=found.tilt_deg, base_from_flange=hand.base_from_flange(poses) if hand and at is None else None,
-        table_deg=table_deg, tried=tried, remarks=tuple(text for text, is_so in remarks if is_so),
+        table_deg=table_deg, tried=tried,
+        remarks=(*remarks_on("the camera", read), *(text for text, is_so in remarks if is_so)),
     )  # fmt: skip
 
 

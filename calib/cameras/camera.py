@@ -20,7 +20,7 @@ from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind, laid_out
 from designer.base.files import JsonValue, parse_json, place_of, read_small_text, read_spec_file, write_files
-from designer.base.marks import LEFT_OUT, Above, AtLeast, AtMost, Length, Shape
+from designer.base.marks import LEFT_OUT, Above, AtLeast, AtMost, Length, Line, Shape
 from designer.base.words import shown, suggestion
 from designer.kinds.presets import preset_or_file
 
@@ -113,9 +113,9 @@ class Camera:
         """Unit directions (..., 3) of the light that reaches pixels (..., 2); nan where none does: `camera.rays(u)`."""
         return rays(self, _rows_of(pixel, 2, "pixels"))
 
-    def to_json(self) -> JsonValue:
+    def to_json(self, remark: str | None = None) -> JsonValue:
         """The content of `camera.json`, which also stands in other files."""
-        file = CameraDocument(self.model, self.image_size, self.parameters, self.learned, self.field_rad)
+        file = CameraDocument(self.model, self.image_size, self.parameters, self.learned, self.field_rad, remark)
         return CAMERA.document(file)
 
     @classmethod
@@ -178,14 +178,15 @@ class CameraDocument:
     parameters: Mapping[str, float]
     learned_map: Annotated[LearnedMap | None, LEFT_OUT] = None
     field_rad: Annotated[Field | None, LEFT_OUT] = None
+    remark: Annotated[Line | None, LEFT_OUT] = None  # which photos it is not the camera of
 
 
 CAMERA = FileKind(CameraDocument, "camera", "a camera file", "check the file", largest_bytes=2**20)
 
 
-def camera_to_json(camera: Camera) -> str:
+def camera_to_json(camera: Camera, remark: str | None = None) -> str:
     """The text of `camera.json`; it reads back bit for bit."""
-    return laid_out(camera.to_json()) + "\n"
+    return laid_out(camera.to_json(remark)) + "\n"
 
 
 def camera_from_mapping(values: object, origin: str, *, is_written_by_hand: bool = False) -> Camera:

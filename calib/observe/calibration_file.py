@@ -148,7 +148,7 @@ def calibration_files(
     files = {
         folder / CALIBRATION_FILE: _text(calibration, provenance, digest, folder),
         folder / OBSERVATIONS_FILE: table,
-        folder / CAMERA_FILE: camera_to_json(calibration.camera).encode(),
+        folder / CAMERA_FILE: camera_to_json(calibration.camera, calibration.told_of_camera).encode(),
     }
     for one, name in zip(calibration.sessions, session_files(calibration.sessions), strict=True):
         files[folder / name] = camera_to_json(one.of(calibration.camera)).encode()

@@ -382,6 +382,15 @@ class CameraSolution(Solved):
     """What was known of parameters beforehand, which is in all that is told."""
 
     @property
+    def told_of_camera(self) -> str | None:
+        """Which photos the camera alone is not that of; None: it is that of all."""
+        if self.breathing is not None:
+            return f"{self.breathing.sentence}: poses at other distances are off"
+        if self.sessions:
+            return f"the mean of {len(self.sessions)} sessions; the files camera.SESSION.json beside it are theirs"
+        return None
+
+    @property
     def errors(self) -> "dict[str, TargetError | ImageField | CaptureError | PhotoError | CircleDoubt]":
         """What may be off besides the noise of single observations, by its field's name."""
         parts = {

@@ -37,7 +37,7 @@ POSE = np.array([[0.0, -1, 0, 1.5], [1, 0, 0, -2], [0, 0, 1, 1e3 / 3], [0, 0, 0,
 
 def _camera() -> CameraDocument:
     learned = LearnedMap(np.array([[1.0, 2], [3, 4]]), np.eye(2) / 3, np.array([1e-6, 1e-5]), np.eye(3), 40.0, 0.05)
-    return CameraDocument("virtual", (1000, 800), dict(PINHOLE.parameters), learned)
+    return CameraDocument("virtual", (1000, 800), dict(PINHOLE.parameters), learned, remark="of no photo")
 
 
 def _verdict() -> Judged:

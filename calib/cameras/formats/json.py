@@ -21,7 +21,9 @@ def write(camera: Camera, _: FileLens) -> str:
 
 def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
     """The camera in a text."""
-    return ReadCamera(camera_from_mapping(parse_json(text, Path(origin), "a camera file"), origin))
+    document = parse_json(text, Path(origin), "a camera file")
+    camera, remark = camera_from_mapping(document, origin), CAMERA.of(document, origin).remark
+    return ReadCamera(camera, remarks=() if remark is None else (remark,))
 
 
 FORMAT = CameraFormat(

@@ -73,6 +73,14 @@ def test_breathing_is_told_as_surely_as_stated(b_mm: float) -> None:
     assert 0.6 < np.mean(squares) < 1.5
 
 
+def test_a_camera_at_one_distance_says_so_where_it_is_read(tmp_path: Path) -> None:
+    """Of a folder or a file, by what reads it; the photos of other distances are not its own."""
+    found = calib.solve(breathing(0), model="opencv", breathing_mm=AT_MM)
+    found.save(tmp_path / "out")
+    for place in (tmp_path / "out", tmp_path / "out" / "camera.json"):
+        assert [line for line in calib.diff(place, TRUE).remarks if "at 450 mm: poses at other" in line]
+
+
 def test_what_was_named_as_a_cause_is_gone_when_it_is_solved() -> None:
     """A focal length that follows the distance is found in photos, and is the option's remedy."""
     without, solved = (
@@ -170,6 +178,8 @@ def test_a_folder_keeps_what_varies(tmp_path: Path) -> None:
     files = [f"camera.{word}.json" for word in ("lens_a", "lens_A_1", "_", "__3", "s4")]  # no two alike in any letters
     for one, file in zip(back.sessions, files, strict=True):
         assert load_camera(tmp_path / "out" / file).params[:4].tolist() == one.linear.tolist()
+    (line,) = calib.convert(tmp_path / "out", "opencv").remarks
+    assert "mean of 5 sessions" in line
     left_px = predict(back).predicted_px - back.observations.center_px
     assert left_px == pytest.approx(back.residual_px, abs=1e-5)
 
