@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 from calib.app.detect import DETECTIONS_FILE, detections_answer
 from calib.cameras import MODELS
+from calib.cameras.camera import CAMERA
 from calib.draw import CALIBRATION_PICTURE
 from calib.draw.gallery import OVERLAYS
 from calib.judge.folders import RECORDS_FILE, JudgedRun, keep_target, records_in
@@ -23,6 +24,7 @@ from calib.observe.calibration_file import (
     write_calibration,
 )
 from calib.observe.dataset import Records, records_path
+from calib.solver.calibration import session_files
 from calib.solver.metrics.evaluation import Evaluation
 from calib.solver.metrics.evaluation_files import METRICS_FILE, METRICS_FILES, Metrics, evaluation_files, metrics_of
 from designer.base.codec import encode
@@ -140,11 +142,15 @@ class RunFolder:
         Raises:
             NotWrittenError: the disk is full.
         """
+        from calib.observe.photos import remove_ours
+
         written = replace(solution, path=self._path_of(solution.model))
         if written.evaluation is not None:
             place = self.place_of(written.model)
             try:
+                earlier = _session_cameras(place)
                 files, provenance = write_calibration(place, written.calibration, written.provenance)
+                remove_ours(dict.fromkeys(earlier - set(files), CAMERA.format))
                 written = replace(written, provenance=provenance)
                 self.out.files += files
                 self.out.finished.append(place)
@@ -198,9 +204,19 @@ class RunFolder:
             if is_ours(place / CALIBRATION_FILE, CALIBRATION.format):
                 names = (CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE)
                 kinds: Mapping[str, str] = {**dict.fromkeys(names, ""), **METRICS_FILES}
-                remove_ours({place / name: kind for name, kind in kinds.items()})
+                sessions = dict.fromkeys(_session_cameras(place), CAMERA.format)
+                remove_ours({**{place / name: kind for name, kind in kinds.items()}, **sessions})
                 with suppress(OSError):  # it holds something else
                     place.rmdir()
+
+
+def _session_cameras(place: Path) -> set[Path]:
+    """Where the cameras of the sessions are of the calibration that lies there."""
+    if not any(place.glob("camera.*.json")):
+        return set()
+    with suppress(InputError):  # it is broken, and nothing tells whose cameras they are
+        return {place / name for name in session_files(CALIBRATION.read(place / CALIBRATION_FILE).sessions)}
+    return set()
 
 
 def solutions_answer(solutions: Sequence[Solution], best: str | None, folder: Path) -> "dict[str, Value]":

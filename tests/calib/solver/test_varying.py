@@ -180,6 +180,8 @@ def test_a_folder_keeps_what_varies(tmp_path: Path) -> None:
         assert load_camera(tmp_path / "out" / file).params[:4].tolist() == one.linear.tolist()
     (line,) = calib.convert(tmp_path / "out", "opencv").remarks
     assert "mean of 5 sessions" in line
+    calib.solve(seen, model="opencv").save(tmp_path / "out")
+    assert not list((tmp_path / "out").glob("camera.*.json"))  # those of the sessions are gone
     left_px = predict(back).predicted_px - back.observations.center_px
     assert left_px == pytest.approx(back.residual_px, abs=1e-5)
 
