@@ -323,7 +323,7 @@ def _opened(
     if rig is None:
         one = opened_camera(cast("Camera | Place", camera), source)
         return as_rig(one) if to in RIG_FORMATS and to not in FORMATS else one
-    is_alone = len(rig.read.rig.names) == 1 and to in FORMATS and to not in RIG_FORMATS
+    is_alone = len(rig.read.rig.names) == 1 and to in FORMATS and (to not in RIG_FORMATS or RIG_FORMATS[to].fewest > 1)
     return only_camera(rig) if is_alone else rig
 
 
@@ -344,6 +344,8 @@ def _check_count(called: str, names: Sequence[str], target: "RigFormat") -> None
     if not target.fewest <= len(names) <= target.most:
         wanted = target.fewest if target.fewest == target.most else f"{target.fewest} to {target.most}"
         hint = f"name them, as in {' '.join(f'--cameras {shlex.quote(one)}' for one in names[: target.most])}"
+        if len(names) == 1:
+            hint = f"name it alone, as in FILE#{names[0]}"
         raise InputError(f"{called}: {target.title} holds {wanted} cameras, the rig has {len(names)}; {hint}")
 
 

@@ -216,20 +216,21 @@ def only_camera(opened: OpenedRig, row: int = 0) -> OpenedCamera:
 def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
     """The camera of a file, of a template, or of one of a file's several cameras, named as in `FILE#NAME`.
 
-    A folder stands for its `camera.json`, or for the camera of its `rig.json`. The format is found out if it is not
-    given.
+    A folder stands for its `camera.json`, or for its `rig.json`, as in `FOLDER#NAME`. The format is found out if it is
+    not given.
 
     Raises:
         InputError: no such file, of no known kind, or not valid; the message names it.
     """
     known = None if format_name is None else find_format(format_name, FORMATS, "camera")
     path, is_preset = Path(name), name in preset_names("cameras")
-    is_misspelt = not path.suffix and not path.parent.name and not path.exists()  # perhaps a template
+    before, mark, after = name.rpartition(ONE_OF)
+    is_there = path.exists() or os.path.lexists(before)
+    is_misspelt = not path.suffix and not path.parent.name and not is_there  # perhaps a template
     if format_name in (None, OWN) and (is_preset or is_misspelt or path.suffix.lower() == ".toml"):
         own = None if is_preset else path
         camera = camera_or_preset(name)
         return OpenedCamera(FORMATS[OWN], ReadCamera(camera, remarks=_taken_as_none(camera, own)), own)
-    before, mark, after = name.rpartition(ONE_OF)
     is_one_of = bool(mark) and not os.path.lexists(name)  # a file may have the mark in its own name
     path, wanted = (Path(before), after) if is_one_of else (Path(name), None)
     if path.is_dir():

@@ -145,12 +145,23 @@ def test_a_file_that_says_another_unit_than_asked_is_refused() -> None:
 def test_one_camera_of_a_rig_is_a_camera() -> None:
     """`FILE#NAME` of a rig's file, wherever a camera is asked for; without a name the names are told."""
     run("ring.json", to="anipose", out=Path("a.toml"))
-    for name in ("ring.json#cam b", "a.toml#cam_b"):
+    Path("solved").mkdir()
+    ring().save("solved/rig.json")
+    for name in ("ring.json#cam b", "a.toml#cam_b", "solved#cam b", "solved/rig.json#cam b"):
         np.testing.assert_array_equal(load_camera(name).params, ring().cameras[1].params)
     with pytest.raises(InputError, match=r"ring.json: holds 3 cameras \(cam a, cam b, cam c\); name one"):
         load_camera("ring.json")
     run("ring.json#cam b", to="opencv", out=Path("b.yaml"))
     assert load_camera("b.yaml").model == "fisheye"
+
+
+def test_a_rig_of_one_is_its_camera_where_a_file_holds_pairs() -> None:
+    """And of several, one is named alone."""
+    keep_cameras(stereo(), [0]).save("one.json")
+    run("one.json", to="opencv", out=Path("one.yaml"))
+    np.testing.assert_array_equal(load_camera("one.yaml").params, stereo().cameras[0].params)
+    with pytest.raises(InputError, match="name it alone, as in FILE#left"):
+        run("pair.json", to="opencv", out=Path("left.yaml"), cameras=["left"])
 
 
 @pytest.mark.parametrize("source", ["pair.json", "pair.json#left"])
