@@ -274,6 +274,9 @@ def calibration_in(place: Path) -> Path:
     if inside:
         what, folders = "camera" if of_rig else "model", ", ".join(str(path.parent) for path in inside)
         raise InputError(f"{place}: holds a calibration in a folder of each {what}; name the folder of one: {folders}")
+    from calib.cameras.formats.reading import require_camera
+
+    require_camera(place, CALIBRATION_FILE)
     return place / CALIBRATION_FILE
 
 

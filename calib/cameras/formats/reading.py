@@ -26,6 +26,8 @@ HEAD = 2**16
 """Characters from which a file's kind is told."""
 ONE_OF = "#"
 """Between a file of several cameras and the name of one."""
+POSES_ONLY = "pose_errors.csv"
+"""Of `calib hand-eye --poses`, which solves no camera."""
 BINARY = ".bin"
 """COLMAP's files that are no text end so."""
 Format = TypeVar("Format", CameraFormat, RigFormat)
@@ -278,7 +280,18 @@ def _camera_in(folder: Path) -> Path:
     if inside:
         models = ", ".join(str(path.parent) for path in inside)
         raise InputError(f"{folder}: holds a camera in a folder of each model; name the folder of one: {models}")
+    require_camera(folder, own)
     return folder / own
+
+
+def require_camera(folder: Path, name: str) -> None:
+    """Refuse a folder of what was solved from poses, without a camera's file of that name.
+
+    Raises:
+        InputError: it holds none.
+    """
+    if (folder / POSES_ONLY).is_file() and not (folder / name).exists():
+        raise InputError(f"{folder}: holds poses only, no camera; name the folder or the file of a camera")
 
 
 def recognise(text: str) -> CameraFormat | None:

@@ -147,3 +147,12 @@ def test_a_line_of_a_trajectory_is_named_as_it_stands(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("\n", "\n1 2 3\n", 1))
     with pytest.raises(InputError, match="line 2: 3 values"):
         calib.hand_eye_poses(seen, poses=path)
+
+
+def test_what_asks_its_folder_for_a_camera_is_told_that_there_is_none(tmp_path: Path) -> None:
+    """Of poses alone no camera is solved."""
+    robot, seen = poses()
+    calib.hand_eye_poses(seen, poses=robot).save(tmp_path / "out")
+    for ask in (calib.evaluate, calib.load_camera, lambda place: calib.convert(place, "opencv")):
+        with pytest.raises(InputError, match="out: holds poses only, no camera"):
+            ask(tmp_path / "out")  # type: ignore[operator]
