@@ -77,6 +77,10 @@ class HandEyeOfPoses(
     @property
     def remedy(self) -> str:
         """What to do first."""
+        from calib.rigs.hand_eye import DO_NOT_FIT
+
+        if any(one.startswith(DO_NOT_FIT) for one in self.undetermined):
+            return "try another --unit, --inverted, --target-inverted or --target-in-hand"
         return "turn the robot about two axes, by 30 degrees or more" if self.undetermined else ""
 
     def page(self) -> "Page":

@@ -17,6 +17,11 @@ from designer.base.arrays import Array, Flags, Rows
 MOST_PAIRS = 20_000
 LEAST_TURN_RAD = 0.01
 """Robots that turn less, root mean square, are taken as not turning for the first guess; the refinement sees all."""
+ENOUGH_TURN_RAD = 0.1
+"""Robots that turn more about two axes leave nothing open, unless their poses and the camera's do not fit."""
+DO_NOT_FIT = (
+    "the poses of camera and robot do not fit each other as they are read (by unit, inversion, or what is in the hand)"
+)
 FARTHEST_TURN_RAD = 2.9
 """Beyond it the axis of a turn may show the other way by a little noise."""
 FEWEST_JUDGED = 5
@@ -236,6 +241,8 @@ def _named(told: Array, x: Array, loose: Array) -> tuple[str, ...]:
         else "all turns are about one axis, or nearly"
         if spread[1] < LEAST_TURN_RAD
         else "the robot turns too little"
+        if spread[1] < ENOUGH_TURN_RAD
+        else DO_NOT_FIT
     )
     return tuple(f"{why}: {line} is not determined" for line in lines)
 

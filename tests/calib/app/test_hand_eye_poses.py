@@ -114,6 +114,27 @@ def test_an_option_that_nothing_acts_on_is_refused(tmp_path: Path) -> None:
             calib.hand_eye_poses(**{"target_poses": seen, "poses": robot, **change})  # type: ignore[arg-type]
 
 
+def test_poses_that_are_read_wrongly_are_not_said_to_turn_too_little() -> None:
+    """Of another unit, inverted or of another hand they do not fit; a robot that turns by 2 deg turns too little."""
+    robot, seen = poses()
+    far = robot.copy()
+    far[:, :3, 3] *= 1e3
+    wrong: tuple[dict[str, bool], ...] = ({"inverted": True}, {"target_inverted": True}, {"target_in_hand": True})
+    for told, how in ((far, {}), *((robot, one) for one in wrong)):
+        found = calib.hand_eye_poses(seen, poses=told, **how)  # type: ignore[arg-type]  # options by name
+        assert found.undetermined
+        assert all("do not fit each other" in one for one in found.undetermined)
+        assert found.remedy.startswith("try another --unit")
+    still, noise = robot.copy(), np.random.default_rng(0).normal(0, 100, (12, 3))
+    still[:, :3, :3] = exp_rotation(np.random.default_rng(1).uniform(-0.03, 0.03, (12, 3)))
+    seen = invert(still @ FLANGE_FROM_CAM) @ BASE_FROM_TARGET
+    seen[:, :3, 3] += noise
+    found = calib.hand_eye_poses(seen, poses=still)
+    assert found.undetermined
+    assert all("turns too little" in one for one in found.undetermined)
+    assert found.remedy.startswith("turn the robot")
+
+
 def test_covariances_go_with_their_poses(tmp_path: Path) -> None:
     """Of a stream whose rows are not in the order of time, each covariance stays with its pose."""
     robot, seen = poses()
