@@ -269,8 +269,10 @@ def _check(options: SolveOptions) -> None:
     if options.priors and options.minimise != IMAGE:
         raise InputError(f"--prior: goes with distances in the image only; leave --minimise {options.minimise} out")
     varied = "--breathing" if options.breathing_mm is not None else "--vary" if options.vary else ""
-    if varied and (options.minimise != IMAGE or (options.breathing_mm is not None and options.vary)):
-        raise InputError(f"{varied}: goes with distances in the image, and not with both of --breathing and --vary")
+    if options.breathing_mm is not None and options.vary:
+        raise InputError("--breathing, --vary: are not solved together; leave one of them out")
+    if varied and options.minimise != IMAGE:
+        raise InputError(f"{varied}: goes with distances in the image only; leave --minimise {options.minimise} out")
     differ = {"fx", "fy", *options.vary} if FOCAL in options.vary else set(options.vary)
     told = [(f"--prior {one.text}", one.name) for one in options.priors]
     told += [(f"--fix {name}" + ("" if value is None else f"={value:g}"), name) for name, value in options.fixed]

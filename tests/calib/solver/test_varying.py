@@ -194,6 +194,18 @@ def test_what_cannot_vary_is_refused(vary: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+def test_what_varies_goes_with_neither_the_other_nor_space() -> None:
+    """Each refusal names its own two options."""
+    seen, varying = breathing(0), SolveOptions(vary=("focal",))
+    for options, said in (
+        (replace(varying, breathing_mm=AT_MM), "--breathing, --vary: are not solved together; leave one of them out"),
+        (replace(varying, minimise="ray"), "--vary: goes with distances in the image only; leave --minimise ray out"),
+    ):
+        with pytest.raises(InputError) as caught:
+            solve(seen, "opencv", options)
+        assert str(caught.value) == said
+
+
 @pytest.mark.parametrize(("vary", "name"), [("focal", "fy"), ("cx", "cx")])
 def test_nothing_is_known_of_what_differs(vary: str, name: str) -> None:
     """What varies between sessions is of no one value: no prior on it, and it is not fixed."""
