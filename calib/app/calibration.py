@@ -246,7 +246,10 @@ def solved(
     from calib.judge.judge import inputs_of, judge_cameras
     from calib.judge.solutions import best_of, solve_models
 
-    task = replace(task, plan=task.plan.for_target(task.made, task.observations.points))
+    seen = task.observations
+    if said := task.plan.flat_remark(task.made, seen.points):
+        seen = replace(seen, remarks=(*seen.remarks, said))
+    task = replace(task, plan=task.plan.for_target(task.made, seen.points), observations=seen)
     solutions: list[Solution] = []
     total = len(task.plan.models)
     progress("solving", 0, total)

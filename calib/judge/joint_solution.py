@@ -262,9 +262,10 @@ def judged_rig(
         InputError: cameras that no frames tie together, or that cannot be solved.
     """
     choices, said = choices_of(seen.observations, wishes, progress)
+    plan, points = SolvePlan((COMMON,), wishes.options), seen.observations.points
+    said = (*said, *filter(None, (plan.flat_remark(seen.made, points),)))
     seen = replace(seen, observations=with_remarks(seen.observations, said))
-    plan = SolvePlan((COMMON,), wishes.options).for_target(seen.made, seen.observations.points)
-    bend = plan.options_of(COMMON)
+    bend = plan.for_target(seen.made, points).options_of(COMMON)
     options = replace(options, free_bend=bool(bend.free_bend), bend_sigma_mm=bend.bend_sigma_mm)
     progress("solving", 0, 0)
     solved = solve_rig(seen.observations, choices, options)

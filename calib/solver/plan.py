@@ -189,6 +189,14 @@ class SolvePlan:
         is_likely = made is None or (made.errors is not None and sigma_mm is not None)
         return replace(self, is_bent=is_likely, bend_sigma_mm=sigma_mm)
 
+    def flat_remark(self, made: "Made | None", points: KnownPoints) -> str:
+        """A word on a bend that would be an unknown but for what is minimised; "" of none."""
+        minimise = self.options.minimise
+        in_image = replace(self, options=replace(self.options, minimise=IMAGE)).for_target(made, points)
+        if minimise == IMAGE or not any(in_image.options_of(model).free_bend for model in self.models):
+            return ""
+        return f"the target is taken to be flat, as --minimise {minimise} does not go with its bend"
+
     def options_of(self, model: str) -> SolveOptions:
         """The options without the parameters that this model does not have."""
         names = {parameter.name for parameter in told_parameters(model)}

@@ -14,6 +14,7 @@ from calib.observe.calibration_file import Provenance, read_calibration, write_c
 from calib.solver.calibration import TERMS, Calibration, plane_bend
 from calib.solver.metrics.errors import summarise
 from calib.solver.metrics.evaluation import evaluate_held_out, evaluate_on
+from calib.solver.plan import plan_from_words
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from designer.base.arrays import Array
@@ -166,6 +167,16 @@ def test_what_cannot_be_is_refused_in_a_line() -> None:
         solve(seen(0, 0.1), "opencv", replace(FREE, minimise="ray"))
     with pytest.raises(InputError, match="model virtual is learned from a target as it is given"):
         calib.solve(seen(0, 0.1), model="virtual", free_bend=True)
+
+
+def test_a_bend_that_is_left_out_for_what_is_minimised_is_said_once() -> None:
+    """Of a board whose bend would be an unknown; not where nobody wants it, nor of what minimises in the image."""
+    said = "the target is taken to be flat, as --minimise ray does not go with its bend"
+    found = calib.solve(seen(0, 0.1), model="pinhole", minimise="ray")
+    assert found.best.calibration.remarks.count(said) == 1
+    for told in ({}, {"minimise": "ray", "free_bend": False}):
+        assert not plan_from_words("pinhole", **told).flat_remark(None, BOARD)  # type: ignore[arg-type]  # by name
+    assert not plan_from_words("pinhole", minimise="ray").flat_remark(None, icosahedron())
 
 
 def test_what_photos_do_not_tell_is_as_open_as_before() -> None:
