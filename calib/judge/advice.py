@@ -109,9 +109,12 @@ def advice_of(
         views: the next photos that were found for it; None: nobody looked for any.
         inputs: what it was solved from, for the commands to type.
     """
-    if evidence.reading:  # of observations that are read wrongly nothing else is known
+    whole = evidence_of(calibration, evidence)
+    if evidence.reading:  # of observations that are read wrongly nothing else is known; a wrong prior may look so
+        if whole.contradicted:
+            return LEAVE_PRIOR_OUT, f"if that does not do: {evidence.reading}"
         return (evidence.reading,)
-    facts, whole = view_facts(calibration), evidence_of(calibration, evidence)
+    facts = view_facts(calibration)
     # What the solver says of photos that do not determine the camera; for a map that was learned it has no word.
     undetermined = "" if evidence.uncertainty.is_map_exact else next(iter(calibration.remarks), "")
     undetermined = undetermined or "take more photos, from different sides: these do not determine the camera"

@@ -171,7 +171,7 @@ CHECKS: dict[str, CheckKind] = {
 }
 """In the order of reading. Their limits are in `templates/criteria`."""
 FIRST = (
-    "carrier", "reading", "solution", "priors", "points", "capture", "target", "residuals", "outliers", "halves",
+    "carrier", "priors", "reading", "solution", "points", "capture", "target", "residuals", "outliers", "halves",
     "systematic", "frames", "delays", "baselines", "space", "lenses", "uncertainty", "coverage", "models",
 )  # fmt: skip
 """Of checks that are beyond their limits alike, the one that is named first: what spoils the data comes before what a

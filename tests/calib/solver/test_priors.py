@@ -12,7 +12,9 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, log_rotation
 from calib.core.types import Observations
 from calib.judge.checks import read_criteria
+from calib.judge.evidence import lens_evidence
 from calib.judge.halves import NoHalves
+from calib.judge.judge import judged_by
 from calib.judge.solutions import SolveTask, solve_models
 from calib.observe.calibration_file import read_calibration, write_calibration
 from calib.rigs.problem import CameraChoice
@@ -109,6 +111,11 @@ def test_a_prior_that_photos_contradict_is_named() -> None:
     assert judged.sentence.startswith(said)
     assert judged.advice[0].startswith("leave the prior that the photos contradict out")
     assert {check.name: check.grade for check in agreed.checks}["priors"] == "good"
+    no_halves = NoHalves("not asked for")
+    lens = replace(lens_evidence([off], 0, no_halves), reading="view1.png looks turned upside down")
+    misread = judged_by(off, lens, no_halves, read_criteria(), ()).verdict  # as a wrong prior may make it look
+    assert misread.leads_with == "priors"
+    assert misread.advice == (judged.advice[0], "if that does not do: view1.png looks turned upside down")
 
 
 def test_what_may_be_off_besides_noise_counts_with_priors_too() -> None:
