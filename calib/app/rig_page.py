@@ -9,9 +9,9 @@ import numpy as np
 from calib.draw.rig_pictures import pictures_section
 from calib.draw.rig_tables import (
     cameras_table,
-    carrier_section,
     frame_name,
     halves_table,
+    mechanism_section,
     next_poses_table,
     next_poses_words,
     pairs_table,
@@ -31,7 +31,7 @@ from designer.page.folders import some_of
 
 if TYPE_CHECKING:
     from calib.app.solved_rig import SolvedRig
-    from calib.rigs.result import CarrierFit, RigCalibration
+    from calib.rigs.result import MechanismFit, RigCalibration
     from designer.base.answer import Value
 
 KINDS_OF_HALVES: tuple[tuple[SplitKind, str], ...] = (
@@ -72,7 +72,7 @@ def rig_page(run: RigRun, folder: Path | None = None, *, is_drawn: bool = True) 
         lead = sharing_words(seen.camera_names, seen.shared)
         sections.append(Section("How the cameras hang together", (*graph, ties_table(run)), lead=lead))
     if run.found.carrier is not None:
-        sections.append(carrier_section(run.found.carrier, run.found))
+        sections.append(mechanism_section(run.found.carrier, run.found))
     compared = (
         (Paragraph(f"{capital(halves_words(halves))}."),) if isinstance(halves, NoHalves) else (halves_table(halves),)
     )
@@ -119,7 +119,7 @@ def rig_facts(run: RigRun) -> Facts:
     ]
     if found.carrier is not None:
         rows.append(("camera", _sits_words(run.stated)))
-        rows.append(("carried by", carrier_words(found.carrier)))
+        rows.append(("carried by", mechanism_words(found.carrier)))
     if run.judged is not None and run.judged.next_poses:
         rows.append(("next poses", next_poses_words(run.judged.next_poses)))
     if evidence.pairs:
@@ -157,7 +157,7 @@ def _sits_words(found: "RigCalibration") -> str:
     )
 
 
-def carrier_words(carrier: "CarrierFit") -> str:
+def mechanism_words(carrier: "MechanismFit") -> str:
     """What carried it, and how well that says where it is."""
     if not (math.isfinite(carrier.sigma_mm) and math.isfinite(carrier.sigma_rad)):
         return printable(carrier.kind)

@@ -68,7 +68,7 @@ def turntable(
     from calib.app.inputs import criteria_of, points_of
     from calib.judge.joint_solution import judged_rig
     from calib.rigs.carrier import turned_by
-    from calib.rigs.problem import Carrier, RigOptions
+    from calib.rigs.problem import Mechanism, RigOptions
 
     if step_deg == 0:
         raise InputError("--step 0deg: a table that does not turn tells nothing; leave it out, or give its turn")
@@ -81,7 +81,7 @@ def turntable(
     names = seen.observations.frame_names
     taken = names if seen.search is None else seen.search.photos.frame_names
     angle_rad = np.deg2rad(step_deg or 0.0) * np.array([taken.index(name) for name in names], dtype=np.float64)
-    carrier = Carrier(TABLE, turned_by(angle_rad), is_turntable=True, has_free_angles=step_deg is None)
+    carrier = Mechanism(TABLE, turned_by(angle_rad), is_turntable=True, has_free_angles=step_deg is None)
     options, settings = (
         RigOptions(carrier=carrier, minimise=wishes.options.minimise),
         settings_of(("target", target), ("table", table)),

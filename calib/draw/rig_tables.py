@@ -21,7 +21,7 @@ from calib.judge.verdict import NextPose
 from calib.observe.rotations import to_quaternion
 from calib.rigs.figures import PairFigures
 from calib.rigs.relative import center_covariance, worst
-from calib.rigs.result import CarrierFit, RigCalibration
+from calib.rigs.result import MechanismFit, RigCalibration
 from designer.base.arrays import Array, Rows
 from designer.base.words import capital, cut, printable
 from designer.base.words import figure as digits
@@ -185,7 +185,7 @@ MOST_ROWS = 12
 """Frames that are shown, the worst."""
 
 
-def carrier_section(carrier: CarrierFit, found: RigCalibration) -> Section:
+def mechanism_section(carrier: MechanismFit, found: RigCalibration) -> Section:
     """Its own errors, frame by frame, and what its motions do not tell."""
     rows: list[tuple[str, str]] = [("carried by", printable(carrier.kind))]
     if math.isfinite(carrier.sigma_mm) and math.isfinite(carrier.sigma_rad):
@@ -242,7 +242,7 @@ def next_poses_words(poses: Sequence[NextPose]) -> str:
     return f"{count} next_poses.csv: the camera's direction, 1 sigma, {turn}, its place {place}"
 
 
-def _errors_table(carrier: CarrierFit, names: tuple[str, ...]) -> Table:
+def _errors_table(carrier: MechanismFit, names: tuple[str, ...]) -> Table:
     """The frames in which it is farthest off, by its own standard deviations."""
     turn, shift = (np.linalg.norm(part, axis=1) for part in (carrier.error[:, :3], carrier.error[:, 3:]))
     known = carrier.sigma_rad > 0 and carrier.sigma_mm > 0

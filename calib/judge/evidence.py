@@ -28,7 +28,7 @@ from designer.base.words import printable
 if TYPE_CHECKING:
     from calib.rigs.figures import CameraTie, PairFigures
     from calib.rigs.relative import CarriedError, MiddleError
-    from calib.rigs.result import CarrierFit, RigCalibration
+    from calib.rigs.result import MechanismFit, RigCalibration
 
 LEAST_SHARE = 0.25
 """Of the residuals: a smaller systematic part blames nobody."""
@@ -168,7 +168,7 @@ class JointEvidence(Evidence):
     pairs: "tuple[PairFigures, ...]"
     ties: "tuple[CameraTie, ...]"  # (C,) or none
     middle: "MiddleError | None"  # None: no two cameras see the middle
-    carrier: "CarrierFit | None"  # what carried the cameras or the target; None: nothing that says how
+    carrier: "MechanismFit | None"  # what carried the cameras or the target; None: nothing that says how
     carried: "CarriedError | None"  # None: no such, or more cameras than one
     delay_px: tuple[float, ...]  # (C,) what the delays' standard deviations move a sighting by; (): no delays
     by_circles: ByCircles | None = None  # None: what the points are is known

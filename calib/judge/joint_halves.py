@@ -21,7 +21,7 @@ from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.relative import relative
 from calib.rigs.result import RigCalibration, as_given
 from calib.rigs.solve import solve_rig
-from calib.rigs.target_error import carrier_prior
+from calib.rigs.target_error import mechanism_prior
 from designer.base.arrays import Flags
 from designer.base.errors import InputError
 
@@ -86,12 +86,12 @@ def half_solver(found: RigCalibration, choices: Sequence[CameraChoice], options:
             if not own.view_count:
                 raise InputError(f"{name} sees the target in none of them")
         if carrier is not None:
-            carried = carrier.rig_from_carrier
+            carried = carrier.rig_from_mechanism
             if len(carried) != len(rows):  # frames were left out of the solution
-                carried = carrier_prior(found)[0].carrier.rig_from_carrier
-            carrier = replace(carrier, rig_from_carrier=carried[rows])
+                carried = mechanism_prior(found)[0].carrier.rig_from_mechanism
+            carrier = replace(carrier, rig_from_mechanism=carried[rows])
         has_slack = found.slack is not None
-        return solve_rig(half, near, replace(options, carrier=carrier, reject_sigma=None, allows_slack=has_slack))
+        return solve_rig(half, near, replace(options, carrier=carrier, reject_sigma=None, allows_offsets=has_slack))
 
     return solve_half
 

@@ -25,7 +25,7 @@ from calib.observe.rig_observations import alone_as_rig, with_remarks
 from calib.observe.rig_search import RigSearch
 from calib.observe.robot_poses import RobotPoses, poses_of
 from calib.rigs.accuracy import with_circle_doubt
-from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
+from calib.rigs.problem import FREE_SIZE, CameraChoice, Mechanism, RigOptions
 from calib.rigs.robot_readings import why_size, why_wrong
 from calib.rigs.shared_errors import with_shared_errors
 from calib.rigs.solve import solve_rig
@@ -324,14 +324,14 @@ def judged_on_robot(
         # Of a target against a robot's lengths, by how both were made.
         prior = seen.made.prior
         size_sigma = math.hypot(ROBOT_LENGTHS, 0.0 if prior is None else prior.size_sigma(seen.target.center_mm))
-    carrier = Carrier(
+    carrier = Mechanism(
         TARGET_IN_HAND if setting.is_target_in_hand else IN_HAND,
         base_from_flange if setting.is_target_in_hand else invert(base_from_flange),
         is_camera_in_hand=not setting.is_target_in_hand, sigma_rad=setting.sigma_rad, sigma_mm=setting.sigma_mm,
         size_sigma=size_sigma,
     )  # fmt: skip
 
-    def solved(by: Carrier) -> tuple[RigRun, RigSeen]:
+    def solved(by: Mechanism) -> tuple[RigRun, RigSeen]:
         options = RigOptions(carrier=by, minimise=wishes.options.minimise)
         return judged_rig(seen, wishes, options, limits, settings, progress)
 

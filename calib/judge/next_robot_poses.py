@@ -38,8 +38,8 @@ from calib.judge.next_frames import (
 from calib.judge.next_view_words import short
 from calib.judge.verdict import MOST_POSES, NextPose
 from calib.rigs.relative import center_motion, center_sigma_mm
-from calib.rigs.result import CarrierFit, RigCalibration
-from calib.rigs.target_error import carrier_prior, expected_information, frame_information
+from calib.rigs.result import MechanismFit, RigCalibration
+from calib.rigs.target_error import expected_information, frame_information, mechanism_prior
 from calib.solver.free_shape import free_directions
 from designer.base.arrays import Array
 from designer.base.words import figure
@@ -196,9 +196,9 @@ def _usual_mm(found: RigCalibration) -> float:
     return float(np.median(np.linalg.norm(seen, axis=1)))
 
 
-def _candidates(found: RigCalibration, fit: CarrierFit, points: KnownPoints) -> _CandidatePoses:
+def _candidates(found: RigCalibration, fit: MechanismFit, points: KnownPoints) -> _CandidatePoses:
     """Poses in reach from which the camera sees about as much of the target as it did."""
-    carried = carrier_prior(found)[0].carrier.rig_from_carrier
+    carried = mechanism_prior(found)[0].carrier.rig_from_mechanism
     used = invert(carried) if found.rig_frame == "flange" else carried
     frames = np.unique(np.linspace(0, len(used) - 1, TURNS).astype(np.int64))
     is_vague = _is_vague(found)

@@ -185,8 +185,8 @@ def _measured_from_frames(
     number = np.arange(used.frame_count)
     others = keep_frames(used, np.isin(number, np.concatenate(used.frame)) & (number % part[1] != part[0]))
     choices = [replace(one, given=None) if one.is_refined else one for one in rig.choices]
-    weighted, allows_slack = options.solve.weighted, rig.slack is not None
-    solved = solve_rig(others, choices, RigOptions(max(rig.reference, 0), weighted, allows_slack=allows_slack))
+    weighted, allows_offsets = options.solve.weighted, rig.slack is not None
+    solved = solve_rig(others, choices, RigOptions(max(rig.reference, 0), weighted, allows_offsets=allows_offsets))
     return measure_rig(solved, nominal, options), list(solved.alone)
 
 

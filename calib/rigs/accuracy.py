@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.core.linear_algebra import symmetric_inverse
-from calib.rigs.carrier import carrier_errors, error_derivatives
+from calib.rigs.carrier import error_derivatives, mechanism_errors
 from calib.rigs.descend import RigEquations, chain_of, params_of
-from calib.rigs.problem import RigProblem, RigState, seen_poses, slack_evidence
+from calib.rigs.problem import RigProblem, RigState, offset_evidence, seen_poses
 from calib.rigs.result import RigCalibration
 from calib.rigs.target_error import posed_unknowns
 from calib.solver.blocks import RobustLoss
@@ -83,7 +83,7 @@ class RigAccuracy:
     frame_covariance: Array  # (V, 6, 6) from the problem's own origin
     pose_covariance: tuple[Array, ...]  # (C,) of (V_c, 6, 6) of each camera's views, likewise
     delay_sigma_s: Array  # (C,)
-    carrier_covariance: Array | None  # (6, 6) from the problem's own origin
+    mechanism_covariance: Array | None  # (6, 6) from the problem's own origin
     amount_covariance: Array  # (S, S) of the target's size and bend, 0 of what was no unknown
     weakest: str  # why the data do not determine the rig; "" if they do
 
@@ -166,7 +166,7 @@ def camera_redundancy(problem: RigProblem, found: Found) -> Array:
     return redundancy
 
 
-def slack_size(problem: RigProblem, found: Found) -> float:
+def offset_size(problem: RigProblem, found: Found) -> float:
     """How large the views' own unknowns are, by what they themselves show."""
     inverse = shared_inverse(found.equations.normal)
     squares = told = 0.0
@@ -178,13 +178,13 @@ def slack_size(problem: RigProblem, found: Found) -> float:
         to_pose = view.solved[:, :, count:-1]
         by_shared = np.concatenate([view.solved[:, :, :count], to_pose @ chain.by_shared], axis=2)
         follows = inverse.covariance_of(Chain(chain.frame, to_pose @ chain.by_frame, by_shared, columns))
-        evidence = slack_evidence(prior, found.state.slack[number], view.spread + follows)
+        evidence = offset_evidence(prior, found.state.slack[number], view.spread + follows)
         squares, told = squares + evidence[0], told + evidence[1]
     size = problem.slack[0].size
     return squares / told if told > LEAST_TOLD else size
 
 
-def carrier_sigmas(problem: RigProblem, found: Found) -> Array:
+def mechanism_sigmas(problem: RigProblem, found: Found) -> Array:
     """The sizes of a carrier's errors that they themselves show, their redundancy regarded: rad, mm.  # (2,)
 
     The squares of the errors over their redundancy (Foerstner 1979): what of them was free to follow the photos is
@@ -193,7 +193,7 @@ def carrier_sigmas(problem: RigProblem, found: Found) -> Array:
     prior, state = problem.prior, found.state
     if prior is None:
         raise ValueError("a rig without a carrier")
-    error = carrier_errors(prior, state.rig_from_target, state.carrier_from_target)
+    error = mechanism_errors(prior, state.rig_from_target, state.carrier_from_target)
     by_frame, by_target = error_derivatives(prior, state.rig_from_target, state.carrier_from_target)
     chain = Chain(np.arange(len(error)), by_frame, by_target, prior.column)
     variance = np.einsum("vii->vi", shared_inverse(found.equations.normal).covariance_of(chain))

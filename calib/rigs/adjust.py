@@ -13,11 +13,11 @@ from calib.cameras import parameter_names
 from calib.core.se3 import invert, steps_between
 from calib.core.types import RigObservations
 from calib.rigs.accuracy import Found, RigAccuracy, accuracy_of_rig
-from calib.rigs.carrier import carrier_errors
+from calib.rigs.carrier import mechanism_errors
 from calib.rigs.descend import descend_rig, rig_equations
 from calib.rigs.motion import motion_of
 from calib.rigs.problem import FREE_SIZE, RigOptions, RigProblem, RigState, frame_times, seen_poses, without_params
-from calib.rigs.result import CarrierFit, RigCalibration
+from calib.rigs.result import MechanismFit, RigCalibration
 from calib.rigs.rig_start import RigStart, start_rig, thinned
 from calib.rigs.start import Alone
 from calib.rigs.variance_components import DISAGREES, camera_scales, disagreement, residuals, scales_left, settled
@@ -50,7 +50,7 @@ def rig_in_space(
     spaced = replace(problem, seen=seen)
     spaced = replace(spaced, scale=scales_left(spaced, image.state))
     found = descend_rig(spaced, image.state, max_iterations=options.max_iterations)
-    as_it_is = replace(options, reject_sigma=None, allows_slack=bool(problem.slack))
+    as_it_is = replace(options, reject_sigma=None, allows_offsets=bool(problem.slack))
     found, _ = settled(spaced, found, observations, alone, as_it_is)
     _require_near(image.state, found.state, observations.camera_names, options.minimise)
     told = replace(
@@ -81,7 +81,7 @@ def with_step(accuracy: RigAccuracy, problem: RigProblem, before: RigState, afte
     rigid = replace(problem, motion=None, slack=())
     views = [steps_between(*(seen_poses(rigid, of, k)[1] for of in (before, after))) for k in range(len(problem.seen))]
     carried = steps_between(before.carrier_from_target, after.carrier_from_target)
-    carrier, moved = accuracy.carrier_covariance, after.amount - before.amount
+    carrier, moved = accuracy.mechanism_covariance, after.amount - before.amount
     return replace(
         accuracy,
         covariance=accuracy.covariance + np.outer(step, step),
@@ -90,7 +90,7 @@ def with_step(accuracy: RigAccuracy, problem: RigProblem, before: RigState, afte
             one + by[:, :, None] * by[:, None, :] for one, by in zip(accuracy.pose_covariance, views, strict=True)
         ),
         delay_sigma_s=np.hypot(accuracy.delay_sigma_s, after.delay_s - before.delay_s),
-        carrier_covariance=None if carrier is None else carrier + np.outer(carried, carried),
+        mechanism_covariance=None if carrier is None else carrier + np.outer(carried, carried),
         amount_covariance=accuracy.amount_covariance + np.outer(moved, moved),
     )
 
@@ -180,7 +180,7 @@ def _calibration(
     rigid = replace(problem, motion=None, slack=())
     carrier = None
     if problem.prior is not None:
-        carrier = replace(_carrier_fit(found, problem, accuracy), undetermined=start.undetermined)
+        carrier = replace(_mechanism_fit(found, problem, accuracy), undetermined=start.undetermined)
         remarks = (*remarks, *start.undetermined, *_size_remark(carrier))
     remarks = (*remarks, *_contradicted(problem, state, alone, observations.camera_names, accuracy.covariance))
     remarks = (*remarks, *_why_disagreeing(disagreement(problem, state, alone), observations, alone, options))
@@ -249,7 +249,7 @@ def _why_disagreeing(
     else:
         cause = "photos of a moving target that were not taken at once (estimate the time offsets), " + cause
     slack = (
-        "; each photo counts as little as that shows, and what is stated has it in it" if options.allows_slack else ""
+        "; each photo counts as little as that shows, and what is stated has it in it" if options.allows_offsets else ""
     )
     return [f"photos that fit each camera alone do not fit together (residuals{unit}: {told}): {cause}{slack}"]
 
@@ -260,7 +260,7 @@ def _sized(problem: RigProblem, state: RigState) -> Problem:
     return replace(packed, origin_mm=state.size * packed.origin_mm)
 
 
-def _size_remark(carrier: CarrierFit) -> list[str]:
+def _size_remark(carrier: MechanismFit) -> list[str]:
     """A word on a target that is not as large as its file says, by the robot's ways."""
     off, sigma = carrier.size - 1, carrier.size_sigma
     if not abs(off) > max(SURELY * sigma, LEAST_OFF):
@@ -295,21 +295,21 @@ def _frame_name(options: RigOptions) -> str:
     return "table" if carrier.is_turntable else "base"
 
 
-def _carrier_fit(found: Found, problem: RigProblem, accuracy: RigAccuracy) -> CarrierFit:
+def _mechanism_fit(found: Found, problem: RigProblem, accuracy: RigAccuracy) -> MechanismFit:
     """What the photos show of the carrier."""
     prior, state = problem.prior, found.state
-    if prior is None or accuracy.carrier_covariance is None:
+    if prior is None or accuracy.mechanism_covariance is None:
         raise ValueError("a rig without a carrier")
     packed = _sized(problem, state)
     target = state.carrier_from_target[None]
-    error = carrier_errors(prior, state.rig_from_target, state.carrier_from_target)
+    error = mechanism_errors(prior, state.rig_from_target, state.carrier_from_target)
     angle = None
     if prior.carrier.is_turntable:
-        turn = prior.carrier.rig_from_carrier
+        turn = prior.carrier.rig_from_mechanism
         angle = np.arctan2(turn[:, 1, 0], turn[:, 0, 0]) + (error[:, 2] if prior.carrier.has_free_angles else 0.0)
-    return CarrierFit(
+    return MechanismFit(
         prior.carrier.kind, target_poses(packed, target)[0],
-        target_covariance(packed, target, accuracy.carrier_covariance[None])[0],
+        target_covariance(packed, target, accuracy.mechanism_covariance[None])[0],
         float(prior.sigma[0]), float(prior.sigma[1]), error, angle, size=state.size,
         size_sigma=float(np.sqrt(accuracy.amount_covariance[0, 0])) if len(problem.amount) else 0.0,
         size_sigma_before=prior.carrier.size_sigma or FREE_SIZE,

@@ -1,6 +1,6 @@
 """What a carrier, a robot's flange or a turntable, says of the frames' poses: residuals, derivatives, its own noise.
 
-A carrier states L, `rig_from_carrier`, in each frame. With Y = carrier_from_target the same in all, the frame's pose is
+A carrier states L, `rig_from_mechanism`, in each frame. With Y = carrier_from_target, alike in all, the pose is
 
     camera in hand:  F = exp(e) L Y        else:  F = L exp(e) Y
 
@@ -22,25 +22,25 @@ import numpy as np
 from calib.core.se3 import exp_rotation, log_rotation, make_pose, skew
 from calib.core.types import freeze
 from calib.rigs.hand_eye import HandEyeStart, relative_turns, start_hand_eye
-from calib.rigs.problem import CarrierPrior, RigState
+from calib.rigs.problem import MechanismPrior, RigState
 from calib.solver.eliminate import Normal
 from designer.base.arrays import Array, Rows
 
 SMALL_RAD = 1e-5
 
 
-def carrier_errors(prior: CarrierPrior, rig_from_target: Array, carrier_from_target: Array) -> Array:
+def mechanism_errors(prior: MechanismPrior, rig_from_target: Array, carrier_from_target: Array) -> Array:
     """The carrier's error in each frame: rotation vector (rad), shift (mm).  # (V, 6)"""
     return _errors(prior, rig_from_target, carrier_from_target)[0]
 
 
-def error_derivatives(prior: CarrierPrior, rig_from_target: Array, carrier_from_target: Array) -> tuple[Array, Array]:
+def error_derivatives(prior: MechanismPrior, rig_from_target: Array, carrier_from_target: Array) -> tuple[Array, Array]:
     """Of the errors by steps of the frames' poses and of `carrier_from_target`: (V, 6, 6) each.
 
     Steps as those of `calib.solver.eliminate`.
     """
     error, turn, model = _errors(prior, rig_from_target, carrier_from_target)
-    carried = prior.carrier.rig_from_carrier[:, :3, :3]
+    carried = prior.carrier.rig_from_mechanism[:, :3, :3]
     one = np.tile(np.eye(3), (len(error), 1, 1))
     in_hand = prior.carrier.is_camera_in_hand
     of_frame, of_target = (one, carried) if in_hand else (carried.transpose(0, 2, 1), one)
@@ -55,9 +55,9 @@ def error_derivatives(prior: CarrierPrior, rig_from_target: Array, carrier_from_
     return by_frame, by_target
 
 
-def _errors(prior: CarrierPrior, rig_from_target: Array, carrier_from_target: Array) -> tuple[Array, Array, Array]:
+def _errors(prior: MechanismPrior, rig_from_target: Array, carrier_from_target: Array) -> tuple[Array, Array, Array]:
     """The errors, their rotations (V, 3, 3), and where the carrier has the target, (V, 4, 4)."""
-    carried = prior.carrier.rig_from_carrier
+    carried = prior.carrier.rig_from_mechanism
     if prior.carrier.is_camera_in_hand:
         moved, model = rig_from_target, carried @ carrier_from_target
     else:
@@ -81,7 +81,7 @@ def _inverse_left_jacobian(vector: Array) -> Array:
     return jacobian
 
 
-def error_weights(prior: CarrierPrior) -> Array:
+def error_weights(prior: MechanismPrior) -> Array:
     """Inverse standard deviations of the errors' coordinates; zero of the turn that a free angle takes up.  # (6,)"""
     weight = np.repeat(1 / prior.sigma, 3)
     if prior.carrier.has_free_angles:
@@ -89,12 +89,12 @@ def error_weights(prior: CarrierPrior) -> Array:
     return weight
 
 
-def add_prior(into: Normal, prior: CarrierPrior, state: RigState, first_camera: Rows) -> float:
+def add_prior(into: Normal, prior: MechanismPrior, state: RigState, first_camera: Rows) -> float:
     """Add the carrier's equations to those of the sightings; returns the sum of its squares.
 
     `first_camera` are the shared unknowns of the first camera's pose (6,).
     """
-    error = carrier_errors(prior, state.rig_from_target, state.carrier_from_target)
+    error = mechanism_errors(prior, state.rig_from_target, state.carrier_from_target)
     by_frame, by_target = error_derivatives(prior, state.rig_from_target, state.carrier_from_target)
     weight = error_weights(prior)
     first, second, white = weight[:, None] * by_frame, weight[:, None] * by_target, weight * error
@@ -109,7 +109,7 @@ def add_prior(into: Normal, prior: CarrierPrior, state: RigState, first_camera: 
     return float((white**2).sum())
 
 
-def _hold(into: Normal, prior: CarrierPrior, state: RigState, first_camera: Rows) -> None:
+def _hold(into: Normal, prior: MechanismPrior, state: RigState, first_camera: Rows) -> None:
     """Keep what is chosen of a turntable's own frame, not told: how high it is, and where its x axis points.
 
     That is: the target's height and its turn about the axis; and, as angles that are unknowns take up the latter, the
@@ -166,7 +166,7 @@ def start_turntable(cam_from_target: Array, angle_rad: Array | None = None) -> T
 
 
 def turned_by(angle_rad: Array) -> Array:
-    """Turns about z: `rig_from_carrier` of a table.  # (V, 4, 4)"""
+    """Turns about z: `rig_from_mechanism` of a table.  # (V, 4, 4)"""
     vector = np.asarray(angle_rad, dtype=np.float64)[:, None] * np.array([0.0, 0.0, 1.0])
     return make_pose(exp_rotation(vector), np.zeros_like(vector))
 

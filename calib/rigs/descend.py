@@ -11,10 +11,10 @@ from calib.rigs.problem import (
     RigProblem,
     RigState,
     SeenByOne,
-    WithoutSlack,
+    WithoutOffsets,
     eliminated,
+    offset_step,
     seen_poses,
-    slack_step,
     speeds,
     with_scale,
 )
@@ -46,7 +46,7 @@ class RigEquations:
     normal: Normal
     blocks: tuple[Blocks, ...]  # (C,) of each camera's views
     chains: tuple[Chain, ...]  # (C,)
-    slack: tuple[WithoutSlack, ...] = ()  # (C,) if views' poses are not quite the rig's
+    slack: tuple[WithoutOffsets, ...] = ()  # (C,) if views' poses are not quite the rig's
 
 
 def rig_equations(
@@ -77,7 +77,7 @@ def assembled(
     The damping is of the views' slacks, which are eliminated here; that of all else is for later.
     """
     into = no_equations(problem.frame_count, problem.shared_count)
-    views: list[WithoutSlack] = []
+    views: list[WithoutOffsets] = []
     for number, (one, chain) in enumerate(zip(blocks, chains, strict=True)):
         products = one.products
         if problem.slack:
@@ -240,7 +240,7 @@ def moved_state(problem: RigProblem, state: RigState, equations: RigEquations, s
     if problem.prior is not None:
         target = move_poses(target[None], shared[problem.prior.column][None])[0]
     views = [
-        one + slack_step(equations.slack[number], shared[params_of(problem, number)], _pose_steps(chain, step))
+        one + offset_step(equations.slack[number], shared[params_of(problem, number)], _pose_steps(chain, step))
         for number, (one, chain) in enumerate(zip(state.slack, equations.chains, strict=bool(problem.slack)))
     ]
     amount = state.amount + shared[problem.amount]

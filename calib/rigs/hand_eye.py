@@ -54,7 +54,7 @@ class HandEyeStart:
         freeze(self, "cam_from_rig", "carrier_from_target", "error")
 
 
-def start_hand_eye(cam_from_target: Array, rig_from_carrier: Array, own: Array | None = None) -> HandEyeStart:
+def start_hand_eye(cam_from_target: Array, rig_from_mechanism: Array, own: Array | None = None) -> HandEyeStart:
     """`start_hand_eye(cam_from_target, flange_from_base).cam_from_rig` is cam_from_flange.
 
     Rotations from the turns between all pairs of frames, shifts by linear equations, both then refined together by
@@ -63,11 +63,11 @@ def start_hand_eye(cam_from_target: Array, rig_from_carrier: Array, own: Array |
 
     Args:
         cam_from_target: (V, 4, 4) by the camera alone.
-        rig_from_carrier: (V, 4, 4) by the robot: camera in hand, flange_from_base; target in hand, base_from_flange.
+        rig_from_mechanism: (V, 4, 4) by the robot: camera in hand, flange_from_base; target in hand, base_from_flange.
         own: standard deviations of the camera's poses (V, 2), rad and mm, of which few points tell some poorly; None:
             they are alike.
     """
-    seen, told = np.asarray(cam_from_target, dtype=np.float64), np.asarray(rig_from_carrier, dtype=np.float64)
+    seen, told = np.asarray(cam_from_target, dtype=np.float64), np.asarray(rig_from_mechanism, dtype=np.float64)
     keep, own = _agreeing(seen, told), np.zeros((len(seen), 2)) if own is None else own
     guesses = [_refined(seen, told, turn, keep, own) for turn in first_turns(seen[keep], told[keep])]
     return min(guesses, key=lambda start: _badness(start.error))

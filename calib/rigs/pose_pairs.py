@@ -70,12 +70,12 @@ class PosePairs:
     """What a camera and a robot said; V pairs of poses, in the order of time."""
 
     cam_from_target: Array  # (V, 4, 4)
-    rig_from_carrier: Array  # (V, 4, 4) camera in hand: flange_from_base, target in hand: base_from_flange
+    rig_from_mechanism: Array  # (V, 4, 4) camera in hand: flange_from_base, target in hand: base_from_flange
     in_hand: InHand = "camera"
     covariance: Array | None = None  # (V, 6, 6) of the camera's, rad and mm, in its axes, turns from the left
 
     def __post_init__(self) -> None:
-        freeze(self, "cam_from_target", "rig_from_carrier")
+        freeze(self, "cam_from_target", "rig_from_mechanism")
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ _Pairs: TypeAlias = tuple[Array, Array, Array]
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """Equations of pairs of poses; told(offset) is rig_from_carrier (V, 4, 4) of each."""
+    """Equations of pairs of poses; told(offset) is rig_from_mechanism (V, 4, 4) of each."""
 
     seen: Array
     told: Callable[[float], Array]
@@ -205,15 +205,15 @@ def solve_pose_pairs(pairs: PosePairs, *, has_scale: bool = False, adds_up: bool
         InputError: there are fewer than three.
     """
     problem = _Problem(
-        pairs.cam_from_target, lambda _: pairs.rig_from_carrier, pairs.in_hand, pairs.covariance, has_scale=has_scale
+        pairs.cam_from_target, lambda _: pairs.rig_from_mechanism, pairs.in_hand, pairs.covariance, has_scale=has_scale
     )
     return _solved(problem, 0.0, adds_up)
 
 
 def solve_pose_streams(
-    cam_time_s: Array, cam_from_target: Array, robot_time_s: Array, rig_from_carrier: Array, in_hand: InHand = "camera",
-    covariance: Array | None = None, *, has_scale: bool = False, adds_up: bool | None = None,
-    offset_s: float | None = None,
+    cam_time_s: Array, cam_from_target: Array, robot_time_s: Array, rig_from_mechanism: Array,
+    in_hand: InHand = "camera", covariance: Array | None = None, *, has_scale: bool = False,
+    adds_up: bool | None = None, offset_s: float | None = None,
 ) -> PairsSolution:  # fmt: skip
     """The same of two streams of poses with times, by clocks of which one is ahead: `found.offset_s`.
 
@@ -224,7 +224,7 @@ def solve_pose_streams(
         cam_time_s: of the camera's poses (V,), ascending.
         cam_from_target: (V, 4, 4)
         robot_time_s: of the robot's poses (N,), ascending.
-        rig_from_carrier: (N, 4, 4)
+        rig_from_mechanism: (N, 4, 4)
         in_hand: what the robot carries.
         covariance: (V, 6, 6) of the camera's poses, if known.
         has_scale: the camera's lengths are in a unit of their own.
@@ -234,7 +234,7 @@ def solve_pose_streams(
     Raises:
         InputError: there are fewer than three poses, or their times have next to nothing in common.
     """
-    way = Trajectory(robot_time_s, rig_from_carrier)
+    way = Trajectory(robot_time_s, rig_from_mechanism)
     begin = _likely_offset(cam_time_s, cam_from_target, way) if offset_s is None else offset_s
     there_s = cam_time_s - begin
     first = way.at(there_s)

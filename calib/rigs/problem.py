@@ -33,7 +33,7 @@ from designer.base.arrays import Array, Rows
 
 
 @dataclass(frozen=True, eq=False)
-class SlackPrior:
+class OffsetPrior:
     """What is expected of the slacks of one camera's views."""
 
     weight: Array  # (V_c, 6, 6) W
@@ -46,7 +46,7 @@ class SlackPrior:
 
 
 @dataclass(frozen=True, eq=False)
-class WithoutSlack:
+class WithoutOffsets:
     """One camera's views without their slacks."""
 
     products: Array  # (V_c, P + 7, P + 7) of the views' blocks, reduced
@@ -56,7 +56,7 @@ class WithoutSlack:
     promised: float  # by how much the cost falls by them alone
 
 
-def eliminated(products: Array, prior: SlackPrior, value: Array, damping: float = 0.0) -> WithoutSlack:
+def eliminated(products: Array, prior: OffsetPrior, value: Array, damping: float = 0.0) -> WithoutOffsets:
     """Blocks (V_c, P + 7, P + 7) without the slacks, which have values (V_c, 6); of a damped step with damping."""
     row = products[:, -7:-1].copy()
     pull = np.einsum("vde,ve->vd", prior.precision, value)
@@ -65,19 +65,19 @@ def eliminated(products: Array, prior: SlackPrior, value: Array, damping: float 
     spread = symmetric_inverse(curve).inverse  # zero along what a few points do not tell
     solved = spread @ row
     left = products - row.transpose(0, 2, 1) @ solved
-    return WithoutSlack(
+    return WithoutOffsets(
         left, solved, spread, float((value * pull).sum()), float((row[:, :, -1] * solved[:, :, -1]).sum())
     )
 
 
-def slack_step(view: WithoutSlack, params_step: Array, pose_step: Array) -> Array:
+def offset_step(view: WithoutOffsets, params_step: Array, pose_step: Array) -> Array:
     """The step of the slacks that belongs to steps of parameters (P,) and poses (V_c, 6).  # (V_c, 6)"""
     count = view.solved.shape[2] - 7
     step = view.solved[:, :, -1] + view.solved[:, :, :count] @ params_step
     return np.asarray(-(step + np.einsum("vdp,vp->vd", view.solved[:, :, count:-1], pose_step)))
 
 
-def slack_evidence(prior: SlackPrior, value: Array, covariance: Array) -> tuple[float, float]:
+def offset_evidence(prior: OffsetPrior, value: Array, covariance: Array) -> tuple[float, float]:
     """Squares of the values, and how many of them the photos tell: the size is their ratio (Foerstner 1979).
 
     Of one camera: values (V_c, 6) of its views, and their covariance (V_c, 6, 6) by the whole adjustment.
@@ -103,16 +103,16 @@ class CameraChoice:
 
 
 @dataclass(frozen=True, eq=False)
-class Carrier:
+class Mechanism:
     """What carries the target, or the cameras past it, and says how it stood in each frame.
 
-    Camera in hand: the rig's frame is the flange's, and `rig_from_carrier` is flange_from_base. Target in hand: the
+    Camera in hand: the rig's frame is the flange's, and `rig_from_mechanism` is flange_from_base. Target in hand: the
     rig's frame is the base's, and it is base_from_flange. Turntable: the rig's frame is the table's at rest, its z
     along the axis, and it is the turn by each frame's angle.
     """
 
-    kind: str  # see `CarrierFit`
-    rig_from_carrier: Array  # (V, 4, 4)
+    kind: str  # see `MechanismFit`
+    rig_from_mechanism: Array  # (V, 4, 4)
     is_camera_in_hand: bool = False
     is_turntable: bool = False
     has_free_angles: bool = False  # of a turntable
@@ -122,7 +122,7 @@ class Carrier:
     """Standard deviation of the target's size, as a part of it, before a robot's ways tell it; 0: it is not solved."""
 
     def __post_init__(self) -> None:
-        freeze(self, "rig_from_carrier")
+        freeze(self, "rig_from_mechanism")
 
 
 @dataclass(frozen=True)
@@ -133,11 +133,11 @@ class RigOptions:
     weighted: bool = True
     loss: Loss = "squares"
     reject_sigma: float | None = None
-    allows_slack: bool | None = None
+    allows_offsets: bool | None = None
     """Of single photos, where they do not fit together; None: also only if each camera tells its lens by itself, or
     something carries them; see `solve_rig`."""
     estimates_delays: bool = False  # of cameras, from time stamps
-    carrier: Carrier | None = None
+    carrier: Mechanism | None = None
     max_iterations: int = 100
     minimise: str = IMAGE  # as `SolveOptions.minimise`
     free_bend: bool = False  # as `SolveOptions.free_bend`
@@ -157,10 +157,10 @@ class SeenByOne:
 
 
 @dataclass(frozen=True, eq=False)
-class CarrierPrior:
+class MechanismPrior:
     """What a carrier says of the frames, and how well: see `calib.rigs.carrier`."""
 
-    carrier: Carrier
+    carrier: Mechanism
     column: Rows  # (6,) of carrier_from_target
     sigma: Array  # (2,) of a coordinate of its errors: rad, mm
 
@@ -175,11 +175,11 @@ class RigProblem:
     loss: Loss
     scale: Array  # (C,) standard deviation of an observation: px, or in units of the stated covariance
     motion: Motion | None = None  # of the target; None: it stands still in each frame
-    prior: CarrierPrior | None = None
+    prior: MechanismPrior | None = None
     amount: Rows = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     """(S,) shared unknown of the target's size, then of its bend's heights; -1: as its file says."""
     amount_sigma: Array = field(default_factory=lambda: np.zeros(0))  # (S,) what is believed of these, about 1 and 0
-    slack: tuple[SlackPrior, ...] = ()  # (C,) of the views' poses; (): they are the rig's
+    slack: tuple[OffsetPrior, ...] = ()  # (C,) of the views' poses; (): they are the rig's
     known: tuple[tuple[ParameterPrior, ...], ...] = ()  # (C,) of parameters that are free; (): nothing
 
 
@@ -210,7 +210,7 @@ def pack_rig(
     loss: Loss,
     scale: Array,
     with_delays: bool,
-    carrier: Carrier | None,
+    carrier: Mechanism | None,
     bend_sigma_mm: Array | None = None,
 ) -> RigProblem:
     """The problem of all cameras, each view of which has sightings.
@@ -246,7 +246,7 @@ def pack_rig(
     prior = None
     if carrier is not None:
         sigma = np.array([carrier.sigma_rad or np.nan, carrier.sigma_mm or np.nan])
-        prior = CarrierPrior(carrier, np.arange(6) + count, sigma)
+        prior = MechanismPrior(carrier, np.arange(6) + count, sigma)
         count += 6
     heights = np.zeros(0) if bend_sigma_mm is None else bend_sigma_mm
     sigma = np.concatenate([[0.0 if carrier is None else carrier.size_sigma], heights])

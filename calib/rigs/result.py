@@ -18,7 +18,7 @@ from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Gap,
 
 
 @dataclass(frozen=True, eq=False)
-class CarrierFit:
+class MechanismFit:
     """What moved the target or the rig, as the photos show it: `result.carrier.sigma_mm`."""
 
     kind: str  # "robot, camera in hand", "robot, target in hand", "turntable"
@@ -59,7 +59,7 @@ class JointSolution(Solved):
     photo_covariance: Annotated[_Joint | None, LEFT_OUT] = None  # of what the photos of a frame share; None: likewise
     slack: Annotated[Annotated[float, AtLeast(0), AtMost(LARGEST_SLACK)] | None, LEFT_OUT] = None
     """By how much less surely a photo tells its pose than errors of its own would let it (variances); None: at once."""
-    carrier: Annotated[CarrierFit | None, LEFT_OUT] = None
+    carrier: Annotated[MechanismFit | None, LEFT_OUT] = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

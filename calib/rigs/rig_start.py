@@ -18,7 +18,7 @@ from calib.rigs.carrier import start_turntable, turned_by
 from calib.rigs.descend import rig_equations
 from calib.rigs.hand_eye import HandEyeStart, start_hand_eye
 from calib.rigs.motion import motion_of
-from calib.rigs.problem import Carrier, RigOptions, RigProblem, RigState, frame_times, pack_rig
+from calib.rigs.problem import Mechanism, RigOptions, RigProblem, RigState, frame_times, pack_rig
 from calib.rigs.start import Alone, frame_candidates, joined, relative_poses, synchronised
 from calib.rigs.variance_components import LEAST_SCALE, LEAST_SIGMA
 from calib.solver.free_bend import bend_sigma_mm
@@ -164,21 +164,21 @@ def start_rig(observations: RigObservations, alone: Sequence[Alone], options: Ri
     if options.estimates_delays:
         problem = replace(problem, motion=motion_of(frames, frame_times(observations)))
     begin = RigStart(observations, alone, options, problem, state, remarks)
-    return begin if carrier is None else _of_carrier(begin, carrier)
+    return begin if carrier is None else _of_mechanism(begin, carrier)
 
 
-def _of_carrier(begin: RigStart, carrier: Carrier) -> RigStart:
+def _of_mechanism(begin: RigStart, carrier: Mechanism) -> RigStart:
     """The start with where the carrier holds the rig or the target, and how it errs; without frames that it belies."""
     problem, frames = begin.problem, begin.state.rig_from_target
     start = None
     if not carrier.is_turntable:
         own = symmetric_inverse(rig_equations(replace(problem, prior=None), begin.state, problem.loss).normal.pose)
         variance = np.einsum("vkiki->vk", own.covariance.reshape(-1, 2, 3, 2, 3))
-        start = start_hand_eye(frames, carrier.rig_from_carrier, np.sqrt(variance))
+        start = start_hand_eye(frames, carrier.rig_from_mechanism, np.sqrt(variance))
     if start is None:
-        turn = carrier.rig_from_carrier
+        turn = carrier.rig_from_mechanism
         table = start_turntable(frames, None if carrier.has_free_angles else np.arctan2(turn[:, 1, 0], turn[:, 0, 0]))
-        start, carrier = table.start, replace(carrier, rig_from_carrier=turned_by(table.angle_rad))
+        start, carrier = table.start, replace(carrier, rig_from_mechanism=turned_by(table.angle_rad))
         problem = replace(problem, prior=problem.prior and replace(problem.prior, carrier=carrier))
     elif start.is_far_off.any():
         observations, alone, options = _without(begin.observations, begin.alone, begin.options, ~start.is_far_off)
@@ -213,7 +213,7 @@ def _without(
     ]
     carrier = options.carrier
     if carrier is not None:
-        options = replace(options, carrier=replace(carrier, rig_from_carrier=carrier.rig_from_carrier[keep]))
+        options = replace(options, carrier=replace(carrier, rig_from_mechanism=carrier.rig_from_mechanism[keep]))
     return keep_frames(observations, keep), kept, options
 
 

@@ -203,7 +203,7 @@ def _factors(poses: RobotPoses) -> list[float]:
 
 
 def _carried(rotation: Array, shift: Array, *, is_turned_back: bool, is_back: bool) -> tuple[Array, Array]:
-    """Poses as `rig_from_carrier`: rotations (R, V, 3, 3) and ways (R, V, 3)."""
+    """Poses as `rig_from_mechanism`: rotations (R, V, 3, 3) and ways (R, V, 3)."""
     turn = rotation.swapaxes(-1, -2) if is_turned_back else rotation
     if not is_back:
         return turn, np.broadcast_to(shift, turn.shape[:-1])

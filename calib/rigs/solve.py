@@ -109,14 +109,16 @@ def _of_all(
     observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions, alone: Sequence[Alone]
 ) -> RigCalibration:
     """The rig of all photos, with slack of single ones where they do not fit together."""
-    if options.allows_slack is not None or options.carrier is not None:
-        return _settled(observations, choices, replace(options, allows_slack=options.allows_slack is not False), alone)
-    found = _settled(observations, choices, replace(options, allows_slack=False), alone)
+    if options.allows_offsets is not None or options.carrier is not None:
+        return _settled(
+            observations, choices, replace(options, allows_offsets=options.allows_offsets is not False), alone
+        )
+    found = _settled(observations, choices, replace(options, allows_offsets=False), alone)
     if found.alone_scale is None or not (found.scale > DISAGREES * found.alone_scale).any():
         return found
     if not all(_tells_its_lens(*one) for one in zip(observations.sightings, choices, alone, strict=True)):
         return found
-    return adjusted(observations, replace(options, allows_slack=True), [alone])
+    return adjusted(observations, replace(options, allows_offsets=True), [alone])
 
 
 def _with_lenses_alike(
@@ -246,7 +248,7 @@ def _check(observations: RigObservations, choices: Sequence[CameraChoice], optio
     if not 0 <= options.reference < observations.camera_count:
         raise InputError(f"reference {options.reference}: the rig has cameras 0 to {observations.camera_count - 1}")
     carrier = options.carrier
-    if carrier is not None and len(carrier.rig_from_carrier) != observations.frame_count:
+    if carrier is not None and len(carrier.rig_from_mechanism) != observations.frame_count:
         raise ValueError("a pose of the carrier for each frame is needed")
     if options.minimise != IMAGE and any(one.priors for one in choices):
         raise InputError(f"--prior: goes with distances in the image only; leave --minimise {options.minimise} out")

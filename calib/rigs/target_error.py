@@ -27,8 +27,8 @@ from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.core.se3 import exp_rotation, invert, make_pose
 from calib.rigs.carrier import error_derivatives, error_weights
-from calib.rigs.problem import Carrier, CarrierPrior
-from calib.rigs.result import CarrierFit, RigCalibration
+from calib.rigs.problem import Mechanism, MechanismPrior
+from calib.rigs.result import MechanismFit, RigCalibration
 from calib.solver.free_shape import PosedSightings, ShapeEquations, equations_of, free_directions, posed_prior, weights
 from calib.solver.problem import prior_of
 from calib.solver.target_error import added_covariance, unbent
@@ -178,7 +178,7 @@ def _carried(
 
     It tells the target's size in part: by how far it was moved.
     """
-    prior, fit = carrier_prior(found)
+    prior, fit = mechanism_prior(found)
     by_frame, by_carrier = error_derivatives(prior, found.rig_from_target, fit.carrier_from_target)
     weight = error_weights(prior)
     for frame, one in zip(frames.tolist(), posed, strict=True):
@@ -193,7 +193,7 @@ def _carried(
         yield PosedSightings.joined([one, said])
 
 
-def carrier_prior(found: RigCalibration) -> tuple[CarrierPrior, CarrierFit]:
+def mechanism_prior(found: RigCalibration) -> tuple[MechanismPrior, MechanismFit]:
     """What the carrier said, by what its errors were found to be."""
     fit = found.carrier
     if fit is None:
@@ -206,11 +206,11 @@ def carrier_prior(found: RigCalibration) -> tuple[CarrierPrior, CarrierFit]:
     else:
         off = make_pose(turn @ fit.carrier_from_target[:3, :3], turn @ fit.carrier_from_target[:3, 3] + shift)
         carried = found.rig_from_target @ invert(off)
-    carrier = Carrier(
+    carrier = Mechanism(
         fit.kind, carried, is_camera_in_hand=found.rig_frame == "flange", is_turntable=found.rig_frame == "table",
         has_free_angles=fit.angle_rad is not None and not np.allclose(fit.error[:, 2], 0.0),
     )  # fmt: skip
-    return CarrierPrior(carrier, np.arange(POSE), np.array([fit.sigma_rad, fit.sigma_mm])), fit
+    return MechanismPrior(carrier, np.arange(POSE), np.array([fit.sigma_rad, fit.sigma_mm])), fit
 
 
 def posed_frames(
@@ -298,7 +298,7 @@ def told_by_frames(found: RigCalibration, product: Array) -> Array:
         taken = pose @ symmetric_inverse(pose[:, count:]).inverse @ pose.transpose(0, 2, 1)
         product = product - found.slack / (1 + found.slack) * taken
     if found.carrier is not None:
-        prior, fit = carrier_prior(found)
+        prior, fit = mechanism_prior(found)
         by_frame, by_carrier = error_derivatives(prior, found.rig_from_target, fit.carrier_from_target)
         told = error_weights(prior)[:, None] * np.concatenate([by_carrier, by_frame], axis=2)
         product = product.copy()

@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from calib.core.types import RigObservations
-from calib.rigs.accuracy import Found, camera_redundancy, carrier_sigmas, slack_size
+from calib.rigs.accuracy import Found, camera_redundancy, mechanism_sigmas, offset_size
 from calib.rigs.descend import descend_rig, rig_equations
-from calib.rigs.problem import RigOptions, RigProblem, RigState, SlackPrior, seen_poses, with_scale
+from calib.rigs.problem import OffsetPrior, RigOptions, RigProblem, RigState, seen_poses, with_scale
 from calib.rigs.start import Alone
 from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.levenberg import SMALL_DECREASE
@@ -36,8 +36,8 @@ LEAST_SIGMA = (1e-9, 1e-6)
 """Of a carrier's errors, rad and mm."""
 DISAGREES = 2.0
 """Times the noise of a camera alone, from which on the rig is said not to explain its photos."""
-FIRST_SLACK = 30.0
-LEAST_SLACK, MOST_SLACK = 1e-3, 1e6
+FIRST_OFFSET = 30.0
+LEAST_OFFSET, MOST_OFFSET = 1e-3, 1e6
 
 
 def settled(
@@ -63,7 +63,7 @@ def settled(
             before = sizes, step
         there = descend_rig(
             next_problem,
-            _with_slack(next_problem, found.state),
+            _with_offsets(next_problem, found.state),
             max_iterations=options.max_iterations,
             damping=NEAR,
             small_decrease=SMALL_DECREASE if is_last else NEARLY_SMALL_DECREASE,
@@ -89,7 +89,7 @@ def _of_sizes(problem: RigProblem, sizes: Array) -> RigProblem:
     """The problem with others."""
     scale, rest = np.split(sizes, [len(problem.scale)])
     prior = problem.prior and replace(problem.prior, sigma=np.maximum(np.exp(rest[:2]), LEAST_SIGMA))
-    slack = float(np.clip(np.expm1(sizes[-1]), LEAST_SLACK, MOST_SLACK))
+    slack = float(np.clip(np.expm1(sizes[-1]), LEAST_OFFSET, MOST_OFFSET))
     return replace(
         problem, scale=np.maximum(np.exp(scale), LEAST_SCALE), prior=prior,
         slack=tuple(replace(one, size=slack) for one in problem.slack),
@@ -108,9 +108,9 @@ def _judged(
     prior = problem.prior
     if prior is not None:
         given = np.array([prior.carrier.sigma_rad or np.nan, prior.carrier.sigma_mm or np.nan])
-        own = np.maximum(carrier_sigmas(problem, found), LEAST_SIGMA)
+        own = np.maximum(mechanism_sigmas(problem, found), LEAST_SIGMA)
         prior = replace(prior, sigma=np.where(np.isfinite(given), given, own))
-    slack = _slack_priors(problem, found, options, alone)
+    slack = _offset_priors(problem, found, options, alone)
     return replace(
         problem, slack=slack, seen=tuple(seen), scale=camera_scales(problem, found, options.loss), prior=prior
     )
@@ -130,23 +130,23 @@ def camera_scales(problem: RigProblem, found: Found, loss: Loss) -> Array:
     return np.maximum(scale, LEAST_SCALE)
 
 
-def _slack_priors(
+def _offset_priors(
     problem: RigProblem, found: Found, options: RigOptions, alone: Sequence[Alone]
-) -> tuple[SlackPrior, ...]:
+) -> tuple[OffsetPrior, ...]:
     """What is expected of the views' slacks: there are some with a carrier, and where photos do not fit together."""
-    if not options.allows_slack:
+    if not options.allows_offsets:
         return ()
     if problem.slack:
-        size = float(np.clip(slack_size(problem, found), LEAST_SLACK, MOST_SLACK))
+        size = float(np.clip(offset_size(problem, found), LEAST_OFFSET, MOST_OFFSET))
     elif options.carrier is None and not (disagreement(problem, found.state, alone) > DISAGREES).any():
         return ()
     else:
-        size = FIRST_SLACK
+        size = FIRST_OFFSET
     blocks = rig_equations(problem, found.state, "squares").blocks
-    return tuple(SlackPrior(one.products[:, -7:-1, -7:-1].copy(), size) for one in blocks)
+    return tuple(OffsetPrior(one.products[:, -7:-1, -7:-1].copy(), size) for one in blocks)
 
 
-def _with_slack(problem: RigProblem, state: RigState) -> RigState:
+def _with_offsets(problem: RigProblem, state: RigState) -> RigState:
     """The state with slacks of views, if there are to be any."""
     if state.slack or not problem.slack:
         return state

@@ -123,7 +123,7 @@ def frame_pool(found: RigCalibration, options: SolveOptions) -> FramePool:
     """The frames of a rig without a carrier, to be solved with its loss; what it left out stays out."""
     bend = found.target_bend
     as_solved = RigOptions(
-        max(found.reference, 0), found.weighted, options.loss, allows_slack=found.slack is not None,
+        max(found.reference, 0), found.weighted, options.loss, allows_offsets=found.slack is not None,
         minimise=options.minimise, free_bend=bend is not None, bend_sigma_mm=None if bend is None else bend.believed_mm,
     )  # fmt: skip
     return FramePool(without_outliers(found), found.choices, as_solved)

@@ -27,7 +27,7 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, invert, log_rotation, look_at, make_pose, skew, transform
 from calib.core.types import KnownPoints, Observations, RigObservations, keep_frames
 from calib.observe.robot_poses import read_robot_poses
-from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
+from calib.rigs.problem import FREE_SIZE, CameraChoice, Mechanism, RigOptions
 from calib.rigs.relative import carried_error
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
@@ -52,11 +52,11 @@ class Photos:
     """What a camera on a robot saw, and where the robot says it was."""
 
     seen: RigObservations  # V frames
-    rig_from_carrier: Array  # (V, 4, 4)
+    rig_from_mechanism: Array  # (V, 4, 4)
 
     def of(self, keep: Flags) -> "Photos":
         """Some of them."""
-        return Photos(keep_frames(self.seen, keep), self.rig_from_carrier[keep])
+        return Photos(keep_frames(self.seen, keep), self.rig_from_mechanism[keep])
 
 
 def read_photos() -> Photos:
@@ -88,14 +88,14 @@ class HandEye:
 
 
 def ours(photos: Photos, model: str, noise: tuple[float, float] | None = None, *, kind: str = IN_HAND[0],
-         tells_size: bool = True, allows_slack: bool = True, free_bend: bool = False) -> RigCalibration:  # fmt: skip
+         tells_size: bool = True, allows_offsets: bool = True, free_bend: bool = False) -> RigCalibration:  # fmt: skip
     """One adjustment of everything, the robot's noise estimated or given."""
-    carrier = Carrier(
-        kind, photos.rig_from_carrier, is_camera_in_hand=kind == IN_HAND[0],
+    carrier = Mechanism(
+        kind, photos.rig_from_mechanism, is_camera_in_hand=kind == IN_HAND[0],
         size_sigma=FREE_SIZE if tells_size else 0.0,
         sigma_rad=noise[0] if noise else None, sigma_mm=noise[1] if noise else None,
     )  # fmt: skip
-    options = RigOptions(carrier=carrier, allows_slack=allows_slack, free_bend=free_bend)
+    options = RigOptions(carrier=carrier, allows_offsets=allows_offsets, free_bend=free_bend)
     return solve_rig(photos.seen, [CameraChoice(model)], options)
 
 
@@ -116,7 +116,7 @@ def theirs(photos: Photos, model: str, size: float = 1.0) -> dict[str, HandEye]:
     seen = photos.seen.sightings[0]
     alone = solve(sized(seen, size), model)
     # Photos whose few sightings tell no pose are left out.
-    told = photos.rig_from_carrier[[seen.view_names.index(name) for name in alone.observations.view_names]]
+    told = photos.rig_from_mechanism[[seen.view_names.index(name) for name in alone.observations.view_names]]
     found = {}
     for name, method in PEERS.items():
         x = method(*pairs(alone.cam_from_target, told))
@@ -130,7 +130,7 @@ def errors_mm(found: HandEye, left_out: Photos) -> tuple[Array, Array]:
     seen = left_out.seen.sightings[0]
     seen = sized(seen if found.points is None else replace(seen, points=found.points), found.size)
     point = seen.points.position_mm[seen.point]
-    base_from_cam = invert(left_out.rig_from_carrier[0]) @ invert(found.cam_from_rig)
+    base_from_cam = invert(left_out.rig_from_mechanism[0]) @ invert(found.cam_from_rig)
     there = transform(found.carrier_from_target, point)
     own = transform(base_from_cam @ solve_poses(found.camera, seen).cam_from_target[0], point)
     ray, eye = found.camera.rays(seen.center_px) @ base_from_cam[:3, :3].T, base_from_cam[:3, 3]
@@ -160,7 +160,7 @@ def print_real() -> None:
             free = solution(ours(train, model))
             found[f"one adjustment, {model}"] = free
             found[f"  robot's noise given, {model}"] = solution(ours(train, model, GIVEN))
-            found[f"  and no slack of photos, {model}"] = solution(ours(train, model, GIVEN, allows_slack=False))
+            found[f"  and no slack of photos, {model}"] = solution(ours(train, model, GIVEN, allows_offsets=False))
             found[f"  and the grid's bend, {model}"] = solution(ours(train, model, free_bend=True))
             if model == "opencv":
                 found |= {f"{name}, opencv": one for name, one in theirs(train, model).items()}

@@ -21,7 +21,7 @@ from calib.core.types import keep_frames
 from calib.judge.halves import NoHalves
 from calib.judge.next_robot_poses import next_robot_poses, poses_in_reach
 from calib.rigs.carrier import turned_by
-from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
+from calib.rigs.problem import FREE_SIZE, CameraChoice, Mechanism, RigOptions
 from calib.rigs.relative import center_sigma_mm
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
@@ -55,7 +55,7 @@ class Arm:
         rows = scene.observations.frame[0]
         seen = keep_frames(scene.observations, np.isin(np.arange(len(sent)), rows))
         sigma = self.noise if is_given else (None, None)
-        carrier = Carrier(
+        carrier = Mechanism(
             self.kind,
             told[rows],
             is_camera_in_hand=in_hand,
@@ -64,7 +64,7 @@ class Arm:
             size_sigma=FREE_SIZE,
         )
         choice = CameraChoice("opencv") if is_free else CameraChoice("opencv", given=lens, is_refined=False)
-        return solve_rig(seen, [choice], RigOptions(carrier=carrier, allows_slack=not is_given))
+        return solve_rig(seen, [choice], RigOptions(carrier=carrier, allows_offsets=not is_given))
 
 
 def arm(seed: int, kind: str, noise: tuple[float, float]) -> Arm:
@@ -132,7 +132,7 @@ def table_errors(seed: int, *, are_free: bool) -> tuple[Array, int]:
     scene = rig_views.scene_of(("cam",), (rig_views.camera(),), np.eye(4)[None], poses, points, rng, noise_px)
     rows = scene.observations.frame[0]
     seen = keep_frames(scene.observations, np.isin(np.arange(count), rows))
-    carrier = Carrier("turntable", turned_by(angle[rows]), is_turntable=True, has_free_angles=are_free)
+    carrier = Mechanism("turntable", turned_by(angle[rows]), is_turntable=True, has_free_angles=are_free)
     found = solve_rig(seen, [CameraChoice("opencv")], RigOptions(carrier=carrier))
     if found.status != "converged":
         return np.full(2, np.nan), found.iterations

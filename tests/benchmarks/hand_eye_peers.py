@@ -2,7 +2,7 @@
 
 Written from the papers, to stand beside ours in benchmarks: OpenCV 5 has lost its `calibrateHandEye`. P is a turn and a
 shift between two frames as the camera saw them, `T_i T_j^-1`, Q the same as the robot says, `L_i L_j^-1` with
-`rig_from_carrier` L; X is cam_from_rig.
+`rig_from_mechanism` L; X is cam_from_rig.
 """
 
 from collections.abc import Callable
@@ -18,11 +18,11 @@ LEAST_RAD, MOST_RAD = 0.02, 2.9
 """Pairs that turn less, or nearly by half a turn, have no sure axis; they are left out, of rotations and shifts."""
 
 
-def pairs(cam_from_target: Array, rig_from_carrier: Array) -> tuple[Array, Array]:
+def pairs(cam_from_target: Array, rig_from_mechanism: Array) -> tuple[Array, Array]:
     """Motions between all pairs of frames, as seen and as told.  # (N, 4, 4) each"""
     first, second = np.triu_indices(len(cam_from_target), 1)
     seen = cam_from_target[first] @ invert(cam_from_target[second])
-    told = rig_from_carrier[first] @ invert(rig_from_carrier[second])
+    told = rig_from_mechanism[first] @ invert(rig_from_mechanism[second])
     angle = np.linalg.norm([log_rotation(seen[:, :3, :3]), log_rotation(told[:, :3, :3])], axis=2)
     keep = ((angle > LEAST_RAD) & (angle < MOST_RAD)).all(axis=0)
     return seen[keep], told[keep]
@@ -76,9 +76,9 @@ PEERS: dict[str, Callable[[Array, Array], Array]] = {
 }
 
 
-def carrier_from_target(cam_from_rig: Array, cam_from_target: Array, rig_from_carrier: Array) -> Array:
+def carrier_from_target(cam_from_rig: Array, cam_from_target: Array, rig_from_mechanism: Array) -> Array:
     """The mean of what the frames say.  # (4, 4)"""
-    each = invert(rig_from_carrier) @ invert(cam_from_rig) @ cam_from_target
+    each = invert(rig_from_mechanism) @ invert(cam_from_rig) @ cam_from_target
     shift: Array = each[:, :3, 3].sum(axis=0) / len(each)
     return make_pose(_nearest_rotation(each[:, :3, :3].sum(axis=0)), shift)
 

@@ -21,7 +21,7 @@ from calib.observe.dataset import ImageRecord, Records
 from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
 from calib.renderer.options import RenderOptions
 from calib.renderer.truth import FileOptions, RigTruth, TrueFrame, TrueView, Truth
-from calib.rigs.result import CarrierFit
+from calib.rigs.result import MechanismFit
 from calib.rigs.rig_calibration_file import HeldCamera, RigRecord, SolvedFrame
 from calib.rigs.target_poses import CameraResidual, FrameWithoutPose, RigPosesDocument, RigTargetPose
 from calib.solver.calibration import ImageField, MadeWith, PlaneBend, TargetError
@@ -117,7 +117,9 @@ def _rig_calibration() -> RigRecord:
         SolvedFrame("f1", np.eye(4), gaps),
         SolvedFrame("f2", POSE, gaps),
     )
-    carrier = CarrierFit("turntable", POSE, gaps, math.nan, 0.1, np.full((3, 6), math.nan), np.arange(3) / 3, ("tilt",))
+    carrier = MechanismFit(
+        "turntable", POSE, gaps, math.nan, 0.1, np.full((3, 6), math.nan), np.arange(3) / 3, ("tilt",)
+    )
     return RigRecord(
         provenance=Provenance("test 1"), status="stopped", remarks=("a remark",), observed=("another",), iterations=5,
         seconds=0.1, weighted=True, reference=-1, rig_frame="table",

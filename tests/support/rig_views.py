@@ -9,7 +9,7 @@ from calib.cameras import linearise, parameter_names, project
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose, steps_between, transform
 from calib.core.types import KnownPoints, Observations, RigObservations, keep_frames, keep_views, sightings_per_view
-from calib.rigs.problem import FREE_SIZE, Carrier
+from calib.rigs.problem import FREE_SIZE, Mechanism
 from calib.rigs.result import RigCalibration
 from designer.base.arrays import Array, Flags, Rows
 from tests.support import solver_scenes
@@ -97,7 +97,7 @@ def scene_of(
     return RigScene(tuple(cameras), cam_from_rig, rig_from_target, observations, noise_px)
 
 
-def camera_in_hand(turns: Array, *, noise_px: float = 0.02) -> tuple[RigObservations, Carrier, Array]:
+def camera_in_hand(turns: Array, *, noise_px: float = 0.02) -> tuple[RigObservations, Mechanism, Array]:
     """A camera that a robot turns by rotation vectors (V, 3) above a board: sightings, what the robot says, the truth.
 
     The robot's own noise is .2 mrad and .1 mm, the target 3 % smaller than its file says.
@@ -118,7 +118,7 @@ def camera_in_hand(turns: Array, *, noise_px: float = 0.02) -> tuple[RigObservat
     wobble = make_pose(exp_rotation(rng.normal(0, 2e-4, (count, 3))), rng.normal(0, 0.1, (count, 3)))
     rows = scene.observations.frame[0]
     observations = keep_frames(replace(scene.observations, sightings=(told,)), np.isin(np.arange(count), rows))
-    carrier = Carrier(
+    carrier = Mechanism(
         "robot, camera in hand", (wobble @ flange_from_base)[rows], is_camera_in_hand=True, size_sigma=FREE_SIZE
     )
     return observations, carrier, cam_from_flange

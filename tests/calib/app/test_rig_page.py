@@ -16,7 +16,7 @@ from calib.judge.folders import RigRun, read_rig_run, write_rig
 from calib.judge.halves import NoHalves, RigHalves, RigSplit
 from calib.judge.judge import Judged, judge_rig
 from calib.observe.calibration_file import Provenance
-from calib.rigs.result import CarrierFit, RigCalibration
+from calib.rigs.result import MechanismFit, RigCalibration
 from designer.base.errors import InputError
 from designer.page.blocks import Figure, Page, Steps, View3d
 from designer.page.scene import Segments
@@ -139,7 +139,7 @@ def test_one_camera_on_a_robot_has_a_page(refined: bool) -> None:
         cameras=pair.cameras[:1], cam_from_rig=pair.cam_from_rig[:1], residual_px=pair.residual_px[:1],
         is_outlier=pair.is_outlier[:1], scale=pair.scale[:1], covariance=pair.covariance[:rows, :rows],
         fixed=pair.fixed[:1], reference=-1, rig_frame="flange",
-        carrier=CarrierFit("robot, camera in hand", np.eye(4), np.eye(6), 1e-3, 1.0, error, None, ("its height",)),
+        carrier=MechanismFit("robot, camera in hand", np.eye(4), np.eye(6), 1e-3, 1.0, error, None, ("its height",)),
     )  # fmt: skip
     page = page_of(alone, judge_rig(alone, NoHalves("too few"), read_criteria()))
     assert "Distances and angles" not in titles(page)

@@ -28,7 +28,7 @@ from calib.judge.planned_views import (
 from calib.judge.views import shape_of
 from calib.observe.observations import known_points
 from calib.observe.robot_poses import read_robot_poses, robot_poses_to_csv
-from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
+from calib.rigs.problem import FREE_SIZE, CameraChoice, Mechanism, RigOptions
 from calib.rigs.relative import center_sigma_mm
 from calib.rigs.result import RigCalibration
 from calib.rigs.solve import solve_rig
@@ -61,7 +61,7 @@ class Robot:
     base_from_flange: Array  # (V, 4, 4) where it was sent
 
     def solved(
-        self, more: Array | None = None, *, seed: int = 0, is_free: bool = False, allows_slack: bool = False,
+        self, more: Array | None = None, *, seed: int = 0, is_free: bool = False, allows_offsets: bool = False,
         priors: tuple[ParameterPrior, ...] = (), is_bent: bool = False,
     ) -> RigCalibration:  # fmt: skip
         """By photos from its poses, and from some more."""
@@ -76,12 +76,12 @@ class Robot:
         scene = rig_views.scene_of(("cam",), (lens,), np.eye(4)[None], poses, points, rng, 0.05)
         rows = scene.observations.frame[0]
         seen = keep_frames(scene.observations, np.isin(np.arange(len(sent)), rows))
-        carrier = Carrier(
+        carrier = Mechanism(
             self.kind, told[rows], is_camera_in_hand=self.kind == HAND, sigma_rad=NOISE[0], sigma_mm=NOISE[1],
             size_sigma=FREE_SIZE if is_free else 0.0,
         )  # fmt: skip
         choice = CameraChoice("opencv", None if priors else lens, is_refined=is_free, priors=priors)
-        return solve_rig(seen, [choice], RigOptions(carrier=carrier, allows_slack=allows_slack, free_bend=is_bent))
+        return solve_rig(seen, [choice], RigOptions(carrier=carrier, allows_offsets=allows_offsets, free_bend=is_bent))
 
 
 def robot(kind: str, *, turns: Array | None = None, seed: int = 4) -> Robot:
@@ -119,7 +119,7 @@ def test_frames_tell_what_the_solution_knows() -> None:
 
     With the lens and the target's size as unknowns, and with errors that all of a photo share.
     """
-    found = robot(TARGET).solved(is_free=True, allows_slack=True)
+    found = robot(TARGET).solved(is_free=True, allows_offsets=True)
     assert found.slack
     basis = free_directions(found.covariance)
     count = basis.shape[1]

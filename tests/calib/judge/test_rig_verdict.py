@@ -19,7 +19,7 @@ from calib.judge.next_frames import next_frames
 from calib.judge.verdict import Grade
 from calib.observe.calibration_file import RIG_CALIBRATION_FILE, Provenance, read_calibration
 from calib.rigs.relative import CarriedError, relative
-from calib.rigs.result import CarrierFit, RigCalibration
+from calib.rigs.result import MechanismFit, RigCalibration
 from calib.rigs.rig_calibration_file import CAMERAS, folder_names, read_rig
 from calib.solver.priors import ParameterPrior
 from designer.base.errors import InputError
@@ -73,9 +73,9 @@ def test_a_prior_of_a_camera_that_its_photos_contradict_leads() -> None:
     assert told.advice[0].startswith("leave the prior")
 
 
-def carried(degrees: float) -> CarrierFit:
+def carried(degrees: float) -> MechanismFit:
     """A turntable that is off its own angles by so much."""
-    return CarrierFit("turntable", np.eye(4), None, float(np.radians(degrees)), 0.1, None)
+    return MechanismFit("turntable", np.eye(4), None, float(np.radians(degrees)), 0.1, None)
 
 
 def test_poses_that_are_not_the_photos_lead_whatever_else_they_spoil() -> None:

@@ -13,7 +13,7 @@ Z = make_pose(exp_rotation(np.array([-0.5, 0.2, 0.4])), np.array([350.0, 120.0, 
 
 
 def robot(count: int, rng: np.random.Generator) -> Array:
-    """`rig_from_carrier` of poses with turns about all axes."""
+    """`rig_from_mechanism` of poses with turns about all axes."""
     return make_pose(exp_rotation(rng.uniform(-0.6, 0.6, (count, 3))), rng.uniform(-150, 150, (count, 3)))
 
 

@@ -14,7 +14,7 @@ from calib.judge.folders import write_rig
 from calib.observe.calibration_file import Provenance, read_calibration
 from calib.observe.observations import known_points
 from calib.observe.robot_poses import RobotPoses
-from calib.rigs.problem import FREE_SIZE, CameraChoice, Carrier, RigOptions
+from calib.rigs.problem import FREE_SIZE, CameraChoice, Mechanism, RigOptions
 from calib.rigs.relative import carried_error
 from calib.rigs.result import RigCalibration, as_given
 from calib.rigs.shared_errors import with_shared_errors
@@ -132,7 +132,7 @@ def test_a_robot_tells_the_size_in_part_and_what_is_left_is_stated() -> None:
     flange_from_base = invert(cam_from_flange) @ poses @ invert(base_from_target)
     off = np.random.default_rng(2).normal(0, 1, (12, 6)) * np.repeat([1e-5, 0.02], 3)
     said = make_pose(exp_rotation(off[:, :3]), off[:, 3:]) @ flange_from_base
-    carrier = Carrier("robot, camera in hand", said, is_camera_in_hand=True)
+    carrier = Mechanism("robot, camera in hand", said, is_camera_in_hand=True)
     found = with_target_error(solve_rig(rig, [CameraChoice("opencv")], RigOptions(carrier=carrier)), _size_prior())
     error = np.abs(found.cam_from_rig[0, :3, 3] - cam_from_flange[0, :3, 3])
     stated, noise = (
@@ -334,7 +334,7 @@ def robot_mm(seed: int) -> tuple[float, float]:
     seen, rows = scene.observations.sightings[0], scene.observations.frame[0]
     true, points = scene.rig_from_target[rows], seen.points  # the rig's frame is the first camera's
     wobble = make_pose(exp_rotation(rng.normal(0, 5e-4, (len(rows), 3))), rng.normal(0, 0.2, (len(rows), 3)))
-    carrier = Carrier(
+    carrier = Mechanism(
         "robot, camera in hand", wobble @ invert(CAM_FROM_FLANGE) @ true, is_camera_in_hand=True, size_sigma=FREE_SIZE
     )
     one = RigObservations(("cam",), seen.view_names, (seen,), (np.arange(len(rows)),))

@@ -17,11 +17,11 @@ from calib.rigs.motion import Motion
 from calib.rigs.problem import (
     FREE_SIZE,
     CameraChoice,
-    Carrier,
+    Mechanism,
+    OffsetPrior,
     RigOptions,
     RigProblem,
     RigState,
-    SlackPrior,
     pack_rig,
     without_params,
 )
@@ -76,7 +76,7 @@ def test_gradients_are_those_of_the_cost(kind: str) -> None:
     frames = scene.observations.frame_count
     rng = np.random.default_rng(3)
     base = make_pose(exp_rotation(rng.normal(0, 0.5, (frames, 3))), rng.normal(0, 200.0, (frames, 3)))
-    carrier = Carrier("robot", base, is_camera_in_hand=kind != "target in hand", size_sigma=FREE_SIZE)
+    carrier = Mechanism("robot", base, is_camera_in_hand=kind != "target in hand", size_sigma=FREE_SIZE)
     carried = kind.endswith("in hand")
     observations = replace(
         scene.observations, time_s=tuple(0.1 * rows + 0.01 * c for c, rows in enumerate(scene.observations.frame))
@@ -104,7 +104,7 @@ def test_gradients_are_those_of_the_cost(kind: str) -> None:
         problem = replace(problem, prior=replace(problem.prior, sigma=np.array([0.5, 100.0])))
     if kind == "slack":
         own = [one.products[:, -7:-1, -7:-1] for one in rig_equations(problem, state, "squares").blocks]
-        problem = replace(problem, slack=tuple(SlackPrior(weight, 4.0) for weight in own))
+        problem = replace(problem, slack=tuple(OffsetPrior(weight, 4.0) for weight in own))
         state = replace(state, slack=tuple(rng.normal(0, 1e-3, (len(weight), 6)) for weight in own))
     equations = rig_equations(problem, state, "squares")
     given = assembled(replace(problem, slack=()), state, equations.blocks, equations.chains).normal
@@ -150,7 +150,7 @@ def test_offsets_of_photos_that_only_show_once_the_noise_is_judged_are_solved() 
     """The rounds that judge what is worth what go on with one size more."""
     scene = rig_views.stereo_pair(frames=14)
     seen = _taken_elsewhere(scene, 10.0, np.random.default_rng(0))
-    assert solve_rig(seen, choices(scene), RigOptions(allows_slack=True)).slack is not None
+    assert solve_rig(seen, choices(scene), RigOptions(allows_offsets=True)).slack is not None
 
 
 @pytest.mark.parametrize(("offset", "draws"), [(0.0, 40), (20.0, 6)])
@@ -161,7 +161,7 @@ def test_poses_of_every_camera_scatter_as_stated(offset: float, draws: int) -> N
     squares = np.zeros((draws, 2))
     for draw in range(draws):
         seen = _taken_elsewhere(scene, offset, np.random.default_rng(draw))
-        found = solve_rig(seen, choices(scene), RigOptions(allows_slack=True))
+        found = solve_rig(seen, choices(scene), RigOptions(allows_offsets=True))
         assert (found.slack is not None) == (offset > 0)
         for camera in range(2):
             off = steps_between(true[camera], found.cam_from_rig[camera] @ found.rig_from_target)
@@ -365,7 +365,7 @@ def test_a_turntables_axis_is_found_within_its_sigmas(are_free: bool) -> None:
     scene = rig_views.scene_of(("cam",), (rig_views.camera(),), np.eye(4)[None], frames, board, rng, 0.1)
     rows = scene.observations.frame[0]
     observations = keep_frames(scene.observations, np.isin(np.arange(16), rows))
-    carrier = Carrier("turntable", turned_by(angle)[rows], is_turntable=True, has_free_angles=are_free)
+    carrier = Mechanism("turntable", turned_by(angle)[rows], is_turntable=True, has_free_angles=are_free)
     given = CameraChoice("opencv", given=rig_views.camera(), is_refined=False)
     found = solve_rig(observations, [given], RigOptions(carrier=carrier))
     assert found.status == "converged"
@@ -394,7 +394,7 @@ def test_a_table_that_wobbles_is_solved_with_its_camera_in_few_steps(are_free: b
     frames = cam_from_table @ turned_by(angle) @ wobble @ table_from_target
     points = solver_scenes.icosahedron(100.0, 5)
     scene = rig_views.scene_of(("cam",), (rig_views.camera(),), np.eye(4)[None], frames, points, rng, 0.1)
-    carrier = Carrier("turntable", turned_by(angle), is_turntable=True, has_free_angles=are_free)
+    carrier = Mechanism("turntable", turned_by(angle), is_turntable=True, has_free_angles=are_free)
     found = solve_rig(scene.observations, [CameraChoice("opencv")], RigOptions(carrier=carrier))
     assert found.status == "converged"
     assert found.iterations < 300
@@ -434,17 +434,17 @@ def test_poses_of_a_robot_that_do_not_fit_are_left_out_and_named() -> None:
     """From the start on: what is found is what the other photos tell, halves of them too."""
     turns = np.random.default_rng(3).uniform(-0.5, 0.5, (14, 3))
     observations, carrier, _ = rig_views.camera_in_hand(turns)
-    lost = np.arange(len(carrier.rig_from_carrier)) % 5 == 2
-    moved = carrier.rig_from_carrier.copy()
+    lost = np.arange(len(carrier.rig_from_mechanism)) % 5 == 2
+    moved = carrier.rig_from_mechanism.copy()
     moved[lost] = moved[lost] @ make_pose(exp_rotation(np.array([0.2, 0.1, 0.0])), np.array([40.0, 0.0, 20.0]))
     given = [CameraChoice("opencv", given=rig_views.camera(), is_refined=False)]
-    found = solve_rig(observations, given, RigOptions(carrier=replace(carrier, rig_from_carrier=moved)))
+    found = solve_rig(observations, given, RigOptions(carrier=replace(carrier, rig_from_mechanism=moved)))
     named = [line.partition(":")[0] for line in found.remarks if "left out: its robot pose" in line]
     assert named == [name for name, off in zip(observations.frame_names, lost.tolist(), strict=True) if off]
-    kept = replace(carrier, rig_from_carrier=carrier.rig_from_carrier[~lost])
+    kept = replace(carrier, rig_from_mechanism=carrier.rig_from_mechanism[~lost])
     alone = solve_rig(keep_frames(observations, ~lost), given, RigOptions(carrier=kept))
     assert np.allclose(found.cam_from_rig, alone.cam_from_rig, atol=1e-4)
-    halves = half_solver(found, given, RigOptions(carrier=replace(carrier, rig_from_carrier=moved)))
+    halves = half_solver(found, given, RigOptions(carrier=replace(carrier, rig_from_mechanism=moved)))
     assert halves(np.arange(len(found.rig_from_target)) % 2 == 0).status == "converged"
 
 
