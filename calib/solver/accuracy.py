@@ -125,11 +125,6 @@ def projected_change(camera: Camera, pixel: Array, over: Array | None = None) ->
     return change
 
 
-def projected_covariance_px2(camera: Camera, param_covariance: Array, pixel: Array) -> Array:
-    """Covariances (N, 2, 2) of where the camera shows the directions it has at pixels (N, 2); nan where it has none."""
-    return moved_covariance(projected_change(camera, pixel), param_covariance)
-
-
 def projected_sigma_px(camera: Camera, param_covariance: Array, pixel: Array) -> Array:
     """Standard deviations (N,) of the same along their worse axes."""
     return moved_sigma_px(projected_change(camera, pixel), param_covariance)

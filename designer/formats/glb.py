@@ -6,6 +6,7 @@ import struct
 import numpy as np
 
 from designer.make.mesh import Mesh, Part
+from designer.make.textured import linear_light
 from designer.spec.spec import PrintSpec
 
 _METRES_PER_MM = 0.001
@@ -75,10 +76,8 @@ def _accessors(mesh: Mesh, first_view: int) -> list[dict[str, object]]:
 
 
 def _material(name: str, colour: str) -> dict[str, object]:
-    """A matt material. glTF's colour factors are linear light, "#rrggbb" is sRGB (IEC 61966-2-1)."""
-    encoded = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
-    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    factor = [*np.round(linear, 6).tolist(), 1.0]
+    """A matt material; glTF's colour factors are linear light."""
+    factor = [*np.round(linear_light(colour), 6).tolist(), 1.0]
     surface = {"baseColorFactor": factor, "metallicFactor": 0.0, "roughnessFactor": _ROUGHNESS}
     return {"name": name, "pbrMetallicRoughness": surface}
 

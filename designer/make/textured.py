@@ -187,11 +187,16 @@ def _outside_mm(polygon: Array, x: Array, y: Array) -> Array:
     return most
 
 
+def linear_light(colour: str) -> Array:
+    """Red, green and blue of a colour, "#rrggbb" in sRGB (IEC 61966-2-1), as shares of light.  # (3,)"""
+    encoded = np.array(ImageColor.getrgb(colour)[:3]) / 255
+    linear: Array = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    return linear
+
+
 def _ramp(body: str, ink: str) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
-    """Colours from body to ink in 256 steps that are even in linear light (IEC 61966-2-1).  # (256, 3)"""
-    encoded = np.array([ImageColor.getrgb(body)[:3], ImageColor.getrgb(ink)[:3]]) / 255
-    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    mixed = linear[0] + np.linspace(0, 1, 256)[:, None] * (linear[1] - linear[0])
+    """Colours from body to ink in 256 steps that are even in linear light.  # (256, 3)"""
+    mixed = linear_light(body) + np.linspace(0, 1, 256)[:, None] * (linear_light(ink) - linear_light(body))
     back = np.where(mixed <= 0.0031308, 12.92 * mixed, 1.055 * mixed ** (1 / 2.4) - 0.055)
     steps: np.ndarray[tuple[int, ...], np.dtype[np.uint8]] = np.round(255 * back).astype(np.uint8)
     return steps

@@ -18,11 +18,11 @@ import calib
 from calib.cameras import linearise, project, rays
 from calib.cameras.camera import Camera, camera_or_preset
 from calib.cameras.refit import image_grid
-from calib.core.linear_algebra import least_squares, worse_sigma
+from calib.core.linear_algebra import least_squares, moved_covariance, worse_sigma
 from calib.core.types import KnownPoints
 from calib.judge.difference import in_sigmas
 from calib.observe.observations import known_points
-from calib.solver.accuracy import GRID, projected_covariance_px2
+from calib.solver.accuracy import GRID, projected_change
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
 from designer.base.arrays import Array
@@ -71,7 +71,7 @@ def errors_of(
     pixel = image_grid(camera.image_size, 40).reshape(-1, 2)
     pixel = pixel[np.isfinite(rays(camera, pixel)).all(axis=1)]
     limited = replace(solved.camera, field_rad=camera.field_rad)
-    covariance = projected_covariance_px2(limited, solved.param_covariance, pixel)
+    covariance = moved_covariance(projected_change(limited, pixel), solved.param_covariance)
     error = truth_less_turn(solved, camera, pixel)
     known = np.isfinite(covariance).all(axis=(1, 2)) & np.isfinite(error).all(axis=1)
     return np.degrees(np.arccos(rays(camera, pixel[known])[:, 2])), error[known], covariance[known]

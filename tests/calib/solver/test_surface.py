@@ -12,7 +12,7 @@ from calib.cameras.refit import camera_difference
 from calib.cameras.splined import MODEL
 from calib.core.linear_algebra import moved_covariance
 from calib.core.types import Observations, keep_views
-from calib.solver.accuracy import UndeterminedError, projected_covariance_px2
+from calib.solver.accuracy import UndeterminedError, projected_change
 from calib.solver.calibration import Calibration
 from calib.solver.problem import SolveOptions, pack
 from calib.solver.solve import solve
@@ -141,7 +141,7 @@ def test_a_lens_of_no_formula_is_solved_with_honest_covariances() -> None:
     assert np.sqrt((off**2).sum(axis=1).mean()) < 0.06
     assert 0.3 < square.mean() / 2 < 3.0  # on average 1
     # Far from most sightings less is known.
-    edge = projected_covariance_px2(found.camera, found.param_covariance, np.array([[20.0, 399.5]]))[0]
+    edge = moved_covariance(projected_change(found.camera, np.array([[20.0, 399.5]])), found.param_covariance)[0]
     assert np.trace(edge) > 10 * np.trace(covariance.mean(axis=0))
 
 

@@ -13,8 +13,9 @@ import pytest
 from calib.cameras import parameter_names, project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
+from calib.core.linear_algebra import moved_covariance
 from calib.core.se3 import exp_rotation, log_rotation
-from calib.solver.accuracy import GRID, projected_covariance_px2, projected_sigma_px
+from calib.solver.accuracy import GRID, projected_change, projected_sigma_px
 from calib.solver.calibration import Calibration
 from calib.solver.problem import Loss, SolveOptions
 from calib.solver.solve import solve
@@ -154,7 +155,9 @@ def test_stated_uncertainty_over_the_image_is_true(case: str) -> None:
     true = true_camera(case)
     pixel = image_grid(true.image_size, 5, 4).reshape(-1, 2)
     shown = np.array([project(one.camera, rays(true, pixel) @ best_rotation(one.camera, true).T) for one in found])
-    stated = np.mean([projected_covariance_px2(one.camera, one.param_covariance, pixel) for one in found], axis=0)
+    stated = np.mean(
+        [moved_covariance(projected_change(one.camera, pixel), one.param_covariance) for one in found], axis=0
+    )
     scatter = np.einsum("rni,rnj->nij", shown - pixel, shown - pixel) / RUNS
     assert np.abs(np.sqrt(np.trace(scatter, axis1=1, axis2=2) / np.trace(stated, axis1=1, axis2=2)) - 1).max() < 0.05
     size = np.sqrt(np.einsum("nii,njj->nij", stated, stated))
@@ -166,7 +169,7 @@ def test_the_worse_axis_is_stated() -> None:
     found, _ = repeated("opencv")
     one = found[0]
     pixel = image_grid(one.camera.image_size, 7, 5).reshape(-1, 2)
-    covariance = projected_covariance_px2(one.camera, one.param_covariance, pixel)
+    covariance = moved_covariance(projected_change(one.camera, pixel), one.param_covariance)
     expected = np.sqrt(np.linalg.eigvalsh(covariance)[:, 1])
     assert np.abs(projected_sigma_px(one.camera, one.param_covariance, pixel) - expected).max() < 1e-9
 
