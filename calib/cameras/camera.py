@@ -197,7 +197,11 @@ def camera_from_mapping(values: object, origin: str, *, is_written_by_hand: bool
     Raises:
         InputError: another format or version, an unknown or missing key, or a value that breaks a rule.
     """
-    file = CAMERA.of(cast(JsonValue, values), origin)
+    return camera_of(CAMERA.of(cast(JsonValue, values), origin), origin, is_written_by_hand=is_written_by_hand)
+
+
+def camera_of(file: CameraDocument, origin: str, *, is_written_by_hand: bool = False) -> Camera:
+    """The camera of what a file says, likewise."""
     model = MODELS.get(file.model)
     if model is None:
         hint = suggestion(file.model, list(MODELS)) or f"; there are {', '.join(MODELS)}"

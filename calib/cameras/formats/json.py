@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.cameras.camera import CAMERA, Camera, camera_from_mapping, camera_to_json
+from calib.cameras.camera import CAMERA, Camera, camera_of, camera_to_json
 from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera, ReadRig, RigFiles, RigFormat, WrittenRig
 from calib.cameras.rig import RIG
 from designer.base.arrays import Array
@@ -21,9 +21,8 @@ def write(camera: Camera, _: FileLens) -> str:
 
 def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
     """The camera in a text."""
-    document = parse_json(text, Path(origin), "a camera file")
-    camera, remark = camera_from_mapping(document, origin), CAMERA.of(document, origin).remark
-    return ReadCamera(camera, remarks=() if remark is None else (remark,))
+    file = CAMERA.of(parse_json(text, Path(origin), "a camera file"), origin)
+    return ReadCamera(camera_of(file, origin), remarks=() if file.remark is None else (file.remark,))
 
 
 FORMAT = CameraFormat(
