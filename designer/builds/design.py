@@ -15,6 +15,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.formats.folder import OutputFile
 from designer.kinds.board_cuts import ring_pieces
@@ -24,7 +25,18 @@ from designer.kinds.spec_file import parse_spec, spec_to_toml
 from designer.make.bed import Plate, against_skew, bed_from_target, mapped
 from designer.make.cutting import Cutting, cuttings
 from designer.make.estimate import PrintEstimate, estimate
-from designer.make.mesh import Mesh, Part, inlaid, plain_plate, plain_solid, plate_hull, solid_hull
+from designer.make.mesh import (
+    ColouredMesh,
+    Hull,
+    Mesh,
+    Part,
+    coloured,
+    inlaid,
+    plain_plate,
+    plain_solid,
+    plate_hull,
+    solid_hull,
+)
 from designer.make.pages import SheetPage
 from designer.make.pattern import Pattern, make_pattern
 from designer.make.sheets import lay_out_sheets
@@ -65,7 +77,13 @@ class Design:
     @cached_property
     def part(self) -> Part:
         """The printed solid, ready for a slicer, with shrinkage and skew compensation."""
-        return self._straight_part().placed(lambda points: against_skew(self.target, self.job.printing, points))
+        return self._straight_part().placed(self._against_skew)
+
+    @property
+    def coloured(self) -> ColouredMesh:
+        """Body and ink as one surface, flush with each other, whatever the build is."""
+        mesh = coloured(self.printed_pattern, self._hull(0.0))
+        return replace(mesh, surface=replace(mesh.surface, vertices_mm=self._against_skew(mesh.surface.vertices_mm)))
 
     @cached_property
     def plates(self) -> tuple[Plate, ...]:
@@ -79,15 +97,19 @@ class Design:
 
     def _straight_part(self) -> Part:
         """The printed solid of a printer with square axes."""
-        spec, printing = self.job.target, self.job.printing
+        printing = self.job.printing
         if not printing.is_two_filament:
             return Part(self._plain_body(), None)
-        pattern = self.printed_pattern
+        return inlaid(self.printed_pattern, self._hull(printing.inlay_mm), printing.inlay_mm)
+
+    def _hull(self, inlay_mm: float) -> Hull:
+        spec = self.job.target
         if spec.solid is None:
-            hull = plate_hull(pattern, spec.depth_mm * self.scale, printing.inlay_mm)
-        else:
-            hull = solid_hull(pattern, spec.solid, printing.inlay_mm, scale=self.scale)
-        return inlaid(pattern, hull, printing.inlay_mm)
+            return plate_hull(self.printed_pattern, spec.depth_mm * self.scale, inlay_mm)
+        return solid_hull(self.printed_pattern, spec.solid, inlay_mm, scale=self.scale)
+
+    def _against_skew(self, points_mm: Array) -> Array:
+        return against_skew(self.target, self.job.printing, points_mm)
 
     def _plain_body(self) -> Mesh:
         """The body that stickers or a sheet go on; stickers have a thickness, by which the body is smaller."""
@@ -294,6 +316,13 @@ def _glb(design: Design) -> Made:
     yield "glb", glb_bytes(design.part, design.job.printing), "a coloured 3D model for viewers"
 
 
+def _colour(design: Design) -> Made:
+    from designer.formats.colour import colour_files
+
+    printing = design.job.printing
+    yield from colour_files(design.job.name, design.coloured, printing, bed_from_target(design.target, printing))
+
+
 def _simulator(design: Design) -> Made:
     """As heavy as the print; what has no printed body is taken for plastic all through."""
     from designer.formats.simulator import simulator_files, weight_of
@@ -361,6 +390,7 @@ EXPORTERS: dict[Format, Exporter] = {
     "shop": _shop,
     "step": _step,
     "glb": _glb,
+    "colour": _colour,
     "simulator": _simulator,
     "dxf": _dxf,
     "laser": _laser,

@@ -5,7 +5,6 @@
 that a pose in the simulator is the pose that `calib` solves for.
 """
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
@@ -13,12 +12,10 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from designer.base.arrays import Array
-from designer.formats.glb import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, container
+from designer.formats.glb import ROUGHNESS, textured_glb
 from designer.make.textured import TexturedMesh
 
 M_PER_MM = 0.001
-ROUGHNESS = 0.9
-"""Matt."""
 File = tuple[str, bytes, str]
 """Suffix, content, purpose."""
 
@@ -60,7 +57,7 @@ def simulator_files(name: str, mesh: TexturedMesh, weight: Weight) -> Iterator[F
     yield "sim.png", mesh.picture, "the artwork, for the meshes beside it"
     yield "sim.mtl", _mtl(name).encode(), "the material of the mesh"
     yield "sim.obj", _obj(name, mesh).encode(), "a textured mesh in mm, for simulators, Blender and colour printing"
-    yield "sim.glb", _glb(mesh), "the same in one file, in metres"
+    yield "sim.glb", textured_glb(mesh), "the same in one file, in metres"
     yield "urdf", _urdf(name, weight).encode(), "for ROS and PyBullet"
     yield "sdf", _sdf(name, weight).encode(), "for Gazebo"
     yield "mjcf.xml", _mjcf(name, weight).encode(), "for MuJoCo"
@@ -82,48 +79,6 @@ def _obj(name: str, mesh: TexturedMesh) -> str:
     lines += [f"vn {_numbers(one)}" for one in mesh.normal]
     lines += ["f " + " ".join(f"{k}/{k}/{k}" for k in (one + 1).tolist()) for one in mesh.triangles]
     return "\n".join(lines) + "\n"
-
-
-def _glb(mesh: TexturedMesh) -> bytes:
-    """GlTF 2.0: metres, y as it is; places in the picture from its upper left."""
-    arrays = [
-        mesh.triangles.astype("<u4"), (M_PER_MM * mesh.corner_mm).astype("<f4"), mesh.normal.astype("<f4"),
-        np.column_stack([mesh.place[:, 0], 1 - mesh.place[:, 1]]).astype("<f4"),
-    ]  # fmt: skip
-    picture = mesh.picture + b"\0" * (-len(mesh.picture) % 4)
-    sizes = [*(one.nbytes for one in arrays), len(mesh.picture)]
-    starts = np.cumsum([0, *(one.nbytes for one in arrays)]).tolist()
-    targets = (ELEMENT_ARRAY_BUFFER, ARRAY_BUFFER, ARRAY_BUFFER, ARRAY_BUFFER)
-    views: list[dict[str, object]] = [
-        {"buffer": 0, "byteOffset": start, "byteLength": size, "target": target}
-        for start, size, target in zip(starts, sizes, targets, strict=False)
-    ]
-    views.append({"buffer": 0, "byteOffset": starts[-1], "byteLength": sizes[-1]})
-    count = len(mesh.corner_mm)
-    bounds = {"min": arrays[1].min(axis=0).tolist(), "max": arrays[1].max(axis=0).tolist()}
-    surface = {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
-    attributes = {"POSITION": 1, "NORMAL": 2, "TEXCOORD_0": 3}
-    document = {
-        "asset": {"version": "2.0", "generator": "ringsolid"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"name": "target", "mesh": 0}],
-        "meshes": [{"name": "target", "primitives": [{"attributes": attributes, "indices": 0, "material": 0}]}],
-        "materials": [{"name": "artwork", "pbrMetallicRoughness": surface}],
-        "textures": [{"source": 0, "sampler": 0}],
-        "samplers": [{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}],
-        "images": [{"bufferView": len(arrays), "mimeType": "image/png", "name": "artwork"}],
-        "accessors": [
-            {"bufferView": 0, "componentType": UNSIGNED_INT, "count": mesh.triangles.size, "type": "SCALAR"},
-            {"bufferView": 1, "componentType": FLOAT, "count": count, "type": "VEC3", **bounds},
-            {"bufferView": 2, "componentType": FLOAT, "count": count, "type": "VEC3"},
-            {"bufferView": 3, "componentType": FLOAT, "count": count, "type": "VEC2"},
-        ],
-        "bufferViews": views,
-        "buffers": [{"byteLength": starts[-1] + len(picture)}],
-    }
-    binary = b"".join(one.tobytes() for one in arrays) + picture
-    return container(json.dumps(document, separators=(",", ":")).encode("ascii"), binary)
 
 
 def _inertia(weight: Weight) -> dict[str, str]:

@@ -112,7 +112,7 @@ class ObjectText:
     def of(cls, piece: Piece, first_id: int) -> "ObjectText":
         """With three ids from the first on."""
         body, ink = piece.part.body, piece.part.ink
-        item = _item(first_id + 2, piece.bed_from_part)
+        item = build_item(first_id + 2, piece.bed_from_part)
         ink_vertices = b"" if ink is None else _vertices(ink)
         return cls(
             first_id, quoted(piece.name), body, ink, item, _vertices(body), ink_vertices, _triangles(body.triangles)
@@ -164,7 +164,7 @@ def _prusa_package(objects: Sequence[ObjectText], colours: str) -> bytes:
             f'  <metadata type="object" key="name" value={one.name}/>\n{volumes} </object>\n'
         )
     settings = {"Metadata/Slic3r_PE_model.config": f"{config}</config>\n".encode()}
-    return _package((*model, *_end(objects)), settings)
+    return package((*model, *_end(objects)), settings)
 
 
 def _prusa_volume(name: str, filament: int, first: int, last: int) -> str:
@@ -213,7 +213,7 @@ def bambu_package(
             f'  <metadata key="name" value={one.name}/>\n  <metadata key="extruder" value="1"/>\n{parts} </object>\n'
         )
     settings = {"Metadata/model_settings.config": f"{config}{plates}</config>\n".encode()}
-    return _package((*model, *_end(objects)), {**settings, **members})
+    return package((*model, *_end(objects)), {**settings, **members})
 
 
 def _leaf(
@@ -251,7 +251,8 @@ def quoted(text: str) -> str:
     return f'"{escaped}"'
 
 
-def _item(object_id: int, bed_from_part: Array) -> str:
+def build_item(object_id: int, bed_from_part: Array) -> str:
+    """What is built, and where it stands."""
     # 3MF multiplies row vectors: the transform is written column by column.
     transform = " ".join(f"{value:.9f}" for value in bed_from_part[:3].T.ravel())
     return f'  <item objectid="{object_id}" transform="{transform}"/>\n'
@@ -275,7 +276,7 @@ def _triangles(triangles: NDArray[np.int32], first: int = 0, properties: bytes =
     return text_lines(b'<triangle v1="', one, b'" v2="', two, b'" v3="', three, b'"', properties, b"/>\n")
 
 
-def _package(model: Iterable[str | bytes], settings: Mapping[str, bytes]) -> bytes:
+def package(model: Iterable[str | bytes], settings: Mapping[str, bytes]) -> bytes:
     """Zip a model and a slicer's settings, by their paths."""
     members = {
         "[Content_Types].xml": _CONTENT_TYPES.encode(),

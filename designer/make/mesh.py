@@ -60,6 +60,24 @@ class Part:
 
 
 @dataclass(frozen=True)
+class ColouredMesh:
+    """The surface of body and ink together."""
+
+    surface: Mesh  # closed: first the body's triangles, then the ink's
+    body_count: int  # of triangles
+
+    @property
+    def body(self) -> Ids:
+        """Triangles of body colour.  # (T, 3)"""
+        return self.surface.triangles[: self.body_count]
+
+    @property
+    def ink(self) -> Ids:
+        """Those of ink.  # (T, 3)"""
+        return self.surface.triangles[self.body_count :]
+
+
+@dataclass(frozen=True)
 class Hull:
     """The solid around the faces: what the face patterns are set into.
 
@@ -77,14 +95,14 @@ class Hull:
 
 
 def solid_hull(pattern: Pattern, solid: Solid, inlay_mm: float, *, scale: float = 1.0) -> Hull:
-    """The solid, and the smaller one on which the border's floor lies.
+    """The solid, and the smaller one on which the border's floor lies; without depth, both are alike.
 
     Raises:
         InputError: the border is too narrow for the inlay's depth.
     """
     inset_per_depth = solid.polyhedron.inset_per_depth
     inset = inset_per_depth * inlay_mm
-    for face in pattern.faces:
+    for face in pattern.faces if inlay_mm else ():
         if face.window is None:
             raise InputError("a solid needs a border; use one of at least two line widths")
         border = float(face.window[:, 1].min() - face.outline[:, 1].min())
@@ -115,7 +133,7 @@ def plate_hull(pattern: Pattern, thickness_mm: float, inlay_mm: float) -> Hull:
             f"inlay {inlay_mm:g}mm{both} goes through a board {thickness_mm:g}mm thick; "
             f"use at most {thickness_mm / (2 * len(faces)):g}mm"
         )
-    corners, has_border = len(faces[0].outline), faces[0].window is not None
+    corners, has_border = len(faces[0].outline), faces[0].window is not None and inlay_mm > 0
     heights = (0.0, -inlay_mm, -thickness_mm, inlay_mm - thickness_mm)
     vertices = np.concatenate([np.column_stack([faces[0].outline, np.full(corners, z)]) for z in heights])
     top, floor, bottom, bottom_floor = _numbers(0, 4 * corners).reshape(4, corners)
@@ -158,6 +176,22 @@ def inlaid(pattern: Pattern, hull: Hull, inlay_mm: float) -> Part:
         _without_unused(everything, hull_count, np.concatenate(body)),
         _without_unused(everything, hull_count, np.concatenate(ink)),
     )
+
+
+def coloured(pattern: Pattern, hull: Hull) -> ColouredMesh:
+    """The surface of a hull without depth, with the pattern on it."""
+    vertices, body, ink = [hull.vertices_mm], [hull.body_skin], list[Ids]()
+    count = len(hull.vertices_mm)
+    flat = _Triangulator()
+    for number, (face, frame) in enumerate(zip(pattern.faces, pattern.target_from_face, strict=True)):
+        surfaces = _cut_face(face, face.outline, pattern.stamps, flat)
+        vertices.append(surfaces.points_mm @ frame[:3, :2].T + frame[:3, 3])
+        top = np.concatenate([hull.top[number], _numbers(count, count + len(vertices[-1]))])
+        body.append(top[surfaces.white])
+        ink.append(top[surfaces.ink])
+        count += len(vertices[-1])
+    surface = _without_unused(np.concatenate(vertices), len(hull.vertices_mm), np.concatenate([*body, *ink]))
+    return ColouredMesh(surface, sum(map(len, body)))
 
 
 def plain_solid(solid: Solid, *, below_mm: float, scale: float) -> Mesh:

@@ -16,6 +16,7 @@ Format = Literal[
     "shop",
     "step",
     "glb",
+    "colour",
     "simulator",
     "dxf",
     "laser",

@@ -100,6 +100,7 @@ FORMATS: Mapping[Format, FileFormat] = {
     "shop": FileFormat("Print-shop files: PDF with trim, bleed and cut, TIFF, and an order sheet", is_flat=True),
     "step": FileFormat("STEP, for CAD", has_true_circles=True, is_of_one_piece=True, is_of_filaments=True),
     "glb": FileFormat("GLB, for viewers", is_of_filaments=True),
+    "colour": FileFormat("Full-colour models, for printing services: 3MF, PLY, VRML, OBJ with MTL"),
     "simulator": FileFormat("Simulator models, for Gazebo, MuJoCo, PyBullet, Isaac Sim and Blender"),
     "dxf": FileFormat("DXF, for lasers, cutters and CAD", is_flat=True, suffix=".dxf", guide="dxf"),
     "laser": FileFormat("Laser SVG, to engrave and cut", is_flat=True, suffix=".laser.svg", guide="laser"),

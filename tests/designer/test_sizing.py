@@ -411,7 +411,7 @@ def test_defaults_of_each_build() -> None:
         ({"kind": "ico", "edge": 100, "build": "stickers"}, ("stl", "png", "pdf", "svg")),
         ({"kind": "board", "size": "60x60mm"}, ("3mf", "stl", "png")),
         ({"kind": "board", "size": "60x60mm", "build": "sheet", "formats": "all"},
-         ("stl", "png", "pdf", "svg", "shop", "simulator", "dxf", "laser", "gerber", "gerber-mask")),
+         ("stl", "png", "pdf", "svg", "shop", "colour", "simulator", "dxf", "laser", "gerber", "gerber-mask")),
     ):  # fmt: skip
         assert sized(**values).job.formats == formats
     assert "3mf: left out" in sized(kind="ico", edge=100, build="stickers", formats="3mf").remarks[-1]

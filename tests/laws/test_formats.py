@@ -96,6 +96,73 @@ def in_mesh(kind: str, scale: float) -> Callable[[bytes, float], int]:
     return count
 
 
+def rings_of_surface(vertices: Array, body: Rows, ink: Rows, most_mm: float) -> int:
+    """Of one closed surface in two colours: its ink made closed by a copy that looks inwards."""
+    solid = trimesh.Trimesh(vertices, np.concatenate([body, ink]))
+    assert solid.is_watertight
+    assert solid.is_winding_consistent
+    assert solid.volume > 0
+    return rings_of_mesh(vertices, np.concatenate([ink, ink[:, ::-1]]), most_mm)
+
+
+def in_colour_3mf(content: bytes, most_mm: float) -> int:
+    """Base materials by lib3mf, strictly: body, which is the object's, and ink."""
+    reader = (model := lib3mf.get_wrapper().CreateModel()).QueryReader("3mf")
+    reader.SetStrictModeActive(True)
+    reader.ReadFromBuffer(content)
+    assert reader.GetWarningCount() == 0
+    groups, meshes = model.GetBaseMaterialGroups(), model.GetMeshObjects()
+    assert (groups.MoveNext(), meshes.MoveNext(), meshes.Count()) == (True, True, 1)
+    group, mesh = groups.GetCurrentBaseMaterialGroup(), meshes.GetCurrentMeshObject()
+    names = {number: group.GetName(number) for number in group.GetAllPropertyIDs()}
+    is_ink = np.array([names[one.PropertyIDs[0]] == "ink" for one in mesh.GetAllTriangleProperties()])
+    vertices = np.array([list(one.Coordinates) for one in mesh.GetVertices()])
+    triangles = np.array([list(one.Indices) for one in mesh.GetTriangleIndices()])
+    assert mesh.IsManifoldAndOriented()
+    return rings_of_surface(vertices, triangles[~is_ink], triangles[is_ink], most_mm)
+
+
+def in_ply(content: bytes, most_mm: float) -> int:
+    """Coloured corners, alike all over a triangle, as its face is coloured."""
+    mesh = trimesh.load_mesh(io.BytesIO(content), file_type="ply", process=False)
+    colour = mesh.visual.vertex_attributes["color"] if mesh.visual.kind is None else mesh.visual.vertex_colors
+    corners = np.asarray(colour)[mesh.faces, :3]
+    assert (corners == corners[:, :1]).all()
+    is_ink = corners[:, 0, 0] == 0
+    return rings_of_surface(mesh.vertices, mesh.faces[~is_ink], mesh.faces[is_ink], most_mm)
+
+
+def in_vrml(content: bytes, most_mm: float) -> int:
+    """By its text: neither trimesh nor another reader here knows it."""
+    text = content.decode("ascii")
+    assert text.startswith("#VRML V2.0 utf8\n")
+
+    def numbers(field: str) -> Array:
+        found = re.search(rf"\b{field} \[([^\]]*)\]", text)
+        assert found is not None
+        return np.array(found[1].replace(",", " ").split(), dtype=float)
+
+    quads = numbers("coordIndex").astype(int).reshape(-1, 4)
+    assert (quads[:, 3] == -1).all()
+    light = numbers("color").reshape(-1, 3)[numbers("colorIndex").astype(int)]
+    is_ink, triangles = (light == 0).all(axis=1), quads[:, :3]
+    return rings_of_surface(numbers("point").reshape(-1, 3), triangles[~is_ink], triangles[is_ink], most_mm)
+
+
+def in_obj_zip(content: bytes, most_mm: float) -> int:
+    """OBJ with the materials of its MTL, which lies beside it."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        files = {name: io.BytesIO(archive.read(name)) for name in archive.namelist()}
+    (obj,) = (file for name, file in files.items() if name.endswith(".obj"))
+    resolver = trimesh.resolvers.ZipResolver(files)
+    scene = trimesh.load_scene(obj, file_type="obj", resolver=resolver, process=False, group_material=True)
+    by_name = {one.visual.material.name: one for one in scene.geometry.values()}
+    assert {name: one.visual.material.diffuse[0] for name, one in by_name.items()} == {"body": 255, "ink": 0}
+    body, ink = by_name["body"], by_name["ink"]
+    vertices = np.concatenate([body.vertices, ink.vertices])
+    return rings_of_surface(vertices, body.faces, ink.faces + len(body.vertices), most_mm)
+
+
 def in_step(content: bytes, most_mm: float) -> int:
     with tempfile.NamedTemporaryFile(suffix=".step") as place:
         Path(place.name).write_bytes(content)
@@ -153,7 +220,9 @@ def paired(boxes: list[tuple[float, float, float, float]]) -> int:
 
 READERS: Mapping[str, tuple[Format, Callable[[bytes, float], int]]] = {
     "prusa.3mf": ("3mf", in_3mf), "bambu.3mf": ("3mf", in_3mf), "bambu-orca.3mf": ("project", in_3mf),
-    "stl": ("stl", in_mesh("stl", 1.0)), "glb": ("glb", in_mesh("glb", 1.0)), "step": ("step", in_step),
+    "stl": ("stl", in_mesh("stl", 1.0)), "glb": ("glb", in_mesh("glb", 1000.0)), "step": ("step", in_step),
+    "colour.3mf": ("colour", in_colour_3mf), "colour.ply": ("colour", in_ply), "colour.wrl": ("colour", in_vrml),
+    "colour.zip": ("colour", in_obj_zip),
     "svg": ("svg", in_svg), "laser.svg": ("laser", in_svg), "dxf": ("dxf", in_dxf), "pdf": ("pdf", in_pdf),
     "gerber.zip": ("gerber", in_gerber(".gto.gbo")), "gerber-mask.zip": ("gerber-mask", in_gerber(".gts.gbs")),
 }  # fmt: skip
