@@ -205,10 +205,10 @@ _PROCESSES: set[subprocess.Popen[bytes]] = set()
 
 
 def _3mf(design: Design) -> Made:
-    from designer.formats.threemf import plate_files
+    from designer.formats.project import plate_files
 
     for plate in design.plates:
-        files = plate_files(plate.pieces, design.job.printing)
+        files = plate_files(plate, design.job.printing)
         what = plate.words or "one object"
         filaments = "filaments 1 and 2" if plate.is_two_filament else "filament 1"
         stem = f"{plate.name}." if plate.name else ""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from designer.builds.design import Design, Maker
 from designer.builds.slicing import print_settings, slicer_folds
 from designer.formats.folder import OutputFile
-from designer.make.bed import Piece, Plate, bed_from_target
+from designer.make.bed import Piece, Plate, bed_from_target, mapped, printed_corners_mm, tower_area
 from designer.page.blocks import Section
 from designer.spec.spec import PrintSpec
 
@@ -15,7 +15,10 @@ class OnePiece(Maker):
 
     def plates(self, design: Design) -> tuple[Plate, ...]:
         """One, with the whole target."""
-        return (Plate("", (Piece(design.job.name, design.part, bed_from_target(design.target, design.job.printing)),)),)
+        printing, motion = design.job.printing, bed_from_target(design.target, design.job.printing)
+        corners = mapped(printed_corners_mm(design.target, printing), motion[:3, :3]) + motion[:3, 3]
+        tower = tower_area(corners[:, :2], printing.printer)
+        return (Plate("", (Piece(design.job.name, design.part, motion),), tower_area=tower),)
 
     def machine_words(self, printing: PrintSpec) -> str:
         """The printer."""

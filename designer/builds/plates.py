@@ -7,8 +7,7 @@ from manifold3d import CrossSection, JoinType
 
 from designer.base.arrays import Array
 from designer.builds.design import Design
-from designer.kinds.board_cuts import strip_mm
-from designer.make.bed import TOWER_MM, Piece, Plate
+from designer.make.bed import Piece, Plate
 from designer.make.estimate import duration, grams
 from designer.make.mesh import solid_of
 from designer.page.blocks import Figure, Fold, Leaf, Link, Paragraph, Svg
@@ -67,24 +66,14 @@ def plate_picture(design: Design, plate: Plate) -> Svg:
     ]
     edge = 'stroke="#d55e00" stroke-width="0.6"'
     lines += [_box(area, depth, f'fill="url(#excluded)" {edge}') for area in printer.excluded_mm]
-    if plate.is_two_filament:
-        tower = _tower_area(design)
+    if plate.tower_area is not None:
+        tower = plate.tower_area
         lines.append(_box(tower, depth, f'fill="none" {edge} stroke-dasharray="3 2"'))
         x, y = (tower[0] + tower[2]) / 2, depth - (tower[1] + tower[3]) / 2
         lines.append(f'<text x="{x:g}" y="{y:g}" font-size="7" fill="#b34f00">prime tower</text>')
     for piece in plate.pieces:
         lines += _piece_lines(design, piece, depth)
     return Svg("\n".join((*lines, "</svg>\n")).encode(), width * _PX_PER_MM, depth * _PX_PER_MM)
-
-
-def _tower_area(design: Design) -> Area:
-    """The place that is left free for it."""
-    printer = design.job.printing.printer
-    width, depth, _ = printer.bed_mm
-    if design.job.target.solid is not None:
-        return width - TOWER_MM, depth - TOWER_MM, width, depth
-    left, front = strip_mm(printer).tolist()
-    return 0.0, 0.0, left or width, front or depth
 
 
 def _box(area: Area, depth_mm: float, style: str) -> str:

@@ -42,8 +42,9 @@ SLICERS = (
     ),
     Slicer(
         "PrusaSlicer", "prusa.3mf", "extruder",
-        "a printer with two filaments, an MMU or XL profile: with one, all is printed in that, without a word",
-        "A notice that it holds no settings is right. The bambu.3mf falls into two objects here: don't take it.",
+        "your own printer in the list, with two filaments (MMU or XL profile): how it starts and changes filament is "
+        "not in the file; with one, all is printed in that, without a word",
+        "The bambu.3mf falls into two objects here: don't take it.",
         "On an MMU check purging volumes: white after black needs the most.",
         "tool",
     ),
@@ -99,11 +100,13 @@ def _file_of(design: Design, slicer: Slicer, names: set[str]) -> str:
 def _steps(design: Design, slicer: Slicer, opened: str, names: set[str]) -> Steps:
     """From the file to the preview."""
     printing, slot, is_plates = design.job.printing, slicer.slot, design.job.printing.way.is_in_parts
-    is_project = bool(slicer.project) and opened.endswith(slicer.project)
+    is_project = bool(slicer.project) and printing.printer.presets is not None
+    has_settings = is_project or slicer.package == "prusa.3mf"
     body, ink = colour_words(printing.body_colour), colour_words(printing.ink_colour)
     opening: tuple[str, ...] = (f"Open {opened}{', then the other plates, each alone' * is_plates}. {slicer.mind}",)
     if is_project:
         opening = _opening_project(design, slicer, opened, names)
+    choosing = (f"Choose {slicer.choose}. {capital(slot)} {BODY_SLOT} is {body}, {slot} {INK_SLOT} {ink}.",)
     objects = f"one object with two parts, body in {slot} {BODY_SLOT} and ink in {slot} {INK_SLOT}"
     if is_plates:
         there = "" if is_project else ", put it there"
@@ -118,25 +121,32 @@ def _steps(design: Design, slicer: Slicer, opened: str, names: set[str]) -> Step
         tower = "Prime tower on: only the first layers change filament."
     else:
         tower = "Prime tower on, with room: every layer changes filament, so it grows as high as the part."
+    if not is_plates and design.plates[0].tower_area is None:
+        tower = "The bed has no room for a prime tower beside the part: a larger bed, or colours bleed at the changes."
+    values = "The values of the table above are in the file." if has_settings else "Set the values of the table above."
     return Steps((
-        f"Choose {slicer.choose}. {capital(slot)} {BODY_SLOT} is {body}, {slot} {INK_SLOT} {ink}.",
-        *opening,
+        *((*opening, *choosing) if has_settings else (*choosing, *opening)),
         f"Object list: {objects}; if numbers differ, set them on the parts.",
-        f"Set the values of the table above. {tower} {slicer.purge}".strip(),
+        f"{values} {tower} {slicer.purge}".strip(),
         f"Slice; preview by {slicer.preview}: every ring whole, no ink elsewhere.",
     ))  # fmt: skip
 
 
 def _opening_project(design: Design, slicer: Slicer, project: str, names: set[str]) -> tuple[str, ...]:
-    """One file for all plates, and what to do if it is not taken for one."""
+    """A file with its settings, of all plates where there are several, and what to do if it is not taken for one."""
     presets, first = design.job.printing.printer.presets, f"{design.job.name}.plate-1.{slicer.package}"
     assert presets is not None  # noqa: S101 - else there is no project
-    instead = f"open {first} and the others one by one" if first in names else "write --formats 3mf and open it"
+    plates, instead = "", "set the values of the table above"
+    if project.endswith(slicer.project):
+        plates = f"{len(design.plates)} plates, "
+        instead = f"open {first} and the others one by one" if first in names else "write --formats 3mf and open it"
     return (
-        f"Open {project} as a project: {len(design.plates)} plates, with the presets {presets.printer}, "
-        f"{presets.process}, {presets.filament} and {presets.plate_type}: put your own filaments and plate in.",
-        "It follows the sources of both programs, but was not opened in them: compare with the pictures. If there is "
-        f"but one plate, or only geometry, {instead}.",
+        f"Open {project} as a project: {plates}with the presets {presets.printer}, {presets.process}, "
+        f"{presets.filament} and {presets.plate_type}, and the values of the table above: put your own filaments and "
+        "plate in. For another printer import its geometry only.",
+        "It follows the sources of both programs, but was not opened in them: compare with the "
+        f"{'pictures' if plates else 'table'}. If there is {'but one plate, or ' if plates else ''}only geometry, "
+        f"{instead}.",
     )
 
 

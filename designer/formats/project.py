@@ -1,7 +1,9 @@
-"""All plates in one project file for Bambu Studio and OrcaSlicer.
+"""What opens ready in slicers: `plate_files` for a plate, and `project_bytes` for all plates in one file.
 
-What their readers ask for was found in their published sources, and `tests/designer/formats/test_project.py` holds
-files to it; neither program was run:
+PrusaSlicer's file has its settings (`designer.formats.settings`), that of Bambu Studio and OrcaSlicer is a project
+where they know the printer by the same name; else it is geometry with its filaments, which those programs and Cura open
+with the settings that are chosen in them. What their readers ask for was found in their published sources, and
+`tests/designer/formats/test_project.py` holds files to it; neither program was run:
 
 - `src/libslic3r/Format/bbs_3mf.cpp`: the metadata `Application` decides whose a file is. One that does not begin with
   the reader's name is bare geometry to it, whose plates are not made. So this one says `BambuStudio-`, for the sake of
@@ -13,18 +15,21 @@ files to it; neither program was run:
   as the root of the number of plates, rounded up, and 36 plates at most.
 - `src/slic3r/GUI/Plater.cpp`: without settings (`Metadata/project_settings.config`) later versions make no plates.
 - `src/libslic3r/PresetBundle.cpp`, `Preset.cpp`: settings are laid over the program's defaults, so that some of them
-  alone would give a printer of defaults. Where presets of the system are named, and no difference from them, all values
-  are those of the presets. Hence there are projects only for printers whose presets both programs have by the same
-  names. Colours, purge, place of the prime tower and type of the build plate are the project's own.
+  alone would give a printer of defaults. Where presets of the system are named, all values are those of the presets,
+  but for settings that `different_settings_to_system` names (`process_settings`). Hence there are projects only for
+  printers whose presets both programs have by the same names. Colours, purge, place of the prime tower and type of the
+  build plate are the project's own.
 """
 
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 
 from designer.base.words import NAME
-from designer.formats.threemf import ObjectText, bambu_package, objects_of, quoted
+from designer.formats.settings import process_settings, prusa_settings
+from designer.formats.threemf import ObjectText, bambu_package, objects_of, prusa_package, quoted
 from designer.make.bed import Piece, Plate
 from designer.spec.machine import Presets
 from designer.spec.spec import PrintSpec
@@ -36,6 +41,33 @@ VERSION = "02.00.00.00"
 """The first of the generation in use, which all of it reads without a notice."""
 PRIME_MM3 = 30.0
 """Of a change's purge, what is printed on the tower: a printer's file books both in one, these slicers do not."""
+_TOWER_MM = 35.0
+"""How wide these slicers make a prime tower; how deep, they find out."""
+
+
+@dataclass(frozen=True)
+class PlateFiles:
+    """The same plate twice, as zip packages."""
+
+    prusa: bytes  # PrusaSlicer
+    bambu: bytes  # Bambu Studio, OrcaSlicer; Cura
+
+
+def plate_files(plate: Plate, printing: PrintSpec) -> PlateFiles:
+    """Write a plate for each slicer. The same input gives the same bytes.
+
+    Raises:
+        InputError: a name that XML cannot hold.
+    """
+    objects, presets = objects_of(plate.pieces), printing.printer.presets
+    # zlib lets other threads run, so one package is compressed while the other is put together.
+    with ThreadPoolExecutor(2) as pool:
+        prusa = pool.submit(prusa_package, objects, printing, prusa_settings(plate, printing))
+        if presets is None:
+            bambu = pool.submit(bambu_package, objects, printing)
+        else:
+            bambu = pool.submit(_project, plate.pieces[0].name, (plate,), objects, printing, presets)
+        return PlateFiles(prusa.result(), bambu.result())
 
 
 def project_bytes(title: str, plates: Sequence[Plate], printing: PrintSpec, presets: Presets) -> bytes:
@@ -51,6 +83,13 @@ def project_bytes(title: str, plates: Sequence[Plate], printing: PrintSpec, pres
         InputError: a name that XML cannot hold.
     """
     objects = objects_of([piece for at in range(len(plates)) for piece in _placed(plates, at, presets)])
+    return _project(title, plates, objects, printing, presets)
+
+
+def _project(
+    title: str, plates: Sequence[Plate], objects: Sequence[ObjectText], printing: PrintSpec, presets: Presets
+) -> bytes:
+    """Of objects that lie where their plates stand."""
     metadata = (
         f' <metadata name="Application">BambuStudio-{VERSION}</metadata>\n'
         ' <metadata name="BambuStudio:3mfVersion">1</metadata>\n'
@@ -60,7 +99,7 @@ def project_bytes(title: str, plates: Sequence[Plate], printing: PrintSpec, pres
     )
     settings = json.dumps(_settings(plates, printing, presets), indent=1).encode()
     members = {"Metadata/project_settings.config": settings}
-    return bambu_package(objects, printing, metadata, _plates_text(plates, objects), members)
+    return bambu_package(objects, printing, metadata, _plates_text(title, plates, objects), members)
 
 
 def plate_corner_mm(at: int, count: int, presets: Presets) -> tuple[float, float]:
@@ -80,13 +119,14 @@ def _placed(plates: Sequence[Plate], at: int, presets: Presets) -> list[Piece]:
     return pieces
 
 
-def _plates_text(plates: Sequence[Plate], objects: Sequence[ObjectText]) -> str:
+def _plates_text(title: str, plates: Sequence[Plate], objects: Sequence[ObjectText]) -> str:
     """Which objects lie on which plate. Plates are locked: arranging would take pieces into the tower's place."""
     text, rest = "", iter(objects)
     for number, plate in enumerate(plates, start=1):
         text += (
             f' <plate>\n  <metadata key="plater_id" value="{number}"/>\n'
-            f'  <metadata key="plater_name" value={quoted(plate.title)}/>\n  <metadata key="locked" value="true"/>\n'
+            f'  <metadata key="plater_name" value={quoted(plate.title or title)}/>\n'
+            '  <metadata key="locked" value="true"/>\n'
         )
         for _ in plate.pieces:
             one = next(rest)
@@ -102,7 +142,8 @@ def _plates_text(plates: Sequence[Plate], objects: Sequence[ObjectText]) -> str:
 def _settings(plates: Sequence[Plate], printing: PrintSpec, presets: Presets) -> dict[str, str | list[str]]:
     """The project's own settings, and the presets by name. All values are text."""
     colours = [printing.body_colour.upper(), printing.ink_colour.upper()]
-    towers = [plate.tower_mm for plate in plates]
+    towers = [plate.tower_mm(_TOWER_MM, _TOWER_MM) for plate in plates]
+    process = process_settings(printing.printer, has_tower=any(towers) and printing.printer.machine.change.has_tower)
     usual = next((place for place in towers if place is not None), (0.0, 0.0))  # of plates that have no tower
     x, y = ([f"{(place or usual)[k]:g}" for place in towers] for k in (0, 1))
     change = printing.printer.machine.change
@@ -117,7 +158,8 @@ def _settings(plates: Sequence[Plate], printing: PrintSpec, presets: Presets) ->
         "printer_settings_id": presets.printer,
         "print_settings_id": presets.process,
         "filament_settings_id": [presets.filament for _ in colours],
-        "different_settings_to_system": ["" for _ in ("process", *colours, "printer")],
+        "different_settings_to_system": [";".join(sorted(process)), *("" for _ in (*colours, "printer"))],
+        **process,
         "filament_colour": colours,
         "curr_bed_type": presets.plate_type,
         "flush_volumes_matrix": ["0", to_ink, to_body, "0"],  # from each filament (rows) to each

@@ -48,12 +48,6 @@ def strip_mm(printer: PrinterProfile) -> Array:
     return strip
 
 
-def tower_mm(printer: PrinterProfile) -> tuple[float, float]:
-    """The corner of a tower as wide as the strip is deep, in the strip's middle."""
-    width, depth = ((side - TOWER_DEPTH_MM) / 2 for side in printer.bed_mm[:2])
-    return (width, BRIM_MM) if strip_mm(printer)[1] else (BRIM_MM, depth)
-
-
 def room_mm(printer: PrinterProfile) -> tuple[Array, Array]:
     """What a bed takes beside brim, prime tower and what it excludes: front left corner and size.  # (2,), (2,)"""
     strip = strip_mm(printer)

@@ -27,7 +27,6 @@ from designer.make.mounts import DEFAULT_MOUNT, MOUNTS, Mounted, fits, mounted
 from designer.make.pattern import Pattern, make_pattern
 from designer.make.tile import MOST_THICKNESS_MM, TileSizes, make_tile, thickness_mm, tile_sizes
 from designer.spec.build import ANY_MOUNT, NO_MOUNT
-from designer.spec.machine import BRIM_MM
 from designer.spec.spec import PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
 
@@ -260,9 +259,9 @@ def plates_of(assembly: Assembly, printing: PrintSpec) -> tuple[Plate, ...]:
         InputError: a tile or a piece of the core is larger than the bed.
     """
     width, depth, _ = printing.printer.bed_mm
-    tower_mm = (width - TOWER_MM + BRIM_MM, depth - TOWER_MM + BRIM_MM)
+    tower = (width - TOWER_MM, depth - TOWER_MM, width, depth)
     try:
-        tiles = [(group, tower_mm) for group in _tile_pieces(assembly, printing)]
+        tiles = [(group, tower) for group in _tile_pieces(assembly, printing)]
         groups = [*tiles, *((group, None) for group in _core_pieces(assembly, printing))]
     except InputError as error:
         edge = _largest_edge_mm(assembly, printing)

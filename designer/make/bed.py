@@ -16,12 +16,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from manifold3d import CrossSection
 
 from designer.base.arrays import Array
 from designer.base.units import NO_SKEW, skew_matrix
+from designer.kinds.board_cuts import strip_mm
 from designer.kinds.layout import corners_mm, face_down, is_turned
 from designer.make.mesh import Part
-from designer.spec.spec import PrinterProfile, PrintSpec
+from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM, Area
+from designer.spec.spec import PrinterProfile, PrintSpec, beside
 from designer.target import TargetGeometry
 
 _ALIKE = 1e-6
@@ -34,7 +37,7 @@ def bed_from_target(target: TargetGeometry, printing: PrintSpec) -> Array:
 
     The outward normal of the last face turns to -z (a board has only one), the lowest point comes to z = 0, and the
     longer of the two horizontal extents runs along the bed's longer side. It lies in the bed's middle, or as near to it
-    as what the printer excludes of its bed allows. Skew compensation does not turn the part.
+    as a prime tower and what the printer excludes of its bed allow. Skew compensation does not turn the part.
 
     Returns:
         bed_from_target, from the target frame in millimetres to the bed with its origin in a corner.  # (4, 4)
@@ -44,7 +47,8 @@ def bed_from_target(target: TargetGeometry, printing: PrintSpec) -> Array:
     low, (width, depth, _) = turned.min(axis=0), np.ptp(turned, axis=0).tolist()
     motion = np.eye(4)
     motion[:3, :3] = rotation
-    motion[:3, 3] = [*printing.printer.laid_mm((width, depth)), 0.0] - low
+    strip = strip_mm(printing.printer) if printing.is_two_filament else np.zeros(2)
+    motion[:3, 3] = [*printing.printer.laid_mm((width, depth), (float(strip[0]), float(strip[1]))), 0.0] - low
     return motion
 
 
@@ -150,7 +154,7 @@ class Plate:
     name: str  # part of its files' names, such as "plate-1"; "" where there is but one plate
     pieces: tuple[Piece, ...]
     words: str = ""  # what it holds, such as "tiles 0 to 6"
-    tower_mm: tuple[float, float] | None = None  # front left corner of a prime tower in the place left free for it
+    tower_area: Area | None = None  # what of the bed is left free for a prime tower
 
     @property
     def title(self) -> str:
@@ -161,6 +165,34 @@ class Plate:
     def is_two_filament(self) -> bool:
         """Whether there is ink on it."""
         return any(piece.part.ink is not None for piece in self.pieces)
+
+    def tower_mm(self, width_mm: float, depth_mm: float) -> tuple[float, float] | None:
+        """The front left corner of a prime tower in the middle of the place left free for it, a brim off the rim."""
+        if self.tower_area is None:
+            return None
+        left, front, right, rear = self.tower_area
+        return max((left + right - width_mm) / 2, left + BRIM_MM), max((front + rear - depth_mm) / 2, front + BRIM_MM)
+
+
+def tower_area(corners_mm: Array, printer: PrinterProfile) -> Area | None:
+    """The widest place for a prime tower beside a part, else a square at a corner of the bed that is clear of it.
+
+    Args:
+        corners_mm: of the part on the bed.  # (N, 2)
+        printer: whose bed it is.
+    """
+    (left, front), (right, rear) = corners_mm.min(axis=0).tolist(), corners_mm.max(axis=0).tolist()
+    rooms = printer.rooms_mm()
+    strips = [part for room in rooms for part in beside(room, (left, front, right, rear))]
+    wide = [part for part in strips if min(part[2] - part[0], part[3] - part[1]) >= TOWER_DEPTH_MM]
+    if wide:
+        return max(wide, key=lambda part: (min(part[2] - part[0], part[3] - part[1]), part[2] - part[0]))
+    shadow = CrossSection.hull_points(corners_mm)
+    for side in (TOWER_MM, (TOWER_MM + TOWER_DEPTH_MM) / 2, TOWER_DEPTH_MM):
+        for x, y in ((x, y) for room in rooms for x in (room[0], room[2] - side) for y in (room[1], room[3] - side)):
+            if (CrossSection.square((side, side)).translate((x, y)) ^ shadow).is_empty():
+                return x, y, x + side, y + side
+    return None
 
 
 TOWER_MM, TOWER_BRIM_MM = 60.0, 2.0

@@ -18,7 +18,7 @@ from manifold3d import CrossSection, JoinType, Manifold
 
 from designer.base.arrays import Array
 from designer.base.errors import InputError
-from designer.kinds.board_cuts import BoardCuts, Point, cut_board, room_mm, tower_mm
+from designer.kinds.board_cuts import BoardCuts, Point, cut_board, room_mm, strip_mm
 from designer.make.bed import Piece, Plate, against_skew_along
 from designer.make.lettering import HEIGHT, ID_DIGITS, text_contours, text_width
 from designer.make.mesh import Mesh, Part, inlaid, mesh_of, plate_hull, prism, solid_of, union
@@ -263,7 +263,8 @@ def board_plates(board: BoardInPieces, printing: PrintSpec) -> tuple[Plate, ...]
     pieces = [_lying(f"piece {one.number}", one.part, axes, printing) for one in board.pieces]
     key = Part(board.key, None)
     keys = [_lying(f"key {number}", key, np.eye(3), printing) for number in range(1, 2 * len(board.seams) + 1)]
-    tower = tower_mm(printing.printer)
+    left, front = strip_mm(printing.printer).tolist()
+    tower = (0.0, 0.0, left or printing.printer.bed_mm[0], front or printing.printer.bed_mm[1])
     inked = [(group, tower) for group in _in_rows(pieces, printing.printer)]
     groups = [*inked, *((group, None) for group in _in_rows(keys, printing.printer))]
     return tuple(

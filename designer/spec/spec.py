@@ -100,7 +100,7 @@ _ROUNDING_MM = 1e-6
 """Lengths of a part come out of turns of the design."""
 
 
-def _beside(room: Area, taken: Area) -> list[Area]:
+def beside(room: Area, taken: Area) -> list[Area]:
     """The largest rectangles of a room that are clear of another rectangle."""
     left, front, right, rear = room
     if taken[0] >= right or taken[2] <= left or taken[1] >= rear or taken[3] <= front:
@@ -166,25 +166,30 @@ class PrinterProfile:
         rooms: list[Area] = [(strip_mm[0] + free_mm, strip_mm[1] + free_mm, width - free_mm, depth - free_mm)]
         for left, front, right, rear in self.excluded_mm:
             taken = (left - free_mm, front - free_mm, right + free_mm, rear + free_mm)
-            rooms = [part for room in rooms for part in _beside(room, taken)]
+            rooms = [part for room in rooms for part in beside(room, taken)]
         return tuple(rooms) or ((0.0, 0.0, 0.0, 0.0),)
 
-    def place_mm(self, size_mm: tuple[float, float], free_mm: float = 0.0) -> tuple[float, float] | None:
+    def place_mm(
+        self, size_mm: tuple[float, float], free_mm: float = 0.0, strip_mm: tuple[float, float] = (0.0, 0.0)
+    ) -> tuple[float, float] | None:
         """The front left corner of a rectangle as near to the bed's middle as there is room for it; None: nowhere.
 
         This is the one rule for what fits: checks, pictures and files stand on it.
         """
         middle = [(side - length) / 2 for side, length in zip(self.bed_mm, size_mm, strict=False)]
         places = []
-        for room in self.rooms_mm(free_mm):
+        for room in self.rooms_mm(free_mm, strip_mm):
             most = [room[k + 2] - size_mm[k] for k in (0, 1)]
             if all(most[k] >= room[k] - _ROUNDING_MM for k in (0, 1)):
                 places.append((min(max(middle[0], room[0]), most[0]), min(max(middle[1], room[1]), most[1])))
         return min(places, key=lambda place: math.dist(place, middle), default=None)
 
-    def laid_mm(self, size_mm: tuple[float, float]) -> tuple[float, float]:
-        """Where a rectangle is laid: with room for a brim, else without, and one that is too large in the middle."""
-        place = self.place_mm(size_mm, BRIM_MM) or self.place_mm(size_mm)
+    def laid_mm(self, size_mm: tuple[float, float], strip_mm: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
+        """Where a rectangle is laid: clear of a strip and with room for a brim, else with the brim, else without.
+
+        One that is too large lies in the middle.
+        """
+        place = self.place_mm(size_mm, BRIM_MM, strip_mm) or self.place_mm(size_mm, BRIM_MM) or self.place_mm(size_mm)
         return place or ((self.bed_mm[0] - size_mm[0]) / 2, (self.bed_mm[1] - size_mm[1]) / 2)
 
 

@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 from designer.builds.design import Design
-from designer.formats.threemf import plate_files
+from designer.formats.project import plate_files
 from designer.kinds.sizing import size_job
 from designer.make.estimate import DENSITY_G_PER_CM3
 from tests.support.designs import asked_for, ink_of, packages_of
@@ -73,7 +73,7 @@ def tiles(command: str) -> None:
     for plate, guess in zip(design.plates, design.estimate.plates, strict=True):
         with tempfile.TemporaryDirectory() as folder:
             package, ini, gcode = (Path(folder) / f"plate.{suffix}" for suffix in ("3mf", "ini", "gcode"))
-            package.write_bytes(plate_files(plate.pieces, design.job.printing).prusa)
+            package.write_bytes(plate_files(plate, design.job.printing).prusa)
             ini.write_text("".join(f"{key} = {value}\n" for key, value in settings.items()))
             start = time.perf_counter()
             arguments = ("--load", str(ini), "--dont-arrange", "--export-gcode", "-o", str(gcode), str(package))

@@ -6,7 +6,7 @@ from functools import cache
 from hypothesis import strategies as st
 
 from designer.builds.design import Design
-from designer.formats.threemf import ThreeMfFiles, plate_files
+from designer.formats.project import PlateFiles, plate_files
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec
 from designer.make.mesh import Mesh
@@ -61,10 +61,10 @@ def ink_of(design: Design) -> Mesh:
     return design.part.ink
 
 
-def packages_of(design: Design) -> ThreeMfFiles:
+def packages_of(design: Design) -> PlateFiles:
     """The design's 3MF packages."""
     job = design.job
-    return plate_files(design.plates[0].pieces, job.printing)
+    return plate_files(design.plates[0], job.printing)
 
 
 PLAUSIBLE: Mapping[str, st.SearchStrategy[object]] = {

@@ -19,6 +19,7 @@ from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.builds.design import EXPORTERS
 from designer.formats.project import MOST_PLATES, PRIME_MM3, plate_corner_mm
+from designer.formats.settings import process_settings
 from designer.kinds.presets import preset_names, preset_or_file
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import read_printer_file
@@ -211,7 +212,9 @@ def test_it_is_taken_for_a_project(name: str) -> None:
     assert found["print_settings_id"] == presets.process
     assert found["filament_settings_id"] == [presets.filament] * 2
     assert found["filament_colour"] == ["#FFFFFF", "#000000"]
-    assert found["different_settings_to_system"] == [""] * 4, "of process, two filaments and printer"
+    process, *others = cast("list[str]", found["different_settings_to_system"])
+    assert others == [""] * 3, "of two filaments and printer"
+    assert {*process.split(";")} == {*process_settings(target_of(name).design.job.printing.printer, has_tower=True)}
     assert found["nozzle_diameter"] == ["0.4"]
     values = [one for value in found.values() for one in (value if isinstance(value, list) else [value])]
     assert all(isinstance(value, str) for value in values)

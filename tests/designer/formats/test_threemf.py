@@ -11,8 +11,9 @@ import pytest
 
 from designer.base.errors import InputError
 from designer.builds.design import Design
-from designer.formats.threemf import ThreeMfFiles, decimals, plate_files, text_lines, whole_numbers
-from designer.make.bed import Piece, bed_from_target
+from designer.formats.project import PlateFiles, plate_files
+from designer.formats.threemf import decimals, text_lines, whole_numbers
+from designer.make.bed import Piece, Plate, bed_from_target
 from designer.make.mesh import Mesh
 from designer.spec.kind import KINDS
 from tests.support.designs import ink_of, packages_of, small, small_board
@@ -26,7 +27,7 @@ def design(request: pytest.FixtureRequest) -> Design:
 
 
 @pytest.fixture(scope="module")
-def files(design: Design) -> ThreeMfFiles:
+def files(design: Design) -> PlateFiles:
     return packages_of(design)
 
 
@@ -73,7 +74,7 @@ def settings(element: ElementTree.Element) -> dict[str | None, str | None]:
     return {entry.get("key"): entry.get("value") for entry in element.findall("metadata")}
 
 
-def test_prusa_ranges_cut_the_mesh_into_body_and_ink(design: Design, files: ThreeMfFiles) -> None:
+def test_prusa_ranges_cut_the_mesh_into_body_and_ink(design: Design, files: PlateFiles) -> None:
     """The triangle ranges are the body in filament 1 and the ink in filament 2, and leave out no triangle."""
     (mesh,) = meshes(read_strictly(files.prusa))
     (thing,) = config(files.prusa, "Metadata/Slic3r_PE_model.config")
@@ -89,7 +90,7 @@ def test_prusa_ranges_cut_the_mesh_into_body_and_ink(design: Design, files: Thre
     assert after == len(mesh.triangles)
 
 
-def test_prusa_package_keeps_the_prefix_prusaslicer_looks_for(files: ThreeMfFiles) -> None:
+def test_prusa_package_keeps_the_prefix_prusaslicer_looks_for(files: PlateFiles) -> None:
     """The model's metadata slic3rpe:Version3mf is 1, with that prefix, and the config names the built object."""
     with zipfile.ZipFile(BytesIO(files.prusa)) as archive:
         model = archive.read("3D/3dmodel.model").decode()
@@ -98,7 +99,7 @@ def test_prusa_package_keeps_the_prefix_prusaslicer_looks_for(files: ThreeMfFile
     assert f'<item objectid="{thing.get("id")}" ' in model
 
 
-def test_bambu_package_is_a_components_object(design: Design, files: ThreeMfFiles) -> None:
+def test_bambu_package_is_a_components_object(design: Design, files: PlateFiles) -> None:
     """lib3mf finds the two closed meshes, and one object to build that holds both, body first."""
     model = read_strictly(files.bambu)
     for mesh, part in zip(meshes(model), (design.part.body, ink_of(design)), strict=True):
@@ -113,12 +114,12 @@ def test_bambu_package_is_a_components_object(design: Design, files: ThreeMfFile
     assert whole.GetName() == design.job.name
 
 
-def test_bambu_settings_name_filaments_by_mesh(files: ThreeMfFiles) -> None:
+def test_bambu_settings_name_filaments_by_mesh(files: PlateFiles) -> None:
     """model_settings.config gives the body filament 1 and the ink filament 2, by the model's ids."""
     package = files.bambu
     with zipfile.ZipFile(BytesIO(package)) as archive:
         model = archive.read("3D/3dmodel.model").decode()
-    (thing,) = config(package, "Metadata/model_settings.config")
+    (thing,) = config(package, "Metadata/model_settings.config").findall("object")
     assert f'<item objectid="{thing.get("id")}" ' in model
     parts = thing.findall("part")
     assert [settings(part)["extruder"] for part in parts] == ["1", "2"]
@@ -127,7 +128,7 @@ def test_bambu_settings_name_filaments_by_mesh(files: ThreeMfFiles) -> None:
         assert f'<object id="{part.get("id")}" type="model" name="{name}"' in model
 
 
-def test_cura_reads_the_extruder_of_each_mesh(files: ThreeMfFiles) -> None:
+def test_cura_reads_the_extruder_of_each_mesh(files: PlateFiles) -> None:
     """Each mesh object carries Cura's extruder number, counted from 0."""
     model = read_strictly(files.bambu)
     objects, numbers = model.GetMeshObjects(), []
@@ -139,7 +140,7 @@ def test_cura_reads_the_extruder_of_each_mesh(files: ThreeMfFiles) -> None:
 
 
 @pytest.mark.parametrize("slicer", ["prusa", "bambu"])
-def test_build_item_lays_the_part_on_the_bed(design: Design, files: ThreeMfFiles, slicer: str) -> None:
+def test_build_item_lays_the_part_on_the_bed(design: Design, files: PlateFiles, slicer: str) -> None:
     """The build item's transform is `bed_from_target`."""
     motion = build_transform(read_strictly(getattr(files, slicer)))
     assert motion == pytest.approx(bed_from_target(design.target, design.job.printing), abs=1e-4)
@@ -149,7 +150,7 @@ def test_build_item_lays_the_part_on_the_bed(design: Design, files: ThreeMfFiles
 def test_colours_have_a_group_each(design: Design, slicer: str) -> None:
     """Body and ink colour are in the file, each in a colour group of its own."""
     printing = replace(design.job.printing, body_colour="#fedcba", ink_colour="#102030")
-    files = plate_files((Piece("x", design.part, np.eye(4)),), printing)
+    files = plate_files(Plate("", (Piece("x", design.part, np.eye(4)),)), printing)
     groups, colours = read_strictly(getattr(files, slicer)).GetColorGroups(), []
     while groups.MoveNext():
         group = groups.GetCurrentColorGroup()
@@ -171,7 +172,7 @@ def test_numbers_are_written_as_python_formats_them() -> None:
 
 
 @pytest.mark.parametrize("slicer", ["prusa", "bambu"])
-def test_every_file_in_the_package_has_a_content_type(files: ThreeMfFiles, slicer: str) -> None:
+def test_every_file_in_the_package_has_a_content_type(files: PlateFiles, slicer: str) -> None:
     """The Open Packaging Conventions ask for a content type for each extension; strict readers refuse others.
 
     Nothing of the time of writing gets into the package.
@@ -181,13 +182,14 @@ def test_every_file_in_the_package_has_a_content_type(files: ThreeMfFiles, slice
     with zipfile.ZipFile(BytesIO(package)) as archive:
         extensions = {path.rsplit(".", 1)[1] for path in archive.namelist() if path != "[Content_Types].xml"}
         assert {entry.date_time for entry in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
-        assert b"Application" not in archive.read("3D/3dmodel.model")
+        if slicer == "prusa":
+            assert b"Application" not in archive.read("3D/3dmodel.model")
     assert {entry.get("Extension") for entry in types} == extensions
 
 
-def named(name: str) -> ThreeMfFiles:
+def named(name: str) -> PlateFiles:
     design = small_board()
-    return plate_files((Piece(name, design.part, np.eye(4)),), design.job.printing)
+    return plate_files(Plate("", (Piece(name, design.part, np.eye(4)),)), design.job.printing)
 
 
 def test_hostile_name_stays_text() -> None:
@@ -197,7 +199,7 @@ def test_hostile_name_stays_text() -> None:
     objects.MoveNext()
     assert objects.GetCurrentMeshObject().GetName() == HOSTILE_NAME
     for package, path in ((files.prusa, "Slic3r_PE_model.config"), (files.bambu, "model_settings.config")):
-        (thing,) = config(package, f"Metadata/{path}")
+        (thing,) = config(package, f"Metadata/{path}").findall("object")
         assert settings(thing)["name"] == HOSTILE_NAME
 
 

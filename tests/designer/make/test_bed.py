@@ -14,7 +14,7 @@ from designer.kinds.ico import icosahedron
 from designer.kinds.sizing import printer_of, size_job
 from designer.make.assembly import BED_RIM_MM, nest
 from designer.make.bed import TOWER_MM, bed_from_target, printed_size_mm
-from designer.spec.machine import BRIM_MM, Machine
+from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM, Machine
 from designer.spec.options import AskedPrinting
 from designer.spec.spec import PrinterProfile
 from tests.support.designs import COARSE, asked_for, ink_of, small_board, small_ico
@@ -108,16 +108,20 @@ def test_what_fits_lies_clear_of_what_the_bed_excludes(
 
 
 def test_parts_and_brims_lie_clear_of_the_cutters_corner() -> None:
-    """On a P1S a board of 200 x 200 mm and its brim are clear of 18 x 28 mm in front left; on an A1 it is centred."""
-    for name, is_centred in (("bambu-p1s", False), ("bambu-a1", True)):
+    """On a P1S a board of 220 x 200 mm and its brim are clear of 18 x 28 mm in front left.
+
+    So it is on an A1: the strip for the prime tower is free before it, where the cutter's corner lies too.
+    """
+    for name in ("bambu-p1s", "bambu-a1"):
         sized = size_job(asked_for("board", {"size": "220x200mm", "printer": name, "chord_error": COARSE}))
         design = Design(sized.job)
         corners = on_bed(design, bed_from_target(design.target, sized.job.printing))
         low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
         assert (low - BRIM_MM >= -1e-9).all()
         assert (high + BRIM_MM <= 256 + 1e-9).all()
-        assert ((low + high) / 2 == pytest.approx(np.full(2, 128.0))) == is_centred
-        assert is_centred or (low - BRIM_MM >= np.array([18, 28]) - 1e-9).any()
+        assert (low + high)[0] / 2 == pytest.approx(128.0)
+        assert low[1] == pytest.approx(TOWER_DEPTH_MM + BRIM_MM)
+        assert low[1] - BRIM_MM >= 28
 
 
 @pytest.mark.parametrize(("sides", "inradius_mm"), [(3, 20.0), (4, 18.0)])

@@ -10,8 +10,8 @@ import shapely
 
 from designer.base.arrays import Array, Flags
 from designer.builds.design import Design
-from designer.formats.threemf import plate_files
-from designer.make.bed import Piece, bed_from_target
+from designer.formats.project import plate_files
+from designer.make.bed import Piece, Plate, bed_from_target
 from designer.make.mesh import Mesh, Part
 from designer.make.pattern import FacePattern, Pattern
 from designer.spec.kind import KINDS
@@ -162,7 +162,7 @@ def test_misplaced_ink_fails_the_print_check(tmp_path: Path) -> None:
     motion = bed_from_target(design.target, design.job.printing)
     package = tmp_path / "moved.3mf"
     package.write_bytes(
-        plate_files((Piece("moved", Part(design.part.body, moved), motion),), design.job.printing).prusa
+        plate_files(Plate("", (Piece("moved", Part(design.part.body, moved), motion),)), design.job.printing).prusa
     )
     assert layout_findings(command, package) == []
     findings = print_findings(design, sliced(command, design, package))
