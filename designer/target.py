@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from designer.base.arrays import Array, Flags, Rows
+from designer.base.codes import CODES
 from designer.base.errors import InputError
 from designer.base.files import once_each, place_of, read_small_text
-from designer.base.solid import CODES
 from designer.base.words import with_article
 from designer.spec.build import BUILDS, Form, build_name
 from designer.spec.kind import spec_from_mapping, spec_to_mapping
@@ -90,7 +90,7 @@ class TargetGeometry:
     target_from_face: Array  # (F, 4, 4) z: outward normal
     outline_mm: Array  # (F, K, 2) counter-clockwise, in the face frame
     window_mm: Array  # (F, K, 2) inner edge of the border; without a border: the outline
-    face_code: Rows  # (F,) row of code.CODES; -1: no code
+    face_code: Rows  # (F,) row of `CODES`; -1: no code
     lattice_mm: Array  # (F, 2, 2) rows: steps of i and of j in the face frame
     face_covariance: Array | None = None  # (F, 6, 6) rotation vector (rad), translation (mm)
     mode_mm: Array | None = None  # (S, R, 3) see `designer.tolerance.prior`: what else may be off

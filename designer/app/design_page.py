@@ -11,7 +11,7 @@ from designer.app.costs import Costs, cost_section, cost_sentence, costs_of, ver
 from designer.app.measuring import measure_blocks, photo_blocks
 from designer.app.stands import stand_section, trial_sections
 from designer.base.answer import program
-from designer.base.solid import CODES, code_positions
+from designer.base.codes import CODES, code_positions
 from designer.base.units import NO_SKEW, format_skew
 from designer.base.words import capital, with_article
 from designer.builds.design import Design, maker_of
@@ -127,7 +127,7 @@ def _use_sections(design: Design, panels: Panels | None) -> tuple[Section, ...]:
     target = design.target
     codes = "Three dots tell how the board is turned: the table of them" if target.is_dot.any() else "No dots"
     if target.has_codes:
-        codes = f"Three dots tell each of the {target.face_count} faces: the table of codes"
+        codes = f"Dots tell each of the {target.face_count} faces: the table of codes"
     return (
         Section("Photos and the camera", photo_blocks(design), "Type the commands in this folder."),
         Section("What was printed: measure it", measure_blocks(design), _MEASURE_LEAD),
@@ -243,8 +243,8 @@ def _face_codes(target: TargetGeometry) -> tuple[Leaf, ...]:
     opposite = {a: b for pair in opposite_faces(target) for a, b in (pair, pair[::-1])}
     beside, codes, shown = adjacent_faces(target).tolist(), target.face_code.tolist(), Shown[int]
     note = (
-        f"Three of the {len(code_positions(codes[0]))} positions in a face's corner carry dots: they tell the face and "
-        "its turn. i counts from the code corner down the left side, j down the right one, seen from outside with that "
+        f"Which of the {len(code_positions(codes[0]))} positions in a face's corner carry dots tells the face and its "
+        "turn. i counts from the code corner down the left side, j down the right one, seen from outside with that "
         "corner up."
     )
     table = table_of(

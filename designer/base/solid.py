@@ -2,29 +2,15 @@
 
 import math
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Literal
 
 import numpy as np
 
 from designer.base.arrays import Array, Rows
+from designer.base.codes import Index
 
 INLAY_SHARE = 0.9
 """Of a border's width, how much its floor may move in."""
-Index = tuple[int, int]
-TRIANGLE_POSITIONS: tuple[Index, ...] = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
-"""The candidate positions on triangular faces: the rows of 1 + 2 + 3 at the face's code corner."""
-SQUARE_POSITIONS: tuple[Index, ...] = (*TRIANGLE_POSITIONS, (2, 1))
-"""The candidate positions on square faces."""
-# The lines of the Fano plane, by rows of `SQUARE_POSITIONS`: any two share one point.
-_LINES = ((5, 1, 3), (5, 4, 2), (5, 0, 6), (1, 4, 0), (1, 2, 6), (3, 4, 6), (3, 2, 0))
-CODES: tuple[frozenset[Index], ...] = (
-    *(frozenset(dots) for dots in combinations(TRIANGLE_POSITIONS, 3)),
-    *(frozenset(SQUARE_POSITIONS[row] for row in line) for line in _LINES),
-)
-"""The positions that carry dots: 20 codes for triangles, which differ in 2 positions or more, then 7 for squares, of
-which a photo shows fewer: they differ in 4."""
-_TRIANGLE_CODES = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +26,7 @@ class Polyhedron:
     faces: Rows  # (F, K) counter-clockwise as seen from outside
     inradius: float  # from the origin to a face
     dihedral_rad: float  # between two faces, inside
-    face_code: tuple[int, ...]  # rows of `code.CODES`  # (F,)
+    face_code: tuple[int, ...]  # rows of `CODES`  # (F,)
     code_corner: tuple[int, ...]  # which corner of each face carries its code  # (F,)
     net: tuple[tuple[int, int], ...]  # a face, and the one that it hangs on when unfolded; the first hangs on itself
     net_angle_rad: float  # in which direction the first vertex of the first face lies in the net
@@ -75,7 +61,7 @@ class Polyhedron:
         """The faces, each from the corner with its code on.  # (F, K)"""
         return np.array([np.roll(face, -corner) for face, corner in zip(self.faces, self.code_corner, strict=True)])
 
-    def index(self, per_side: int) -> list[tuple[int, int]]:
+    def index(self, per_side: int) -> list[Index]:
         """Lattice indices of a face with so many features a side: i and j count along the sides at its code."""
         is_square = self.lattice == "square"
         return [(i, j) for i in range(per_side) for j in range(per_side if is_square else per_side - i)]
@@ -157,8 +143,3 @@ def face_frames(corners: Array) -> Array:
 
 def _angle(step: Array) -> float:
     return math.atan2(step[1], step[0])
-
-
-def code_positions(code: int) -> tuple[Index, ...]:
-    """The candidate positions of a row of `CODES`."""
-    return TRIANGLE_POSITIONS if code < _TRIANGLE_CODES else SQUARE_POSITIONS

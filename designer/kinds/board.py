@@ -24,7 +24,7 @@ from designer.spec.spec import RING_RATIO, Lattice, Line, Spec, SpecValue
 
 if TYPE_CHECKING:
     from designer.base.arrays import Array
-    from designer.base.solid import Index
+    from designer.base.codes import Index
     from designer.target import TargetGeometry
 
 RINGS_ACROSS = 22

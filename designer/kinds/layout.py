@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from designer.base.arrays import Array, Rows
-from designer.base.solid import INLAY_SHARE, Index
+from designer.base.codes import Index
+from designer.base.solid import INLAY_SHARE
 from designer.spec.spec import Spec
 from designer.target import PARALLEL, TargetGeometry, bounding_radius_mm
 

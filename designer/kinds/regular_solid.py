@@ -68,7 +68,8 @@ class SolidSpec(Spec):
         """The same lattice on each face, and the face's code in dots about the first corner of its outline."""
         import numpy as np
 
-        from designer.base.solid import CODES, face_frames, regular_polygon
+        from designer.base.codes import CODES
+        from designer.base.solid import face_frames, regular_polygon
         from designer.kinds.layout import same_on_all_faces
 
         shape, per_side = self.shape(), self.rings_per_side
@@ -108,10 +109,18 @@ class SolidSpec(Spec):
         return f"edge {format_mm(self.edge_mm)}"
 
     def facts(self) -> tuple[tuple[str, str], ...]:
-        """Shape, distance of opposite faces, and lattice."""
+        """Shape, distance of opposite faces, how far codes are apart, and lattice."""
+        import numpy as np
+
+        from designer.base.codes import differing_words, least_differing
+
+        shape = self.shape()
+        index = np.array(shape.index(self.rings_per_side))
+        apart = least_differing([index] * len(shape.faces), shape.lattice, shape.face_code)
         return (
             ("shape", f"{self.shape().name}, edge {self.edge_mm:g} mm"),
             ("face to face", f"{2 * self.solid.inradius_mm:.2f} mm"),
+            ("codes differ in", differing_words(*apart)),
             ("lattice", f"{self.shape().lattice}, {self.rings_per_side} rings a side"),
         )
 

@@ -14,8 +14,9 @@ import numpy as np
 from manifold3d import triangulate
 
 from designer.base.arrays import Array
+from designer.base.codes import CODES, code_positions
 from designer.base.errors import InputError
-from designer.base.solid import CODES, Polyhedron, Solid, code_positions
+from designer.base.solid import Polyhedron, Solid
 from designer.make.lettering import CHAMFER_LAYERS, HEIGHT, text_contours, text_width
 from designer.make.mesh import CIRCLE_SEGMENTS, Hull, Ids, Part, inlaid, wall_strip
 from designer.make.pattern import Contour, Pattern, moved_in

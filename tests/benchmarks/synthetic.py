@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from calib.core.types import Detections
 from calib.renderer import View
 from designer.base.arrays import Array, Flags
-from designer.base.solid import code_positions
+from designer.base.codes import code_positions
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out

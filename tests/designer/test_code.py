@@ -1,6 +1,7 @@
 """Face codes and the board's origin mark, recomputed from dots in space and independent of how they were found."""
 
 import itertools
+from collections.abc import Sequence
 from functools import cache
 from itertools import combinations
 
@@ -8,7 +9,21 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from designer.base.solid import CODES, SQUARE_POSITIONS, TRIANGLE_POSITIONS, code_positions
+from designer.base.codes import (
+    CODES,
+    MANY_SQUARES,
+    MANY_TRIANGLES,
+    OF_FIVE,
+    OWN_SQUARES,
+    OWN_TRIANGLES,
+    SQUARE_POSITIONS,
+    TRIANGLE_POSITIONS,
+    CodedLattice,
+    code_positions,
+    face_codes,
+    least_differing,
+)
+from designer.base.errors import InputError
 from designer.kinds.layout import adjacent_faces, lay_out
 from designer.kinds.regular_solid import SolidSpec
 from designer.spec.kind import kinds
@@ -54,11 +69,88 @@ def test_codes_of_triangles_are_the_twenty_triples_of_the_corner_block() -> None
 
 def test_codes_of_squares_share_one_dot() -> None:
     """Seven triples of seven positions, each two with one dot in common: they differ in four positions."""
-    lines = CODES[20:]
+    lines = CODES[20:27]
     assert len(lines) == len(set(SQUARE_POSITIONS)) == 7
     assert all(len(line) == 3 and line <= set(SQUARE_POSITIONS) for line in lines)
     assert all(len(a & b) == 1 for a, b in combinations(lines, 2))
     assert all(CODES[code] <= set(code_positions(code)) for code in range(len(CODES)))
+
+
+def images(code: int, lattice: CodedLattice, per_side: int) -> tuple[list[DotSet], list[DotSet]]:
+    """A code's dots under all turns and under all mirrors of a face, recomputed from points in the plane."""
+    is_square = lattice == "square"
+    step = np.array([[1.0, 0.0], [0.0, 1.0] if is_square else [0.5, np.sqrt(3) / 2]])
+    index = [(i, j) for i in range(per_side) for j in range(per_side if is_square else per_side - i)]
+    place = np.array(index) @ step
+    place -= place.mean(axis=0)
+    across = place @ (np.eye(2) - 2 * np.outer(*[(step[0] - step[1]) / np.linalg.norm(step[0] - step[1])] * 2))
+    sides = 4 if is_square else 3
+    swapped = dict(zip(index, (index[k] for k in cKDTree(place).query(across)[1]), strict=True))
+    angles = 2 * np.pi / sides * np.arange(sides)
+    mirrored = frozenset(swapped[at] for at in CODES[code])
+    return tuple([turned(dots, index, place, angle) for angle in angles] for dots in (CODES[code], mirrored))  # type: ignore[return-value]  # two
+
+
+@pytest.mark.parametrize("per_side", [5, 6, 7, 8])
+@pytest.mark.parametrize(
+    ("lattice", "codes", "others", "least"),
+    [
+        ("triangular", OWN_TRIANGLES, range(20), (4, 2, 3)),
+        ("triangular", OF_FIVE, [*range(20), *OWN_TRIANGLES], (4, 2, 2)),
+        ("triangular", MANY_TRIANGLES, [*range(20), *OWN_TRIANGLES, *OF_FIVE], (2, 1, 2)),
+        ("square", OWN_SQUARES, range(20, 27), (4, 2, 3)),
+        ("square", MANY_SQUARES, [*range(20, 27), *OWN_SQUARES], (2, 2, 2)),
+    ],
+)
+def test_codes_differ_however_a_face_is_turned(
+    lattice: CodedLattice, codes: Sequence[int], others: Sequence[int], least: tuple[int, int, int], per_side: int
+) -> None:
+    """Codes of a list differ in so many marks from each other, in turns and in mirrors, and from those of others."""
+    in_turns, in_mirrors, from_others = least
+    shown = {code: images(code, lattice, per_side) for code in (*codes, *others)}
+    for code in codes:
+        (as_it_is, *turns), mirrors = shown[code]
+        assert min(len(as_it_is ^ image) for image in turns) >= in_turns
+        assert min(len(as_it_is ^ image) for image in mirrors) >= in_mirrors
+        for other, both in shown.items():
+            due = (from_others, 0) if other in others else (in_turns, in_mirrors)
+            if other != code:
+                for images_of_other, apart in zip(both, due, strict=True):
+                    assert min(len(as_it_is ^ image) for image in images_of_other) >= apart
+
+
+def test_told_differences_are_those_of_dots_in_the_plane() -> None:
+    """What a target's facts say of its codes is what turns and mirrors of their dots show."""
+    index = np.array([(i, j) for i in range(6) for j in range(6 - i)])
+    codes = [3, 30, 45, 100]
+    shown = {code: images(code, "triangular", 6) for code in codes}
+    turns = [len(CODES[a] ^ b) for a in codes for other in codes for b in shown[other][0][a == other :]]
+    mirrors = [len(CODES[a] ^ b) for a in codes for other in codes for b in shown[other][1]]
+    assert least_differing([index] * 4, "triangular", codes) == (min(turns), min(mirrors))
+
+
+@pytest.mark.parametrize(
+    ("lattice", "count", "least"), [("triangular", 12, 4), ("square", 12, 4), ("triangular", 124, 2)]
+)
+def test_any_number_of_faces_finds_codes(lattice: CodedLattice, count: int, least: int) -> None:
+    """Each face has its own; a dozen differ as those of a kind do, and as many as there are codes in two marks."""
+    index = np.array([(i, j) for i in range(8) for j in range(8 if lattice == "square" else 8 - i)])
+    codes, told = face_codes([index] * count, lattice)
+    assert len(set(codes)) == count
+    assert told == least == least_differing([index] * count, lattice, codes)[0]
+
+
+def test_more_faces_than_codes_are_refused() -> None:
+    """One line says how many there are."""
+    index = np.array([(i, j) for i in range(5) for j in range(5)])
+    with pytest.raises(InputError, match="101 faces ask for as many codes, and a square lattice has 100"):
+        face_codes([index] * 101, "square")
+
+
+def test_no_two_kinds_share_a_code() -> None:
+    """A single face of one kind's target is never named as another's."""
+    codes = [code for spec in SOLIDS.values() for code in spec.shape().face_code]
+    assert len(set(codes)) == len(codes)
 
 
 @each_solid

@@ -36,8 +36,8 @@ from designer.app.measuring import (
     skew_per_mm_deg,
 )
 from designer.app.stands import stand_section, trial_sections
+from designer.base.codes import CODES, TRIANGLE_POSITIONS
 from designer.base.errors import InputError
-from designer.base.solid import CODES, TRIANGLE_POSITIONS
 from designer.base.units import skew_matrix
 from designer.builds.design import Design, make_files
 from designer.builds.slicing import BODY_SLOT, INK_SLOT, SLICERS, usual_slicer
