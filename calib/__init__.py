@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from calib.app.hand_eye_poses import HandEyeOfPoses, hand_eye_poses
     from calib.app.inputs import load_camera, load_observations, load_rig, load_rig_observations
     from calib.app.live import live, live_rig
+    from calib.app.markers import MarkersInPhotos, markers
     from calib.app.measure import measure, rescale
     from calib.app.measured_print import MeasuredPrint, RescaledTarget
     from calib.app.plan import PhotoPlan, plan
@@ -68,6 +69,7 @@ __all__ = [
     "HandEye",
     "HandEyeOfPoses",
     "InputError",
+    "MarkersInPhotos",
     "MeasuredPrint",
     "NothingFoundError",
     "Observations",
@@ -107,6 +109,7 @@ __all__ = [
     "load_observations",
     "load_rig",
     "load_rig_observations",
+    "markers",
     "measure",
     "plan",
     "pose",
@@ -142,6 +145,7 @@ _HOMES = {
     "calib.app.hand_eye_poses": ("HandEyeOfPoses", "hand_eye_poses"),
     "calib.app.inputs": ("load_camera", "load_observations", "load_rig", "load_rig_observations"),
     "calib.app.live": ("live", "live_rig"),
+    "calib.app.markers": ("MarkersInPhotos", "markers"),
     "calib.app.measure": ("measure", "rescale"),
     "calib.app.measured_print": ("MeasuredPrint", "RescaledTarget"),
     "calib.app.render": ("render", "render_rig"),

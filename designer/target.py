@@ -126,6 +126,12 @@ class TargetGeometry:
         return len(self.ring_face)
 
     @property
+    def point_names(self) -> list[str]:
+        """What other tools call each feature: `f03-2-5`, its face and its place (i, j) in the face's lattice."""
+        index = np.column_stack([self.ring_face, self.ring_index]).tolist()
+        return [f"f{face:02d}-{i}-{j}" for face, i, j in index]
+
+    @property
     def has_marks(self) -> bool:
         """Whether there are rings or dots to draw and to detect; else the features are points."""
         return bool(self.radius_outer_mm.any())

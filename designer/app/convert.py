@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 from designer.base.marks import NOT_IN_FILE
 from designer.base.options import argument, option
+from designer.formats.point_lists import POINT_FORMATS, PointFormat
 from designer.kinds.presets import one_of
 from designer.page.capability import capability, written_to
 from designer.page.result import Result
 
 if TYPE_CHECKING:
-    from designer.formats.point_lists import PointFormat
     from designer.page.blocks import Page
     from designer.page.output import Output
-
-FORMATS = ("csv", "metashape", "colmap", "opencv", "kalibr")
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +22,7 @@ class TargetPoints(Result, kind="points", title="Points of a target", doing="con
     """The points of a target as a file of another tool: `convert("ico.target.json", "csv").text`."""
 
     file: Annotated[str, NOT_IN_FILE]
-    form: Annotated["PointFormat", NOT_IN_FILE]
+    form: Annotated[PointFormat, NOT_IN_FILE]
     text: Annotated[str, NOT_IN_FILE]  # of the file
     to: str  # which format
     target_id: str
@@ -56,8 +54,8 @@ class TargetPoints(Result, kind="points", title="Points of a target", doing="con
 def convert(
     target: Annotated[Path, argument("a target file (NAME.target.json)")],
     *,
-    to: Annotated[str, option("whose file: csv, metashape (RealityCapture too), colmap, opencv, kalibr",
-                              complete=one_of(FORMATS))],
+    to: Annotated[str, option(f"whose file: {', '.join(POINT_FORMATS)}; metashape is RealityCapture's too",
+                              complete=one_of(tuple(POINT_FORMATS)))],
     out: Annotated["Output | Path | None", written_to("the file (default: NAME beside the target)")] = None,
 ) -> TargetPoints:  # fmt: skip
     """Write a target's points for another tool: `convert("ico.target.json", to="csv")`.
@@ -67,7 +65,6 @@ def convert(
     """
     from designer.base.errors import InputError
     from designer.base.words import shown, suggestion
-    from designer.formats.point_lists import POINT_FORMATS
     from designer.page.output import output_of
     from designer.target import load_target
 

@@ -1,18 +1,19 @@
 """A target's points for other tools: an entry here for each, which another's reader takes.
 
-A point's name is `f03-2-5`: its face, and its place (i, j) in the face's lattice. Its id is the row of the target's
-arrays, the `ring` of `detections.csv`.
+A point's id is the row of the target's arrays, the `ring` of `detections.csv`. Help reads the names here, so NumPy is
+loaded by what writes.
 """
 
 import csv
 import io
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from designer.base.errors import InputError
-from designer.target import TargetGeometry
+
+if TYPE_CHECKING:
+    from designer.target import TargetGeometry
 
 M_PER_MM = 0.001
 SQUARE = 1e-6
@@ -25,14 +26,8 @@ class PointFormat:
 
     title: str  # for whom
     file_name: str  # the usual end of its name
-    write: Callable[[TargetGeometry], str]
+    write: "Callable[[TargetGeometry], str]"
     use: str  # what to do with it
-
-
-def names_of(target: TargetGeometry) -> list[str]:
-    """Of all points."""
-    index = np.column_stack([target.ring_face, target.ring_index]).tolist()
-    return [f"f{face:02d}-{i}-{j}" for face, i, j in index]
 
 
 def _rows(header: tuple[str, ...], rows: list[tuple[object, ...]], mark: str = "") -> str:
@@ -44,29 +39,30 @@ def _rows(header: tuple[str, ...], rows: list[tuple[object, ...]], mark: str = "
     return stream.getvalue()
 
 
-def _table(target: TargetGeometry) -> str:
+def _table(target: "TargetGeometry") -> str:
     """All that a table can hold."""
-    kinds = np.where(target.is_dot, "dot" if target.has_marks else "point", "ring").tolist()
+    dot = "dot" if target.has_marks else "point"
+    kinds = [dot if is_dot else "ring" for is_dot in target.is_dot.tolist()]
     diameters = (2 * target.radius_outer_mm).tolist()
     rows: list[tuple[object, ...]] = [
         (number, name, *map(repr, place), face, kind, repr(diameter))
         for number, (name, place, face, kind, diameter) in enumerate(
-            zip(names_of(target), target.center_mm.tolist(), target.ring_face.tolist(), kinds, diameters, strict=True)
+            zip(target.point_names, target.center_mm.tolist(), target.ring_face.tolist(), kinds, diameters, strict=True)
         )
     ]
     return _rows(("id", "name", "X", "Y", "Z", "plane", "kind", "diameter_mm"), rows)
 
 
-def _labels(target: TargetGeometry) -> str:
+def _labels(target: "TargetGeometry") -> str:
     """Label and place in metres, as programs of photogrammetry import control points."""
-    places = np.round(M_PER_MM * target.center_mm, 12).tolist()
+    places = (M_PER_MM * target.center_mm).round(12).tolist()
     return _rows(
         ("label", "x", "y", "z"),
-        [(name, *map(repr, place)) for name, place in zip(names_of(target), places, strict=True)], "#",
+        [(name, *map(repr, place)) for name, place in zip(target.point_names, places, strict=True)], "#",
     )  # fmt: skip
 
 
-def _colmap(target: TargetGeometry) -> str:
+def _colmap(target: "TargetGeometry") -> str:
     """Points of `points3D.txt`, black for ink, of which no photo is known; ids count from 1."""
     lines = [
         "# 3D point list with one line of data per point:",
@@ -77,22 +73,24 @@ def _colmap(target: TargetGeometry) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _opencv(target: TargetGeometry) -> str:
+def _opencv(target: "TargetGeometry") -> str:
     """FileStorage: `object_points`, N x 3 in mm, a row an id."""
     values = ", ".join(f"{value!r}" for value in target.center_mm.ravel().tolist())
-    names = "".join(f'   - "{name}"\n' for name in names_of(target))
+    names = "".join(f'   - "{name}"\n' for name in target.point_names)
     return (
         f'%YAML:1.0\n---\ngeometry_id: "{target.geometry_id}"\nobject_points: !!opencv-matrix\n'
         f"   rows: {target.ring_count}\n   cols: 3\n   dt: d\n   data: [ {values} ]\nnames:\n{names}"
     )
 
 
-def _kalibr(target: TargetGeometry) -> str:
+def _kalibr(target: "TargetGeometry") -> str:
     """A grid of circles, in metres.
 
     Raises:
         InputError: it is none: it has several faces, or its lattice is not square and full.
     """
+    import numpy as np
+
     lattice = None if target.lattice_mm is None else target.lattice_mm[0]
     index = target.ring_index - target.ring_index.min(axis=0)
     columns, rows = (index.max(axis=0) + 1).tolist()

@@ -96,6 +96,8 @@ CALIB = (
     Case(("convert", "camera.json", "--to", "matlab", "-o", "new.yml"), 2),
     Case(("convert", "pair.rig.json", "--to", "kalibr", "-o", "chain.yaml"), 0),
     Case(("convert", "pair.rig.json", "--to", "basalt", "-o", "chain.yaml"), 2),
+    Case(("markers", "board.target.json", "detections.csv", "--to", "colmap", "-o", "markers"), 0),
+    Case(("markers", "board.target.json", "detections.csv", "--to", "odd", "-o", "markers"), 2),
     Case(("undistort", "camera.json", "photos/view_0000.png", "-o", "out"), 0),
     Case(("undistort", "camera.json", "none.png", "-o", "out"), 2),
     Case((*FOR_POSES, "photos", "-o", "poses.json", "--overlay", "seen"), 0),

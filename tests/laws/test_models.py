@@ -142,8 +142,8 @@ OF_THE_PAPER = {
     "calib/studies/compare/scene.py": {"luhmann", "opencv", "virtual"},  # what the paper compares
     "calib/studies/compare/cases.py": {"spline"},  # a part of the comparison
     "calib/studies/paper_study.py": {"luhmann"},  # the model of the paper's table
-    "designer/app/convert.py": {"colmap", "kalibr", "metashape", "opencv"},  # whose files of points it writes
-    "designer/formats/point_lists.py": {"colmap", "kalibr", "metashape", "opencv"},
+    "designer/formats/point_lists.py": {"colmap", "kalibr", "metashape", "opencv"},  # whose files of points it writes
+    "calib/observe/marker_files.py": {"colmap", "metashape"},
 }
 
 

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from calib.cameras.formats import FORMATS, RIG_FORMATS
+from calib.observe.marker_files import MARKER_FORMATS
 from calib.renderer.job import SUFFIX
 from designer.base.errors import InputError
 from designer.base.files import write_files
@@ -52,6 +53,8 @@ FORMATTED += [
     pytest.param(calib, Case(("convert", "pair.rig.json", "--to", kind, "-o", "new"), 0), id=f"convert a rig, {kind}")
     for kind in RIG_FORMATS
 ]
+MARKERS = ("markers", "board.target.json", "detections.csv", "-o", "markers", "--to")
+FORMATTED += [pytest.param(calib, Case((*MARKERS, kind), 0), id=f"markers {kind}") for kind in MARKER_FORMATS]
 
 
 @pytest.mark.parametrize(("program", "case"), [*WRITING, *FORMATTED])

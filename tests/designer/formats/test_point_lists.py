@@ -9,9 +9,8 @@ import pytest
 import yaml
 
 from calib.observe.point_target import read_points
-from designer.app.convert import FORMATS, convert
+from designer.app.convert import convert
 from designer.base.errors import InputError
-from designer.formats.point_lists import POINT_FORMATS, names_of
 from designer.target import target_to_json
 from tests.support.command_line import design
 from tests.support.designs import small
@@ -27,10 +26,9 @@ def files(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_names_are_each_its_own_and_formats_are_offered() -> None:
-    """A name belongs to one point; the command offers what there is."""
-    assert len(set(names_of(ICO))) == ICO.ring_count
-    assert tuple(POINT_FORMATS) == FORMATS
+def test_names_are_each_its_own() -> None:
+    """A name belongs to one point."""
+    assert len(set(ICO.point_names)) == ICO.ring_count
 
 
 def test_a_table_is_read_back_bit_for_bit(files: Path) -> None:
