@@ -96,6 +96,7 @@ class TargetGeometry:
     mode_mm: Array | None = None  # (S, R, 3) see `designer.tolerance.prior`: what else may be off
     ring_piece: Rows | None = None  # (R,) the piece of a board that each is on, from 0; no id tells it
     build: str | None = None  # how it is made, for information: no id tells it; None: not known
+    has_lip: bool = False  # the same: its stickers lie in frames
 
     def __post_init__(self) -> None:
         if self.source not in SOURCES:
@@ -290,6 +291,8 @@ def target_to_json(target: TargetGeometry) -> str:
     }
     if target.build is not None:
         document["build"] = target.build
+    if target.has_lip:
+        document["has_lip"] = True
     document.update({name: array.tolist() for name, array in _present_arrays(target).items()})
     lines = (f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in document.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"
@@ -313,7 +316,7 @@ def target_from_json(text: str) -> TargetGeometry:
     if document.get("unit") != "mm":
         raise ValueError(f'"unit" is {document.get("unit")!r}; it must be "mm"')
     known = {"format", "version", "layout_id", "geometry_id", "source", "unit", "spec", *_REQUIRED}
-    odd = (known ^ document.keys()) - {*_OPTIONAL, "build"}
+    odd = (known ^ document.keys()) - {*_OPTIONAL, "build", "has_lip"}
     if odd:
         raise ValueError(f"missing or unknown fields: {', '.join(sorted(map(repr, odd)))}")
     target = _target_from_document(document)
@@ -341,6 +344,7 @@ def _target_from_document(document: Mapping[str, object]) -> TargetGeometry:
             **{name: np.asarray(document[name]) for name in _REQUIRED},
             **{name: np.asarray(document[name]) for name in _OPTIONAL if document.get(name) is not None},
             build=_build_of(document.get("build")),
+            has_lip=document.get("has_lip") is True,
         )
     except (TypeError, OverflowError, RecursionError) as error:
         raise ValueError(f"a value of the wrong type: {error}") from error

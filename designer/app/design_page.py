@@ -229,7 +229,8 @@ def _print_rows(design: Design) -> list[tuple[str, str]]:
     if printing.skew_compensation_rad != NO_SKEW:
         rows.append(("skew", f"files are sheared against {format_skew(printing.skew_compensation_rad)}"))
     if printing.way.has_stickers:
-        rows.append(("sticker", f"{printing.sticker_thickness_mm:g} mm thick; the body is smaller by it on every face"))
+        lip = ", and has a lip around it" * printing.lip
+        rows.append(("sticker", f"{printing.sticker_thickness_mm:g} mm thick; the body is lower by it{lip}"))
     return rows
 
 

@@ -60,7 +60,7 @@ class _Measuring:
     def errors(self) -> ErrorModel:
         """Of the build."""
         target = self.design.target
-        name = self.design.job.printing.way.errors_of(target.form, target.face_count)
+        name = self.design.job.printing.way.errors_of(target.form, target.face_count, has_lip=target.has_lip)
         assert name is not None  # noqa: S101 - a design has a build of its form
         return error_model(name)
 
@@ -259,11 +259,12 @@ def _solid_hints(measuring: _Measuring) -> Steps:
                 f"{_ring_words(measuring)}"
             )
         reach = (f"{words.removesuffix('.')}.",)
+    between = " between the lips, which stand out" * measuring.design.target.has_lip
     return Steps((
         "Let the print cool to the room. Cut brim and blobs off.",
         *reach,
-        "Close the jaws flat on opposite faces, in their middles, and turn the part for the least reading; over the "
-        "corners, which print rounds, it is too little.",
+        f"Close the jaws flat on opposite faces, in their middles{between}, and turn the part for the least reading; "
+        "over the corners, which print rounds, it is too little.",
         "Measure as many pairs as you can: their mean is the size, their differences are the shape.",
     ))  # fmt: skip
 

@@ -25,18 +25,8 @@ from designer.kinds.spec_file import parse_spec, spec_to_toml
 from designer.make.bed import Plate, against_skew, bed_from_target, mapped
 from designer.make.cutting import Cutting, cuttings
 from designer.make.estimate import PrintEstimate, estimate
-from designer.make.mesh import (
-    ColouredMesh,
-    Hull,
-    Mesh,
-    Part,
-    coloured,
-    inlaid,
-    plain_plate,
-    plain_solid,
-    plate_hull,
-    solid_hull,
-)
+from designer.make.lip import sticker_body
+from designer.make.mesh import ColouredMesh, Hull, Mesh, Part, coloured, inlaid, plain_plate, plate_hull, solid_hull
 from designer.make.pages import SheetPage
 from designer.make.pattern import Pattern, make_pattern
 from designer.make.sheets import lay_out_sheets
@@ -57,7 +47,7 @@ class Design:
         """The nominal geometry, which no printing option changes; for information how it is built."""
         target, printing = lay_out(self.job.target), self.job.printing
         piece = ring_pieces(target, printing.printer, self.scale) if BUILDS[printing.build].is_in_parts else None
-        return replace(target, build=printing.build, ring_piece=piece)
+        return replace(target, build=printing.build, has_lip=printing.lip, ring_piece=piece)
 
     @property
     def scale(self) -> float:
@@ -112,12 +102,12 @@ class Design:
         return against_skew(self.target, self.job.printing, points_mm)
 
     def _plain_body(self) -> Mesh:
-        """The body that stickers or a sheet go on; stickers have a thickness, by which the body is smaller."""
+        """The body that stickers or a sheet go on."""
         spec = self.job.target
         if spec.solid is None:
             return plain_plate(self.target.outline_mm[0], spec.depth_mm)
-        below_mm = self.job.printing.sticker_thickness_mm * self.scale
-        return plain_solid(spec.solid, below_mm=below_mm, scale=self.scale)
+        body = sticker_body(self.target, spec.solid, self.job.printing)
+        return replace(body, vertices_mm=self.scale * body.vertices_mm)
 
     @cached_property
     def pages(self) -> tuple[SheetPage, ...]:

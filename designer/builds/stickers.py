@@ -9,8 +9,9 @@ from designer.builds.one_piece import printer_words
 from designer.builds.pictures import sheet_figures
 from designer.builds.slicing import scale_words, turn_words
 from designer.formats.folder import OutputFile
-from designer.kinds.layout import adjacent_faces
+from designer.kinds.layout import adjacent_faces, lip_of
 from designer.make.bed import Piece, Plate, bed_from_target
+from designer.make.lip import engraved
 from designer.make.printability import COUNT
 from designer.page.blocks import Fold, Section, Steps
 from designer.spec.machine import Shells
@@ -33,9 +34,25 @@ class Stickers(Maker):
         job, printing, count = design.job, design.job.printing, len(design.pages)
         beside = adjacent_faces(design.target)[0].tolist()
         lies = f"{capital(turn_words(printing))}. " if printing.skew_compensation_rad != NO_SKEW else ""
+        by_number = (
+            f"Glue face 0 on any face, its border along the {COUNT[len(beside)]} edges; then those that it joins: its "
+            f"edge 'joins {beside[0]}' meets the edge 'joins 0' of face {beside[0]}."
+        )
+        if engraved(design.target, 0, printing):
+            by_number = "The body has each number engraved where its sticker lies, and an arrow to the code corner."
+        frames, drop = "", ""
+        lay: tuple[str, ...] = ()
+        if printing.lip:
+            lip = lip_of(design.target, printing)
+            frames = f"Lips stand {lip.rise_mm:.2g} mm out around stickers; in black they belong to the border. "
+            drop = f", rather inside than outside: it has {lip.clearance_mm:g} mm around it in its lip"
+            lay = (
+                "Lay one edge against the lip, then the rest down. What does not drop in is trimmed, not pressed.",
+                "The face that lay on the bed has a groove around it in place of a lip: aim at its inner edge.",
+            )
         body = Steps((
             f"Open {job.name}.body.stl in your slicer; one filament, matt. Every face is "
-            f"{printing.sticker_thickness_mm:g} mm lower than the target's, for the sticker. "
+            f"{printing.sticker_thickness_mm:g} mm lower than the target's, for the sticker. {frames}"
             f"{lies}{capital(scale_words(printing))}.",
             f"Layer height {printing.printer.layer_height_mm:g} mm, {Shells().words()}; ironing off. Remove blobs and "
             "seams: a sticker over them is not flat.",
@@ -45,13 +62,13 @@ class Stickers(Maker):
             f"matt label stock {printing.sticker_thickness_mm:g} mm thick.",
             f"Measure the scale bar of every sheet: {SCALE_BAR_MM:g} mm; if off by more than 0.1 mm (0.1 %), mend the "
             "printer's scale and print again.",
-            "Cut along the thin line with knife and ruler; the marks at the corners show where to lay it.",
+            f"Cut along the thin line with knife and ruler{drop}; the marks at the corners show where to lay it.",
         ))  # fmt: skip
         glue = Steps((
             f"A triangle outside a sticker points at its code corner; 'FACE 0' is its number, 'joins {beside[0]}' "
             "names the face across that edge.",
-            f"Glue face 0 on any face, its border along the {COUNT[len(beside)]} edges; then those that it joins: its "
-            f"edge 'joins {beside[0]}' meets the edge 'joins 0' of face {beside[0]}.",
+            by_number,
+            *lay,
             "Rub down from the middle outwards: bubbles and folds are errors of the target.",
             "Compare with the net before the glue sets: calib leaves out a face in another's place, or turned.",
         ))  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 from designer.base.arrays import Array, Rows
 from designer.base.codes import Index
 from designer.base.solid import INLAY_SHARE
-from designer.spec.spec import Spec
+from designer.spec.spec import PrintSpec, Spec
 from designer.target import PARALLEL, TargetGeometry, bounding_radius_mm
 
 DECIMALS = 9
@@ -110,6 +110,49 @@ def deepest_inlay_mm(target: TargetGeometry) -> float:
     """The deepest inlay of a border: its floor moves in with depth, and a tenth of its width must be left."""
     inset = inset_per_depth(target)
     return INLAY_SHARE * border_width_mm(target) / inset if inset > 0 else math.inf
+
+
+LIP_LAYERS = 2
+"""Height of a lip, if stickers are thinner: a finger feels it, and the steps of slopes do not hide it."""
+LIP_VIEW = math.tan(math.radians(70.0))
+"""Up to this angle from a face's normal its whole outline keeps some of its border, beside a lip that hides it."""
+LEAST_SEEN_BORDER = 0.5
+"""Of a border's width, what stickers must keep of it."""
+
+
+@dataclass(frozen=True)
+class Lip:
+    """The frame around each sticker."""
+
+    width_mm: float  # in the face, from the solid's edge inwards
+    clearance_mm: float  # between it and the sticker
+    rise_mm: float  # above the sticker's face
+
+    @property
+    def inset_mm(self) -> float:
+        """How far the sticker is cut inside its face's outline."""
+        return self.width_mm + self.clearance_mm
+
+    @property
+    def least_border_mm(self) -> float:
+        """Of the target, so that the sticker shows enough of it."""
+        return max(self.inset_mm / (1 - LEAST_SEEN_BORDER), self.inset_mm + LIP_VIEW * self.rise_mm)
+
+
+def lip_of(target: TargetGeometry, printing: PrintSpec) -> Lip:
+    """The lip of a target's stickers: a line of the printer wide at its foot, on either side of an edge."""
+    printer, thickness = printing.printer, printing.sticker_thickness_mm
+    width = printer.line_width_mm + inset_per_depth(target) * thickness
+    return Lip(width, printer.clearance_mm, max(LIP_LAYERS * printer.layer_height_mm - thickness, 0.0))
+
+
+def sticker_inset_mm(target: TargetGeometry, printing: PrintSpec) -> float:
+    """How far a sticker is cut inside its face's outline: in its lip, else where the face of the smaller body ends."""
+    if not printing.way.has_stickers:
+        return 0.0
+    if printing.lip:
+        return lip_of(target, printing).inset_mm
+    return inset_per_depth(target) * printing.sticker_thickness_mm
 
 
 def face_down(target: TargetGeometry) -> Array:

@@ -17,6 +17,7 @@ from designer.kinds.layout import (
     deepest_inlay_mm,
     inset_per_depth,
     lay_out,
+    lip_of,
     narrowest_widths,
 )
 from designer.kinds.presets import preset_names, preset_or_file
@@ -144,7 +145,8 @@ def _size_printing(
         mount=asked.mount or ANY_MOUNT,
     )
     _check_paper(printing, target)
-    return printing, (remark, *remarks, corrected)
+    printing, framed = _with_lip(printing, target, asked.lip)
+    return printing, (remark, *remarks, corrected, framed)
 
 
 def _corrected(asked: AskedPrinting, build: str) -> tuple[AskedPrinting, str]:
@@ -239,6 +241,23 @@ def _choose_inlay(asked: AskedPrinting, build: str, layer_mm: float, target: Tar
     inlay = round(max(1, math.floor(deepest / layer_mm + 1e-9)) * layer_mm, 6)
     is_shallow = BUILDS[build].is_two_filament and inlay < usual - layer_mm
     return inlay, f"inlay {inlay:g}mm: as deep as a border of {border_mm:g}mm allows" if is_shallow else ""
+
+
+def _with_lip(printing: PrintSpec, target: TargetGeometry, asked: bool | None) -> tuple[PrintSpec, str]:
+    """Stickers in lips unless told otherwise, where the border is wide enough, and a remark where it is not.
+
+    Raises:
+        InputError: they were asked for, and it is not.
+    """
+    if not printing.way.has_stickers or asked is False:
+        return printing, ""
+    border_mm, least_mm = border_width_mm(target), round_up(lip_of(target, printing).least_border_mm)
+    if border_mm >= least_mm:
+        return replace(printing, lip=True), ""
+    why = f"a border of {border_mm:g}mm is too narrow for frames around stickers; --border {least_mm:g}mm is enough"
+    if asked:
+        raise InputError(f"lip: {why}, or leave --lip out")
+    return printing, f"lip: left out, {why}"
 
 
 def _check_paper(printing: PrintSpec, target: TargetGeometry) -> None:

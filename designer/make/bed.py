@@ -21,7 +21,7 @@ from manifold3d import CrossSection
 from designer.base.arrays import Array
 from designer.base.units import NO_SKEW, skew_matrix
 from designer.kinds.board_cuts import strip_mm
-from designer.kinds.layout import corners_mm, face_down, is_turned
+from designer.kinds.layout import corners_mm, face_down, is_turned, lip_of
 from designer.make.mesh import Part
 from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM, Area
 from designer.spec.spec import PrinterProfile, PrintSpec, beside
@@ -127,7 +127,12 @@ def _straight_corners_mm(target: TargetGeometry, printing: PrintSpec) -> Array:
     if spec is not None and spec.solid is None:
         corners = np.concatenate([corners, corners - spec.depth_mm * target.target_from_face[:, None, :3, 2]])
     elif spec is not None and spec.solid is not None and printing.way.has_stickers:
-        corners = corners * (1 - printing.sticker_thickness_mm / spec.solid.inradius_mm)
+        inradius, thickness = spec.solid.inradius_mm, printing.sticker_thickness_mm
+        corners = corners * (1 - thickness / inradius)
+        if printing.lip:  # but on the face that lies on the bed
+            down, lowest = target.target_from_face[-1, :3, 2], inradius - thickness
+            corners = corners_mm(target) * (1 + lip_of(target, printing).rise_mm / inradius)
+            corners = corners - np.maximum(corners @ down - lowest, 0.0)[..., None] * down
     printed: Array = corners.reshape(-1, 3) * (1 + printing.shrink_compensation_percent / 100)
     return printed
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from designer.base.arrays import Array
-from designer.kinds.layout import inset_per_depth
+from designer.kinds.layout import inset_per_depth, sticker_inset_mm
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
@@ -106,8 +106,9 @@ def _strip(target: TargetGeometry, printing: PrintSpec, clear_mm: float, scale: 
     border_top = scale * float(target.window_mm[:, :, 1].min())
     if border_top > edge:
         # Below the face, the border ends where the neighbour's begins; a sticker is cut there.
-        depth = printing.sticker_thickness_mm if printing.way.has_stickers else printing.inlay_mm
-        mitre = inset_per_depth(target) * depth
+        mitre = inset_per_depth(target) * printing.inlay_mm
+        if printing.way.has_stickers:
+            mitre = sticker_inset_mm(target, printing)
         if printing.way.is_in_parts:  # which are cut back by half the clearance, and chamfered
             mitre += printing.printer.clearance_mm + CHAMFER_LAYERS * printing.printer.layer_height_mm
         return edge + mitre + clear_mm, border_top + printing.ink_offset_mm - clear_mm

@@ -10,7 +10,7 @@ import numpy as np
 
 from designer.base.arrays import Array
 from designer.base.errors import InputError
-from designer.kinds.layout import adjacent_faces, inset_per_depth
+from designer.kinds.layout import adjacent_faces, sticker_inset_mm
 from designer.make.pages import (
     DESCENT,
     MARK_COLOUR,
@@ -77,7 +77,7 @@ def _stickers(
     # A solid build is not made smaller: its sheets show the nominal faces.
     thickness = printing.sticker_thickness_mm if printing.way.has_stickers else 0.0
     outline = pattern.faces[0].outline
-    inset = inset_per_depth(target) * thickness
+    inset = sticker_inset_mm(target, printing)
     _check_cut(pattern.faces[0], inset, thickness)
     cut = moved_in(outline, inset)
     edge = float(np.linalg.norm(cut[1] - cut[0]))

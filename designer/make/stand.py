@@ -13,6 +13,7 @@ from manifold3d import CrossSection, Manifold, OpType
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.solid import Solid
+from designer.kinds.layout import lip_of
 from designer.make.mesh import Mesh
 from designer.spec.spec import PrintSpec, Spec
 from designer.target import TargetGeometry
@@ -39,7 +40,8 @@ def make_stand(target: TargetGeometry, printing: PrintSpec) -> Mesh:
     """
     wall = max(_MIN_WALL_MM, 3 * printing.printer.line_width_mm)
     spec = _spec(target)
-    stand = _easel(target, spec, wall) if spec.solid is None else _cradle(target, spec.solid, wall)
+    gap = CLEARANCE_MM + (lip_of(target, printing).rise_mm if printing.lip else 0.0)
+    stand = _easel(target, spec, wall) if spec.solid is None else _cradle(target, spec.solid, wall, gap)
     mesh = stand.as_original().simplify(_SMALLEST_MM).to_mesh64()
     scale = 1 + printing.shrink_compensation_percent / 100
     return Mesh(scale * mesh.vert_properties[:, :3], mesh.tri_verts.astype(np.int32))
@@ -91,7 +93,7 @@ def _lift_mm(solid: Solid) -> float:
     return max(0.3 * solid.edge_mm, 10.0)
 
 
-def _cradle(target: TargetGeometry, solid: Solid, wall_mm: float) -> Manifold:
+def _cradle(target: TargetGeometry, solid: Solid, wall_mm: float, gap_mm: float) -> Manifold:
     """Posts under the corners of the lowest face, on a ring.
 
     A post stays within a ball around its corner that no ring of the faces there reaches.
@@ -117,7 +119,7 @@ def _cradle(target: TargetGeometry, solid: Solid, wall_mm: float) -> Manifold:
     ring_base = CrossSection.circle(circle + half_width, 96) - CrossSection.circle(circle - half_width, 96)
     posts = [Manifold.cylinder(height, radius, circular_segments=48).translate((x, y, 0.0)) for x, y, _ in corners]
     base = Manifold.extrude(ring_base, _floor_mm(solid.edge_mm))
-    grown = (1 + CLEARANCE_MM / solid.inradius_mm) * (vertices - motion[:3, 3]) + motion[:3, 3]
+    grown = (1 + gap_mm / solid.inradius_mm) * (vertices - motion[:3, 3]) + motion[:3, 3]
     return Manifold.batch_boolean([base, *posts], OpType.Add) - Manifold.hull_points(grown)
 
 

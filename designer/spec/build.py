@@ -42,10 +42,13 @@ class Build:
     has_stickers: bool = False  # the body is smaller by their thickness
     is_in_parts: bool = False  # flat pieces are put together: none is steep or hangs over on the bed
     back_errors: str = ""  # the error template of a plate with a front and a back; "": not made so
+    lip_errors: str = ""  # the same of stickers in lips
 
-    def errors_of(self, form: Form, face_count: int) -> str | None:
+    def errors_of(self, form: Form, face_count: int, *, has_lip: bool = False) -> str | None:
         """The error template of a target; None: it is not for this form."""
         is_two_sided = form == "plate" and face_count > 1
+        if has_lip and self.lip_errors:
+            return self.lip_errors
         return (self.back_errors or None) if is_two_sided else self.errors.get(form)
 
 
@@ -57,7 +60,7 @@ BUILDS: Mapping[str, Build] = {
             "printed in one piece, in two filaments",
             {"solid": "fdm-dual", "plate": "fdm-board"},
             ("3mf", "stl", "png"),
-            ("sticker_thickness", "ink_side", "mount"),
+            ("sticker_thickness", "lip", "ink_side", "mount"),
             is_two_filament=True,
             back_errors="fdm-board-two-sided",
         ),
@@ -66,7 +69,7 @@ BUILDS: Mapping[str, Build] = {
             "flat pieces in two filaments, put together",
             {"solid": "fdm-tiles", "plate": "fdm-board-tiles"},
             ("3mf", "project", "png"),
-            ("sticker_thickness",),
+            ("sticker_thickness", "lip"),
             is_two_filament=True,
             is_in_parts=True,
         ),
@@ -77,13 +80,14 @@ BUILDS: Mapping[str, Build] = {
             ("stl", "png", "pdf", "svg"),
             ("inlay_depth", "ink_side", "mount"),
             has_stickers=True,
+            lip_errors="lip-stickers",
         ),
         Build(
             "sheet",
             "artwork on one sheet from a print shop",
             {"plate": "sheet-print"},
             ("stl", "png", "pdf", "svg"),
-            ("inlay_depth", "sticker_thickness", "ink_side", "mount"),
+            ("inlay_depth", "sticker_thickness", "lip", "ink_side", "mount"),
             has_body=False,
             back_errors="sheet-two-sided",
         ),

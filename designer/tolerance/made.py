@@ -35,9 +35,9 @@ def error_model_for(target: TargetGeometry) -> Assumed | None:
     # A file made by hand may name a build that is not for its form.
     if (
         target.build is not None
-        and (name := BUILDS[target.build].errors_of(target.form, target.face_count)) is not None
+        and (name := BUILDS[target.build].errors_of(target.form, target.face_count, has_lip=target.has_lip)) is not None
     ):
-        return Assumed(error_model(name), f"its file says the build '{target.build}'")
+        return Assumed(error_model(name), f"its file says the build '{target.build}'{' with lips' * target.has_lip}")
     if target.spec is not None:
         name = BUILDS[builds_of(target.form)[0]].errors_of(target.form, target.face_count) or _BY_OTHERS[1]
         return Assumed(error_model(name), f"its file does not say how the {target.spec.kind} was built")

@@ -58,8 +58,8 @@ def test_the_ways_of_making_are_there() -> None:
     """Each way of making that the commands name is a template."""
     assert preset_names("errors") == [
         "fdm-board", "fdm-board-tiles", "fdm-board-two-sided", "fdm-dual", "fdm-dual-calibrated", "fdm-tiles",
-        "hand-stickers", "laser-engraved", "machined", "pcb", "resin", "sheet-print", "sheet-two-sided", "sls",
-        "uv-composite", "waterslide",
+        "hand-stickers", "laser-engraved", "lip-stickers", "machined", "pcb", "resin", "sheet-print", "sheet-two-sided",
+        "sls", "uv-composite", "waterslide",
     ]  # fmt: skip
 
 
