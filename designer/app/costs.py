@@ -11,12 +11,11 @@ from dataclasses import asdict, dataclass
 from designer.base.answer import Value
 from designer.base.errors import InputError
 from designer.builds.design import Design
-from designer.builds.slicing import colour_words
 from designer.kinds.sizing import size_job
-from designer.kinds.spec_file import parse_spec, spec_to_toml
+from designer.kinds.spec_file import parse_spec, replaced, spec_to_toml
 from designer.make.estimate import DENSITY_G_PER_CM3, DIAMETER_MM, SPOOL_G, PrintEstimate, duration, few_digits, grams
 from designer.make.printability import check_printability
-from designer.page.blocks import Cell, Facts, Fold, Level, Paragraph, Section, Table
+from designer.page.blocks import Cell, Command, Facts, Fold, Level, Paragraph, Table
 from designer.page.folders import Shown, table_of
 from designer.spec.build import BUILDS, builds_of
 from designer.spec.spec import FILAMENT_PRICE, PrintSpec
@@ -28,8 +27,6 @@ MUCH_CHANGING_S = 2 * 3600.0
 MUCH_PURGE_G = 30.0
 """More than that, and more than the print weighs, is waste."""
 COSTS_TITLE = "Time, filament and cost"
-_CHOSEN_ANEW = ("name", "build", "inlay_depth", "sticker_thickness", "formats")
-"""What a build chooses for itself."""
 
 
 @dataclass(frozen=True)
@@ -77,9 +74,9 @@ def _otherwise(design: Design, build: str) -> BuildCosts | None:
     """The same target in another build; None where it cannot be, or has nothing to print."""
     if not BUILDS[build].has_body:
         return None
-    values = {key: value for key, value in tomllib.loads(spec_to_toml(design.job)).items() if key not in _CHOSEN_ANEW}
+    values = replaced(tomllib.loads(spec_to_toml(design.job)), {"build": build})
     try:
-        other = Design(size_job(parse_spec({**values, "build": build}, "")).job)
+        other = Design(size_job(parse_spec(values, "")).job)
         if check_printability(other.target, other.job.printing).violations:
             return None
         return BuildCosts(build, BUILDS[build].is_two_filament, other.estimate)
@@ -106,20 +103,30 @@ def verdict(costs: Costs) -> str:
     faults = costs.own.faults
     if not faults:
         return ""
-    said = f"It takes {duration(costs.own.estimate.time_s)}, {', '.join(faults)}"
+    said = f"It takes {duration(costs.own.estimate.time_s)} and {money(costs.own.estimate)}, {', '.join(faults)}"
     if costs.better is None:
         return f"{said}. A smaller target takes less."
-    other = costs.better.estimate
-    changes = f" and {_changes(other.changes)}" if costs.better.is_two_filament else ""
-    return f"{said}. Better: --build {costs.better.build}, {duration(other.time_s)}{changes}."
+    return f"{said}. Better: --build {costs.better.build}, {cost_words(costs.better.estimate)}."
 
 
-def cost_sentence(estimate: PrintEstimate) -> str:
-    """The same of a sensible one: `3 h 20 min, 4 changes of filament, 120 g`."""
-    parts = [duration(estimate.time_s), grams(estimate.total_g)]
-    if estimate.changes:
-        parts.insert(1, f"{_changes(estimate.changes)} of filament")
-    return f"About {', '.join(parts)}."
+def better_build(costs: Costs, name: str) -> tuple[Command, ...]:
+    """What to type for the build to take instead, in the folder of the design; nothing for a sensible one."""
+    if costs.better is None:
+        return ()
+    build = costs.better.build
+    line = f"design make {name}.toml --build {build} -o {build}"
+    return (Command(line, "Better, typed in this folder"),)
+
+
+def cost_words(estimate: PrintEstimate) -> str:
+    """The same of a sensible one: `3 h 20 min, 4 changes of filament, 120 g, 3.00 EUR`."""
+    changes = (f"{_changes(estimate.changes)} of filament",) * bool(estimate.changes)
+    return ", ".join((duration(estimate.time_s), *changes, grams(estimate.total_g), money(estimate)))
+
+
+def money(estimate: PrintEstimate) -> str:
+    """`3.00 EUR`."""
+    return f"{estimate.price:.2f} {estimate.filament.currency}"
 
 
 def _changes(count: int) -> str:
@@ -128,19 +135,16 @@ def _changes(count: int) -> str:
 
 def cost_table(costs: Costs, printing: PrintSpec) -> Table:
     """This build against the others."""
-    assumed, currency = (", which is assumed", ", EUR") if printing.filament_price == FILAMENT_PRICE else ("", "")
-    shown = Shown[BuildCosts]
+    filament, shown = printing.filament_price, Shown[BuildCosts]
     return table_of(
         (costs.own, *costs.others),
         shown("build", lambda one: f"{one.build}, this design" if one is costs.own else one.build),
         shown("plates", lambda one: len(one.estimate.plates)),
         shown("time", lambda one: _cell(duration, one.estimate.time_s, "usable" if one.faults else None)),
-        shown("changes", lambda one: one.estimate.changes, "of the filament"),
-        shown("purge", lambda one: _cell(grams, one.estimate.purge_g), "filament that changes throw away"),
-        shown("filament", lambda one: _cell(grams, one.estimate.total_g), "all that comes off the spools"),
-        shown(f"price{currency}", lambda one: Cell(f"{one.estimate.price:.2f}", one.estimate.price),
-              f"at {printing.filament_price:g} a kilogram{assumed}: --filament-price"),
-        title="This build and the others",
+        shown("changes", lambda one: one.estimate.changes),
+        shown("purge", lambda one: _cell(grams, one.estimate.purge_g)),
+        shown("filament", lambda one: _cell(grams, one.estimate.total_g)),
+        shown(f"price, {filament.currency}", lambda one: Cell(f"{one.estimate.price:.2f}", one.estimate.price)),
     )  # fmt: skip
 
 
@@ -148,45 +152,38 @@ def _cell(words: Callable[[float], str], value: float, level: Level | None = Non
     return Cell(words(value), value, level=level)
 
 
-def _rests_on(printing: PrintSpec, layers: float) -> str:
+def _rests_on(printing: PrintSpec) -> str:
     """The assumptions in a line."""
-    machine = printing.printer.machine
+    machine, filament = printing.printer.machine, printing.filament_price
+    price = f"{filament.words} a kilogram{', assumed' * (filament == FILAMENT_PRICE)} (--filament-price)"
     change = machine.change
     changing = f"a change of {change.time_s:g} s with {change.purge_to_ink_mm3:g} or {change.purge_to_body_mm3:g} mm³"
     if change.is_tool_changer:
         changing = f"a nozzle for each filament, {change.time_s:g} s and {change.purge_to_ink_mm3:g} mm³ a change"
     return (
-        f"Estimated from the model and the profile of {printing.printer.name}: {machine.shells.words(layers)}, layers "
-        f"of {printing.printer.layer_height_mm:g} mm, {changing}, {machine.start_s / 60:.2g} min a plate for heating "
-        "and levelling. PrusaSlicer differs by up to 15 % in time and 5 % in plastic, printers by more. Without "
-        f"brim{', stand' * printing.stand} and supports."
+        f"{price}; {printing.printer.name}: {changing}, {machine.start_s / 60:.2g} min a plate to heat; without "
+        f"brim{', stand' * printing.stand} and supports. PrusaSlicer differs by up to 15 % in time, 5 % in plastic; "
+        "printers by more."
     )
 
 
-def cost_section(costs: Costs, printing: PrintSpec, plate_layers: float = math.inf) -> Section:
+def cost_fold(costs: Costs, printing: PrintSpec) -> Fold:
     """This build against the others, and its filament by slot."""
     one = costs.own.estimate
-    layers = "1 layer holds" if one.inked_layers == 1 else f"{one.inked_layers} layers hold"
-    why = f" {layers} ink, which makes {_changes(one.changes)}." if one.changes else ""
     start_s = sum(plate.start_s for plate in one.plates)
-    parts = (("printing", one.time_s - one.changing_s - start_s), ("changing", one.changing_s), ("heating up", start_s))
+    parts = (("printing", one.time_s - one.changing_s - start_s), ("changing", one.changing_s), ("heating", start_s))
     times = ", ".join(f"{name} {duration(time_s)}" for name, time_s in parts if time_s)
-    facts = Facts((*_slots(one, printing), ("time", times)))
-    note = Fold("What the estimate rests on", (Paragraph(_rests_on(printing, plate_layers)),))
-    return Section(COSTS_TITLE, (facts, cost_table(costs, printing), note), f"{cost_sentence(one)}{why}")
+    facts = Facts((*_slots(one), ("time", times)))
+    table = (cost_table(costs, printing),) if costs.others else ()
+    return Fold(COSTS_TITLE, (*table, facts, Paragraph(_rests_on(printing))))
 
 
-def _slots(one: PrintEstimate, printing: PrintSpec) -> Iterator[tuple[str, str]]:
+def _slots(one: PrintEstimate) -> Iterator[tuple[str, str]]:
     """What comes off each spool, of PLA of 1.75 mm."""
-    body, ink = colour_words(printing.body_colour), colour_words(printing.ink_colour)
-    slots = (
-        ("slot 1", f"{body if one.ink_g else 'any colour'}, body", one.body_g), ("slot 2", f"{ink}, ink", one.ink_g),
-        ("purged", "of both", one.purge_g),
-    )  # fmt: skip
-    for slot, what, mass_g in slots:
+    for slot, mass_g in (("body", one.body_g), ("ink", one.ink_g), ("purged", one.purge_g)):
         if mass_g:
             length_m = mass_g / DENSITY_G_PER_CM3 / (math.pi / 4 * DIAMETER_MM**2)
-            yield slot, f"{grams(mass_g)} {what}, {few_digits(length_m)} m"
+            yield slot, f"{grams(mass_g)}, {few_digits(length_m)} m"
 
 
 def costs_summary(costs: Costs) -> Value:
@@ -197,7 +194,8 @@ def costs_summary(costs: Costs) -> Value:
             "changing_s": round(way.estimate.changing_s), "changes": way.estimate.changes,
             "body_g": round(way.estimate.body_g, 2), "ink_g": round(way.estimate.ink_g, 2),
             "purge_g": round(way.estimate.purge_g, 2), "spools": round(way.estimate.spools, 3),
-            "price": round(way.estimate.price, 2), "faults": list(way.faults),
+            "price": round(way.estimate.price, 2), "currency": way.estimate.filament.currency,
+            "faults": list(way.faults),
             "plates": [asdict(plate) for plate in way.estimate.plates],
         }
         for way in (costs.own, *costs.others)

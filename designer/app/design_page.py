@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import cast
 
-from designer.app.costs import Costs, cost_section, cost_sentence, costs_of, verdict
+from designer.app.costs import Costs, better_build, cost_fold, cost_words, costs_of, verdict
 from designer.app.measuring import measure_blocks, photo_blocks
 from designer.app.stands import stand_section, trial_sections
 from designer.base.answer import program
@@ -16,13 +16,12 @@ from designer.base.units import NO_SKEW, format_skew
 from designer.base.words import capital, with_article
 from designer.builds.design import Design, maker_of
 from designer.builds.pictures import Panels, preview_panels, printed_ink, printed_scene
-from designer.builds.slicing import colour_words, layers_of
+from designer.builds.slicing import colour_words
 from designer.formats.folder import OutputFile
-from designer.kinds.layout import adjacent_faces, opposite_faces
+from designer.kinds.layout import opposite_faces
 from designer.make.bed import printed_size_mm
 from designer.make.printability import RULES, PrintCheck, sentence
 from designer.page.blocks import (
-    Block,
     Facts,
     Figure,
     FileList,
@@ -33,7 +32,6 @@ from designer.page.blocks import (
     Leaf,
     Link,
     Page,
-    Paragraph,
     Section,
     Steps,
     View3d,
@@ -47,7 +45,6 @@ from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
 RULES_TITLE = "Printability"
-_MEASURE_LEAD = "A length and the photos say how far the print is from the drawing; the calibration uses the print."
 DOT, RING = "●", "○"
 
 Guide = Callable[[str, TargetGeometry, str], tuple[str, ...]]
@@ -71,38 +68,49 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile], 
     job, costs = design.job, costs or costs_of(design)
     preview = next((file.content for file in files if file.name == f"{job.name}.png"), None)
     panels, others = None if preview is None else preview_panels(preview), other_makers(design, files)
-    listed = FileList(tuple(FileRow(file.name, file.purpose, len(file.content)) for file in files))
+    plates = tuple(f"{job.name}.{plate.name}." for plate in design.plates if plate.name)  # whose pictures say it
+    listed = FileList(tuple(
+        FileRow(file.name, "" if file.name.startswith(plates) else file.purpose, len(file.content)) for file in files
+    ))  # fmt: skip
+    graded = job.target.is_graded
     return Page(
         title=job.name,
         kind="Target",
         headline=headline(job.printing, check, costs),
-        lead=_lead(design, panels),
+        lead=(
+            _view(design, panels), *better_build(costs, job.name), *findings_of(check),
+            dimension_facts(design),
+        ),
         sections=(
-            *((cost_section(costs, job.printing, layers_of(design)),) if costs.is_printed else ()),
-            Section(RULES_TITLE, rule_blocks(check), _rule_lead(job.printing, check)),
             maker_of(job.printing).making(design, files),
             *((stand_section(design),) if job.printing.stand else ()),
             *(() if others is None else (others,)),
-            *_use_sections(design, panels),
-            Section("Files", (Fold(f"{len(files)} files", (listed,)),),
-                    f"{job.name}.target.json is what calib reads."),
+            *(trial_sections(design) if graded else _use_sections(design)),
+            Section("Details", (
+                *((cost_fold(costs, job.printing),) if costs.is_printed else ()),
+                Fold(RULES_TITLE, rule_blocks(check, job.printing)),
+                *((Fold("Codes", codes),) if (codes := (*_net(design, panels), *code_blocks(design))) else ()),
+                Fold("Files", (listed,)),
+            )),
         ),
         made_by=f"design make {job.name}.toml",
         program=program(),
     )  # fmt: skip
 
 
-def rule_blocks(check: PrintCheck) -> tuple[Block, ...]:
-    """What rules say against a print; those that hold are a line that opens."""
+def findings_of(check: PrintCheck) -> tuple[Leaf, ...]:
+    """What rules say against a print."""
+    told = tuple(row for row in check.told().rows if row.level in ("bad", "usable"))
+    return (Findings(told),) if told else ()
+
+
+def rule_blocks(check: PrintCheck, printing: PrintSpec) -> tuple[Leaf, ...]:
+    """The rules that hold, and what they were held to."""
     rows = check.told().rows
-    holding = [row for row in rows if row.level == "good"]
-    told = tuple(row for row in rows if row.level != "good")
-    table = text_table(
-        "", ("rule", "here", "limit"), [(row.title, row.measured, row.rule or row.text) for row in holding]
-    )
-    count = f"{len(holding)} rule{'s hold' if len(holding) > 1 else ' holds'}"
-    names = ", ".join(row.title.lower() for row in holding)
-    return (*((Findings(told),) if told else ()), *((Fold(f"{count}: {names}", (table,)),) if holding else ()))
+    notes = tuple(row for row in rows if row.level == "note" and not printing.is_two_filament)  # whose settings say it
+    holding = [(row.title, row.measured, row.rule or row.text) for row in rows if row.level == "good"]
+    table = text_table(f"Lines of {printing.pattern_line_mm:g} mm", ("rule", "here", "limit"), holding)
+    return (*((Findings(notes),) if notes else ()), *((table,) if holding else ()))
 
 
 def other_makers(design: Design, files: Sequence[OutputFile]) -> Section | None:
@@ -120,18 +128,13 @@ def other_makers(design: Design, files: Sequence[OutputFile]) -> Section | None:
     return Section("Lasers, cutters, board houses", tuple(folds), lead) if folds else None
 
 
-def _use_sections(design: Design, panels: Panels | None) -> tuple[Section, ...]:
+def _use_sections(design: Design) -> tuple[Section, ...]:
     """What to do with the print."""
-    if design.job.target.is_graded:
-        return trial_sections(design)
-    target = design.target
-    codes = "Three dots tell how the board is turned: the table of them" if target.is_dot.any() else "No dots"
-    if target.has_codes:
-        codes = f"Dots tell each of the {target.face_count} faces: the table of codes"
     return (
-        Section("Photos and the camera", photo_blocks(design), "Type the commands in this folder."),
-        Section("What was printed: measure it", measure_blocks(design), _MEASURE_LEAD),
-        Section("Codes", (*_net(design, panels), Fold(codes, code_blocks(design)))),
+        Section(
+            "Photos and the camera", photo_blocks(design), "Photos go into the folder photos; commands are typed here."
+        ),
+        Section("Measure the print", measure_blocks(design)),
     )
 
 
@@ -149,38 +152,27 @@ def headline(printing: PrintSpec, check: PrintCheck, costs: Costs | None = None)
         rules = f"{warned} of {count} design rules warn on {how}: {which}."
     if costs is not None and (against := verdict(costs)):
         return Headline("usable", "printable, but not sensible", f"{against} {rules}")
-    cost = f"{cost_sentence(costs.own.estimate)} " if costs and costs.is_printed else ""
+    cost = f"About {cost_words(costs.own.estimate)}. " if costs and costs.is_printed else ""
     if warnings:
         return Headline("usable", "printable with care", f"{cost}{rules}")
     return Headline("good", "printable", f"{cost}{rules}")
 
 
-def _rule_lead(printing: PrintSpec, check: PrintCheck) -> str:
-    """What the rules were held to."""
-    held = f"Held to lines of {printing.pattern_line_mm:g} mm"
-    if printing.is_two_filament:
-        held += f" and layers of {printing.printer.layer_height_mm:g} mm"
-    if any(finding.level == "warning" for finding in check.findings):
-        return f"{held}. What warns comes out less true to the drawing."
-    return f"{held}."
-
-
-def _lead(design: Design, panels: Panels | None) -> tuple[Block, ...]:
-    """The target in 3D, and its dimensions."""
+def _view(design: Design, panels: Panels | None) -> View3d:
+    """The target in 3D."""
     what, target = design.job.target.words, design.target
     dots = int(target.is_dot.sum())
-    view = View3d(
-        "The target",
+    return View3d(
+        "As designed",
         printed_scene(design),
         f"{capital(with_article(what))} with {target.ring_count - dots} rings and {dots} dots in "
         f"{colour_words(design.job.printing.ink_colour)} on {colour_words(design.job.printing.body_colour)}.",
-        caption=f"{capital(what)}, as designed. {sentence(printed_ink(design).lettering.remark)}",
+        caption=sentence(printed_ink(design).lettering.remark),
         poster=None if panels is None else panels.target,
     )
-    return (view, dimension_facts(design))
 
 
-def _net(design: Design, panels: Panels | None) -> tuple[Block, ...]:
+def _net(design: Design, panels: Panels | None) -> tuple[Leaf, ...]:
     """All faces unfolded, from the preview."""
     if panels is None or panels.net is None:
         return ()
@@ -189,22 +181,22 @@ def _net(design: Design, panels: Panels | None) -> tuple[Block, ...]:
         alt = f"The back of the board with its own three dots among {design.target.ring_count // 2} rings."
         return (Figure("The back", panels.net, alt, "Face 1, as seen from behind.", links),)
     alt = f"The net of the target: all {design.target.face_count} faces side by side with their numbers and codes."
-    return (Figure("All faces unfolded", panels.net, alt, "Seen from outside.", links, is_wide=True),)
+    return (Figure("All faces unfolded, from outside", panels.net, alt, "", links, is_wide=True),)
 
 
 def dimension_facts(design: Design) -> Facts:
     """What a drawing would say."""
     spec, target = design.job.target, design.target
-    rings = f"{target.ring_count} in all, of which {int(target.is_dot.sum())} are dots"
+    rings = f"{target.ring_count} with {int(target.is_dot.sum())} dots"
     if not target.is_planar:
-        rings = f"{target.ring_count // target.face_count} on each of {target.face_count} faces, {rings}"
+        rings = f"{rings}, {target.ring_count // target.face_count} a face"
     centre_mm = spec.ring_diameter_mm * spec.ring_ratio
     return Facts((
         *spec.facts(),
         ("rings", rings),
-        ("ring", f"diameter {spec.ring_diameter_mm:g} mm, white centre {centre_mm:.4g} mm"),
-        ("pitch", f"{spec.pitch_mm:g} mm between neighbouring centres"),
-        ("border", f"{spec.border_mm:g} mm" if spec.border_mm else "none"),
+        ("ring", f"{spec.ring_diameter_mm:g} mm, white centre {centre_mm:.4g} mm"),
+        ("pitch", f"{spec.pitch_mm:g} mm"),
+        *((("border", f"{spec.border_mm:g} mm"),) if spec.border_mm else ()),
         *_print_rows(design),
         ("target id", target.geometry_id),
     ))  # fmt: skip
@@ -220,7 +212,7 @@ def _print_rows(design: Design) -> list[tuple[str, str]]:
         width, height = pages[0].width_mm, pages[0].height_mm
         return [("sheet", f"{len(pages)} page{'s' * (len(pages) > 1)} of {width:.0f} x {height:.0f} mm")]
     size = " x ".join(f"{length:.1f}" for length in printed_size_mm(design.target, printing))
-    rows = [("on the bed", f"{size} mm")]
+    rows = [] if design.target.is_plate and design.scale == 1 else [("on the bed", f"{size} mm")]
     if printing.is_two_filament:
         offset = f", grown by {printing.ink_offset_mm:+g} mm a side" if printing.ink_offset_mm else ""
         rows.append(("ink", f"{printing.inlay_mm:g} mm deep{offset}"))
@@ -235,28 +227,17 @@ def _print_rows(design: Design) -> list[tuple[str, str]]:
 
 
 def code_blocks(design: Design) -> tuple[Leaf, ...]:
-    """How faces are told apart, or how a board tells its orientation."""
-    target = design.target
-    return _face_codes(target) if target.has_codes else _origin_mark(target)
-
-
-def _face_codes(target: TargetGeometry) -> tuple[Leaf, ...]:
+    """How faces are told apart."""
+    target, shown = design.target, Shown[int]
+    if not target.has_codes:
+        return ()
     opposite = {a: b for pair in opposite_faces(target) for a, b in (pair, pair[::-1])}
-    beside, codes, shown = adjacent_faces(target).tolist(), target.face_code.tolist(), Shown[int]
-    note = (
-        f"Which of the {len(code_positions(codes[0]))} positions in a face's corner carry dots tells the face and its "
-        "turn. i counts from the code corner down the left side, j down the right one, seen from outside with that "
-        "corner up."
-    )
+    codes = target.face_code.tolist()
+    note = f"{len(code_positions(codes[0]))} positions, row by row from a face's code corner: the face and its turn."
     table = table_of(
         range(target.face_count),
         shown("face", lambda face: face),
-        shown("marks", lambda face: _code_marks(codes[face]),
-              "positions row by row from the code corner; ● dot, ○ ring"),
-        shown("dots at (i, j)", lambda face: ", ".join(map(str, sorted(CODES[codes[face]]))),
-              "index in the face's lattice, as in the target file"),
-        shown("beside it", lambda face: ", ".join(map(str, beside[face])),
-              "the faces across its edges, counter-clockwise from the code corner"),
+        shown("marks", lambda face: _code_marks(codes[face])),
         shown("opposite", lambda face: opposite.get(face, "")),
         title="Codes of the faces", note=note, visible_rows=20,
     )  # fmt: skip
@@ -264,30 +245,7 @@ def _face_codes(target: TargetGeometry) -> tuple[Leaf, ...]:
 
 
 def _code_marks(code: int) -> str:
-    """`● ○○ ●○●`: the corner block, row by row from the code corner."""
+    """`●/○○/●○●`: the corner block, row by row from the code corner."""
     dots, place = CODES[code], code_positions(code)
     rows = sorted({i + j for i, j in place})
-    return " ".join("".join(DOT if at in dots else RING for at in place if sum(at) == row) for row in rows)
-
-
-def _origin_mark(target: TargetGeometry) -> tuple[Leaf, ...]:
-    (dots,) = target.is_dot.nonzero()
-    if not len(dots):
-        text = "Origin and orientation cannot be told from a photo, only up to the symmetry of the lattice."
-        return (Paragraph(text),)
-    several, place, shown = not target.is_planar, target.center_in_face_mm, Shown[int]
-    keep = "Keep them in every photo: a board whose dots are all hidden cannot be named."
-    note = f"No turn and no mirror image maps the three dots onto themselves. {keep}"
-    if several:
-        note = f"No two dots of the back are as far apart as two of the front: two tell the face. {keep}"
-    table = table_of(
-        dots.tolist(),
-        *((shown("face", lambda dot: int(target.ring_face[dot]), "0 is the front, 1 the back"),) if several else ()),
-        shown("ring", lambda dot: dot, "row in the target file"),
-        shown("index (i, j)", lambda dot: f"({target.ring_index[dot, 0]}, {target.ring_index[dot, 1]})"),
-        shown("x mm", lambda dot: f"{place[dot, 0]:.3f}",
-              "from the middle of the board, to the right as one looks at the face"),
-        shown("y mm", lambda dot: f"{place[dot, 1]:.3f}", "upwards"),
-        title="The marks of both faces" if several else "The origin mark", note=note,
-    )  # fmt: skip
-    return (table,)
+    return "/".join("".join(DOT if at in dots else RING for at in place if sum(at) == row) for row in rows)

@@ -89,7 +89,11 @@ class WrittenDesign(Result, kind="design", title="Target", doing="designing", is
         if self.written.left:
             text = f"{', '.join(self.written.left)}; maybe of another target"
             rows.append(Finding("usable", "left from an earlier run", text))
-        table = (replace(cost_table(costs, design.job.printing), note=""),) if costs.is_printed else ()
+        table = (
+            (replace(cost_table(costs, design.job.printing), title="This build and the others"),)
+            if costs.is_printed
+            else ()
+        )
         return Page(
             "", "", self.written.page.headline, (Section("", (*table, Findings(tuple(rows)))),),
             lead=(Facts((*facts.rows, *chosen, make)),), next_steps=(Command(self._run_line),),

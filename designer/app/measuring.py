@@ -117,7 +117,7 @@ def _sides_of_face(target: TargetGeometry, face: int, name: str) -> list[Caliper
     place, outline = target.center_in_face_mm[rings, :2], target.outline_mm[face]
     nearest = rings[np.linalg.norm(place[:, None] - outline, axis=2).argmin(axis=0)].tolist()
     return [
-        _between_rings(target, f"{name}, corner {a} to corner {b}", nearest[a], nearest[b])
+        _between_rings(target, f"{name}, corner {a} to {b}", nearest[a], nearest[b])
         for a, b in combinations(range(len(outline)), 2)
     ]
 
@@ -147,9 +147,7 @@ def _plate_lengths(design: Design) -> tuple[Caliper, ...]:
     is_printed = design.job.printing.is_two_filament  # else a hand or a shop cuts the plate
     sides = (*np.ptp(target.outline_mm[0], axis=0).tolist(), design.job.target.depth_mm)
     rows = [
-        Caliper(
-            f"{name} of the plate", length, is_modelled=is_printed and name != "thickness", is_long=length > REACH_MM
-        )
+        Caliper(name, length, is_modelled=is_printed and name != "thickness", is_long=length > REACH_MM)
         for name, length in zip(("width", "height", "thickness"), sides, strict=True)
     ]
     pairs = {
@@ -212,25 +210,22 @@ def measure_blocks(design: Design) -> tuple[Block, ...]:
     is_plate = design.target.is_plate
     hints = _plate_hints(measuring) if is_plate else _solid_hints(measuring)
     told = [(name, capital(why)) for name, why in (_plate_meaning if is_plate else _solid_meaning)(measuring)]
-    deviations = Fold("What deviations mean", (text_table("", ("what you find", "what it means"), told),))
+    deviations = Fold("What deviations mean", (text_table("", ("found", "means"), told),))
     return (_length_table(measuring), hints, deviations, *_commands(measuring))
 
 
 def _length_table(measuring: _Measuring) -> Table:
     """Design values, and between which values a print usually lies; lengths that are alike are a row."""
-    columns = (
-        Column("length", is_number=False),
-        Column("design, mm", note="what a perfect print has after cooling"),
-        Column("usual, mm", note=f"two standard deviations of the error template {measuring.errors.name}"),
-    )
-    alike: dict[tuple[str, bool], list[Caliper]] = {}
+    columns = (Column("length", is_number=False), Column("design, mm"), Column("usual, mm"))
+    alike: dict[tuple[str, str, bool], list[Caliper]] = {}
     for one in measuring.lengths:
-        mark = f"{one.length_mm:.2f}" if one.option.startswith("face") else one.what
-        alike.setdefault((mark, one.is_upright), []).append(one)
+        alike.setdefault((f"{one.length_mm:.2f}", one.error_source, one.is_upright), []).append(one)
     rows = []
     for lengths in alike.values():
         one, count = lengths[0], len(lengths)
-        what = one.what if count == 1 else f"each of {count} pairs of opposite faces, as {one.what}"
+        what = "; ".join((one.what, *(other.what.rpartition(", ")[2] for other in lengths[1:])))
+        if count > 1 and one.option.startswith("face"):
+            what = f"each of {count} pairs of opposite faces, as {one.what}"
         usual_mm = measuring.usual_mm(one) if one.is_modelled else None
         rows.append((
             Cell(f"{what}{', along z' if one.is_upright else ''}"),
@@ -238,8 +233,8 @@ def _length_table(measuring: _Measuring) -> Table:
             Cell("" if usual_mm is None else f"± {usual_mm:.2f}", usual_mm),
         ))  # fmt: skip
     notes = (
-        f"* longer than a caliper of {REACH_MM:g} mm reaches." * any(one.is_long for one in measuring.lengths),
-        "z is the printer's upright axis." * any(one.is_upright for one in measuring.lengths),
+        f"Usual: two standard deviations of {measuring.errors.name}.",
+        f"* takes more than a caliper of {REACH_MM:g} mm." * any(one.is_long for one in measuring.lengths),
     )
     return Table("Lengths for the caliper", columns, tuple(rows), " ".join(filter(None, notes)), visible_rows=13)
 
@@ -249,23 +244,19 @@ def _solid_hints(measuring: _Measuring) -> Steps:
     pairs = [one for one in measuring.lengths if one.option.startswith("face")]
     reach: tuple[str, ...] = ()
     if all(one.is_long for one in pairs):
-        words = f"Across the faces, {pairs[0].length_mm:.2f} mm, it takes a caliper of 200 mm or a height gauge"
+        words = "Across the faces it takes a caliper of 200 mm or a height gauge"
         if not measuring.is_face_to_face:
-            in_parts = measuring.design.job.printing.way.is_in_parts
-            which = "a tile" if in_parts else "the top face, opposite the face on the bed"
             words += (
-                f": the better length, 'face-to-face' in the commands below. With one of {REACH_MM:g} mm measure the "
-                f"sides of {which}, whose corners count counter-clockwise from the code corner, 0. "
-                f"{_ring_words(measuring)}"
+                ": the better length, 'face-to-face' in the commands. Else the sides of a face, corners "
+                f"counter-clockwise from its code corner, 0. {_ring_words(measuring)}"
             )
         reach = (f"{words.removesuffix('.')}.",)
     between = " between the lips, which stand out" * measuring.design.target.has_lip
     return Steps((
-        "Let the print cool to the room. Cut brim and blobs off.",
+        "Cooled to the room, brim and blobs cut off.",
         *reach,
-        f"Close the jaws flat on opposite faces, in their middles{between}, and turn the part for the least reading; "
-        "over the corners, which print rounds, it is too little.",
-        "Measure as many pairs as you can: their mean is the size, their differences are the shape.",
+        f"Jaws flat on the middles of opposite faces{between}; turn for the least reading; corners are rounded.",
+        "As many pairs as you can: their mean is the size, their differences the shape.",
     ))  # fmt: skip
 
 
@@ -273,9 +264,9 @@ def _plate_hints(measuring: _Measuring) -> Steps:
     """How to lay the caliper on."""
     is_printed = measuring.design.job.printing.is_two_filament
     return Steps((
-        "Let the print cool to the room." if is_printed else "Measure the sheet on its carrier, as it will be used.",
+        "Cooled to the room." if is_printed else "On its carrier, as it will be used.",
         _ring_words(measuring),
-        "The plate: outside, at both ends and in the middle; its thickness at the four corners.",
+        "Width, height at both ends and the middle; thickness at the corners.",
     ))  # fmt: skip
 
 
@@ -283,8 +274,8 @@ def _ring_words(measuring: _Measuring) -> str:
     """How the distance of two rings is taken."""
     example, diameter = measuring.example, 2 * float(measuring.design.target.radius_outer_mm.max())
     return (
-        "Ring to ring is centre to centre, the mean of over the outer and between the inner edges, so that bleed "
-        f"cancels: of {example.option} {example.length_mm + diameter:.2f} and {example.length_mm - diameter:.2f} mm."
+        "Ring to ring is the mean of over the outer and between the inner edges, so that bleed cancels: of "
+        f"{example.option} {example.length_mm + diameter:.2f} and {example.length_mm - diameter:.2f} mm."
     )
 
 
@@ -293,17 +284,17 @@ def _solid_meaning(measuring: _Measuring) -> list[tuple[str, str]]:
     length, skew = max(one.length_mm for one in measuring.lengths), skew_effect_mm(design, skew_rad)
     differ = "axes of the printer that are off one by one; a skew changes none of these lengths"
     if skew > _LEAST_EFFECT_MM:
-        usual = f"a usual skew of {math.degrees(skew_rad):.2g} deg changes a pair by up to {skew:.2f} mm"
+        usual = f"a usual {math.degrees(skew_rad):.2g} deg changes a pair by up to {skew:.2f} mm"
         differ = f"skewed axes of the printer: {usual}"
     size = ("all pairs off alike", f"size: 0.1 mm is {10 / length:.2g} %. {_size_remedy(design)}")
     if design.job.printing.way.is_in_parts:
-        badly = "a tile that sits badly: glue on a pad, a blob in a hole, a bow. calib measure names the tile"
+        badly = "a tile that sits badly (glue, a blob, a bow): calib measure names it"
         return [size, ("one pair too long", badly), ("all pairs too long", "thick glue, or pads that stand proud")]
     rows = [
         size,
-        ("pairs differ", f"{differ}. Photos tell the three angles: calib measure, then --skew-compensation"),
+        ("pairs differ", f"{differ}; calib measure tells --skew-compensation"),
         *(
-            (f"only {one.what}", "height: first layer squeezed, or the z axis. calib measure tells the axes")
+            (f"only {one.what}", "height: a squeezed first layer, or the z axis")
             for one in measuring.lengths
             if one.is_upright
         ),
@@ -317,30 +308,25 @@ def _plate_meaning(measuring: _Measuring) -> list[tuple[str, str]]:
     design, example = measuring.design, measuring.example
     one_axis = "carriage or feed of the printer alone: calib measure tells it"
     if design.job.printing.is_two_filament:
-        one_axis = "one axis of the printer alone: calib measure tells it, the slicer's scale of that axis corrects it"
+        one_axis = "one axis of the printer: calib measure tells it, the slicer's scale corrects it"
     size = f"size: 0.1 mm of {example.option} is {10 / example.length_mm:.2g} %. {_size_remedy(design)}"
     usual_deg = math.degrees(measuring.sigma("skew"))
-    skew = (
-        f"each 0.1 mm between the two is {0.1 * skew_per_mm_deg(design.target):.2g} deg; {usual_deg:.2g} deg is usual"
-    )
+    skew = f"0.1 mm between them is {0.1 * skew_per_mm_deg(design.target):.2g} deg; {usual_deg:.2g} deg is usual"
     return [
         ("all lengths off alike", size),
         ("rows off, columns not", one_axis),
         ("diagonals differ", f"skew: {skew}"),
-        ("light under a straight edge along a diagonal", "a bent plate: calib measure takes a bow back that stays"),
+        ("light under a straight edge", "a bent plate: calib measure takes back a bow that stays"),
     ]
 
 
 def _size_remedy(design: Design) -> str:
     """What is done about a wrong size."""
     if not design.job.printing.way.has_body:
-        return "Give the length to calib measure; a new sheet is not needed"
+        return "calib measure takes it back"
     made = design.job.printing.shrink_compensation_percent
     had = f" (this one has {made:g}%)" if made else ""
-    return (
-        f"Give the length to calib measure, which tells the --shrink-compensation of the next print{had}; photos "
-        "alone never tell size"
-    )
+    return f"calib measure tells --shrink-compensation{had}"
 
 
 def example_length(design: Design) -> str:
@@ -361,15 +347,14 @@ def _commands(measuring: _Measuring) -> tuple[Block, ...]:
         made = f' --length "face 0 to face 1:{READING}mm+-{_CALIPER_MM:g}mm"{made}'
     return (
         Paragraph(
-            f"Put {what} in place of {READING}, and for +-{_CALIPER_MM:g}mm (DIN 862, up to 100 mm) what your caliper "
-            "may be off. No new print is needed."
+            f"{READING}: {what}; +-{_CALIPER_MM:g}mm: what your caliper may be off (DIN 862, up to 100 mm)."
         ),
         Command(
             f'calib measure {target} camera/detections.csv --length "{length}"{made} -o measured/{target}',
-            "after calib run: size, shape and every face, from the photos and one length",
+            "after calib run: size, shape and every face",
         ),
-        Command(f"calib run measured/{target} photos -o camera", "the camera again, from the target as printed"),
-        Fold("Quicker: the size from one length, the shape as designed", (
+        Command(f"calib run measured/{target} photos -o camera", "the camera, of the target as printed"),
+        Fold("Quicker: the size alone", (
             Command(f'calib measure {target} --measured-length "{length}"{shrunk} -o measured/{target}'),
         )),
     )  # fmt: skip
@@ -385,35 +370,34 @@ def made_with(printing: PrintSpec) -> str:
 def photo_blocks(design: Design) -> tuple[Block, ...]:
     """How to take the photos, and the commands that follow, run in the folder of the page."""
     name, ring_mm = design.job.name, design.job.target.ring_diameter_mm
-    count = "20 to 30 photos from all sides; turn the target between them. Fewer than 20 hardly measure the print."
+    count = "20 to 30 from all sides, the target turned between them; fewer than 20 hardly measure the print."
     if design.job.printing.way.is_in_parts:
         count = (
-            "20 to 30 photos from all sides, turned between them; to measure how tiles sit 40, five tiles in each: of "
-            "15, simulated, a tenth of the tiles stayed unknown, of 40 none."
+            "20 to 30 from all sides, turned between them; 40, five tiles in each, tell how tiles sit (of 15, "
+            "simulated, a tenth stayed unknown)."
         )
     if design.target.is_plate:
-        count = "20 to 30 photos, tilted by 20 to 50 degrees about different axes, a few straight on; 6 at the least."
+        count = "20 to 30, tilted by 20 to 50 degrees about different axes, a few straight on; 6 at the least."
+        keep = "its dots in all, or it cannot be named"
+        count += f" {capital(keep if design.target.is_dot.any() else 'without dots it may be named turned')}."
     if design.target.has_back:
         count += " Of either side; cameras that face each other need photos of both taken at the same time."
     rules = Steps((
-        "Fix focus, zoom and aperture; no stabilisation or lens correction, full resolution; soft light, no lamp "
+        "Focus, zoom, aperture fixed; no stabilisation or lens correction, full resolution; soft light, no lamp "
         "mirrored.",
         count,
-        "Rings up to the image's edges and corners in some, two or more distances; a ring "
-        f"{_LEAST_RING_PX} pixels or more across: no farther than {1000 * ring_mm / _LEAST_RING_PX:.0f} mm for each "
-        "1000 pixels of focal length.",
-        "One camera's photos in a folder photos beside this page.",
+        f"Rings up to edges and corners in some; two or more distances; rings {_LEAST_RING_PX} pixels or more across: "
+        f"at most {1000 * ring_mm / _LEAST_RING_PX:.0f} mm away per 1000 pixels of focal length.",
     ))  # fmt: skip
     errors = _Measuring(design).errors
     return (
         rules,
-        Command(f"calib run {name}.target.json photos -o camera", "from the photos to the camera, with a verdict"),
-        Fold("Without a print: simulated photos, and what usual errors would cost", (
-            Command(simulated_line(design), "simulated photos with known truth"),
-            Command(f"calib run {name}.target.json simulated -o simulated-camera", "and the camera that they give"),
+        Command(f"calib run {name}.target.json photos -o camera", "the camera"),
+        Fold("Without a print", (
+            Command(simulated_line(design), "simulated photos, for calib run"),
             Command(
                 f"design tolerance {name}.target.json --errors {errors.name} --linear -o tolerance",
-                f"what usual errors would cost, in seconds: {errors.title}",
+                f"what usual errors cost: {errors.title}",
             ),
         )),
     )  # fmt: skip

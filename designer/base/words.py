@@ -100,6 +100,15 @@ def figure(number: float, digits: int = 4) -> str:
     return f"{number:.{digits - 1}e}"
 
 
+def runs(numbers: Sequence[int]) -> str:
+    """Numbers with those that follow one another in a word: `5 to 19, 0`."""
+    parts: list[tuple[int, int]] = []
+    for number in numbers:
+        first = parts.pop()[0] if parts and parts[-1][1] == number - 1 else number
+        parts.append((first, number))
+    return ", ".join(str(a) if a == b else f"{a} to {b}" for a, b in parts)
+
+
 def span(numbers: Iterable[float], digits: int = 4) -> str:
     """From the least to the largest of some numbers, or the one that they all are: `3.1 to 4.2`."""
     known = list(numbers)

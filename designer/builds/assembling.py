@@ -12,6 +12,7 @@ import numpy as np
 from manifold3d import triangulate
 
 from designer.base.arrays import Array
+from designer.base.words import runs
 from designer.builds.design import Design
 from designer.builds.plates import plate_folds
 from designer.builds.slicing import print_settings, slicer_folds
@@ -115,30 +116,25 @@ def assembling_section(design: Design, assembly: Assembly, files: Sequence[Outpu
     count, inked = len(design.target.target_from_face), sum(plate.is_two_filament for plate in design.plates)
     sizes = assembly.sizes
     lead = (
-        f"{count} flat tiles on {inked} plate{'s' * (inked > 1)} in two filaments, a core in one; each tile fits one "
-        "seat in one orientation, and each can be printed again alone."
+        f"{count} flat tiles on {inked} plate{'s' * (inked > 1)} in two filaments, a core in one; each tile can be "
+        "printed again alone."
     )
     view = View3d(
         "Taken apart",
         exploded_scene(design, assembly),
         f"{count} numbered tiles around a core; the colour of their backs tells the plate that they are printed on.",
-        caption="The number of a tile is engraved on its back and in its seat.",
+        caption="Numbers are engraved on backs and in seats.",
     )
-    lying = (
-        "face up: ink in the last layers, matt, less flat than the bed; --ink-side down gives smooth ones that shine"
-    )
+    lying = "face up: ink in the last layers, matt, less flat than the bed; --ink-side down: smooth, and shines"
     gloss: tuple[str, ...] = ()
     if sizes.ink_side == "down":
-        lying = "face down: ink in the first layers, as flat as the bed and as glossy; a textured sheet gives it grain"
-        gloss = ("If faces shine, mat them: a thin coat of matt varnish, or wet abrasive of grit 1000; try one tile.",)
-    outline = (
-        f"; a chamfer of {sizes.chamfer_mm:g} mm is there for the foot, {sizes.clearance_mm:g} mm between neighbours"
-    )
+        lying = "face down: ink in the first layers, as flat and glossy as the bed; a textured sheet gives it grain"
+        gloss = ("Mat faces that shine: thin matt varnish, or wet abrasive of grit 1000; try one tile.",)
+    outline = f"; the chamfer of {sizes.chamfer_mm:g} mm is for the foot, {sizes.clearance_mm:g} mm between neighbours"
     look = Steps((
         "Let the bed cool before you take tiles off: bent warm they stay bent.",
-        "A steel rule along the three heights or both diagonals: a bow of more than 0.1 mm, half a layer, is printed "
-        "again.",
-        "Cut off strings and blobs at the edge or on the back: they keep a tile off its seat.",
+        "Print a tile again that bows by more than 0.1 mm under a steel rule.",
+        "Cut off strings and blobs at edge and back.",
         *gloss,
     ))  # fmt: skip
     blocks: tuple[Block, ...] = (
@@ -164,7 +160,7 @@ def _core_table(design: Design, assembly: Assembly) -> Table:
             corners = piece.part.body.vertices_mm @ piece.bed_from_part[:3, :3].T
             size = " x ".join(f"{length:.0f}" for length in (corners.max(axis=0) - corners.min(axis=0)))
             part = next((one for one in assembly.core if one.name == piece.name), None)
-            seats = "" if part is None else ", ".join(map(str, part.seats))
+            seats = "" if part is None else runs(part.seats)
             alone = len(plate.pieces) == 1
             share = takes[plate.name].body_g * piece.part.body.volume_mm3 / together
             rows.append((
@@ -179,7 +175,7 @@ def _steps(design: Design, assembly: Assembly) -> Steps:
     """From pieces to a solid."""
     sizes, split = assembly.sizes, {part.name: part for part in assembly.core}
     key = (
-        "Pins go into the seat's holes in one orientation; a tile that does not go in flat belongs elsewhere."
+        "A tile whose pins do not go in flat belongs elsewhere."
         if sizes.has_pins
         else f"Cut {3 * len(assembly.tiles)} pegs of {sizes.peg_length_mm - 0.5:.1f} mm from filament of 1.75 mm, "
         "three a tile; with them in its back it goes into one seat in one orientation."
@@ -191,19 +187,19 @@ def _steps(design: Design, assembly: Assembly) -> Steps:
     ]
     steps = [
         f"Put all tiles on dry first, by their numbers. {key}",
-        "Each touches the three pads of its seat without rocking, and no neighbour. If one is too high, clean pads and "
-        "holes; push it out through the hole in the seat's middle.",
-        "Glue: a thin film of slow glue around the hole of the seat, none on the pads; the gap for it is "
-        f"{sizes.glue_gap_mm:g} mm. Press the tile on its pads until it holds; wipe the seams.",
-        f"Order: {', '.join(map(str, order[:-1]))} and {order[-1]}, or any other.",
+        "Each touches the three pads of its seat without rocking, and no neighbour. If one is too high, push it out "
+        "through the seat's hole; clean pads and holes.",
+        f"Slow glue, a film of {sizes.glue_gap_mm:g} mm around the seat's hole, none on the pads. Press until it "
+        "holds; wipe the seams.",
+        f"Order: {runs(order)}, or any other.",
     ]
     if "ring" in split:
         steps.append(
-            "Glue the ring into the cap, its gap over the rib, and put the cap on the bowl, whose rib lets it in one "
-            "way. A few drops hold it; without, it comes off again with its tiles."
+            "Glue the ring into the cap, its gap over the rib; cap on the bowl, whose rib lets it in one way. A few "
+            "drops hold it; without, it comes off again."
         )
     if "lid" in split and upper is not None:
-        steps.append(f"Put the lid in before tile {upper.seats[0]}, which lies on the rim around it and holds it.")
+        steps.append(f"Put the lid in before tile {upper.seats[0]}, which holds it.")
     if assembly.mounted is not None:
         steps.insert(0, _mounting(assembly.mounted.mount, has_socket="socket" in split))
     return Steps((*steps, "Let the glue harden for a day before you measure: it shrinks."))
@@ -212,10 +208,7 @@ def _steps(design: Design, assembly: Assembly) -> Steps:
 def _mounting(mount: Mount, *, has_socket: bool) -> str:
     """How the post gets into the core, before tiles close the view of it."""
     socket = (
-        "Glue the socket into the bowl from inside: its slopes lie against those about the hole at the corner, its pit "
-        "looks out. "
-        if has_socket
-        else ""
+        "Glue the socket into the bowl from inside, slopes against slopes, its pit outwards. " if has_socket else ""
     )
     return (
         f"{socket}The post ({mount.title}) takes {mount.needs}: {mount.source}. {mount.how} Glue the post into the pit."
@@ -230,10 +223,10 @@ def jointing_section(design: Design, board: BoardInPieces, files: Sequence[Outpu
     keys, plates = 2 * len(board.seams), design.plates
     inked = sum(plate.is_two_filament for plate in plates)
     lead = (
-        f"{len(board.pieces)} flat pieces on {inked} plate{'s' * (inked > 1)} in two filaments, and {keys} keys in "
-        "one; the keys join the pieces from behind."
+        f"{len(board.pieces)} flat pieces on {inked} plate{'s' * (inked > 1)} in two filaments, joined from behind by "
+        f"{keys} keys in one."
     )
-    lying = "as in the file: printed side down, so that the bed makes the ink flat"
+    lying = "printed side down: the bed makes the ink flat"
     blocks: tuple[Block, ...] = (
         _plan(design, board),
         _pieces_table(board, plates),
@@ -249,10 +242,7 @@ def _plan(design: Design, board: BoardInPieces) -> Figure:
     """The assembled board from behind."""
     width, height = design.job.target.size_words.split("x")[:2]
     alt = f"The {len(board.pieces)} pieces seen from behind with their numbers, and the keys across their seams."
-    caption = (
-        f"From behind, the board's upper side up: so the pieces lie while they are joined, face down. {width} x "
-        f"{height} mm; orange: keys."
-    )
+    caption = f"As they are joined, face down, the board's upper side up. {width} x {height} mm; orange: keys."
     return Figure("The pieces from behind", plan_svg(board), alt, caption)
 
 
@@ -294,10 +284,10 @@ def _pieces_table(board: BoardInPieces, plates: Sequence[Plate]) -> Table:
     """Where each piece is printed, and which it joins."""
     plate_of = {piece.name: plate.name.replace("-", " ") for plate in plates for piece in plate.pieces}
     columns = (
-        Column("piece", note="as it is engraved on the back"),
+        Column("piece"),
         Column("size, mm", is_number=False),
         Column("plate", is_number=False),
-        Column("joins", is_number=False, note="engraved at the seams"),
+        Column("joins", is_number=False),
     )
     rows = []
     for row, piece in enumerate(board.pieces):
@@ -307,26 +297,23 @@ def _pieces_table(board: BoardInPieces, plates: Sequence[Plate]) -> Table:
         name = plate_of[f"piece {piece.number}"]
         rows.append((Cell(str(piece.number), float(piece.number)), Cell(size), Cell(name), Cell(joins)))
     keys = sorted({plate_of[name] for name in plate_of if name.startswith("key")})
-    return Table("Pieces", columns, tuple(rows), note=f"Keys, all alike: {', '.join(keys)}.", visible_rows=20)
+    note = f"Numbers are engraved on backs and at seams. Keys, all alike: {', '.join(keys)}."
+    return Table("Pieces", columns, tuple(rows), note, visible_rows=20)
 
 
 def _joining_steps(design: Design, board: BoardInPieces) -> Steps:
     """Face down on something flat."""
     printer = design.job.printing.printer
     return Steps((
-        "Cut brims off flush: what stands out of an edge opens the seam. Print a piece again that rocks under a "
-        "straight edge.",
-        "Lay baking paper on a flat surface larger than the board, glass or stone: the board becomes as flat as that.",
-        "Lay the pieces face down as in the plan, numbers readable; at each seam small numbers name the piece beside. "
-        "Pockets that do not meet show a piece in the wrong place or turned.",
-        f"Push together until the two pads of each seam touch; between them it stays open by {printer.clearance_mm:g} "
-        "mm, without glue.",
+        "Cut brims off flush: they open seams. Print a piece again that rocks under a straight edge.",
+        "Lay baking paper on glass or stone larger than the board: the board becomes as flat as that.",
+        "Lay the pieces face down as in the plan. Where pockets do not meet, a piece is turned or in the wrong place.",
+        f"Push together until the two pads of each seam touch; between them {printer.clearance_mm:g} mm stay open, "
+        "without glue.",
         f"Try all keys dry: {printer.clearance_mm:g} mm on every side, a layer below the back. Too tight or loose: "
-        "change the clearance in the printer's file (--printer), print the keys again.",
-        "Glue the keys, from the middle outwards: a drop of superglue or slow epoxy in each pocket, a flat weight on "
-        "it.",
-        "Keys do not hold pieces flat: glue the back on a stiff plate (aluminium composite of 6 mm, or glass), all "
-        "over, the face still on the flat surface.",
-        "Light under a straight edge over a seam is an error of the target. calib measure finds where each ring lies: "
-        "calibrate with its target file.",
+        "change the clearance in the printer's file (--printer), print them again.",
+        "Glue the keys from the middle outwards: a drop of superglue or slow epoxy a pocket, a flat weight on it.",
+        "Keys do not hold pieces flat: glue the back all over on a stiff plate (aluminium composite of 6 mm, glass), "
+        "the face still on the flat surface.",
+        "calib measure finds where each ring lies: calibrate with its target file.",
     ))  # fmt: skip

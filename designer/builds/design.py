@@ -167,8 +167,8 @@ def make_files(design: Design, on_stage: Callable[[str], None]) -> tuple[OutputF
     job = design.job
     toml = spec_to_toml(job).encode()
     made = [
-        ("target.json", target_to_json(design.target).encode(), "the geometry that detector and calibrator read"),
-        ("toml", toml, "the full spec; `design make` repeats this run from it"),
+        ("target.json", target_to_json(design.target).encode(), "what calib reads"),
+        ("toml", toml, "the spec; `design make` repeats this run"),
     ]
     # Compressing and drawing let other threads run.
     with ThreadPoolExecutor(THREADS) as pool:

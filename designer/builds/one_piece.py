@@ -27,14 +27,13 @@ class OnePiece(Maker):
     def making(self, design: Design, files: Sequence[OutputFile]) -> Section:
         """The settings, and the steps in a slicer."""
         target = design.target
-        lying = f"as in the file: face {target.face_count - 1} down"
+        lying = f"face {target.face_count - 1} down, as in the file"
         if target.has_back:
-            lying = "as in the file: the back (face 1) down, as flat and glossy as the bed; the front shows its lines"
+            lying = "the back (face 1) down, as flat and glossy as the bed; the front shows its lines"
         elif target.is_plate:
-            lying = "as in the file: printed side down, so that the bed makes the ink flat"
+            lying = "printed side down: the bed makes the ink flat"
         settings = print_settings(design, design.job.printing.printer.machine.shells, lying)
-        lead = "One object in two filaments, as it lies in the file."
-        return Section("Making it", (settings, *slicer_folds(design, files)), lead)
+        return Section("Making it", (settings, *slicer_folds(design, files)))
 
     def next_step(self, design: Design, stem: str) -> str:
         """Open the package."""

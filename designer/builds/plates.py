@@ -25,9 +25,9 @@ def plate_figures(design: Design) -> tuple[Leaf, ...]:
         links = tuple(Link(f"{stem}.{kind}.3mf", f"{stem}.{kind}.3mf") for kind in ("prusa", "bambu") if has_files)
         free = " and a free place for the prime tower" * plate.is_two_filament
         alt = f"The bed of {plate.name} from above with {plate.words}{free}."
-        weight, layers = grams(takes.body_g * (1 + takes.ink_mm3 / takes.body_mm3)), f"{takes.layers} layers"
-        inked = f"{takes.inked_layers} of {layers} with ink, {takes.changes} changes" if takes.inked_layers else layers
-        caption = f"{duration(takes.time_s)}, {weight}, {inked}."
+        weight = grams(takes.body_g * (1 + takes.ink_mm3 / takes.body_mm3))
+        changes = f", {takes.changes} changes" if takes.inked_layers else ""
+        caption = f"{duration(takes.time_s)}, {weight}{changes}."
         title = f"{plate.name.replace('-', ' ').capitalize()}: {plate.words}"
         figures.append(Figure(title, plate_picture(design, plate), alt, caption, links))
     return tuple(figures)
@@ -37,9 +37,9 @@ def plate_folds(design: Design) -> tuple[Fold, ...]:
     """The pictures of all plates, with how to read them; those without ink are closed."""
     printing, plates = design.job.printing, design.plates
     said = (
-        "Seen from above, in the order to print",
-        "dashed rings and dots lie on the bed" * (printing.ink_side == "down"),
-        "hatched places may not be printed on" * bool(printing.printer.excluded_mm),
+        "From above, in the order to print",
+        "dashed rings lie on the bed" * (printing.ink_side == "down"),
+        "hatched: not to be printed on" * bool(printing.printer.excluded_mm),
     )
     words, figures = Paragraph(f"{'; '.join(filter(None, said))}."), plate_figures(design)
     inked, plain = (

@@ -5,12 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from designer.base.units import NO_SKEW, format_skew
-from designer.base.words import capital
 from designer.builds.design import Design
 from designer.formats.folder import OutputFile
 from designer.make.bed import overhang, printed_size_mm
 from designer.make.printability import COUNT
-from designer.page.blocks import Block, Fold, Steps, Table, text_table
+from designer.page.blocks import Block, Facts, Fold, Steps, Table, text_table
 from designer.spec.machine import BRIM_MM, Shells
 from designer.spec.spec import PrinterProfile, PrintSpec
 
@@ -36,21 +35,21 @@ SLICERS = (
     Slicer(
         "Bambu Studio, OrcaSlicer", "bambu.3mf", "filament",
         "the printer and its nozzle, two filaments in the list",
-        "That only geometry is loaded is right. Open the file as a whole, not as two objects.",
-        "Flushing volumes computed from the colours; flush into objects' infill off: dark infill shows through.",
+        "That only geometry is loaded is right. As a whole, not as two objects.",
+        "Flushing volumes from the colours; flush into objects' infill off: dark infill shows through.",
         "filament", "bambu-orca.3mf",
     ),
     Slicer(
         "PrusaSlicer", "prusa.3mf", "extruder",
-        "your own printer in the list, with two filaments (MMU or XL profile): how it starts and changes filament is "
-        "not in the file; with one, all is printed in that, without a word",
-        "The bambu.3mf falls into two objects here: don't take it.",
-        "On an MMU check purging volumes: white after black needs the most.",
+        "your own printer, MMU or XL: its start and changes are not in the file; one of one filament prints all in that, "
+        "without a word",
+        "Don't take the bambu.3mf, which falls into two objects.",
+        "On an MMU check purging volumes: white after black needs most.",
         "tool",
     ),
     Slicer(
-        "Cura", "bambu.3mf", "extruder", "a printer with two extruders",
-        "The parts come as one group: don't ungroup them; Ctrl-click selects one.", "", "material colour",
+        "Cura", "bambu.3mf", "extruder", "two extruders",
+        "The parts are one group: don't ungroup; Ctrl-click selects one.", "", "material colour",
     ),
 )  # fmt: skip
 
@@ -79,15 +78,14 @@ def slicer_folds(design: Design, files: Sequence[OutputFile]) -> tuple[Block, ..
     if not there:
         return ()
     (own, opened), *others = there
-    rows = [
-        (one.title, name, one.choose, f"{one.mind} {one.purge}".strip(), f"{one.slot}, {one.preview}")
+    rows = tuple(
+        (one.title, f"{name}; {one.choose}. {one.mind} {one.purge} Slots: {one.slot}; preview by {one.preview}.")
         for one, name in others
-    ]
+    )
     steps = Fold(f"In {own.title}", (_steps(design, own, opened, names),), is_open=True)
     if not rows:
         return (steps,)
-    table = text_table("", ("slicer", "open", "choose", "mind", "slots, preview by"), rows)
-    return (steps, Fold(f"What differs in {' and '.join(one.title for one, _ in others)}", (table,)))
+    return (steps, Fold(f"In {' and '.join(one.title for one, _ in others)}", (Facts(rows),)))
 
 
 def _file_of(design: Design, slicer: Slicer, names: set[str]) -> str:
@@ -102,31 +100,30 @@ def _steps(design: Design, slicer: Slicer, opened: str, names: set[str]) -> Step
     printing, slot, is_plates = design.job.printing, slicer.slot, design.job.printing.way.is_in_parts
     is_project = bool(slicer.project) and printing.printer.presets is not None
     has_settings = is_project or slicer.package == "prusa.3mf"
-    body, ink = colour_words(printing.body_colour), colour_words(printing.ink_colour)
     opening: tuple[str, ...] = (f"Open {opened}{', then the other plates, each alone' * is_plates}. {slicer.mind}",)
     if is_project:
         opening = _opening_project(design, slicer, opened, names)
-    choosing = (f"Choose {slicer.choose}. {capital(slot)} {BODY_SLOT} is {body}, {slot} {INK_SLOT} {ink}.",)
-    objects = f"one object with two parts, body in {slot} {BODY_SLOT} and ink in {slot} {INK_SLOT}"
+    choosing = (f"Choose {slicer.choose}.",)
+    objects = f"one object, body in {slot} {BODY_SLOT}, ink in {slot} {INK_SLOT}"
     if is_plates:
         there = "" if is_project else ", put it there"
-        objects = f"what has ink is an object with two parts, body in {slot} {BODY_SLOT} and ink in {slot} {INK_SLOT}"
+        objects = f"what has ink has its body in {slot} {BODY_SLOT}, its ink in {slot} {INK_SLOT}"
         tower = (
-            f"Don't arrange or turn the pieces: the free corner or strip is the prime tower's{there}. "
-            "If it asks whether objects of equal height are parts of one: no."
+            f"Don't arrange or turn pieces: the free corner or strip is the prime tower's{there}. "
+            "Objects of equal height are not parts of one."
         )
     elif design.target.has_back:
-        tower = "Prime tower on: the first and the last layers change filament, so it grows as high as the part."
+        tower = "Prime tower on: it grows as high as the part, as the last layers change filament, too."
     elif design.target.is_plate:
         tower = "Prime tower on: only the first layers change filament."
     else:
-        tower = "Prime tower on, with room: every layer changes filament, so it grows as high as the part."
+        tower = "Prime tower on, with room: it grows as high as the part."
     if not is_plates and design.plates[0].tower_area is None:
         tower = "The bed has no room for a prime tower beside the part: a larger bed, or colours bleed at the changes."
-    values = "The values of the table above are in the file." if has_settings else "Set the values of the table above."
+    values = "The table's values are in the file." if has_settings else "Set the table's values."
     return Steps((
         *((*opening, *choosing) if has_settings else (*choosing, *opening)),
-        f"Object list: {objects}; if numbers differ, set them on the parts.",
+        f"Object list: {objects}; else set that on its parts.",
         f"{values} {tower} {slicer.purge}".strip(),
         f"Slice; preview by {slicer.preview}: every ring whole, no ink elsewhere.",
     ))  # fmt: skip
@@ -141,11 +138,10 @@ def _opening_project(design: Design, slicer: Slicer, project: str, names: set[st
         plates = f"{len(design.plates)} plates, "
         instead = f"open {first} and the others one by one" if first in names else "write --formats 3mf and open it"
     return (
-        f"Open {project} as a project: {plates}with the presets {presets.printer}, {presets.process}, "
-        f"{presets.filament} and {presets.plate_type}, and the values of the table above: put your own filaments and "
-        "plate in. For another printer import its geometry only.",
-        "It follows the sources of both programs, but was not opened in them: compare with the "
-        f"{'pictures' if plates else 'table'}. If there is {'but one plate, or ' if plates else ''}only geometry, "
+        f"Open {project} as a project: {plates}{presets.printer}, {presets.process}, {presets.filament}, "
+        f"{presets.plate_type}, and the table's values: put your own filaments and plate in.",
+        "It was tried in neither program: compare with the "
+        f"{'pictures' if plates else 'table'}; if there is {'but one plate, or ' if plates else ''}only geometry, "
         f"{instead}.",
     )
 
@@ -162,9 +158,9 @@ def print_settings(design: Design, shells: Shells, how_it_lies: str, outline: st
     printing, printer = design.job.printing, design.job.printing.printer
     ink_layers = printing.inlay_mm / printer.layer_height_mm
     supports, over = "off: nothing overhangs", None
-    brim = "only if the part comes loose; cut it off flush, or it adds to the caliper's lengths"
+    brim = "only if it comes loose; cut it off flush"
     if printing.way.is_in_parts:
-        brim = "off, if pieces hold: it has to be cut off the edge that meets the neighbour"
+        brim = "off, if pieces hold: it is in the neighbour's way"
     else:
         over = overhang(design.target, printing)
         if design.target.is_plate:
@@ -173,22 +169,22 @@ def print_settings(design: Design, shells: Shells, how_it_lies: str, outline: st
             brim = f"off: one of {BRIM_MM:g} mm has no room on this bed"
     if over is not None:
         supports = (
-            f"off: the steepest overhang rises at {math.degrees(over[1]):.1f} deg from the bed; if your printer needs "
-            f"them, they scar the {COUNT[over[0]]} faces beside the lowest"
+            f"off: overhangs of {math.degrees(over[1]):.1f} deg print without; they scar the {COUNT[over[0]]} faces "
+            "beside the lowest"
         )
     offset = f"{printing.ink_offset_mm:+g} mm" if printing.ink_offset_mm else "none"
     rows = {
         "printer": f"{printer.name}, nozzle {printer.nozzle_mm:g} mm, lines {printer.line_width_mm:g} mm",
         "how it lies": how_it_lies,
-        "filaments": f"1 body, {colour_words(printing.body_colour)}; 2 ink, {colour_words(printing.ink_colour)}; of "
-        "one material, dry, and matt: glare hides rings",
-        "layer height": f"{printer.layer_height_mm:g} mm, the first too: the ink is {printing.inlay_mm:g} mm deep, "
-        f"{ink_layers:.3g} layer{'s' * (ink_layers != 1)} of a flat face",
+        "filaments": f"1 body, {colour_words(printing.body_colour)}; 2 ink, {colour_words(printing.ink_colour)}; one "
+        "material, dry, matt: glare hides rings",
+        "layer height": f"{printer.layer_height_mm:g} mm, the first too; ink {ink_layers:.3g} "
+        f"layer{'s' * (ink_layers != 1)}",
         "walls, infill": shells.words(layers_of(design)),
         "supports": supports,
         "brim": brim,
         "ironing": "off: it drags ink over white",
-        "outline": f"XY and elephant-foot compensation 0; against bleed there is --ink-offset (here {offset}){outline}",
+        "outline": f"XY and elephant-foot compensation 0; against bleed --ink-offset (here {offset}){outline}",
         "size": f"{scale_words(printing)}; {turn_words(printing)}",
     }
     return text_table("Settings in every slicer", ("setting", "value"), rows.items(), visible_rows=len(rows))
@@ -205,7 +201,7 @@ def scale_words(printing: PrintSpec) -> str:
     percent = printing.shrink_compensation_percent
     if percent:
         return f"100 %: files are {percent:+g} % against the design already"
-    return "100 %; against shrinkage there is --shrink-compensation"
+    return "100 %"
 
 
 def turn_words(printing: PrintSpec) -> str:

@@ -139,7 +139,7 @@ def _size_printing(
         ink_colour=asked.ink_colour or "#000000",
         labels=asked.labels is not False,
         stand=bool(asked.stand),
-        filament_price=FILAMENT_PRICE if asked.filament_price is None else asked.filament_price,
+        filament_price=asked.filament_price or FILAMENT_PRICE,
         chord_error_mm=asked.chord_error or CHORD_ERROR_MM,
         ink_side=asked.ink_side or "down",
         mount=asked.mount or ANY_MOUNT,
@@ -155,14 +155,18 @@ def _corrected(asked: AskedPrinting, build: str) -> tuple[AskedPrinting, str]:
     if asked.printer is None or asked.printer in preset_names("printers") or is_resolved:
         return asked, ""
     file, way = read_printer_file(preset_or_file("printers", asked.printer)), BUILDS[build]
-    names = ("ink_offset",) * way.is_two_filament + ("shrink_compensation", "skew_compensation") * way.has_body
+    names = ("ink_offset",) * way.is_two_filament + (
+        "shrink_compensation",
+        "skew_compensation",
+        "filament_price",
+    ) * way.has_body
     own = {name: value for name in names if getattr(asked, name) is None and (value := getattr(file, name)) is not None}
     told = {
         "ink_offset": format_mm,
         "shrink_compensation": lambda value: f"{value:g}%",
         "skew_compensation": format_skew,
     }
-    words = ", ".join(f"{name.replace('_', ' ')} {told[name](value)}" for name, value in own.items())
+    words = ", ".join(f"{name.replace('_', ' ')} {told[name](value)}" for name, value in own.items() if name in told)
     return replace(asked, **own), f"{words}: as the printer's file has it" if words else ""
 
 

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, TypeVar, cast
+from typing import Annotated, TypeAlias, TypeVar, cast
 
 from designer.base.codec import BadValueError, decode, decode_written, encode
 from designer.base.errors import InputError
@@ -30,7 +30,7 @@ from designer.spec.format import FORMATS
 from designer.spec.kind import KINDS, kind_named, kinds
 from designer.spec.machine import UNKNOWN_MACHINE, Machine
 from designer.spec.options import Asked, AskedPrinting, Value, is_required, options_of
-from designer.spec.spec import Job, Lattice
+from designer.spec.spec import Job, Lattice, Price
 
 LEAST_LENGTH_MM, MOST_PERCENT = 0.0005, 20
 
@@ -120,11 +120,15 @@ def _ratio(value: RawValue) -> float:
     return float(ratio)
 
 
-def _price(value: RawValue) -> float:
-    price = float(value) if isinstance(value, str) and re.fullmatch(r"\d{0,6}\.?\d{1,6}", value) else value
-    if isinstance(price, bool) or not isinstance(price, (int, float)) or not 0 <= price <= 10_000:
-        raise ValueError("must be a number from 0 to 10000, without a currency")
-    return float(price)
+def _price(value: RawValue) -> Price:
+    text = str(value) if isinstance(value, (int, float, str)) and not isinstance(value, bool) else ""
+    found = re.fullmatch(r"(\d{0,6}\.?\d{1,10}) ?([A-Za-z]{3})?", text)
+    if found is None or float(found[1]) > 10_000:
+        raise ValueError("must be a number from 0 to 10000, in EUR or with its currency: 25, 25USD")
+    return Price(float(found[1]), (found[2] or "EUR").upper())
+
+
+FilamentPrice: TypeAlias = Annotated[Price, Reads(_price)]
 
 
 def _chord_error(value: float) -> float:
@@ -217,7 +221,7 @@ READ: Mapping[Value, object] = {
     "page": Annotated[str, _text(_page)],
     "switch": Annotated[bool, Reads(_switch)],
     "machine": OfMachine,
-    "price": Annotated[float, Reads(_price)],
+    "price": FilamentPrice,
     "ink side": InkSide,
     "mount": Annotated[str, _text(_mount)],
 }
@@ -246,6 +250,7 @@ class PrinterFile:
     ink_offset: Length | None = None  # that undoes its bleed
     shrink_compensation: Percent | None = None  # how much larger to print
     skew_compensation: Skew | None = None  # angles that undo its skew
+    filament_price: FilamentPrice | None = None  # of a kilogram
 
     def machine_with(self, nozzle_mm: float) -> Machine:
         """What it is with one of its nozzles."""
@@ -304,13 +309,16 @@ def parse_spec(values: Mapping[str, RawValue], origin: str) -> Asked:
 def replaced(values: Mapping[str, RawValue], options: Mapping[str, RawValue]) -> dict[str, RawValue]:
     """A file's values with options in their place.
 
-    What belongs to a replaced printer or nozzle goes with it: a resolved spec names the bed and the line of both.
+    What belongs to a replaced printer, nozzle or build goes with it: a resolved spec names the bed and the line of the
+    first two, and what a build chose for itself.
     """
     gone: set[str] = set()
     if "printer" in options:
         gone |= {"bed", "line_width", "layer_height", "machine"}
     if "nozzle" in options:
         gone |= {"line_width", "layer_height", "machine"}
+    if "build" in options and values.get("build") not in (None, options["build"]):
+        gone |= {"inlay_depth", "sticker_thickness", "formats"}
     return {**{key: value for key, value in values.items() if key not in gone}, **options}
 
 
@@ -392,7 +400,7 @@ def spec_to_toml(job: Job) -> str:
         "ink_colour": printing.ink_colour,
         "labels": printing.labels,
         "stand": printing.stand,
-        "filament_price": printing.filament_price,
+        "filament_price": printing.filament_price.words,
         "chord_error": format_mm(printing.chord_error_mm),
         "formats": list(job.formats),
         "page": job.page,

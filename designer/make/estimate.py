@@ -25,7 +25,7 @@ from designer.make.mesh import Part
 from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
 from designer.make.section import SIMPLE_MM, Sliced
 from designer.spec.machine import Machine
-from designer.spec.spec import PrinterProfile, PrintSpec
+from designer.spec.spec import Price, PrinterProfile, PrintSpec
 
 DENSITY_G_PER_CM3 = 1.24
 """PLA, as the tables of filament makers and slicers have it."""
@@ -73,7 +73,7 @@ class PrintEstimate:
 
     plates: tuple[PlateEstimate, ...]
     machine: Machine
-    price_per_kg: float
+    filament: Price
 
     @property
     def time_s(self) -> float:
@@ -122,8 +122,8 @@ class PrintEstimate:
 
     @property
     def price(self) -> float:
-        """In the currency of the price of a kilogram."""
-        return self.total_g / 1000 * self.price_per_kg
+        """In the currency of the filament's."""
+        return self.total_g / 1000 * self.filament.amount
 
 
 def _grams(volume_mm3: float) -> float:

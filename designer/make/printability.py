@@ -182,7 +182,7 @@ def _width(
             effect = ("prints less truly", "print less truly")
             said = (("warning", Narrow(size, f"two lines ({2 * line:g}mm)", effect, remedy)),)
         holding = "One line or more: fine marks are what it is for." if is_graded else ""
-        return RuleLook(f"{width:.3g} mm", f"at least {good:g} mm", said, holding)
+        return RuleLook(f"{width:.3g} mm", f"≥ {good:g} mm", said, holding)
 
     return look
 
@@ -281,11 +281,11 @@ def _overhang(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:
 
 RULES: dict[str, Rule] = {
     "stroke": Rule(
-        "Stroke of the rings",
+        "Ring stroke",
         _width("ring stroke", "use larger rings or a finer nozzle", lambda w, offset: w.stroke_mm + 2 * offset),
     ),
     "centre": Rule(
-        "White centre of the rings",
+        "White ring centre",
         _width("white ring centre", "use larger rings or a finer nozzle", lambda w, offset: w.centre_mm - 2 * offset),
     ),
     "gap": Rule(
@@ -293,7 +293,7 @@ RULES: dict[str, Rule] = {
         _width("gap between rings", "use a larger pitch or smaller rings", lambda w, offset: w.gap_mm - 2 * offset),
     ),
     "margin": Rule(
-        "White around the rings",
+        "White around rings",
         _width(
             "white around the rings",
             "use a larger margin or fewer rings",
@@ -301,7 +301,7 @@ RULES: dict[str, Rule] = {
         ),
     ),
     "border": Rule("Border", _border),
-    "inlay": Rule("Depth of the ink", _inlay, "Whole layers, and no deeper than border or plate allow."),
+    "inlay": Rule("Ink depth", _inlay, "Whole layers, and no deeper than border or plate allow."),
     "bed": Rule("Size on the bed", _bed, "The part fits."),
     "overhang": Rule("Overhang", _overhang),
 }

@@ -80,7 +80,7 @@ class Shells:
         if layers <= self.bottom_layers + self.top_layers:
             return f"{self.walls} walls, all layers solid"
         return (
-            f"{self.walls} walls, {self.bottom_layers} solid layers at the bottom and {self.top_layers} at the top, "
+            f"{self.walls} walls, {self.bottom_layers} solid layers below and {self.top_layers} above, "
             f"{100 * self.infill:g} % infill"
         )
 

@@ -13,7 +13,7 @@ from designer.base.errors import InputError
 from designer.base.units import round_down, round_up
 from designer.spec.build import BUILDS, MOUNTS, NO_MOUNT, Format, InkSide
 from designer.spec.machine import Machine
-from designer.spec.spec import Line, Spec
+from designer.spec.spec import Line, Price, Spec
 
 Value = Literal[
     "file", "name", "length", "length above 0", "length from 0", "chord error", "size", "bed", "count", "ratio",
@@ -63,7 +63,7 @@ class AskedPrinting:
     ink_colour: Annotated[str | None, Option("colour", "colour of the ink (#000000)")] = None
     labels: Annotated[bool | None, Option("switch", "print face numbers and target id where they fit")] = None
     stand: Annotated[bool | None, Option("switch", "also write a printable stand")] = None
-    filament_price: Annotated[float | None, Option("price", "what a kilogram of filament costs (25, in EUR)")] = None
+    filament_price: Annotated[Price | None, Option("price", "what a kilogram of filament costs (25EUR)")] = None
     chord_error: Annotated[float | None, Option("chord error", "farthest a polygon strays from its circle (5um)")] = (
         None
     )

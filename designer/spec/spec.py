@@ -22,7 +22,21 @@ if TYPE_CHECKING:
 Lattice = Literal["square", "triangular"]
 SpecValue = str | float | int | bool | list[float]
 
-FILAMENT_PRICE = 25.0
+
+@dataclass(frozen=True)
+class Price:
+    """What something costs: `Price(25, "EUR")`."""
+
+    amount: float
+    currency: str = "EUR"
+
+    @property
+    def words(self) -> str:
+        """`25 EUR`."""
+        return f"{self.amount:.10g} {self.currency}"
+
+
+FILAMENT_PRICE = Price(25.0)
 """Of a kilogram of PLA: profiles of slicers say 15.99 to 24.99 (Bambu) and 27.82 to 36.29 (Prusa)."""
 PAPER_LINE_MM = 0.1
 """Thinnest line of an office printer, where the pattern is printed on paper or sheet."""
@@ -208,7 +222,7 @@ class PrintSpec:
     labels: bool  # face numbers and target id where they fit
     stand: bool
     chord_error_mm: float  # farthest a polygon may stray from its circle
-    filament_price: float = FILAMENT_PRICE  # of a kilogram, in any currency
+    filament_price: Price = FILAMENT_PRICE  # of a kilogram
     skew_compensation_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """xy, xz, yz of the bed: the files are sheared against this skew of the printer, see `designer.make.bed`."""
     ink_side: InkSide = "down"

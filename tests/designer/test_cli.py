@@ -28,7 +28,7 @@ def test_one_size_makes_all_default_files_in_the_exports_folder() -> None:
     files = {path.name.replace("ico-20mm", "t") for path in Path("exports/ico-20mm").iterdir()}
     assert files == DEFAULT_FILES
     for said in (
-        "15 on each of 20 faces, 300 in all",
+        "300 with 60 dots, 15 a face",
         "on the bed",
         "design rules warn",
         "auto: 5 rings a side",

@@ -23,7 +23,7 @@ from calib.measure_target.lengths import asked_length, length_in
 from calib.renderer.faces import ring_truth
 from calib.renderer.poses import PoseGrid, grid_poses
 from calib.renderer.scene import scene_from_target
-from designer.app.costs import BuildCosts, Costs, cost_section
+from designer.app.costs import BuildCosts, Costs, cost_fold
 from designer.app.design_page import DOT, code_blocks, design_page, headline, page_file
 from designer.app.measuring import (
     READING,
@@ -53,6 +53,7 @@ from designer.page.blocks import Block, Command, Facts, Figure, FileList, Fold, 
 from designer.page.page_file import PAGE_FILE
 from designer.page.scene import Rings, Surface
 from designer.spec.options import Asked
+from designer.spec.spec import Price
 from designer.target import bounding_radius_mm
 from designer.target_scene import polygon_area_mm2
 from tests.support.browser import open_page, overflow_px, unresolved
@@ -96,13 +97,15 @@ def leaves(page: Page) -> Iterator[Leaf]:
 
 
 def words(page: Page) -> str:
-    """All steps, table cells and commands of a page."""
+    """All steps, table cells, facts and commands of a page."""
     parts: list[str] = []
     for leaf in leaves(page):
         if isinstance(leaf, Steps):
             parts += leaf.items
         elif isinstance(leaf, Table):
             parts += [cell.text for row in leaf.rows for cell in row]
+        elif isinstance(leaf, Facts):
+            parts += [value for _, value in leaf.rows]
         elif isinstance(leaf, Command):
             parts += [leaf.line, leaf.purpose]
     return "\n".join(parts)
@@ -332,8 +335,8 @@ def test_the_printers_own_slicer_comes_first_and_open() -> None:
         folds = [block for block in making.blocks if isinstance(block, Fold)]
         assert [fold.is_open for fold in folds] == [True, False]
         assert folds[0].title == f"In {first}"
-        (others,) = [block for block in folds[1].blocks if isinstance(block, Table)]
-        assert {row[0].text for row in others.rows} == {one.title for one in SLICERS} - {first}
+        (others,) = [block for block in folds[1].blocks if isinstance(block, Facts)]
+        assert {name for name, _ in others.rows} == {one.title for one in SLICERS} - {first}
 
 
 def test_compensation_is_said_where_it_is_in_the_files() -> None:
@@ -351,7 +354,7 @@ def test_headline_says_the_worst_of_the_check() -> None:
     design, check, _ = made("ico")
     careful = headline(design.job.printing, check)
     assert (careful.level, careful.word) == ("usable", "printable with care")
-    assert "stroke of the rings" in careful.sentence
+    assert "ring stroke" in careful.sentence
     broken = replace(check, findings=(*check.findings, PrintFinding("bed", "violation", "too large")))
     told = headline(design.job.printing, broken)
     assert (told.level, told.sentence) == ("bad", "too large")
@@ -381,7 +384,7 @@ def test_code_table_shows_the_dots_of_the_target() -> None:
         mine = target.ring_face == face
         dots = {(int(i), int(j)) for i, j in target.ring_index[mine & target.is_dot]}
         assert dots == CODES[int(target.face_code[face])]
-        drawn = row[1].text.replace(" ", "")
+        drawn = row[1].text.replace("/", "")
         assert {TRIANGLE_POSITIONS[k] for k, mark in enumerate(drawn) if mark == DOT} == dots
 
 
@@ -470,8 +473,8 @@ def test_lengths_of_filament_are_plain_numbers() -> None:
     """220 m, not 2.2e+02 m."""
     printing = made("ico")[0].job.printing
     plate = PlateEstimate("", 1, 1, 1, 1.0, 1.0, 1.0, 530e3, 20e3, 1e3)
-    own = BuildCosts("one-piece", True, PrintEstimate((plate,), printing.printer.machine, 25.0))
-    (slots,) = (block for block in cost_section(Costs(own, ()), printing).blocks if isinstance(block, Facts))
+    own = BuildCosts("one-piece", True, PrintEstimate((plate,), printing.printer.machine, Price(25.0)))
+    (slots,) = (block for block in cost_fold(Costs(own, ()), printing).blocks if isinstance(block, Facts))
     assert [value.rpartition(", ")[2] for _, value in slots.rows[:3]] == ["220 m", "8.3 m", "0.42 m"]
 
 

@@ -1,6 +1,7 @@
 """What a print takes, against stacks and boxes that are counted by hand; `test_slicing` asks PrusaSlicer."""
 
 import math
+import tomllib
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -16,13 +17,14 @@ from designer.app.costs import costs_of, verdict
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import parse_spec, spec_to_toml
 from designer.make.bed import TOWER_BRIM_MM, TOWER_MM, Piece, Plate, purged
 from designer.make.estimate import DENSITY_G_PER_CM3, changing_layers, duration, estimate, grams
 from designer.make.mesh import Mesh, Part, mesh_of
 from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
 from designer.make.section import Layered, Sliced
 from designer.spec.machine import FilamentChange, Shells, Speeds
-from designer.spec.spec import PrintSpec
+from designer.spec.spec import Price, PrintSpec
 from designer.tolerance.effort import size_of
 from designer.tolerance.error_file import error_model
 from tests.support.designs import asked_for, design_of, small
@@ -310,8 +312,12 @@ def test_a_printers_file_is_held_to_the_rules(machine: str, message: str, tmp_pa
     assert len(str(raised.value).splitlines()) == 1
 
 
-@pytest.mark.parametrize("price", ["cheap", "-1", "20 EUR", "1e9", "", "nan", True])
+@pytest.mark.parametrize("price", ["cheap", "-1", "20 euros", "1e9", "", "nan", True])
 def test_a_price_is_a_number(price: str | bool) -> None:
-    """Without a currency."""
+    """With its currency, or in EUR; a spec's file repeats both."""
+    made = designer.ico(edge_mm=20, filament_price="30.5 usd").design.job
+    assert made.printing.filament_price == Price(30.5, "USD")
+    assert size_job(parse_spec(tomllib.loads(spec_to_toml(made)), "")).job == made
+    assert designer.ico(edge_mm=20, filament_price=30).design.job.printing.filament_price == Price(30.0, "EUR")
     with pytest.raises(InputError, match=r"filament_price.*must be a number from 0 to 10000"):
         designer.ico(edge_mm=20, filament_price=price)
