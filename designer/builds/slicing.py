@@ -41,7 +41,7 @@ SLICERS = (
     ),
     Slicer(
         "PrusaSlicer", "prusa.3mf", "extruder",
-        "your own printer, MMU or XL: its start and changes are not in the file; one of one filament prints all in that, "
+        "your own printer, MMU or XL: its start and changes are not in the file; with one filament all is of that, "
         "without a word",
         "Don't take the bambu.3mf, which falls into two objects.",
         "On an MMU check purging volumes: white after black needs most.",
