@@ -18,6 +18,7 @@ import numpy as np
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.formats.folder import OutputFile
+from designer.formats.png import Thumbnails, target_thumbnails
 from designer.kinds.board_cuts import ring_pieces
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
@@ -81,6 +82,12 @@ class Design:
         return maker_of(self.job.printing).plates(self)
 
     @cached_property
+    def thumbnails(self) -> tuple[Thumbnails, ...]:
+        """What slicers and folders show of each plate's file."""
+        maker = maker_of(self.job.printing)
+        return tuple(maker.thumbnails(self, plate) for plate in self.plates)
+
+    @cached_property
     def estimate(self) -> PrintEstimate:
         """What printing all plates takes: hours, changes, filament, money."""
         return estimate(self.plates, self.job.printing)
@@ -129,6 +136,10 @@ class Maker(ABC):
     def remarks(self, design: Design) -> tuple[str, ...]:
         """What was chosen for the person in building it, a line each."""
         return ()
+
+    def thumbnails(self, design: Design, plate: Plate) -> Thumbnails:
+        """What slicers and folders show of a plate's file: the target, where it is printed as a whole."""
+        return target_thumbnails(design.artwork, design.job.target, design.job.printing)
 
     @abstractmethod
     def machine_words(self, printing: PrintSpec) -> str:
@@ -197,8 +208,8 @@ _PROCESSES: set[subprocess.Popen[bytes]] = set()
 def _3mf(design: Design) -> Made:
     from designer.formats.project import plate_files
 
-    for plate in design.plates:
-        files = plate_files(plate, design.job.printing)
+    for plate, pictures in zip(design.plates, design.thumbnails, strict=True):
+        files = plate_files(plate, design.job.printing, pictures)
         what = plate.words or "one object"
         filaments = "filaments 1 and 2" if plate.is_two_filament else "filament 1"
         stem = f"{plate.name}." if plate.name else ""
@@ -213,7 +224,7 @@ def _project(design: Design) -> Made:
     presets = printing.printer.presets
     if presets is None or len(plates) > MOST_PLATES:
         return
-    content = project_bytes(design.job.name, plates, printing, presets)
+    content = project_bytes(design.job.name, plates, printing, presets, design.thumbnails)
     yield "bambu-orca.3mf", content, f"for Bambu Studio and OrcaSlicer: the {len(plates)} plates in one project"
 
 

@@ -7,6 +7,7 @@ from manifold3d import CrossSection, JoinType
 
 from designer.base.arrays import Array
 from designer.builds.design import Design
+from designer.formats.png import Thumbnails, bed_thumbnails
 from designer.make.bed import Piece, Plate
 from designer.make.estimate import duration, grams
 from designer.make.mesh import solid_of
@@ -76,6 +77,15 @@ def plate_picture(design: Design, plate: Plate) -> Svg:
     return Svg("\n".join((*lines, "</svg>\n")).encode(), width * _PX_PER_MM, depth * _PX_PER_MM)
 
 
+def plate_thumbnails(design: Design, plate: Plate) -> Thumbnails:
+    """A plate from above, with ink that lies on the bed too."""
+    printing = design.job.printing
+    disks = [_disks(design, piece) for piece in plate.pieces if piece.part.ink is not None]
+    outlines = [contour for piece in plate.pieces for contour in _shadow(piece)]
+    width, depth, _ = printing.printer.bed_mm
+    return bed_thumbnails((width, depth), outlines, np.concatenate([np.empty((0, 4)), *disks]), printing)
+
+
 def _box(area: Area, depth_mm: float, style: str) -> str:
     left, front, right, rear = area
     size = f'width="{right - left:g}" height="{rear - front:g}"'
@@ -106,17 +116,8 @@ def _piece_lines(design: Design, piece: Piece, depth_mm: float) -> Iterator[str]
 
 def _ink_lines(design: Design, piece: Piece, depth_mm: float) -> Iterator[str]:
     """Rings as rings and dots as dots, dashed where they lie on the bed."""
-    target, is_hidden = design.target, design.job.printing.ink_side == "down"
-    kind, number = piece.name.split()
-    if kind == "tile":
-        mine = target.ring_face == int(number)
-    else:
-        assert target.ring_piece is not None  # noqa: S101 - of a board in pieces
-        mine = target.ring_piece == int(number) - 1
-    motion = piece.bed_from_part
-    at = design.scale * target.center_in_face_mm[mine] @ motion[:3, :3].T + motion[:3, 3]
-    radii = design.scale * np.stack([target.radius_inner_mm[mine], target.radius_outer_mm[mine]], axis=1)
-    for (x, y, _), (inner, outer) in zip(at.tolist(), radii.tolist(), strict=True):
+    is_hidden = design.job.printing.ink_side == "down"
+    for x, y, inner, outer in _disks(design, piece).tolist():
         place = f'<circle cx="{x:.2f}" cy="{depth_mm - y:.2f}"'
         if not is_hidden and inner:
             stroke = f'stroke="{_INK}" stroke-width="{outer - inner:.2f}"'
@@ -127,6 +128,21 @@ def _ink_lines(design: Design, piece: Piece, depth_mm: float) -> Iterator[str]:
             yield f'{place} r="{outer:.2f}" fill="#e3e6ea" {_HIDDEN}/>'
             if inner:
                 yield f'{place} r="{inner:.2f}" fill="#ffffff" {_HIDDEN}/>'
+
+
+def _disks(design: Design, piece: Piece) -> Array:
+    """Rings and dots of a piece on the bed: x, y, inner and outer radius.  # (N, 4)"""
+    target = design.target
+    kind, number = piece.name.split()
+    if kind == "tile":
+        mine = target.ring_face == int(number)
+    else:
+        assert target.ring_piece is not None  # noqa: S101 - of a board in pieces
+        mine = target.ring_piece == int(number) - 1
+    motion = piece.bed_from_part
+    at = design.scale * target.center_in_face_mm[mine] @ motion[:3, :3].T + motion[:3, 3]
+    radii = design.scale * np.stack([target.radius_inner_mm[mine], target.radius_outer_mm[mine]], axis=1)
+    return np.hstack([at[:, :2], radii])
 
 
 def _shadow(piece: Piece) -> list[Array]:

@@ -9,7 +9,9 @@ from functools import lru_cache
 from designer.builds.assembling import assembling_section, jointing_section
 from designer.builds.design import Design, Maker
 from designer.builds.one_piece import printer_words
+from designer.builds.plates import plate_thumbnails
 from designer.formats.folder import OutputFile
+from designer.formats.png import Thumbnails
 from designer.formats.project import MOST_PLATES
 from designer.make.assembly import Assembly, assemble, plates_of
 from designer.make.bed import Plate
@@ -43,6 +45,10 @@ class Tiles(Maker):
         assembly = assembly_of(design)
         plates = f"plates: {inked} of tiles in two filaments, {len(design.plates) - inked} of the core in one"
         return tuple(line for line in (assembly.remark, plates) if line)
+
+    def thumbnails(self, design: Design, plate: Plate) -> Thumbnails:
+        """The plate from above."""
+        return plate_thumbnails(design, plate)
 
     def machine_words(self, printing: PrintSpec) -> str:
         """The printer."""

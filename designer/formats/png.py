@@ -4,7 +4,7 @@ The bodies are convex, so painting the faces that look at the camera, ink over b
 """
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from designer.spec.spec import PrintSpec, Spec
 
 HEIGHT_PX = 800
 """Height of the picture above its caption; the view in perspective is as wide."""
+THUMBNAIL_PX = 512
 NET_WIDTH_PX = 1640
 CAPTION_PX = 46
 _OVERSAMPLING = 3
@@ -37,12 +38,13 @@ class _SphereCamera:
     camera_from_target: Array  # (3, 3) x right, y up, z towards the viewer
     distance_mm: float
     scale_px: float  # pixels per millimetre at the origin
+    side_px: int  # of its picture
 
     def to_pixels(self, points_mm: Array) -> _Pixels:
         """Perspective image of points.  # (N, 3)"""
         seen = points_mm @ self.camera_from_target.T
         factor = self.scale_px * self.distance_mm / (self.distance_mm - seen[:, 2])
-        middle = HEIGHT_PX * _OVERSAMPLING / 2
+        middle = self.side_px / 2
         return list(zip((middle + factor * seen[:, 0]).tolist(), (middle - factor * seen[:, 1]).tolist(), strict=True))
 
 
@@ -66,19 +68,78 @@ def preview_png(pattern: Pattern, spec: Spec, printing: PrintSpec, caption: str)
         image.paste(panel, (left, 0))
         left += panel.width
     ImageDraw.Draw(image).text((18, HEIGHT_PX + 8), caption, fill=(60, 66, 74), font_size=22)
+    return _png(image)
+
+
+@dataclass(frozen=True)
+class Thumbnails:
+    """A picture in the sizes that slicers ask for, as PNG files."""
+
+    large: bytes  # 512 pixels a side
+    middle: bytes  # 256
+    small: bytes  # 128
+
+    @classmethod
+    def of(cls, picture: Image.Image) -> "Thumbnails":
+        """Of a square picture of 512 pixels."""
+        return cls(*(_png(picture if step == 1 else picture.reduce(step)) for step in (1, 2, 4)))
+
+
+def target_thumbnails(pattern: Pattern, spec: Spec, printing: PrintSpec) -> Thumbnails:
+    """The target as in its preview."""
+    colours = _rgb(printing.body_colour), _rgb(printing.ink_colour)
+    return Thumbnails.of(_perspective(pattern, 0, spec.depth_mm, colours, THUMBNAIL_PX, oversampling=2))
+
+
+def bed_thumbnails(
+    bed_mm: tuple[float, float], outlines: Sequence[Contour], disks: Array, printing: PrintSpec
+) -> Thumbnails:
+    """A plate from above.
+
+    Args:
+        bed_mm: width and depth of the bed.
+        outlines: of what lies on it.
+        disks: x, y, inner and outer radius of rings and dots.  # (N, 4)
+        printing: gives the colours.
+    """
+    body, ink = _rgb(printing.body_colour), _rgb(printing.ink_colour)
+    side = 2 * THUMBNAIL_PX
+    scale = side / max(bed_mm)
+    canvas = Image.new("RGB", (side, side), _BACKGROUND)
+    draw = ImageDraw.Draw(canvas)
+    offset = (side - scale * np.array(bed_mm)) / 2
+    for outline in outlines:
+        x, y = (offset + scale * outline).T
+        draw.polygon(list(zip(x.tolist(), (side - y).tolist(), strict=True)), fill=body, outline=ink, width=3)
+    middle = offset + scale * disks[:, :2]
+    for (x, y), (inner, outer) in zip(middle.tolist(), (scale * disks[:, 2:]).tolist(), strict=True):
+        for radius, colour in ((outer, ink), (inner, body)):
+            if radius:
+                draw.ellipse((x - radius, side - y - radius, x + radius, side - y + radius), fill=colour)
+    return Thumbnails.of(canvas.reduce(2))
+
+
+def _png(image: Image.Image) -> bytes:
     buffer = io.BytesIO()
     image.save(buffer, "PNG")
     return buffer.getvalue()
 
 
-def _perspective(pattern: Pattern, side: int, thickness_mm: float, colours: tuple[_Colour, _Colour]) -> Image.Image:
+def _perspective(
+    pattern: Pattern,
+    side: int,
+    thickness_mm: float,
+    colours: tuple[_Colour, _Colour],
+    side_px: int = HEIGHT_PX,
+    oversampling: int = _OVERSAMPLING,
+) -> Image.Image:
     """The target as a camera sees it; of a plate from one of its sides."""
     is_plate = len(pattern.faces) <= _SIDES_OF_PLATE
     direction = np.array([-0.35, -0.45, 1.0]) if is_plate else np.array([0.9, -0.35, 0.45])
     if is_plate:
         direction = pattern.target_from_face[side, :3, :3] @ direction
-    view = _look_from(pattern, direction, up=np.eye(3)[1 if is_plate else 2])
-    canvas = Image.new("RGB", (HEIGHT_PX * _OVERSAMPLING,) * 2, _BACKGROUND)
+    view = _look_from(pattern, direction, np.eye(3)[1 if is_plate else 2], side_px * oversampling)
+    canvas = Image.new("RGB", (view.side_px,) * 2, _BACKGROUND)
     draw = ImageDraw.Draw(canvas)
     if is_plate:
         _paint_sides(draw, pattern, view, thickness_mm, colours[0])
@@ -90,7 +151,7 @@ def _perspective(pattern: Pattern, side: int, thickness_mm: float, colours: tupl
                 return view.to_pixels(_in_target(frame, points))
 
             _paint_face(draw, face, pattern, to_pixels, (_shaded(colours[0], light), _shaded(colours[1], light)))
-    return canvas.reduce(_OVERSAMPLING)
+    return canvas.reduce(oversampling)
 
 
 def _unfolded(pattern: Pattern, polyhedron: Polyhedron, colours: tuple[_Colour, _Colour]) -> Image.Image:
@@ -144,7 +205,7 @@ def _paint_face(
         paint(contour, body)
 
 
-def _look_from(pattern: Pattern, direction: Array, up: Array) -> _SphereCamera:
+def _look_from(pattern: Pattern, direction: Array, up: Array, side_px: int) -> _SphereCamera:
     """A camera in the given direction from the target, whose picture the target fills."""
     z_axis = direction / np.linalg.norm(direction)
     x_axis = np.cross(up, z_axis)
@@ -153,10 +214,8 @@ def _look_from(pattern: Pattern, direction: Array, up: Array) -> _SphereCamera:
     frames = zip(pattern.target_from_face, pattern.faces, strict=True)
     corners = np.concatenate([_in_target(frame, face.outline) for frame, face in frames])
     distance = 5 * float(np.linalg.norm(corners, axis=1).max())
-    span = np.abs(
-        np.array(_SphereCamera(rotation, distance, 1.0).to_pixels(corners)) - HEIGHT_PX * _OVERSAMPLING / 2
-    ).max()
-    return _SphereCamera(rotation, distance, 0.46 * HEIGHT_PX * _OVERSAMPLING / float(span))
+    span = np.abs(np.array(_SphereCamera(rotation, distance, 1.0, side_px).to_pixels(corners)) - side_px / 2).max()
+    return _SphereCamera(rotation, distance, 0.46 * side_px / float(span), side_px)
 
 
 def _in_target(frame: Array, points: Contour) -> Array:

@@ -28,6 +28,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 from designer.base.words import NAME
+from designer.formats.png import Thumbnails
 from designer.formats.settings import process_settings, prusa_settings
 from designer.formats.threemf import ObjectText, bambu_package, objects_of, prusa_package, quoted
 from designer.make.bed import Piece, Plate
@@ -53,24 +54,28 @@ class PlateFiles:
     bambu: bytes  # Bambu Studio, OrcaSlicer; Cura
 
 
-def plate_files(plate: Plate, printing: PrintSpec) -> PlateFiles:
+def plate_files(plate: Plate, printing: PrintSpec, thumbnails: Thumbnails | None = None) -> PlateFiles:
     """Write a plate for each slicer. The same input gives the same bytes.
 
     Raises:
         InputError: a name that XML cannot hold.
     """
     objects, presets = objects_of(plate.pieces), printing.printer.presets
+    pictures = {} if thumbnails is None else {"Metadata/thumbnail.png": thumbnails.middle}
     # zlib lets other threads run, so one package is compressed while the other is put together.
     with ThreadPoolExecutor(2) as pool:
-        prusa = pool.submit(prusa_package, objects, printing, prusa_settings(plate, printing))
+        prusa = pool.submit(prusa_package, objects, printing, prusa_settings(plate, printing), pictures)
         if presets is None:
-            bambu = pool.submit(bambu_package, objects, printing)
+            bambu = pool.submit(bambu_package, objects, printing, members=pictures)
         else:
-            bambu = pool.submit(_project, plate.pieces[0].name, (plate,), objects, printing, presets)
+            each = () if thumbnails is None else (thumbnails,)
+            bambu = pool.submit(_project, plate.pieces[0].name, (plate,), objects, printing, presets, each)
         return PlateFiles(prusa.result(), bambu.result())
 
 
-def project_bytes(title: str, plates: Sequence[Plate], printing: PrintSpec, presets: Presets) -> bytes:
+def project_bytes(
+    title: str, plates: Sequence[Plate], printing: PrintSpec, presets: Presets, thumbnails: Sequence[Thumbnails] = ()
+) -> bytes:
     """`project_bytes("ico", design.plates, printing, printing.printer.presets)`: the project as a zip package.
 
     Args:
@@ -78,16 +83,22 @@ def project_bytes(title: str, plates: Sequence[Plate], printing: PrintSpec, pres
         plates: as they are printed, 36 at most.
         printing: gives colours and purge.
         presets: of the printer.
+        thumbnails: of each plate, or none.
 
     Raises:
         InputError: a name that XML cannot hold.
     """
     objects = objects_of([piece for at in range(len(plates)) for piece in _placed(plates, at, presets)])
-    return _project(title, plates, objects, printing, presets)
+    return _project(title, plates, objects, printing, presets, thumbnails)
 
 
 def _project(
-    title: str, plates: Sequence[Plate], objects: Sequence[ObjectText], printing: PrintSpec, presets: Presets
+    title: str,
+    plates: Sequence[Plate],
+    objects: Sequence[ObjectText],
+    printing: PrintSpec,
+    presets: Presets,
+    thumbnails: Sequence[Thumbnails],
 ) -> bytes:
     """Of objects that lie where their plates stand."""
     metadata = (
@@ -99,7 +110,11 @@ def _project(
     )
     settings = json.dumps(_settings(plates, printing, presets), indent=1).encode()
     members = {"Metadata/project_settings.config": settings}
-    return bambu_package(objects, printing, metadata, _plates_text(title, plates, objects), members)
+    for number, pictures in enumerate(thumbnails, start=1):
+        members[f"Metadata/plate_{number}.png"] = pictures.large
+        members[f"Metadata/plate_{number}_small.png"] = pictures.small
+    plates_text = _plates_text(title, plates, objects, has_pictures=bool(thumbnails))
+    return bambu_package(objects, printing, metadata, plates_text, members)
 
 
 def plate_corner_mm(at: int, count: int, presets: Presets) -> tuple[float, float]:
@@ -119,7 +134,7 @@ def _placed(plates: Sequence[Plate], at: int, presets: Presets) -> list[Piece]:
     return pieces
 
 
-def _plates_text(title: str, plates: Sequence[Plate], objects: Sequence[ObjectText]) -> str:
+def _plates_text(title: str, plates: Sequence[Plate], objects: Sequence[ObjectText], *, has_pictures: bool) -> str:
     """Which objects lie on which plate. Plates are locked: arranging would take pieces into the tower's place."""
     text, rest = "", iter(objects)
     for number, plate in enumerate(plates, start=1):
@@ -128,6 +143,8 @@ def _plates_text(title: str, plates: Sequence[Plate], objects: Sequence[ObjectTe
             f'  <metadata key="plater_name" value={quoted(plate.title or title)}/>\n'
             '  <metadata key="locked" value="true"/>\n'
         )
+        if has_pictures:
+            text += f'  <metadata key="thumbnail_file" value="Metadata/plate_{number}.png"/>\n'
         for _ in plate.pieces:
             one = next(rest)
             text += (

@@ -44,18 +44,23 @@ def zipped(members: Mapping[str, bytes]) -> bytes:
     return package.getvalue()
 
 
-_CONTENT_TYPES = """<?xml version="1.0" encoding="UTF-8"?>
-<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
- <Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
- <Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/>
- <Default Extension="config" ContentType="application/xml"/>
-</Types>
-"""
-_RELATIONSHIPS = """<?xml version="1.0" encoding="UTF-8"?>
-<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">
- <Relationship Id="model" Target="/3D/3dmodel.model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>
-</Relationships>
-"""
+_CONTENT_TYPES = {
+    "rels": "application/vnd.openxmlformats-package.relationships+xml",
+    "model": "application/vnd.ms-package.3dmanufacturing-3dmodel+xml",
+    "config": "application/xml",
+    "xml": "application/xml",
+    "png": "image/png",
+}
+"""By the ends of names."""
+_THUMBNAIL = "http://schemas.openxmlformats.org/package/2006/relationships/metadata/thumbnail"
+_RELATIONSHIPS = (
+    ("3D/3dmodel.model", "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"),
+    ("Metadata/thumbnail.png", _THUMBNAIL),
+    ("Metadata/plate_1.png", _THUMBNAIL),
+    ("Metadata/plate_1.png", "http://schemas.bambulab.com/package/2021/cover-thumbnail-middle"),
+    ("Metadata/plate_1_small.png", "http://schemas.bambulab.com/package/2021/cover-thumbnail-small"),
+)
+"""What a file of a package is to it, if it is there."""
 _MODEL_START = """<?xml version="1.0" encoding="UTF-8"?>
 <model unit="millimeter" xml:lang="en-US" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
  xmlns:m="http://schemas.microsoft.com/3dmanufacturing/material/2015/02"
@@ -260,15 +265,25 @@ def _triangles(triangles: NDArray[np.int32], first: int = 0, properties: bytes =
     return text_lines(b'<triangle v1="', one, b'" v2="', two, b'" v3="', three, b'"', properties, b"/>\n")
 
 
-def package(model: Iterable[str | bytes], settings: Mapping[str, bytes]) -> bytes:
-    """Zip a model and a slicer's settings, by their paths."""
-    members = {
-        "[Content_Types].xml": _CONTENT_TYPES.encode(),
-        "_rels/.rels": _RELATIONSHIPS.encode(),
+def package(model: Iterable[str | bytes], members: Members) -> bytes:
+    """Zip a model and what a slicer reads beside it, by their paths."""
+    files = {
         "3D/3dmodel.model": b"".join(part.encode() if isinstance(part, str) else part for part in model),
-        **settings,
+        **members,
     }
-    return zipped(members)
+    head, schema = '<?xml version="1.0" encoding="UTF-8"?>\n', "http://schemas.openxmlformats.org/package/2006"
+    endings = sorted({"rels", *(path.rpartition(".")[2] for path in files)})
+    types = "".join(f' <Default Extension="{one}" ContentType="{_CONTENT_TYPES[one]}"/>\n' for one in endings)
+    relations = "".join(
+        f' <Relationship Id="rel-{number}" Target="/{path}" Type="{kind}"/>\n'
+        for number, (path, kind) in enumerate(_RELATIONSHIPS, start=1)
+        if path in files
+    )
+    return zipped({
+        "[Content_Types].xml": f'{head}<Types xmlns="{schema}/content-types">\n{types}</Types>\n'.encode(),
+        "_rels/.rels": f'{head}<Relationships xmlns="{schema}/relationships">\n{relations}</Relationships>\n'.encode(),
+        **files,
+    })  # fmt: skip
 
 
 def text_lines(*parts: bytes | Characters) -> bytes:

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 import svgelements
 import trimesh
+from PIL import Image
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -75,7 +76,7 @@ def meshes_of_3mf(content: bytes) -> Iterator[tuple[Array, Rows]]:
 
 
 def in_3mf(content: bytes, most_mm: float) -> int:
-    """By lib3mf strictly, without a warning; of its meshes each one closed."""
+    """By lib3mf strictly, without a warning; of its meshes each one closed; a thumbnail shows something."""
     reader = (model := lib3mf.get_wrapper().CreateModel()).QueryReader("3mf")
     reader.SetStrictModeActive(True)
     reader.ReadFromBuffer(content)
@@ -83,6 +84,10 @@ def in_3mf(content: bytes, most_mm: float) -> int:
     meshes = model.GetMeshObjects()
     while meshes.MoveNext():
         assert meshes.GetCurrentMeshObject().IsManifoldAndOriented()
+    picture = Image.open(io.BytesIO(bytes(model.GetPackageThumbnailAttachment().WriteToBuffer())))
+    assert picture.size in {(256, 256), (512, 512)}
+    low, high = picture.convert("L").getextrema()
+    assert high - low > 100
     return sum(rings_of_mesh(*mesh, most_mm) for mesh in meshes_of_3mf(content))
 
 

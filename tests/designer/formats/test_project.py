@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from designer.app.design import DesignedTarget, design
 from designer.base.arrays import Array
@@ -181,6 +182,19 @@ def test_plates_bear_names_that_a_file_may_have(name: str) -> None:
     for number, (plate, ours) in enumerate(zip(plates, target_of(name).design.plates, strict=True), start=1):
         assert plate.name == f"plate {number}, {ours.words}"
         assert not {*plate.name} & {*'<>[]:/\\|?*"'}
+
+
+def test_each_plate_has_its_picture(name: str) -> None:
+    """512 pixels a side where its settings say, 128 under the name that goes with it; no two plates look alike."""
+    with zipfile.ZipFile(io.BytesIO(package_of(name))) as archive:
+        config = ElementTree.fromstring(archive.read("Metadata/model_settings.config"))
+        places = [settings(plate)["thumbnail_file"] for plate in config.findall("plate")]
+        large = [archive.read(place) for place in places]
+        small = [archive.read(place.replace(".png", "_small.png")) for place in places]
+    assert places == [f"Metadata/plate_{number}.png" for number in range(1, 1 + len(target_of(name).design.plates))]
+    assert {Image.open(io.BytesIO(one)).size for one in large} == {(512, 512)}
+    assert {Image.open(io.BytesIO(one)).size for one in small} == {(128, 128)}
+    assert len({*large}) == len(large)
 
 
 def test_the_grid_is_that_of_the_readers() -> None:
