@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 from calib.app.cameras_told import numbers_of, refit_numbers
 from calib.cameras import fitted_models
-from calib.cameras.formats import FORMATS, RIG_FORMATS
+from calib.cameras.formats import ACCEPTED_PX, FORMATS, RIG_FORMATS
 from designer.base.codec import encode_written
 from designer.base.errors import InputError
 from designer.base.options import argument, option
@@ -228,8 +228,8 @@ def convert(
     accept_px: Annotated[
         float | None,
         option(
-            "how far the file's lens may be off anywhere in the image (default: 0.1px, or what --model, --lens or "
-            "--without cost)",
+            "how far a lens that is fitted may be off anywhere in the image (default: 0.1px; where --model, --lens or "
+            "--without is given, what that costs)",
             0,
             metavar="PIXELS",
         ),
@@ -251,9 +251,9 @@ def convert(
     """Write a camera or a rig as files of another tool, or read its files: `convert("camera.json", "opencv")`.
 
     Of the file's lenses the camera's own is written, or the closest one of its family, with a focal plane or wide: it
-    is fitted over the whole image, the residual is told in pixels, and refused above 0.1 px unless it is accepted. Of a
-    file with several cameras one is named as in chain.yaml#cam1; without a name they are a rig, if the file says where
-    they stand.
+    is fitted over the whole image, the residual is told in pixels, and refused above 0.1 px unless it is accepted; a
+    file's lens that is none of ours likewise. Of a file with several cameras one is named as in chain.yaml#cam1;
+    without a name they are a rig, if the file says where they stand.
 
     >>> calib.convert("camera.json", "opencv").save("camera.yaml")
     >>> calib.convert("rig.json", "kalibr", out="camchain.yaml").max_px
@@ -263,7 +263,7 @@ def convert(
             more than the format's lenses can, or a fit that is off by more than is accepted.
     """
     from calib.cameras.camera import Camera
-    from calib.cameras.formats.holding import ACCEPTED_PX, fit_to_format
+    from calib.cameras.formats.holding import fit_to_format
     from calib.cameras.formats.reading import OpenedRig, find_format, require_unit
     from calib.cameras.rig import Rig
     from designer.page.output import asked_output
@@ -274,7 +274,7 @@ def convert(
     output, is_object = asked_output(out), isinstance(camera, Camera | Rig)
     if is_object:
         _refuse_of_file(source=source, source_unit=source_unit)
-    read = _opened(camera, to, source, source_unit)
+    read = _opened(camera, to, source, source_unit, ACCEPTED_PX if accept_px is None else accept_px)
     target: CameraFormat | RigFormat
     opened: OpenedCamera | OpenedRig
     rig = read if isinstance(read, OpenedRig) else None
@@ -308,7 +308,7 @@ def convert(
 
 
 def _opened(
-    camera: "Camera | Rig | Place", to: str, source: str | None, source_unit: str | None
+    camera: "Camera | Rig | Place", to: str, source: str | None, source_unit: str | None, accept_px: float
 ) -> "OpenedCamera | OpenedRig":
     """What is read: one camera is a rig of one where a format holds rigs alone, and the other way round."""
     from calib.app.inputs import opened_camera, opened_rig, rig_named
@@ -319,9 +319,9 @@ def _opened(
     if isinstance(camera, Rig):
         rig: OpenedRig | None = opened_rig(camera)
     else:
-        rig = None if isinstance(camera, Camera) else rig_named(camera, source, source_unit)
+        rig = None if isinstance(camera, Camera) else rig_named(camera, source, source_unit, accept_px)
     if rig is None:
-        one = opened_camera(cast("Camera | Place", camera), source)
+        one = opened_camera(cast("Camera | Place", camera), source, accept_px)
         return as_rig(one) if to in RIG_FORMATS and to not in FORMATS else one
     is_alone = len(rig.read.rig.names) == 1 and to in FORMATS and (to not in RIG_FORMATS or RIG_FORMATS[to].fewest > 1)
     return only_camera(rig) if is_alone else rig

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from calib.app.cameras_told import camera_words, refit_words
+from calib.cameras.formats import ACCEPTED_PX
 from designer.base.words import printable
 from designer.page.blocks import Command, Facts, Finding, Findings, Headline, Page, Section
 from designer.page.terminal import quoted
@@ -38,12 +39,13 @@ def conversion_page(made: "Conversion") -> Page:
         headline = Headline("usable" if made.is_far else "note", "fitted", fitted)
     findings = [Finding("note", "", printable(line)) for line in made.remarks]
     findings += [Finding("note", "Lost", printable(line)) for line in made.lost]
+    is_readable = all(read is None or read.max_px <= ACCEPTED_PX for _, _, read, _ in made.each)  # by other commands
     if made.is_far:
         where = "a camera differs" if is_rig else "the two cameras differ"
-        far = f"{where} by more than {LARGE_PX:g} px somewhere; see where with calib diff, and --lens for another"
-        findings.append(Finding("usable", "Far", far))
+        hint = "; see where with calib diff, and --lens for another" if is_readable else ""
+        findings.append(Finding("usable", "Far", f"{where} by more than {LARGE_PX:g} px somewhere{hint}"))
     names = tuple(name for name, *_ in made.each)
-    can_be_compared = not is_rig or cast("RigFormat", target).words(names) == names
+    can_be_compared = is_readable and (not is_rig or cast("RigFormat", target).words(names) == names)
     again = f"calib diff {shlex.quote(printable(made.named))} {quoted(out)}"
     steps = (Command(again),) if made.is_far and can_be_compared else ()
     sections = (Section("Conversion", (Findings(tuple(findings)),)),) if findings else ()

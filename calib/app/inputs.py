@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from calib.app.options import MOST_JOBS, grid_of
-from calib.cameras.formats import FORMATS, OWN, RIG_FORMATS
+from calib.cameras.formats import ACCEPTED_PX, FORMATS, OWN, RIG_FORMATS
 from calib.core.types import Detections, Observations, RigObservations
 from designer.base.errors import InputError
 from designer.base.files import place_of
@@ -209,11 +209,11 @@ def camera_of(camera: "Camera | Place") -> "Camera":
     return opened_camera(camera).read.camera
 
 
-def opened_camera(camera: "Camera | Place", kind: str | None = None) -> "OpenedCamera":
+def opened_camera(camera: "Camera | Place", kind: str | None = None, accept_px: float = ACCEPTED_PX) -> "OpenedCamera":
     """A camera with the kind of file that it comes from, which is ours for one that comes from none.
 
     Raises:
-        InputError: neither a camera, nor a file that can be read.
+        InputError: neither a camera, nor a file that can be read, or whose lens is off by more than is accepted.
     """
     from calib.cameras.camera import Camera
     from calib.cameras.formats.format import ReadCamera
@@ -222,7 +222,7 @@ def opened_camera(camera: "Camera | Place", kind: str | None = None) -> "OpenedC
     if isinstance(camera, Camera):
         return OpenedCamera(FORMATS[OWN], ReadCamera(camera))
     place_of(camera, "a camera, its file, or a template")
-    return open_camera(fspath(camera), kind)
+    return open_camera(fspath(camera), kind, accept_px)
 
 
 def load_rig(name: Place, *, unit: str | None = None) -> "Rig":
@@ -277,7 +277,9 @@ def opened_rig(rig: "Rig") -> "OpenedRig":
     return OpenedRig(RIG_FORMATS[OWN], ReadRig(rig, (None,) * len(rig.cameras)))
 
 
-def rig_named(name: Place, kind: str | None = None, unit: str | None = None) -> "OpenedRig | None":
+def rig_named(
+    name: Place, kind: str | None = None, unit: str | None = None, accept_px: float = ACCEPTED_PX
+) -> "OpenedRig | None":
     """The rig of a file or a folder; None: it is a camera's, or nobody's.
 
     Raises:
@@ -289,9 +291,9 @@ def rig_named(name: Place, kind: str | None = None, unit: str | None = None) -> 
     if place.is_dir() and (place / FORMATS[OWN].file_name).exists():
         return None
     if kind in RIG_FORMATS and kind not in FORMATS:
-        return open_rig(place, kind, unit)
+        return open_rig(place, kind, unit, accept_px)
     found = rig_format_of(place)
-    return None if found is None or kind not in (None, found.name) else open_rig(place, found.name, unit)
+    return None if found is None or kind not in (None, found.name) else open_rig(place, found.name, unit, accept_px)
 
 
 def processes_of(jobs: int | None) -> int:

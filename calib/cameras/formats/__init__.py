@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 NAMES = ["json", "basalt", "mrcal", "metashape", "kalibr", "ros", "opencv", "colmap"]
 """In the order in which a file of unknown kind is tried, the more particular first."""
 RIG_NAMES = ["json", "kalibr", "opencv", "colmap", "ros", "mrcal", "anipose", "caliscope"]
+ACCEPTED_PX = 0.1
+"""A fit of a program's own choosing, in reading or in writing, that is off by more is refused, unless it is allowed."""
 OWN = "json"
 """The program's own, which holds cameras of any model, and how sure a rig is."""
 

@@ -25,8 +25,6 @@ FAR_COSINE = np.cos(np.radians(75.0))
 """Beyond, the numbers of lenses with a focal plane run away: wide ones suit such a camera."""
 LARGE_PX = 0.05
 """A larger difference is worth a warning, and a try of other lenses: calibrations are good to hundredths of a pixel."""
-ACCEPTED_PX = 0.1
-"""A fit of a program's own choosing that is off by more is refused, unless that is allowed."""
 BETTER = 0.9
 """A later lens is taken if it leaves less than this part of what the one before it leaves."""
 

@@ -1,5 +1,6 @@
 """Files of cameras and rigs of any kind that is known, found out by their content, or by the files of a folder."""
 
+import math
 import os
 import re
 from collections.abc import Mapping
@@ -11,10 +12,10 @@ import numpy as np
 
 from calib.cameras import parameter_names
 from calib.cameras.camera import CAMERA, Camera, camera_or_preset
-from calib.cameras.formats import FORMATS, OWN, RIG_FORMATS
+from calib.cameras.formats import ACCEPTED_PX, FORMATS, OWN, RIG_FORMATS
 from calib.cameras.formats.format import CameraFormat, ReadCamera, ReadRig, RigFiles, RigFormat
 from calib.cameras.formats.parsing import UNIT_WORDS, outline, pick, unit_mm
-from calib.cameras.refit import FOCAL_AND_CENTRE
+from calib.cameras.refit import FOCAL_AND_CENTRE, Refit
 from calib.cameras.rig import ALONE, MOST_CAMERAS, RIG, Rig, rig_of_one
 from calib.core.registry import Registry
 from designer.base.errors import InputError
@@ -52,23 +53,27 @@ class OpenedRig:
             return False
 
 
-def open_rig(place: Path, format_name: str | None = None, unit: str | None = None) -> OpenedRig:
+def open_rig(
+    place: Path, format_name: str | None = None, unit: str | None = None, accept_px: float = ACCEPTED_PX
+) -> OpenedRig:
     """The rig of a file, or of a folder with its files; a camera's file is that of a rig of one.
 
     Args:
         place: of a file or folder, or one camera of a file, `rig.json#left`.
         format_name: one of `RIG_FORMATS`; None: found out.
         unit: of lengths, "mm" or "m", where the format has none of its own; None: what the file says, or usually has.
+        accept_px: how far a camera may be off from the file's lens, where that is none of ours and is fitted.
 
     Raises:
-        InputError: no such file, of no known kind, or not valid; the message names it.
+        InputError: no such file, of no known kind, or not valid, or a lens that no camera comes close to; the message
+            names it.
     """
     kind = rig_format_of(place) if format_name is None else find_format(format_name, RIG_FORMATS, "rig")
     if kind is None and _is_of_one(place):
         if unit is not None:
             raise InputError(f"--from-unit {unit}: is of lengths, and {place} is one camera; leave it out")
         name = ALONE if os.path.lexists(place) else str(place).rpartition(ONE_OF)[2]
-        return as_rig(open_camera(str(place)), name)
+        return as_rig(open_camera(str(place), accept_px=accept_px), name)
     if kind is None:
         if not place.is_dir():
             read_small_text(place, RIG.largest_bytes, "a rig file")  # says what is wrong with it, if it is not read
@@ -78,6 +83,8 @@ def open_rig(place: Path, format_name: str | None = None, unit: str | None = Non
     files, paths = _files(place, kind)
     origin = place.parent if kind.is_folder and not place.is_dir() else place
     found = kind.read(RigFiles(files, str(origin), unit or kind.unit))
+    for name, fit in zip(found.rig.names, found.refits, strict=True):
+        _require_close(fit, accept_px, f"{place}: camera {shown(name)}")
     if found.unit is not None:
         if unit is not None and unit != found.unit:
             raise InputError(f"{place}: says that its lengths are in {shown(found.unit)}; leave out --from-unit {unit}")
@@ -215,14 +222,26 @@ def only_camera(opened: OpenedRig, row: int = 0) -> OpenedCamera:
     return OpenedCamera(FORMATS[OWN], camera, next(iter(opened.paths), None))
 
 
-def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
+def _require_close(fit: Refit | None, accept_px: float, camera: str) -> None:
+    """Refuse a fit to a file's lens, which is none of ours, that is off by more."""
+    if fit is not None and fit.max_px > accept_px:
+        allowed = math.ceil(fit.max_px * 100) / 100
+        raise InputError(
+            f"{camera}: its lens is none of ours, and the closest, {fit.camera.model}, is off by up to "
+            f"{fit.max_px:.3g} px, more than {accept_px:g} px; where that will do, make a camera of it by calib "
+            f"convert --to json --accept {allowed:g}px"
+        )
+
+
+def open_camera(name: str, format_name: str | None = None, accept_px: float = ACCEPTED_PX) -> OpenedCamera:
     """The camera of a file, of a template, or of one of a file's several cameras, named as in `FILE#NAME`.
 
     A folder stands for its `camera.json`, or for its `rig.json`, as in `FOLDER#NAME`. The format is found out if it is
-    not given.
+    not given. A lens that is none of ours is fitted, and may be off by `accept_px`.
 
     Raises:
-        InputError: no such file, of no known kind, or not valid; the message names it.
+        InputError: no such file, of no known kind, or not valid, or a lens that no camera comes close to; the message
+            names it.
     """
     known = None if format_name is None else find_format(format_name, FORMATS, "camera")
     path, is_preset = Path(name), name in preset_names("cameras")
@@ -247,8 +266,9 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
     kind = known or recognise(text)
     rig_kind = None if known is not None or (kind is not None and kind.holds_many) else recognise_rig(text)
     if rig_kind is not None:
-        found = open_rig(path, rig_kind.name)
+        found = open_rig(path, rig_kind.name, accept_px=math.inf)
         row = pick({name: row for row, name in enumerate(found.read.rig.names)}, wanted, str(path))
+        _require_close(found.read.refits[row], accept_px, name)
         return replace(only_camera(found, row), path=path)
     if kind is None:
         if text.lstrip()[:1] == "{":
@@ -258,7 +278,9 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
         raise InputError(f"{path}: more than {kind.max_bytes} bytes; {kind.title} is smaller")
     if wanted is not None and not kind.holds_many:
         raise InputError(f"{path}: {kind.title} holds one camera; leave out {shown('#' + wanted)}")
-    return OpenedCamera(kind, kind.read(text, str(path), wanted), path)
+    read = kind.read(text, str(path), wanted)
+    _require_close(read.refit, accept_px, name)
+    return OpenedCamera(kind, read, path)
 
 
 def _taken_as_none(camera: Camera, path: Path | None) -> tuple[str, ...]:

@@ -74,14 +74,26 @@ def test_a_lens_parameter_can_be_left_out() -> None:
 
 
 def test_what_a_foreign_lens_cost_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    """A lens that is no model of ours is fitted when it is read, with its residual."""
+    """A lens that is no model of ours is fitted when it is read, with its residual.
+
+    It is refused where it is off by more than a lens may be that is written, by every command that takes a camera.
+    """
     run("barrel.json", to="metashape", out=Path("c.xml"))
     Path("c.xml").write_text(Path("c.xml").read_text().replace("</calibration>", "<p3>.2</p3></calibration>"))
     capsys.readouterr()
-    run("c.xml", to="json", out=Path("c.json"))
+    for refused in (
+        lambda: run("c.xml", to="json", out=Path("c.json")), lambda: calib.load_camera("c.xml"),
+        lambda: calib.load_rig("c.xml"), lambda: calib.diff("barrel.json", "c.xml"),
+    ):  # fmt: skip
+        with pytest.raises(
+            InputError, match=r"^c\.xml: .* off by up to 1\.29 px, more than 0\.1 px; .* --accept 1\.3px$"
+        ):
+            refused()
+    run("c.xml", to="json", out=Path("c.json"), accept_px=1.3)
     said = capsys.readouterr().out
     assert "its frame lens with p3 was fitted by the model opencv" in said
     assert "fitted opencv over the whole image: RMS 0." in said
+    assert "calib diff" not in said  # which would refuse the one file
 
 
 def test_the_lens_is_chosen_and_can_be_named(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,8 +9,8 @@ import yaml
 import calib
 from calib.cameras import ABILITIES, project
 from calib.cameras.camera import Camera
-from calib.cameras.formats import FORMATS, OWN
-from calib.cameras.formats.holding import ACCEPTED_PX, fit_to_format
+from calib.cameras.formats import ACCEPTED_PX, FORMATS, OWN
+from calib.cameras.formats.holding import fit_to_format
 from calib.cameras.formats.reading import open_camera, recognise
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import (
