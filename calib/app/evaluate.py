@@ -1,7 +1,7 @@
 """How large a camera's errors are: `calib evaluate`, `calib.evaluate("camera", held_out=5)`."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
@@ -233,7 +233,6 @@ def evaluate(
     else:
         file = calibration_in(place_of(calibration, "a run, a calibration.json, or its folder"))
         solved, origin = read_calibration(file)
-        solved = _of_solved_size(solved, file)
     every, has_reference = evaluate_all(solved, known), bool(dict(origin.settings).get(REFERENCE))
     held = _held_out(solved, origin.options, held_out, known, has_reference=has_reference) if held_out else None
     if on is None:
@@ -278,29 +277,6 @@ def calibration_in(place: Path) -> Path:
 
     require_camera(place, CALIBRATION_FILE)
     return place / CALIBRATION_FILE
-
-
-def _of_solved_size(calibration: "Calibration", file: Path) -> "Calibration":
-    """The calibration of a rig's camera with the target as large as a robot's ways told it, which its poses are of."""
-    from calib.observe.calibration_file import RIG_CALIBRATION_FILE
-
-    rig = file.resolve().parent.parent.parent / RIG_CALIBRATION_FILE
-    if not rig.is_file():
-        return calibration
-    from calib.rigs.rig_calibration_file import RIG_CALIBRATION
-
-    carrier = RIG_CALIBRATION.read(rig).carrier
-    if carrier is None or carrier.size == 1:
-        return calibration
-    size, points = carrier.size, calibration.observations.points
-    plane = points.plane * (1, 1, 1, size)
-    circle_mm = None if points.circle_mm is None else size * points.circle_mm
-    points = replace(points, position_mm=size * points.position_mm, plane=plane, circle_mm=circle_mm)
-    said = f"the target is {100 * size:.5g} % of what its file says, as the robot's ways told when this was solved"
-    return replace(
-        calibration, observations=replace(calibration.observations, points=points),
-        remarks=(*calibration.remarks, said),
-    )  # fmt: skip
 
 
 def _held_out(

@@ -9,7 +9,7 @@ import hashlib
 import math
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
 
@@ -60,6 +60,36 @@ class SolvedView:
     covariance: Annotated[Array, Shape(6, 6), OR_NULL]
 
 
+@dataclass(frozen=True, eq=False)
+class PointsRecord:
+    """Known points and their planes, as files have them."""
+
+    planes: Annotated[Array, Shape("F", 4)]
+    points: tuple[_Point, ...]
+
+    @classmethod
+    def of(cls, known: KnownPoints) -> Self:
+        """Those of a target."""
+        each = zip(known.position_mm.tolist(), known.face.tolist(), strict=True)
+        return cls(known.plane, tuple((x, y, z, face) for (x, y, z), face in each))
+
+    def __post_init__(self) -> None:
+        for number, plane in enumerate(self.planes.tolist()):
+            if abs((length := math.hypot(*plane[:3])) - 1) > 1e-6:
+                raise ValueError(f"planes.{number} has a normal of length {length:g}; it must be 1")
+        for number, point in enumerate(self.points):
+            if point[3] >= len(self.planes):
+                raise ValueError(
+                    f"points.{number} is on plane {point[3]}; there are {len(self.planes)}, counted from 0"
+                )
+
+    def known(self, geometry_id: str) -> KnownPoints:
+        """As they are used."""
+        position = np.array([point[:3] for point in self.points], dtype=np.float64).reshape(-1, 3)
+        face = np.array([point[3] for point in self.points], dtype=np.int64)
+        return KnownPoints(position, face, self.planes, geometry_id)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CalibrationRecord(CameraSolution):
     """The keys of the file: a calibration but for what stands in the table beside it."""
@@ -89,21 +119,12 @@ class CalibrationRecord(CameraSolution):
             raise ValueError("linear must have a row a view")
         if fault := rigid_fault(np.stack([view.cam_from_target for view in self.views])):
             raise ValueError(f"views.{fault[0]}.cam_from_target {fault[1]}")
-        for number, plane in enumerate(self.planes.tolist()):
-            if abs((length := math.hypot(*plane[:3])) - 1) > 1e-6:
-                raise ValueError(f"planes.{number} has a normal of length {length:g}; it must be 1")
-        for number, point in enumerate(self.points):
-            if point[3] >= len(self.planes):
-                raise ValueError(
-                    f"points.{number} is on plane {point[3]}; there are {len(self.planes)}, counted from 0"
-                )
+        _ = self.known_points
 
     @property
     def known_points(self) -> KnownPoints:
         """The known points and their planes."""
-        position = np.array([point[:3] for point in self.points], dtype=np.float64).reshape(-1, 3)
-        face = np.array([point[3] for point in self.points], dtype=np.int64)
-        return KnownPoints(position, face, self.planes, self.geometry_id)
+        return PointsRecord(self.planes, self.points).known(self.geometry_id)
 
 
 CALIBRATION = FileKind(CalibrationRecord, "calibration", "a calibration.json", "solve again", largest_bytes=512 * 2**20)
@@ -178,9 +199,7 @@ def record_of(calibration: Calibration, provenance: Provenance, digest: str) -> 
         geometry_id=points.geometry_id,
         observations_sha256=digest,
         planes=points.plane,
-        points=tuple(
-            (x, y, z, face) for (x, y, z), face in zip(points.position_mm.tolist(), points.face.tolist(), strict=True)
-        ),
+        points=PointsRecord.of(points).points,
         views=tuple(
             SolvedView(*view)
             for view in zip(seen.view_names, calibration.cam_from_target, calibration.pose_covariance, strict=True)

@@ -9,7 +9,7 @@ import numpy as np
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
-from calib.core.types import RigObservations, freeze, frozen_array
+from calib.core.types import Observations, RigObservations, freeze, frozen_array
 from calib.rigs.problem import FREE_SIZE, CameraChoice
 from calib.solver.calibration import Calibration, CircleDoubt, PlaneBend, Solved
 from calib.solver.priors import ParameterPrior
@@ -143,13 +143,15 @@ class RigCalibration(JointSolution):
     def alone(self) -> tuple[Calibration, ...]:
         """Each camera with its views, for what is asked of one camera: `calib.evaluate(found.alone[0])`.  # (C,)
 
-        Its poses are those of the joint solution, and as sure.
+        Its poses are those of the joint solution, and as sure; its target is as large as they tell.
         """
         rig, seen, stated = self.rig, self.observations, self.stated_covariance
+        size = 1.0 if self.carrier is None else self.carrier.size
+        said = f"the target is {100 * size:.5g} % of what its file says, as the robot's ways told when this was solved"
         return tuple(
             Calibration(
                 camera=camera,
-                observations=seen.sightings[row],
+                observations=self._as_large(seen.sightings[row], size),
                 cam_from_target=self.cam_from_rig[row] @ self.rig_from_target[seen.frame[row]],
                 residual_px=self.residual_px[row],
                 is_outlier=self.is_outlier[row],
@@ -159,7 +161,7 @@ class RigCalibration(JointSolution):
                 fixed=self.fixed[row],
                 weighted=self.weighted,
                 status=self.status,
-                remarks=(),
+                remarks=() if size == 1 else (said,),
                 iterations=self.iterations,
                 seconds=self.seconds,
                 target_bend=self.target_bend,
@@ -167,6 +169,15 @@ class RigCalibration(JointSolution):
             )
             for row, camera in enumerate(self.cameras)
         )
+
+    def _as_large(self, seen: Observations, size: float) -> Observations:
+        """What a camera saw of a target of that part of the size that its file says; a bend is no part of it."""
+        if size == 1:
+            return seen
+        points, flat = seen.points, (seen if self.target_bend is None else self.target_bend.flattened(seen)).points
+        position_mm, plane = points.position_mm + (size - 1) * flat.position_mm, points.plane * (1, 1, 1, size)
+        circle_mm = None if points.circle_mm is None else size * points.circle_mm
+        return replace(seen, points=replace(points, position_mm=position_mm, plane=plane, circle_mm=circle_mm))
 
 
 def as_given(found: RigCalibration) -> RigObservations:

@@ -18,6 +18,7 @@ from calib.core.types import KnownPoints, RigObservations
 from calib.observe.calibration_file import (
     CALIBRATION_FILE,
     RIG_CALIBRATION_FILE,
+    PointsRecord,
     Provenance,
     calibration_files,
     read_calibration,
@@ -82,6 +83,8 @@ class RigRecord(JointSolution):
     observed: tuple[Line, ...] = ()  # remarks on the observations
     cameras: Annotated[tuple[HeldCamera, ...], Length(1, MOST_CAMERAS)]
     frames: Annotated[tuple[SolvedFrame, ...], Length(1, MOST_FRAMES)]
+    target: Annotated[PointsRecord | None, LEFT_OUT] = None
+    """As its file has it, where a robot's ways told another size, which each camera's own file has it in."""
 
     def __post_init__(self) -> None:
         count = len(self.cameras)
@@ -168,6 +171,7 @@ def _record(found: RigCalibration, provenance: Provenance, folders: Sequence[str
             SolvedFrame(*frame)
             for frame in zip(seen.frame_names, found.rig_from_target, found.frame_covariance, strict=True)
         ),
+        target=PointsRecord.of(seen.points) if found.carrier is not None and found.carrier.size != 1 else None,
         **{name: getattr(found, name) for name in _ALIKE},
     )
 
@@ -188,6 +192,8 @@ def read_rig(folder: Path) -> tuple[RigCalibration, Provenance]:
     size = sum(len(one.camera.params) + POSE for one in alone)
     if len(record.covariance) != size:
         raise InputError(f"{path}: a covariance of {len(record.covariance)} rows for {size} unknowns; solve again")
+    if record.target is not None:
+        points = record.target.known(points.geometry_id)
     return _rig_of(record, alone, points), record.provenance
 
 

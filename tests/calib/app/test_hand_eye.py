@@ -12,11 +12,16 @@ import calib
 from calib.cameras import project
 from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose, transform
 from calib.judge.hand_eye_file import HAND_EYE
+from calib.observe.calibration_file import Provenance
 from calib.observe.robot_poses import read_robot_poses
 from calib.rigs.carrier import turned_by
+from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.relative import carried_error
 from calib.rigs.result import RigCalibration
+from calib.rigs.rig_calibration_file import read_rig, rig_files
+from calib.rigs.solve import solve_rig
 from calib.solver.start import solve_poses
+from designer.base.files import write_files
 from tests.support import command_line, rig_views, solver_scenes
 
 
@@ -66,6 +71,35 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def test_a_target_of_another_size_is_that_large_for_all_who_read_a_camera_of_the_folder(tmp_path: Path) -> None:
+    """Printed 3 % too small: a camera's own files, alone, leave over to the last pixel what the solution left over.
+
+    So do errors that are measured again, and the pose of a target of that size; the rig comes back bit for bit, with
+    the target as its file has it.
+    """
+    observations, carrier, _ = rig_views.camera_in_hand(np.random.default_rng(2).uniform(-0.5, 0.5, (20, 3)))
+    found = solve_rig(observations, [CameraChoice("opencv")], RigOptions(carrier=carrier))
+    write_files(rig_files(tmp_path, found, Provenance("test")))
+    read, _ = read_rig(tmp_path)
+    for name in ("position_mm", "plane"):
+        assert np.array_equal(getattr(read.observations.points, name), getattr(observations.points, name))
+        assert np.array_equal(
+            getattr(read.alone[0].observations.points, name), getattr(found.alone[0].observations.points, name)
+        )
+    (place,) = (tmp_path / "cameras").iterdir()
+    errors = calib.evaluate(place)
+    one, is_used = errors.calibration, ~found.is_outlier[0]
+    seen = one.observations
+    assert np.abs(seen.points.position_mm / 0.97 - observations.points.position_mm).max() < 0.1
+    there = project(one.camera, transform(one.cam_from_target[seen.view], seen.points.position_mm[seen.point]))
+    np.testing.assert_allclose((there - seen.center_px)[is_used], found.residual_px[0][is_used], atol=1e-7)
+    rms = np.sqrt(np.square(found.residual_px[0][is_used]).sum(axis=1).mean())
+    assert np.sqrt(np.square(errors.asked.of("reprojection").size).mean()) == pytest.approx(rms, rel=1e-9)
+    poses = solve_poses(one.camera, seen).cam_from_target[:, :3, 3]
+    np.testing.assert_allclose(poses, one.cam_from_target[:, :3, 3], atol=0.3)
+    assert calib.diff(place, found.cameras[0]).zones["whole image"].max_px < 1e-9
+
+
 def test_a_camera_in_hand_is_found_and_written_for_programs(folder: Path, tmp_path: Path) -> None:
     """flange_from_cam lies within what is stated, and the command's file is Python's own answer."""
     out = tmp_path / "out"
@@ -77,8 +111,8 @@ def test_a_camera_in_hand_is_found_and_written_for_programs(folder: Path, tmp_pa
     found = calib.hand_eye(None, table=folder / "seen.csv", robot=folder / "robot.csv")
     evaluated = calib.evaluate(out).calibration
     assert found.calibration.carrier is not None
-    sizes = evaluated.observations.points.position_mm / found.calibration.observations.points.position_mm
-    np.testing.assert_allclose(sizes[np.isfinite(sizes)], found.calibration.carrier.size)
+    flat = [one.observations.points.position_mm[:, :2] for one in (evaluated, found.calibration)]  # beside the bend
+    np.testing.assert_allclose(flat[0], found.calibration.carrier.size * flat[1])
     assert any("of what its file says" in line for line in evaluated.remarks)
     assert np.allclose(told.flange_from_cam, found.hand_eye.flange_from_cam, atol=1e-6)
     pose = invert(told.flange_from_cam)
