@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from calib.app.study_result import computed
 from calib.draw import tolerance_tables as tables
 from calib.draw import tolerance_words as words
-from calib.draw.tolerance_sliders import what_if_section
+from calib.draw.tolerance_sliders import WHAT_IF, what_if_section
 from calib.studies.tolerance.quantities import quantity_named
 from designer.base.words import capital, figure, printable
 from designer.page.blocks import Block, Command, Facts, Finding, Findings, Fold, Headline, Page, Paragraph, Section
@@ -82,14 +82,23 @@ def tolerance_page(found: "Tolerance") -> Page:
 def ways_page(found: "Ways") -> Page:
     """The same study, told as a choice between ways of making."""
     page, study = tolerance_page(found), found.study
-    others = tuple(section for section in page.sections if section.title != tables.WAYS)
-    ranked = study.ways()
+    sliders = (section for section in page.sections if section.title == WHAT_IF)
+    ranked, setting = study.ways(), study.setting
+    ranking: tuple[Block, ...] = (
+        tables.ranking_table(study),
+        *found.figures("ranking"),
+        Findings(tuple(words.cost_notes(study))),
+    )
+    costs = Section("Costs", ranking, lead=f"Of {setting.errors}.")
+    photos = Paragraph(f"{setting.photos}; seed {found.seed}.")
+    told = (*warnings("Warning", _warnings(study)), *notes((*_remarks(found), words.prediction_sentence(study))))
     step = Command(
         f"design tolerance {quote(found.target_file)} --errors {ranked[0].way.name} -o tolerance",
         "draws, which check the prediction",
     )
     headline = Headline("note", "answered", f"{words.best_way(ranked)} {words.choice_of_ways(ranked)}")
-    return replace(page, headline=headline, sections=(*_ways_section(study, WAYS_LEAD), *others), next_steps=(step,))
+    sections = (*_ways_section(study, WAYS_LEAD), *sliders, costs)
+    return replace(page, headline=headline, lead=(photos, *told), sections=sections, next_steps=(step,))
 
 
 def remarks_of(found: "Tolerance") -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from designer.page.what_if import Choice, Measure, SetSize, Slider, WhatIfModel,
 from designer.tolerance.source import Unit
 from designer.tolerance.sources import SOURCES
 
-OUT = "what-if"
+OUT, WHAT_IF = "what-if", "What if"
 SET_ANEW = ("--errors", "--set", "--against-errors", "--against-set", "--require", "--by", "--out", "-o")
 SWITCHES = ("--linear", "--resume", "--json")
 """Options of the command that made the study, and those without a value, that the sliders' command has no use for."""
@@ -28,11 +28,11 @@ ROUNDING = 1e-6
 """Of a logarithm: ten times 0.1 degrees is 1 degree."""
 SMALLEST: dict[Unit, tuple[float, float]] = {"mm": (0.01, 1), "rad": (0.01, 1), "1": (0.01, 1), "K": (1, 10)}
 """Where they end for errors that no way has, as a person counts them (assumptions)."""
-LEAD = "Set other sizes of errors, or another way of making: all that is predicted follows."
+LEAD = "Set sizes of errors, or a way of making: the prediction follows."
 NOTE = (
-    "Predicted for small errors, as sums of squares{draws}. Hatched: so large that what the prediction misses of this "
-    "error puts what is looked at 10 % off; a number with a warning is that far off by all of them. That was told by "
-    "exact calibrations with each error alone; what two errors do to each other only draws tell: the command below."
+    "Predicted for small errors, as sums of squares{draws}. Hatched: what is missed of this error puts what is looked "
+    "at 10 % off; a number with a warning is that far off by all of them. What two errors do to each other only draws "
+    "tell: the command below."
 )
 BY_DRAWS = ", where all other sections tell what was drawn"
 
@@ -48,7 +48,7 @@ def what_if_section(study: ToleranceStudy, command: str) -> Section | None:
         measures, tuple(dict.fromkeys(shown)), quantity_row(study.ranked_by), sides, _command(study, command)
     )
     note = NOTE.format(draws=BY_DRAWS if study.kind == "draws" else "")
-    return Section("What if", (blocks.Sliders("How large each error is", model, _table(study), note),), lead=LEAD)
+    return Section(WHAT_IF, (blocks.Sliders("How large each error is", model, _table(study), note),), lead=LEAD)
 
 
 def _tables(study: ToleranceStudy) -> Iterator[tuple[str, WhatIfTable]]:

@@ -23,16 +23,15 @@ HEADS = {
     "distortion_map": "camera where seen [px]",
 }
 COST_NOTE = (
-    "A cost is what an error adds, in squares, to what noise alone gives: sqrt(m² - m0²) of the root mean square "
-    "errors m with and m0 without it; < where it is below a tenth of the noise or not told from it."
+    "Cost: sqrt(m² - m0²) of the root mean square errors m with an error and noise, m0 with noise alone; < where it is "
+    "below a tenth of the noise or not told from it."
 )
 WAYS = "Ways of making"
 SHOWN = ("distortion_map", "focal_length", "intersection_true")
 WAYS_NOTE = (
-    "Root mean square errors with all errors of the template and noise, as the drawing is taken for true; calib "
-    "measure takes most of them back. ~: the prediction may be more than 10 % off. Price and hours are rough, from the "
-    "templates (templates/errors), which say where each number comes from; hours are of machine and hands, delivery "
-    "takes days."
+    "Root mean squares with all errors and noise, the drawing taken for true; calib measure takes most back. ~: may be "
+    "more than 10 % off. Price and hours are rough, their sources in templates/errors; hours of machine and hands, "
+    "without delivery."
 )
 
 
@@ -41,7 +40,7 @@ def _words(*titles: str) -> tuple[Column, ...]:
 
 
 def _quantity_columns() -> tuple[Column, ...]:
-    return tuple(Column(HEADS[name], note=quantity_named(name).title) for name in MAIN)
+    return tuple(Column(HEADS[name]) for name in MAIN)
 
 
 def _assumed_cells(one: CostRow) -> tuple[Cell, Cell]:
@@ -55,9 +54,9 @@ def ranking_table(study: ToleranceStudy) -> Table:
     columns: list[Column] = [*_words("error", "assumed")]
     for quantity in quantities:
         where = ", true shape" if quantity.name.endswith("_true") else "" if other is None else ", drawing"
-        columns += [Column(f"share{where}", note=f"of the squared costs: {quantity.title}")]
-        columns += [Column(f"cost{where} [{quantity.unit}]", note=quantity.title)]
-    columns.append(Column(f"without it [{one.unit}]", note=f"the {one.title} if this error alone were none"))
+        columns += [Column(f"share{where}", note="of the squared costs")]
+        columns += [Column(f"cost{where} [{quantity.unit}]")]
+    columns.append(Column(f"without it [{one.unit}]", note="the whole if this error alone were none"))
     rows = []
     for row in study.ranking:
         cells = [*_assumed_cells(row)]
@@ -251,7 +250,7 @@ def ways_table(study: ToleranceStudy, by: str) -> Table:
     names = (by, *(name for name in SHOWN if name != by))
     head = (Column("way", is_number=False), Column("made as", is_number=False))
     tail = (Column("most of it from", is_number=False), Column("price [EUR]"), Column("hours"))
-    numbers = tuple(Column(_head(name), note=quantity_named(name).title) for name in names)
+    numbers = tuple(Column(_head(name)) for name in names)
     rows = tuple(
         (
             Cell(one.way.name), Cell(one.way.title), *(_total(one, name) for name in names),

@@ -206,7 +206,7 @@ def cost_notes(study: ToleranceStudy) -> Iterator[Finding]:
 def prediction_sentence(study: ToleranceStudy) -> str:
     """Whether the prediction from Jacobians holds."""
     if study.kind == "linear":
-        return "All numbers are predicted for small errors; nothing has checked them: run it without --linear."
+        return "Predicted for small errors; nothing has checked it: design tolerance without --linear draws."
     if study.draws < FEWEST_TO_CHECK:
         return f"{study.draws} draws are too few to check the prediction with; {FEWEST_TO_CHECK} do."
     if any(study.deviations()):
@@ -282,11 +282,7 @@ def choice_of_ways(ranked: tuple[RankedWay, ...]) -> str:
     known = [one for one in ranked if math.isfinite(one.way.price_eur)]
     worth = [one for one in known if not any(one.is_beaten_by(other) for other in known)]
     named = ", ".join(f"{one.way.name} ({_way_value(one)}, {two_digits(one.way.price_eur)} EUR)" for one in worth)
-    return (
-        f"Better ones cost more: {named}. Each other one is beaten by one of these, in error and in price."
-        if named
-        else ""
-    )
+    return f"Better ones cost more: {named}. Each other one is beaten in error and price." if named else ""
 
 
 def _way_value(one: RankedWay) -> str:
