@@ -10,10 +10,19 @@ from dataclasses import asdict, dataclass
 
 from designer.base.answer import Value
 from designer.base.errors import InputError
-from designer.builds.design import Design
+from designer.builds.design import Design, maker_of
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec, replaced, spec_to_toml
-from designer.make.estimate import DENSITY_G_PER_CM3, DIAMETER_MM, SPOOL_G, PrintEstimate, duration, few_digits, grams
+from designer.make.estimate import (
+    DENSITY_G_PER_CM3,
+    DIAMETER_MM,
+    SPOOL_G,
+    PrintEstimate,
+    duration,
+    estimate,
+    few_digits,
+    grams,
+)
 from designer.make.printability import check_printability
 from designer.page.blocks import Cell, Command, Facts, Fold, Level, Paragraph, Table
 from designer.page.folders import Shown, table_of
@@ -79,7 +88,8 @@ def _otherwise(design: Design, build: str) -> BuildCosts | None:
         other = Design(size_job(parse_spec(values, "")).job)
         if check_printability(other.target, other.job.printing).violations:
             return None
-        return BuildCosts(build, BUILDS[build].is_two_filament, other.estimate)
+        plates = maker_of(other.job.printing).sample_plates(other)
+        return BuildCosts(build, BUILDS[build].is_two_filament, estimate(plates, other.job.printing))
     except InputError:
         return None
 

@@ -133,6 +133,10 @@ class Maker(ABC):
             InputError: it cannot be built so.
         """
 
+    def sample_plates(self, design: Design) -> tuple[Plate, ...]:
+        """The same for an estimate of it, which looks at one of many pieces that are alike."""
+        return design.plates
+
     def remarks(self, design: Design) -> tuple[str, ...]:
         """What was chosen for the person in building it, a line each."""
         return ()

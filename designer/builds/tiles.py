@@ -29,6 +29,13 @@ class Tiles(Maker):
             return board_plates(board_of(design), design.job.printing)
         return plates_of(assembly_of(design), design.job.printing)
 
+    def sample_plates(self, design: Design) -> tuple[Plate, ...]:
+        """A tile stands for all that are cut alike."""
+        solid, printing = design.job.target.solid, design.job.printing
+        if solid is None:
+            return design.plates
+        return plates_of(assemble(design.target, solid, printing, is_sample=True), printing)
+
     def remarks(self, design: Design) -> tuple[str, ...]:
         """The mount, and how many plates."""
         inked = sum(plate.is_two_filament for plate in design.plates)

@@ -97,15 +97,18 @@ def _lattice(sides: int, inradius: float, spacing: float, printer: PrinterProfil
     step = 2 * cell * (math.sqrt(3) if sides == 3 else 1.0)
     best = cells[:0]
     middle = np.array(bed) / 2
+    rim, far = BED_RIM_MM, np.array(bed) - BED_RIM_MM
     for turn in _TURNS[2 * math.pi / sides - 1e-9 > _TURNS].tolist():
         cosine, sine = math.cos(turn), math.sin(turn)
-        turned = corners @ np.array([[cosine, sine], [-sine, cosine]])
+        turned = corners @ np.array([[cosine, sine], [-sine, cosine]]) + middle
+        low, high = turned.min(axis=1), turned.max(axis=1)
         for u in np.linspace(0, step, _SHIFTS, endpoint=False).tolist():
             for v in np.linspace(0, step, _SHIFTS, endpoint=False).tolist():
-                moved = turned + middle + [u, v]
-                inside = (moved >= BED_RIM_MM).all(axis=(1, 2)) & (moved <= np.array(bed) - BED_RIM_MM).all(axis=(1, 2))
+                shift = np.array([u, v])
+                inside = ((low + shift >= rim) & (high + shift <= far)).all(axis=1)
                 if inside.sum() <= len(best):
                     continue
+                moved = turned + shift
                 for area in taken:
                     inside &= _clear_of(moved, area)
                 if inside.sum() > len(best):
@@ -179,13 +182,14 @@ class Assembly:
         return frame_along(self.solid.polyhedron.vertices[mount_vertex(self.solid.polyhedron)])
 
 
-def assemble(target: TargetGeometry, solid: Solid, printing: PrintSpec) -> Assembly:
+def assemble(target: TargetGeometry, solid: Solid, printing: PrintSpec, *, is_sample: bool = False) -> Assembly:
     """Tiles, core and post of a solid.
 
     Args:
         target: the nominal geometry.
         solid: that its faces bound.
         printing: how it is made.
+        is_sample: a tile stands for all that are cut alike, which is enough to tell what printing them takes.
 
     Raises:
         InputError: the edge is too small for keys, or the mount does not fit.
@@ -203,7 +207,7 @@ def assemble(target: TargetGeometry, solid: Solid, printing: PrintSpec) -> Assem
         solid=solid,
         sizes=sizes,
         target_from_tile=frames,
-        tiles=tuple(_tiles(target, solid, pattern, sizes, on)),
+        tiles=tuple(_tiles(target, solid, pattern, sizes, on, is_sample=is_sample)),
         core=make_core(solid, frames, codes, sizes, None if on is None else on.socket),
         mounted=on,
         remark=remark,
@@ -233,14 +237,18 @@ def _chosen_mount(
 
 
 def _tiles(
-    target: TargetGeometry, solid: Solid, pattern: Pattern, sizes: TileSizes, on: Mounted | None
+    target: TargetGeometry, solid: Solid, pattern: Pattern, sizes: TileSizes, on: Mounted | None, *, is_sample: bool
 ) -> Iterator[Part]:
     """All tiles; those at the mount lose their tips."""
     target_id = target.geometry_id[:ID_DIGITS].upper()
-    vertex = mount_vertex(solid.polyhedron)
+    vertex, made = mount_vertex(solid.polyhedron), dict[bool, Part]()
     for face, code in enumerate(target.face_code.tolist()):
+        is_cut = on is not None and vertex in solid.polyhedron.faces[face]
+        if is_sample and is_cut in made:
+            yield made[is_cut]
+            continue
         tile = make_tile(pattern, face, code, target_id, sizes)
-        if on is not None and vertex in solid.polyhedron.faces[face]:
+        if on is not None and is_cut:
             axis = frame_along(solid.polyhedron.vertices[vertex])
             # No longer than it must be: booleans take their time with what a long one passes by.
             corner_mm = float(np.linalg.norm(solid.polyhedron.vertices[vertex])) * solid.edge_mm
@@ -249,6 +257,7 @@ def _tiles(
             tip = placed(tip, np.linalg.inv(target.target_from_face[face]) @ axis)
             assert tile.ink is not None  # noqa: S101 - tiles have borders
             tile = Part(mesh_of(solid_of(tile.body) - tip), mesh_of(solid_of(tile.ink) - tip))
+        made[is_cut] = tile
         yield tile
 
 

@@ -11,7 +11,7 @@ as the seat above it lies level.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -109,7 +109,9 @@ def make_core(
         parts = _halves(solid, sizes, socket, split)
     else:
         parts = _with_lid(solid, frames, sizes, socket, split)
-    return tuple(CorePart(p.name, _finished(p, solid, frames, codes, sizes, socket), p.up, p.seats) for p in parts)
+    is_shell = any(part.name == "ring" for part in parts)
+    deep_mm = sizes.seat_depth_mm + 2 * skin_mm(sizes) if is_shell else solid.inradius_mm
+    return tuple(replace(part, solid=_finished(part, solid, frames, codes, sizes, socket, deep_mm)) for part in parts)
 
 
 def _halves(solid: Solid, sizes: TileSizes, socket: Socket | None, split: Split) -> tuple[CorePart, ...]:
@@ -267,12 +269,18 @@ def _socket_free(solid: Solid, socket: Socket | None, rim_mm: float, up: Array) 
 
 
 def _finished(
-    part: CorePart, solid: Solid, frames: Array, codes: tuple[int, ...], sizes: TileSizes, socket: Socket | None
+    part: CorePart,
+    solid: Solid,
+    frames: Array,
+    codes: tuple[int, ...],
+    sizes: TileSizes,
+    socket: Socket | None,
+    deep_mm: float,
 ) -> Manifold:
-    """A part with its seats: keys' holes, numbers, holes to push tiles out, pads; and the mount's socket."""
+    """A part with its seats: keys' holes, numbers, holes so deep to push tiles out, pads; and the mount's socket."""
     cuts, pads = [], []
     for face in part.seats:
-        cuts.append(placed(_seat_cut(face, codes[face], sizes, solid.inradius_mm), frames[face]))
+        cuts.append(placed(_seat_cut(face, codes[face], sizes, deep_mm), frames[face]))
         if part.name != "lid":
             pads.append(placed(_pads(sizes), frames[face]))
     if socket is not None:
@@ -283,14 +291,14 @@ def _finished(
     return (part.solid - union(cuts)) + union(pads) if cuts else part.solid
 
 
-def _seat_cut(face: int, code: int, sizes: TileSizes, inradius_mm: float) -> Manifold:
+def _seat_cut(face: int, code: int, sizes: TileSizes, deep_mm: float) -> Manifold:
     """All that is cut into a seat, in the face's frame."""
     seat = -sizes.seat_depth_mm
     low = seat - sizes.engaged_mm - sizes.layer_mm
     keys = [cylinder(sizes.key_hole_mm / 2, low, seat + 1.0, (x, y)) for x, y in key_places(sizes, code).tolist()]
     number = number_contours(sizes, face)
     letters = [prism(number, seat - 2 * sizes.layer_mm, seat + 1.0)] if number else []
-    return union([*keys, *letters, cylinder(sizes.push_radius_mm, -inradius_mm, seat + 1.0)])
+    return union([*keys, *letters, cylinder(sizes.push_radius_mm, -deep_mm, seat + 1.0)])
 
 
 def _pads(sizes: TileSizes) -> Manifold:

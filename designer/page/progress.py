@@ -4,7 +4,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from typing import TypeAlias
 
 Progress: TypeAlias = Callable[[str, float, int], None]
@@ -88,8 +88,10 @@ def waiting(label: str) -> Iterator[None]:
     Args:
         label: what is being done, as in "solving".
     """
+    if not sys.stderr.isatty():  # what draws it takes a while to load
+        yield
+        return
     from rich.console import Console
 
-    console = Console(stderr=True)
-    with console.status(label, spinner="dots") if console.is_terminal else nullcontext():
+    with Console(stderr=True).status(label, spinner="dots"):
         yield

@@ -22,7 +22,7 @@ from designer.make.bed import TOWER_BRIM_MM, TOWER_MM, Piece, Plate, purged
 from designer.make.estimate import DENSITY_G_PER_CM3, changing_layers, duration, estimate, grams
 from designer.make.mesh import Mesh, Part, mesh_of
 from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
-from designer.make.section import Layered, Sliced
+from designer.make.section import Layered, Sliced, contours
 from designer.spec.machine import FilamentChange, Shells, Speeds
 from designer.spec.spec import Price, PrintSpec
 from designer.tolerance.effort import size_of
@@ -273,6 +273,8 @@ def test_a_print_beyond_reason_is_said_and_the_better_build_named() -> None:
     assert large.better is not None
     assert not large.better.faults
     assert f"--build {large.better.build}" in verdict(large)
+    itself = designer.ico(edge_mm=60, chord_error="50um", build=large.better.build)
+    assert large.better.estimate == itself.estimate  # though one tile stood for all
     assert verdict(costs_of(small("board"))) == ""
 
 
@@ -310,6 +312,22 @@ def test_a_printers_file_is_held_to_the_rules(machine: str, message: str, tmp_pa
     with pytest.raises(InputError, match=message) as raised:
         designer.ico(edge_mm=20, printer=str(path))
     assert len(str(raised.value).splitlines()) == 1
+
+
+def test_contours_are_what_one_walks_along() -> None:
+    """Point after point, each contour from its first one on."""
+    rng = np.random.default_rng(0)
+    for count in (1, 2, 3, 7, 64, 500):
+        following, walked, left = rng.permutation(count), list[list[int]](), set(range(count))
+        while left:
+            at, loop = min(left), list[int]()
+            while at in left:
+                left.remove(at)
+                loop.append(at)
+                at = int(following[at])
+            walked += [loop] if len(loop) > 2 else []
+        points = np.repeat(np.arange(count, dtype=float)[:, None], 2, axis=1)
+        assert [loop[:, 0].tolist() for loop in contours(points, following)] == walked
 
 
 @pytest.mark.parametrize("price", ["cheap", "-1", "20 euros", "1e9", "", "nan", True])
