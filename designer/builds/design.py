@@ -232,6 +232,14 @@ def _project(design: Design) -> Made:
     yield "bambu-orca.3mf", content, f"for Bambu Studio and OrcaSlicer: the {len(plates)} plates in one project"
 
 
+def _painted(design: Design) -> Made:
+    from designer.formats.project import painted_bytes
+
+    (plate,), (pictures,) = design.plates, design.thumbnails
+    content = painted_bytes(design.coloured, plate, design.job.printing, pictures)
+    yield "painted.3mf", content, "for PrusaSlicer, Bambu Studio and OrcaSlicer: one mesh, the ink painted on"
+
+
 def _stl(design: Design) -> Made:
     from designer.formats.stl import stl_bytes
 
@@ -388,6 +396,7 @@ def _circuit(design: Design, ink: CircuitInk, suffix: str, what: str) -> tuple[s
 EXPORTERS: dict[Format, Exporter] = {
     "3mf": _3mf,
     "project": _project,
+    "painted": _painted,
     "stl": _stl,
     "png": _png,
     "pdf": _pdf,

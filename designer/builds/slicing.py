@@ -103,7 +103,7 @@ def _steps(design: Design, slicer: Slicer, opened: str, names: set[str]) -> Step
     opening: tuple[str, ...] = (f"Open {opened}{', then the other plates, each alone' * is_plates}. {slicer.mind}",)
     if is_project:
         opening = _opening_project(design, slicer, opened, names)
-    choosing = (f"Choose {slicer.choose}.",)
+    choosing = () if is_project else (f"Choose {slicer.choose}.",)
     objects = f"one object, body in {slot} {BODY_SLOT}, ink in {slot} {INK_SLOT}"
     if is_plates:
         there = "" if is_project else ", put it there"
@@ -124,7 +124,7 @@ def _steps(design: Design, slicer: Slicer, opened: str, names: set[str]) -> Step
     return Steps((
         *((*opening, *choosing) if has_settings else (*choosing, *opening)),
         f"Object list: {objects}; else set that on its parts.",
-        f"{values} {tower} {slicer.purge}".strip(),
+        f"{values} {tower} {'' if is_project else slicer.purge}".strip(),
         f"Slice; preview by {slicer.preview}: every ring whole, no ink elsewhere.",
     ))  # fmt: skip
 

@@ -23,15 +23,26 @@ with the settings that are chosen in them. What their readers ask for was found 
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from designer.base.words import NAME
 from designer.formats.png import Thumbnails
 from designer.formats.settings import process_settings, prusa_settings
-from designer.formats.threemf import ObjectText, bambu_package, objects_of, prusa_package, quoted
+from designer.formats.threemf import (
+    PAINTED_METADATA,
+    Members,
+    ObjectText,
+    bambu_package,
+    objects_of,
+    prusa_config,
+    prusa_package,
+    quoted,
+)
 from designer.make.bed import Piece, Plate
+from designer.make.mesh import ColouredMesh
 from designer.spec.machine import Presets
 from designer.spec.spec import PrintSpec
 
@@ -62,15 +73,32 @@ def plate_files(plate: Plate, printing: PrintSpec, thumbnails: Thumbnails | None
     """
     objects, presets = objects_of(plate.pieces), printing.printer.presets
     pictures = {} if thumbnails is None else {"Metadata/thumbnail.png": thumbnails.middle}
+    config = prusa_config(prusa_settings(plate, printing))
     # zlib lets other threads run, so one package is compressed while the other is put together.
     with ThreadPoolExecutor(2) as pool:
-        prusa = pool.submit(prusa_package, objects, printing, prusa_settings(plate, printing), pictures)
+        prusa = pool.submit(prusa_package, objects, printing, {**config, **pictures})
         if presets is None:
             bambu = pool.submit(bambu_package, objects, printing, members=pictures)
         else:
             each = () if thumbnails is None else (thumbnails,)
             bambu = pool.submit(_project, plate.pieces[0].name, (plate,), objects, printing, presets, each)
         return PlateFiles(prusa.result(), bambu.result())
+
+
+def painted_bytes(mesh: ColouredMesh, plate: Plate, printing: PrintSpec, thumbnails: Thumbnails | None = None) -> bytes:
+    """A plate's only piece as one mesh, its ink painted with the second filament: one package for all slicers.
+
+    They print colours of upright faces as deep as they are told, those of flat ones in all solid layers.
+    """
+    (piece,), presets = plate.pieces, printing.printer.presets
+    objects = [ObjectText.painted(piece.name, mesh, piece.bed_from_part)]
+    deep = {"mmu_segmented_region_max_width": f"{printing.inlay_mm:g}"}
+    config = prusa_config({**prusa_settings(plate, printing), **deep})
+    if presets is None:
+        pictures = {} if thumbnails is None else {"Metadata/thumbnail.png": thumbnails.middle}
+        return bambu_package(objects, printing, PAINTED_METADATA, members={**config, **pictures})
+    each = () if thumbnails is None else (thumbnails,)
+    return _project(piece.name, (plate,), objects, printing, presets, each, PAINTED_METADATA, config, deep)
 
 
 def project_bytes(
@@ -99,17 +127,20 @@ def _project(
     printing: PrintSpec,
     presets: Presets,
     thumbnails: Sequence[Thumbnails],
+    more_metadata: str = "",
+    more_members: Members = MappingProxyType({}),
+    more_settings: Mapping[str, str] = MappingProxyType({}),
 ) -> bytes:
     """Of objects that lie where their plates stand."""
     metadata = (
-        f' <metadata name="Application">BambuStudio-{VERSION}</metadata>\n'
+        more_metadata + f' <metadata name="Application">BambuStudio-{VERSION}</metadata>\n'
         ' <metadata name="BambuStudio:3mfVersion">1</metadata>\n'
         f' <metadata name="Title">{quoted(title)[1:-1]}</metadata>\n'
         f' <metadata name="Description">Written by {NAME}, not by Bambu Studio: its readers ask for that name.'
         "</metadata>\n"
     )
-    settings = json.dumps(_settings(plates, printing, presets), indent=1).encode()
-    members = {"Metadata/project_settings.config": settings}
+    settings = json.dumps(_settings(plates, printing, presets, more_settings), indent=1).encode()
+    members = {"Metadata/project_settings.config": settings, **more_members}
     for number, pictures in enumerate(thumbnails, start=1):
         members[f"Metadata/plate_{number}.png"] = pictures.large
         members[f"Metadata/plate_{number}_small.png"] = pictures.small
@@ -156,11 +187,14 @@ def _plates_text(title: str, plates: Sequence[Plate], objects: Sequence[ObjectTe
     return text
 
 
-def _settings(plates: Sequence[Plate], printing: PrintSpec, presets: Presets) -> dict[str, str | list[str]]:
+def _settings(
+    plates: Sequence[Plate], printing: PrintSpec, presets: Presets, more: Mapping[str, str]
+) -> dict[str, str | list[str]]:
     """The project's own settings, and the presets by name. All values are text."""
-    colours = [printing.body_colour.upper(), printing.ink_colour.upper()]
+    colours = [colour.upper() for colour in printing.filament_colours]
     towers = [plate.tower_mm(_TOWER_MM, _TOWER_MM) for plate in plates]
-    process = process_settings(printing.printer, has_tower=any(towers) and printing.printer.machine.change.has_tower)
+    has_tower = any(towers) and printing.printer.machine.change.has_tower
+    process = {**process_settings(printing.printer, has_tower=has_tower), **more}
     usual = next((place for place in towers if place is not None), (0.0, 0.0))  # of plates that have no tower
     x, y = ([f"{(place or usual)[k]:g}" for place in towers] for k in (0, 1))
     change = printing.printer.machine.change
@@ -179,7 +213,7 @@ def _settings(plates: Sequence[Plate], printing: PrintSpec, presets: Presets) ->
         **process,
         "filament_colour": colours,
         "curr_bed_type": presets.plate_type,
-        "flush_volumes_matrix": ["0", to_ink, to_body, "0"],  # from each filament (rows) to each
+        "flush_volumes_matrix": ["0", to_ink, to_body, "0"] if len(colours) > 1 else ["0"],  # from each (rows) to each
         "flush_multiplier": "1",
         "wipe_tower_x": x,
         "wipe_tower_y": y,

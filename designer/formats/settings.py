@@ -57,7 +57,7 @@ def prusa_settings(plate: Plate, printing: PrintSpec) -> Mapping[str, str]:
     speeds, rates, change, shells = machine.speeds, machine.accelerations, machine.change, machine.shells
     bed_x, bed_y, bed_z = printer.bed_mm
     width, layer = f"{printer.line_width_mm:g}", f"{printer.layer_height_mm:g}"
-    colours = ";".join((printing.body_colour.upper(), printing.ink_colour.upper()))
+    colours = [colour.upper() for colour in printing.filament_colours]
     of_each = {
         **_PLA,
         "nozzle_diameter": f"{printer.nozzle_mm:g}",
@@ -68,19 +68,19 @@ def prusa_settings(plate: Plate, printing: PrintSpec) -> Mapping[str, str]:
         "printer_technology": "FFF",
         "printer_settings_id": f"choose your own {printer.name}",
         "print_settings_id": NAME,
-        "filament_settings_id": '"choose your own";"choose your own"',
+        "filament_settings_id": ";".join(['"choose your own"'] * len(colours)),
         "gcode_flavor": "marlin2",
         "start_gcode": f"; your own profile of {printer.name} starts it as it wants to be started\\nG28 ; home\\n",
         "bed_shape": f"0x0,{bed_x:g}x0,{bed_x:g}x{bed_y:g},0x{bed_y:g}",
         "max_print_height": f"{bed_z:g}",
-        "single_extruder_multi_material": str(int(not change.is_tool_changer)),
+        "single_extruder_multi_material": str(int(len(colours) > 1 and not change.is_tool_changer)),
         "use_relative_e_distances": "1",
         "single_extruder_multi_material_priming": "0",
         "layer_gcode": "G92 E0",
-        "filament_colour": colours,
-        "extruder_colour": colours,
-        "filament_type": "PLA;PLA",
-        **{key: f"{value},{value}" for key, value in of_each.items()},
+        "filament_colour": ";".join(colours),
+        "extruder_colour": ";".join(colours),
+        "filament_type": ";".join(["PLA"] * len(colours)),
+        **{key: ",".join([value] * len(colours)) for key, value in of_each.items()},
         "layer_height": layer,
         "first_layer_height": layer,
         "extrusion_width": width,
@@ -114,7 +114,7 @@ def prusa_settings(plate: Plate, printing: PrintSpec) -> Mapping[str, str]:
         "bridge_acceleration": f"{rates.infill_mm_s2:g}",
         "first_layer_acceleration": f"{rates.first_layer_mm_s2:g}",
         "default_acceleration": f"{rates.infill_mm_s2:g}",
-        **_purge(plate, printer),
+        **(_purge(plate, printer) if len(colours) > 1 else {"wipe_tower": "0"}),
     }
 
 

@@ -9,6 +9,7 @@ Form = Literal["solid", "plate"]
 Format = Literal[
     "3mf",
     "project",
+    "painted",
     "stl",
     "png",
     "pdf",

@@ -93,6 +93,9 @@ _GERBER = FileFormat(
 FORMATS: Mapping[Format, FileFormat] = {
     "3mf": FileFormat("3MF, for slicers", is_of_filaments=True),
     "project": FileFormat("3MF project, for Bambu Studio and OrcaSlicer: all plates in one file", is_of_plates=True),
+    "painted": FileFormat(
+        "painted 3MF, for slicers: one mesh, ink as a colour of its surface", is_of_one_piece=True, is_of_filaments=True
+    ),
     "stl": FileFormat("STL, for slicers"),
     "png": FileFormat("PNG, a preview"),
     "pdf": FileFormat("PDF, artwork for printers"),

@@ -240,6 +240,11 @@ class PrintSpec:
         return self.way.is_two_filament
 
     @property
+    def filament_colours(self) -> tuple[str, ...]:
+        """Of what the printer has loaded at a time: body, then ink."""
+        return (self.body_colour, self.ink_colour) if self.is_two_filament else (self.body_colour,)
+
+    @property
     def pattern_line_mm(self) -> float:
         """The finest line of the process that makes the pattern."""
         return self.printer.line_width_mm if self.is_two_filament else PAPER_LINE_MM

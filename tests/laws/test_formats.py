@@ -127,6 +127,33 @@ def in_colour_3mf(content: bytes, most_mm: float) -> int:
     return rings_of_surface(vertices, triangles[~is_ink], triangles[is_ink], most_mm)
 
 
+def in_painted_3mf(content: bytes, most_mm: float) -> int:
+    """By lib3mf strictly, but for the attribute of Bambu Studio, which has no namespace; painted alike for each slicer.
+
+    "8" is a whole triangle in the second filament; what is not painted is in the first.
+    """
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    model = ET.fromstring(members["3D/3dmodel.model"])
+    triangles = model.findall(".//{*}triangle")
+    ink = [one.get("paint_color") for one in triangles]
+    assert {*ink} == {None, "8"}
+    assert ink == [one.get("{http://schemas.slic3r.org/3mf/2017/06}mmu_segmentation") for one in triangles]
+    strict = {**members, "3D/3dmodel.model": members["3D/3dmodel.model"].replace(b' paint_color="8"', b"")}
+    plain = io.BytesIO()
+    with zipfile.ZipFile(plain, "w") as archive:
+        for name, member in strict.items():
+            archive.writestr(name, member)
+    reader = (read := lib3mf.get_wrapper().CreateModel()).QueryReader("3mf")
+    reader.SetStrictModeActive(True)
+    reader.ReadFromBuffer(plain.getvalue())
+    assert (reader.GetWarningCount(), read.GetMeshObjects().Count()) == (0, 1)
+    vertices = np.array([[float(one.attrib[axis]) for axis in "xyz"] for one in model.findall(".//{*}vertex")])
+    corners = np.array([[int(one.attrib[f"v{k}"]) for k in (1, 2, 3)] for one in triangles])
+    is_ink = np.array(ink) == "8"
+    return rings_of_surface(vertices, corners[~is_ink], corners[is_ink], most_mm)
+
+
 def in_ply(content: bytes, most_mm: float) -> int:
     """Coloured corners, alike all over a triangle, as its face is coloured."""
     mesh = trimesh.load_mesh(io.BytesIO(content), file_type="ply", process=False)
@@ -227,7 +254,7 @@ READERS: Mapping[str, tuple[Format, Callable[[bytes, float], int]]] = {
     "prusa.3mf": ("3mf", in_3mf), "bambu.3mf": ("3mf", in_3mf), "bambu-orca.3mf": ("project", in_3mf),
     "stl": ("stl", in_mesh("stl", 1.0)), "glb": ("glb", in_mesh("glb", 1000.0)), "step": ("step", in_step),
     "colour.3mf": ("colour", in_colour_3mf), "colour.ply": ("colour", in_ply), "colour.wrl": ("colour", in_vrml),
-    "colour.zip": ("colour", in_obj_zip),
+    "colour.zip": ("colour", in_obj_zip), "painted.3mf": ("painted", in_painted_3mf),
     "svg": ("svg", in_svg), "laser.svg": ("laser", in_svg), "dxf": ("dxf", in_dxf), "pdf": ("pdf", in_pdf),
     "gerber.zip": ("gerber", in_gerber(".gto.gbo")), "gerber-mask.zip": ("gerber-mask", in_gerber(".gts.gbs")),
 }  # fmt: skip

@@ -9,13 +9,13 @@ import pytest
 import shapely
 
 from designer.base.arrays import Array, Flags
-from designer.builds.design import Design
+from designer.builds.design import EXPORTERS, Design
 from designer.formats.project import plate_files
 from designer.make.bed import Piece, Plate, bed_from_target
 from designer.make.mesh import Mesh, Part
 from designer.make.pattern import FacePattern, Pattern
 from designer.spec.kind import KINDS
-from tests.support.designs import ink_of, packages_of, small, small_board, small_ico
+from tests.support.designs import COARSE, SMALL, design_of, ink_of, packages_of, small, small_board, small_ico
 from tests.support.gcode import Toolpaths, machine_settings, require_slicer, run_slicer, slice_3mf, slicer_settings
 
 BODY_TOOL, INK_TOOL = 0, 1
@@ -76,7 +76,7 @@ def _ink_points_in_target(design: Design, ink: Toolpaths) -> Array:
     return (point - motion[:3, 3]) @ motion[:3, :3]
 
 
-def ink_faces(design: Design, point_mm: Array) -> Flags:
+def ink_faces(design: Design, point_mm: Array, deep_mm: float = 0.0) -> Flags:
     """On which faces each point lies within the inlay's depth and inside the ink.  # (F, N)
 
     Paths run along the middle of their lines, so they lie inside the ink by half a line where it is wide enough,
@@ -89,7 +89,7 @@ def ink_faces(design: Design, point_mm: Array) -> Flags:
     pattern = design.printed_pattern
     for number, (frame, face) in enumerate(zip(pattern.target_from_face, pattern.faces, strict=True)):
         x, y, z = ((point_mm - frame[:3, 3]) @ frame[:3, :3]).T
-        near = np.flatnonzero((z < above) & (z > -printing.inlay_mm - above))
+        near = np.flatnonzero((z < above) & (z > -printing.inlay_mm - above - deep_mm))
         ink = ink_of_face(pattern, face).buffer(aside)
         shapely.prepare(ink)
         found[number, near] = shapely.contains_xy(ink, x[near], y[near])
@@ -143,6 +143,26 @@ def test_a_print_at_the_profiles_settings_is_as_estimated(tmp_path: Path) -> Non
     assert design.estimate.inked_layers == len(set(toolpaths.of_tool(INK_TOOL).end_mm[:, 2].round(3).tolist()))
     assert design.estimate.body_g == pytest.approx(body_g, rel=0.05)
     assert design.estimate.ink_g == pytest.approx(ink_g, rel=0.1)
+
+
+@pytest.mark.parametrize(("kind", "layers"), [("board", 4), ("cube", 6)])
+def test_a_painted_surface_is_printed_in_both_filaments_where_the_target_has_them(
+    kind: str, layers: int, tmp_path: Path
+) -> None:
+    """One mesh: its ink in all solid layers of a flat face, as deep as the design's ink in an upright one.
+
+    A few points in a thousand lie beside, where a layer of an upright face begins or ends a ring.
+    """
+    command, wishes = require_slicer(), {**SMALL[kind], "chord_error": COARSE, "inlay_depth": "0.8mm"}
+    design, package = design_of(kind, **wishes), tmp_path / "target.3mf"
+    ((_, content, _),) = EXPORTERS["painted"](design)
+    package.write_bytes(content)
+    toolpaths = sliced(command, design, package)
+    findings = print_findings(design, toolpaths)
+    assert [one for one in findings if not one.startswith("outside the ink")] == []
+    point = _ink_points_in_target(design, toolpaths.of_tool(INK_TOOL))
+    deep_mm = layers * design.job.printing.printer.layer_height_mm - design.job.printing.inlay_mm
+    assert ink_faces(design, point, deep_mm).any(axis=0).mean() > 0.995
 
 
 def test_a_profile_of_one_filament_prints_all_of_it_in_that_one(tmp_path: Path) -> None:
