@@ -332,8 +332,9 @@ def _glb(design: Design) -> Made:
 def _colour(design: Design) -> Made:
     from designer.formats.colour import colour_files
 
-    printing = design.job.printing
-    yield from colour_files(design.job.name, design.coloured, printing, bed_from_target(design.target, printing))
+    job, laid = design.job, bed_from_target(design.target, design.job.printing)
+    pictures = target_thumbnails(design.artwork, job.target, job.printing)
+    yield from colour_files(job.name, design.coloured, job.printing, laid, pictures.middle)
 
 
 def _simulator(design: Design) -> Made:

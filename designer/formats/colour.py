@@ -34,9 +34,9 @@ _VERTEX = np.dtype([("place", "<f4", 3), ("colour", "u1", 3)])
 _FACE = np.dtype([("count", "u1"), ("corner", "<i4", 3), ("colour", "u1", 3)])
 
 
-def colour_files(name: str, mesh: ColouredMesh, printing: PrintSpec, bed_from_target: Array) -> Iterator[
-    tuple[str, bytes, str]
-]:  # fmt: skip
+def colour_files(
+    name: str, mesh: ColouredMesh, printing: PrintSpec, bed_from_target: Array, thumbnail: bytes
+) -> Iterator[tuple[str, bytes, str]]:
     """Suffix, content and purpose of each file.
 
     Args:
@@ -44,10 +44,12 @@ def colour_files(name: str, mesh: ColouredMesh, printing: PrintSpec, bed_from_ta
         mesh: in the target's frame.
         printing: gives the two colours.
         bed_from_target: where the 3MF file puts it.
+        thumbnail: of the 3MF file, PNG.
     """
     colours = {"body": printing.body_colour, "ink": printing.ink_colour}
     ask = "in mm: say so where it is asked"
-    yield "colour.3mf", _threemf(name, mesh, colours, bed_from_target), "for services that print in full colour"
+    model = package(_threemf(name, mesh, colours, bed_from_target), {"Metadata/thumbnail.png": thumbnail})
+    yield "colour.3mf", model, "for services that print in full colour"
     yield "colour.ply", _ply(mesh, colours), f"the same with coloured corners and faces; {ask}"
     yield "colour.wrl", _vrml(mesh, colours), f"the same in VRML; {ask}"
     files = {f"{name}.colour.obj": _obj(f"{name}.colour.mtl", mesh), f"{name}.colour.mtl": _mtl(colours)}
@@ -77,12 +79,12 @@ def _corners(triangles: Ids, *around: bytes, first: int = 0) -> bytes:
     return text_lines(around[0], numbers[0], around[1], numbers[1], around[2], numbers[2], around[3])
 
 
-def _threemf(name: str, mesh: ColouredMesh, colours: dict[str, str], bed_from_target: Array) -> bytes:
+def _threemf(name: str, mesh: ColouredMesh, colours: dict[str, str], bed_from_target: Array) -> tuple[str | bytes, ...]:
     bases = "".join(
         f'   <base name="{each}" displaycolor={quoted(colour.upper())}/>\n' for each, colour in colours.items()
     )
     corner = (b'<triangle v1="', b'" v2="', b'" v3="')
-    return package((
+    return (
         f'<?xml version="1.0" encoding="UTF-8"?>\n<model unit="millimeter" xml:lang="en-US" xmlns="{_CORE}">\n',
         f' <resources>\n  <basematerials id="1">\n{bases}  </basematerials>\n',
         f'  <object id="2" type="model" name={quoted(name)} pid="1" pindex="0">\n   <mesh>\n    <vertices>\n',
@@ -90,7 +92,7 @@ def _threemf(name: str, mesh: ColouredMesh, colours: dict[str, str], bed_from_ta
         _corners(mesh.body, *corner, b'"/>\n'), _corners(mesh.ink, *corner, b'" pid="1" p1="1"/>\n'),
         "    </triangles>\n   </mesh>\n  </object>\n </resources>\n",
         f" <build>\n{build_item(2, bed_from_target)} </build>\n</model>\n",
-    ), {})  # fmt: skip
+    )  # fmt: skip
 
 
 def _ply(mesh: ColouredMesh, colours: dict[str, str]) -> bytes:

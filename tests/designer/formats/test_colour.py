@@ -43,7 +43,7 @@ def test_colours_are_those_of_the_design_in_every_file() -> None:
     assert b"0.815686 0.627451 0.0627451, 0.0627451 0.12549 0.188235" in files["colour.wrl"]
 
 
-def test_a_3mf_stands_on_its_bed() -> None:
+def test_a_3mf_stands_on_its_bed_and_has_a_picture() -> None:
     """Where the printed part would: nothing is below zero, which the specification asks for."""
     reader = (model := lib3mf.get_wrapper().CreateModel()).QueryReader("3mf")
     reader.ReadFromBuffer(files_of(small("cube"))["colour.3mf"])
@@ -52,3 +52,4 @@ def test_a_3mf_stands_on_its_bed() -> None:
     )
     assert low.min() >= -1e-6
     np.testing.assert_allclose(high - low, 28, atol=1e-4)
+    assert model.GetPackageThumbnailAttachment().GetPath() == "/Metadata/thumbnail.png"
