@@ -36,11 +36,11 @@ class TargetContents(Result, kind="target", title="Target", doing="reading the t
     rings: int
     dots: int
     farthest_corner_mm: float
-    remarks = ()
+    remarks: tuple[str, ...] = ()  # on the table of points
 
     def page(self) -> "Page":
         """Marks, sizes and ids."""
-        from designer.page.blocks import Command, Facts, Headline, Page
+        from designer.page.blocks import Command, Facts, Finding, Findings, Headline, Page, Section
         from designer.page.terminal import quoted
 
         geometry = self.geometry
@@ -59,7 +59,9 @@ class TargetContents(Result, kind="target", title="Target", doing="reading the t
         path = Path(self.file)
         line = f"calib measure {quoted(path)} observations.csv -o measured/{quoted(Path(path.name))}"
         steps = (Command(line, "observations.csv: image,u,v,id or image,u,v,X,Y,Z"),) if self.is_made else ()
-        return Page("", "", Headline("note", printable(self.file), told), (), lead=(facts,), next_steps=steps)
+        said = Findings(tuple(Finding("note", "", printable(line)) for line in self.remarks))
+        parts = (Section("", (said,)),) if self.remarks else ()
+        return Page("", "", Headline("note", printable(self.file), told), parts, lead=(facts,), next_steps=steps)
 
 
 @capability
@@ -93,24 +95,27 @@ def target(
         lost = {"-o": output, "--planes": planes, "--diameter": diameter_mm, "--inside": inside or None}
         if given := [name for name, value in lost.items() if value is not None]:
             raise InputError(f"{given[0]}: belongs to --from POINTS.csv, which is missing")
-        geometry, name = target_of(file), fspath(file) if isinstance(file, str | PathLike) else "the target"
+        geometry, unused = target_of(file), tuple[str, ...]()
+        name = fspath(file) if isinstance(file, str | PathLike) else "the target"
     else:
         if file is not None or output is None:
             raise InputError("--from: makes a file: give -o NAME.target.json, and no other target")
-        geometry, name = _of_points(points, planes, diameter_mm or 0.0, output, is_inside=inside), str(output.place)
+        geometry, unused = _of_points(points, planes, diameter_mm or 0.0, output, is_inside=inside)
+        name = str(output.place)
+    said = f"{points}: columns that a target of points has no use for: {', '.join(unused)}"
     dots = int(geometry.is_dot.sum())
     return TargetContents(
         geometry=geometry, file=name, is_made=points is not None, target_id=geometry.geometry_id,
         layout_id=geometry.layout_id, kind_of_target=None if geometry.spec is None else geometry.spec.kind,
         source=geometry.source, faces=geometry.face_count, rings=geometry.ring_count - dots, dots=dots,
-        farthest_corner_mm=bounding_radius_mm(geometry),
+        farthest_corner_mm=bounding_radius_mm(geometry), remarks=(said,) if unused else (),
     )  # fmt: skip
 
 
 def _of_points(
     points: "Place", planes: "Place | None", diameter_mm: float, output: "Output", *, is_inside: bool
-) -> "TargetGeometry":
-    """Make a target file of a table of points."""
+) -> "tuple[TargetGeometry, tuple[str, ...]]":
+    """Make a target file of a table of points; it, and which columns were of no use."""
     from calib.observe.point_target import read_planes, read_points, target_from_points
     from designer.base.own_files import require_ours
     from designer.target import FORMAT, load_target, target_to_json
@@ -129,6 +134,7 @@ def _of_points(
         if there.spec or there.source != "nominal":
             raise InputError(f"-o {place}: exists and holds a target that was not made of points; choose another name")
     given = None if planes is None else read_planes(Path(planes))
-    geometry = target_from_points(read_points(Path(points)), given, diameter_mm=diameter_mm, inside=is_inside)
+    table = read_points(Path(points))
+    geometry = target_from_points(table, given, diameter_mm=diameter_mm, inside=is_inside)
     output.write({place: target_to_json(geometry).encode()})
-    return geometry
+    return geometry, table.unused

@@ -46,6 +46,7 @@ class PointTable:
     position_mm: Array  # (R, 3)
     plane: tuple[str, ...]  # (R,) its name; "" for all where there is no such column
     ids: Rows  # (R,) without such a column: the row
+    unused: tuple[str, ...] = ()  # columns of the table that say nothing to a target
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -179,7 +180,8 @@ def read_points(path: Path) -> PointTable:
     plane = tuple(name.strip() for name in table.cells.get("plane", ("",) * len(position)))
     if "plane" in table.cells:
         table.require_filled("plane")
-    found = PointTable(position, plane, ids)
+    unused = tuple(name for name in table.cells if name not in (*_POINT_COLUMNS, "plane", "id"))
+    found = PointTable(position, plane, ids, unused)
     if len(found.names) > MAX_PLANES:
         raise InputError(f"{path}: {len(found.names)} planes; at most {MAX_PLANES} can be used; leave some out")
     if len(position) * len(found.names) > MAX_PLACES:

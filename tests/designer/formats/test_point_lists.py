@@ -8,9 +8,11 @@ import pycolmap
 import pytest
 import yaml
 
+from calib.app.target import target
 from calib.observe.point_target import read_points
 from designer.app.convert import convert
 from designer.base.errors import InputError
+from designer.formats.point_lists import POINT_FORMATS
 from designer.target import target_to_json
 from tests.support.command_line import design
 from tests.support.designs import small
@@ -21,8 +23,8 @@ ICO, BOARD = small("ico").target, small("board").target
 @pytest.fixture
 def files(tmp_path: Path) -> Path:
     """Target files of both."""
-    for name, target in (("ico", ICO), ("board", BOARD)):
-        (tmp_path / f"{name}.target.json").write_text(target_to_json(target))
+    for name, one in (("ico", ICO), ("board", BOARD)):
+        (tmp_path / f"{name}.target.json").write_text(target_to_json(one))
     return tmp_path
 
 
@@ -38,6 +40,12 @@ def test_a_table_is_read_back_bit_for_bit(files: Path) -> None:
     assert np.array_equal(read.position_mm, ICO.center_mm)
     assert np.array_equal(read.ids, np.arange(ICO.ring_count))
     assert [int(name) for name in read.plane] == ICO.ring_face.tolist()
+    (said,) = target(points=made, out=files / "back.target.json").remarks
+    assert "no use for: name, kind, diameter_mm" in said
+    for name in POINT_FORMATS.keys() - {"csv", "kalibr"}:  # which keep less, and are no tables of this kind
+        (made,) = convert(files / "ico.target.json", to=name).save(files / name)
+        with pytest.raises(InputError, match="column 'X' is missing"):
+            target(points=made, out=files / "back.target.json")
 
 
 def test_others_read_their_files(files: Path) -> None:
