@@ -12,6 +12,7 @@ TYPE_CHECKING = False  # `typing` takes long to load, and Ctrl-C in the meantime
 if TYPE_CHECKING:
     from calib.app.budget import Budget, budget
     from calib.app.calibration import Run
+    from calib.app.choose import TargetChoice, choose
     from calib.app.convert import Conversion, convert
     from calib.app.coupon import CouponReading, coupon
     from calib.app.detect import DetectedPhotos, Detector, detect, detect_photos
@@ -86,6 +87,7 @@ __all__ = [
     "RigTolerance",
     "Run",
     "SolvedRig",
+    "TargetChoice",
     "TargetPoses",
     "Tolerance",
     "Triangulation",
@@ -95,6 +97,7 @@ __all__ = [
     "Ways",
     "bootstrap",
     "budget",
+    "choose",
     "convert",
     "coupon",
     "detect",
@@ -133,6 +136,7 @@ __all__ = [
 
 _HOMES = {
     "calib.app.budget": ("Budget", "budget"),
+    "calib.app.choose": ("TargetChoice", "choose"),
     "calib.app.convert": ("Conversion", "convert"),
     "calib.app.diff": ("Difference", "diff"),
     "calib.app.study_bootstrap": ("Bootstrap", "RigBootstrap", "bootstrap", "rig_bootstrap"),

@@ -32,7 +32,9 @@ def app() -> "typer.Typer":
     from designer.spec.kind import KINDS
 
     own = {name: Later(place_of(name), help=LINES.get(name, "")) for name in dict.fromkeys((*KINDS, *LINES))}
-    studies = {name: Later(f"calib.app.{name}:{name}") for name in ("tolerance", "ways")}  # the steps that calibrate
+    studies = {
+        name: Later(f"calib.app.{name}:{name}") for name in ("choose", "tolerance", "ways")
+    }  # the steps that calibrate
     return new_app("design", ABOUT, {**own, **studies})
 
 

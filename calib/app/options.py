@@ -143,7 +143,7 @@ ReferenceTarget = Annotated[
 ]
 
 
-def _pair(text: str, most: int) -> tuple[int, int]:
+def pair(text: str, most: int) -> tuple[int, int]:
     """Two whole numbers: `2448x2048`."""
     match = re.fullmatch(r"\s*([0-9]{1,9})\s*[x×]\s*([0-9]{1,9})\s*", text, re.IGNORECASE)
     pair = (int(match[1]), int(match[2])) if match else (0, 0)
@@ -154,17 +154,16 @@ def _pair(text: str, most: int) -> tuple[int, int]:
 
 ImageSize = Annotated[
     tuple[int, int] | None,
-    option("of files that do not say it: 2448x2048", parse=partial(_pair, most=MAX_SIDE_PX), metavar="TEXT"),
+    option("of files that do not say it: 2448x2048", parse=partial(pair, most=MAX_SIDE_PX), metavar="TEXT"),
 ]
 CameraSize = Annotated[
     tuple[int, int] | None,
     option(
-        "that a camera of this machine is asked for: 1920x1080", parse=partial(_pair, most=MAX_SIDE_PX), metavar="TEXT"
+        "that a camera of this machine is asked for: 1920x1080", parse=partial(pair, most=MAX_SIDE_PX), metavar="TEXT"
     ),
 ]
 Grid = Annotated[
-    tuple[int, int] | None,
-    option("of a corners.vnl: 10x7 corners", parse=partial(_pair, most=MAX_GRID), metavar="TEXT"),
+    tuple[int, int] | None, option("of a corners.vnl: 10x7 corners", parse=partial(pair, most=MAX_GRID), metavar="TEXT")
 ]
 Pitch = Annotated[float | None, option("of a corners.vnl: distance of its corners, 20mm", 1e-6, 1e6)]
 Points = Annotated[

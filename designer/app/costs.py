@@ -27,7 +27,7 @@ from designer.make.printability import check_printability
 from designer.page.blocks import Cell, Command, Facts, Fold, Level, Paragraph, Table
 from designer.page.folders import Shown, table_of
 from designer.spec.build import BUILDS, builds_of
-from designer.spec.spec import FILAMENT_PRICE, PrintSpec
+from designer.spec.spec import FILAMENT_PRICE, Job, PrintSpec
 
 LONG_S = 24 * 3600.0
 """A print that goes on for longer must not fail in a night, and a day later nobody remembers why it did."""
@@ -85,11 +85,20 @@ def _otherwise(design: Design, build: str) -> BuildCosts | None:
         return None
     values = replaced(tomllib.loads(spec_to_toml(design.job)), {"build": build})
     try:
-        other = Design(size_job(parse_spec(values, "")).job)
-        if check_printability(other.target, other.job.printing).violations:
+        job = size_job(parse_spec(values, "")).job
+    except InputError:
+        return None
+    return build_costs(job)
+
+
+def build_costs(job: Job) -> BuildCosts | None:
+    """What a job takes; None where it cannot be made so, or breaks a rule."""
+    design, printing = Design(job), job.printing
+    try:
+        if check_printability(design.target, printing).violations:
             return None
-        plates = maker_of(other.job.printing).sample_plates(other)
-        return BuildCosts(build, BUILDS[build].is_two_filament, estimate(plates, other.job.printing))
+        plates = maker_of(printing).sample_plates(design)
+        return BuildCosts(printing.build, printing.is_two_filament, estimate(plates, printing))
     except InputError:
         return None
 

@@ -26,6 +26,7 @@ TAKEN = ("--target", "board.target.json", "--detections", "detections.csv")
 BOOTSTRAP = ("study", "bootstrap", *TAKEN, "--sizes", "6", "--samples", "4", "--jobs", "1", "-o", "out")
 TOLERANCE = ("tolerance", "board.target.json", "--views", "8", "--distance", "200mm", "--linear", "-o", "out")
 OF_A_RIG = ("--errors", "fdm-board", "--rig", "pair.rig.json", "--frames", "8", "--distance", "150mm..250mm")
+CHOOSE = ("choose", "--field", "60deg", "--volume", "8x8x4cm", "--image-size", "640x400")
 SOLVE = ("solve", "--target", "board.target.json", "--model", "pinhole", "-o", "out")
 RUN = ("run", "board.target.json", "photos", "--model", "opencv", "-o", "out")
 FOR_POSES = ("pose", "board.target.json", "camera.json")
@@ -64,6 +65,9 @@ DESIGN = (
     Case((*TOLERANCE[:2], *OF_A_RIG, "--linear", "-o", "out"), 0),
     Case(("ways", *TOLERANCE[1:-3], *TOLERANCE[-2:]), 0),
     Case(("ways", "board.target.json", "--by", "beauty", "-o", "out"), 2),
+    Case((*CHOOSE, "-o", "out"), 0),
+    Case((*CHOOSE, "--goal", "0.001px", "-o", "out"), 1),
+    Case((*CHOOSE, "--cameras", "0"), 2),
     Case(("no-command",), 2),
 )
 RENDER_RIG = ("render", "board.target.json", "--rig", "pair.rig.json", "--frames", "1", "--jobs", "1", "-o", "o")

@@ -45,7 +45,9 @@ ALONE = {"study bootstrap": {"--rig"}, "live": {"--camera"}}
 NO_OPTIONS = {"study plot", "warm-up"}
 
 
-STUDIED = {"design tolerance": "tolerance", "design ways": "ways"}
+NEEDED = {"field_rad": 1.0, "volume_mm": (100.0, 100.0, 50.0)}
+"""What takes no text."""
+STUDIED = {"design choose": "choose", "design tolerance": "tolerance", "design ways": "ways"}
 """Commands of `design` that are capabilities of `calib`."""
 
 
@@ -201,7 +203,7 @@ def test_a_value_of_a_type_that_a_parameter_does_not_take_is_refused(
 ) -> None:
     """In Python, whatever the parameter, in one line that names it, before any work."""
     takes, options = inspect.signature(function).parameters, parameters_of(function)
-    needed = {one.name: "none" for one in takes.values() if one.default is one.empty}
+    needed = {one.name: NEEDED.get(one.name, "none") for one in takes.values() if one.default is one.empty}
     for parameter in takes:
         with pytest.raises(InputError) as refused:
             function(**{**needed, parameter: value})
