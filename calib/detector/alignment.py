@@ -1,5 +1,6 @@
 """How a grid may lie on a face: every turn and shift of its indices, and what its marks would then have to be."""
 
+import itertools
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -126,9 +127,9 @@ def alignments(plan: TargetPlan, face: int, grid: Grid, sure: Flags, turns: Rows
 
 def largest_overlap(plan: TargetPlan, index: Rows, turns: Rows) -> int:
     """How many rings of a grid (N, 2) fall on features of a face, laid on it as well as the turns (S, 2, 2) allow."""
-    table = (plan.row_table[0] >= 0).astype(np.float64)
     best = 0.0
-    for turn in turns:
+    for face, turn in itertools.product(np.unique(plan.alike).tolist(), turns):
+        table = (plan.row_table[face] >= 0).astype(np.float64)
         turned = index @ turn.T
         turned = turned - turned.min(axis=0)
         extent = turned.max(axis=0) + 1

@@ -31,6 +31,8 @@ MIN_GRID = 6
 MIN_MARGIN = 4
 CORNER_TOLERANCE = 0.2
 """Corners of two grids closer than this share of an edge are one corner of the solid."""
+OTHER_KIND = -99
+"""The score of faces on which an option does not lie."""
 MIN_BOARD_GRID = 4
 RING_FOR_DOT = 3
 """A ring seen where the origin mark has a dot weighs so much: with one dot hidden, two must still decide."""
@@ -158,17 +160,18 @@ class NamedFaces:
 
 @dataclass(frozen=True, eq=False)
 class _Option:
-    """One way a grid may lie on any face, with the score of every face's code."""
+    """One way a grid may lie on any face of a kind, with the score of every face's code."""
 
     alignment: Alignment
     marks: Integers  # (P,)
     score: Integers  # (F,)
     corner_px: Array  # (K, 2) of the outline, in the order of the face's outline
+    features: int  # of such a face
 
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
-    """A grid and the options left for it; all of them have the same corners, in another order."""
+    """A grid and the options left for it; those on faces of one kind have the same corners, in another order."""
 
     grid: Grid
     options: tuple[_Option, ...]
@@ -193,7 +196,8 @@ def name_faces(
 def _on_one_face(plan: TargetPlan, candidates: Candidates, grid: Grid) -> tuple[Grid, ...]:
     """A grid as it is, or in parts if no face can hold it: something on an edge joined two faces."""
     sure = candidates.ratio[grid.row] > 0
-    if len(grid.row) < MIN_GRID or alignments(plan, 0, grid, sure, plan.lattice.turns):
+    turns = plan.lattice.turns
+    if len(grid.row) < MIN_GRID or any(alignments(plan, face, grid, sure, turns) for face in np.unique(plan.alike)):
         return (grid,)
     return planar_parts(candidates, grid, plan.pitch_radii)
 
@@ -249,25 +253,28 @@ def _place(plan: TargetPlan, candidates: Candidates, grid: Grid, reader: GridRea
     sure = candidates.ratio[grid.row] > 0
     if sure.sum() < MIN_GRID - 2 or not homography.is_determined(grid.index[sure].astype(np.float64)):
         return None
-    ways = alignments(plan, 0, grid, sure, turns)
+    kinds = np.unique(plan.alike).tolist()
+    ways = [(kind, way) for kind in kinds for way in alignments(plan, kind, grid, sure, turns)]
     if not ways:
         return None
-    reader.marks(np.concatenate([way.on_grid(plan.mark_index) for way in ways]))  # all at once
-    options = [_option(plan, candidates, grid, reader, way) for way in ways]
-    per_turn = len(options) / len({option.alignment.turn.tobytes() for option in options})
-    if per_turn > 1:
+    reader.marks(np.concatenate([way.on_grid(plan.mark_index) for _, way in ways]))  # all at once
+    options = [_option(plan, candidates, grid, reader, kind, way) for kind, way in ways]
+    if len(options) > len({option.alignment.turn.tobytes() for option in options}):
         scores = np.array([option.score for option in options])
         flat = np.sort(scores.ravel())
-        if len(flat) > 1 and flat[-1] - flat[-2] < MIN_MARGIN:
-            return None
-        options = [options[int(np.argmax(scores.max(axis=1)))]]
-    return _Placed(grid, tuple(options))
+        if len(flat) < 2 or flat[-1] - flat[-2] >= MIN_MARGIN:
+            options = [options[int(np.argmax(scores.max(axis=1)))]]
+        else:  # a grid as large as a small face lies on a larger one in many ways, and fills the small one
+            options = [option for option in options if option.features == len(grid.row)] if len(kinds) > 1 else []
+    return _Placed(grid, tuple(options)) if options else None
 
 
-def _option(plan: TargetPlan, candidates: Candidates, grid: Grid, reader: GridReader, alignment: Alignment) -> _Option:
-    """Read the marks an alignment asks for and compare them with all codes."""
+def _option(
+    plan: TargetPlan, candidates: Candidates, grid: Grid, reader: GridReader, kind: int, alignment: Alignment
+) -> _Option:
+    """Read the marks an alignment on faces of a kind asks for and compare them with all their codes."""
     marks = reader.marks(alignment.on_grid(plan.mark_index))
-    row = plan.rows_at(0, alignment.on_face(grid.index))
+    row = plan.rows_at(kind, alignment.on_face(grid.index))
     known = row >= 0
     plane = plan.target.center_in_face_mm[row[known], :2]
     mapped = homography.direct(plane, candidates.ellipse[grid.row[known], :2])
@@ -275,8 +282,9 @@ def _option(plan: TargetPlan, candidates: Candidates, grid: Grid, reader: GridRe
     return _Option(
         alignment=alignment,
         marks=marks,
-        score=agreement(plan.mark_is_dot, marks) - DISAGREEMENT * strange,
-        corner_px=homography.apply(mapped, plan.target.outline_mm[0]),
+        score=np.where(plan.alike == kind, agreement(plan.mark_is_dot, marks) - DISAGREEMENT * strange, OTHER_KIND),
+        corner_px=homography.apply(mapped, plan.target.outline_mm[kind][plan.corner[kind]]),
+        features=int((plan.row_table[kind] >= 0).sum()),
     )
 
 
@@ -305,21 +313,21 @@ def _number_corners(placed: list[_Placed]) -> list[_Placed]:
             else:
                 numbers.append(len(seen))
                 seen = np.vstack([seen, point])
-        out.append(
-            _Placed(item.grid, item.options, tuple(_in_order(option, corner, numbers) for option in item.options))
-        )
+        corners = []
+        for option in item.options:
+            apart = np.linalg.norm(option.corner_px[:, None] - corner[None], axis=2)
+            own = [numbers[k] for k in apart.argmin(axis=1)]
+            for k in np.flatnonzero(apart.min(axis=1) > 0.5 * reach / CORNER_TOLERANCE).tolist():  # another outline's
+                own[k], seen = len(seen), np.vstack([seen, option.corner_px[k]])
+            corners.append(tuple(own))
+        out.append(_Placed(item.grid, item.options, tuple(corners)))
     return out
-
-
-def _in_order(option: _Option, corner_px: Array, numbers: list[int]) -> tuple[int, ...]:
-    """The numbers of an option's corners; all options of a grid have the same corners, in another order."""
-    nearest = np.argmin(np.linalg.norm(option.corner_px[:, None] - corner_px[None], axis=2), axis=1)
-    return tuple(numbers[k] for k in nearest)
 
 
 def _touch(a: _Placed, b: _Placed) -> bool:
     """Whether two grids share an edge in the image."""
-    return len(set(a.corners[0]) & set(b.corners[0])) == 2
+    first, second = ({frozenset(own) for own in item.corners} for item in (a, b))
+    return any(len(own & other) == 2 for own, other in itertools.product(first, second))
 
 
 def _groups(placed: list[_Placed]) -> list[list[int]]:
@@ -342,8 +350,12 @@ def _poses(plan: TargetPlan, group: list[_Placed]) -> tuple[Integers, Integers]:
     options = np.array([len(item.options) for item in group])
     corner = np.zeros((len(group), options.max(), plan.corner_vertex.shape[1]), dtype=np.int64)
     score = np.zeros((len(group), options.max(), plan.target.face_count), dtype=np.int64)
+    fresh = max(max(own) for item in group for own in item.corners) + 1
     for k, item in enumerate(group):
-        corner[k, : options[k]] = item.corners
+        for number, own in enumerate(item.corners):  # where a face has fewer corners, points that no other has
+            beyond = corner.shape[2] - len(own)
+            corner[k, number] = (*own, *range(fresh, fresh + beyond))
+            fresh += beyond
         score[k, : options[k]] = [option.score for option in item.options]
     touch = np.array([[_touch(a, b) for b in group] for a in group])
     anchor = max(range(len(group)), key=lambda k: len(group[k].grid.row))

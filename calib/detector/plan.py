@@ -7,7 +7,11 @@ import numpy as np
 
 from calib.detector.grid import Lattice, lattice_of
 from designer.base.arrays import Array, Flags, Rows
+from designer.kinds.layout import corners_mm, true_corners
 from designer.target import TargetGeometry
+
+ALIKE = 0.25
+"""How far features of faces that are alike may lie apart, as a share of the pitch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +25,9 @@ class TargetPlan:
     ratio: float  # inner over outer radius of the rings
     radius_mm: float  # outer, the usual one
     limit: float  # how far out pixels may be used, in outer radii: half the white gap
-    corner_vertex: Rows  # (F, K) which corners of the faces' outlines are one point of the solid
+    alike: Rows  # (F,) the first face with the same lattice in the same outline
+    corner: tuple[Rows, ...]  # (F,) the true corners of each outline
+    corner_vertex: Rows  # (F, K) which corners are one point of the solid; of faces with fewer, points of their own
     beyond_face: Rows  # (B,) of the places one step outside the target, on its lattice
     beyond_mm: Array  # (B, 2) these places in the face's plane
     mark_index: Rows  # (P, 2) candidate positions of marks on a face
@@ -72,7 +78,7 @@ def plan_for(target: TargetGeometry) -> TargetPlan:
     table[target.ring_face, at[:, 0], at[:, 1]] = np.arange(target.ring_count)
     radius = float(np.median(target.radius_outer_mm))
     mark_index, mark_is_dot = _marks(target)
-    corner = _shared_corners(target)
+    corner = tuple(true_corners(outline) for outline in target.outline_mm)
     lattice = lattice_of(target)
     beyond_face, beyond_mm = _one_step_outside(target, lattice, table, low)
     return TargetPlan(
@@ -83,7 +89,9 @@ def plan_for(target: TargetGeometry) -> TargetPlan:
         ratio=float(np.median(target.radius_inner_mm[rings] / target.radius_outer_mm[rings])),
         radius_mm=radius,
         limit=1 + 0.5 * _white_gap_mm(target) / radius,
-        corner_vertex=corner,
+        alike=_alike(target),
+        corner=corner,
+        corner_vertex=_shared_corners(target, corner),
         beyond_face=beyond_face,
         beyond_mm=beyond_mm,
         mark_index=mark_index,
@@ -133,14 +141,42 @@ def _white_gap_mm(target: TargetGeometry) -> float:
     return max(min(gaps), 0.1 * radius)
 
 
-def _shared_corners(target: TargetGeometry) -> Rows:
+def _alike(target: TargetGeometry) -> Rows:
+    """The first face whose features lie as a face's own do, index by index, in the same outline.  # (F,)"""
+    near = ALIKE * float(np.linalg.norm(target.lattice_mm[0], axis=1).min())
+    order = np.lexsort((*target.ring_index.T, target.ring_face))
+    face = target.ring_face[order]
+    index = [target.ring_index[order][face == number] for number in range(target.face_count)]
+    place = [target.center_in_face_mm[order][face == number] for number in range(target.face_count)]
+    alike = np.arange(target.face_count)
+    for number in alike:
+        for other in range(number):
+            if (
+                np.array_equal(index[other], index[number])
+                and np.abs(place[other] - place[number]).max(initial=0.0) < near
+                and np.abs(target.outline_mm[other] - target.outline_mm[number]).max() < near
+            ):
+                alike[number] = other
+                break
+    return alike
+
+
+def _shared_corners(target: TargetGeometry, corner: tuple[Rows, ...]) -> Rows:
     """Number the corners of all outlines so that corners at one place share a number.  # (F, K)"""
-    frame = target.target_from_face
-    corner = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
-    flat = corner.reshape(-1, 3)
-    tolerance = 0.1 * float(np.linalg.norm(corner[:, 0] - corner[:, 1], axis=1).min())
-    distance = np.linalg.norm(flat[:, None] - flat[None], axis=2)
-    return np.asarray(np.argmax(distance < tolerance, axis=1).reshape(corner.shape[:2]))
+    every = corners_mm(target)
+    most = max(map(len, corner))
+    flat = np.full((target.face_count, most, 3), np.inf)
+    for face, own in enumerate(corner):
+        flat[face, : len(own)] = every[face, own]
+    tolerance = 0.1 * min(
+        float(np.linalg.norm(every[face, own] - every[face, np.roll(own, 1)], axis=1).min())
+        for face, own in enumerate(corner)
+    )
+    point = flat.reshape(-1, 3)
+    with np.errstate(invalid="ignore"):
+        is_one = np.linalg.norm(point[:, None] - point[None], axis=2) < tolerance
+    np.fill_diagonal(is_one, val=True)
+    return np.asarray(np.argmax(is_one, axis=1).reshape(target.face_count, most))
 
 
 def _marks(target: TargetGeometry) -> tuple[Rows, Flags]:

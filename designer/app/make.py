@@ -32,6 +32,8 @@ R = TypeVar("R", bound=Result)
 Given = str | bool | None
 COMPLETED = {"printer": printer_templates, "build": one_of(tuple(BUILDS)), "lattice": one_of(get_args(Lattice))}
 """What completes the option of a spec's field."""
+IN_FILES = ("machine", "mesh", "corners", "polygons")
+"""Tables, which files hold; a mesh is the argument of its kind."""
 Folder = Annotated[Path | None, option("folder to write into (default: exports/NAME)", short="-o", group="Output")]
 MustFit = Annotated[bool, option("write nothing of a part that does not fit the bed")]
 
@@ -158,8 +160,12 @@ def with_options(
     """A capability with the options of kinds in place of its `**options`, but those that are `idle`."""
     said = {name: one for kind in asked for name, one in options_of(kind).items()}
     said["build"] = replace(said["build"], help=f"how it is made: {', '.join(builds)}")
-    typed = [name for name, one in said.items() if one.value != "machine" and name not in idle]  # a table: files'
+    typed = [name for name, one in said.items() if one.value not in IN_FILES and name not in idle]
     parameters = [one for one in inspect.signature(function).parameters.values() if one.kind != one.VAR_KEYWORD]
+    if len(asked) == 1:  # what is not for any kind, but for this one
+        first = ((name, Annotated[str | None, argument(one.help)]) for name, one in said.items() if one.value == "mesh")
+        place = inspect.Parameter.POSITIONAL_OR_KEYWORD
+        parameters[:0] = [inspect.Parameter(name, place, default=None, annotation=kind) for name, kind in first]
     for name in sorted(typed, key=lambda name: name in options_of(Asked)):  # a kind's own first
         is_switch, flag = said[name].value == "switch", name.replace("_", "-")
         mark = CommandOption(

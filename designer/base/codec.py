@@ -372,7 +372,7 @@ _SCALARS: Mapping[object, Callable[[JsonValue, str], object]] = {
 def _decode_tuple(
     inner: tuple[object, ...], value: JsonValue, place: str, shape: Shape | None, sizes: dict[str, int]
 ) -> object:
-    if not isinstance(value, list):
+    if not isinstance(value, list | tuple):  # the latter from Python
         raise _refuse(place, value, "must be a list")
     kinds = inner[:1] * len(value) if inner[1:] == (...,) else inner
     if len(value) != len(kinds):

@@ -96,7 +96,7 @@ def write_files(files: Mapping[Path, bytes]) -> None:
             place.unlink(missing_ok=True)
 
 
-MAX_TOML_BYTES = 2**14
+MAX_TOML_BYTES = 2**16
 JsonValue: TypeAlias = "dict[str, JsonValue] | list[JsonValue] | str | int | float | bool | None"
 
 

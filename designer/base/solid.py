@@ -1,7 +1,9 @@
 """Regular solids whose faces carry one lattice each and are told apart by codes of dots."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -9,6 +11,8 @@ import numpy as np
 from designer.base.arrays import Array, Rows
 from designer.base.codes import Index
 
+BULGE = 1e-3
+"""How far a body's corners may lie above one of its faces, as a share of its size."""
 INLAY_SHARE = 0.9
 """Of a border's width, how much its floor may move in."""
 
@@ -107,9 +111,93 @@ class Solid:
         """From the centroid to a face."""
         return self.polyhedron.inradius * self.edge_mm
 
+    @property
+    def faces(self) -> tuple[tuple[int, ...], ...]:
+        """Corners of each, from the one with its code on, counter-clockwise from outside."""
+        return tuple(map(tuple, self.polyhedron.faces_from_code.tolist()))
+
+    @property
+    def bare(self) -> tuple[tuple[int, ...], ...]:
+        """Faces without rings."""
+        return ()
+
+    @property
+    def beside(self) -> dict[tuple[int, int], int]:
+        """The face on the left of each edge, from one vertex to another."""
+        return left_of(self.faces)
+
+    @property
+    def inset_per_depth(self) -> float:
+        """See `Polyhedron.inset_per_depth`."""
+        return self.polyhedron.inset_per_depth
+
     def corners_mm(self, *, below_mm: float = 0.0, scale: float = 1.0) -> Array:
         """Corners of the part that lies this deep and deeper below the faces, of the solid times a scale.  # (V, 3)"""
         return np.asarray((self.edge_mm * scale - below_mm / self.polyhedron.inradius) * self.polyhedron.vertices)
+
+
+@dataclass(frozen=True, eq=False)
+class Faceted:
+    """A convex body of any flat faces, about the origin: those with rings, and those that stay bare."""
+
+    vertices_mm: Array  # (V, 3)
+    faces: tuple[tuple[int, ...], ...]  # with rings, each from the corner at its code on, counter-clockwise outside
+    bare: tuple[tuple[int, ...], ...] = ()
+
+    def __post_init__(self) -> None:
+        every = (*self.faces, *self.bare)
+        if not self.faces or not len(self.vertices_mm) or not np.isfinite(self.vertices_mm).all():
+            raise ValueError("a body needs corners, and faces with rings")
+        if any(len(set(face)) < max(len(face), 3) or not 0 <= min(face) <= max(face) < len(self.vertices_mm)
+               for face in every):  # fmt: skip
+            raise ValueError(
+                f"a face must have 3 corners or more, each once, numbered 0 to {len(self.vertices_mm) - 1}"
+            )
+        edges = [(face[k - 1], face[k]) for face in every for k in range(len(face))]
+        if len(set(edges)) < len(edges) or any((b, a) not in self.beside for a, b in edges):
+            raise ValueError("faces must close the body: each edge belongs to two, which run along it in opposite ways")
+        above = self.vertices_mm @ self.planes[:, :3].T - self.planes[:, 3]
+        if not above.max() <= BULGE * np.ptp(self.vertices_mm, axis=0).max() or self.planes[:, 3].min() <= 0:
+            raise ValueError("the body is not convex about its origin, or a face is not flat or runs clockwise")
+
+    @cached_property
+    def planes(self) -> Array:
+        """Outward normals and distances from the origin, the bare faces' last.  # (F + B, 4)"""
+        return np.array([plane_of(self.vertices_mm[list(face)]) for face in (*self.faces, *self.bare)])
+
+    def corners_mm(self, *, below_mm: float = 0.0, scale: float = 1.0) -> Array:
+        """Corners with all faces moved in, of the solid times a scale; where more than three meet, on the mean."""
+        moved = scale * self.vertices_mm
+        for vertex in range(len(moved)) if below_mm else ():
+            normal = self.planes[[vertex in face for face in (*self.faces, *self.bare)], :3]
+            moved[vertex] -= below_mm * np.linalg.lstsq(normal, np.ones(len(normal)), rcond=None)[0]
+        return np.asarray(moved)
+
+    @cached_property
+    def beside(self) -> dict[tuple[int, int], int]:
+        """The face on the left of each edge, from one vertex to another; bare faces count on after the others."""
+        return left_of((*self.faces, *self.bare))
+
+    @cached_property
+    def inset_per_depth(self) -> float:
+        """How far a face's rim moves in per unit of depth, at the sharpest edge of a face with rings."""
+        pairs = [(row, self.beside[b, a]) for (a, b), row in self.beside.items() if row < len(self.faces)]
+        first, second = self.planes[np.array(pairs).T, :3]
+        cosine = float(np.clip((first * second).sum(axis=1).min(), -1.0, 1.0))
+        return math.tan(math.acos(cosine) / 2)
+
+
+def left_of(faces: Sequence[Sequence[int]]) -> dict[tuple[int, int], int]:
+    """The face on the left of each edge, from one vertex to another."""
+    return {(face[k - 1], face[k]): row for row, face in enumerate(faces) for k in range(len(face))}
+
+
+def plane_of(corner: Array) -> Array:
+    """Unit normal and distance from the origin of a polygon in space, by Newell's sums.  # (K, 3) -> (4,)"""
+    middle = corner.mean(axis=0)
+    normal = np.cross(corner - middle, np.roll(corner, -1, axis=0) - middle).sum(axis=0)
+    normal = normal / np.linalg.norm(normal)
+    return np.array([*normal, normal @ middle])
 
 
 def regular_polygon(sides: int, inradius: float) -> Array:

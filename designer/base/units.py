@@ -17,6 +17,8 @@ MM_PER_UNIT = {
     "": 1.0, "mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 0.001, "µm": 0.001, "μm": 0.001,
     "in": 25.4, "inch": 25.4, "inches": 25.4, '"': 25.4, "thou": 0.0254, "mil": 0.0254,
 }  # fmt: skip
+UNITS_MM = {name: MM_PER_UNIT[name] for name in ("mm", "cm", "m", "inch")}
+"""What a mesh may be in, which names no unit itself."""
 RAD_PER_UNIT = {"": math.pi / 180, "deg": math.pi / 180, "°": math.pi / 180, "rad": 1.0, "mrad": 1e-3}
 MAX_LENGTH_MM = 10_000.0
 MAX_ANGLE_RAD = math.tau

@@ -101,9 +101,9 @@ class Design:
 
     def _hull(self, inlay_mm: float) -> Hull:
         spec = self.job.target
-        if spec.solid is None:
+        if spec.body is None:
             return plate_hull(self.printed_pattern, spec.depth_mm * self.scale, inlay_mm)
-        return solid_hull(self.printed_pattern, spec.solid, inlay_mm, scale=self.scale)
+        return solid_hull(self.printed_pattern, spec.body, inlay_mm, scale=self.scale)
 
     def _against_skew(self, points_mm: Array) -> Array:
         return against_skew(self.target, self.job.printing, points_mm)
@@ -111,9 +111,9 @@ class Design:
     def _plain_body(self) -> Mesh:
         """The body that stickers or a sheet go on."""
         spec = self.job.target
-        if spec.solid is None:
+        if spec.body is None:
             return plain_plate(self.target.outline_mm[0], spec.depth_mm)
-        body = sticker_body(self.target, spec.solid, self.job.printing)
+        body = sticker_body(self.target, spec.body, self.job.printing)
         return replace(body, vertices_mm=self.scale * body.vertices_mm)
 
     @cached_property

@@ -4,6 +4,7 @@ The bodies are convex, so painting the faces that look at the camera, ink over b
 """
 
 import io
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -11,7 +12,6 @@ import numpy as np
 from PIL import Image, ImageColor, ImageDraw
 
 from designer.base.arrays import Array
-from designer.base.solid import Polyhedron
 from designer.make.pattern import Contour, FacePattern, Pattern
 from designer.spec.spec import PrintSpec, Spec
 
@@ -20,6 +20,8 @@ HEIGHT_PX = 800
 THUMBNAIL_PX = 512
 NET_WIDTH_PX = 1640
 CAPTION_PX = 46
+_TOUCH = 1e-3
+"""Of a face's area, what it may cover of others in a net."""
 _OVERSAMPLING = 3
 _SIDES_OF_PLATE = 2
 _BACKGROUND = (228, 232, 238)
@@ -58,10 +60,16 @@ def preview_png(pattern: Pattern, spec: Spec, printing: PrintSpec, caption: str)
         caption: the line.
     """
     colours = _rgb(printing.body_colour), _rgb(printing.ink_colour)
-    sides = range(len(pattern.faces) if spec.solid is None else 1)
+    sides = range(len(pattern.faces) if spec.body is None else 1)
     panels = [_perspective(pattern, side, spec.depth_mm, colours) for side in sides]
     if spec.solid is not None:
-        panels.append(_unfolded(pattern, spec.solid.polyhedron, colours))
+        outline = pattern.faces[0].outline
+        edge_mm = float(np.linalg.norm(outline[1] - outline[0]))
+        motion, size = spec.solid.polyhedron.unfolded()
+        motion[:, :2, 2] *= edge_mm
+        panels.append(_unfolded(pattern, motion, edge_mm * size, colours))
+    elif spec.body is not None:
+        panels.append(_unfolded(pattern, *unfolded_mm(pattern), colours))
     image = Image.new("RGB", (sum(panel.width for panel in panels), HEIGHT_PX + CAPTION_PX), _BACKGROUND)
     left = 0
     for panel in panels:
@@ -154,28 +162,78 @@ def _perspective(
     return canvas.reduce(oversampling)
 
 
-def _unfolded(pattern: Pattern, polyhedron: Polyhedron, colours: tuple[_Colour, _Colour]) -> Image.Image:
+def _unfolded(pattern: Pattern, net: Array, size_mm: Array, colours: tuple[_Colour, _Colour]) -> Image.Image:
     """The net of a solid, seen from outside, with the faces' numbers."""
     canvas = Image.new("RGB", (NET_WIDTH_PX * _OVERSAMPLING, HEIGHT_PX * _OVERSAMPLING), _BACKGROUND)
     draw = ImageDraw.Draw(canvas)
-    net, (width, height) = polyhedron.unfolded()
-    edge_px = 0.96 * min(canvas.width / width, canvas.height / height)
-    left, top = (canvas.width - edge_px * width) / 2, (canvas.height - edge_px * height) / 2
-    outline = pattern.faces[0].outline
-    px_per_mm = edge_px / float(np.linalg.norm(outline[1] - outline[0]))
+    width, height = size_mm.tolist()
+    px_per_mm = 0.96 * min(canvas.width / width, canvas.height / height)
+    left, top = (canvas.width - px_per_mm * width) / 2, (canvas.height - px_per_mm * height) / 2
     for number, (motion, face) in enumerate(zip(net, pattern.faces, strict=True)):
 
         def to_pixels(points: Contour, motion: Array = motion) -> _Pixels:
-            x, y = (px_per_mm * points @ motion[:2, :2].T + edge_px * motion[:2, 2]).T
-            return list(zip((left + x).tolist(), (top + edge_px * height - y).tolist(), strict=True))
+            x, y = (px_per_mm * (points @ motion[:2, :2].T + motion[:2, 2])).T
+            return list(zip((left + x).tolist(), (top + px_per_mm * height - y).tolist(), strict=True))
 
         _paint_face(draw, face, pattern, to_pixels, (_shaded(colours[0], 1.0), _shaded(colours[1], 1.0)))
         (middle,) = to_pixels(np.zeros((1, 2)))
+        edge_px = px_per_mm * float(np.linalg.norm(face.outline[1] - face.outline[0]))
         draw.text(
             middle, str(number), fill=_NUMBER_COLOUR, font_size=0.13 * edge_px, anchor="mm",
             stroke_width=0.012 * edge_px, stroke_fill=(255, 255, 255),
         )  # fmt: skip
     return canvas.reduce(_OVERSAMPLING)
+
+
+def unfolded_mm(pattern: Pattern) -> tuple[Array, Array]:
+    """The net of any faces: each hangs on one that was laid down before, where it covers none, else lies apart.
+
+    Returns:
+        Motions of the plane from the faces' frames to the net, and the net's width and height.  # (F, 3, 3), (2,)
+    """
+    from shapely import Polygon, union_all
+
+    shape = [Polygon(face.outline) for face in pattern.faces]
+    motion, laid = np.tile(np.eye(3), (len(shape), 1, 1)), dict[int, Polygon]()
+    queue = [max(range(len(shape)), key=lambda face: round(shape[face].area, 3))]
+    laid[queue[0]] = shape[queue[0]]
+    for parent in queue:
+        for face in range(len(shape)):
+            hung = None if face in laid else _hung_on(pattern, motion[parent], parent, face)
+            if hung is None:
+                continue
+            moved = Polygon(pattern.faces[face].outline @ hung[:2, :2].T + hung[:2, 2])
+            if union_all([*laid.values()]).intersection(moved).area < _TOUCH * moved.area:
+                motion[face], laid[face] = hung, moved
+                queue.append(face)
+    for face in (face for face in range(len(shape)) if face not in laid):
+        at = [max(one.bounds[2] for one in laid.values()) - shape[face].bounds[0], -shape[face].bounds[1]]
+        motion[face, :2, 2] = at
+        laid[face] = Polygon(pattern.faces[face].outline + at)
+    left, low, right, high = union_all([*laid.values()]).bounds
+    motion[:, :2, 2] -= [left, low]
+    return motion, np.array([right - left, high - low])
+
+
+def _hung_on(pattern: Pattern, placed: Array, parent: int, face: int) -> Array | None:
+    """The motion that brings a face's side to the one that it shares with a face in the net; None: it shares none."""
+    own, other = pattern.faces[face].outline, pattern.faces[parent].outline
+    apart = np.linalg.norm(
+        _in_target(pattern.target_from_face[parent], other)[:, None]
+        - _in_target(pattern.target_from_face[face], own), axis=2
+    )  # fmt: skip
+    near = apart < 0.01 * math.sqrt(float(np.ptp(own, axis=0).min() * np.ptp(own, axis=0).max()))
+    # A side of the one runs along the other's the opposite way.
+    sides = np.argwhere(near & np.roll(near, (-1, 1), axis=(0, 1)))
+    if not len(sides):
+        return None
+    at, mine = sides[0]
+    here, there = own[mine - 1] - own[mine], (np.roll(other, -1, axis=0) - other)[at] @ placed[:2, :2].T
+    turn = math.atan2(there[1], there[0]) - math.atan2(here[1], here[0])
+    motion = np.eye(3)
+    motion[:2, :2] = [[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]
+    motion[:2, 2] = placed[:2, :2] @ other[at] + placed[:2, 2] - motion[:2, :2] @ own[mine]
+    return motion
 
 
 def _paint_face(

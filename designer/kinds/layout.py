@@ -15,6 +15,8 @@ DECIMALS = 9
 """Coordinates are rounded to a picometre, so that processors whose sine differs in the last bit agree on ids."""
 SAME_PLACE = 0.02
 """Corners and middles of sides nearer than this share of a side are one: faces of a print meet about so well."""
+STRAIGHT = 1e-6
+"""A corner whose sine is below is in the middle of a side."""
 _FACE_DOWN = np.diag([1.0, -1.0, -1.0])
 
 
@@ -68,6 +70,13 @@ def corners_mm(target: TargetGeometry) -> Array:
     return placed + frame[:, None, :3, 3]
 
 
+def true_corners(outline_mm: Array) -> Rows:
+    """Which corners of an outline are none where a side was halved to give all faces as many.  # (K,)"""
+    before, after = outline_mm - np.roll(outline_mm, 1, axis=0), np.roll(outline_mm, -1, axis=0) - outline_mm
+    turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    return np.flatnonzero(np.abs(turn) > STRAIGHT * np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1))
+
+
 def adjacent_faces(target: TargetGeometry) -> Rows:
     """The face across each side of each face, from corner k to the next; -1: none.  # (F, K)
 
@@ -76,7 +85,10 @@ def adjacent_faces(target: TargetGeometry) -> Rows:
     corner = corners_mm(target)
     after = np.roll(corner, -1, axis=1)
     middle, length = (corner + after) / 2, np.linalg.norm(after - corner, axis=2)
-    apart = np.linalg.norm(middle[:, :, None, None] - middle, axis=4)  # (F, K, F, K)
+    # From the middle of each side to the nearest point of every side.
+    step, offset = after - corner, middle[:, :, None, None] - corner  # (F, K, 3), (F, K, F, K, 3)
+    share = np.clip((offset * step).sum(axis=4) / (step**2).sum(axis=2), 0.0, 1.0)
+    apart = np.linalg.norm(offset - share[..., None] * step, axis=4)  # (F, K, F, K)
     faces = np.arange(target.face_count)
     apart[faces, :, faces] = np.inf
     for first, second in opposite_faces(target):
@@ -97,6 +109,9 @@ def inset_per_depth(target: TargetGeometry) -> float:
 
     Of faces whose normals are an angle a apart, tan(a / 2); of a solid's edges the largest.
     """
+    body = None if target.spec is None else target.spec.body
+    if body is not None and target.spec is not None and target.spec.solid is None:
+        return body.inset_per_depth
     beside = adjacent_faces(target)
     face, side = np.nonzero(beside >= 0)
     if not len(face):
@@ -173,11 +188,16 @@ def is_turned(target: TargetGeometry, *, is_bed_deep: bool = False) -> bool:
 
 def border_width_mm(target: TargetGeometry) -> float:
     """Width of the border, where it is narrowest, to a nanometre; 0 without one."""
-    edge = np.roll(target.outline_mm, -1, axis=1) - target.outline_mm
-    outward = np.stack([edge[..., 1], -edge[..., 0]], axis=2) / np.linalg.norm(edge, axis=2, keepdims=True)
+    return round(border_mm(target.outline_mm, target.window_mm), 6)
+
+
+def border_mm(outline_mm: Array, window_mm: Array) -> float:
+    """The same of outlines and windows.  # (..., K, 2), (..., L, 2)"""
+    edge = np.roll(outline_mm, -1, axis=-2) - outline_mm
+    outward = np.stack([edge[..., 1], -edge[..., 0]], axis=-1) / np.linalg.norm(edge, axis=-1, keepdims=True)
     # From each side of the outline to the nearest corner of the window.
-    to_corner = target.outline_mm[:, :, None] - target.window_mm[:, None]  # (F, K, K, 2)
-    return round(float(np.einsum("fski,fsi->fsk", to_corner, outward).min()), 6)
+    to_corner = outline_mm[..., :, None, :] - window_mm[..., None, :, :]  # (..., K, L, 2)
+    return float(np.einsum("...ski,...si->...sk", to_corner, outward).min())
 
 
 def corner_room_mm(target: TargetGeometry, corner: Array) -> float:

@@ -255,6 +255,10 @@ def _with_lip(printing: PrintSpec, target: TargetGeometry, asked: bool | None) -
     """
     if not printing.way.has_stickers or asked is False:
         return printing, ""
+    if target.form == "polyhedron":  # the frames of unlike faces are none that was tried
+        if asked:
+            raise InputError("lip: frames around stickers are for regular solids; leave --lip out")
+        return printing, ""
     border_mm, least_mm = border_width_mm(target), round_up(lip_of(target, printing).least_border_mm)
     if border_mm >= least_mm:
         return replace(printing, lip=True), ""

@@ -16,6 +16,7 @@ from designer.base.files import MAX_TOML_BYTES, JsonValue, read_small_text, read
 from designer.base.marks import Above, AtMost, Reads, Told
 from designer.base.marks import Length as ItemCount
 from designer.base.units import (
+    UNITS_MM,
     format_mm,
     format_skew,
     page_size_mm,
@@ -144,6 +145,12 @@ def _mount(value: str) -> str:
     return name
 
 
+def _unit(value: str) -> str:
+    if value.lower() not in UNITS_MM:
+        raise ValueError(f"must be one of {', '.join(UNITS_MM)}")
+    return value.lower()
+
+
 def _machine(value: RawValue) -> Machine:
     machine = value if isinstance(value, Machine) else decode(Machine, cast("JsonValue", value))
     for left, front, right, rear in machine.excluded_mm:
@@ -224,6 +231,10 @@ READ: Mapping[Value, object] = {
     "price": FilamentPrice,
     "ink side": InkSide,
     "mount": Annotated[str, _text(_mount)],
+    "mesh": Annotated[str, _text(_unicode)],
+    "unit": Annotated[str, _text(_unit)],
+    "corners": Annotated[tuple[tuple[float, float, float], ...], ItemCount(4, 1000)],
+    "polygons": Annotated[tuple[tuple[int, ...], ...], ItemCount(0, 1000)],
 }
 """What an option's text must look like, by what it takes."""
 
@@ -412,7 +423,7 @@ def spec_to_toml(job: Job) -> str:
 def _toml_value(value: RawValue) -> str:
     if isinstance(value, bool):
         return str(value).lower()
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return f"[{', '.join(_toml_value(item) for item in value)}]"
     if isinstance(value, dict):
         return f"{{ {', '.join(f'{key} = {_toml_value(item)}' for key, item in value.items())} }}"

@@ -124,7 +124,7 @@ def _bed_axes(target: TargetGeometry, printing: PrintSpec) -> Array:
 def _straight_corners_mm(target: TargetGeometry, printing: PrintSpec) -> Array:
     """Corners of the printed solid, not yet sheared.  # (N, 3)"""
     corners, spec = corners_mm(target), target.spec
-    if spec is not None and spec.solid is None:
+    if spec is not None and spec.body is None:
         corners = np.concatenate([corners, corners - spec.depth_mm * target.target_from_face[:, None, :3, 2]])
     elif spec is not None and spec.solid is not None and printing.way.has_stickers:
         inradius, thickness = spec.solid.inradius_mm, printing.sticker_thickness_mm
@@ -133,6 +133,8 @@ def _straight_corners_mm(target: TargetGeometry, printing: PrintSpec) -> Array:
             down, lowest = target.target_from_face[-1, :3, 2], inradius - thickness
             corners = corners_mm(target) * (1 + lip_of(target, printing).rise_mm / inradius)
             corners = corners - np.maximum(corners @ down - lowest, 0.0)[..., None] * down
+    elif spec is not None and spec.solid is None and spec.body is not None:  # its bare faces, too
+        corners = spec.body.corners_mm(below_mm=printing.sticker_thickness_mm * printing.way.has_stickers)
     printed: Array = corners.reshape(-1, 3) * (1 + printing.shrink_compensation_percent / 100)
     return printed
 

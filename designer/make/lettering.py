@@ -13,6 +13,7 @@ from designer.kinds.layout import inset_per_depth, sticker_inset_mm
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
+SAME_HEIGHT_MM = 1e-3
 WIDTH, HEIGHT, GAP = 5, 7, 1  # in strokes
 MAX_STROKE_MM = 0.6
 CHAMFER_LAYERS = 2
@@ -74,36 +75,42 @@ def letter_faces(target: TargetGeometry, printing: PrintSpec, scale: float) -> L
     if printing.way.is_in_parts and target.is_plate:  # seams would cut them
         return Lettering(nothing, "labels: on the backs of the pieces")
     finest = printing.printer.line_width_mm if printing.is_two_filament else PAPER_STROKE_MM
-    low, high = _strip(target, printing, finest, scale)
-    stroke = min((high - low) / HEIGHT, MAX_STROKE_MM)
+    strips = [_strip(target, printing, finest, scale, face) for face in range(target.face_count)]
+    narrowest = min(high - low for low, high in strips)
+    stroke = min(narrowest / HEIGHT, MAX_STROKE_MM)
     if stroke < finest:
-        room, needed = max(high - low, 0.0), HEIGHT * finest
+        room, needed = max(narrowest, 0.0), HEIGHT * finest
         where = "margin" if np.array_equal(target.window_mm, target.outline_mm) else "border"
         why = f"there is room for {room:.2f}mm and they are {needed:.2f}mm high"
         if printing.way.is_in_parts:
             return Lettering(nothing, "labels: on the backs of the tiles")
         return Lettering(nothing, f"labels: left out, {why}; a wider {where} takes them")
-    baseline = (low + high - HEIGHT * stroke) / 2
-    outline, top = scale * target.outline_mm[0], baseline + HEIGHT * stroke
-    # At most: above the lowest side of a triangle a line is shorter by twice the height over tan 60 deg, at both ends.
-    room = float(np.ptp(outline[:, 0])) - 4 * (top - float(outline[:, 1].min()))
     target_id = target.geometry_id[:ID_DIGITS].upper()
     faces = []
-    for face in range(target.face_count):
+    for face, (low, high) in enumerate(strips):
+        baseline = (low + high - HEIGHT * stroke) / 2
+        outline, top = scale * target.outline_mm[face], baseline + HEIGHT * stroke
+        lowest = float(outline[:, 1].min())
+        side = outline[outline[:, 1] < lowest + SAME_HEIGHT_MM, 0]
+        # At most: above a triangle's lowest side a line is shorter by twice the height over tan 60 deg, at both ends.
+        room = float(np.ptp(side)) - 4 * (top - lowest)
         number = str(face)
         choices = [target_id] if target.is_planar else [f"{number} {target_id}", number]
         fitting = [text for text in choices if text_width(text) * stroke <= room]
-        faces.append(text_contours(fitting[0], stroke, baseline) if fitting else ())
+        middle = round(float(side.min() + side.max()) / 2, 6)
+        faces.append(text_contours(fitting[0], stroke, baseline, middle) if fitting else ())
     if not any(faces):
         return Lettering(nothing, f"labels: left out, {max(room, 0.0):.1f}mm is too short a line")
     what = f"target id {target_id}" if target.is_planar else "face numbers"
     return Lettering(tuple(faces), f"labels: {what}, {HEIGHT * stroke:.1f}mm high")
 
 
-def _strip(target: TargetGeometry, printing: PrintSpec, clear_mm: float, scale: float) -> tuple[float, float]:
-    """From which y to which y letters may stand on every face, in the face frame of the printed part."""
-    edge = scale * float(target.outline_mm[:, :, 1].min())
-    border_top = scale * float(target.window_mm[:, :, 1].min())
+def _strip(
+    target: TargetGeometry, printing: PrintSpec, clear_mm: float, scale: float, face: int
+) -> tuple[float, float]:
+    """From which y to which y letters may stand on a face, in the face frame of the printed part."""
+    edge = scale * float(target.outline_mm[face, :, 1].min())
+    border_top = scale * float(target.window_mm[face, :, 1].min())
     if border_top > edge:
         # Below the face, the border ends where the neighbour's begins; a sticker is cut there.
         mitre = inset_per_depth(target) * printing.inlay_mm
@@ -123,14 +130,14 @@ def text_width(text: str) -> int:
     return len(text) * (WIDTH + GAP) - GAP
 
 
-def text_contours(text: str, stroke_mm: float, baseline_mm: float) -> tuple[Array, ...]:
-    """A line of text, centred on x = 0, as counter-clockwise contours."""
+def text_contours(text: str, stroke_mm: float, baseline_mm: float, middle_mm: float = 0.0) -> tuple[Array, ...]:
+    """A line of text as counter-clockwise contours."""
     left = -text_width(text) / 2
     contours = []
     for place, letter in enumerate(text):
         for outline in glyph_outlines(letter):
             corner = outline + np.array([left + place * (WIDTH + GAP), 0.0])
-            contours.append(corner * stroke_mm + np.array([0.0, baseline_mm]))
+            contours.append(corner * stroke_mm + np.array([middle_mm, baseline_mm]))
     return tuple(contours)
 
 

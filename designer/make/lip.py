@@ -12,7 +12,7 @@ import numpy as np
 from manifold3d import Manifold
 
 from designer.base.arrays import Array
-from designer.base.solid import Solid
+from designer.base.solid import Faceted, Solid
 from designer.kinds.layout import lip_of
 from designer.make.lettering import HEIGHT, text_contours
 from designer.make.mesh import Mesh, mesh_of, placed, plain_solid, prism, solid_of, union
@@ -28,7 +28,7 @@ TIP = 0.5
 """Where the arrow ends, on the way from the face's middle to its code corner."""
 
 
-def sticker_body(target: TargetGeometry, solid: Solid, printing: PrintSpec) -> Mesh:
+def sticker_body(target: TargetGeometry, solid: Solid | Faceted, printing: PrintSpec) -> Mesh:
     """The body, in the design's lengths.
 
     Args:
@@ -49,7 +49,7 @@ def sticker_body(target: TargetGeometry, solid: Solid, printing: PrintSpec) -> M
             inside = prism((moved_in(outline, lip.width_mm),), -thickness, rise + 1.0)
             if on_bed:
                 pits.append(_groove(moved_in(outline, lip.width_mm), printing))
-                inside = prism((moved_in(outline, -solid.edge_mm),), -thickness, rise + 1.0)
+                inside = prism((moved_in(outline, -float(np.ptp(outline))),), -thickness, rise + 1.0)
             pits.append(inside)
         cuts += [placed(pit, frame) for pit in pits]
     return mesh_of(solid_of(plain_solid(solid, below_mm=-rise, scale=1.0)) - union(cuts))

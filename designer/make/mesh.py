@@ -7,7 +7,7 @@ inlay's depth; no wall stands between them, and the whole border is one closed s
 Meshes as solids that can be united, cut and measured, and back.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from designer.base.arrays import Array
 from designer.base.errors import InputError
-from designer.base.solid import INLAY_SHARE, Solid
+from designer.base.solid import INLAY_SHARE, Faceted, Solid
 from designer.base.units import round_down
+from designer.kinds.layout import border_mm
 from designer.make.pattern import Contour, FacePattern, Pattern, Stamp
 
 Ids = NDArray[np.int32]
@@ -87,25 +88,25 @@ class Hull:
     """
 
     vertices_mm: Array  # (H, 3)
-    top: Ids  # (F, K)
-    floor: Ids  # (F, K)
-    floor_outline_mm: Array  # (F, K, 2) the outline at the inlay's depth, in the face frame
+    top: Sequence[Ids] | Ids  # (F,) of (K,)
+    floor: Sequence[Ids] | Ids  # (F,) of (K,)
+    floor_outline_mm: Sequence[Array] | Array  # (F,) of (K, 2) the outline at the inlay's depth, in the face frame
     body_skin: Ids  # (T, 3)
     rim: Ids  # (T, 3)
 
 
-def solid_hull(pattern: Pattern, solid: Solid, inlay_mm: float, *, scale: float = 1.0) -> Hull:
+def solid_hull(pattern: Pattern, solid: Solid | Faceted, inlay_mm: float, *, scale: float = 1.0) -> Hull:
     """The solid, and the smaller one on which the border's floor lies; without depth, both are alike.
 
     Raises:
         InputError: the border is too narrow for the inlay's depth.
     """
-    inset_per_depth = solid.polyhedron.inset_per_depth
+    inset_per_depth = solid.inset_per_depth
     inset = inset_per_depth * inlay_mm
     for face in pattern.faces if inlay_mm else ():
         if face.window is None:
             raise InputError("a solid needs a border; use one of at least two line widths")
-        border = float(face.window[:, 1].min() - face.outline[:, 1].min())
+        border = border_mm(face.outline, face.window[::-1])
         if border <= inset:
             raise InputError(
                 f"border {border:.3g}mm is too narrow for an inlay {inlay_mm:g}mm deep, whose floor moves in by "
@@ -113,11 +114,25 @@ def solid_hull(pattern: Pattern, solid: Solid, inlay_mm: float, *, scale: float 
                 "or a wider border"
             )
     outer, inner = solid.corners_mm(scale=scale), solid.corners_mm(below_mm=inlay_mm, scale=scale)
-    outline = np.stack([face.outline for face in pattern.faces])
-    top = solid.polyhedron.faces_from_code.astype(np.int32)
-    nothing = np.empty((0, 3), dtype=np.int32)
-    floor_outline = outline * (1 - inlay_mm / (solid.inradius_mm * scale))
-    return Hull(np.concatenate([outer, inner]), top, top + len(outer), floor_outline, nothing, nothing)
+    top = [np.array(face, dtype=np.int32) for face in solid.faces]
+    floor = [face + len(outer) for face in top]
+    frames = zip(pattern.target_from_face, solid.faces, strict=True)
+    floor_outline = [(inner[list(face)] - frame[:3, 3]) @ frame[:3, :2] for frame, face in frames]
+    nothing = [np.empty((0, 3), dtype=np.int32)]
+    # Where a face with rings meets a bare one, the border's ink ends at the plane that halves their angle.
+    beside = solid.beside
+    ends = [
+        (number, np.array([[k - 1, k]]) % len(face))
+        for number, face in enumerate(solid.faces)
+        for k in range(len(face))
+        if inlay_mm and beside[face[k], face[k - 1]] >= len(solid.faces)
+    ]
+    rims = [wall_strip(top[number], floor[number], edge) for number, edge in ends]
+    skin = [_fan(face) for face in solid.bare] + [rim[:, ::-1] for rim in rims]
+    return Hull(
+        np.concatenate([outer, inner]), top, floor, floor_outline, np.concatenate(nothing + skin),
+        np.concatenate(nothing + rims),
+    )  # fmt: skip
 
 
 def plate_hull(pattern: Pattern, thickness_mm: float, inlay_mm: float) -> Hull:
@@ -194,11 +209,15 @@ def coloured(pattern: Pattern, hull: Hull) -> ColouredMesh:
     return ColouredMesh(surface, sum(map(len, body)))
 
 
-def plain_solid(solid: Solid, *, below_mm: float, scale: float) -> Mesh:
+def plain_solid(solid: Solid | Faceted, *, below_mm: float, scale: float) -> Mesh:
     """The bare solid, centred at the origin: what lies this deep and deeper below the faces."""
-    faces = solid.polyhedron.faces.astype(np.int32)
-    fans = [faces[:, [0, k, k + 1]] for k in range(1, faces.shape[1] - 1)]
-    return Mesh(solid.corners_mm(below_mm=below_mm, scale=scale), np.stack(fans, axis=1).reshape(-1, 3))
+    faces = (_fan(face) for face in (*solid.faces, *solid.bare))
+    return Mesh(solid.corners_mm(below_mm=below_mm, scale=scale), np.concatenate(list(faces)))
+
+
+def _fan(face: Sequence[int]) -> Ids:
+    """Triangles of a convex face.  # (K - 2, 3)"""
+    return np.array([(face[0], face[k], face[k + 1]) for k in range(1, len(face) - 1)], dtype=np.int32)
 
 
 def plain_plate(outline_mm: Contour, thickness_mm: float) -> Mesh:

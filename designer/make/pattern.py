@@ -10,7 +10,7 @@ import numpy as np
 
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
-from designer.kinds.layout import narrowest_widths
+from designer.kinds.layout import narrowest_widths, true_corners
 from designer.make.lettering import Lettering, letter_faces
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
@@ -83,11 +83,12 @@ def make_pattern(target: TargetGeometry, printing: PrintSpec, *, scale: float = 
     for face in range(target.face_count):
         mine = target.ring_face == face
         has_border = not np.array_equal(target.window_mm[face], target.outline_mm[face])
-        window = moved_in(target.window_mm[face] * scale, offset)[::-1] if has_border else None
+        outline, opening = (each[true_corners(each)] for each in (target.outline_mm[face], target.window_mm[face]))
+        window = moved_in(opening * scale, offset)[::-1] if has_border else None
         text = lettering.contours[face]
         faces.append(
             FacePattern(
-                outline=target.outline_mm[face] * scale,
+                outline=outline * scale,
                 window=window,
                 stamp=stamp[mine],
                 position_mm=position[mine],

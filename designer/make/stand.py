@@ -38,8 +38,9 @@ def make_stand(target: TargetGeometry, printing: PrintSpec) -> Mesh:
     Raises:
         InputError: the target has no spec, or too little room beside its rings to be held there.
     """
+    if (spec := _spec(target)).solid is None and spec.body is not None:
+        raise InputError(f"stand: there is one for boards and regular solids, not for a {spec.words}; leave it out")
     wall = max(_MIN_WALL_MM, 3 * printing.printer.line_width_mm)
-    spec = _spec(target)
     gap = CLEARANCE_MM + (lip_of(target, printing).rise_mm if printing.lip else 0.0)
     stand = _easel(target, spec, wall) if spec.solid is None else _cradle(target, spec.solid, wall, gap)
     mesh = stand.as_original().simplify(_SMALLEST_MM).to_mesh64()

@@ -61,7 +61,7 @@ def textured(pattern: Pattern, spec: Spec, colours: tuple[str, str]) -> Textured
         side_px = side_px * 3 // 4
     parts = [_face(sheet, row, face, frame) for row, (face, frame) in
              enumerate(zip(pattern.faces, pattern.target_from_face, strict=True))]  # fmt: skip
-    if spec.solid is None:
+    if spec.body is None:
         parts += _plate_sides(sheet, pattern, spec.depth_mm)
     starts = np.cumsum([0, *(len(corner) for corner, _ in parts)])
     corner = np.concatenate([corner for corner, _ in parts])

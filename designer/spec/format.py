@@ -14,7 +14,7 @@ class FileFormat:
     """A format, as far as options and pages ask."""
 
     title: str  # what it is, for whom
-    forms: tuple[Form, ...] = ("solid", "plate")
+    forms: tuple[Form, ...] = ("solid", "polyhedron", "plate")
     instead: str = ""  # what a target of another form takes in its place
     is_flat: bool = False  # of flat stock, which neither shrinks nor skews as plastic does
     has_true_circles: bool = False  # which do not stay circles in a sheared part
@@ -101,7 +101,14 @@ FORMATS: Mapping[Format, FileFormat] = {
     "pdf": FileFormat("PDF, artwork for printers"),
     "svg": FileFormat("SVG, artwork for print shops"),
     "shop": FileFormat("Print-shop files: PDF with trim, bleed and cut, TIFF, and an order sheet", is_flat=True),
-    "step": FileFormat("STEP, for CAD", has_true_circles=True, is_of_one_piece=True, is_of_filaments=True),
+    "step": FileFormat(
+        "STEP, for CAD",
+        ("solid", "plate"),
+        "3mf or stl",
+        has_true_circles=True,
+        is_of_one_piece=True,
+        is_of_filaments=True,
+    ),
     "glb": FileFormat("GLB, for viewers", is_of_filaments=True),
     "colour": FileFormat("Full-colour models, for printing services: 3MF, PLY, VRML, OBJ with MTL"),
     "simulator": FileFormat("Simulator models, for Gazebo, MuJoCo, PyBullet, Isaac Sim and Blender"),

@@ -7,7 +7,7 @@ look like to become such a value is in `spec_file`, by the `Value` that an optio
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields
-from typing import Annotated, Literal, get_args, get_type_hints
+from typing import Annotated, ClassVar, Literal, get_args, get_type_hints
 
 from designer.base.errors import InputError
 from designer.base.units import round_down, round_up
@@ -18,7 +18,7 @@ from designer.spec.spec import Line, Price, Spec
 Value = Literal[
     "file", "name", "length", "length above 0", "length from 0", "chord error", "size", "bed", "count", "ratio",
     "percent", "skew", "colour", "build", "lattice", "formats", "page", "switch", "machine", "price", "ink side",
-    "mount",
+    "mount", "mesh", "unit", "corners", "polygons",
 ]  # fmt: skip
 DIAMETER_OVER_PITCH = 0.7
 """Of the paper's rings, 7 mm at 10 mm."""
@@ -72,6 +72,9 @@ class AskedPrinting:
 @dataclass(frozen=True, kw_only=True)
 class Asked(AskedPrinting, ABC):
     """What every kind of target can be asked for; each kind adds its own."""
+
+    read_into: ClassVar[tuple[str, ...]] = ()
+    """Options that name a file and how to read it: a resolved spec has what it holds."""
 
     name: Annotated[str | None, Option("name", "base name of the files and of the folder")] = None
     ring_diameter: Annotated[float | None, Option("length above 0", "outer diameter of the rings")] = None

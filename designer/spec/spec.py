@@ -16,11 +16,11 @@ from designer.spec.machine import BRIM_MM, UNKNOWN_MACHINE, Area, Machine, Prese
 
 if TYPE_CHECKING:
     from designer.base.arrays import Array
-    from designer.base.solid import Solid
+    from designer.base.solid import Faceted, Solid
     from designer.target import TargetGeometry
 
 Lattice = Literal["square", "triangular"]
-SpecValue = str | float | int | bool | list[float]
+SpecValue = str | float | int | bool | list[float] | tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,13 @@ class Spec(ABC):
 
     @property
     def solid(self) -> "Solid | None":
-        """The solid that the faces bound; None: a plate with one face, `depth_mm` thick."""
+        """The regular solid that the faces bound; None: there is none."""
         return None
+
+    @property
+    def body(self) -> "Solid | Faceted | None":
+        """The solid that the faces bound, of any kind; None: a plate with one face, `depth_mm` thick."""
+        return self.solid
 
     @property
     def marks_mm(self) -> "Array":

@@ -29,10 +29,17 @@ def design_of(kind: str, **values: object) -> Design:
     return Design(size_job(asked_for(kind, values)).job)
 
 
+SQUARE = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 SMALL: Mapping[str, Mapping[str, object]] = {
     "ico": {"edge": "20mm"},
     "board": {"size": "60x60mm", "thickness": "4mm", "ring_diameter": "7mm", "pitch": "10mm", "columns": 5, "rows": 5},
     "cube": {"edge": "28mm"},
+    "dodecahedron": {"edge": "14mm"},
+    "solid": {
+        "vertices": [[x * half, y * half, z] for half, z in ((13, -10), (8, 10)) for x, y in SQUARE],
+        "faces": [[4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],
+        "bare_faces": [[3, 2, 1, 0]],
+    },
     "coupon": {},
 }
 """A few rings of each kind."""
@@ -72,6 +79,11 @@ PLAUSIBLE: Mapping[str, st.SearchStrategy[object]] = {
     "line_width": st.floats(0.3, 0.9),
     "layer_height": st.floats(0.05, 0.16),
     "edge": st.floats(15, 300),
+    "mesh": st.just("none.stl"),
+    "unit": st.sampled_from(["mm", "inch"]),
+    "corners": st.just(SMALL["solid"]["vertices"]),
+    "polygons": st.just(SMALL["solid"]["faces"]),
+    "bare_faces": st.just(SMALL["solid"]["bare_faces"]),
     "size": st.builds("{}x{}mm".format, st.floats(50, 400), st.floats(50, 400)),
     "name": st.from_regex(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", fullmatch=True),
     "file": st.sampled_from(["prusa-mk4", "bambu-a1-mini"]),

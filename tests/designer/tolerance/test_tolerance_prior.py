@@ -2,14 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import get_args
 
 import numpy as np
 import pytest
 
 from calib.core.se3 import exp_rotation
 from designer.base.arrays import Array, Rows
-from designer.spec.build import BUILDS, Form, builds_of
+from designer.spec.build import BUILDS, builds_of
 from designer.target import TargetGeometry, target_from_json, target_to_json
 from designer.tolerance.made import error_model_for
 from designer.tolerance.model import displaced_shape, draw_values, perturb
@@ -122,7 +121,7 @@ def _by_motion(target: TargetGeometry) -> Array:
 
 @pytest.mark.parametrize(
     ("build", "nominal"),
-    [(name, {"plate": board, "solid": ico}[form]()) for form in get_args(Form) for name in builds_of(form)],
+    [(name, {"plate": board, "solid": ico}[form]()) for form in ("plate", "solid") for name in builds_of(form)],
 )
 def test_the_way_of_making_is_assumed_from_the_build(build: str, nominal: TargetGeometry) -> None:
     """A target's file says its build, no id depends on it, and the error template of that build is assumed."""

@@ -1,0 +1,453 @@
+"""Convex bodies of any flat faces: on each a lattice clipped to its outline, and a code that tells it from all others.
+
+Pitch and rings are the same on all faces, so that a detector has one plan; where a lattice lies on its face, and where
+on it the code, is what holds the most rings, the code far from the middle: a turn of the face then moves it.
+"""
+
+import itertools
+import math
+from abc import abstractmethod
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+from designer.base.errors import InputError
+from designer.base.units import round_down, round_up
+from designer.kinds.regular_solid import MARGIN_OVER_PITCH
+from designer.spec.build import Form
+from designer.spec.options import (
+    DIAMETER_OVER_PITCH,
+    Asked,
+    Option,
+    check_count,
+    check_rings,
+    chosen_ring,
+    chosen_words,
+    diameter_and_pitch,
+)
+from designer.spec.spec import RING_RATIO, Lattice, Line, Spec
+
+if TYPE_CHECKING:
+    from designer.base.arrays import Array, Rows
+    from designer.base.codes import Index
+    from designer.base.solid import Faceted
+    from designer.target import TargetGeometry
+
+LEAST_MARKS = 15
+"""On a face: the code's ten places, and five rings beside them."""
+MOST_RINGED = 100
+"""Faces, for which there are codes on either lattice."""
+USUAL_MARKS = 36
+"""On the smallest face, where strokes and gaps of two lines allow: as on the paper's icosahedron."""
+LEAST_DIFFERING = 2
+"""Marks that must differ between any two faces, however they are turned."""
+MOST_CORNERS = 48
+_PHASES = 12
+_FINER = 0.97
+_TOLERANCE_MM = 1e-6
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What decides where a lattice lies on a face."""
+
+    lattice: Lattice
+    pitch_mm: float
+    ring_diameter_mm: float
+    border_mm: float
+    margin_mm: float
+
+    @property
+    def inset_mm(self) -> float:
+        """From a face's sides to the nearest centres."""
+        return self.border_mm + self.margin_mm + self.ring_diameter_mm / 2
+
+
+@dataclass(frozen=True)
+class FacetedSpec(Spec):
+    """A convex body with rings on its flat faces."""
+
+    form: ClassVar[Form] = "polyhedron"
+    page: ClassVar[str] = "A4"
+
+    ring_diameter_mm: float
+    ring_ratio: float
+    pitch_mm: float
+    border_mm: float
+    margin_mm: float
+    lattice: Lattice
+
+    @abstractmethod
+    def shape(self) -> "Faceted":
+        """The body, each face from any corner on."""
+
+    def codes(self) -> Sequence[int] | None:
+        """Rows of `CODES` to choose from; None: those for bodies of any faces."""
+        return None
+
+    @property
+    def fit(self) -> Fit:
+        """What decides where the lattices lie."""
+        return Fit(self.lattice, self.pitch_mm, self.ring_diameter_mm, self.border_mm, self.margin_mm)
+
+    @cached_property
+    def laid(self) -> "Laid":
+        """Lattices and codes, face by face.
+
+        Raises:
+            InputError: a face has no room for them.
+        """
+        from designer.base.codes import face_codes
+
+        shape = self.shape()
+        faces = [lattice_on(self.fit, shape.vertices_mm[list(face)]) for face in shape.faces]
+        if None in faces:
+            raise InputError(f"face {faces.index(None)} has no room for {LEAST_MARKS} rings and dots; leave it bare")
+        laid = tuple(face for face in faces if face is not None)
+        return Laid(laid, *face_codes([face.index for face in laid], self.lattice, self.codes()))
+
+    @property
+    def body(self) -> "Faceted":
+        """The body, each face from the corner at its code on."""
+        shape = self.shape()
+        rows = zip(shape.faces, self.laid.faces, strict=True)
+        return replace(shape, faces=tuple(face[own.first :] + face[: own.first] for face, own in rows))
+
+    def lay_out(self) -> "TargetGeometry":
+        """The same lattice on all faces, clipped to each, and dots at its code."""
+        import numpy as np
+
+        from designer.base.codes import CODES
+        from designer.kinds.layout import DECIMALS
+        from designer.target import TargetGeometry
+
+        laid, radius = self.laid, self.ring_diameter_mm / 2
+        index = np.concatenate([face.index for face in laid.faces])
+        count = [len(face.index) for face in laid.faces]
+        frame = np.array([face.frame for face in laid.faces])
+        center = [face.place_mm @ face.frame[:3, :2].T + face.frame[:3, 3] for face in laid.faces]
+        placed: Array = np.concatenate(center)
+        is_dot = np.array([tuple(at) in CODES[code] for face, code in zip(laid.faces, laid.code, strict=True)
+                           for at in face.index.tolist()])  # fmt: skip
+        corners = max(len(outline) for face in laid.faces for outline in (face.outline_mm, face.window_mm))
+        return TargetGeometry(
+            source="nominal",
+            spec=self,
+            ring_face=np.repeat(np.arange(len(count)), count),
+            ring_index=index,
+            center_mm=np.round(placed, DECIMALS),
+            radius_outer_mm=np.full(len(index), radius),
+            radius_inner_mm=np.where(is_dot, 0.0, radius * self.ring_ratio),
+            is_dot=is_dot,
+            target_from_face=np.round(frame, 12),
+            outline_mm=np.round([split_sides(face.outline_mm, corners) for face in laid.faces], DECIMALS),
+            window_mm=np.round([split_sides(face.window_mm, corners) for face in laid.faces], DECIMALS),
+            face_code=np.array(laid.code),
+            lattice_mm=np.tile(np.round(_steps_mm(self.fit), DECIMALS), (len(count), 1, 1)),
+        )
+
+    def facts(self) -> tuple[tuple[str, str], ...]:
+        """Shape, how far codes are apart, and lattice."""
+        from designer.base.codes import differing_words, least_differing
+
+        counts = [len(face.index) for face in self.laid.faces]
+        most = f"{min(counts)} to {max(counts)}" if min(counts) < max(counts) else f"{counts[0]}"
+        apart = least_differing([face.index for face in self.laid.faces], self.lattice, self.laid.code)
+        return (
+            ("shape", self.words.replace(" of ", ", ", 1)),
+            ("codes differ in", differing_words(*apart)),
+            ("lattice", f"{self.lattice}, {most} rings a face"),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class LaidFace:
+    """A face with its lattice."""
+
+    frame: "Array"  # (4, 4) target_from_face
+    outline_mm: "Array"  # (K, 2) from the corner at the code on
+    window_mm: "Array"  # (L, 2)
+    first: int  # which corner of the body's face that is
+    index: "Rows"  # (N, 2)
+    place_mm: "Array"  # (N, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """All faces, and the row of `CODES` of each."""
+
+    faces: tuple[LaidFace, ...]
+    code: tuple[int, ...]
+    differing: int  # marks, at least, between any two faces in any turn
+
+
+def _steps_mm(fit: Fit) -> "Array":
+    """Steps of i and j in every face's frame: down from the code's corner, to the left and to the right.  # (2, 2)"""
+    import numpy as np
+
+    if fit.lattice == "square":
+        return fit.pitch_mm * np.array([[0.0, -1.0], [1.0, 0.0]])
+    return fit.pitch_mm * np.array([[-0.5, -math.sqrt(3) / 2], [0.5, -math.sqrt(3) / 2]])
+
+
+def lattice_on(fit: Fit, corner_mm: "Array") -> LaidFace | None:
+    """The lattice that holds the most on a polygon in space; None: fewer than the least."""
+    import numpy as np
+
+    from designer.base.solid import plane_of
+
+    normal = plane_of(corner_mm)[:3]
+    best: tuple[int, float, int] | None = None
+    for side in range(len(corner_mm)):
+        x_axis = np.roll(corner_mm, -1, axis=0)[side] - corner_mm[side]
+        x_axis = x_axis - (x_axis @ normal) * normal
+        x_axis = x_axis / np.linalg.norm(x_axis)
+        axes = np.stack([x_axis, np.cross(normal, x_axis), normal], axis=1)
+        outline = (corner_mm - corner_mm.mean(axis=0)) @ axes[:, :2]
+        found = _clipped(fit, tuple(map(tuple, np.round(outline, 6).tolist())))
+        if found is not None and (best is None or (len(found[0]), round(found[2], 6)) > best[:2]):
+            best = len(found[0]), round(found[2], 6), side
+            index, place, _ = found
+            frame, kept = axes, outline
+    if best is None:
+        return None
+    target_from_face = np.eye(4)
+    target_from_face[:3, :3] = frame
+    target_from_face[:3, 3] = corner_mm.mean(axis=0)
+    at_code = place[np.flatnonzero((index == 0).all(axis=1))[0]]
+    first = int(np.round(np.linalg.norm(kept - at_code, axis=1), 6).argmin())
+    window = inset_polygon(kept, fit.border_mm)
+    start = int(np.round(np.linalg.norm(window - at_code, axis=1), 6).argmin())
+    return LaidFace(
+        target_from_face, np.roll(kept, -first, axis=0), np.roll(window, -start, axis=0), first, index, place
+    )
+
+
+def inset_polygon(outline_mm: "Array", distance_mm: float) -> "Array":
+    """A convex polygon with its sides moved in, counter-clockwise; of short sides some may be gone.  # (L, 2)"""
+    import numpy as np
+    from shapely import Polygon
+    from shapely.geometry.polygon import orient
+
+    inner = Polygon(outline_mm).buffer(-distance_mm, join_style="mitre", mitre_limit=1e6)
+    return np.array(orient(inner).exterior.coords)[:-1] if not inner.is_empty else np.empty((0, 2))
+
+
+@lru_cache(maxsize=4096)
+def _clipped(fit: Fit, outline_mm: tuple[tuple[float, float], ...]) -> "tuple[Rows, Array, float] | None":
+    """Indices from the code on and places of a lattice with a row along the lowest side, and how far out the code is.
+
+    A lattice may have a place at any corner of the room for centres, or in its middle, or begin anywhere on the lowest
+    row; it is then moved to where it leaves the same white all around.
+    """
+    import numpy as np
+    from shapely import Polygon, contains_xy
+
+    room = inset_polygon(np.array(outline_mm), fit.inset_mm)
+    if len(room) < 3:
+        return None
+    steps, (low, high) = _steps_mm(fit), (room.min(axis=0), room.max(axis=0))
+    middle, reach = room.mean(axis=0), math.ceil(2 * float(np.ptp(room, axis=0).max()) / fit.pitch_mm) + 1
+    every = np.array(list(itertools.product(range(-reach, reach + 1), repeat=2)))
+    places = every @ steps
+    is_near = (np.abs(places) <= high - low + fit.pitch_mm).all(axis=1)
+    every, places = every[is_near], places[is_near]
+    along = [(middle[0] + shift * fit.pitch_mm, low[1]) for shift in np.arange(_PHASES) / _PHASES]
+    grown = Polygon(room).buffer(_TOLERANCE_MM, join_style="mitre")
+    inside = [contains_xy(grown, *(places + origin).T) for origin in (*room, middle, *along)]
+    best: tuple[Rows, Array, float] | None = None
+    for origin, mine in zip((*room, middle, *along), inside, strict=True):
+        if mine.sum() < max(LEAST_MARKS, 0 if best is None else len(best[0])):
+            continue
+        index, place = every[mine], places[mine] + origin
+        code = _code_place(index, place)
+        if code is not None and (best is None or (len(index), round(code[1], 6)) > (len(best[0]), round(best[2], 6))):
+            best = index - code[0], place, code[1]
+    if best is None:
+        return None
+    index, place, out_mm = best
+    side = np.roll(room, -1, axis=0) - room
+    outward = np.stack([side[:, 1], -side[:, 0]], axis=1) / np.linalg.norm(side, axis=1, keepdims=True)
+    white = ((room * outward).sum(axis=1) - (place @ outward.T)).min(axis=0)
+    shift = np.linalg.lstsq(outward, white, rcond=None)[0]
+    is_clear = (white - outward @ shift > -_TOLERANCE_MM).all()
+    return index, place + (shift if is_clear else 0.0), out_mm
+
+
+def _code_place(index: "Rows", place: "Array") -> "tuple[Index, float] | None":
+    """Where the code's first position lies if it is as far from the middle as can be, and how far; None: nowhere."""
+    import numpy as np
+
+    from designer.base.codes import POSITIONS
+
+    at = {(int(i), int(j)): row for row, (i, j) in enumerate(index)}
+    middle, best = place.mean(axis=0), None
+    for i, j in at:
+        rows = [at.get((i + di, j + dj)) for di, dj in POSITIONS]
+        known = [row for row in rows if row is not None]
+        if len(known) == len(rows):
+            out_mm = float(np.linalg.norm(place[known].mean(axis=0) - middle))
+            if best is None or round(out_mm, 6) > round(best[1], 6):
+                best = (i, j), out_mm
+    return best
+
+
+def split_sides(outline_mm: "Array", corners: int) -> "Array":
+    """A polygon with its longest sides halved until it has so many corners.  # (K, 2) -> (corners, 2)"""
+    import numpy as np
+
+    while len(outline_mm) < corners:
+        after = np.roll(outline_mm, -1, axis=0)
+        longest = int(np.round(np.linalg.norm(after - outline_mm, axis=1), 6).argmax())
+        outline_mm = np.insert(outline_mm, longest + 1, (outline_mm + after)[longest] / 2, axis=0)
+    return outline_mm
+
+
+@dataclass(frozen=True, kw_only=True)
+class AskedFaceted(Asked):
+    """A convex body as asked for."""
+
+    lattice: Annotated[Lattice | None, Option("lattice", "square or triangular")] = None
+
+    @abstractmethod
+    def body(self) -> "Faceted":
+        """What may carry rings, and what may not.
+
+        Raises:
+            InputError: there is no such body.
+        """
+
+    @abstractmethod
+    def spec_of(self, fit: Fit, ratio: float, body: "Faceted") -> FacetedSpec:
+        """The spec with all sizes chosen."""
+
+    @abstractmethod
+    def larger(self, factor: float) -> str:
+        """What to use instead of what is too small by a factor."""
+
+    is_partly_bare: ClassVar[bool] = False
+    """Whether faces that are too small may stay bare."""
+
+    def sized(self, line: Line) -> tuple[FacetedSpec, str]:
+        """See `Asked.sized`."""
+        body, ratio = self.body(), self.ring_ratio or RING_RATIO
+        if self.border is not None and self.border < line.nozzle_mm:
+            raise InputError(
+                f"border {self.border:g}mm is too narrow for the detector to tell faces apart by it, and for "
+                f"{line.process}; use at least {line.width_mm:g}mm"
+            )
+        least_mm = line.comfortable_mm
+        if self.ring_diameter is None and self.pitch is None:
+            finest = _least_pitch_mm(line.comfortable_mm, ratio)
+            wanted = self._with_room(body, self._fit(body, finest, line, line.comfortable_mm))
+            if not wanted:
+                least_mm, finest = line.width_mm, _least_pitch_mm(line.width_mm, ratio)
+                wanted = self._with_room(body, self._fit(body, finest, line, line.width_mm))
+            self._check_wanted(body, wanted, self._fit(body, finest, line, line.width_mm), line)
+            fit = self._largest(body, wanted, finest, line, least_mm)
+            remark = f"auto: pitch {fit.pitch_mm:g}mm, the largest with {USUAL_MARKS} rings on the smallest face"
+            if fit.pitch_mm <= finest + 0.01:
+                width = "two lines" if least_mm == line.comfortable_mm else "one line"
+                remark = f"auto: pitch {fit.pitch_mm:g}mm, the least with strokes and gaps of {width} of {line.process}"
+        else:
+            diameter, pitch = diameter_and_pitch(self)
+            check_rings(diameter, ratio, pitch, line)
+            usual = self._fit(body, pitch, line, line.width_mm)
+            margin = self.margin if self.margin is not None else round(pitch - diameter, 4)
+            fit = replace(usual, ring_diameter_mm=diameter, margin_mm=margin)
+            wanted = self._with_room(body, fit)
+            self._check_wanted(body, wanted, fit, line)
+            spec = self.spec_of(fit, ratio, _ringed(body, wanted))
+            remark = chosen_words(self._chosen(spec))
+        spec = self.spec_of(fit, ratio, _ringed(body, wanted))
+        check_count(sum(len(face.index) for face in spec.laid.faces), line)
+        if spec.laid.differing < LEAST_DIFFERING:
+            raise InputError(
+                f"rings at pitch {fit.pitch_mm:g}mm: a face with so few of them looks like another one turned; use a "
+                "smaller pitch"
+            )
+        bare = len(body.faces) - len(wanted)
+        small = f"; {bare} of {len(body.faces)} faces too small for rings stay bare" if bare else ""
+        return spec, f"{remark}{small}"
+
+    def _chosen(self, spec: FacetedSpec) -> Iterator[str]:
+        yield from chosen_ring(self, spec)
+        if self.border is None:
+            yield f"border {spec.border_mm:g}mm (what the ink's depth asks for)"
+        if self.margin is None:
+            yield f"margin {spec.margin_mm:g}mm (the gap between rings)"
+
+    def _fit(self, body: "Faceted", pitch: float, line: Line, gap: float) -> Fit:
+        """Rings in the paper's proportions, with gaps, margin and border of at least so much."""
+        from designer.base.solid import INLAY_SHARE
+
+        pitch = round_up(pitch)
+        diameter = round_down(min(DIAMETER_OVER_PITCH * pitch, pitch - gap))
+        border, margin = self.border, self.margin
+        if border is None:  # below the face it ends where the neighbour's begins
+            border = max(gap, round_up(body.inset_per_depth / INLAY_SHARE * line.inlay_mm))
+        if margin is None:
+            margin = max(gap, round_down(MARGIN_OVER_PITCH * pitch))
+        return Fit(self.lattice or "triangular", pitch, diameter, border, margin)
+
+    def _with_room(self, body: "Faceted", fit: Fit) -> tuple[int, ...]:
+        """The faces that hold the least number of marks."""
+        return tuple(row for row, count in enumerate(_counts(body, range(len(body.faces)), fit)) if count)
+
+    def _largest(self, body: "Faceted", wanted: Sequence[int], finest: float, line: Line, gap: float) -> Fit:
+        """The largest pitch at which all faces hold the usual number of marks, but no less than the finest."""
+        longest = max(float(max(abs(body.vertices_mm[list(body.faces[row])]).max() for row in wanted)), finest)
+        pitch = longest
+        while pitch > finest:
+            fit = self._fit(body, pitch, line, gap)
+            if min(_counts(body, wanted, fit)) >= USUAL_MARKS:
+                return fit
+            pitch *= _FINER
+        return self._fit(body, finest, line, gap)
+
+    def _check_wanted(self, body: "Faceted", wanted: Sequence[int], fit: Fit, line: Line) -> None:
+        """Enough faces must hold rings, and there must be a code for each."""
+        if not wanted or (len(wanted) < len(body.faces) and not self.is_partly_bare):
+            factor = 1.0
+            while factor < _MOST_SCALE and not self._is_enough(scaled(body, factor), fit):
+                factor *= 1.02
+            raise InputError(
+                f"faces too small for a code and {LEAST_MARKS - 10} rings of {fit.ring_diameter_mm:g}mm at pitch "
+                f"{fit.pitch_mm:g}mm with {line.process}; use {self.larger(factor)}{line.finer}"
+            )
+        if len(wanted) > MOST_RINGED:
+            raise InputError(
+                f"{len(wanted)} faces hold rings, codes tell {MOST_RINGED} apart; use a larger --pitch, "
+                "so that small faces stay bare, or a simpler body"
+            )
+
+    def _is_enough(self, body: "Faceted", fit: Fit) -> bool:
+        wanted = self._with_room(body, fit)
+        return bool(wanted) if self.is_partly_bare else len(wanted) == len(body.faces)
+
+
+_MOST_SCALE = 1000.0
+
+
+def scaled(body: "Faceted", factor: float) -> "Faceted":
+    """The same of another size."""
+    return replace(body, vertices_mm=factor * body.vertices_mm)
+
+
+def _least_pitch_mm(width_mm: float, ratio: float) -> float:
+    """Of rings whose stroke and centre are so wide, with gaps as wide."""
+    diameter = width_mm * max(2 / (1 - ratio), 1 / ratio)
+    return max(diameter / DIAMETER_OVER_PITCH, diameter + width_mm)
+
+
+def _counts(body: "Faceted", rows: Iterable[int], fit: Fit) -> list[int]:
+    """Marks on faces; 0 where there is no room for the least number."""
+    faces = (lattice_on(fit, body.vertices_mm[list(body.faces[row])]) for row in rows)
+    return [0 if face is None else len(face.index) for face in faces]
+
+
+def _ringed(body: "Faceted", rows: Sequence[int]) -> "Faceted":
+    """The body with rings on these faces only."""
+    bare = [face for row, face in enumerate(body.faces) if row not in set(rows)]
+    return replace(body, faces=tuple(body.faces[row] for row in rows), bare=(*bare, *body.bare))
