@@ -256,13 +256,13 @@ def plan_svg(board: BoardInPieces) -> Svg:
         f'viewBox="0 0 {decimal(width)} {decimal(height)}">'
     ]
     for piece in board.pieces:
-        left, top = high[0] - piece.high_mm[0], high[1] - piece.high_mm[1]
+        x, y = ((piece.low_mm[k] + piece.high_mm[k]) / 2 for k in (0, 1))
         wide, tall = piece.high_mm[0] - piece.low_mm[0], piece.high_mm[1] - piece.low_mm[1]
         size = min(wide, tall) / 4
         lines += [
-            f'<rect x="{decimal(left)}" y="{decimal(top)}" width="{decimal(wide)}" height="{decimal(tall)}" '
+            f'<polygon points="{_from_behind(piece.outline_mm, high)}" '
             f'fill="{_PIECE}" stroke="{_LINE}" stroke-width="{decimal(width / 400)}"/>',
-            f'<text x="{decimal(left + wide / 2)}" y="{decimal(top + tall / 2 + size / 3)}" '
+            f'<text x="{decimal(high[0] - x)}" y="{decimal(high[1] - y + size / 3)}" '
             f'font-size="{decimal(size)}" text-anchor="middle" fill="{_INK}">{piece.number}</text>',
         ]
     lines += [_key_svg(seam, middle, high) for seam in board.seams for middle in seam.keys_mm.tolist()]
@@ -273,11 +273,14 @@ def plan_svg(board: BoardInPieces) -> Svg:
 def _key_svg(seam: Seam, middle: list[float], high: list[float]) -> str:
     """A bow tie across its seam."""
     half, waist, end = KEY_REACH_MM, KEY_WAIST_MM / 2, KEY_END_MM / 2
-    corners = []
-    for across, along in ((-half, -end), (0.0, -waist), (half, -end), (half, end), (0.0, waist), (-half, end)):
-        x, y = (middle[k] + across * float(seam.across[k]) + along * float(seam.along[k]) for k in (0, 1))
-        corners.append(f"{decimal(high[0] - x)},{decimal(high[1] - y)}")
-    return f'<polygon points="{" ".join(corners)}" fill="{_KEY}"/>'
+    places = np.array([(-half, -end), (0.0, -waist), (half, -end), (half, end), (0.0, waist), (-half, end)])
+    corners = middle + places @ np.stack([seam.across, seam.along])
+    return f'<polygon points="{_from_behind(corners, high)}" fill="{_KEY}"/>'
+
+
+def _from_behind(corners: Array, high: list[float]) -> str:
+    """Points of the board's front as they are drawn from behind."""
+    return " ".join(f"{decimal(high[0] - x)},{decimal(high[1] - y)}" for x, y in corners.tolist())
 
 
 def _pieces_table(board: BoardInPieces, plates: Sequence[Plate]) -> Table:
@@ -293,7 +296,7 @@ def _pieces_table(board: BoardInPieces, plates: Sequence[Plate]) -> Table:
     for row, piece in enumerate(board.pieces):
         beside = sorted(board.pieces[other].number for s in board.seams for other in s.pieces if row in s.pieces)
         joins = ", ".join(str(number) for number in beside if number != piece.number)
-        size = " x ".join(f"{high - low:.1f}" for low, high in zip(piece.low_mm, piece.high_mm, strict=True))
+        size = " x ".join(f"{length:.1f}" for length in np.ptp(piece.outline_mm, axis=0).tolist())
         name = plate_of[f"piece {piece.number}"]
         rows.append((Cell(str(piece.number), float(piece.number)), Cell(size), Cell(name), Cell(joins)))
     keys = sorted({plate_of[name] for name in plate_of if name.startswith("key")})

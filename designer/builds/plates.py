@@ -146,9 +146,9 @@ def _disks(design: Design, piece: Piece) -> Array:
 
 
 def _shadow(piece: Piece) -> list[Array]:
-    """What a piece covers of the bed, without specks; what has ink is convex."""
+    """What a piece covers of the bed, without specks; what has ink is convex, but for pieces of boards with teeth."""
     body = piece.as_it_lies.body
-    if piece.part.ink is not None:
+    if piece.part.ink is not None and not piece.name.startswith("piece"):
         outline = CrossSection.hull_points(body.vertices_mm[:, :2])
     else:
         outline = solid_of(body).project().offset(0.3, JoinType.Miter).offset(-0.3, JoinType.Miter)

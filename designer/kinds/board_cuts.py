@@ -1,5 +1,10 @@
-"""Where a board that is larger than the printer's bed is cut: straight, in the white between rows of rings."""
+"""Where a board that is larger than the printer's bed is cut: in the white between rows of rings.
 
+Straight between rows and columns; in a triangular lattice, which has no columns, from row to row between two rings and
+on to the left or right of the one between them, so that a seam has a tooth a row.
+"""
+
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,7 +15,7 @@ from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM
 from designer.spec.spec import PrinterProfile
-from designer.target import TargetGeometry
+from designer.target import PARALLEL, TargetGeometry
 
 Point = tuple[float, float]
 
@@ -21,15 +26,32 @@ MOST_PIECES = 64
 class BoardCuts:
     """Where a board is cut, its own edges included."""
 
-    x_mm: tuple[float, ...]
+    x_mm: tuple[float, ...]  # of seams with teeth their middles
     y_mm: tuple[float, ...]
     is_turned: bool
     white_mm: float  # across the narrowest seam; infinite without one
+    teeth_mm: Array  # (N, 2) how far aside seams that run upwards turn, and at what height; none: they are straight
 
     @property
-    def unlike_mm(self) -> float:
-        """By how much the largest piece is longer one way."""
-        return float(abs(np.diff(self.x_mm).max() - np.diff(self.y_mm).max()))
+    def tooth_mm(self) -> float:
+        """How far teeth stand out of a seam."""
+        return float(np.abs(self.teeth_mm[:, 0]).max(initial=0.0))
+
+    def aside_mm(self, y_mm: Array) -> Array:
+        """Where seams that run upwards are at these heights, from their middles."""
+        return np.interp(y_mm, self.teeth_mm[:, 1], self.teeth_mm[:, 0]) if len(self.teeth_mm) else 0 * y_mm
+
+    def outline_mm(self, low: Point, high: Point, beyond_mm: float = 0.0) -> Array:
+        """A piece, counter-clockwise, and what of a frame of this width around the board is beside it.  # (N, 2)"""
+        bottom, top = (y + beyond_mm * ((y == self.y_mm[-1]) - float(y == self.y_mm[0])) for y in (low[1], high[1]))
+        sides = []
+        for x, outwards in ((low[0], -1.0), (high[0], 1.0)):
+            is_edge = x in (self.x_mm[0], self.x_mm[-1])
+            turns = self.teeth_mm[(self.teeth_mm[:, 1] > bottom) & (self.teeth_mm[:, 1] < top), 1]
+            y = np.array([bottom, *([] if is_edge else turns), top])
+            aside = np.full(2, outwards * beyond_mm) if is_edge else self.aside_mm(y)
+            sides.append(np.column_stack([x + aside, y]))
+        return np.concatenate([sides[1], sides[0][::-1]])
 
     def cells(self) -> Iterator[tuple[Point, Point]]:
         """Lower left and upper right corners of the pieces, row by row from below."""
@@ -70,20 +92,27 @@ def cut_board(target: TargetGeometry, printer: PrinterProfile, scale: float) -> 
             f"board {size[0]:g}x{size[1]:g}mm fits the bed of {printer.name} in one piece; use build one-piece"
         )
     white = [_white(target, axis) for axis in (0, 1)]
+    teeth = np.empty((0, 2))
+    if not white[0]:
+        teeth, white[0] = _toothed(target)
+    tooth = float(np.abs(teeth[:, 0]).max(initial=0.0))
     needed = printer.clearance_mm + 2 * printer.line_width_mm
     places = [[at for at, width in one if width >= needed - 1e-9] for one in white]
     best: BoardCuts | None = None
+    unlike = math.inf  # by how much the largest piece is longer one way
     for count in range(2, MOST_PIECES + 1):
         for across in (n for n in range(1, count + 1) if count % n == 0):
             ways = [_split(float(low[k]), float(high[k]), n, places[k]) for k, n in ((0, across), (1, count // across))]
             if None in ways:
                 continue
             x, y = (np.array(way) for way in ways)
-            largest = np.array([np.diff(x).max(), np.diff(y).max()])
+            both_sides = np.r_[0.0, np.full(across - 1, tooth), 0.0]  # teeth stand out of pieces on both sides of seams
+            largest = np.array([(np.diff(x) + both_sides[1:] + both_sides[:-1]).max(), np.diff(y).max()])
             turned = _fits(largest, room)
-            if turned is not None and (best is None or abs(largest[0] - largest[1]) < best.unlike_mm):
+            if turned is not None and abs(largest[0] - largest[1]) < unlike:
                 widths = [width for one, at in zip(white, (x, y), strict=True) for place, width in one if place in at]
-                best = BoardCuts(tuple(x.tolist()), tuple(y.tolist()), turned, min(widths))
+                best = BoardCuts(tuple(x.tolist()), tuple(y.tolist()), turned, min(widths), teeth)
+                unlike = float(abs(largest[0] - largest[1]))
         if best is not None:
             return best
     raise InputError(_why_not(size, room, white, places, needed, printer))
@@ -104,6 +133,35 @@ def _white(target: TargetGeometry, axis: int) -> list[tuple[float, float]]:
     gaps = begin[1:] - end[:-1]
     (at,) = np.nonzero(gaps > 0)
     return [(float((begin[k + 1] + end[k]) / 2), float(gaps[k])) for k in at.tolist()]
+
+
+def _toothed(target: TargetGeometry) -> tuple[Array, list[tuple[float, float]]]:
+    """Teeth of a seam upwards, and its middles with the white across it.
+
+    Row by row it passes between two rings half a pitch farther left or right than in the row before.  # (N, 2)
+    """
+    center, radius = target.center_in_face_mm[:, :2], target.radius_outer_mm
+    rows = np.unique(np.round(center[:, 1], 6))
+    pitch = float(np.linalg.norm(target.lattice_mm[0, 0]))
+    first = center[np.abs(center[:, 1] - rows[0]) < PARALLEL, 0]
+    teeth = np.column_stack([0.25 * pitch * np.where(np.arange(len(rows)) % 2, 1.0, -1.0), rows])
+    from_seam = center[:, 0] - np.interp(center[:, 1], rows, teeth[:, 0])
+    places = []
+    for middle in (np.sort(first)[:-1] + 0.75 * pitch).tolist():
+        corner = teeth + np.array([middle, 0.0])
+        near = np.abs(from_seam - middle) < pitch
+        gap = distance_to_line(center[near], corner) - radius[near]
+        places.append((middle, 2 * float(gap.min())))
+    return teeth, [(middle, width) for middle, width in places if width > 0]
+
+
+def distance_to_line(points: Array, corners: Array) -> Array:
+    """From each point to the nearest place of a line with corners.  # (N, 2), (K, 2) -> (N,)"""
+    step = corners[1:] - corners[:-1]
+    from_corner = points[:, None] - corners[:-1]
+    share = np.clip((from_corner * step).sum(axis=2) / (step**2).sum(axis=1), 0.0, 1.0)
+    nearest: Array = np.linalg.norm(from_corner - share[..., None] * step, axis=2).min(axis=1)
+    return nearest
 
 
 def _split(low: float, high: float, count: int, places: list[float]) -> list[float] | None:
@@ -155,8 +213,6 @@ def ring_pieces(target: TargetGeometry, printer: PrinterProfile, scale: float = 
         cuts = cut_board(target, printer, scale)
     except InputError:
         return None
-    column, row = (
-        np.searchsorted(edges[1:-1], target.center_in_face_mm[:, axis])
-        for axis, edges in enumerate((cuts.x_mm, cuts.y_mm))
-    )
+    x, y = target.center_in_face_mm[:, :2].T
+    column, row = np.searchsorted(cuts.x_mm[1:-1], x - cuts.aside_mm(y)), np.searchsorted(cuts.y_mm[1:-1], y)
     return np.asarray(row * (len(cuts.x_mm) - 1) + column, dtype=np.int64)

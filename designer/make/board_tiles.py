@@ -1,9 +1,10 @@
 """A board that is larger than the bed, in flat pieces: seams between rows of rings, joined by keys from behind.
 
-`board_in_pieces(target, printing)` cuts it. Seams run straight through the middle of the white between two columns or
-rows. Two pieces touch at two pads of each seam and are apart by the clearance elsewhere, so that no elephant foot
-presses them apart; bow-tie keys (butterflies) in pockets of the backs hold them. No two seams have their keys as far
-apart, and none has them in its middle: a piece goes to one place, one way round.
+`board_in_pieces(target, printing)` cuts it. Seams run in the middle of the white between two columns or rows, those
+between columns of a triangular lattice with a tooth a row (`board_cuts`). Two pieces touch at two pads of each seam and
+are apart by the clearance elsewhere, so that no elephant foot presses them apart; bow-tie keys (butterflies) in pockets
+of the backs hold them. No two seams have their keys as far apart, and none has them in its middle: a piece goes to one
+place, one way round.
 
 All lengths are the design's, in the target's frame: the face at z = 0, the back at z = -thickness.
 """
@@ -12,17 +13,18 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
-from manifold3d import CrossSection, JoinType, Manifold
+from manifold3d import CrossSection, JoinType, Manifold, triangulate
 
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.board_cuts import BoardCuts, Point, cut_board, room_mm, strip_mm
 from designer.make.bed import Piece, Plate, against_skew_along
 from designer.make.lettering import HEIGHT, ID_DIGITS, text_contours, text_width
-from designer.make.mesh import Mesh, Part, inlaid, mesh_of, plate_hull, prism, solid_of, union
-from designer.make.pattern import Contour, make_pattern
+from designer.make.mesh import Mesh, Part, inlaid, mesh_of, plate_hull, prism, solid_of, union, wall_strip
+from designer.make.pattern import Contour, make_pattern, moved_in
 from designer.spec.spec import PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
 from designer.target_scene import polygon_area_mm2
@@ -50,7 +52,7 @@ _QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 @dataclass(frozen=True, eq=False)
 class Seam:
-    """Where two pieces meet: a line with the lower-numbered piece on its left."""
+    """Where two pieces meet: a line with the lower-numbered piece on its left; of a seam with teeth their middle."""
 
     pieces: tuple[int, int]  # rows of `BoardInPieces.pieces`
     start_mm: Array  # (2,)
@@ -81,6 +83,7 @@ class BoardPiece:
     number: int  # from 1, row by row from below
     low_mm: Point  # of its share of the board
     high_mm: Point
+    outline_mm: Array  # (N, 2) the share, with the teeth of its seams
     part: Part
 
 
@@ -133,13 +136,18 @@ def board_in_pieces(target: TargetGeometry, printing: PrintSpec) -> BoardInPiece
     chamfer = min(CHAMFER_LAYERS * layer, (cuts.white_mm - printer.clearance_mm) / 2 - printer.line_width_mm)
     target_id = target.geometry_id[:ID_DIGITS].upper()
     pieces = []
+    # Farther out than any inset of seams, which leaves the board's own edges as they are.
+    beyond = printer.clearance_mm + chamfer + 4.0
     for row, (low, high) in enumerate(cuts.cells()):
-        cell = _cell(cuts, low, high, printer.clearance_mm, chamfer, thickness, is_down=printing.ink_side == "down")
+        share = cuts.outline_mm(low, high, beyond)
+        cell = _cell(share, printer.clearance_mm, chamfer, thickness, is_down=printing.ink_side == "down")
         mine = [seam for seam in seams if row in seam.pieces]
-        solid = union([body ^ cell, *(pad for seam in mine for pad in _pads(seam, row, thickness))])
-        letters = tuple(_letters(row, low, high, mine, target_id))
+        solid = union([body ^ cell, *_pads(share, mine, cuts.tooth_mm, thickness)])
+        letters = tuple(_letters(row, low, high, mine, target_id, cuts.tooth_mm))
         solid -= prism(letters, -thickness - 1.0, -thickness + ENGRAVED_LAYERS * layer)
-        pieces.append(BoardPiece(row + 1, low, high, Part(mesh_of(solid), mesh_of(ink ^ cell))))
+        pieces.append(
+            BoardPiece(row + 1, low, high, cuts.outline_mm(low, high), Part(mesh_of(solid), mesh_of(ink ^ cell)))
+        )
     key = mesh_of(Manifold.extrude(_bow_tie(), depth - layer))
     return BoardInPieces(tuple(pieces), seams, len(cuts.x_mm) - 1, cuts.is_turned, key, key_top)
 
@@ -183,6 +191,7 @@ def _seams(cuts: BoardCuts, clearance: float) -> Iterator[Seam]:
                     "use fewer pieces: a larger printer, or a smaller board"
                 )
             keys = seam.start_mm + np.array([[first], [first + apart]]) * seam.along
+            keys[:, 0] += cuts.aside_mm(keys[:, 1]) * abs(seam.along[1])
             yield replace(seam, keys_mm=keys)
             number += 1
 
@@ -205,38 +214,34 @@ def _pockets(seams: tuple[Seam, ...], clearance: float, top_mm: float) -> Iterat
             yield room.transform(frame[:3])
 
 
-def _cell(
-    cuts: BoardCuts, low: Point, high: Point, clearance: float, chamfer: float, thickness: float, *, is_down: bool
-) -> Manifold:
+def _cell(share: Contour, clearance: float, chamfer: float, thickness: float, *, is_down: bool) -> Manifold:
     """All that belongs to a piece: its share less half the clearance at seams, their edges on the bed chamfered."""
-    edges = (cuts.x_mm[0], cuts.x_mm[-1]), (cuts.y_mm[0], cuts.y_mm[-1])
     bed, away = (0.0, -1.0) if is_down else (-thickness, 1.0)
-    corners = []
-    for z, extra in ((bed - away, chamfer + 1.0), (bed + away * chamfer, 0.0), (bed + away * (thickness + 1.0), 0.0)):
-        inset = clearance / 2 + extra
-        box = [
-            (low[k] - 1.0 if low[k] == edges[k][0] else low[k] + inset,
-             high[k] + 1.0 if high[k] == edges[k][1] else high[k] - inset)
-            for k in (0, 1)
-        ]  # fmt: skip
-        corners += [(x, y, z) for x in box[0] for y in box[1]]
-    return Manifold.hull_points(np.array(corners))
+    levels = [(bed - away, chamfer + 1.0), (bed + away * chamfer, 0.0), (bed + away * (thickness + 1.0), 0.0)]
+    loops = [(z, moved_in(share, clearance / 2 + extra)) for z, extra in sorted(levels, reverse=True)]
+    corners = len(share)
+    ids = np.arange(3 * corners, dtype=np.int32).reshape(3, corners)
+    cap = triangulate([loops[0][1]]), triangulate([loops[-1][1]])[:, ::-1] + 2 * corners
+    walls = [wall_strip(upper, lower) for upper, lower in pairwise(ids)]
+    points = np.concatenate([np.column_stack([loop, np.full(corners, z)]) for z, loop in loops])
+    return solid_of(Mesh(points, np.concatenate([*cap, *walls]).astype(np.int32)))
 
 
-def _pads(seam: Seam, row: int, thickness: float) -> Iterator[Manifold]:
-    """What touches the other piece: two low pads on the rear half of the seam's wall, up to the seam itself."""
-    out = seam.across if row == seam.pieces[0] else -seam.across
-    along = seam.along
-    for place in PAD_PLACES:
-        middle = seam.start_mm + place * seam.length_mm * along
-        across = ((-1, 1.0), (1, 1.0), (1, 0.0), (-1, 0.0))
-        corners = [middle + side * PAD_WIDTH_MM / 2 * along - back * out for side, back in across]
-        contour = np.array(corners)
-        contour = contour if polygon_area_mm2(contour) > 0 else contour[::-1]
-        yield prism((contour,), -thickness, -thickness / 2)
+def _pads(share: Contour, seams: list[Seam], tooth: float, thickness: float) -> Iterator[Manifold]:
+    """What touches the other pieces: two low pads on the rear half of each seam's wall, up to the seam itself."""
+    whole = CrossSection([share])
+    for seam in seams:
+        for place in PAD_PLACES:
+            middle = seam.start_mm + place * seam.length_mm * seam.along
+            reach = [PAD_WIDTH_MM / 2 * seam.along, (tooth + 1.0) * seam.across]
+            corners = [middle + a * reach[0] + b * reach[1] for a, b in ((-1, -1), (-1, 1), (1, 1), (1, -1))]
+            contour = np.array(corners)
+            contour = contour if polygon_area_mm2(contour) > 0 else contour[::-1]
+            pad = CrossSection([contour]) ^ whole
+            yield Manifold.extrude(pad, thickness / 2).translate((0.0, 0.0, -thickness))
 
 
-def _letters(row: int, low: Point, high: Point, seams: list[Seam], target_id: str) -> Iterator[Contour]:
+def _letters(row: int, low: Point, high: Point, seams: list[Seam], target_id: str, tooth: float) -> Iterator[Contour]:
     """The piece's number and the target's id in the middle of its back, and at each seam the number that it joins.
 
     They are read from behind, the board's upper side up.
@@ -252,7 +257,7 @@ def _letters(row: int, low: Point, high: Point, seams: list[Seam], target_id: st
     for seam in seams:
         other = seam.pieces[1] if row == seam.pieces[0] else seam.pieces[0]
         inward = -seam.across if row == seam.pieces[0] else seam.across
-        room = JOINS_STROKE_MM * max(HEIGHT, text_width(str(other + 1)))
+        room = JOINS_STROKE_MM * max(HEIGHT, text_width(str(other + 1))) + tooth * abs(seam.along[1])
         yield from written(str(other + 1), JOINS_STROKE_MM, (seam.start_mm + seam.end_mm) / 2 + room * inward, 0.0)
 
 

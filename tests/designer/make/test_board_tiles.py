@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from manifold3d import Manifold
+from shapely import Point, Polygon, box, unary_union
 
 from designer.base.errors import InputError
 from designer.builds.design import Design
@@ -55,9 +56,10 @@ def centres_of_ink(ink: Mesh, near_mm: np.ndarray) -> np.ndarray:
         return np.stack([np.bincount(of, area * middle[:, k], len(near_mm)) / total for k in (0, 1)], axis=1)
 
 
-def test_every_ring_is_whole_and_in_its_place() -> None:
+@pytest.mark.parametrize("lattice", ["square", "triangular"])
+def test_every_ring_is_whole_and_in_its_place(lattice: str) -> None:
     """Each ring is in one piece only, its centre within 1e-5 mm of the target's; no ink is lost."""
-    target, board = job().target.lay_out(), large()
+    target, board = job(lattice=lattice).target.lay_out(), large(lattice=lattice)
     seen = np.zeros(target.ring_count, dtype=np.int64)
     for piece in board.pieces:
         assert piece.part.ink is not None
@@ -71,23 +73,31 @@ def test_every_ring_is_whole_and_in_its_place() -> None:
     assert ink == pytest.approx(area * job().printing.inlay_mm, rel=1e-4)
 
 
-def test_the_target_says_which_piece_a_ring_is_on() -> None:
+@pytest.mark.parametrize("lattice", ["square", "triangular"])
+def test_the_target_says_which_piece_a_ring_is_on(lattice: str) -> None:
     """As they are cut; of the same board in one piece it says nothing."""
-    target, pieces = Design(job(build="tiles")).target, large().pieces
+    target, pieces = Design(job(build="tiles", lattice=lattice)).target, large(lattice=lattice).pieces
     assert target.ring_piece is not None
-    low, high = (np.array([getattr(one, name) for one in pieces])[target.ring_piece] for name in ("low_mm", "high_mm"))
-    place = target.center_in_face_mm[:, :2]
-    assert ((low < place) & (place < high)).all()
+    shares = [Polygon(piece.outline_mm) for piece in pieces]
+    for place, piece, radius in zip(
+        target.center_in_face_mm[:, :2], target.ring_piece, target.radius_outer_mm, strict=True
+    ):
+        assert shares[piece].contains(Point(place).buffer(radius + 0.5))
     assert target.ring_piece.max() + 1 == len(pieces)
     assert Design(job()).target.ring_piece is None
 
 
-def test_nothing_overlaps_and_clearances_are_the_printers() -> None:
+@pytest.mark.parametrize("lattice", ["square", "triangular"])
+def test_nothing_overlaps_and_clearances_are_the_printers(lattice: str) -> None:
     """Pieces touch at their pads alone, and lie a clearance apart elsewhere; so do keys from their pockets' walls."""
-    board, clearance = large(), job().printing.printer.clearance_mm
+    board, clearance = large(lattice=lattice), job().printing.printer.clearance_mm
     parts, keys = solids(board), list(board.placed_keys())
     assert len(board.pieces) == 6
     assert len(keys) == 2 * len(board.seams) == 14
+    shares = [Polygon(piece.outline_mm) for piece in board.pieces]
+    assert unary_union(shares).equals(box(-165, -130, 165, 130))
+    seams = (sum(share.length for share in shares) - 2 * (330 + 260)) / 2
+    assert 330 * 260 - sum(part.slice(-1.5).area() for part in parts) == pytest.approx(clearance * seams, rel=0.01)
     for a, b in combinations(parts, 2):
         assert (a ^ b).volume() < 1e-6
     front = [part.trim_by_plane((0.0, 0.0, 1.0), -0.4 * 5.0) for part in parts]
@@ -113,9 +123,10 @@ def test_pockets_stay_clear_of_the_ink() -> None:
     assert board.key_top_mm <= -(printing.inlay_mm + CLOSED_LAYERS * printing.printer.layer_height_mm) + 1e-9
 
 
-def test_a_piece_fits_one_place_one_way_round() -> None:
+@pytest.mark.parametrize("lattice", ["square", "triangular"])
+def test_a_piece_fits_one_place_one_way_round(lattice: str) -> None:
     """In any other piece's place, or turned by half a turn, keys of the place run into it (or its seams are others)."""
-    board = large()
+    board = large(lattice=lattice)
     parts, keys = solids(board), list(board.placed_keys())
     turn = np.diag([-1.0, -1.0, 1.0, 1.0])
     for place, there in enumerate(board.pieces):
@@ -157,7 +168,11 @@ def test_plates_hold_everything_once_beside_brim_and_tower(ink_side: str) -> Non
     [
         ({"size": "130x120mm"}, "fits the bed of .* in one piece; use build one-piece"),
         ({"ring_diameter": "19mm"}, "white of 1mm between columns is too little .* use 1.05mm or more"),
-        ({"lattice": "triangular"}, "no straight white between its columns for seams; use --lattice square"),
+        (
+            {"lattice": "triangular", "ring_diameter": "18mm"},
+            "no straight white between its columns for seams; use --lattice square",
+        ),
+        ({"lattice": "triangular", "ring_diameter": "17mm"}, "white of 0.321mm between columns is too little"),
         ({"thickness": "1.2mm"}, "thickness 1.2mm leaves .* use a thickness of at least"),
         ({"pitch": "140mm", "size": "600x600mm", "ring_diameter": "80mm"}, "takes 170 x 135mm .* larger printer"),
         ({"two_sided": True}, "no back for keys; use build one-piece or sheet"),
