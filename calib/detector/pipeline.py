@@ -167,6 +167,9 @@ def detect(
         return nothing_found(plan, name, image_size, found.candidates, (*remarks, MIRRORED))
     contrast = usual_contrast(pixels, found.candidates)
     measured = measure(pixels, plan, found.candidates, naming, placement, contrast, camera_lens)
+    if not len(measured.ring):
+        why = "of the rings that would be named none could be measured as a ring of this target"
+        return nothing_found(plan, name, image_size, found.candidates, (*remarks, why))
     evidence = gather(pixels, contrast, plan, found.candidates, found.grids, naming, dropped, placement, measured)
     if camera_lens is not None:
         remarks += _camera_remarks(plan, measured, camera_lens, image_size)
