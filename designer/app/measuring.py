@@ -151,12 +151,11 @@ def _plate_lengths(design: Design) -> tuple[Caliper, ...]:
         for name, length in zip(("width", "height", "thickness"), sides, strict=True)
     ]
     pairs = {
-        "lower row": (0, 1), "right column": (1, 2), "upper row": (2, 3), "left column": (3, 0),
-        "diagonal up right": (0, 2), "diagonal up left": (1, 3),
+        (0, 1): "row", (1, 2): "column", (2, 3): "row", (3, 0): "column", (0, 2): "diagonal", (1, 3): "diagonal",
     }  # fmt: skip
     if not target.is_planar:
         rows[2] = Caliper("thickness: face 0 to face 1", sides[2], False, "face 0 to face 1", "face_offset")
-    rings = [_between_rings(target, name, corners[a], corners[b]) for name, (a, b) in pairs.items()]
+    rings = [_between_rings(target, name, corners[a], corners[b]) for (a, b), name in pairs.items()]
     inside = _within_reach(target)
     if inside != corners[0] and all(one.is_long for one in rings):
         rings.append(_between_rings(target, "part of the lower row", corners[0], inside))
@@ -223,7 +222,9 @@ def _length_table(measuring: _Measuring) -> Table:
     rows = []
     for lengths in alike.values():
         one, count = lengths[0], len(lengths)
-        what = "; ".join((one.what, *(other.what.rpartition(", ")[2] for other in lengths[1:])))
+        name = one.what.partition(": ")[0]
+        others = (other.what.removeprefix(f"{name}: ").rpartition(", ")[2] for other in lengths[1:])
+        what = "; ".join((one.what, *others))
         if count > 1 and one.option.startswith("face"):
             what = f"each of {count} pairs of opposite faces, as {one.what}"
         usual_mm = measuring.usual_mm(one) if one.is_modelled else None
@@ -339,7 +340,7 @@ def example_length(design: Design) -> str:
 def _commands(measuring: _Measuring) -> tuple[Block, ...]:
     """From a reading to the measured target file and the camera."""
     job, length = measuring.design.job, example_length(measuring.design)
-    what = "the mean of your readings of all pairs" if measuring.is_face_to_face else "your reading"
+    what = "the mean of your readings of all pairs" if measuring.is_face_to_face else "yours"
     percent = job.printing.shrink_compensation_percent
     shrunk, made = f" --shrink-compensation {percent:g}%" if percent else "", made_with(job.printing)
     target = f"{job.name}.target.json"

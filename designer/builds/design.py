@@ -183,7 +183,7 @@ def make_files(design: Design, on_stage: Callable[[str], None]) -> tuple[OutputF
     toml = spec_to_toml(job).encode()
     made = [
         ("target.json", target_to_json(design.target).encode(), "what calib reads"),
-        ("toml", toml, "the spec; `design make` repeats this run"),
+        ("toml", toml, "`design make` repeats this run"),
     ]
     # Compressing and drawing let other threads run.
     with ThreadPoolExecutor(THREADS) as pool:
@@ -256,7 +256,7 @@ def _stl(design: Design) -> Made:
     part = design.part.placed(lambda points: mapped(points, motion[:3, :3]) + lift_mm)
     yield "body.stl", stl_bytes(part.body), "the body" if part.ink is not None else "the bare body, without rings"
     if part.ink is not None:
-        yield "pattern.stl", stl_bytes(part.ink), "the ink, which fits into the body"
+        yield "pattern.stl", stl_bytes(part.ink), "the ink"
 
 
 def _png(design: Design) -> Made:

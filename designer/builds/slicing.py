@@ -120,11 +120,11 @@ def _steps(design: Design, slicer: Slicer, opened: str, names: set[str]) -> Step
         tower = "Prime tower on, with room: it grows as high as the part."
     if not is_plates and design.plates[0].tower_area is None:
         tower = "The bed has no room for a prime tower beside the part: a larger bed, or colours bleed at the changes."
-    values = "The table's values are in the file." if has_settings else "Set the table's values."
+    values = "The table's values are in the file. " if has_settings else "Set the table's values. "
     return Steps((
         *((*opening, *choosing) if has_settings else (*choosing, *opening)),
         f"Object list: {objects}; else set that on its parts.",
-        f"{values} {tower} {'' if is_project else slicer.purge}".strip(),
+        f"{'' if is_project else values} {tower} {'' if is_project else slicer.purge}".strip(),
         f"Slice; preview by {slicer.preview}: every ring whole, no ink elsewhere.",
     ))  # fmt: skip
 
@@ -133,7 +133,7 @@ def _opening_project(design: Design, slicer: Slicer, project: str, names: set[st
     """A file with its settings, of all plates where there are several, and what to do if it is not taken for one."""
     presets, first = design.job.printing.printer.presets, f"{design.job.name}.plate-1.{slicer.package}"
     assert presets is not None  # noqa: S101 - else there is no project
-    plates, instead = "", "set the values of the table above"
+    plates, instead = "", "set the table's values"
     if project.endswith(slicer.project):
         plates = f"{len(design.plates)} plates, "
         instead = f"open {first} and the others one by one" if first in names else "write --formats 3mf and open it"
@@ -157,7 +157,7 @@ def print_settings(design: Design, shells: Shells, how_it_lies: str, outline: st
     """
     printing, printer = design.job.printing, design.job.printing.printer
     ink_layers = printing.inlay_mm / printer.layer_height_mm
-    supports, over = "off: nothing overhangs", None
+    supports, over = "off", None
     brim = "only if it comes loose; cut it off flush"
     if printing.way.is_in_parts:
         brim = "off, if pieces hold: it is in the neighbour's way"
@@ -187,7 +187,7 @@ def print_settings(design: Design, shells: Shells, how_it_lies: str, outline: st
         "outline": f"XY and elephant-foot compensation 0; against bleed --ink-offset (here {offset}){outline}",
         "size": f"{scale_words(printing)}; {turn_words(printing)}",
     }
-    return text_table("Settings in every slicer", ("setting", "value"), rows.items(), visible_rows=len(rows))
+    return text_table("Settings", ("setting", "value"), rows.items(), visible_rows=len(rows))
 
 
 def layers_of(design: Design) -> float:

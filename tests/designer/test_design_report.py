@@ -129,6 +129,14 @@ def test_files_named_in_words_exist(build: str) -> None:
     assert set(named) <= {file.name for file in files}
 
 
+@pytest.mark.parametrize(("build", "most"), [("ico", 1301), ("board", 1010)])
+def test_a_page_has_half_the_words_that_it_once_had(build: str, most: int) -> None:
+    """All that stands between tags, folded or not; on 2026-11-25 it was twice that."""
+    text = page_file(page_of(build)).content.decode()
+    text = re.sub(r"(?s)<(script|style|head).*?</\1>|<[^>]+>", " ", text)
+    assert len(text.split()) <= most
+
+
 def test_caliper_lengths_are_distances_in_the_geometry() -> None:
     """Each length that `calib measure` knows is, to the micrometre, the one it finds in the target file."""
     for build in BUILDS:
