@@ -22,10 +22,13 @@ from tests.support.command_line import design
 from tests.support.programs import PYTHON, run
 
 COARSE = {"formats": ("stl",), "chord_error": "0.1mm"}
-SMALL = {"ico": {"edge_mm": 20}, "board": {"size_mm": (60, 40)}, "cube": {"edge_mm": 60}, "coupon": {}}
+SMALL = {
+    "ico": {"edge_mm": 20}, "board": {"size_mm": (60, 40)}, "cube": {"edge_mm": 60}, "dodecahedron": {"edge_mm": 20},
+    "coupon": {},
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if not kind_named(kind).asked.read_into])
 def test_a_function_makes_the_files_of_the_command(kind: str, tmp_path: Path) -> None:
     """Byte for byte, with lengths as numbers and the unit in their names."""
     target = getattr(designer, kind)(**SMALL[kind], **COARSE)
@@ -66,9 +69,9 @@ def test_bad_wishes_are_one_line(wishes: dict[str, object], rule: str) -> None:
         designer.ico(**wishes)
     assert "\n" not in str(error.value)
     with pytest.raises(designer.InputError, match="there are ico"):
-        designer.design("dodecahedron")
+        designer.design("tesseract")
     with pytest.raises(AttributeError):
-        designer.dodecahedron  # noqa: B018 - looked up
+        designer.tesseract  # noqa: B018 - looked up
 
 
 NO_NUMBERS = [

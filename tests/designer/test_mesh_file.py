@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 import trimesh
 
+import designer
 from designer.base.codes import CODES
 from designer.base.errors import InputError
 from designer.kinds.mesh_file import SUFFIXES, faces_of
+from designer.target import load_target
+from tests.support.command_line import design
 from tests.support.designs import design_of
 
 CUBOCTAHEDRON = [np.array(p) * 50.0 for p in itertools.product((-1, 0, 1), repeat=3) if sum(map(abs, p)) == 2]
@@ -52,6 +55,21 @@ def test_what_a_mesh_leaves_open_stays_bare(tmp_path: Path) -> None:
     body, ink = design.part.body, design.part.ink
     assert ink is not None
     assert body.volume_mm3 + ink.volume_mm3 == pytest.approx(40.0**3, rel=1e-9)
+
+
+def test_the_command_takes_the_mesh_and_asks_for_its_unit(tmp_path: Path) -> None:
+    """`design solid MESH.stl --unit mm`; its spec holds the body, so that the mesh is not needed again."""
+    part, out = saved(tmp_path, hull(BOX)), tmp_path / "out"
+    assert "--unit mm" in design("solid", part).err
+    assert design("solid", part, "--unit", "mm", "--chord-error", "50um", "-o", out).code == 0
+    part.unlink()
+    target = load_target(out / "solid-part.target.json")
+    assert (
+        designer.load(out / "solid-part.toml").geometry
+        == target
+        == designer.load_target(out / "solid-part.target.json")
+    )
+    assert target.face_count == 6
 
 
 def notched() -> trimesh.Trimesh:

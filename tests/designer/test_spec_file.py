@@ -138,7 +138,10 @@ def test_other_files_are_refused(content: bytes, tmp_path: Path) -> None:
         ({"kind": "ico", "edg": "20mm"}, "unknown key 'edg'; did you mean 'edge'"),
         ({**ICO, "ring_diametre": 7}, "unknown key 'ring_diametre'; did you mean 'ring_diameter'"),
         ({**ICO, "color": "#ffffff"}, "unknown key 'color'"),
-        ({"kind": "board", "edge": 20}, "edge is for kind 'ico' or 'cube'; leave it out, or change the kind"),
+        (
+            {"kind": "board", "edge": 20},
+            "edge is for kind 'ico' or 'cube' or 'dodecahedron'; leave it out, or change the kind",
+        ),
         ({"edge": 20}, "kind is missing; write kind = 'ico' or 'board'"),
         ({"kind": "ball"}, "kind 'ball' is unknown; write kind = 'ico' or 'board' or 'cube'"),
         ({"kind": "ico"}, "edge is missing; give the edge length, such as 100mm"),

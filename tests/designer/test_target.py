@@ -301,7 +301,7 @@ UNSOUND: dict[str, Callable[[Document], object]] = {
     "number in a truth array": lambda d: d["is_dot"].__setitem__(0, 0),
     "index beyond int64": lambda d: d["ring_index"][0].__setitem__(0, 2**63),
     "negative face": lambda d: d["ring_face"].__setitem__(0, -1),
-    "code out of range": lambda d: d.update(face_code=[27]),
+    "code out of range": lambda d: d.update(face_code=[224]),
     "projective frame": lambda d: d["target_from_face"][0][3].__setitem__(0, 0.5),
     "frame with three rows": lambda d: d["target_from_face"][0].pop(),
     "outline with two corners": lambda d: d.update(outline_mm=[[[0, 0], [1, 1]]], window_mm=[[[0, 0], [1, 1]]]),
