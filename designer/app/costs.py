@@ -14,6 +14,7 @@ from designer.builds.design import Design, maker_of
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec, replaced, spec_to_toml
 from designer.make.estimate import (
+    BY_HAND,
     DENSITY_G_PER_CM3,
     DIAMETER_MM,
     SPOOL_G,
@@ -177,7 +178,9 @@ def _rests_on(printing: PrintSpec) -> str:
     price = f"{filament.words} a kilogram{', assumed' * (filament == FILAMENT_PRICE)} (--filament-price)"
     change = machine.change
     changing = f"a change of {change.time_s:g} s with {change.purge_to_ink_mm3:g} or {change.purge_to_body_mm3:g} mm³"
-    if change.is_tool_changer:
+    if printing.way.ink == "raised":
+        changing = f"a change by hand in {BY_HAND.time_s:g} s with {BY_HAND.purge_to_ink_mm3:g} mm³"
+    elif change.is_tool_changer:
         changing = f"a nozzle for each filament, {change.time_s:g} s and {change.purge_to_ink_mm3:g} mm³ a change"
     return (
         f"{price}; {printing.printer.name}: {changing}, {machine.start_s / 60:.2g} min a plate to heat; without "

@@ -215,7 +215,8 @@ def _print_rows(design: Design) -> list[tuple[str, str]]:
     rows = [] if design.target.is_plate and design.scale == 1 else [("on the bed", f"{size} mm")]
     if printing.is_two_filament:
         offset = f", grown by {printing.ink_offset_mm:+g} mm a side" if printing.ink_offset_mm else ""
-        rows.append(("ink", f"{printing.inlay_mm:g} mm deep{offset}"))
+        level = {"flush": "deep", "raised": "high", "recessed": "deep, grooves"}[printing.way.ink]
+        rows.append(("ink", f"{printing.inlay_mm:g} mm {level}{offset}"))
     if printing.shrink_compensation_percent:
         rows.append(("shrinkage", f"files are {printing.shrink_compensation_percent:+g} % against the design"))
     if printing.skew_compensation_rad != NO_SKEW:

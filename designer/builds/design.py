@@ -27,7 +27,18 @@ from designer.make.bed import Plate, against_skew, bed_from_target, mapped
 from designer.make.cutting import Cutting, cuttings
 from designer.make.estimate import PrintEstimate, estimate
 from designer.make.lip import sticker_body
-from designer.make.mesh import ColouredMesh, Hull, Mesh, Part, coloured, inlaid, plain_plate, plate_hull, solid_hull
+from designer.make.mesh import (
+    ColouredMesh,
+    Hull,
+    Mesh,
+    Part,
+    coloured,
+    inlaid,
+    plain_plate,
+    plate_hull,
+    raised,
+    solid_hull,
+)
 from designer.make.pages import SheetPage
 from designer.make.pattern import Pattern, make_pattern
 from designer.make.sheets import lay_out_sheets
@@ -97,6 +108,9 @@ class Design:
         printing = self.job.printing
         if not printing.is_two_filament:
             return Part(self._plain_body(), None)
+        if printing.way.ink == "raised":
+            below_mm = printing.below_raised_mm(self.job.target.depth_mm)
+            return raised(self.printed_pattern, below_mm, printing.inlay_mm)
         return inlaid(self.printed_pattern, self._hull(printing.inlay_mm), printing.inlay_mm)
 
     def _hull(self, inlay_mm: float) -> Hull:
@@ -216,6 +230,8 @@ def _3mf(design: Design) -> Made:
         files = plate_files(plate, design.job.printing, pictures)
         what = plate.words or "one object"
         filaments = "filaments 1 and 2" if plate.is_two_filament else "filament 1"
+        if design.job.printing.way.ink == "raised" and plate.is_two_filament:
+            filaments = "the change of filament set"
         stem = f"{plate.name}." if plate.name else ""
         yield f"{stem}prusa.3mf", files.prusa, f"for PrusaSlicer: {what}, {filaments}"
         yield f"{stem}bambu.3mf", files.bambu, f"for Bambu Studio, OrcaSlicer and Cura: {what}"
@@ -254,6 +270,9 @@ def _stl(design: Design) -> Made:
     motion = bed_from_target(design.target, design.job.printing)
     lift_mm = np.array([0.0, 0.0, motion[2, 3]])
     part = design.part.placed(lambda points: mapped(points, motion[:3, :3]) + lift_mm)
+    if part.fused is not None:
+        yield "stl", stl_bytes(part.fused), "the whole, rings up, for any slicer: the filament changes below the rings"
+        return
     yield "body.stl", stl_bytes(part.body), "the body" if part.ink is not None else "the bare body, without rings"
     if part.ink is not None:
         yield "pattern.stl", stl_bytes(part.ink), "the ink"

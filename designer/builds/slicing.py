@@ -172,14 +172,16 @@ def print_settings(design: Design, shells: Shells, how_it_lies: str, outline: st
             f"off: overhangs of {math.degrees(over[1]):.1f} deg print without; they scar the {COUNT[over[0]]} faces "
             "beside the lowest"
         )
+    said = f"{ink_layers:.3g} layer{'s' * (ink_layers != 1)}"
+    two = f"1 body, {colour_words(printing.body_colour)}; 2 ink, {colour_words(printing.ink_colour)}"
+    if printing.way.ink == "raised":
+        two = f"first {colour_words(printing.body_colour)}, then {colour_words(printing.ink_colour)}"
     offset = f"{printing.ink_offset_mm:+g} mm" if printing.ink_offset_mm else "none"
     rows = {
         "printer": f"{printer.name}, nozzle {printer.nozzle_mm:g} mm, lines {printer.line_width_mm:g} mm",
         "how it lies": how_it_lies,
-        "filaments": f"1 body, {colour_words(printing.body_colour)}; 2 ink, {colour_words(printing.ink_colour)}; one "
-        "material, dry, matt: glare hides rings",
-        "layer height": f"{printer.layer_height_mm:g} mm, the first too; ink {ink_layers:.3g} "
-        f"layer{'s' * (ink_layers != 1)}",
+        "filaments": f"{two}; one material, dry, matt: glare hides rings",
+        "layer height": f"{printer.layer_height_mm:g} mm, the first too; ink {said}",
         "walls, infill": shells.words(layers_of(design)),
         "supports": supports,
         "brim": brim,

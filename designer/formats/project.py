@@ -35,8 +35,10 @@ from designer.formats.threemf import (
     PAINTED_METADATA,
     Members,
     ObjectText,
+    bambu_changes,
     bambu_package,
     objects_of,
+    prusa_change,
     prusa_config,
     prusa_package,
     quoted,
@@ -76,7 +78,8 @@ def plate_files(plate: Plate, printing: PrintSpec, thumbnails: Thumbnails | None
     config = prusa_config(prusa_settings(plate, printing))
     # zlib lets other threads run, so one package is compressed while the other is put together.
     with ThreadPoolExecutor(2) as pool:
-        prusa = pool.submit(prusa_package, objects, printing, {**config, **pictures})
+        change = prusa_change(plate.change_z_mm(printing.printer.layer_height_mm), printing.ink_colour)
+        prusa = pool.submit(prusa_package, objects, printing, {**config, **change, **pictures})
         if presets is None:
             bambu = pool.submit(bambu_package, objects, printing, members=pictures)
         else:
@@ -140,7 +143,8 @@ def _project(
         "</metadata>\n"
     )
     settings = json.dumps(_settings(plates, printing, presets, more_settings), indent=1).encode()
-    members = {"Metadata/project_settings.config": settings, **more_members}
+    changes = [plate.change_z_mm(printing.printer.layer_height_mm) for plate in plates]
+    members = {"Metadata/project_settings.config": settings, **bambu_changes(changes), **more_members}
     for number, pictures in enumerate(thumbnails, start=1):
         members[f"Metadata/plate_{number}.png"] = pictures.large
         members[f"Metadata/plate_{number}_small.png"] = pictures.small

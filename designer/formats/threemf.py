@@ -77,6 +77,7 @@ PAINTED_METADATA = (
 )
 _PAINTED = b' paint_color="8" slic3rpe:mmu_segmentation="8"'
 """A whole triangle in the second filament, as `TriangleSelector::serialize` has it: 4 is the first, 8 the second."""
+_COLOUR_CHANGE, _PAUSE = 0, 1  # `CustomGCode::Type` of both slicers
 Characters = NDArray[np.uint8]
 _LEFT_OUT = 0
 
@@ -97,7 +98,7 @@ class ObjectText:
     @classmethod
     def of(cls, piece: Piece, first_id: int) -> "ObjectText":
         """With three ids from the first on."""
-        body, ink = piece.part.body, piece.part.ink
+        body, ink = piece.part.as_printed.body, piece.part.as_printed.ink
         item = build_item(first_id + 2, piece.bed_from_part)
         ink_vertices = b"" if ink is None else _vertices(ink)
         return cls(
@@ -132,6 +133,32 @@ def objects_of(pieces: Sequence[Piece]) -> list[ObjectText]:
         if not piece.name.isprintable():
             raise InputError(f"name {piece.name!r} holds a control character; use printable letters")
     return [ObjectText.of(piece, _FIRST_OBJECT + _IDS_OF_OBJECT * row) for row, piece in enumerate(pieces)]
+
+
+def prusa_change(change_mm: float | None, colour: str) -> Members:
+    """PrusaSlicer's change of colour in front of the layer with this top; nothing where there is none."""
+    if change_mm is None:
+        return _NONE
+    return {"Metadata/Prusa_Slicer_custom_gcode_per_print_z.xml": (
+        '<?xml version="1.0" encoding="utf-8"?>\n<custom_gcodes_per_print_z>\n'
+        f'<code print_z="{change_mm:g}" type="{_COLOUR_CHANGE}" extruder="1" color={quoted(colour)} '
+        'extra="" gcode="M600"/>\n<mode value="SingleExtruder"/>\n</custom_gcodes_per_print_z>\n'
+    ).encode()}  # fmt: skip
+
+
+def bambu_changes(changes_mm: Sequence[float | None]) -> Members:
+    """The pause of each plate of a project, as Bambu Studio and OrcaSlicer have it: `bambu_changes([4.8, None])`."""
+    plates = "".join(
+        f'<plate>\n<plate_info id="{number}"/>\n'
+        f'<layer top_z="{change_mm:g}" type="{_PAUSE}" extruder="1" color="" extra="" gcode="M400 U1"/>\n'
+        '<mode value="SingleExtruder"/>\n</plate>\n'
+        for number, change_mm in enumerate(changes_mm, start=1) if change_mm is not None
+    )  # fmt: skip
+    if not plates:
+        return _NONE
+    head = '<?xml version="1.0" encoding="utf-8"?>\n'
+    text = f"{head}<custom_gcodes_per_layer>\n{plates}</custom_gcodes_per_layer>\n"
+    return {"Metadata/custom_gcode_per_layer.xml": text.encode()}
 
 
 def prusa_package(objects: Sequence[ObjectText], printing: PrintSpec, members: Members = _NONE) -> bytes:

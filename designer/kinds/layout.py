@@ -8,6 +8,7 @@ import numpy as np
 from designer.base.arrays import Array, Rows
 from designer.base.codes import Index
 from designer.base.solid import INLAY_SHARE
+from designer.spec.build import BUILDS
 from designer.spec.spec import PrintSpec, Spec
 from designer.target import PARALLEL, TargetGeometry, bounding_radius_mm
 
@@ -171,7 +172,12 @@ def sticker_inset_mm(target: TargetGeometry, printing: PrintSpec) -> float:
 
 
 def face_down(target: TargetGeometry) -> Array:
-    """Axes of a bed on which the target lies on its last face, x along that face's x.  # (3, 3)"""
+    """Axes of a bed on which the target lies on its last face, x along that face's x.  # (3, 3)
+
+    A plate with raised or recessed rings lies on its back.
+    """
+    if target.is_plate and target.build is not None and BUILDS[target.build].ink != "flush":
+        return target.target_from_face[0, :3, :3].T
     axes: Array = _FACE_DOWN @ target.target_from_face[-1, :3, :3].T
     return axes
 

@@ -36,6 +36,8 @@ SOLID_INLAY_MM = 1.0
 LEAST_INK_MM = 0.2
 """Of flat faces. Assumption: black that lets a tenth of the light through half a millimetre; of this depth a sixth
 of it comes back from the white behind (Beer and Lambert, both ways)."""
+RAISED_MM = 0.4
+"""Of rings above a plate: as little as is black, for what is higher casts a longer shadow on the white beside it."""
 CHORD_ERROR_MM = 0.005
 STICKER_THICKNESS_MM = 0.1
 MARGIN_STEP = 0.6
@@ -64,6 +66,9 @@ def size_job(asked: Asked) -> Sized:
     if roomy is not None:
         target, remark = roomy
         geometry = lay_out(target)
+    if BUILDS[build].errors_of(target.form, geometry.face_count) is None:
+        ways = [name for name in builds_of(target.form) if BUILDS[name].back_errors]
+        raise InputError(f"build {build!r} is not for a board with a back; use {' or '.join(map(repr, ways))}")
     printing, print_remarks = _size_printing(asked, printer, build, geometry)
     formats, left_out = choose_formats(BUILDS[build].formats, tuple(asked.formats or ()), target.form, printing)
     widths = narrowest_widths(geometry)
@@ -217,7 +222,10 @@ def _machine_of(printer: str, nozzle_mm: float) -> Machine:
 
 def _choose_build(asked: AskedPrinting, known: tuple[str, ...], what: str) -> str:
     if asked.build is not None and asked.build not in known:
-        raise InputError(f"build {asked.build!r} is not for {what}; use {' or '.join(map(repr, known))}")
+        why = BUILDS[asked.build].why_not
+        raise InputError(
+            f"build {asked.build!r} is not for {what}{f': {why}' * bool(why)}; use {' or '.join(map(repr, known))}"
+        )
     return asked.build or known[0]
 
 
@@ -235,7 +243,10 @@ def _choose_inlay(asked: AskedPrinting, build: str, layer_mm: float, target: Tar
     """The ink's depth in whole layers, and a remark where it is less than usual."""
     if asked.inlay_depth is not None:
         return asked.inlay_depth, ""
-    layers = max((target.spec or Spec).flat_ink_layers, math.ceil(LEAST_INK_MM / layer_mm - 1e-9))
+    usual_layers = (target.spec or Spec).flat_ink_layers
+    layers = max(usual_layers, math.ceil(LEAST_INK_MM / layer_mm - 1e-9))
+    if BUILDS[build].ink == "raised":
+        layers = math.ceil(RAISED_MM / layer_mm - 1e-9)
     if target.is_plate:
         depth = math.inf if target.spec is None else target.spec.depth_mm
         return round(min(layers * layer_mm, depth / (2 * target.face_count)), 6), ""

@@ -136,6 +136,9 @@ def _straight_corners_mm(target: TargetGeometry, printing: PrintSpec) -> Array:
     elif spec is not None and spec.solid is None and spec.body is not None:  # its bare faces, too
         corners = spec.body.corners_mm(below_mm=printing.sticker_thickness_mm * printing.way.has_stickers)
     printed: Array = corners.reshape(-1, 3) * (1 + printing.shrink_compensation_percent / 100)
+    if spec is not None and printing.way.ink == "raised":  # the target's plane is half-way up the walls
+        above = printing.inlay_mm / 2
+        printed[:, 2] = np.where(printed[:, 2] < 0, -above - printing.below_raised_mm(spec.depth_mm), above)
     return printed
 
 
@@ -172,6 +175,17 @@ class Plate:
     def is_two_filament(self) -> bool:
         """Whether there is ink on it."""
         return any(piece.part.ink is not None for piece in self.pieces)
+
+    @property
+    def is_raised(self) -> bool:
+        """Whether all ink is above all body, so that the filament changes once."""
+        return any(piece.part.fused is not None for piece in self.pieces)
+
+    def change_z_mm(self, layer_mm: float) -> float | None:
+        """The top of the first layer of raised ink, above the bed; None: the filament changes elsewhere or never."""
+        ink = [piece.as_it_lies.ink for piece in self.pieces if piece.part.fused is not None]
+        lowest = [float(one.vertices_mm[:, 2].min()) for one in ink if one is not None]
+        return round(min(lowest) + layer_mm, 6) if lowest else None
 
     def tower_mm(self, width_mm: float, depth_mm: float) -> tuple[float, float] | None:
         """The front left corner of a prime tower in the middle of the place left free for it, a brim off the rim."""

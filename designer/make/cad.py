@@ -42,6 +42,8 @@ def step_bytes(spec: Spec, pattern: Pattern, printing: PrintSpec, *, name: str, 
         scale: the size of the printed part over the design's, from shrinkage compensation.
     """
     solids = inlaid_solids(spec, pattern, printing.inlay_mm, scale=scale)
+    if printing.way.ink == "raised":
+        solids = _raised(solids, pattern, printing.below_raised_mm(spec.depth_mm), printing.inlay_mm)
     ink = Compound(label="ink", children=list(solids.ink))
     step = _step_text(Compound(label=name, children=[_labelled(solids.body, "body"), ink]))
     return _coloured(step, printing.body_colour, printing.ink_colour).encode("latin-1")
@@ -62,6 +64,13 @@ def inlaid_solids(spec: Spec, pattern: Pattern, inlay_mm: float, *, scale: float
         ink += [_labelled(_prism(text, -inlay_mm, 0.0), "text").moved(frame) for text in face.dark_text]
     # One cut with all tools: a loop over them takes 25 times as long for each ring.
     return InlaidSolids(_only_solid(solid.cut(*ink)), tuple(ink))
+
+
+def _raised(inlaid: InlaidSolids, pattern: Pattern, body_mm: float, height_mm: float) -> InlaidSolids:
+    """The same ink on a plate; the target's plane is half-way up its walls (`designer.make.mesh.raised`)."""
+    body, up = _prism(pattern.faces[0].outline, -body_mm, 0.0), Location((0.0, 0.0, height_mm / 2))
+    down = Location((0.0, 0.0, -height_mm / 2))
+    return InlaidSolids(body.moved(down), tuple(ink.moved(up) for ink in inlaid.ink))
 
 
 def _solid_below(spec: Spec, depth_mm: float, scale: float) -> Solid:

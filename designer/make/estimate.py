@@ -13,18 +13,18 @@ holds it against PrusaSlicer.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from manifold3d import CrossSection, JoinType
+from manifold3d import CrossSection, JoinType, OpType
 
 from designer.base.arrays import Array, Flags, Rows
 from designer.make.bed import Piece, Plate, mapped, purged
 from designer.make.mesh import Part
 from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
 from designer.make.section import SIMPLE_MM, Sliced
-from designer.spec.machine import Machine
+from designer.spec.machine import FilamentChange, Machine
 from designer.spec.spec import Price, PrinterProfile, PrintSpec
 
 DENSITY_G_PER_CM3 = 1.24
@@ -35,6 +35,12 @@ MOST_LAYERS = 48
 """More are not cut, but stand for each other."""
 INK_FILL = 0.94
 """Ink laid down over ink in the model: 0.91 to 0.97 in G-code; slivers where ink ends in a slope are left out."""
+BY_HAND = FilamentChange(180.0, 240.0, 240.0, has_tower=False)
+"""Assumption: three minutes at the printer, who is told to be there, and 100 mm of filament until it is pure."""
+TOP_REACH_MM = 3.0
+"""How far a visible top goes on below what stands on it (`EXTERNAL_INFILL_MARGIN` of PrusaSlicer and its kin)."""
+LEAST_SPARSE_MM2 = 70.0
+"""Smaller areas of sparse infill are filled (PrusaSlicer's default; 15 in Bambu Studio)."""
 RETRACTED_MM = 2.0
 """Shorter ways are gone without pulling the filament back (PrusaSlicer's and OrcaSlicer's default)."""
 _ALIKE = 0.01
@@ -133,6 +139,8 @@ def _grams(volume_mm3: float) -> float:
 def estimate(plates: Sequence[Plate], printing: PrintSpec) -> PrintEstimate:
     """What plates take on a printer: `estimate(design.plates, design.job.printing).changes`."""
     printer, alike = printing.printer, list[_CutPiece]()
+    if printing.way.ink == "raised":
+        printer = replace(printer, machine=replace(printer.machine, change=BY_HAND))
     return PrintEstimate(
         tuple(_plate_estimate(plate, printer, alike) for plate in plates), printer.machine, printing.filament_price
     )
@@ -295,7 +303,11 @@ class _Slicing:
         starts = [loop[0] for loops in reversed(walls) for loop in loops]  # the outer wall last
         solid = inside if layer is None else self._solid(inside, layer)
         sparse = inside - solid if solid is not inside else CrossSection()
-        top = CrossSection() if layer is None or self._is_under(layer) else solid - self.sliced.outline(layer + 1)
+        top = CrossSection()
+        if layer is not None and not self._is_under(layer):
+            top = solid - self.sliced.outline(layer + 1)
+            if top.area() < solid.area() - _ALIKE:  # slicers let what shows reach below what stands on it
+                top = solid ^ top.offset(TOP_REACH_MM, JoinType.Miter)
         bridge = self._bridge(solid, inside, layer) if layer else CrossSection()
         plain = solid - top - bridge if not (top.is_empty() and bridge.is_empty()) else solid
         for part, kind, spacing in (
@@ -342,6 +354,8 @@ class _Slicing:
         covered, half = inside, self.spacing_mm / 2
         for one in short:
             covered = covered ^ one.offset(-depth_mm, JoinType.Miter)
+        small = [part for part in covered.decompose() if part.area() < LEAST_SPARSE_MM2]
+        covered = covered - CrossSection.batch_boolean(small, OpType.Add) if small else covered
         return (inside - covered).offset(-half, JoinType.Miter).offset(half, JoinType.Miter) ^ inside
 
     def _is_under(self, layer: int) -> bool:

@@ -46,10 +46,16 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Part:
-    """What is printed: a body, and the ink set into it (None where the pattern is paper or sheet)."""
+    """What is printed: a body, and the ink on or in it (None where the pattern is paper or sheet)."""
 
     body: Mesh
     ink: Mesh | None
+    fused: Mesh | None = None  # both in one, where one filament follows the other
+
+    @property
+    def as_printed(self) -> "Part":
+        """As slicers take it: what a change of filament divides is one mesh to them."""
+        return self if self.fused is None else Part(self.fused, None)
 
     def placed(self, place: Callable[[Array], Array]) -> "Part":
         """The part with its vertices elsewhere; an affine map keeps it closed and its triangles facing outwards."""
@@ -57,7 +63,8 @@ class Part:
         def moved(mesh: Mesh) -> Mesh:
             return replace(mesh, vertices_mm=place(mesh.vertices_mm))
 
-        return Part(moved(self.body), None if self.ink is None else moved(self.ink))
+        ink, fused = (None if mesh is None else moved(mesh) for mesh in (self.ink, self.fused))
+        return Part(moved(self.body), ink, fused)
 
 
 @dataclass(frozen=True)
@@ -148,7 +155,7 @@ def plate_hull(pattern: Pattern, thickness_mm: float, inlay_mm: float) -> Hull:
             f"inlay {inlay_mm:g}mm{both} goes through a board {thickness_mm:g}mm thick; "
             f"use at most {thickness_mm / (2 * len(faces)):g}mm"
         )
-    corners, has_border = len(faces[0].outline), faces[0].window is not None and inlay_mm > 0
+    corners, has_border = len(faces[0].outline), faces[0].window is not None and inlay_mm != 0
     heights = (0.0, -inlay_mm, -thickness_mm, inlay_mm - thickness_mm)
     vertices = np.concatenate([np.column_stack([faces[0].outline, np.full(corners, z)]) for z in heights])
     top, floor, bottom, bottom_floor = _numbers(0, 4 * corners).reshape(4, corners)
@@ -207,6 +214,20 @@ def coloured(pattern: Pattern, hull: Hull) -> ColouredMesh:
         count += len(vertices[-1])
     surface = _without_unused(np.concatenate(vertices), len(hull.vertices_mm), np.concatenate([*body, *ink]))
     return ColouredMesh(surface, sum(map(len, body)))
+
+
+def raised(pattern: Pattern, body_mm: float, height_mm: float) -> Part:
+    """A plate of one face, `body_mm` thick, with the pattern on it; the face is the plane half-way up the walls.
+
+    There an oblique camera sees the rings. The silhouette of a body that is symmetric about a point is symmetric
+    about the point's image, and a ring with its walls is symmetric about the middle of its height.
+    """
+    fused = inlaid(pattern, plate_hull(pattern, body_mm, -height_mm), -height_mm)  # an inlay upwards, inside out
+    assert fused.ink is not None  # noqa: S101 - a pattern has ink
+    ink = replace(fused.ink, triangles=fused.ink.triangles[:, ::-1])
+    body = plain_plate(pattern.faces[0].outline, body_mm)
+    half_down = np.array([0.0, 0.0, -height_mm / 2])
+    return Part(body, ink, fused.body).placed(lambda points: points + half_down)
 
 
 def plain_solid(solid: Solid | Faceted, *, below_mm: float, scale: float) -> Mesh:

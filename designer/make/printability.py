@@ -204,19 +204,20 @@ def _inlay(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:
 
 def _inlay_remarks(target: TargetGeometry, printing: PrintSpec) -> Iterator[tuple[Level, str]]:
     depth, layer = printing.inlay_mm, printing.printer.layer_height_mm
-    layers = depth / layer
+    layers, what = depth / layer, {"flush": "inlay", "raised": "relief", "recessed": "groove"}[printing.way.ink]
     if layers < 1 - 1e-9:
-        yield "violation", f"inlay {depth:g}mm is less than one layer of {layer:g}mm; use at least {layer:g}mm"
+        yield "violation", f"{what} {depth:g}mm is less than one layer of {layer:g}mm; use at least {layer:g}mm"
     elif abs(layers - round(layers)) > 1e-6:
+        level: Level = "violation" if printing.way.ink == "raised" else "warning"  # the filament changes between two
         good = math.ceil(layers) * layer
-        yield "warning", f"inlay {depth:g}mm is no multiple of the layer height {layer:g}mm; use {good:.4g}mm"
+        yield level, f"{what} {depth:g}mm is no multiple of the layer height {layer:g}mm; use {good:.4g}mm"
     if target.is_plate:
-        yield from _plate_remarks(target, depth, layer)
+        yield from _plate_remarks(target, depth, layer, what)
         return
     if depth < STEEP_FACE_INLAY_MM - 1e-9 and not printing.way.is_in_parts:
         yield (
             "warning",
-            f"inlay {depth:g}mm fills steep faces only in part (70 % at 0.6mm); "
+            f"{what} {depth:g}mm fills steep faces only in part (70 % at 0.6mm); "
             f"use {STEEP_FACE_INLAY_MM:g}mm or more if the border allows",
         )
     border = border_width_mm(target)
@@ -224,17 +225,17 @@ def _inlay_remarks(target: TargetGeometry, printing: PrintSpec) -> Iterator[tupl
         deepest = round_down(deepest_inlay_mm(target))
         yield (
             "violation",
-            f"inlay {depth:g}mm undercuts a border of {border:.3g}mm; use at most {deepest:g}mm or a wider border",
+            f"{what} {depth:g}mm undercuts a border of {border:.3g}mm; use at most {deepest:g}mm or a wider border",
         )
 
 
-def _plate_remarks(target: TargetGeometry, depth: float, layer: float) -> Iterator[tuple[Level, str]]:
+def _plate_remarks(target: TargetGeometry, depth: float, layer: float, what: str) -> Iterator[tuple[Level, str]]:
     """Ink may not go through; of two sides, the upper one's begins at a layer only if the plate ends at one."""
     if target.spec is None:
         return
     thickness, sides = target.spec.depth_mm, target.face_count
     if depth * sides >= thickness:
-        yield "violation", f"inlay {depth:g}mm goes through the board; use at most {thickness / (2 * sides):g}mm"
+        yield "violation", f"{what} {depth:g}mm goes through the board; use at most {thickness / (2 * sides):g}mm"
     layers = thickness / layer
     if sides > 1 and abs(layers - round(layers)) > 1e-6:
         good = math.ceil(layers) * layer

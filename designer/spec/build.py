@@ -25,6 +25,8 @@ Format = Literal[
     "gerber-mask",
 ]
 """What each is, and what it is for: `designer.spec.format`."""
+InkLevel = Literal["flush", "raised", "recessed"]
+"""Where the top of the ink is: in the body's face, above it, or nowhere yet, since grooves wait for paint or resin."""
 CircuitInk = Literal["legend", "mask"]
 """What makes the black of a printed circuit: silkscreen, or solder mask that stays."""
 
@@ -38,12 +40,14 @@ class Build:
     errors: Mapping[Form, str]  # the error template that says how it usually comes out, of each form that it is for
     formats: tuple[Format, ...]  # its usual files
     idle: tuple[str, ...]  # options that say nothing about it; a resolved spec leaves them out
-    is_two_filament: bool = False  # the ink is printed into the body; else it is paper or sheet
+    is_two_filament: bool = False  # the printer makes the pattern of plastic; else it is paper or sheet
+    ink: InkLevel = "flush"
     has_body: bool = True  # something is printed of plastic
     has_stickers: bool = False  # the body is smaller by their thickness
     is_in_parts: bool = False  # flat pieces are put together: none is steep or hangs over on the bed
     back_errors: str = ""  # the error template of a plate with a front and a back; "": not made so
     lip_errors: str = ""  # the same of stickers in lips
+    why_not: str = ""  # what stands against the forms that it is not for
 
     def errors_of(self, form: Form, face_count: int, *, has_lip: bool = False) -> str | None:
         """The error template of a target; None: it is not for this form."""
@@ -64,6 +68,16 @@ BUILDS: Mapping[str, Build] = {
             ("sticker_thickness", "lip", "ink_side", "mount"),
             is_two_filament=True,
             back_errors="fdm-board-two-sided",
+        ),
+        Build(
+            "relief",
+            "rings raised above a plate, with one change of filament",
+            {"plate": "fdm-relief"},
+            ("3mf", "stl", "png"),
+            ("sticker_thickness", "ink_side", "mount"),
+            is_two_filament=True,
+            ink="raised",
+            why_not="the faces of a solid are at many heights, and the filament changes at one",
         ),
         Build(
             "tiles",

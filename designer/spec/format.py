@@ -20,6 +20,7 @@ class FileFormat:
     has_true_circles: bool = False  # which do not stay circles in a sheared part
     is_of_one_piece: bool = False  # it holds a target as a whole
     is_of_filaments: bool = False  # body and ink as they are printed: where ink is on a sheet, it would be blank
+    is_flush: bool = False  # both filaments lie in one surface
     is_of_plates: bool = False  # it holds all plates of a build in parts, with presets of the printer
     suffix: str = ""  # of its files' names, where there is a guide
     guide: str = ""  # module of `designer.formats` that tells what to do with it; "": the build's own text does
@@ -39,6 +40,8 @@ class FileFormat:
             return f"{name} is of one piece, and this build is in parts; use 3mf or stl"
         if self.is_of_filaments and not printing.is_two_filament:
             return f"{name} shows what is printed of plastic, and the rings of this build are on a sheet; use pdf"
+        if self.is_flush and printing.way.ink != "flush":
+            return f"{name} has ink in the body's face, and that of this build is {printing.way.ink}; use 3mf or stl"
         if self.is_of_plates:
             return _why_no_project(name, printing)
         if self.has_true_circles and is_skewed:
@@ -94,7 +97,10 @@ FORMATS: Mapping[Format, FileFormat] = {
     "3mf": FileFormat("3MF, for slicers", is_of_filaments=True),
     "project": FileFormat("3MF project, for Bambu Studio and OrcaSlicer: all plates in one file", is_of_plates=True),
     "painted": FileFormat(
-        "painted 3MF, for slicers: one mesh, ink as a colour of its surface", is_of_one_piece=True, is_of_filaments=True
+        "painted 3MF, for slicers: one mesh, ink as a colour of its surface",
+        is_of_one_piece=True,
+        is_of_filaments=True,
+        is_flush=True,
     ),
     "stl": FileFormat("STL, for slicers"),
     "png": FileFormat("PNG, a preview"),

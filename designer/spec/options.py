@@ -49,7 +49,7 @@ class AskedPrinting:
     mount: Annotated[
         str | None, Option("mount", f"what the core of tiles is held by: {', '.join(MOUNTS)} or {NO_MOUNT} (auto)")
     ] = None
-    inlay_depth: Annotated[float | None, Option("length above 0", "depth of the ink in a two-filament print")] = None
+    inlay_depth: Annotated[float | None, Option("length above 0", "depth of the ink, or how high it is raised")] = None
     ink_offset: Annotated[float | None, Option("length", "grow (or, below zero, shrink) the ink to undo bleed")] = None
     shrink_compensation: Annotated[float | None, Option("percent", "print this much larger, in percent")] = None
     skew_compensation: Annotated[

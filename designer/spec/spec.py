@@ -218,7 +218,7 @@ class PrintSpec:
 
     build: str  # a name in `designer.spec.build.BUILDS`
     printer: PrinterProfile
-    inlay_mm: float  # depth of the ink in a two-filament print
+    inlay_mm: float  # depth of the ink in a two-filament print, or how high it is raised
     ink_offset_mm: float  # > 0 grows the ink, < 0 shrinks it
     shrink_compensation_percent: float  # printed lengths are (1 + percent / 100) of the design's
     sticker_thickness_mm: float
@@ -241,13 +241,19 @@ class PrintSpec:
 
     @property
     def is_two_filament(self) -> bool:
-        """Whether the ink is printed into the body."""
+        """Whether the printer makes the pattern."""
         return self.way.is_two_filament
+
+    def below_raised_mm(self, depth_mm: float) -> float:
+        """Of a plate so deep in all, what lies below raised ink: whole layers, for the filament changes between two."""
+        layer, scale = self.printer.layer_height_mm, 1 + self.shrink_compensation_percent / 100
+        return max(round((depth_mm * scale - self.inlay_mm) / layer), 1) * layer
 
     @property
     def filament_colours(self) -> tuple[str, ...]:
         """Of what the printer has loaded at a time: body, then ink."""
-        return (self.body_colour, self.ink_colour) if self.is_two_filament else (self.body_colour,)
+        is_both = self.is_two_filament and self.way.ink == "flush"
+        return (self.body_colour, self.ink_colour) if is_both else (self.body_colour,)
 
     @property
     def pattern_line_mm(self) -> float:

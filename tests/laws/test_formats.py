@@ -195,6 +195,25 @@ def in_obj_zip(content: bytes, most_mm: float) -> int:
     return rings_of_surface(vertices, body.faces, ink.faces + len(body.vertices), most_mm)
 
 
+def in_relief(ending: str, content: bytes, most_mm: float) -> int:
+    """Flat pieces of a surface that have a hole: tops of raised rings, floors of recessed ones."""
+    meshes = [trimesh.load(io.BytesIO(content), file_type="stl")] if ending == "stl" else []
+    if not meshes:
+        meshes = [trimesh.Trimesh(*mesh) for mesh in meshes_of_3mf(content)]
+    count = 0
+    for mesh in meshes:
+        assert isinstance(mesh, trimesh.Trimesh)
+        assert mesh.is_watertight
+        assert mesh.volume > 0
+        for facet in mesh.facets:
+            corners = mesh.faces[facet]
+            points = mesh.vertices[used := np.unique(corners)]
+            edges = np.unique(np.sort(corners[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+            is_ring = len(used) - len(edges) + len(corners) == 0
+            count += is_ring and bool(np.linalg.norm(np.ptp(points, axis=0)) <= most_mm)
+    return count
+
+
 def in_step(content: bytes, most_mm: float) -> int:
     with tempfile.NamedTemporaryFile(suffix=".step") as place:
         Path(place.name).write_bytes(content)
@@ -259,6 +278,7 @@ READERS: Mapping[str, tuple[Format, Callable[[bytes, float], int]]] = {
     "gerber.zip": ("gerber", in_gerber(".gto.gbo")), "gerber-mask.zip": ("gerber-mask", in_gerber(".gts.gbs")),
 }  # fmt: skip
 """By the end of a name: the format, and how many rings a reader finds. What is a picture has its own tests."""
+PRINTED = ("prusa.3mf", "bambu.3mf", "bambu-orca.3mf", "stl")
 PICTURED = ("sim.glb", "sim.obj", "order.pdf", "shop.pdf")
 WAYS = [(kind, build) for kind in ("board", "cube") for build in builds_of(kind_named(kind).spec.form)]
 """Every build, of a small plate and a small solid."""
@@ -295,7 +315,11 @@ def test_every_format_of_every_build_shows_every_ring_or_is_refused(kind: str, b
         endings = [ending for ending in READERS if file.name.endswith(f".{ending}")]
         if endings and not file.name.endswith(PICTURED):
             ending = max(endings, key=len)
-            seen[ending] = seen.get(ending, 0) + READERS[ending][1](file.content, most_mm)
+            count = READERS[ending][1](file.content, most_mm)
+            if BUILDS[build].ink != "flush" and ending in PRINTED:
+                assert count == 0
+                count = in_relief(ending, file.content, most_mm)
+            seen[ending] = seen.get(ending, 0) + count
     rings = target.geometry.ring_count - int(target.geometry.is_dot.sum())
     if not BUILDS[build].is_two_filament:
         assert seen.pop("stl", 0) == 0  # a body without ink

@@ -129,6 +129,14 @@ def slice_3mf(command: str, package: Path, settings: Mapping[str, str], center_m
     return read_gcode(gcode.read_text())
 
 
+def one_filament(settings: Mapping[str, str]) -> Mapping[str, str]:
+    """The same for a nozzle that has but one, which is changed by hand."""
+    paired = re.compile(r"([-\d.]+),\1")
+    first = {name: pair[1] if (pair := paired.fullmatch(value)) else value for name, value in settings.items()}
+    first.pop("wiping_volumes_matrix", None)
+    return {**first, "single_extruder_multi_material": "0", "wipe_tower": "0"}
+
+
 def machine_settings(printer: PrinterProfile) -> Mapping[str, str]:
     """A printer's profile as PrusaSlicer 2.5 takes it, with a wipe tower for two filaments.
 

@@ -18,9 +18,9 @@ from designer.kinds.ico import IcoSpec, icosahedron
 from designer.kinds.regular_solid import SolidSpec
 from designer.kinds.spec_file import RawValue
 from designer.make.bed import against_skew
-from designer.make.mesh import Mesh, inlaid, plain_plate, plain_solid, plate_hull, solid_hull
+from designer.make.mesh import Mesh, inlaid, plain_plate, plain_solid, plate_hull, solid_hull, solid_of
 from designer.make.pattern import make_pattern
-from tests.support.designs import design_of, wishes
+from tests.support.designs import SMALL, design_of, wishes
 
 UNIT_VOLUME = 5 * (3 + math.sqrt(5)) / 12
 """Of the icosahedron with edge length 1."""
@@ -236,6 +236,21 @@ def test_inlay_must_leave_a_border_and_a_back() -> None:
     unbordered = make_pattern(DESIGNS["paper's board"].target, ico.job.printing)
     with pytest.raises(InputError, match="needs a border"):
         solid_hull(unbordered, solid, 1.0)
+
+
+def test_raised_ink_stands_on_its_plate() -> None:
+    """Body and ink fill the whole, which is closed; its change of filament is at a layer, the face at mid-height."""
+    values = {**SMALL["board"], "size": "68x68mm", "border": "2mm", "shrink_compensation": "0.7%"}
+    design = design_of("board", **values, build="relief", chord_error="50um")
+    part, height, layer = design.part, design.job.printing.inlay_mm, design.job.printing.printer.layer_height_mm
+    assert part.ink is not None
+    assert part.fused is not None
+    assert part.fused.volume_mm3 == pytest.approx(part.body.volume_mm3 + part.ink.volume_mm3, rel=1e-9)
+    assert solid_of(part.fused).volume() == pytest.approx(part.fused.volume_mm3, rel=1e-9)
+    assert np.unique(part.ink.vertices_mm[:, 2]) == pytest.approx([-height / 2, height / 2])
+    assert part.body.vertices_mm[:, 2].max() == pytest.approx(-height / 2)
+    assert np.ptp(part.body.vertices_mm[:, 2]) / layer == pytest.approx(round(3.6 * 1.007 / layer))
+    assert design.plates[0].pieces[0].as_it_lies.body.vertices_mm[:, 2].min() == pytest.approx(0)
 
 
 def test_plain_solids() -> None:

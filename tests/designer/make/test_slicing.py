@@ -10,13 +10,23 @@ import shapely
 
 from designer.base.arrays import Array, Flags
 from designer.builds.design import EXPORTERS, Design
+from designer.builds.relief import change_of
 from designer.formats.project import plate_files
 from designer.make.bed import Piece, Plate, bed_from_target
 from designer.make.mesh import Mesh, Part
 from designer.make.pattern import FacePattern, Pattern
 from designer.spec.kind import KINDS
 from tests.support.designs import COARSE, SMALL, design_of, ink_of, packages_of, small, small_board, small_ico
-from tests.support.gcode import Toolpaths, machine_settings, require_slicer, run_slicer, slice_3mf, slicer_settings
+from tests.support.gcode import (
+    FILAMENT_MM,
+    Toolpaths,
+    machine_settings,
+    one_filament,
+    require_slicer,
+    run_slicer,
+    slice_3mf,
+    slicer_settings,
+)
 
 BODY_TOOL, INK_TOOL = 0, 1
 INK_FILL = (0.85, 1.1)
@@ -187,3 +197,48 @@ def test_misplaced_ink_fails_the_print_check(tmp_path: Path) -> None:
     assert layout_findings(command, package) == []
     findings = print_findings(design, sliced(command, design, package))
     assert [finding.split(":")[0] for finding in findings] == ["outside the ink"]
+
+
+@pytest.mark.parametrize("printer", ["prusa-mk4", "bambu-p1s", "bambu-a1-mini"])
+def test_relief_changes_filament_once_below_its_rings(printer: str, tmp_path: Path) -> None:
+    """One object, one change in front of the rings' first layer; all ink above it, on ink; time and grams as told."""
+    command, design = require_slicer(), design_of(
+        "board", **SMALL["board"], build="relief", printer=printer, chord_error=COARSE
+    )  # fmt: skip
+    profile, takes = design.job.printing.printer, design.estimate
+    package, center = tmp_path / "relief.3mf", (profile.bed_mm[0] / 2, profile.bed_mm[1] / 2)
+    package.write_bytes(packages_of(design).prusa)
+    for settings in (one_filament(slicer_settings(profile)), one_filament(machine_settings(profile))):
+        toolpaths = slice_3mf(command, package, settings, center)
+        text = package.with_suffix(".gcode").read_text()
+        before, *after = re.split(r"^M600$", text, flags=re.MULTILINE)
+        change_mm, layer = change_of(design)
+        assert len(after) == 1
+        assert float(re.findall(r"^;Z:(.+)$", before, re.MULTILINE)[-1]) == pytest.approx(change_mm)
+        assert before.count(";LAYER_CHANGE") == layer
+        is_ink = toolpaths.end_mm[:, 2] > change_mm - 1e-6
+        if settings["fill_density"] == "100%":
+            assert volume_mm3(toolpaths, ~is_ink) == pytest.approx(design.part.body.volume_mm3, rel=0.05)
+            assert volume_mm3(toolpaths, is_ink) == pytest.approx(ink_of(design).volume_mm3, rel=0.15)
+        lies = bed_from_target(design.target, design.job.printing)
+        at = np.concatenate([toolpaths.start_mm, toolpaths.end_mm])[np.tile(is_ink, 2)] - lies[:3, 3]
+        ink = ink_of_face(design.printed_pattern, design.printed_pattern.faces[0]).buffer(profile.line_width_mm / 8)
+        assert shapely.contains_xy(ink, *(at @ lies[:3, :3])[:, :2].T).all()
+    seconds, mass_g = told_by_slicer(text)
+    assert takes.plates[0].printing_s == pytest.approx(seconds, rel=0.15)
+    assert takes.body_g + takes.ink_g == pytest.approx(mass_g, rel=0.05)
+
+
+def volume_mm3(toolpaths: Toolpaths, which: Flags) -> float:
+    """What some of the moves lay down."""
+    return float(toolpaths.filament_mm[which].sum()) * np.pi * FILAMENT_MM**2 / 4
+
+
+def told_by_slicer(gcode: str) -> tuple[float, float]:
+    """Seconds and grams."""
+    said = re.search(r"estimated printing time \(normal mode\) = (.+)", gcode)
+    mass = re.search(r"; filament used \[g\] = ([\d.]+)", gcode)
+    assert said is not None
+    assert mass is not None
+    size = {"h": 3600, "m": 60, "s": 1}
+    return sum(int(count) * size[unit] for count, unit in re.findall(r"(\d+)([hms])", said[1])), float(mass[1])

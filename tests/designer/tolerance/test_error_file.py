@@ -57,9 +57,9 @@ def refusal(name: str, *overrides: str) -> str:
 def test_the_ways_of_making_are_there() -> None:
     """Each way of making that the commands name is a template."""
     assert preset_names("errors") == [
-        "fdm-board", "fdm-board-tiles", "fdm-board-two-sided", "fdm-dual", "fdm-dual-calibrated", "fdm-tiles",
-        "hand-stickers", "laser-engraved", "lip-stickers", "machined", "pcb", "resin", "sheet-print", "sheet-two-sided",
-        "sls", "uv-composite", "waterslide",
+        "fdm-board", "fdm-board-tiles", "fdm-board-two-sided", "fdm-dual", "fdm-dual-calibrated", "fdm-relief",
+        "fdm-tiles", "hand-stickers", "laser-engraved", "lip-stickers", "machined", "pcb", "resin", "sheet-print",
+        "sheet-two-sided", "sls", "uv-composite", "waterslide",
     ]  # fmt: skip
 
 
