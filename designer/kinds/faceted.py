@@ -206,8 +206,8 @@ def lattice_on(fit: Fit, corner_mm: "Array") -> LaidFace | None:
         axes = np.stack([x_axis, np.cross(normal, x_axis), normal], axis=1)
         outline = (corner_mm - corner_mm.mean(axis=0)) @ axes[:, :2]
         found = _clipped(fit, tuple(map(tuple, np.round(outline, 6).tolist())))
-        if found is not None and (best is None or (len(found[0]), round(found[2], 6)) > best[:2]):
-            best = len(found[0]), round(found[2], 6), side
+        if found is not None and (best is None or (len(found[0]), found[2]) > best[:2]):
+            best = len(found[0]), found[2], side
             index, place, _ = found
             frame, kept = axes, outline
     if best is None:
@@ -262,7 +262,7 @@ def _clipped(fit: Fit, outline_mm: tuple[tuple[float, float], ...]) -> "tuple[Ro
             continue
         index, place = every[mine], places[mine] + origin
         code = _code_place(index, place)
-        if code is not None and (best is None or (len(index), round(code[1], 6)) > (len(best[0]), round(best[2], 6))):
+        if code is not None and (best is None or (len(index), code[1]) > (len(best[0]), best[2])):
             best = index - code[0], place, code[1]
     if best is None:
         return None
@@ -281,16 +281,17 @@ def _code_place(index: "Rows", place: "Array") -> "tuple[Index, float] | None":
 
     from designer.base.codes import POSITIONS
 
-    at = {(int(i), int(j)): row for row, (i, j) in enumerate(index)}
-    middle, best = place.mean(axis=0), None
-    for i, j in at:
-        rows = [at.get((i + di, j + dj)) for di, dj in POSITIONS]
-        known = [row for row in rows if row is not None]
-        if len(known) == len(rows):
-            out_mm = float(np.linalg.norm(place[known].mean(axis=0) - middle))
-            if best is None or round(out_mm, 6) > round(best[1], 6):
-                best = (i, j), out_mm
-    return best
+    low = index.min(axis=0)
+    row_at = np.full(np.ptp(index, axis=0) + 1 + np.max(POSITIONS, axis=0), -1)
+    row_at[tuple((index - low).T)] = np.arange(len(index))
+    rows = np.stack([row_at[tuple((index - low + step).T)] for step in np.array(POSITIONS)])  # (positions, N)
+    is_whole = (rows >= 0).all(axis=0)
+    if not is_whole.any():
+        return None
+    out_mm = np.linalg.norm(place[rows[:, is_whole]].mean(axis=0) - place.mean(axis=0), axis=1).round(6)
+    first = int(out_mm.argmax())
+    i, j = index[is_whole][first].tolist()
+    return (i, j), float(out_mm[first])
 
 
 def split_sides(outline_mm: "Array", corners: int) -> "Array":
