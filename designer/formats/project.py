@@ -55,6 +55,12 @@ VERSION = "02.00.00.00"
 """The first of the generation in use, which all of it reads without a notice."""
 PRIME_MM3 = 30.0
 """Of a change's purge, what is printed on the tower: a printer's file books both in one, these slicers do not."""
+_NOT_SLICED = (
+    '<?xml version="1.0" encoding="UTF-8"?>\n<config>\n <header>\n'
+    '  <header_item key="X-BBL-Client-Type" value="slicer"/>\n'
+    f'  <header_item key="X-BBL-Client-Version" value="{VERSION}"/>\n </header>\n</config>\n'
+).encode()
+"""What is known of slices, which these programs do without, but tools of others do not."""
 _TOWER_MM = 35.0
 """How wide these slicers make a prime tower; how deep, they find out."""
 
@@ -144,7 +150,12 @@ def _project(
     )
     settings = json.dumps(_settings(plates, printing, presets, more_settings), indent=1).encode()
     changes = [plate.change_z_mm(printing.printer.layer_height_mm) for plate in plates]
-    members = {"Metadata/project_settings.config": settings, **bambu_changes(changes), **more_members}
+    members = {
+        "Metadata/project_settings.config": settings,
+        "Metadata/slice_info.config": _NOT_SLICED,
+        **bambu_changes(changes),
+        **more_members,
+    }
     for number, pictures in enumerate(thumbnails, start=1):
         members[f"Metadata/plate_{number}.png"] = pictures.large
         members[f"Metadata/plate_{number}_small.png"] = pictures.small

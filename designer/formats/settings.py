@@ -54,9 +54,7 @@ def process_settings(printer: PrinterProfile, *, has_tower: bool) -> Mapping[str
 def prusa_settings(plate: Plate, printing: PrintSpec) -> Mapping[str, str]:
     """All that PrusaSlicer needs to slice a plate, and all that the page tells of it."""
     printer, machine = printing.printer, printing.printer.machine
-    speeds, rates, change, shells = machine.speeds, machine.accelerations, machine.change, machine.shells
     bed_x, bed_y, bed_z = printer.bed_mm
-    width, layer = f"{printer.line_width_mm:g}", f"{printer.layer_height_mm:g}"
     colours = [colour.upper() for colour in printing.filament_colours]
     of_each = {
         **_PLA,
@@ -73,7 +71,7 @@ def prusa_settings(plate: Plate, printing: PrintSpec) -> Mapping[str, str]:
         "start_gcode": f"; your own profile of {printer.name} starts it as it wants to be started\\nG28 ; home\\n",
         "bed_shape": f"0x0,{bed_x:g}x0,{bed_x:g}x{bed_y:g},0x{bed_y:g}",
         "max_print_height": f"{bed_z:g}",
-        "single_extruder_multi_material": str(int(len(colours) > 1 and not change.is_tool_changer)),
+        "single_extruder_multi_material": str(int(len(colours) > 1 and not machine.change.is_tool_changer)),
         "use_relative_e_distances": "1",
         "single_extruder_multi_material_priming": "0",
         "layer_gcode": "G92 E0",
@@ -81,6 +79,17 @@ def prusa_settings(plate: Plate, printing: PrintSpec) -> Mapping[str, str]:
         "extruder_colour": ";".join(colours),
         "filament_type": ";".join(["PLA"] * len(colours)),
         **{key: ",".join([value] * len(colours)) for key, value in of_each.items()},
+        **prusa_print_settings(printer),
+        **(_purge(plate, printer) if len(colours) > 1 else {"wipe_tower": "0"}),
+    }
+
+
+def prusa_print_settings(printer: PrinterProfile) -> Mapping[str, str]:
+    """Those of a print in it: layers, lines, shells, what is off, and the profile's speeds and accelerations."""
+    machine = printer.machine
+    speeds, rates, shells = machine.speeds, machine.accelerations, machine.shells
+    width, layer = f"{printer.line_width_mm:g}", f"{printer.layer_height_mm:g}"
+    return {
         "layer_height": layer,
         "first_layer_height": layer,
         "extrusion_width": width,
@@ -114,7 +123,6 @@ def prusa_settings(plate: Plate, printing: PrintSpec) -> Mapping[str, str]:
         "bridge_acceleration": f"{rates.infill_mm_s2:g}",
         "first_layer_acceleration": f"{rates.first_layer_mm_s2:g}",
         "default_acceleration": f"{rates.infill_mm_s2:g}",
-        **(_purge(plate, printer) if len(colours) > 1 else {"wipe_tower": "0"}),
     }
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from designer.base.arrays import Array, Rows
+from designer.formats.settings import prusa_print_settings
 from designer.spec.spec import PrinterProfile
 from tests.support.programs import run
 
@@ -144,35 +145,13 @@ def machine_settings(printer: PrinterProfile) -> Mapping[str, str]:
     of infill), and the tower's speed. Ramming and cooling moves are left out, since the profile's time of a change
     holds them.
     """
-    machine = printer.machine
-    speeds, rates, change, shells = machine.speeds, machine.accelerations, machine.change, machine.shells
+    machine, rates, change = printer.machine, printer.machine.accelerations, printer.machine.change
     bed_x, bed_y, _ = printer.bed_mm
     limits = {"x": (1000, 1), "y": (1000, 1), "z": (30, 1), "e": (120, 0)}
     return {
         **slicer_settings(printer),
         "single_extruder_multi_material": str(int(not change.is_tool_changer)),
-        "perimeters": str(shells.walls),
-        "bottom_solid_layers": str(shells.bottom_layers),
-        "top_solid_layers": str(shells.top_layers),
-        "fill_density": f"{100 * shells.infill:g}%",
-        "fill_pattern": "grid",
-        "ensure_vertical_shell_thickness": "1",
-        "thick_bridges": "0",
-        "external_perimeter_speed": f"{speeds.outer_wall_mm_s:g}",
-        "small_perimeter_speed": f"{speeds.outer_wall_mm_s:g}",
-        "perimeter_speed": f"{speeds.inner_wall_mm_s:g}",
-        "infill_speed": f"{speeds.infill_mm_s:g}",
-        "solid_infill_speed": f"{speeds.solid_infill_mm_s:g}",
-        "gap_fill_speed": f"{speeds.solid_infill_mm_s:g}",
-        "top_solid_infill_speed": f"{speeds.top_mm_s:g}",
-        "bridge_speed": f"{speeds.bridge_mm_s:g}",
-        "first_layer_speed": f"{speeds.first_layer_mm_s:g}",
-        "travel_speed": f"{speeds.travel_mm_s:g}",
-        "perimeter_acceleration": f"{rates.outer_wall_mm_s2:g}",
-        "infill_acceleration": f"{rates.infill_mm_s2:g}",
-        "bridge_acceleration": f"{rates.infill_mm_s2:g}",
-        "first_layer_acceleration": f"{rates.first_layer_mm_s2:g}",
-        "default_acceleration": f"{rates.infill_mm_s2:g}",
+        **prusa_print_settings(printer),
         "machine_limits_usage": "time_estimate_only",
         "gcode_flavor": "marlin2",
         "machine_max_acceleration_extruding": "50000",

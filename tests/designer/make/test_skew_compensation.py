@@ -201,7 +201,7 @@ def test_text_as_it_is_typed(text: str | float, skew_rad: Skew) -> None:
         (ICO, 0.3, "expected angles such as"),
         (ICO, [0.0, 0.0, 0.0], "expected angles such as"),
         ({**BOARD, "build": "sheet"}, SKEW_TEXT, "a sheet has none; leave it out"),
-        ({**ICO, "formats": ["step"]}, SKEW_TEXT, "not STEP; leave out .* 3mf, stl, png, pdf, svg, glb"),
+        ({**ICO, "formats": ["step"]}, SKEW_TEXT, "not STEP; leave out .* 3mf, painted, stl, png, pdf, svg, glb"),
     ],
 )
 def test_refusals(values: dict[str, RawValue], skew: RawValue, message: str) -> None:
