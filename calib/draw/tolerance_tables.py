@@ -30,8 +30,8 @@ WAYS = "Ways of making"
 SHOWN = ("distortion_map", "focal_length", "intersection_true")
 WAYS_NOTE = (
     "Root mean squares with all errors and noise, the drawing taken for true; calib measure takes most back. ~: may be "
-    "more than 10 % off. Price and hours are rough, their sources in templates/errors; hours of machine and hands, "
-    "without delivery."
+    "more than 10 % off. Price and hours are rough, 10 to 20 %, with their sources in templates/errors; a design's "
+    "own page tells its printer's. Hours are of machine and hands, without delivery."
 )
 
 

@@ -3,14 +3,17 @@
 And whether that is sensible: a design can be printable and yet nothing that anybody should print.
 """
 
+import json
 import math
+import sys
 import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 
-from designer.base.answer import Value
+from designer.base.answer import Value, command_line
+from designer.base.codec import decode, encode
 from designer.base.errors import InputError
-from designer.builds.design import Design, maker_of
+from designer.builds.design import Design, apart, design_apart, maker_of
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec, replaced, spec_to_toml
 from designer.make.estimate import (
@@ -36,6 +39,8 @@ MUCH_CHANGING_S = 2 * 3600.0
 """Changing filament for longer, and for more than a quarter of the whole, is time for nothing."""
 MUCH_PURGE_G = 30.0
 """More than that, and more than the print weighs, is waste."""
+MANY_RINGS = 500
+"""Other builds of more take longer than a process takes to begin."""
 COSTS_TITLE = "Time, filament and cost"
 
 
@@ -72,12 +77,32 @@ class Costs:
         return min(fewer, key=lambda way: (len(way.faults), not way.is_two_filament, way.estimate.time_s), default=None)
 
 
+@dataclass(frozen=True)
+class OtherBuilds:
+    """What the other builds of a target take."""
+
+    builds: tuple[BuildCosts, ...]
+
+    @classmethod
+    def of(cls, design: Design) -> "OtherBuilds":
+        """Those that there can be."""
+        names = (name for name in builds_of(design.job.target.form) if name != design.job.printing.build)
+        return cls(tuple(way for name in names if (way := _otherwise(design, name)) is not None))
+
+
 def costs_of(design: Design) -> Costs:
-    """A design against its other builds."""
+    """A design against its other builds; for a command those of a large target are told by a process beside it."""
+    is_beside = command_line() and design.target.ring_count > MANY_RINGS
+    told = apart("designer.app.costs:write_others", design.job) if is_beside else lambda: None
     printing = design.job.printing
-    others = (_otherwise(design, name) for name in builds_of(design.job.target.form) if name != printing.build)
-    own = BuildCosts(printing.build, printing.is_two_filament, design.estimate)
-    return Costs(own, tuple(way for way in others if way is not None))
+    own, written = BuildCosts(printing.build, printing.is_two_filament, design.estimate), told()
+    others = OtherBuilds.of(design) if written is None else decode(OtherBuilds, json.loads(written))
+    return Costs(own, others.builds)
+
+
+def write_others() -> None:
+    """What the process beside a command runs."""
+    sys.stdout.write(json.dumps(encode(OtherBuilds, OtherBuilds.of(design_apart()))))
 
 
 def _otherwise(design: Design, build: str) -> BuildCosts | None:

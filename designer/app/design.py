@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
@@ -96,12 +97,12 @@ class DesignedTarget:
 
     def _with_page(self, on_stage: Callable[[str], None]) -> tuple[tuple[OutputFile, ...], "Page"]:
         """The files, and the page before it was written down."""
-        from designer.app.design_page import design_page, page_file
-
         _ = self.design.plates  # of which both make use
         with ThreadPoolExecutor(1) as beside:  # while files are compressed
-            costs = beside.submit(lambda: self.costs)
+            costs = beside.submit(copy_context().run, lambda: self.costs)
             files = make_files(self.design, on_stage)
+        from designer.app.design_page import design_page, page_file
+
         on_stage("page")
         page = design_page(self.design, self.check, files, costs.result())
         return (*files, page_file(page)), page

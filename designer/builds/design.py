@@ -8,6 +8,7 @@ import tomllib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
@@ -316,29 +317,50 @@ def _step(design: Design) -> Made:
         raise InputError(
             "--formats step: needs build123d, which is not installed; pip install 'ringsolid[cad]', or leave step out"
         )
-    line = "from designer.builds.design import step_from_spec; step_from_spec()"
+    step = apart("designer.builds.design:step_from_spec", design.job)()
+    if step is None:
+        raise InputError("--formats step: the CAD kernel made none of this design; leave step out")
+    yield "step", step, "for CAD: true circles, coloured parts"
+
+
+def apart(function: str, job: Job) -> Callable[[], bytes | None]:
+    """Begin a function, "module:name", with a job in a process of its own; what is returned waits for what it writes.
+
+    None: it failed.
+    """
+    line = "from {0} import {1}; {1}()".format(*function.split(":"))
     process = subprocess.Popen(  # noqa: S603 - this program again
         [sys.executable, "-P", "-c", line], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
     )  # fmt: skip
     _PROCESSES.add(process)
-    try:
-        step, _ = process.communicate(spec_to_toml(design.job).encode())
-    finally:
-        _PROCESSES.discard(process)
-    if process.returncode:
-        raise InputError("--formats step: the CAD kernel made none of this design; leave step out")
-    yield "step", step, "for CAD: true circles, coloured parts"
+    assert process.stdin is not None  # noqa: S101 - it is a pipe
+    with suppress(BrokenPipeError), process.stdin as given:
+        given.write(spec_to_toml(job).encode())
+    process.stdin = None  # it waits for what is written alone
+
+    def answer() -> bytes | None:
+        try:
+            out, _ = process.communicate()
+        finally:
+            _PROCESSES.discard(process)
+        return None if process.returncode else out
+
+    return answer
+
+
+def design_apart() -> Design:
+    """The design that such a function is given."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    return Design(size_job(parse_spec(tomllib.loads(sys.stdin.buffer.read().decode()), "")).job)
 
 
 def step_from_spec() -> None:
     """Read a resolved spec, write its STEP file: what the process that makes it runs."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
     from designer.make.cad import step_bytes
 
-    job = size_job(parse_spec(tomllib.loads(sys.stdin.buffer.read().decode()), "")).job
-    design = Design(job)
-    pattern = design.printed_pattern
+    design = design_apart()
+    job, pattern = design.job, design.printed_pattern
     sys.stdout.buffer.write(step_bytes(job.target, pattern, job.printing, name=job.name, scale=design.scale))
 
 

@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 from manifold3d import Manifold
 
 import designer
+from designer.app import costs
 from designer.app.costs import costs_of, verdict
+from designer.base.answer import LINE
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.sizing import size_job
@@ -276,6 +278,20 @@ def test_a_print_beyond_reason_is_said_and_the_better_build_named() -> None:
     itself = designer.ico(edge_mm=60, chord_error="50um", build=large.better.build)
     assert large.better.estimate == itself.estimate  # though one tile stood for all
     assert verdict(costs_of(small("board"))) == ""
+
+
+def test_other_builds_are_the_same_told_by_a_process_beside(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command has it for large targets."""
+    design = designer.ico(edge_mm=30, chord_error="50um").design
+    plain = costs_of(design)
+    assert plain.others
+    monkeypatch.setattr(costs, "MANY_RINGS", 0)
+    monkeypatch.setattr(costs.OtherBuilds, "of", lambda design: pytest.fail("was not asked"))
+    token = LINE.set("design ico")
+    try:
+        assert costs_of(design) == plain
+    finally:
+        LINE.reset(token)
 
 
 @pytest.mark.parametrize(
