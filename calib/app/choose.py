@@ -22,7 +22,7 @@ from designer.kinds.presets import printer_templates
 from designer.page.capability import capability
 from designer.page.progress import Progress, unheard
 from designer.page.result import Result
-from designer.spec.build import builds_of
+from designer.spec.build import BUILDS, builds_of
 from designer.spec.kind import kinds
 from designer.spec.options import AskedPrinting, is_required, options_of
 
@@ -284,7 +284,8 @@ def _jobs(wish: "Wish", asked: "dict[str, str]") -> "Iterator[tuple[Job, str]]":
         more = {one for one in options if is_required(kind.asked, one)} - {name}
         if kind.spec.is_graded or more or takes not in ("length above 0", "size"):
             continue  # it tells the printer, or is made of more than a size
-        usual, *_ = builds = builds_of(kind.spec.form)
+        usual, *_ = every = builds_of(kind.spec.form)
+        builds = [build for build in every if BUILDS[build].ink != "recessed"]  # whose hours of painting are not known
         for build in builds:
             largest, count = math.inf, 0
             for size in map(float, SIZES_MM):

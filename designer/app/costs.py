@@ -49,7 +49,7 @@ class BuildCosts:
     """A build of a target, and what it takes."""
 
     build: str
-    is_two_filament: bool
+    has_printed_ink: bool
     estimate: PrintEstimate
 
     @property
@@ -74,7 +74,7 @@ class Costs:
     def better(self) -> BuildCosts | None:
         """The build to take instead: one with fewer faults, printed ink before glued paper, then the faster one."""
         fewer = [way for way in self.others if len(way.faults) < len(self.own.faults)]
-        return min(fewer, key=lambda way: (len(way.faults), not way.is_two_filament, way.estimate.time_s), default=None)
+        return min(fewer, key=lambda way: (len(way.faults), not way.has_printed_ink, way.estimate.time_s), default=None)
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def costs_of(design: Design) -> Costs:
     is_beside = command_line() and design.target.ring_count > MANY_RINGS
     told = apart("designer.app.costs:write_others", design.job) if is_beside else lambda: None
     printing = design.job.printing
-    own, written = BuildCosts(printing.build, printing.is_two_filament, design.estimate), told()
+    own, written = BuildCosts(printing.build, printing.way.has_printed_ink, design.estimate), told()
     others = OtherBuilds.of(design) if written is None else decode(OtherBuilds, json.loads(written))
     return Costs(own, others.builds)
 
@@ -124,7 +124,7 @@ def build_costs(job: Job) -> BuildCosts | None:
         if check_printability(design.target, printing).violations:
             return None
         plates = maker_of(printing).sample_plates(design)
-        return BuildCosts(printing.build, printing.is_two_filament, estimate(plates, printing))
+        return BuildCosts(printing.build, printing.way.has_printed_ink, estimate(plates, printing))
     except InputError:
         return None
 

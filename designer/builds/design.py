@@ -274,8 +274,12 @@ def _stl(design: Design) -> Made:
     if part.fused is not None:
         yield "stl", stl_bytes(part.fused), "the whole, rings up, for any slicer: the filament changes below the rings"
         return
-    yield "body.stl", stl_bytes(part.body), "the body" if part.ink is not None else "the bare body, without rings"
-    if part.ink is not None:
+    is_recessed = design.job.printing.way.ink == "recessed"
+    what = (
+        "the bare body, without rings" if part.ink is None else "the body, with grooves" if is_recessed else "the body"
+    )
+    yield "body.stl", stl_bytes(part.body), what
+    if part.ink is not None and not is_recessed:
         yield "pattern.stl", stl_bytes(part.ink), "the ink"
 
 

@@ -176,6 +176,8 @@ def print_settings(design: Design, shells: Shells, how_it_lies: str, outline: st
     two = f"1 body, {colour_words(printing.body_colour)}; 2 ink, {colour_words(printing.ink_colour)}"
     if printing.way.ink == "raised":
         two = f"first {colour_words(printing.body_colour)}, then {colour_words(printing.ink_colour)}"
+    if printing.way.ink == "recessed":
+        two = f"{colour_words(printing.body_colour)} alone"
     offset = f"{printing.ink_offset_mm:+g} mm" if printing.ink_offset_mm else "none"
     rows = {
         "printer": f"{printer.name}, nozzle {printer.nozzle_mm:g} mm, lines {printer.line_width_mm:g} mm",

@@ -49,6 +49,11 @@ class Build:
     lip_errors: str = ""  # the same of stickers in lips
     why_not: str = ""  # what stands against the forms that it is not for
 
+    @property
+    def has_printed_ink(self) -> bool:
+        """Whether the printer lays it down; else a hand does."""
+        return self.is_two_filament and self.ink != "recessed"
+
     def errors_of(self, form: Form, face_count: int, *, has_lip: bool = False) -> str | None:
         """The error template of a target; None: it is not for this form."""
         is_two_sided = form == "plate" and face_count > 1
@@ -105,6 +110,15 @@ BUILDS: Mapping[str, Build] = {
             ("inlay_depth", "sticker_thickness", "lip", "ink_side", "mount"),
             has_body=False,
             back_errors="sheet-two-sided",
+        ),
+        Build(
+            "recessed",
+            "a body with grooves, which paint or resin fills",
+            {"solid": "fdm-dual", "plate": "fdm-board"},
+            ("3mf", "stl", "png"),
+            ("sticker_thickness", "ink_side", "mount"),
+            is_two_filament=True,
+            ink="recessed",
         ),
     )
 }

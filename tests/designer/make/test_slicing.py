@@ -249,3 +249,24 @@ def told_by_slicer(gcode: str) -> tuple[float, float]:
     assert mass is not None
     size = {"h": 3600, "m": 60, "s": 1}
     return sum(int(count) * size[unit] for count, unit in re.findall(r"(\d+)([hms])", said[1])), float(mass[1])
+
+
+def test_grooves_are_open_above_and_closed_below(tmp_path: Path) -> None:
+    """A recessed board prints as much as it has, nothing in its grooves, and all below them."""
+    command, design = require_slicer(), design_of("board", **SMALL["board"], build="recessed", chord_error=COARSE)
+    profile, lies = design.job.printing.printer, bed_from_target(design.target, design.job.printing)
+    (package := tmp_path / "recessed.3mf").write_bytes(packages_of(design).prusa)
+    center = (profile.bed_mm[0] / 2, profile.bed_mm[1] / 2)
+    paths = slice_3mf(command, package, one_filament(slicer_settings(profile)), center)
+    assert paths.tool_changes == 0
+    assert volume_mm3(paths, np.ones(len(paths.tool), dtype=bool)) == pytest.approx(
+        design.part.body.volume_mm3, rel=0.05
+    )
+    grooves = ink_of_face(design.printed_pattern, design.printed_pattern.faces[0]).buffer(-profile.line_width_mm / 2)
+    start, end = ((at - lies[:3, 3]) @ lies[:3, :3] for at in (paths.start_mm, paths.end_mm))
+    lines = shapely.linestrings(np.stack([start[:, :2], end[:, :2]], axis=1))
+    layer_mm, depth_mm = profile.layer_height_mm, design.job.printing.inlay_mm
+    shapely.prepare(grooves)
+    assert not shapely.intersects(grooves, lines[end[:, 2] > -depth_mm + layer_mm / 2]).any()
+    floor = shapely.buffer(lines[np.abs(end[:, 2] + depth_mm) < layer_mm / 2], 0.55 * profile.line_width_mm)
+    assert shapely.union_all(floor).intersection(grooves).area == pytest.approx(grooves.area, rel=0.01)
