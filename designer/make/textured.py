@@ -63,6 +63,9 @@ def textured(pattern: Pattern, spec: Spec, colours: tuple[str, str]) -> Textured
              enumerate(zip(pattern.faces, pattern.target_from_face, strict=True))]  # fmt: skip
     if spec.body is None:
         parts += _plate_sides(sheet, pattern, spec.depth_mm)
+    else:
+        corners = spec.body.corners_mm()
+        parts += [(corners[list(face)], np.tile(sheet.patch, (len(face), 1))) for face in spec.body.bare]
     starts = np.cumsum([0, *(len(corner) for corner, _ in parts)])
     corner = np.concatenate([corner for corner, _ in parts])
     triangles = np.concatenate([

@@ -17,7 +17,9 @@ def files_of(design: Design) -> dict[str, bytes]:
     return {suffix: content for suffix, content, _ in EXPORTERS["colour"](design)}
 
 
-@pytest.mark.parametrize("design", [small("ico"), small("cube"), design_of("board", size="60x60mm", build="sheet")])
+@pytest.mark.parametrize(
+    "design", [small("ico"), small("cube"), small("solid"), design_of("board", size="60x60mm", build="sheet")]
+)
 def test_rings_have_their_centres(design: Design) -> None:
     """In the target's frame, each ring's ink has its centre of gravity within a micrometre of the target's centre."""
     mesh = trimesh.load_mesh(io.BytesIO(files_of(design)["colour.ply"]), file_type="ply", process=False)

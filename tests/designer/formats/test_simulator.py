@@ -12,7 +12,7 @@ from designer.builds.design import EXPORTERS, Design
 from designer.make.textured import TexturedMesh, textured
 from tests.support.designs import design_of, small
 
-KINDS = ("ico", "board", "cube")
+KINDS = ("ico", "board", "cube", "solid")
 each = pytest.mark.parametrize("kind", KINDS)
 
 
