@@ -11,6 +11,7 @@ import pycolmap
 import pytest
 
 import calib
+from calib.observe.dataset import write_detections
 from calib.observe.marker_files import MARKER_FORMATS
 from designer.base.errors import InputError
 from tests.support.command_scene import BOARD, CAMERA, FOUND
@@ -108,6 +109,17 @@ def test_a_name_that_a_format_cannot_hold_is_refused(to: str, image: str, said: 
         calib.markers(BOARD, odd, to)
     others = [name for name in MARKER_FORMATS if name != to and not (name in ("odm", "colmap") and " " in image)]
     assert all(calib.markers(BOARD, odd, name).texts for name in others)
+
+
+def test_a_run_folder_stands_for_its_detections(tmp_path: Path) -> None:
+    """The folder and the file in it give the same; of a folder without one, a line says so."""
+    write_detections(tmp_path / "detections.csv", SEEN, BOARD)
+    found, other = (calib.markers(BOARD, given, "odm") for given in (tmp_path, tmp_path / "detections.csv"))
+    assert found.texts == other.texts
+    assert found.places == sum(len(one.ring) for one in SEEN)
+    (tmp_path / "none").mkdir()
+    with pytest.raises(InputError, match=r"detections\.csv: cannot be read: No such file"):
+        calib.markers(BOARD, tmp_path / "none", "odm")
 
 
 def test_photos_without_the_target_are_no_photos() -> None:
