@@ -234,8 +234,9 @@ def _3mf(design: Design) -> Made:
         if design.job.printing.way.ink == "raised" and plate.is_two_filament:
             filaments = "the change of filament set"
         stem = f"{plate.name}." if plate.name else ""
-        yield f"{stem}prusa.3mf", files.prusa, f"for PrusaSlicer: {what}, {filaments}"
-        yield f"{stem}bambu.3mf", files.bambu, f"for Bambu Studio, OrcaSlicer and Cura: {what}"
+        yield f"{stem}prusa.3mf", files.prusa, f"for PrusaSlicer, with settings: {what}, {filaments}"
+        project = ", a project with settings" * (design.job.printing.printer.presets is not None)
+        yield f"{stem}bambu.3mf", files.bambu, f"for Bambu Studio, OrcaSlicer and Cura: {what}{project}"
 
 
 def _project(design: Design) -> Made:

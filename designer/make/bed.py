@@ -47,7 +47,7 @@ def bed_from_target(target: TargetGeometry, printing: PrintSpec) -> Array:
     low, (width, depth, _) = turned.min(axis=0), np.ptp(turned, axis=0).tolist()
     motion = np.eye(4)
     motion[:3, :3] = rotation
-    strip = strip_mm(printing.printer) if printing.is_two_filament else np.zeros(2)
+    strip = strip_mm(printing.printer) if len(printing.filament_colours) > 1 else np.zeros(2)
     motion[:3, 3] = [*printing.printer.laid_mm((width, depth), (float(strip[0]), float(strip[1]))), 0.0] - low
     return motion
 

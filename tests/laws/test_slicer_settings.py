@@ -18,13 +18,12 @@ from designer.builds.slicing import print_settings
 from designer.formats.project import PRIME_MM3, PlateFiles, plate_files
 from designer.kinds.presets import preset_names
 from designer.make.bed import Plate
-from designer.spec.build import BUILDS
 from tests.support.designs import SMALL, design_of
 from tests.support.gcode import read_gcode, require_slicer, run_slicer
 
 WAYS = [
     *((printer, "one-piece") for printer in preset_names("printers")),
-    *((printer, build) for build in BUILDS if BUILDS[build].is_in_parts for printer in ("bambu-p1s", "prusa-mk4s")),
+    *((printer, build) for build in ("relief", "tiles") for printer in ("bambu-p1s", "prusa-mk4s")),
 ]
 each_way = pytest.mark.parametrize(("printer", "build"), WAYS)
 
@@ -32,7 +31,7 @@ each_way = pytest.mark.parametrize(("printer", "build"), WAYS)
 @cache
 def made(printer: str, build: str) -> tuple[Design, Plate, PlateFiles]:
     """A small target, its first plate and the files of it."""
-    kind, wishes = ("board", SMALL["board"]) if build == "one-piece" else ("cube", {"edge": "40mm", "mount": "none"})
+    kind, wishes = ("cube", {"edge": "40mm", "mount": "none"}) if build == "tiles" else ("board", SMALL["board"])
     target = design_of(kind, **{**wishes, "printer": printer, "build": build, "chord_error": "0.2mm"})
     return target, target.plates[0], plate_files(target.plates[0], target.job.printing)
 
@@ -70,18 +69,22 @@ def test_values_told_on_the_page_are_those_of_prusaslicers_settings(printer: str
     target, _, files = made(printer, build)
     page, found, profile = told(target), config_of(files.prusa), target.job.printing.printer
     *_, nozzle, line = numbers(page["printer"])
-    assert found["nozzle_diameter"] == f"{nozzle:g},{nozzle:g}"
+    count = 1 if build == "relief" else 2  # of filaments that are loaded at a time
+    assert found["nozzle_diameter"] == ",".join([f"{nozzle:g}"] * count)
     assert {float(found[key]) for key in found if key.endswith("extrusion_width")} == {line}
     assert {float(found[key]) for key in ("layer_height", "first_layer_height")} == {numbers(page["layer height"])[0]}
     shells = ["perimeters", "bottom_solid_layers", "top_solid_layers", "fill_density"]
     values = [float(found[key].rstrip("%")) for key in shells]
     assert values[: len(numbers(page["walls, infill"]))] == numbers(page["walls, infill"])
-    assert found["filament_colour"].lower().split(";") == re.findall(r"#\w{6}", page["filaments"])
+    assert found["filament_colour"].lower().split(";") == re.findall(r"#\w{6}", page["filaments"])[:count]
     assert page["supports"].startswith("off") == (found["support_material"] == "0")
     assert page["ironing"].startswith("off") == (found["ironing"] == "0")
     assert "compensation 0" in page["outline"]
     assert found["xy_size_compensation"] == found["elefant_foot_compensation"] == "0"
     assert found["bed_shape"].split(",")[2] == "x".join(f"{side:g}" for side in profile.bed_mm[:2])
+    if count == 1:
+        assert found["wipe_tower"] == "0"
+        return
     purge = np.array(found["wiping_volumes_matrix"].split(","), dtype=float)
     wanted = [0.0, profile.machine.change.purge_to_ink_mm3, profile.machine.change.purge_to_body_mm3, 0.0]
     if build == "tiles" and sum(wanted) > 500:  # of a printer with a chute, more than the tower's place takes
@@ -107,19 +110,23 @@ def test_values_told_on_the_page_are_those_of_the_project(printer: str, build: s
     shells = ["wall_loops", "bottom_shell_layers", "top_shell_layers", "sparse_infill_density"]
     values = [float(cast("str", found[key]).rstrip("%")) for key in shells]
     assert values[: len(numbers(page["walls, infill"]))] == numbers(page["walls, infill"])
-    assert [one.lower() for one in found["filament_colour"]] == re.findall(r"#\w{6}", page["filaments"])
+    colours = [one.lower() for one in found["filament_colour"]]
+    assert colours == re.findall(r"#\w{6}", page["filaments"])[: len(colours)]
+    assert len(colours) == (1 if build == "relief" else 2)
     assert (found["enable_support"], found["ironing_type"], found["brim_type"]) == ("0", "no ironing", "no_brim")
     offsets = ("xy_contour_compensation", "xy_hole_compensation", "elefant_foot_compensation")
     assert {found[key] for key in offsets} == {"0"}
     change = target.job.printing.printer.machine.change
-    purge = np.array(found["flush_volumes_matrix"], dtype=float)[[1, 2]] + PRIME_MM3
-    assert purge == pytest.approx([change.purge_to_ink_mm3, change.purge_to_body_mm3])
+    matrix = np.array(found["flush_volumes_matrix"], dtype=float).reshape(len(colours), -1)
+    assert not matrix.diagonal().any()
+    purge = matrix[~np.eye(len(colours), dtype=bool)] + PRIME_MM3
+    assert purge == pytest.approx([change.purge_to_ink_mm3, change.purge_to_body_mm3][: len(purge)])
     of_process = {*found["different_settings_to_system"][0].split(";")}
     assert of_process >= {*shells, *offsets, "layer_height", "enable_support", "ironing_type", "brim_type"}
     assert of_process <= {*found}
 
 
-@each_way
+@pytest.mark.parametrize(("printer", "build"), [way for way in WAYS if way[1] != "relief"])
 def test_towers_stand_on_the_bed_clear_of_the_parts(printer: str, build: str) -> None:
     """PrusaSlicer's, as wide as told and as deep as what a layer purges, with its brim."""
     target, plate, files = made(printer, build)
