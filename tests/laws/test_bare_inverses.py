@@ -9,6 +9,8 @@ import designer
 BARE = {"inv", "pinv", "solve", "lstsq", "cholesky", "tensorsolve", "cho_factor", "cho_solve", "solve_triangular"}
 
 ALLOWED = {
+    "designer/base/solid.py Faceted.corners_mm": "a shortest solution, which any planes that meet have",
+    "designer/kinds/faceted.py _clipped": "a shortest solution, which any polygon's sides have",
     "calib/core/linear_algebra.py covariance_with_prior": "a guarded function itself",
     "calib/core/linear_algebra.py least_squares": "a guarded function itself",
     "calib/core/linear_algebra.py pseudo_inverse": "a guarded function itself",
