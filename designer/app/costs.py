@@ -183,8 +183,7 @@ def cost_table(costs: Costs, printing: PrintSpec) -> Table:
     filament, shown = printing.filament_price, Shown[BuildCosts]
     return table_of(
         (costs.own, *costs.others),
-        shown("build", lambda one: f"{one.build}, this design" if one is costs.own else one.build),
-        shown("plates", lambda one: len(one.estimate.plates)),
+        shown("build", lambda one: f"this: {one.build}" if one is costs.own else one.build),
         shown("time", lambda one: _cell(duration, one.estimate.time_s, "usable" if one.faults else None)),
         shown("changes", lambda one: one.estimate.changes),
         shown("purge", lambda one: _cell(grams, one.estimate.purge_g)),

@@ -109,7 +109,7 @@ def rule_blocks(check: PrintCheck, printing: PrintSpec) -> tuple[Leaf, ...]:
     rows = check.told().rows
     notes = tuple(row for row in rows if row.level == "note" and not printing.is_two_filament)  # whose settings say it
     holding = [(row.title, row.measured, row.rule or row.text) for row in rows if row.level == "good"]
-    table = text_table(f"Lines of {printing.pattern_line_mm:g} mm", ("rule", "here", "limit"), holding)
+    table = text_table("", ("rule", "here", "limit"), holding)
     return (*((Findings(notes),) if notes else ()), *((table,) if holding else ()))
 
 

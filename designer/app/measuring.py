@@ -209,7 +209,7 @@ def measure_blocks(design: Design) -> tuple[Block, ...]:
     is_plate = design.target.is_plate
     hints = _plate_hints(measuring) if is_plate else _solid_hints(measuring)
     told = [(name, capital(why)) for name, why in (_plate_meaning if is_plate else _solid_meaning)(measuring)]
-    deviations = Fold("What deviations mean", (text_table("", ("found", "means"), told),))
+    deviations = Fold("Deviations", (text_table("", ("found", "means"), told),))
     return (_length_table(measuring), hints, deviations, *_commands(measuring))
 
 
@@ -275,7 +275,7 @@ def _ring_words(measuring: _Measuring) -> str:
     """How the distance of two rings is taken."""
     example, diameter = measuring.example, 2 * float(measuring.design.target.radius_outer_mm.max())
     return (
-        "Ring to ring is the mean of over the outer and between the inner edges, so that bleed cancels: of "
+        "Ring to ring is the mean of over the outer and between the inner edges: of "
         f"{example.option} {example.length_mm + diameter:.2f} and {example.length_mm - diameter:.2f} mm."
     )
 
@@ -352,9 +352,9 @@ def _commands(measuring: _Measuring) -> tuple[Block, ...]:
         ),
         Command(
             f'calib measure {target} camera/detections.csv --length "{length}"{made} -o measured/{target}',
-            "after calib run: size, shape and every face",
+            "after calib run: size and shape",
         ),
-        Command(f"calib run measured/{target} photos -o camera", "the camera, of the target as printed"),
+        Command(f"calib run measured/{target} photos -o camera", "the camera again"),
         Fold("Quicker: the size alone", (
             Command(f'calib measure {target} --measured-length "{length}"{shrunk} -o measured/{target}'),
         )),

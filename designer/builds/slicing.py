@@ -9,7 +9,7 @@ from designer.builds.design import Design
 from designer.formats.folder import OutputFile
 from designer.make.bed import overhang, printed_size_mm
 from designer.make.printability import COUNT
-from designer.page.blocks import Block, Facts, Fold, Steps, Table, text_table
+from designer.page.blocks import Block, Fold, Paragraph, Steps, Table, text_table
 from designer.spec.machine import BRIM_MM, Shells
 from designer.spec.spec import PrinterProfile, PrintSpec
 
@@ -79,13 +79,15 @@ def slicer_folds(design: Design, files: Sequence[OutputFile]) -> tuple[Block, ..
         return ()
     (own, opened), *others = there
     rows = tuple(
-        (one.title, f"{name}; {one.choose}. {one.mind} {one.purge} Slots: {one.slot}; preview by {one.preview}.")
+        Paragraph(
+            f"{one.title}: {name}; {one.choose}. {one.mind} {one.purge} Slots: {one.slot}; preview by {one.preview}."
+        )
         for one, name in others
     )
     steps = Fold(f"In {own.title}", (_steps(design, own, opened, names),), is_open=True)
     if not rows:
         return (steps,)
-    return (steps, Fold(f"In {' and '.join(one.title for one, _ in others)}", (Facts(rows),)))
+    return (steps, Fold(f"In {' and '.join(one.title for one, _ in others)}", rows))
 
 
 def _file_of(design: Design, slicer: Slicer, names: set[str]) -> str:
@@ -140,7 +142,7 @@ def _opening_project(design: Design, slicer: Slicer, project: str, names: set[st
     return (
         f"Open {project} as a project: {plates}{presets.printer}, {presets.process}, {presets.filament}, "
         f"{presets.plate_type}, and the table's values: put your own filaments and plate in.",
-        "It was tried in neither program: compare with the "
+        "Tried in neither program: compare with the "
         f"{'pictures' if plates else 'table'}; if there is {'but one plate, or ' if plates else ''}only geometry, "
         f"{instead}.",
     )

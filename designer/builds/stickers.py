@@ -53,7 +53,7 @@ class Stickers(Maker):
         body = Steps((
             f"Open {job.name}.body.stl in your slicer; one filament, matt. Every face is "
             f"{printing.sticker_thickness_mm:g} mm lower than the target's, for the sticker. {frames}"
-            f"{lies}{capital(scale_words(printing))}.",
+            f"{lies}Scale: {scale_words(printing)}.",
             f"Layer height {printing.printer.layer_height_mm:g} mm, {Shells().words()}; ironing off. Remove blobs and "
             "seams: a sticker over them is not flat.",
         ))  # fmt: skip

@@ -49,7 +49,20 @@ from designer.make.bed import bed_from_target
 from designer.make.estimate import DENSITY_G_PER_CM3, PlateEstimate, PrintEstimate, duration
 from designer.make.printability import PrintCheck, PrintFinding, check_printability
 from designer.make.stand import make_stand, stand_from_target
-from designer.page.blocks import Block, Command, Facts, Figure, FileList, Fold, Leaf, Page, Steps, Table, View3d
+from designer.page.blocks import (
+    Block,
+    Command,
+    Facts,
+    Figure,
+    FileList,
+    Fold,
+    Leaf,
+    Page,
+    Paragraph,
+    Steps,
+    Table,
+    View3d,
+)
 from designer.page.page_file import PAGE_FILE
 from designer.page.scene import Rings, Surface
 from designer.spec.options import Asked
@@ -97,15 +110,15 @@ def leaves(page: Page) -> Iterator[Leaf]:
 
 
 def words(page: Page) -> str:
-    """All steps, table cells, facts and commands of a page."""
+    """All steps, paragraphs, table cells and commands of a page."""
     parts: list[str] = []
     for leaf in leaves(page):
         if isinstance(leaf, Steps):
             parts += leaf.items
         elif isinstance(leaf, Table):
             parts += [cell.text for row in leaf.rows for cell in row]
-        elif isinstance(leaf, Facts):
-            parts += [value for _, value in leaf.rows]
+        elif isinstance(leaf, Paragraph):
+            parts.append(leaf.text)
         elif isinstance(leaf, Command):
             parts += [leaf.line, leaf.purpose]
     return "\n".join(parts)
@@ -343,8 +356,8 @@ def test_the_printers_own_slicer_comes_first_and_open() -> None:
         folds = [block for block in making.blocks if isinstance(block, Fold)]
         assert [fold.is_open for fold in folds] == [True, False]
         assert folds[0].title == f"In {first}"
-        (others,) = [block for block in folds[1].blocks if isinstance(block, Facts)]
-        assert {name for name, _ in others.rows} == {one.title for one in SLICERS} - {first}
+        others = [block.text for block in folds[1].blocks if isinstance(block, Paragraph)]
+        assert {text.partition(":")[0] for text in others} == {one.title for one in SLICERS} - {first}
 
 
 def test_compensation_is_said_where_it_is_in_the_files() -> None:
