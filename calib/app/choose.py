@@ -28,7 +28,7 @@ from designer.spec.options import AskedPrinting, is_required, options_of
 
 if TYPE_CHECKING:
     from calib.studies.tolerance.forecast import Forecast, Foretold, Stage, Wish
-    from designer.page.blocks import Level, Page, Table
+    from designer.page.blocks import Page
     from designer.spec.spec import Job
     from designer.target import TargetGeometry
 
@@ -40,6 +40,16 @@ HEIGHT = 0.7
 """Of the width of a flat target, as of a page."""
 OF_BED = 1.2
 """Of its shorter side: of wider solids tiles, or halves of a core, find no room."""
+DIAGONAL = 1.45
+"""Of a square bed: no edge is longer."""
+FAILURES = 1
+"""That do not end the search for a size."""
+TOO_LARGE = 0.95
+"""Of the size of what a printer does not take: the next that may do."""
+SPARE = 1.4
+"""Of the least ring that is read: so large the rings are if that leaves enough of them."""
+LINES = 7.5
+"""Of a printer across a ring whose strokes are two of them; half as many are the least."""
 AS_GOOD = 1.25
 """Times the least error, within which predictions are true: of what is no worse the cheapest is taken."""
 ENOUGH = 1.25
@@ -57,7 +67,6 @@ REMARKS = (
     "how much: a target that was measured comes near one that is as drawn",
     "machined, engraved and other ways that no printer makes: design ways ranks them for a target",
 )
-AS_DRAWN = "of a target exactly as drawn: by the noise of the photos alone"
 
 
 @dataclass(frozen=True)
@@ -137,13 +146,15 @@ class TargetChoice(Result, kind="choice", title="Choice of a target", doing="loo
 
     def page(self) -> "Page":
         """The recommended one, what the others come to, and a few of its photos."""
-        return _page(self)
+        from calib.app.choose_page import choice_page
+
+        return choice_page(self)
 
     def words(self, page: "Page | None" = None) -> "Page":
         """The answer, the table, and the command."""
         from designer.page.blocks import Facts, Page
 
-        told = _page(self) if page is None else page
+        told = self.page() if page is None else page
         rows = tuple((one.named, one.sentence) for one in self.shortlist[:MOST_SAID])
         return Page("", "", told.headline, (), lead=(Facts(rows),), next_steps=told.next_steps)
 
@@ -276,8 +287,13 @@ def _jobs(wish: "Wish", asked: "dict[str, str]") -> "Iterator[tuple[Job, str]]":
     With the command lines that make them; of each kind and build the largest and some smaller ones.
     """
     from calib.studies.tolerance.forecast import stage_of
+    from designer.kinds.sizing import printer_of
 
-    stage = stage_of(wish)
+    machine = printer_of(AskedPrinting(printer=asked.get("printer")))
+    seen_mm, least = stage_of(wish).least_ring_mm, LINES * machine.line_width_mm
+    good = SPARE * seen_mm
+    sizes = {max(good, least), max(seen_mm, least), max(seen_mm, least / 2)}
+    rings = [{"ring_diameter": format_mm(math.ceil(2 * one) / 2)} for one in sorted(sizes, reverse=True)]
     for kind in kinds():
         options, name = options_of(kind.asked), next(iter(kind.spec.extent), "")
         takes = options[name].value if name in options else ""
@@ -287,39 +303,47 @@ def _jobs(wish: "Wish", asked: "dict[str, str]") -> "Iterator[tuple[Job, str]]":
         usual, *_ = every = builds_of(kind.spec.form)
         builds = [build for build in every if BUILDS[build].ink != "recessed"]  # whose hours of painting are not known
         for build in builds:
-            largest, count = math.inf, 0
-            for size in map(float, SIZES_MM):
-                if size > min(largest, *wish.volume_mm[:2]) or count == MOST_SIZES:
+            way, largest_mm, found, failed = BUILDS[build], min(wish.volume_mm[:2]), 0, 0
+            if way.has_body and not (way.is_in_parts and kind.spec.form == "plate"):
+                largest_mm = min(largest_mm, DIAGONAL * min(machine.bed_mm[:2]))
+            for size_mm in map(float, SIZES_MM):
+                if size_mm > largest_mm or found == MOST_SIZES or failed > FAILURES:
                     continue
-                lengths = (size, round(HEIGHT * size, -1)) if takes == "size" else (size,)
+                lengths = (size_mm, round(HEIGHT * size_mm, -1)) if takes == "size" else (size_mm,)
                 values = {name: format_mm(*lengths), **({} if build == usual else {"build": build}), **asked}
-                for rings in ({}, {"ring_diameter": format_mm(math.ceil(2 * stage.least_ring_mm) / 2)}):
-                    if job := _job({"kind": kind.name, **values, **rings}, stage, wish.volume_mm):
-                        words = (
-                            f"--{key.replace('_', '-')} {quote(text)}" for key, text in {**values, **rings}.items()
-                        )
-                        yield job, f"design {kind.name} {' '.join(words)}"
-                        largest, count = SMALLER * size, count + 1
-                        break
+                tried = ((each, _sized({"kind": kind.name, **values, **each})) for each in rings)
+                each, job = next((one for one in tried if one[1] is not None), ({}, None))
+                failed = failed + 1 + found if job is None else 0  # of smaller ones the rings are too large
+                room = 0.0 if job is None else _room(job, wish)
+                if job is not None and room >= 1:
+                    words = (f"--{key.replace('_', '-')} {quote(text)}" for key, text in {**values, **each}.items())
+                    yield job, f"design {kind.name} {' '.join(words)}"
+                    found += 1
+                largest_mm = min(SMALLER if room >= 1 else room or 1.0, 1.0) * size_mm
 
 
-def _job(values: "dict[str, str]", stage: "Stage", volume_mm: tuple[float, float, float]) -> "Job | None":
-    """What is asked for, sized; None: it will not do."""
+def _sized(values: "dict[str, str]") -> "Job | None":
+    """What is asked for with all sizes; None: there is no such target, or the process does not make it."""
     from designer.kinds.sizing import size_job
     from designer.kinds.spec_file import parse_spec
-    from designer.target import bounding_radius_mm
 
     try:
-        job = size_job(parse_spec(values, "")).job
+        return size_job(parse_spec(values, "")).job
     except InputError:
         return None
-    target, room_mm = job.target.lay_out(), min(*volume_mm[:2], 2 * stage.distance_mm[1])
-    if job.printing.way.is_in_parts and job.target.solid is not None:
-        room_mm = min(room_mm, OF_BED * min(job.printing.printer.bed_mm[:2]))
-    if job.target.ring_diameter_mm < stage.least_ring_mm or 2 * bounding_radius_mm(target) > room_mm:
-        return None
+
+
+def _room(job: "Job", wish: "Wish") -> float:
+    """How many times as large it may be to be turned in the volume and made; less than 1 if it is too large."""
+    from designer.target import bounding_radius_mm
+
+    target, printer, way = job.target.lay_out(), job.printing.printer, job.printing.way
+    room_mm = min(wish.volume_mm[:2])
+    if way.is_in_parts and not target.is_plate:
+        room_mm = min(room_mm, OF_BED * min(printer.bed_mm[:2]))
     printability = import_module("designer.make.printability")  # which this command of `design` alone asks
-    return None if printability.check_printability(target, job.printing).violations else job
+    is_made = not printability.check_printability(target, job.printing).violations
+    return min(room_mm / (2 * bounding_radius_mm(target)), math.inf if is_made else TOO_LARGE)
 
 
 def _why_nothing(wish: "Wish", asked: "dict[str, str]") -> str:
@@ -421,62 +445,3 @@ def _best(sound: Sequence[_Ranked], goal_px: float | None) -> tuple[_Ranked, str
     if first.told.optics.image_px <= goal_px:
         said = f"as drawn it would, {digits(first.told.optics.image_px, 2)} px: measure it with calib measure"
     return first, f"none reaches that as it is made, and this one comes nearest; {said}"
-
-
-def _page(found: TargetChoice) -> "Page":
-    from calib.draw.target_sketch import sketch
-    from designer.base.words import printable
-    from designer.page.blocks import Command, Facts, Fold, Gallery, Headline, Page, Picture, Section
-    from designer.page.folders import notes
-
-    first, (near, far), poses = found.shortlist[0], found.distance_mm, found.forecast.found.rig_from_target
-    within = f"95 % of the image is then known to {digits(first.made.image_px, 2)} px (1 sigma)"
-    if found.cameras > 1:
-        within += f", a point in the middle of the volume to {digits(first.made.point_mm, 2)} mm"
-    wanted = "" if math.isnan(found.goal_px) else f"; wanted: {digits(found.goal_px, 2)} px"
-    level: Level = "bad" if found.is_negative else "good" if wanted else "note"
-    away_mm = (poses[:, :3, 3] ** 2).sum(axis=1) ** 0.5
-    rows = away_mm.argsort()[[0, len(poses) // 3, 2 * len(poses) // 3, -1]].tolist()
-    pictures = tuple(
-        Picture(sketch(found.stage.camera, found.geometry, poses[row]), f"frame {row}", f"{away_mm[row]:.0f} mm away")
-        for row in rows
-    )
-    facts = Facts((
-        ("cameras", f"{found.cameras}, {found.model}, {near:.0f} to {far:.0f} mm from the volume's front and back"),
-        *((name, printable(text)) for name, text in found.settings.items()),
-        ("photos", f"{found.photos} of each camera"),
-    ))  # fmt: skip
-    fold = (Fold("Other sizes that were looked at", (_table(found, found.others),)),) if found.others else ()
-    order = "The recommended one first, then the surest."
-    sections = (
-        Section("Which target", (_table(found, found.shortlist), *fold), lead=order),
-        Section("What the camera will see", (Gallery(pictures),)), Section("Assumptions", notes(found.remarks)),
-    )  # fmt: skip
-    headline = Headline(level, first.named, f"{within}{wanted}. Why this one: {found.reason}.")
-    return Page("", "", headline, sections, lead=(facts,), next_steps=(Command(first.command, "makes it"),))
-
-
-def _table(found: TargetChoice, rows: Sequence[Candidate]) -> "Table":
-    """Candidates, and what they come to."""
-    from designer.page.blocks import Cell
-    from designer.page.folders import Shown, table_of
-
-    kind = Shown[Candidate]
-    photos = "that reach the goal" if math.isfinite(found.goal_px) else "from which on more do little"
-    hours = "of printing and work, by the error template's law; of the first as estimated for the printer"
-    space = (
-        kind("space mm", lambda one: one.made.point_mm, "a point in the middle of the volume, as it is made"),
-        kind("as drawn mm", lambda one: one.optics.point_mm, AS_DRAWN),
-        kind("baseline mm", lambda one: one.made.baseline_mm, "the distance of two cameras, as it is made"),
-    )
-    return table_of(
-        rows, kind("target", lambda one: one.named), kind("rings", lambda one: round(one.rings), "in a photo"),
-        kind("radius px", lambda one: one.far_radius_px, "of a ring at the far end of the volume"),
-        *(space if found.cameras > 1 else ()),
-        kind("image px", lambda one: one.made.image_px, "what 95 % of it stays within, 1 sigma, as it is made"),
-        kind("as drawn px", lambda one: one.optics.image_px, AS_DRAWN),
-        kind("focal px", lambda one: one.made.focal_px, "of the focal length, as it is made"),
-        kind("photos", lambda one: one.photos, f"of each camera, {photos}", unknown="more"),
-        kind("hours", lambda one: Cell(digits(one.hours, 2), one.hours, level="usable" if one.faults else None), hours),
-        kind("price EUR", lambda one: one.price_eur, unknown="-"), kind("command", lambda one: one.command),
-    )  # fmt: skip

@@ -52,7 +52,7 @@ PINHOLE_TO_RAD = math.radians(120)
 """Wider lenses follow no pinhole's model."""
 MOST_RINGS = 200
 """Of a face: of more so many at random stand for all."""
-FRAMES, FEWEST_FRAMES = 50, 25
+FRAMES, FEWEST_FRAMES = 50, 16
 """That are simulated, of one camera and at least; of a flat target twice as many: how it is turned counts more."""
 CLEAR = 1.3
 """Of the target's radius: nobody holds it nearer to a camera."""
