@@ -86,7 +86,9 @@ class OtherBuilds:
     @classmethod
     def of(cls, design: Design) -> "OtherBuilds":
         """Those that there can be."""
-        names = (name for name in builds_of(design.job.target.form) if name != design.job.printing.build)
+        among, own = builds_of(design.job.target.form), design.job.printing.build
+        # Both are for one filament, and rings that stand need no paint.
+        names = (name for name in among if name != own and not (name == "recessed" and "relief" in among))
         return cls(tuple(way for name in names if (way := _otherwise(design, name)) is not None))
 
 

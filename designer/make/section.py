@@ -7,7 +7,7 @@ from manifold3d import CrossSection, FillRule, Manifold
 from numpy.typing import NDArray
 
 from designer.base.arrays import Array, Flags, Rows
-from designer.make.mesh import Mesh, Part, solid_of
+from designer.make.mesh import Mesh, Part
 
 Polyline = Array  # (N, 2)
 SIMPLE_MM = 0.0125
@@ -120,7 +120,7 @@ class Sliced:
         self._layered = tuple(Layered(mesh, layer_mm) for mesh in meshes)
         hull = Manifold.hull_points(np.concatenate([mesh.vertices_mm for mesh in meshes]))
         self._is_hull = sum(mesh.volume_mm3 for mesh in meshes) > (1 - _EXACTLY) * hull.volume()
-        self._whole = hull if self._is_hull else solid_of(part.body) if part.ink is None else None
+        self._hull = hull if self._is_hull else None
         self.count = max(len(one.is_there) for one in self._layered)
         self._outline_of, self._sections_of = cache(self._cut_outline), cache(self._cut_sections)
 
@@ -147,14 +147,14 @@ class Sliced:
     def _cut_outline(self, layer: int) -> CrossSection:
         if not 0 <= layer < self.count:
             return CrossSection()
-        if self._whole is not None:
-            return self._whole.slice((layer + 0.5) * self._layer_mm).simplify(SIMPLE_MM)
-        body, ink = self.sections(layer)
-        return body + ink
+        if self._hull is not None:
+            return self._hull.slice((layer + 0.5) * self._layer_mm).simplify(SIMPLE_MM)
+        body, *ink = self.sections(layer)
+        return body + ink[0] if ink else body
 
     def _cut_sections(self, layer: int) -> tuple[CrossSection, ...]:
         if len(self._layered) == 1:
-            return (self.outline(layer),)
+            return (self.outline(layer) if self._is_hull else self._layered[0].section(layer),)
         body, ink = self._layered
         if not ink.is_in(layer):
             return body.section(layer), CrossSection()
