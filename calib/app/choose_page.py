@@ -19,7 +19,8 @@ def choice_page(found: "TargetChoice") -> Page:
     """The recommended one, what the others come to, and a few of its photos."""
     from calib.draw.target_sketch import sketch
 
-    first, (near, far), poses = found.shortlist[0], found.distance_mm, found.forecast.found.rig_from_target
+    first, (near, far), rig = found.shortlist[0], found.distance_mm, found.forecast.found
+    poses = rig.rig_from_target[rig.observations.frame[0]]  # as the first camera sees it
     within = f"95 % of the image is then known to {digits(first.made.image_px, 2)} px (1 sigma)"
     if found.cameras > 1:
         within += f", a point in the middle of the volume to {digits(first.made.point_mm, 2)} mm"
@@ -38,9 +39,11 @@ def choice_page(found: "TargetChoice") -> Page:
     ))  # fmt: skip
     fold = (Fold("Other sizes that were looked at", (_table(found, found.others),)),) if found.others else ()
     order = "The recommended one first, then the surest."
+    first_one = "first " if found.cameras > 1 else ""
     sections = (
         Section("Which target", (_table(found, found.shortlist), *fold), lead=order),
-        Section("What the camera will see", (Gallery(pictures),)), Section("Assumptions", notes(found.remarks)),
+        Section(f"What the {first_one}camera will see", (Gallery(pictures),)),
+        Section("Assumptions", notes(found.remarks)),
     )  # fmt: skip
     headline = Headline(level, first.named, f"{within}{wanted}. Why this one: {found.reason}.")
     return Page("", "", headline, sections, lead=(facts,), next_steps=(Command(first.command, "makes it"),))
