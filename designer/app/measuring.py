@@ -11,7 +11,7 @@ from designer.base.arrays import Array
 from designer.base.units import NO_SKEW, format_skew
 from designer.base.words import capital
 from designer.builds.design import Design
-from designer.kinds.layout import advised_photos, opposite_faces
+from designer.kinds.layout import advised_photos, opposite_faces, true_corners
 from designer.make.bed import bed_from_target
 from designer.page.blocks import Block, Cell, Column, Command, Fold, Paragraph, Steps, Table, text_table
 from designer.spec.spec import PrintSpec
@@ -94,7 +94,7 @@ def caliper_lengths(design: Design) -> tuple[Caliper, ...]:
 
 
 def _solid_lengths(design: Design) -> tuple[Caliper, ...]:
-    """All pairs of opposite faces; where they are out of reach of a caliper, also the sides of the topmost face."""
+    """All pairs of opposite faces; where no caliper reaches, sides of the topmost face or an edge too."""
     target, is_printed = design.target, design.job.printing.is_two_filament
     up, normals = bed_from_target(target, design.job.printing)[2, :3], target.target_from_face[:, :3, 2]
     is_in_parts = design.job.printing.way.is_in_parts
@@ -104,8 +104,13 @@ def _solid_lengths(design: Design) -> tuple[Caliper, ...]:
         # Nobody knows how the body below stickers lay, and tiles lay flat.
         is_upright = is_printed and not is_in_parts and abs(float(normals[first] @ up)) > math.cos(math.radians(1))
         rows.append(Caliper(name, length, is_upright, name, "face_offset", is_long=length > REACH_MM))
+    if not rows and target.spec is not None and target.spec.solid is not None:
+        edge_mm = target.spec.solid.edge_mm
+        rows.append(
+            Caliper("edge, corner to corner", edge_mm, False, "edge", "face_offset", is_long=edge_mm > REACH_MM)
+        )
     # Of stickers the length of a row is that of the sheet, not that of the body.
-    if is_printed and all(one.is_long for one in rows):
+    if (is_printed or not rows) and all(one.is_long or one.option == "edge" for one in rows):
         face = 0 if is_in_parts else int(np.argmax(normals @ up))
         rows += _sides_of_face(target, face, f"{'tile' if is_in_parts else 'top face'} ({face})")
     return tuple(rows)
@@ -115,10 +120,12 @@ def _sides_of_face(target: TargetGeometry, face: int, name: str) -> list[Caliper
     """From corner to corner of a face, between the rings that lie there."""
     (rings,) = np.nonzero(target.ring_face == face)
     place, outline = target.center_in_face_mm[rings, :2], target.outline_mm[face]
+    outline = outline[true_corners(outline)]
     nearest = rings[np.linalg.norm(place[:, None] - outline, axis=2).argmin(axis=0)].tolist()
     return [
         _between_rings(target, f"{name}, corner {a} to {b}", nearest[a], nearest[b])
         for a, b in combinations(range(len(outline)), 2)
+        if nearest[a] != nearest[b]
     ]
 
 
@@ -243,6 +250,12 @@ def _length_table(measuring: _Measuring) -> Table:
 def _solid_hints(measuring: _Measuring) -> Steps:
     """How to lay the caliper on."""
     pairs = [one for one in measuring.lengths if one.option.startswith("face")]
+    if not pairs:
+        return Steps((
+            "Let the print cool to the room. Cut brim and blobs off.",
+            _ring_words(measuring),
+            "No two faces are opposite each other. An edge, corner to corner, comes out short, as print rounds them.",
+        ))  # fmt: skip
     reach: tuple[str, ...] = ()
     if all(one.is_long for one in pairs):
         words = "Across the faces it takes a caliper of 200 mm or a height gauge"
@@ -287,7 +300,11 @@ def _solid_meaning(measuring: _Measuring) -> list[tuple[str, str]]:
     if skew > _LEAST_EFFECT_MM:
         usual = f"a usual {math.degrees(skew_rad):.2g} deg changes a pair by up to {skew:.2f} mm"
         differ = f"skewed axes of the printer: {usual}"
-    size = ("all pairs off alike", f"size: 0.1 mm is {10 / length:.2g} %. {_size_remedy(design)}")
+    has_pairs = any(one.option.startswith("face") for one in measuring.lengths)
+    alike = "pairs" if has_pairs else "lengths"
+    size = (f"all {alike} off alike", f"size: 0.1 mm is {10 / length:.2g} %. {_size_remedy(design)}")
+    if not has_pairs:
+        return [size]
     if design.job.printing.way.is_in_parts:
         badly = "a tile that sits badly (glue, a blob, a bow): calib measure names it"
         return [size, ("one pair too long", badly), ("all pairs too long", "thick glue, or pads that stand proud")]

@@ -178,6 +178,11 @@ class Faceted:
         """The face on the left of each edge, from one vertex to another; bare faces count on after the others."""
         return left_of((*self.faces, *self.bare))
 
+    @property
+    def mean_edge_mm(self) -> float:
+        """Of all edges."""
+        return float(np.mean([np.linalg.norm(self.vertices_mm[b] - self.vertices_mm[a]) for a, b in self.beside]))
+
     @cached_property
     def inset_per_depth(self) -> float:
         """How far a face's rim moves in per unit of depth, at the sharpest edge of a face with rings."""
@@ -190,6 +195,12 @@ class Faceted:
 def left_of(faces: Sequence[Sequence[int]]) -> dict[tuple[int, int], int]:
     """The face on the left of each edge, from one vertex to another."""
     return {(face[k - 1], face[k]): row for row, face in enumerate(faces) for k in range(len(face))}
+
+
+def area_of(corner: Array) -> float:
+    """Of a flat polygon in space.  # (K, 3)"""
+    middle = corner.mean(axis=0)
+    return 0.5 * float(np.linalg.norm(np.cross(corner - middle, np.roll(corner, -1, axis=0) - middle).sum(axis=0)))
 
 
 def plane_of(corner: Array) -> Array:

@@ -8,7 +8,7 @@ from designer.base.units import NO_SKEW, format_skew
 from designer.builds.design import Design
 from designer.formats.folder import OutputFile
 from designer.make.bed import overhang, printed_size_mm
-from designer.make.printability import COUNT
+from designer.make.printability import count_words
 from designer.page.blocks import Block, Fold, Paragraph, Steps, Table, text_table
 from designer.spec.machine import BRIM_MM, Shells
 from designer.spec.spec import PrinterProfile, PrintSpec
@@ -171,8 +171,8 @@ def print_settings(design: Design, shells: Shells, how_it_lies: str, outline: st
             brim = f"off: one of {BRIM_MM:g} mm has no room on this bed"
     if over is not None:
         supports = (
-            f"off: overhangs of {math.degrees(over[1]):.1f} deg print without; they scar the {COUNT[over[0]]} faces "
-            "beside the lowest"
+            f"off: overhangs of {math.degrees(over[1]):.1f} deg print without; they scar the "
+            f"{count_words(over[0])} faces beside the lowest"
         )
     said = f"{ink_layers:.3g} layer{'s' * (ink_layers != 1)}"
     two = f"1 body, {colour_words(printing.body_colour)}; 2 ink, {colour_words(printing.ink_colour)}"

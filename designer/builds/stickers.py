@@ -9,10 +9,10 @@ from designer.builds.one_piece import printer_words
 from designer.builds.pictures import sheet_figures
 from designer.builds.slicing import scale_words, turn_words
 from designer.formats.folder import OutputFile
-from designer.kinds.layout import adjacent_faces, lip_of
+from designer.kinds.layout import joined_faces, lip_of
 from designer.make.bed import Piece, Plate, bed_from_target
 from designer.make.lip import engraved
-from designer.make.printability import COUNT
+from designer.make.printability import count_words
 from designer.page.blocks import Fold, Section, Steps
 from designer.spec.machine import Shells
 from designer.spec.spec import PrintSpec
@@ -32,11 +32,11 @@ class Stickers(Maker):
     def making(self, design: Design, files: Sequence[OutputFile]) -> Section:
         """Print, cut, glue."""
         job, printing, count = design.job, design.job.printing, len(design.pages)
-        beside = adjacent_faces(design.target)[0].tolist()
+        beside = [each for each in joined_faces(design.target)[0] if each >= 0] or [0]
         lies = f"{capital(turn_words(printing))}. " if printing.skew_compensation_rad != NO_SKEW else ""
         by_number = (
-            f"Glue face 0 on any face, its border along the {COUNT[len(beside)]} edges; then those that it joins: its "
-            f"edge 'joins {beside[0]}' meets the edge 'joins 0' of face {beside[0]}."
+            f"Glue face 0 on any face, its border along the {count_words(len(beside))} edges; then its neighbours: "
+            f"its edge 'joins {beside[0]}' meets the edge 'joins 0' of face {beside[0]}."
         )
         if engraved(design.target, 0, printing):
             by_number = "The body has each number engraved where its sticker lies, and an arrow to the code corner."

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from designer.base.errors import InputError
 from designer.base.units import round_down, round_up
-from designer.kinds.regular_solid import MARGIN_OVER_PITCH
+from designer.kinds.regular_solid import BORDER_OVER_EDGE, MARGIN_OVER_PITCH
 from designer.spec.build import Form
 from designer.spec.options import (
     DIAMETER_OVER_PITCH,
@@ -205,7 +205,7 @@ def lattice_on(fit: Fit, corner_mm: "Array") -> LaidFace | None:
         x_axis = x_axis / np.linalg.norm(x_axis)
         axes = np.stack([x_axis, np.cross(normal, x_axis), normal], axis=1)
         outline = (corner_mm - corner_mm.mean(axis=0)) @ axes[:, :2]
-        found = _clipped(fit, tuple(map(tuple, np.round(outline, 6).tolist())))
+        found = _clipped(fit, tuple(map(tuple, np.round(outline, 4).tolist())))
         if found is not None and (best is None or (len(found[0]), found[2]) > best[:2]):
             best = len(found[0]), found[2], side
             index, place, _ = found
@@ -387,7 +387,8 @@ class AskedFaceted(Asked):
         diameter = round_down(min(DIAMETER_OVER_PITCH * pitch, pitch - gap))
         border, margin = self.border, self.margin
         if border is None:  # below the face it ends where the neighbour's begins
-            border = max(gap, round_up(body.inset_per_depth / INLAY_SHARE * line.inlay_mm))
+            share = round(BORDER_OVER_EDGE * body.mean_edge_mm, 4)
+            border = max(gap, round_up(body.inset_per_depth / INLAY_SHARE * line.inlay_mm), share)
         if margin is None:
             margin = max(gap, round_down(MARGIN_OVER_PITCH * pitch))
         return Fit(self.lattice or "triangular", pitch, diameter, border, margin)
@@ -398,8 +399,10 @@ class AskedFaceted(Asked):
 
     def _largest(self, body: "Faceted", wanted: Sequence[int], finest: float, line: Line, gap: float) -> Fit:
         """The largest pitch at which all faces hold the usual number of marks, but no less than the finest."""
-        longest = max(float(max(abs(body.vertices_mm[list(body.faces[row])]).max() for row in wanted)), finest)
-        pitch = longest
+        from designer.base.solid import area_of
+
+        area_mm2 = min(area_of(body.vertices_mm[list(body.faces[row])]) for row in wanted)
+        pitch = math.sqrt(area_mm2 / (USUAL_MARKS * math.sqrt(3) / 2))
         while pitch > finest:
             fit = self._fit(body, pitch, line, gap)
             if min(_counts(body, wanted, fit)) >= USUAL_MARKS:
@@ -444,8 +447,18 @@ def _least_pitch_mm(width_mm: float, ratio: float) -> float:
 
 def _counts(body: "Faceted", rows: Iterable[int], fit: Fit) -> list[int]:
     """Marks on faces; 0 where there is no room for the least number."""
-    faces = (lattice_on(fit, body.vertices_mm[list(body.faces[row])]) for row in rows)
-    return [0 if face is None else len(face.index) for face in faces]
+    import numpy as np
+
+    counted: dict[object, int] = {}  # of faces whose sides and diagonals are alike one is enough
+    counts = []
+    for row in rows:
+        corner = body.vertices_mm[list(body.faces[row])]
+        key = tuple(np.sort(np.linalg.norm(corner[:, None] - corner, axis=2), axis=None).round(3).tolist())
+        if key not in counted:
+            face = lattice_on(fit, corner)
+            counted[key] = 0 if face is None else len(face.index)
+        counts.append(counted[key])
+    return counts
 
 
 def _ringed(body: "Faceted", rows: Sequence[int]) -> "Faceted":

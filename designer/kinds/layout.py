@@ -98,6 +98,12 @@ def adjacent_faces(target: TargetGeometry) -> Rows:
     return np.where(nearest.min(axis=2) < SAME_PLACE * length, nearest.argmin(axis=2), -1)
 
 
+def joined_faces(target: TargetGeometry) -> list[list[int]]:
+    """The face across each true side of each face, from each true corner on; -1: none."""
+    rows = zip(adjacent_faces(target), target.outline_mm, strict=True)
+    return [beside[true_corners(outline)].tolist() for beside, outline in rows]
+
+
 def opposite_faces(target: TargetGeometry) -> tuple[tuple[int, int], ...]:
     """Pairs of faces whose normals are opposite, the smaller number first."""
     normals = target.target_from_face[:, :3, 2]

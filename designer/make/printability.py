@@ -31,6 +31,11 @@ STEEP_FACE_INLAY_MM = 0.9
 """Steep faces of a one-piece print fill to 93 % from here on."""
 
 
+def count_words(count: int) -> str:
+    """`two`; of many the number."""
+    return COUNT[count] if count < len(COUNT) else str(count)
+
+
 @dataclass(frozen=True)
 class PrintFinding:
     """What a rule says of a target, or several rules that say the same."""
@@ -274,7 +279,7 @@ def _overhang(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:
         return None
     count, slope = over
     text = (
-        f"the {COUNT[count]} faces beside the bottom face rise at {math.degrees(slope):.1f} deg from the bed: "
+        f"the {count_words(count)} faces beside the bottom face rise at {math.degrees(slope):.1f} deg from the bed: "
         "most printers do that without supports; put supports on if yours does not"
     )
     return RuleLook(said=(("note", text),))

@@ -5,12 +5,13 @@ smaller body that it is glued on. A board gives one piece. Labels and marks stan
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from designer.base.arrays import Array
 from designer.base.errors import InputError
-from designer.kinds.layout import adjacent_faces, sticker_inset_mm
+from designer.kinds.layout import border_mm, joined_faces, sticker_inset_mm
 from designer.make.pages import (
     DESCENT,
     MARK_COLOUR,
@@ -34,6 +35,7 @@ BLEED_MM = 0.5
 _CLEAR_MM = 0.6  # between ink, labels and marks
 _TRIM_MARK_MM = 2.0
 _TEXT_MM = 3.0
+_ALIKE_MM = 1e-3
 _ASCENT = 0.75  # of the text size
 
 
@@ -76,38 +78,47 @@ def _stickers(
     """The stickers, the grid they are set in, and a line about them."""
     # A solid build is not made smaller: its sheets show the nominal faces.
     thickness = printing.sticker_thickness_mm if printing.way.has_stickers else 0.0
-    outline = pattern.faces[0].outline
     inset = sticker_inset_mm(target, printing)
-    _check_cut(pattern.faces[0], inset, thickness)
-    cut = moved_in(outline, inset)
-    edge = float(np.linalg.norm(cut[1] - cut[0]))
-    text_mm = min(_TEXT_MM, edge / 11)  # the lower side takes a face number and a neighbour's beside each other
+    for face in pattern.faces:
+        _check_cut(face, inset, thickness)
+    cuts = [moved_in(face.outline, inset) for face in pattern.faces]
+    edges = [float(np.linalg.norm(cut - np.roll(cut, -1, axis=0), axis=1).min()) for cut in cuts]
+    edge = min(edges)
+    # The lower side takes a face number and a neighbour's beside each other.
+    text_mm = min(_TEXT_MM, edge / 11)
     reach = inset + BLEED_MM
     band = reach + _CLEAR_MM + (_ASCENT + DESCENT) * text_mm + _CLEAR_MM / 2
-    trim = _trim_marks(cut, reach, band - _CLEAR_MM / 2)
-    used = max(abs(x) for x, _ in (*(point for mark in trim for point in mark), *moved_in(outline, -BLEED_MM)))
-    grid = _grid(moved_in(cut, -band), used)
-    beside = adjacent_faces(target)
+    trims = [_trim_marks(cut, reach, band - _CLEAR_MM / 2) for cut in cuts]
+    used = max(abs(x) for x, _ in (*(point for mark in trims[0] for point in mark),
+                                   *moved_in(pattern.faces[0].outline, -BLEED_MM)))  # fmt: skip
+    grid = _grid([moved_in(cut, -band) for cut in cuts], used)
+    beside = joined_faces(target)
     pieces = tuple(
         Drawing(
             areas=(*ink_areas(face, pattern.stamps, printing.ink_colour), _code_corner_mark(cut, reach, text_mm)),
             cuts=(polygon(cut),),
             marks=trim,
-            texts=_sticker_labels(number, beside[number].tolist(), cut, reach, text_mm, turns=grid.turns),
+            texts=_sticker_labels(number, beside[number], cut, reach, text_mm, turns=grid.turns),
         )
-        for number, face in enumerate(pattern.faces)
+        for number, (face, cut, trim) in enumerate(zip(pattern.faces, cuts, trims, strict=True))
     )
     thick = f" {thickness:g} mm thick" if thickness else ""
-    return pieces, grid, f"{len(pieces)} stickers{thick}, cut edge {edge:.2f} mm"
+    shortest = "cut edge" if target.spec is None or target.spec.solid is not None else "shortest cut edge"
+    return pieces, grid, f"{len(pieces)} stickers{thick}, {shortest} {edge:.2f} mm"
 
 
-def _grid(room: Contour, used_mm: float) -> PieceGrid:
-    """How pieces of one shape are set side by side: triangles turn about, others stand alike.
+def _grid(rooms: Sequence[Contour], used_mm: float) -> PieceGrid:
+    """How pieces are set side by side: triangles of one shape turn about, others stand alike.
 
     Args:
-        room: a piece with its labels about its origin, one side lowest.  # (K, 2)
+        rooms: pieces with their labels about their origins, one side lowest.  # of (K, 2)
         used_mm: how far the piece itself and its marks reach to both sides.
     """
+    room = rooms[0]
+    if any(len(each) != len(room) or np.abs(each - room).max() > _ALIKE_MM for each in rooms):
+        below, above = -min(each[:, 1].min() for each in rooms), max(each[:, 1].max() for each in rooms)
+        wide = 2 * float(max(np.abs(each[:, 0]).max() for each in rooms))
+        return PieceGrid(wide, wide, float(below + above), float(below), turns=False)
     width, height = np.ptp(room, axis=0).tolist()
     below = -float(room[:, 1].min())
     if len(room) != 3:
@@ -120,7 +131,7 @@ def _check_cut(face: FacePattern, inset_mm: float, thickness_mm: float) -> None:
     """Hold the cut inside the border."""
     if face.window is None:
         return
-    border = float(face.window[:, 1].min() - face.outline[:, 1].min())
+    border = border_mm(face.outline, face.window[::-1])
     if inset_mm >= border:
         raise InputError(
             f"stickers {thickness_mm:g}mm thick are cut {inset_mm:.3g}mm inside the face's outline, through the border "
@@ -138,10 +149,10 @@ def _sticker_labels(
     """
     beside = reach + _CLEAR_MM
     under, above = beside + _ASCENT * text_mm, beside + DESCENT * text_mm
-    lowest = (len(cut) - 1) // 2
     side = np.stack([cut, np.roll(cut, -1, axis=0)], axis=1)  # (K, 2, 2)
+    lowest = int(np.round(side[:, :, 1].mean(axis=1), 6).argmin())
     texts = [_along(side[lowest], 0.27, under, f"FACE {face}", text_mm, 0.0)]
-    for k, other in enumerate(joins):
+    for k, other in ((k, other) for k, other in enumerate(joins) if other >= 0):  # none: a bare face
         if k == lowest:
             texts.append(_along(side[k], 0.75, under, f"joins {other}", text_mm, 0.0))
             continue
@@ -163,7 +174,9 @@ def _code_corner_mark(cut: Contour, reach: float, text_mm: float) -> Area:
     """A small triangle that points at the first corner from outside, between the trim marks."""
     outward = cut[0] / np.linalg.norm(cut[0])
     across = np.array([outward[1], -outward[0]])
-    tip = cut[0] + (reach / math.cos(math.pi / len(cut)) + _CLEAR_MM) * outward  # beyond the corner of the ink
+    sides = [(other - cut[0]) / np.linalg.norm(other - cut[0]) for other in (cut[1], cut[-1])]
+    half_angle = math.acos(float(np.clip(sides[0] @ sides[1], -1.0, 1.0))) / 2
+    tip = cut[0] + (reach / math.sin(half_angle) + _CLEAR_MM) * outward  # beyond the corner of the ink
     half, height = 0.3 * text_mm, 0.6 * text_mm
     base = tip + height * outward
     return Area(MARK_COLOUR, polygons=(polygon([tip, base + half * across, base - half * across]),))
