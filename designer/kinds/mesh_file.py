@@ -1,4 +1,4 @@
-"""A body's flat faces out of a mesh: `faces_of("part.stl", 1.0)`, read by trimesh (STL, OBJ, PLY, 3MF, OFF, GLB).
+"""A body's flat faces out of a mesh: `faces_of("part.stl", 1.0)`, read by trimesh (STL, OBJ, PLY, OFF, GLB).
 
 What counts is the convex hull: its triangles are merged to flat faces, and those that the mesh covers may carry rings.
 So an open mesh gets a closed body, doubled or turned triangles do no harm, and whatever lies inside is found out.
@@ -18,7 +18,7 @@ from designer.base.errors import InputError
 from designer.base.files import place_of
 from designer.base.solid import Faceted, plane_of
 
-SUFFIXES = (".stl", ".obj", ".ply", ".3mf", ".off", ".glb")
+SUFFIXES = (".stl", ".obj", ".ply", ".off", ".glb")
 MAX_BYTES = 100 * 2**20
 MOST_TRIANGLES = 500_000
 MOST_FACES = 200
@@ -51,7 +51,7 @@ def faces_of(path: str | PathLike[str], unit_mm: float) -> ReadMesh:
     Raises:
         InputError: no mesh, or none whose faces can carry rings; one line says why, and what can.
     """
-    place = place_of(path, "a mesh (STL, OBJ, PLY, 3MF)")
+    place = place_of(path, "a mesh (STL, OBJ, PLY)")
     corners = _triangles(place) * unit_mm
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     size_mm = float((high - low).max())

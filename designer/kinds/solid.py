@@ -57,7 +57,7 @@ class AskedSolidOfFaces(AskedFaceted):
     is_partly_bare: ClassVar[bool] = True
     read_into: ClassVar[tuple[str, ...]] = ("mesh", "unit")
 
-    mesh: Annotated[str | None, Option("mesh", "a convex mesh, closed or open: STL, OBJ, PLY or 3MF")] = None
+    mesh: Annotated[str | None, Option("mesh", "a convex mesh, closed or open: STL, OBJ, PLY, OFF or GLB")] = None
     unit: Annotated[str | None, Option("unit", f"of the mesh's numbers: {', '.join(UNITS_MM)}")] = None
     vertices: Annotated[
         tuple[tuple[float, float, float], ...] | None, Option("corners", "corners of the body, in mm, without a mesh")
