@@ -210,8 +210,8 @@ def _rests_on(printing: PrintSpec) -> str:
         changing = f"a nozzle for each filament, {change.time_s:g} s and {change.purge_to_ink_mm3:g} mm³ a change"
     return (
         f"{price}; {printing.printer.name}: {changing}, {machine.start_s / 60:.2g} min a plate to heat; without "
-        f"brim{', stand' * printing.stand} and supports. PrusaSlicer differs by up to 15 % in time, 5 % in plastic; "
-        "printers by more."
+        f"brim{', stand' * printing.stand}{', jig' * printing.jig} and supports. PrusaSlicer "
+        "differs by up to 15 % in time, 5 % in plastic; printers by more."
     )
 
 

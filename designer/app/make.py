@@ -196,7 +196,7 @@ def _of_kind(name: str) -> Callable[..., WrittenDesign]:
     ways = [BUILDS[way] for way in builds_of(kind.spec.form)]
     ways = [way for way in ways if not (way.is_in_parts and kind.spec.is_graded)]  # a small piece is of one piece
     idle = {option for option in options_of(kind.asked) if all(option in way.idle for way in ways)}
-    idle |= {"mount"} if kind.spec.form == "plate" else set()
+    idle |= {"mount", "jig"} if kind.spec.form == "plate" else set()
     return with_options(made, kind.asked, builds=tuple(way.name for way in ways), idle=idle)
 
 

@@ -5,6 +5,7 @@ A solid in parts, taken apart in 3D.
 The page's section on a board in pieces: what lies on which plate, how pieces are joined, and a plan from behind.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -193,6 +194,12 @@ def _steps(design: Design, assembly: Assembly) -> Steps:
         "holds; wipe the seams.",
         f"Order: {runs(order)}, or any other.",
     ]
+    if design.job.printing.jig:
+        name, angle = design.job.name, math.degrees(assembly.solid.polyhedron.dihedral_rad)
+        steps.append(
+            f"{name}.press.stl, rim on the tile's border, loads all pads; {name}.jig.stl, pressed over an edge while "
+            f"the glue sets, brings its faces to {angle:.2f} deg. Print them as in the files: rim up, and on end."
+        )
     if "ring" in split:
         steps.append(
             "Glue the ring into the cap, its gap over the rib; cap on the bowl, whose rib lets it in one way. A few "

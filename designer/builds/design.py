@@ -215,6 +215,9 @@ def make_files(design: Design, on_stage: Callable[[str], None]) -> tuple[OutputF
     if job.printing.stand:
         on_stage("stand")
         made += _stand(design)
+    if job.printing.jig:
+        on_stage("jig")
+        made += _jig(design)
     return tuple(OutputFile(f"{job.name}.{suffix}", content, purpose) for suffix, content, purpose in made)
 
 
@@ -401,6 +404,17 @@ def _stand(design: Design) -> Made:
 
     stand = make_stand(design.target, design.job.printing)
     yield "stand.stl", stl_bytes(stand), "a stand that touches no ring"
+
+
+def _jig(design: Design) -> Made:
+    from designer.formats.stl import stl_bytes
+    from designer.make.jig import edge_jig, tile_press
+
+    solid, press = design.job.target.solid, tile_press(design.target, design.job.printing.printer)
+    assert solid is not None  # noqa: S101 - boards have none
+    yield "jig.stl", stl_bytes(edge_jig(solid)), "a V that brings two tiles to their angle"
+    larger = replace(press, vertices_mm=design.scale * press.vertices_mm)
+    yield "press.stl", stl_bytes(larger), "a press that meets a tile's border alone"
 
 
 def _dxf(design: Design) -> Made:

@@ -148,7 +148,10 @@ def _size_printing(
         chord_error_mm=asked.chord_error or CHORD_ERROR_MM,
         ink_side=asked.ink_side or "down",
         mount=asked.mount or ANY_MOUNT,
+        jig=bool(asked.jig),
     )
+    if printing.jig and target.is_plate:
+        raise InputError("jig: a board in tiles has no edges to hold at an angle; leave --jig out")
     _check_paper(printing, target)
     printing, framed = _with_lip(printing, target, asked.lip)
     return printing, (remark, *remarks, corrected, framed)

@@ -407,6 +407,7 @@ def spec_to_toml(job: Job) -> str:
         "skew_compensation": format_skew(printing.skew_compensation_rad),
         "sticker_thickness": format_mm(printing.sticker_thickness_mm),
         "lip": printing.lip,
+        "jig": printing.jig,
         "body_colour": printing.body_colour,
         "ink_colour": printing.ink_colour,
         "labels": printing.labels,

@@ -59,6 +59,7 @@ class AskedPrinting:
         float | None, Option("length above 0", "thickness of the stickers, taken off the body")
     ] = None
     lip: Annotated[bool | None, Option("switch", "a frame around each sticker, which places it (where it fits)")] = None
+    jig: Annotated[bool | None, Option("switch", "also write a jig for edges of tiles, and a press")] = None
     body_colour: Annotated[str | None, Option("colour", "colour of the body (#ffffff)")] = None
     ink_colour: Annotated[str | None, Option("colour", "colour of the ink (#000000)")] = None
     labels: Annotated[bool | None, Option("switch", "print face numbers and target id where they fit")] = None

@@ -231,6 +231,7 @@ class PrintSpec:
     skew_compensation_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """xy, xz, yz of the bed: the files are sheared against this skew of the printer, see `designer.make.bed`."""
     ink_side: InkSide = "down"
+    jig: bool = False  # that helps to glue tiles
     lip: bool = False  # stickers are laid into frames that stand out of the body
     mount: str = ANY_MOUNT  # what holds the core of tiles: a name in `designer.spec.build.MOUNTS`, or one of its others
 
