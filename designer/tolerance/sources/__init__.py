@@ -20,6 +20,7 @@ from designer.tolerance.sources.scale import SCALE
 from designer.tolerance.sources.skew import SKEW
 from designer.tolerance.sources.stair_steps import STAIR_STEPS
 from designer.tolerance.sources.thermal import THERMAL
+from designer.tolerance.sources.wall import WALL
 from designer.tolerance.sources.warp import WARP
 
 _IN_ORDER: tuple[ErrorSource, ...] = (
@@ -36,6 +37,7 @@ _IN_ORDER: tuple[ErrorSource, ...] = (
     FACE_TILT,
     FACE_SHIFT,
     FACE_OFFSET,
+    WALL,
     # The whole print: what the axes do, then what the material does.
     AXIS_SCALE,
     SKEW,

@@ -6,6 +6,7 @@ from dataclasses import replace
 import manifold3d
 import numpy as np
 import pytest
+import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.sparse import coo_matrix
@@ -251,6 +252,20 @@ def test_raised_ink_stands_on_its_plate() -> None:
     assert part.body.vertices_mm[:, 2].max() == pytest.approx(-height / 2)
     assert np.ptp(part.body.vertices_mm[:, 2]) / layer == pytest.approx(round(3.6 * 1.007 / layer))
     assert design.plates[0].pieces[0].as_it_lies.body.vertices_mm[:, 2].min() == pytest.approx(0)
+
+
+@pytest.mark.parametrize("tilt_deg", [0, 20, 45, 65])
+def test_a_raised_ring_is_seen_at_its_centre_from_any_side(tilt_deg: float) -> None:
+    """The middle of its silhouette, walls and all, is where the target file's centre is seen."""
+    design = design_of("board", **SMALL["board"], build="relief", chord_error="10um")
+    ink, target, tilt = design.part.ink, design.target, math.radians(tilt_deg)
+    assert ink is not None
+    at = target.center_mm[np.flatnonzero(~target.is_dot)[0]]
+    axes = np.array([[math.cos(tilt), 0.0, -math.sin(tilt)], [0.0, 1.0, 0.0]])
+    corners = ink.vertices_mm[ink.triangles]
+    mine = corners[np.linalg.norm(corners[..., :2] - at[:2], axis=-1).max(axis=1) < 4]
+    seen = shapely.union_all(shapely.make_valid(shapely.polygons(mine @ axes.T)), grid_size=1e-7)
+    assert [seen.centroid.x, seen.centroid.y] == pytest.approx(axes @ at, abs=1e-5)
 
 
 def test_plain_solids() -> None:

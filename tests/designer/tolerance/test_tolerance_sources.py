@@ -93,7 +93,7 @@ def by_hand(target: TargetGeometry, values: Values, bed: Array) -> Array:
         spin = Rotation.from_rotvec([0, 0, values["face_rotation"][face, 0]])
         tilt = Rotation.from_rotvec([*values["face_tilt"][face], 0])
         point = tilt.apply(spin.apply(point - middle)) + middle
-        point += [*values["face_shift"][face], values["face_offset"][face, 0]]
+        point += [*values["face_shift"][face], values["face_offset"][face, 0] + values["wall"][0, 0]]
         centers[row] = affine @ (frame[:3, :3] @ point + frame[:3, 3])
     return centers
 
