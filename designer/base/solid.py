@@ -51,6 +51,12 @@ class Polyhedron:
         return 0.5 / math.tan(math.pi / self.sides)
 
     @property
+    def height(self) -> float:
+        """Of the solid on its last face: to the opposite face, or to a corner."""
+        down = self.vertices[self.faces[-1]].mean(axis=0) / self.inradius
+        return self.inradius - float((self.vertices @ down).min())
+
+    @property
     def inset_per_depth(self) -> float:
         """How far the plane that halves the dihedral angle moves in from an edge, per unit of depth below the face."""
         return 1 / math.tan(self.dihedral_rad / 2)

@@ -109,17 +109,18 @@ class SolidSpec(Spec):
         return f"edge {format_mm(self.edge_mm)}"
 
     def facts(self) -> tuple[tuple[str, str], ...]:
-        """Shape, distance of opposite faces, how far codes are apart, and lattice."""
+        """Shape, height on a face, how far codes are apart, and lattice."""
         import numpy as np
 
         from designer.base.codes import differing_words, least_differing
 
         shape = self.shape()
         index = np.array(shape.index(self.rings_per_side))
+        is_paired = math.isclose(shape.height, 2 * shape.inradius)
         apart = least_differing([index] * len(shape.faces), shape.lattice, shape.face_code)
         return (
             ("shape", f"{self.shape().name}, edge {self.edge_mm:g} mm"),
-            ("face to face", f"{2 * self.solid.inradius_mm:.2f} mm"),
+            ("face to face" if is_paired else "face to corner", f"{shape.height * self.edge_mm:.2f} mm"),
             ("codes differ in", differing_words(*apart)),
             ("lattice", f"{self.shape().lattice}, {self.rings_per_side} rings a side"),
         )

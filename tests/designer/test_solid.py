@@ -110,9 +110,13 @@ def test_solid_moved_in_lies_as_deep_below_every_face(name: str) -> None:
 
 @pytest.mark.parametrize("name", SOLIDS)
 def test_the_last_face_has_an_opposite_one(name: str) -> None:
-    """A target lies on its last face, so that one face looks up and each pair of opposite faces is listed once."""
-    pairs = opposite_faces(target_of(name))
-    assert sorted(face for pair in pairs for face in pair) == list(range(len(SOLIDS[name].faces)))
+    """A target lies on its last face, so that one face looks up and each pair of opposite faces is listed once.
+
+    Of a tetrahedron, which is no mirror image of itself through its middle, a corner looks up, and there are no pairs.
+    """
+    pairs, vertices = opposite_faces(target_of(name)), SOLIDS[name].vertices
+    is_centred = np.isclose(-vertices[:, None], vertices, atol=1e-9).all(axis=2).any(axis=1).all()
+    assert sorted(face for pair in pairs for face in pair) == list(range(len(SOLIDS[name].faces) if is_centred else 0))
 
 
 @each_solid

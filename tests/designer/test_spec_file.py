@@ -31,6 +31,7 @@ from designer.spec.spec import Job
 
 KEYS = sorted({name for kind in kinds() for name in options_of(kind.asked)})
 ICO = {"kind": "ico", "edge": "20mm"}
+OF_EDGE = " or ".join(repr(kind.name) for kind in kinds() if "edge" in options_of(kind.asked))
 
 
 def written(folder: Path, content: str | bytes) -> Path:
@@ -138,10 +139,7 @@ def test_other_files_are_refused(content: bytes, tmp_path: Path) -> None:
         ({"kind": "ico", "edg": "20mm"}, "unknown key 'edg'; did you mean 'edge'"),
         ({**ICO, "ring_diametre": 7}, "unknown key 'ring_diametre'; did you mean 'ring_diameter'"),
         ({**ICO, "color": "#ffffff"}, "unknown key 'color'"),
-        (
-            {"kind": "board", "edge": 20},
-            "edge is for kind 'ico' or 'cube' or 'dodecahedron'; leave it out, or change the kind",
-        ),
+        ({"kind": "board", "edge": 20}, f"edge is for kind {OF_EDGE}; leave it out, or change the kind"),
         ({"edge": 20}, "kind is missing; write kind = 'ico' or 'board'"),
         ({"kind": "ball"}, "kind 'ball' is unknown; write kind = 'ico' or 'board' or 'cube'"),
         ({"kind": "ico"}, "edge is missing; give the edge length, such as 100mm"),

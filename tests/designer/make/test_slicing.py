@@ -126,7 +126,10 @@ def sliced(command: str, design: Design, package: Path) -> Toolpaths:
     return slice_3mf(command, package, slicer_settings(printer), center)
 
 
-FINE: Mapping[str, Mapping[str, object]] = {name: SMALL[name] for name in ("ico", "dodecahedron", "solid")}
+FINE: Mapping[str, Mapping[str, object]] = {
+    "octahedron": {"edge": "18mm"}, "tetrahedron": {"edge": "22mm"},
+    **{name: SMALL[name] for name in ("ico", "dodecahedron", "dome", "solid")},
+}  # fmt: skip
 """They have room for an inlay as deep as usual at a fine nozzle; thinner than a line, steep faces take it badly."""
 
 
