@@ -3,13 +3,10 @@
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-from designer.base.units import format_mm
-from designer.kinds.faceted import AskedFaceted, FacetedSpec, Fit, scaled
+from designer.kinds.of_edge import AskedOfEdge, OfEdgeSpec
 from designer.spec.kind import Kind
-from designer.spec.options import Option
-from designer.spec.spec import Spec, SpecValue
 
 if TYPE_CHECKING:
     from designer.base.solid import Faceted
@@ -37,13 +34,12 @@ def dodecahedron() -> "Faceted":
 
 
 @dataclass(frozen=True)
-class DodecahedronSpec(FacetedSpec):
+class DodecahedronSpec(OfEdgeSpec):
     """A dodecahedron."""
 
     kind: ClassVar[str] = "dodecahedron"
-    extent: ClassVar[tuple[str, ...]] = ("edge",)
-
-    edge_mm: float
+    name: ClassVar[str] = "dodecahedron"
+    of_unit_edge = staticmethod(dodecahedron)
 
     def codes(self) -> tuple[int, ...]:
         """Its own."""
@@ -51,48 +47,12 @@ class DodecahedronSpec(FacetedSpec):
 
         return (*OF_FIVE[15:], *OWN_TRIANGLES[12:]) if self.lattice == "triangular" else tuple(OWN_SQUARES[3:])
 
-    def shape(self) -> "Faceted":
-        """See `FacetedSpec.shape`."""
-        return scaled(dodecahedron(), self.edge_mm)
-
-    @property
-    def words(self) -> str:
-        """As in `dodecahedron of edge 60 mm`."""
-        return f"dodecahedron of edge {self.edge_mm:g} mm"
-
-    @property
-    def size_words(self) -> str:
-        """The edge."""
-        return f"edge {format_mm(self.edge_mm)}"
-
-    def options(self) -> dict[str, SpecValue]:
-        """Edge and lattice."""
-        return {"edge": format_mm(self.edge_mm), "lattice": self.lattice}
-
 
 @dataclass(frozen=True, kw_only=True)
-class AskedDodecahedron(AskedFaceted):
+class AskedDodecahedron(AskedOfEdge):
     """A dodecahedron as asked for."""
 
-    edge: Annotated[float, Option("length above 0", "edge length, such as 60mm")]
-
-    def body(self) -> "Faceted":
-        """See `AskedFaceted.body`."""
-        return scaled(dodecahedron(), self.edge)
-
-    def spec_of(self, fit: Fit, ratio: float, body: "Faceted") -> DodecahedronSpec:
-        """See `AskedFaceted.spec_of`."""
-        return DodecahedronSpec(
-            fit.ring_diameter_mm, ratio, fit.pitch_mm, fit.border_mm, fit.margin_mm, fit.lattice, self.edge
-        )
-
-    def larger(self, factor: float) -> str:
-        """See `AskedFaceted.larger`."""
-        return f"an edge of at least {math.ceil(10 * self.edge * factor) / 10:g}mm"
-
-    def size_name(self, spec: Spec) -> str:
-        """The edge."""
-        return format_mm(self.edge)
+    spec_type: ClassVar[type[OfEdgeSpec]] = DodecahedronSpec
 
 
 KIND = Kind("a dodecahedron with rings on its twelve faces", AskedDodecahedron, DodecahedronSpec)

@@ -180,12 +180,24 @@ def sticker_inset_mm(target: TargetGeometry, printing: PrintSpec) -> float:
 def face_down(target: TargetGeometry) -> Array:
     """Axes of a bed on which the target lies on its last face, x along that face's x.  # (3, 3)
 
-    A plate with raised or recessed rings lies on its back.
+    A body with a larger face without rings stands on that one. A plate with raised or recessed rings lies on its back.
     """
     if target.is_plate and target.build is not None and BUILDS[target.build].ink != "flush":
         return target.target_from_face[0, :3, :3].T
+    body, last = None if target.spec is None else target.spec.body, corners_mm(target)[-1]
+    flat = [last, *(() if body is None else (body.corners_mm()[list(face)] for face in body.bare))]
+    base = max(flat, key=lambda corner: float(np.round(np.linalg.norm(_area_vector(corner)), 6)))
+    if base is not last:
+        x_axis = (base[1] - base[0]) / np.linalg.norm(base[1] - base[0])
+        down = _area_vector(base) / np.linalg.norm(_area_vector(base))
+        return np.stack([x_axis, np.cross(x_axis, down), -down])
     axes: Array = _FACE_DOWN @ target.target_from_face[-1, :3, :3].T
     return axes
+
+
+def _area_vector(corner: Array) -> Array:
+    """Along a polygon's normal, twice as long as its area is large.  # (K, 3) -> (3,)"""
+    return np.asarray(np.cross(corner - corner[0], np.roll(corner, -1, axis=0) - corner[0]).sum(axis=0))
 
 
 def is_turned(target: TargetGeometry, *, is_bed_deep: bool = False) -> bool:

@@ -24,7 +24,8 @@ from tests.support.programs import PYTHON, run
 COARSE = {"formats": ("stl",), "chord_error": "0.1mm"}
 SMALL = {
     "ico": {"edge_mm": 20}, "board": {"size_mm": (60, 40)}, "cube": {"edge_mm": 60}, "octahedron": {"edge_mm": 60},
-    "tetrahedron": {"edge_mm": 80}, "dodecahedron": {"edge_mm": 20}, "coupon": {},
+    "tetrahedron": {"edge_mm": 80}, "dodecahedron": {"edge_mm": 20}, "dome": {"edge_mm": 20},
+    "coupon": {},
 }  # fmt: skip
 
 

@@ -49,6 +49,8 @@ DESIGN = (
     Case(("ico", "--edge", "1mm"), 2),
     Case(("dodecahedron", "--edge", "14mm", "--build", "stickers", "-o", "out"), 0),
     Case(("dodecahedron", "--edge", "2mm"), 2),
+    Case(("dome", "--edge", "20mm", "--build", "stickers", "-o", "out"), 0),
+    Case(("dome", "--edge", "60mm", "--build", "tiles"), 2),
     Case(("solid", "none.stl", "--unit", "mm"), 2),
     Case(("board", *SMALL, "--build", "sheet", "-o", "out"), 0),
     Case(("board", "--columns", "many"), 2),

@@ -17,7 +17,7 @@ from designer.make.bed import TOWER_MM, bed_from_target, printed_size_mm
 from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM, Machine
 from designer.spec.options import AskedPrinting
 from designer.spec.spec import PrinterProfile
-from tests.support.designs import COARSE, asked_for, ink_of, small_board, small_ico
+from tests.support.designs import COARSE, asked_for, ink_of, small, small_board, small_ico
 
 PHI = (1 + 5**0.5) / 2
 
@@ -54,6 +54,18 @@ def test_icosahedron_size_on_its_face() -> None:
     design = small_ico()
     expected = 20 * np.array([2 * PHI / 3**0.5, PHI, PHI**2 / 3**0.5])
     assert printed_size_mm(design.target, design.job.printing) == pytest.approx(expected)
+
+
+def test_a_body_stands_on_its_largest_face_though_it_has_no_rings() -> None:
+    """A dome of edge a stands on its pentagon: (1 + sqrt 5) / 2 a across, 1.3764 a high, its top vertex up."""
+    design = small("dome")
+    motion = bed_from_target(design.target, design.job.printing)
+    vertices = on_bed(design, motion)
+    lowest = np.unique(vertices[vertices[:, 2] < 1e-6].round(6), axis=0)
+    assert motion[2, :3] == pytest.approx(np.array([0.0, 0.0, 1.0]))
+    assert len(lowest) == 5
+    assert np.linalg.norm(lowest[:, None] - lowest, axis=2).max() == pytest.approx(20 * PHI)
+    assert vertices[:, 2].max() == pytest.approx(20 * (1 + 5**-0.5) * np.sin(0.4 * np.pi))
 
 
 def test_size_follows_shrinkage_compensation(design: Design) -> None:
