@@ -338,14 +338,14 @@ class AskedFaceted(Asked):
                 f"border {self.border:g}mm is too narrow for the detector to tell faces apart by it, and for "
                 f"{line.process}; use at least {line.width_mm:g}mm"
             )
-        least_mm = line.comfortable_mm
+        least_mm, narrow_mm = line.comfortable_mm, max(line.width_mm, line.nozzle_mm)
         if self.ring_diameter is None and self.pitch is None:
             finest = _least_pitch_mm(line.comfortable_mm, ratio)
             wanted = self._with_room(body, self._fit(body, finest, line, line.comfortable_mm))
             if not wanted:
-                least_mm, finest = line.width_mm, _least_pitch_mm(line.width_mm, ratio)
-                wanted = self._with_room(body, self._fit(body, finest, line, line.width_mm))
-            self._check_wanted(body, wanted, self._fit(body, finest, line, line.width_mm), line)
+                least_mm, finest = narrow_mm, _least_pitch_mm(narrow_mm, ratio)
+                wanted = self._with_room(body, self._fit(body, finest, line, narrow_mm))
+            self._check_wanted(body, wanted, self._fit(body, finest, line, narrow_mm), line)
             fit = self._largest(body, wanted, finest, line, least_mm)
             remark = f"auto: pitch {fit.pitch_mm:g}mm, the largest with {USUAL_MARKS} rings on the smallest face"
             if fit.pitch_mm <= finest + 0.01:
@@ -441,7 +441,7 @@ def scaled(body: "Faceted", factor: float) -> "Faceted":
 
 def _least_pitch_mm(width_mm: float, ratio: float) -> float:
     """Of rings whose stroke and centre are so wide, with gaps as wide."""
-    diameter = width_mm * max(2 / (1 - ratio), 1 / ratio)
+    diameter = round_up(width_mm * max(2 / (1 - ratio), 1 / ratio))
     return max(diameter / DIAMETER_OVER_PITCH, diameter + width_mm)
 
 
