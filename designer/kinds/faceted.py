@@ -43,6 +43,8 @@ USUAL_MARKS = 36
 LEAST_DIFFERING = 2
 """Marks that must differ between any two faces, however they are turned."""
 MOST_CORNERS = 48
+MOST_STEPS = 1000
+"""Of a lattice from the middle of a face."""
 _PHASES = 12
 _FINER = 0.97
 _TOLERANCE_MM = 1e-6
@@ -249,6 +251,11 @@ def _clipped(fit: Fit, outline_mm: tuple[tuple[float, float], ...]) -> "tuple[Ro
         return None
     steps, (low, high) = _steps_mm(fit), (room.min(axis=0), room.max(axis=0))
     middle, reach = room.mean(axis=0), math.ceil(2 * float(np.ptp(room, axis=0).max()) / fit.pitch_mm) + 1
+    if reach > MOST_STEPS:
+        raise InputError(
+            f"pitch {fit.pitch_mm:g}mm on a face {float(np.ptp(room, axis=0).max()):.0f}mm wide is too fine; use a "
+            "larger pitch"
+        )
     every = np.array(list(itertools.product(range(-reach, reach + 1), repeat=2)))
     places = every @ steps
     is_near = (np.abs(places) <= high - low + fit.pitch_mm).all(axis=1)
@@ -340,7 +347,8 @@ class AskedFaceted(Asked):
             )
         least_mm, narrow_mm = line.comfortable_mm, max(line.width_mm, line.nozzle_mm)
         if self.ring_diameter is None and self.pitch is None:
-            finest = _least_pitch_mm(line.comfortable_mm, ratio)
+            widest = float(body.vertices_mm.max() - body.vertices_mm.min())
+            finest = max(_least_pitch_mm(line.comfortable_mm, ratio), 3 * widest / MOST_STEPS)
             wanted = self._with_room(body, self._fit(body, finest, line, line.comfortable_mm))
             if not wanted:
                 least_mm, finest = narrow_mm, _least_pitch_mm(narrow_mm, ratio)

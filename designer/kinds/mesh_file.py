@@ -24,7 +24,7 @@ MOST_TRIANGLES = 500_000
 MOST_FACES = 200
 """Flat ones, with rings or without: more are of a curved surface."""
 MOST_CORNERS = 64
-LEAST_SIZE_MM, MOST_SIZE_MM = 1.0, 10_000.0
+LEAST_SIZE_MM, MOST_SIZE_MM = 1.0, 2_000.0
 FLAT = 2e-4
 """How far corners of one flat face may lie off its plane, as a share of the body's size ..."""
 LEAST_FLAT_MM = 0.005

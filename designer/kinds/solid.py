@@ -27,6 +27,9 @@ class SolidOfFaces(FacetedSpec):
     faces: tuple[tuple[int, ...], ...]  # with rings
     bare_faces: tuple[tuple[int, ...], ...]
 
+    def __post_init__(self) -> None:
+        self.shape()  # which raises ValueError where faces do not close a convex body
+
     def shape(self) -> "Faceted":
         """See `FacetedSpec.shape`."""
         return _body(self.vertices_mm, self.faces, self.bare_faces)
