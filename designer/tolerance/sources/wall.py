@@ -11,7 +11,8 @@ missing. If all of it counted for ink, rings would seem deeper by
     d = h (1 + tan(tilt) - 1 / cos(tilt)) / (4 tan(tilt)),
 
 of .4 mm at 45 degrees .059 mm. Rendered (Mitsuba 3, an even sky, 10 pixels a millimetre) it is .43 of that at 20, 45
-and 65 degrees alike: .034, .025 and .016 mm, and of grooves with black walls .001 mm, less than .01 pixels.
+and 65 degrees alike: .034, .025 and .016 mm, and of grooves with black walls .001 mm, less than .01 pixels. With a
+lamp at 45 degrees, rendered too, raised rings seem .058 mm deeper and .139 mm farther from the lamp, all alike.
 """
 
 import numpy as np
