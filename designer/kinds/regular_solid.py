@@ -116,11 +116,10 @@ class SolidSpec(Spec):
 
         shape = self.shape()
         index = np.array(shape.index(self.rings_per_side))
-        is_paired = math.isclose(shape.height, 2 * shape.inradius)
+        across = "face to face" if math.isclose(shape.height, 2 * shape.inradius) else "face to corner"
         apart = least_differing([index] * len(shape.faces), shape.lattice, shape.face_code)
         return (
-            ("shape", f"{self.shape().name}, edge {self.edge_mm:g} mm"),
-            ("face to face" if is_paired else "face to corner", f"{shape.height * self.edge_mm:.2f} mm"),
+            ("shape", f"{shape.name}, edge {self.edge_mm:g} mm, {shape.height * self.edge_mm:.2f} mm {across}"),
             ("codes differ in", differing_words(*apart)),
             ("lattice", f"{self.shape().lattice}, {self.rings_per_side} rings a side"),
         )
