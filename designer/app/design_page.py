@@ -194,8 +194,7 @@ def dimension_facts(design: Design) -> Facts:
     return Facts((
         *spec.facts(),
         ("rings", rings),
-        ("ring", f"{spec.ring_diameter_mm:g} mm, white centre {centre_mm:.4g} mm"),
-        ("pitch", f"{spec.pitch_mm:g} mm"),
+        ("ring", f"{spec.ring_diameter_mm:g} mm, white centre {centre_mm:.4g} mm, pitch {spec.pitch_mm:g} mm"),
         *((("border", f"{spec.border_mm:g} mm"),) if spec.border_mm else ()),
         *_print_rows(design),
         ("target id", target.geometry_id),

@@ -91,10 +91,10 @@ def ink_faces(design: Design, point_mm: Array, deep_mm: float = 0.0) -> Flags:
     """On which faces each point lies within the inlay's depth and inside the ink.  # (F, N)
 
     Paths run along the middle of their lines, so they lie inside the ink by half a line where it is wide enough,
-    and may leave it by an eighth of a line where it is not.
+    and may leave it by a seventh of a line where it is not.
     """
     printing = design.job.printing
-    aside = printing.printer.line_width_mm / 8
+    aside = printing.printer.line_width_mm / 7
     above = printing.printer.layer_height_mm / 2
     found = np.zeros((design.target.face_count, len(point_mm)), dtype=bool)
     pattern = design.printed_pattern
@@ -232,7 +232,7 @@ def test_relief_changes_filament_once_below_its_rings(printer: str, tmp_path: Pa
             assert volume_mm3(toolpaths, is_ink) == pytest.approx(ink_of(design).volume_mm3, rel=0.15)
         lies = bed_from_target(design.target, design.job.printing)
         at = np.concatenate([toolpaths.start_mm, toolpaths.end_mm])[np.tile(is_ink, 2)] - lies[:3, 3]
-        ink = ink_of_face(design.printed_pattern, design.printed_pattern.faces[0]).buffer(profile.line_width_mm / 8)
+        ink = ink_of_face(design.printed_pattern, design.printed_pattern.faces[0]).buffer(profile.line_width_mm / 7)
         assert shapely.contains_xy(ink, *(at @ lies[:3, :3])[:, :2].T).all()
     seconds, mass_g = told_by_slicer(text)
     assert takes.plates[0].printing_s == pytest.approx(seconds, rel=0.15)
