@@ -229,7 +229,8 @@ def test_a_tile_can_be_pushed_out_from_inside(kind: str) -> None:
 def unsupported(solid: Manifold, up: Array, layer_mm: float = 0.2) -> tuple[float, int]:
     """How wide the widest place is that hangs over more than 45 degrees, and how many islands begin in the air.
 
-    What begins less than half a line beside a layer is held by it.
+    What begins less than half a line beside a layer is held by it; what is smaller than half a square of a line's width is
+    not printed.
     """
     turned = placed(solid, np.linalg.inv(frame_along(up)))
     low, high = turned.bounding_box()[2], turned.bounding_box()[5]
@@ -237,7 +238,9 @@ def unsupported(solid: Manifold, up: Array, layer_mm: float = 0.2) -> tuple[floa
     widest, islands = 0.0, 0
     for z in np.arange(low + 1.5 * layer_mm, high, layer_mm).tolist():
         section = turned.slice(z)
-        alone = [piece for piece in section.decompose() if (piece ^ below).area() < 1e-6]
+        alone = [
+            piece for piece in section.decompose() if (piece ^ below).area() < 1e-6 and piece.area() > LINE_MM**2 / 2
+        ]
         islands += sum((piece ^ below.offset(LINE_MM / 2, JoinType.Round)).is_empty() for piece in alone)
         hanging = section - below.offset(1.02 * layer_mm, JoinType.Round, circular_segments=24)
         while hanging.offset(-widest / 2 - 0.05, JoinType.Round).area() > 0:
