@@ -229,8 +229,7 @@ def test_a_tile_can_be_pushed_out_from_inside(kind: str) -> None:
 def unsupported(solid: Manifold, up: Array, layer_mm: float = 0.2) -> tuple[float, int]:
     """How wide the widest place is that hangs over more than 45 degrees, and how many islands begin in the air.
 
-    What begins less than half a line beside a layer is held by it; what is smaller than half a square of a line's width is
-    not printed.
+    What begins less than half a line beside a layer is held by it; slivers of half a line's square are not printed.
     """
     turned = placed(solid, np.linalg.inv(frame_along(up)))
     low, high = turned.bounding_box()[2], turned.bounding_box()[5]
