@@ -376,6 +376,7 @@ class AskedFaceted(Asked):
                 f"rings at pitch {fit.pitch_mm:g}mm: a face with so few of them looks like another one turned; use a "
                 "smaller pitch"
             )
+        _check_thickness(spec.shape(), line)
         bare = len(body.faces) - len(wanted)
         small = f"; {bare} of {len(body.faces)} faces too small for rings stay bare" if bare else ""
         return spec, f"{remark}{small}"
@@ -445,6 +446,21 @@ _MOST_SCALE = 1000.0
 def scaled(body: "Faceted", factor: float) -> "Faceted":
     """The same of another size."""
     return replace(body, vertices_mm=factor * body.vertices_mm)
+
+
+def _check_thickness(body: "Faceted", line: Line) -> None:
+    """The ink of two opposite faces must leave a body between them."""
+    import numpy as np
+
+    from designer.base.solid import plane_of
+
+    planes = [plane_of(body.vertices_mm[list(face)]) for face in body.faces]
+    thick_mm = min(float(np.ptp(body.vertices_mm @ plane[:3])) for plane in planes)
+    if thick_mm < 3 * line.inlay_mm:
+        raise InputError(
+            f"body is {thick_mm:.3g}mm thick behind a face, and ink is {line.inlay_mm:g}mm deep from each side; "
+            f"use one at least {3 * line.inlay_mm:g}mm thick, `design board` for a plate, or --build stickers"
+        )
 
 
 def _least_pitch_mm(width_mm: float, ratio: float) -> float:

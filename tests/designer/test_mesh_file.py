@@ -131,3 +131,11 @@ def test_codes_differ_as_told() -> None:
             others = {k for k, at in enumerate(second.index.tolist()) if tuple(at) in dots[1]}
             least = min(least, len({int(apart[k].argmin()) for k in own} ^ others))
     assert least == laid.differing >= 2
+
+
+def test_ink_of_opposite_faces_leaves_a_body(tmp_path: Path) -> None:
+    """A body thinner than the ink of both its sides is refused with what to use; with stickers it may be as thin."""
+    place = saved(tmp_path, trimesh.creation.box((80.0, 80.0, 0.5)))
+    with pytest.raises(InputError, match=r"0\.5mm thick behind a face.*--build stickers"):
+        design_of("solid", mesh=str(place), unit="mm")
+    design_of("solid", mesh=str(place), unit="mm", build="stickers")
