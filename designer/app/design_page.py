@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import cast
 
+import numpy as np
+
 from designer.app.costs import Costs, better_build, cost_fold, cost_words, costs_of, verdict
 from designer.app.measuring import measure_blocks, photo_blocks
 from designer.app.stands import stand_section, trial_sections
@@ -188,8 +190,9 @@ def dimension_facts(design: Design) -> Facts:
     """What a drawing would say."""
     spec, target = design.job.target, design.target
     rings = f"{target.ring_count} with {int(target.is_dot.sum())} dots"
-    if not target.is_planar:
-        rings = f"{rings}, {target.ring_count // target.face_count} a face"
+    counts = np.bincount(target.ring_face, minlength=target.face_count)
+    if not target.is_planar and counts.min() == counts.max():
+        rings = f"{rings}, {counts[0]} a face"
     centre_mm = spec.ring_diameter_mm * spec.ring_ratio
     return Facts((
         *spec.facts(),

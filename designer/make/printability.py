@@ -278,8 +278,11 @@ def _overhang(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:
     if over is None:
         return None
     count, slope = over
+    which = f"the {count_words(count)} faces beside the bottom face rise"
+    if count == 1:
+        which = "the face beside the bottom face rises"
     text = (
-        f"the {count_words(count)} faces beside the bottom face rise at {math.degrees(slope):.1f} deg from the bed: "
+        f"{which} at {math.degrees(slope):.1f} deg from the bed: "
         "most printers do that without supports; put supports on if yours does not"
     )
     return RuleLook(said=(("note", text),))

@@ -84,8 +84,7 @@ class Asked(AskedPrinting, ABC):
     border: Annotated[float | None, Option("length from 0", "width of the black border")] = None
     margin: Annotated[float | None, Option("length from 0", "least white around the rings, to border or edge")] = None
     formats: Annotated[
-        list[Format] | None,
-        Option("formats", "further formats: step, pdf, svg, glb, dxf, laser, gerber, gerber-mask, or all"),
+        list[Format] | None, Option("formats", f"further formats: {', '.join(get_args(Format))}, or all")
     ] = None
     page: Annotated[str | None, Option("page", "sheet size: A4, A3, Letter, fit, or such as 400x600mm")] = None
 
