@@ -17,6 +17,7 @@ from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from designer.base.files import place_of
 from designer.base.solid import Faceted, plane_of
+from designer.base.units import UNITS_MM
 
 SUFFIXES = (".stl", ".obj", ".ply", ".off", ".glb")
 MAX_BYTES = 100 * 2**20
@@ -41,18 +42,23 @@ class ReadMesh:
     remarks: tuple[str, ...]
 
 
-def faces_of(path: str | PathLike[str], unit_mm: float) -> ReadMesh:
+def faces_of(path: str | PathLike[str], unit_mm: float | None) -> ReadMesh:
     """The flat faces of a mesh in a file, the upper ones first.
 
     Args:
         path: the file.
-        unit_mm: what its numbers are.
+        unit_mm: what its numbers are; None: nobody said, which is an error that tells how large they are.
 
     Raises:
         InputError: no mesh, or none whose faces can carry rings; one line says why, and what can.
     """
     place = place_of(path, "a mesh (STL, OBJ, PLY)")
-    corners = _triangles(place) * unit_mm
+    corners = _triangles(place)
+    if unit_mm is None:
+        length = float(np.ptp(corners, axis=(0, 1)).max())
+        units = " or ".join(UNITS_MM)
+        raise InputError(f"{place}: a mesh says no unit, and this one is {length:.3g} long; give --unit {units}")
+    corners = unit_mm * corners
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     size_mm = float((high - low).max())
     if not LEAST_SIZE_MM <= size_mm <= MOST_SIZE_MM:
@@ -113,7 +119,7 @@ def _triangles(place: Path) -> Array:
         why = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(f"{place}: cannot be read as a mesh ({why}); export it again") from None
     if not len(corners):
-        raise InputError(f"{place}: holds no triangles; export it as a mesh")
+        raise InputError(f"{place}: is damaged or holds no triangles; export it again, as a mesh")
     if len(corners) > MOST_TRIANGLES:
         raise InputError(f"{place}: has {len(corners)} triangles, more than {MOST_TRIANGLES}; use a coarser mesh")
     if not np.isfinite(corners).all():

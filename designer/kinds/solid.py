@@ -83,9 +83,7 @@ class AskedSolidOfFaces(AskedFaceted):
             return None
         from designer.kinds.mesh_file import faces_of
 
-        if self.unit is None:
-            raise InputError(f"{self.mesh}: a mesh says no unit; give --unit {' or '.join(UNITS_MM)}")
-        return faces_of(self.mesh, UNITS_MM[self.unit])
+        return faces_of(self.mesh, None if self.unit is None else UNITS_MM[self.unit])
 
     def body(self) -> "Faceted":
         """See `AskedFaceted.body`."""
