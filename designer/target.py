@@ -162,6 +162,11 @@ class TargetGeometry:
         return self.form == "plate"
 
     @property
+    def faces_up(self) -> bool:
+        """Whether all that it shows, it shows to cameras in a cap around its z axis."""
+        return self.form in ("plate", "trihedron")
+
+    @property
     def has_back(self) -> bool:
         """Whether it is a plate with a front and a back."""
         return self.is_plate and not self.is_planar

@@ -39,6 +39,8 @@ def target_scene(
     if target.is_plate:
         axes = target.target_from_face[0, :3, :3]
         up, from_direction = axes[:, 1], axes @ np.array([0.45, 0.3, 1.0])
+    elif target.faces_up:
+        up, from_direction = np.array([0.0, 1.0, 0.0]), np.array([-0.35, 0.25, 1.0])
     layers = target_layers(
         target, body_colour=body_colour, ink_colour=ink_colour, ring_colours=ring_colours, has_numbers=has_numbers
     )

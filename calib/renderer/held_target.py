@@ -102,7 +102,7 @@ def _held_pose(rig: Rig, target: TargetGeometry, held: HeldTarget, frame: int, r
     rig_from_cam = rig.rig_from_cam[camera]
     place = transform(rig_from_cam, rng.uniform(*held.distance_mm, size=(TRIES, 1)) * ray)
     back = (rig_from_cam[:3, 3] - place) / np.linalg.norm(rig_from_cam[:3, 3] - place, axis=1, keepdims=True)
-    turn = _turned_to(back, held.tilt_rad, rng) if target.is_plate else Rotation.random(TRIES, rng=rng).as_matrix()
+    turn = _turned_to(back, held.tilt_rad, rng) if target.faces_up else Rotation.random(TRIES, rng=rng).as_matrix()
     pose = make_pose(turn, place)
     share = seen_shares(rig, target, pose)
     away_mm = np.linalg.norm(place[:, None] - rig.center_mm, axis=2).min(axis=1)

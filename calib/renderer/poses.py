@@ -52,7 +52,7 @@ def grid_around(
         target: in the middle.
         views: how many.
         distance_mm: from the target's origin, or the nearest and farthest.
-        region: None: a cap for a flat target, else the sphere.
+        region: None: a cap for a flat target and a corner, else the sphere.
         cap_rad: half angle of a cap; None: the usual one.
         aim_offset_mm: as `PoseGrid` has it.
         random_roll: as `PoseGrid` has it.
@@ -67,7 +67,7 @@ def grid_around(
             f"--distance {near:g}mm: the target reaches {inside:.0f}mm from its origin, "
             f"and the aim {aim_offset_mm:g}mm; stay farther away"
         )
-    where: Region = region or ("cap" if target.is_plate else "sphere")
+    where: Region = region or ("cap" if target.faces_up else "sphere")
     if cap_rad is not None and where != "cap":
         raise InputError(f"--cap-angle: says nothing of a {where}; add --region cap")
     half_angle = HALF_ANGLE_RAD[where] if cap_rad is None else cap_rad

@@ -183,7 +183,8 @@ def _net(design: Design, panels: Panels | None) -> tuple[Leaf, ...]:
         alt = f"The back of the board with its own three dots among {design.target.ring_count // 2} rings."
         return (Figure("The back", panels.net, alt, "Face 1, as seen from behind.", links),)
     alt = f"The net of the target: all {design.target.face_count} faces side by side with their numbers and codes."
-    return (Figure("All faces unfolded, from outside", panels.net, alt, "", links, is_wide=True),)
+    sight = "as cameras see them" if design.target.faces_up else "from outside"
+    return (Figure(f"All faces unfolded, {sight}", panels.net, alt, "", links, is_wide=True),)
 
 
 def dimension_facts(design: Design) -> Facts:

@@ -388,7 +388,8 @@ def made_with(printing: PrintSpec) -> str:
 def photo_blocks(design: Design) -> tuple[Block, ...]:
     """How to take the photos, and the commands that follow, run in the folder of the page."""
     name, ring_mm = design.job.name, design.job.target.ring_diameter_mm
-    count = "20 to 30 from all sides, the target turned between them; fewer than 20 hardly measure the print."
+    sides = "from within its opening" if design.target.faces_up else "from all sides"
+    count = f"20 to 30 {sides}, the target turned between them; fewer than 20 hardly measure the print."
     if design.job.printing.way.is_in_parts:
         count = (
             "20 to 30 from all sides, turned between them; 40, five tiles in each, tell how tiles sit (of 15, "
@@ -425,7 +426,7 @@ def simulated_line(design: Design) -> str:
     """The command that takes simulated photos as one should: near and far, turned, and into the image's corners."""
     photos = advised_photos(design.target)
     near, far = photos.distance_mm
-    cap = f" --cap-angle {math.degrees(photos.half_angle_rad):.0f}deg" if design.target.is_plate else ""
+    cap = f" --cap-angle {math.degrees(photos.half_angle_rad):.0f}deg" if design.target.faces_up else ""
     return (
         f"calib render {design.job.name}.target.json -o simulated --views {_SIMULATED_VIEWS} --distance "
         f"{near:g}mm..{far:g}mm --aim-offset {photos.aim_offset_mm:g}mm --random-roll{cap} --blur 0.7px "

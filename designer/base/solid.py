@@ -144,11 +144,12 @@ class Solid:
 
 @dataclass(frozen=True, eq=False)
 class Faceted:
-    """A convex body of any flat faces, about the origin: those with rings, and those that stay bare."""
+    """A convex body of any flat faces, about the origin, or one that opens to it: faces with rings, and bare ones."""
 
     vertices_mm: Array  # (V, 3)
     faces: tuple[tuple[int, ...], ...]  # with rings, each from the corner at its code on, counter-clockwise outside
-    bare: tuple[tuple[int, ...], ...] = ()
+    bare: tuple[tuple[int, ...], ...] = ()  # from a corner on from which all others are seen
+    is_inward: bool = False  # not convex: those with rings look at each other
 
     def __post_init__(self) -> None:
         every = (*self.faces, *self.bare)
@@ -162,6 +163,8 @@ class Faceted:
         edges = [(face[k - 1], face[k]) for face in every for k in range(len(face))]
         if len(set(edges)) < len(edges) or any((b, a) not in self.beside for a, b in edges):
             raise ValueError("faces must close the body: each edge belongs to two, which run along it in opposite ways")
+        if self.is_inward:
+            return
         above = self.vertices_mm @ self.planes[:, :3].T - self.planes[:, 3]
         if not above.max() <= BULGE * np.ptp(self.vertices_mm, axis=0).max() or self.planes[:, 3].min() <= 0:
             raise ValueError("the body is not convex about its origin, or a face is not flat or runs clockwise")

@@ -1,6 +1,6 @@
 """A rendered preview: the target in perspective and, of a solid, the net with every face's code and number.
 
-The bodies are convex, so painting the faces that look at the camera, ink over body, hides everything rightly.
+The bodies are convex, or walls that all look at the camera: painting the faces that do, ink over body, hides rightly.
 """
 
 import io
@@ -141,12 +141,15 @@ def _perspective(
     side_px: int = HEIGHT_PX,
     oversampling: int = _OVERSAMPLING,
 ) -> Image.Image:
-    """The target as a camera sees it; of a plate from one of its sides."""
+    """The target as a camera sees it; of a plate from one of its sides, of a corner into it."""
     is_plate = len(pattern.faces) <= _SIDES_OF_PLATE
+    is_inward = all(frame[:3, 2] @ frame[:3, 3] < 0 for frame in pattern.target_from_face)
     direction = np.array([-0.35, -0.45, 1.0]) if is_plate else np.array([0.9, -0.35, 0.45])
-    if is_plate:
+    if is_inward:
+        direction = np.array([-0.35, 0.25, 1.0])
+    elif is_plate:
         direction = pattern.target_from_face[side, :3, :3] @ direction
-    view = _look_from(pattern, direction, np.eye(3)[1 if is_plate else 2], side_px * oversampling)
+    view = _look_from(pattern, direction, np.eye(3)[1 if is_plate or is_inward else 2], side_px * oversampling)
     canvas = Image.new("RGB", (view.side_px,) * 2, _BACKGROUND)
     draw = ImageDraw.Draw(canvas)
     if is_plate:

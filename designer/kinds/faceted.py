@@ -334,6 +334,8 @@ class AskedFaceted(Asked):
     def larger(self, factor: float) -> str:
         """What to use instead of what is too small by a factor."""
 
+    usual_lattice: ClassVar[Lattice] = "triangular"
+    """Where none is asked for."""
     is_partly_bare: ClassVar[bool] = False
     """Whether faces that are too small may stay bare."""
 
@@ -400,7 +402,7 @@ class AskedFaceted(Asked):
             border = max(gap, round_up(body.inset_per_depth / INLAY_SHARE * line.inlay_mm), share)
         if margin is None:
             margin = max(gap, round_down(MARGIN_OVER_PITCH * pitch))
-        return Fit(self.lattice or "triangular", pitch, diameter, border, margin)
+        return Fit(self.lattice or self.usual_lattice, pitch, diameter, border, margin)
 
     def _with_room(self, body: "Faceted", fit: Fit) -> tuple[int, ...]:
         """The faces that hold the least number of marks."""

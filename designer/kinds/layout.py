@@ -129,9 +129,10 @@ def inset_per_depth(target: TargetGeometry) -> float:
 
 
 def deepest_inlay_mm(target: TargetGeometry) -> float:
-    """The deepest inlay of a border: its floor moves in with depth, and a tenth of its width must be left."""
+    """The deepest inlay of a border: its floor moves in with depth, and a tenth of it must be left; of walls, half."""
     inset = inset_per_depth(target)
-    return INLAY_SHARE * border_width_mm(target) / inset if inset > 0 else math.inf
+    behind_mm = math.inf if target.spec is None else target.spec.depth_mm / 2
+    return min(INLAY_SHARE * border_width_mm(target) / inset, behind_mm) if inset > 0 else math.inf
 
 
 LIP_LAYERS = 2
@@ -313,7 +314,7 @@ class Viewpoints:
 
     distance_mm: tuple[float, float]  # of the cameras from the target's origin, drawn evenly between the two
     aim_offset_mm: float
-    half_angle_rad: float  # of the cap around the normal of a plate; pi: from all sides
+    half_angle_rad: float  # of the cap around the normal of a plate or the diagonal of a corner; pi: from all sides
 
 
 def advised_photos(target: TargetGeometry, distance_mm: tuple[float, float] | None = None) -> Viewpoints:
@@ -331,7 +332,7 @@ def advised_photos(target: TargetGeometry, distance_mm: tuple[float, float] | No
     near, far = distance_mm or (_two_digits(near), _two_digits(2 * near))
     aim = (_PLANAR_AIM_SHARE if target.is_plate else _AIM_SHARE) * IMAGE_HALF_DIAGONAL * near
     aim = _two_digits(max(min(aim, _OUTSIDE * (near - inside)), 0.0))
-    return Viewpoints((near, far), aim, math.radians(45) if target.is_plate else math.pi)
+    return Viewpoints((near, far), aim, math.pi if not target.faces_up else math.radians(45 if target.is_plate else 25))
 
 
 def _two_digits(value: float) -> float:

@@ -269,7 +269,7 @@ def _with_lip(printing: PrintSpec, target: TargetGeometry, asked: bool | None) -
     """
     if not printing.way.has_stickers or asked is False:
         return printing, ""
-    if target.form == "polyhedron":  # the frames of unlike faces are none that was tried
+    if target.form in ("polyhedron", "trihedron"):  # the frames of unlike faces are none that was tried
         if asked:
             raise InputError("lip: frames around stickers are for regular solids; leave --lip out")
         return printing, ""

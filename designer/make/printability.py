@@ -225,7 +225,10 @@ def _inlay_remarks(target: TargetGeometry, printing: PrintSpec) -> Iterator[tupl
             f"{what} {depth:g}mm fills steep faces only in part (70 % at 0.6mm); "
             f"use {STEEP_FACE_INLAY_MM:g}mm or more if the border allows",
         )
-    border = border_width_mm(target)
+    border, wall = border_width_mm(target), math.inf if target.spec is None else target.spec.depth_mm
+    if depth >= wall:
+        deepest = round_down(deepest_inlay_mm(target))
+        yield "violation", f"{what} {depth:g}mm goes through walls {wall:g}mm thick; use at most {deepest:g}mm"
     if border <= inset_per_depth(target) * depth:
         deepest = round_down(deepest_inlay_mm(target))
         yield (

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-Form = Literal["solid", "polyhedron", "plate"]
-"""What a target is: faces around a regular solid, or around any convex body, or a board."""
+Form = Literal["solid", "polyhedron", "trihedron", "plate"]
+"""What a target is: faces around a regular solid, or any convex body, or three that look at each other, or a board."""
 Format = Literal[
     "3mf",
     "project",
@@ -68,7 +68,7 @@ BUILDS: Mapping[str, Build] = {
         Build(
             "one-piece",
             "printed in one piece, in two filaments",
-            {"solid": "fdm-dual", "polyhedron": "fdm-dual", "plate": "fdm-board"},
+            {"solid": "fdm-dual", "polyhedron": "fdm-dual", "trihedron": "fdm-dual", "plate": "fdm-board"},
             ("3mf", "stl", "png"),
             ("sticker_thickness", "lip", "ink_side", "mount", "jig"),
             is_two_filament=True,
@@ -96,7 +96,7 @@ BUILDS: Mapping[str, Build] = {
         Build(
             "stickers",
             "a body in one filament, and stickers",
-            {"solid": "hand-stickers", "polyhedron": "hand-stickers"},
+            {"solid": "hand-stickers", "polyhedron": "hand-stickers", "trihedron": "hand-stickers"},
             ("stl", "png", "pdf", "svg"),
             ("inlay_depth", "ink_side", "mount", "jig"),
             has_stickers=True,

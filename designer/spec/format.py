@@ -14,7 +14,7 @@ class FileFormat:
     """A format, as far as options and pages ask."""
 
     title: str  # what it is, for whom
-    forms: tuple[Form, ...] = ("solid", "polyhedron", "plate")
+    forms: tuple[Form, ...] = ("solid", "polyhedron", "trihedron", "plate")
     instead: str = ""  # what a target of another form takes in its place
     is_flat: bool = False  # of flat stock, which neither shrinks nor skews as plastic does
     has_true_circles: bool = False  # which do not stay circles in a sheared part

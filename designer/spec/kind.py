@@ -11,7 +11,7 @@ from designer.base.files import JsonValue
 from designer.spec.options import Asked
 from designer.spec.spec import Spec
 
-KINDS = ("ico", "board", "cube", "octahedron", "tetrahedron", "dodecahedron", "dome", "solid", "coupon")
+KINDS = ("ico", "board", "cube", "octahedron", "tetrahedron", "dodecahedron", "dome", "corner", "solid", "coupon")
 """Names of the kinds, and of their modules, each of which holds a `KIND`. A module is loaded when it is asked for."""
 
 

@@ -93,7 +93,7 @@ class Spec(ABC):
 
     @property
     def depth_mm(self) -> float:
-        """How deep the body is behind a face's ink: a plate's thickness; of a solid no limit of its own."""
+        """How deep the body is behind a face's ink: of plates and walls the thickness; of a solid no limit."""
         return math.inf
 
     @property

@@ -72,10 +72,11 @@ def size_of(target: TargetGeometry) -> TargetSize:
     area = 0.5 * (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)  # (F,)
     frame = target.target_from_face
     corner = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
+    depth = target.spec.depth_mm if target.spec is not None else 0.0
     if target.is_plate:
-        height = target.spec.depth_mm if target.spec is not None else 0.0
-        volume = float(area[0]) * height
+        height, volume = depth, float(area[0]) * depth
     else:
         height = float(np.ptp(corner.reshape(-1, 3) @ face_down(target)[2]))
-        volume = float((area * np.einsum("fi,fi->f", frame[:, :3, 2], frame[:, :3, 3])).sum()) / 3
+        offset = np.einsum("fi,fi->f", frame[:, :3, 2], frame[:, :3, 3])
+        volume = float((area * (depth if target.form == "trihedron" else offset / 3)).sum())
     return TargetSize(target.face_count, float(area.sum()) / MM2_PER_DM2, volume / MM3_PER_CM3, height / MM_PER_CM)

@@ -51,6 +51,8 @@ DESIGN = (
     Case(("dodecahedron", "--edge", "2mm"), 2),
     Case(("dome", "--edge", "20mm", "--build", "stickers", "-o", "out"), 0),
     Case(("dome", "--edge", "60mm", "--build", "tiles"), 2),
+    Case(("corner", "--edge", "30mm", "--build", "stickers", "-o", "out"), 0),
+    Case(("corner", "--edge", "60mm", "--build", "tiles"), 2),
     Case(("solid", "none.stl", "--unit", "mm"), 2),
     Case(("board", *SMALL, "--build", "sheet", "-o", "out"), 0),
     Case(("board", "--columns", "many"), 2),

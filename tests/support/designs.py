@@ -38,6 +38,7 @@ SMALL: Mapping[str, Mapping[str, object]] = {
     "tetrahedron": {"edge": "36mm"},
     "dodecahedron": {"edge": "14mm"},
     "dome": {"edge": "20mm"},
+    "corner": {"edge": "30mm"},
     "solid": {
         "vertices": [[x * half, y * half, z] for half, z in ((13, -10), (8, 10)) for x, y in SQUARE],
         "faces": [[4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],

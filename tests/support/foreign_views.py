@@ -20,6 +20,7 @@ from designer.kinds.spec_file import parse_spec, read_spec_file
 from designer.spec.spec import Spec
 from designer.target import TargetGeometry, bounding_radius_mm
 from tests.benchmarks.synthetic import look_at, random_direction, wrong_names
+from tests.support.ring_views import INTO_CORNER
 from tests.support.sightings import pinhole
 
 PLAIN = RenderOptions(blur_px=0.7, contrast_to_noise=50)
@@ -96,8 +97,8 @@ def photo_of(
     distance = focal * float(np.median(target.radius_outer_mm)) / radius
     least = 1.3 * focal * 2 * extent / min(size) if is_whole else 1.5 * extent
     direction = random_direction(rng, is_board=False)
-    if target.face_count == 1:
-        direction = np.array([*(0.7 * rng.uniform(-1, 1, 2)), 1.0])
+    if target.faces_up and not target.has_back:
+        direction = np.array([*((0.7 if target.is_planar else INTO_CORNER) * rng.uniform(-1, 1, 2)), 1.0])
         direction /= np.linalg.norm(direction)
     aim = np.zeros(3) if is_whole else rng.uniform(-0.3, 0.3, 3) * extent
     pose = look_at(rng, direction, max(distance, least), aim)

@@ -24,6 +24,8 @@ from tests.support.ring_images import triangle_of
 from tests.support.sightings import pinhole
 
 CAMERA = pinhole(1000, 800, 1300.0)
+INTO_CORNER = 0.4
+"""Tangent of the angle off a corner's diagonal, along two axes, from where a photo shows all that it has."""
 USUAL = RenderOptions(blur_px=0.6, contrast_to_noise=50)
 
 
@@ -43,8 +45,8 @@ def board(lattice: Lattice = "square", *, dots: bool = True, columns: int = 11, 
 def pose_of(target: TargetGeometry, rng: np.random.Generator, distance_mm: float = 400.0) -> Array:
     """A camera at a random place that looks at about the target's middle, rolled at random.  # (4, 4)"""
     direction = random_direction(rng, is_board=False)
-    if target.is_planar:
-        direction = np.array([*(0.9 * rng.uniform(-1, 1, 2)), 1.0])
+    if target.faces_up and not target.has_back:
+        direction = np.array([*((0.9 if target.is_planar else INTO_CORNER) * rng.uniform(-1, 1, 2)), 1.0])
         direction /= np.linalg.norm(direction)
     return look_at(rng, direction, distance_mm, rng.uniform(-10, 10, 3))
 

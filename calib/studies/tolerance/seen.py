@@ -79,7 +79,7 @@ def _grid(target: TargetGeometry, photos: Viewpoints, views: int) -> PoseGrid:
 
 def aimed_at(target: TargetGeometry, distance_mm: float) -> Viewpoints:
     """Photos from one distance that all look at the target's origin: `aimed_at(target, 400.0)`."""
-    return Viewpoints((distance_mm, distance_mm), 0.0, CAP_RAD if target.is_plate else math.pi)
+    return Viewpoints((distance_mm, distance_mm), 0.0, CAP_RAD if target.faces_up else math.pi)
 
 
 def seen_in(

@@ -10,6 +10,7 @@ import pytest
 import shapely
 
 from designer.base.arrays import Array, Flags
+from designer.base.solid import Faceted
 from designer.builds.design import EXPORTERS, Design
 from designer.builds.relief import change_of
 from designer.formats.project import plate_files
@@ -97,11 +98,14 @@ def ink_faces(design: Design, point_mm: Array, deep_mm: float = 0.0) -> Flags:
     aside = printing.printer.line_width_mm / 7
     above = printing.printer.layer_height_mm / 2
     found = np.zeros((design.target.face_count, len(point_mm)), dtype=bool)
-    pattern = design.printed_pattern
+    pattern, body = design.printed_pattern, design.job.target.body
     for number, (frame, face) in enumerate(zip(pattern.target_from_face, pattern.faces, strict=True)):
         x, y, z = ((point_mm - frame[:3, 3]) @ frame[:3, :3]).T
         near = np.flatnonzero((z < above) & (z > -printing.inlay_mm - above - deep_mm))
         ink = ink_of_face(pattern, face).buffer(aside)
+        if isinstance(body, Faceted) and body.is_inward:  # below an edge, borders meet beyond both outlines
+            outline = shapely.Polygon(face.outline)
+            ink |= outline.buffer(printing.inlay_mm + aside, join_style="mitre") - outline
         shapely.prepare(ink)
         found[number, near] = shapely.contains_xy(ink, x[near], y[near])
     return found
@@ -127,7 +131,7 @@ def sliced(command: str, design: Design, package: Path) -> Toolpaths:
 
 
 FINE: Mapping[str, Mapping[str, object]] = {
-    "octahedron": {"edge": "18mm"}, "tetrahedron": {"edge": "22mm"},
+    "octahedron": {"edge": "18mm"}, "corner": {"edge": "30mm"}, "tetrahedron": {"edge": "22mm"},
     **{name: SMALL[name] for name in ("ico", "dodecahedron", "dome", "solid")},
 }  # fmt: skip
 """They have room for an inlay as deep as usual at a fine nozzle; thinner than a line, steep faces take it badly."""
