@@ -398,7 +398,7 @@ class AskedFaceted(Asked):
         diameter = round_down(min(DIAMETER_OVER_PITCH * pitch, pitch - gap))
         border, margin = self.border, self.margin
         if border is None:  # below the face it ends where the neighbour's begins
-            share = round(BORDER_OVER_EDGE * body.mean_edge_mm, 4)
+            share = round(BORDER_OVER_EDGE * body.mean_edge_mm, 2)
             border = max(gap, round_up(body.inset_per_depth / INLAY_SHARE * line.inlay_mm), share)
         if margin is None:
             margin = max(gap, round_down(MARGIN_OVER_PITCH * pitch))
