@@ -82,9 +82,7 @@ class Candidate:
     optics: "Foretold"  # of a target that is exactly as drawn: by the noise of the photos
     made: "Foretold"  # as this build comes out
     errors: str  # the error template that says how
-    hours: (
-        Gap  # of work, nan: not known; by the error template's law, of the recommended one as `design` estimates them
-    )
+    hours: Gap  # of work, nan: not known; by the error template's law, of the recommended one as `design` estimates
     price_eur: Gap  # likewise
     photos: Gap = math.nan  # that reach the goal, or from which on more do little; nan: none do, or not worked out
     faults: tuple[str, ...] = ()  # why nobody should print it so, if that was estimated
@@ -276,7 +274,7 @@ def _tried(wish: "Wish", photos: int, asked: "dict[str, str]", progress: Progres
                 px = stage.radius_px(job.target.ring_diameter_mm / 2)
                 told = Candidate(
                     job.target.kind, job.printing.build, job.target.words, line, ahead.rings, px, optics,
-                    ahead.made(photos, row),                    errors, hours, price,
+                    ahead.made(photos, row), errors, hours, price,
                 )  # fmt: skip
                 yield _Ranked(told, job, made, ahead, row)
 
@@ -387,6 +385,8 @@ def _estimated(one: _Ranked) -> _Ranked | None:
     if takes is None:
         return None
     hours, price = takes.estimate.time_s / 3600, takes.estimate.price
+    if takes.estimate.filament.currency != "EUR":  # of the printer's file, and nobody knows the rate
+        price = one.told.price_eur
     return replace(one, told=replace(one.told, hours=hours, price_eur=price, faults=takes.faults))
 
 

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from pathlib import PurePath
+from pathlib import PurePath, PureWindowsPath
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
@@ -116,6 +116,8 @@ def _colmap(found: "Sequence[Detections]", target: "TargetGeometry") -> dict[str
     _require_no_space(found)
     files, rest = {}, " 1 0" + DESCRIPTOR * " 0"
     for one in found:
+        if (path := PureWindowsPath(one.image)).anchor or ".." in path.parts:
+            raise InputError(f"{shown(one.image)}: its file would lie outside the folder; rename the photo")
         lines = [f"{u} {v}{rest}" for _, u, v in _rows(one, CORNER)]
         files[f"features/{one.image}.txt"] = "\n".join([f"{len(lines)} {DESCRIPTOR}", *lines, ""])
     matches, row = list[str](), [{ring: k for k, ring in enumerate(one.ring.tolist())} for one in found]

@@ -208,16 +208,19 @@ def left_of(faces: Sequence[Sequence[int]]) -> dict[tuple[int, int], int]:
 
 def area_of(corner: Array) -> float:
     """Of a flat polygon in space.  # (K, 3)"""
-    middle = corner.mean(axis=0)
-    return 0.5 * float(np.linalg.norm(np.cross(corner - middle, np.roll(corner, -1, axis=0) - middle).sum(axis=0)))
+    return 0.5 * float(np.linalg.norm(_newell(corner)))
 
 
 def plane_of(corner: Array) -> Array:
     """Unit normal and distance from the origin of a polygon in space, by Newell's sums.  # (K, 3) -> (4,)"""
-    middle = corner.mean(axis=0)
-    normal = np.cross(corner - middle, np.roll(corner, -1, axis=0) - middle).sum(axis=0)
-    normal = normal / np.linalg.norm(normal)
-    return np.array([*normal, normal @ middle])
+    normal = _newell(corner) / np.linalg.norm(_newell(corner))
+    return np.array([*normal, normal @ corner.mean(axis=0)])
+
+
+def _newell(corner: Array) -> Array:
+    """Along a polygon's normal, twice as long as its area is large.  # (K, 3) -> (3,)"""
+    from_middle = corner - corner.mean(axis=0)
+    return np.asarray(np.cross(from_middle, np.roll(from_middle, -1, axis=0)).sum(axis=0))
 
 
 def regular_polygon(sides: int, inradius: float) -> Array:

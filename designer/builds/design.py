@@ -210,7 +210,7 @@ def make_files(design: Design, on_stage: Callable[[str], None]) -> tuple[OutputF
         except KeyboardInterrupt:  # which threads do not hear
             pool.shutdown(wait=False, cancel_futures=True)
             for process in tuple(_PROCESSES):
-                process.kill()
+                process.terminate()
             raise
     if job.printing.stand:
         on_stage("stand")
@@ -334,7 +334,7 @@ def _step(design: Design) -> Made:
 def apart(function: str, job: Job) -> Callable[[], bytes | None]:
     """Begin a function, "module:name", with a job in a process of its own; what is returned waits for what it writes.
 
-    None: it failed.
+    None: it failed. If it was interrupted, so is who waits: nobody wants what it was to tell.
     """
     line = "from {0} import {1}; {1}()".format(*function.split(":"))
     process = subprocess.Popen(  # noqa: S603 - this program again
@@ -352,6 +352,8 @@ def apart(function: str, job: Job) -> Callable[[], bytes | None]:
             out, _ = process.communicate()
         finally:
             _PROCESSES.discard(process)
+        if process.returncode in (-signal.SIGINT, -signal.SIGTERM):
+            raise KeyboardInterrupt
         return None if process.returncode else out
 
     return answer

@@ -42,7 +42,6 @@ USUAL_MARKS = 36
 """On the smallest face, where strokes and gaps of two lines allow: as on the paper's icosahedron."""
 LEAST_DIFFERING = 2
 """Marks that must differ between any two faces, however they are turned."""
-MOST_CORNERS = 48
 MOST_STEPS = 1000
 """Of a lattice from the middle of a face."""
 _PHASES = 12

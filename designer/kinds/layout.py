@@ -7,7 +7,7 @@ import numpy as np
 
 from designer.base.arrays import Array, Rows
 from designer.base.codes import Index
-from designer.base.solid import INLAY_SHARE
+from designer.base.solid import INLAY_SHARE, area_of, plane_of
 from designer.spec.build import BUILDS
 from designer.spec.spec import PrintSpec, Spec
 from designer.target import PARALLEL, TargetGeometry, bounding_radius_mm
@@ -187,18 +187,13 @@ def face_down(target: TargetGeometry) -> Array:
         return target.target_from_face[0, :3, :3].T
     body, last = None if target.spec is None else target.spec.body, corners_mm(target)[-1]
     flat = [last, *(() if body is None else (body.corners_mm()[list(face)] for face in body.bare))]
-    base = max(flat, key=lambda corner: float(np.round(np.linalg.norm(_area_vector(corner)), 6)))
+    base = max(flat, key=lambda corner: round(area_of(corner), 6))
     if base is not last:
         x_axis = (base[1] - base[0]) / np.linalg.norm(base[1] - base[0])
-        down = _area_vector(base) / np.linalg.norm(_area_vector(base))
+        down = plane_of(base)[:3]
         return np.stack([x_axis, np.cross(x_axis, down), -down])
     axes: Array = _FACE_DOWN @ target.target_from_face[-1, :3, :3].T
     return axes
-
-
-def _area_vector(corner: Array) -> Array:
-    """Along a polygon's normal, twice as long as its area is large.  # (K, 3) -> (3,)"""
-    return np.asarray(np.cross(corner - corner[0], np.roll(corner, -1, axis=0) - corner[0]).sum(axis=0))
 
 
 def is_turned(target: TargetGeometry, *, is_bed_deep: bool = False) -> bool:

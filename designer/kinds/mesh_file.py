@@ -52,7 +52,7 @@ def faces_of(path: str | PathLike[str], unit_mm: float | None) -> ReadMesh:
     Raises:
         InputError: no mesh, or none whose faces can carry rings; one line says why, and what can.
     """
-    place = place_of(path, "a mesh (STL, OBJ, PLY)")
+    place = place_of(path, "a mesh")
     corners = _triangles(place)
     if unit_mm is None:
         length = float(np.ptp(corners, axis=(0, 1)).max())
@@ -86,6 +86,12 @@ def faces_of(path: str | PathLike[str], unit_mm: float | None) -> ReadMesh:
         raise InputError(
             f"{place}: a face has {max(map(len, rows))} corners, more than {MOST_CORNERS}; use a coarser mesh"
         )
+    slivers = InputError(
+        f"{place}: has slivers between its faces about as thin as what counts for flat, {flat_mm:.2g}mm; use a mesh "
+        "whose edges are sharp, or rounded by more"
+    )
+    if min(map(len, rows)) < 3:
+        raise slivers
     covered, turned = _covered(corners - points.mean(axis=0), planes, rows, hull.points, flat_mm)
     if not (covered >= COVERED).any():
         raise InputError(f"{place}: covers no flat face of its hull as a whole; use one whose faces are closed")
@@ -93,7 +99,10 @@ def faces_of(path: str | PathLike[str], unit_mm: float | None) -> ReadMesh:
         raise InputError(
             f"{place}: its faces look inward, and rings are set on the outside; turn the triangles over for the outside"
         )
-    return _body(hull, rows, planes, covered, flat_mm)
+    try:
+        return _body(hull, rows, planes, covered, flat_mm)
+    except ValueError:  # they close no convex body
+        raise slivers from None
 
 
 def _triangles(place: Path) -> Array:
@@ -113,8 +122,6 @@ def _triangles(place: Path) -> Array:
         mesh = trimesh.load_mesh(place, process=False)
         mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
         corners = np.asarray(mesh.triangles, dtype=np.float64)
-    except InputError:
-        raise
     except Exception as error:
         why = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(f"{place}: cannot be read as a mesh ({why}); export it again") from None
@@ -209,14 +216,14 @@ def _body(hull: ConvexHull, rows: list[tuple[int, ...]], planes: Array, covered:
     centroid = (volume[:, None] * corner.mean(axis=1) * 0.75).sum(axis=0) / volume.sum()
     vertices = np.round(vertices - centroid, 6)
     faces = [tuple(number[vertex] for vertex in face) for face in rows]
-    off_mm = max(float(np.abs(vertices[list(face)] @ plane_of(vertices[list(face)])[:3]
-                              - plane_of(vertices[list(face)])[3]).max()) for face in faces)  # fmt: skip
+    off_mm = 0.0
+    for corner in (vertices[list(face)] for face in faces):
+        plane = plane_of(corner)
+        off_mm = max(off_mm, float(np.abs(corner @ plane[:3] - plane[3]).max()))
     order = sorted(range(len(faces)), key=lambda row: _from_above(planes[row]))
     ringed = tuple(faces[row] for row in order if covered[row] >= COVERED)
     bare = tuple(faces[row] for row in order if covered[row] < COVERED)
-    return ReadMesh(
-        Faceted(vertices, ringed, bare), tuple(_remarks(len(hull.simplices), len(faces), len(bare), off_mm))
-    )
+    return ReadMesh(Faceted(vertices, ringed, bare), tuple(_remarks(len(faces), len(bare), off_mm)))
 
 
 def _from_above(plane: Array) -> tuple[float, float]:
@@ -224,7 +231,7 @@ def _from_above(plane: Array) -> tuple[float, float]:
     return -z, math.atan2(y, x) if abs(z) < 1 else 0.0
 
 
-def _remarks(triangles: int, faces: int, bare: int, off_mm: float) -> Iterator[str]:
+def _remarks(faces: int, bare: int, off_mm: float) -> Iterator[str]:
     yield f"mesh: {faces} flat faces"
     if off_mm > LEAST_FLAT_MM:
         yield f"mesh: faces are flat within {off_mm:.2g}mm; each is taken for the plane through its corners"

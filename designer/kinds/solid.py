@@ -77,7 +77,16 @@ class AskedSolidOfFaces(AskedFaceted):
         Raises:
             InputError: there is nothing that can carry rings, or the unit is not known.
         """
+        of_faces = (self.vertices, self.faces, self.bare_faces)
+        if self.mesh is not None and any(of_faces):
+            raise InputError(
+                f"{self.mesh}: a mesh, and vertices or faces beside it, are given; leave out the one or the other"
+            )
         if self.mesh is None:
+            if self.unit is not None:
+                raise InputError(
+                    f"unit {self.unit}: is a mesh's, and no mesh is given; vertices are in mm: leave it out"
+                )
             if self.vertices is None or self.faces is None:
                 raise InputError("solid: neither a mesh nor vertices and faces are given; give `design solid MESH.stl`")
             return None

@@ -116,7 +116,7 @@ BUILDS: Mapping[str, Build] = {
             "a body with grooves, which paint or resin fills",
             {"solid": "fdm-dual", "plate": "fdm-board"},
             ("3mf", "stl", "png"),
-            ("sticker_thickness", "ink_side", "mount"),
+            ("sticker_thickness", "lip", "ink_side", "mount", "jig"),
             is_two_filament=True,
             ink="recessed",
         ),

@@ -130,7 +130,18 @@ def test_a_process_that_makes_a_file_ends_with_ctrl_c(monkeypatch: pytest.Monkey
     made = designer.board(size_mm=(60, 60)).design
     with pytest.raises(KeyboardInterrupt):
         make_files(replace(made, job=replace(made.job, formats=("step",))), interrupt)
-    assert process[0].wait() == -signal.SIGKILL
+    assert process[0].wait() == -signal.SIGTERM
+
+
+def test_who_waits_for_a_process_that_was_stopped_is_stopped_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And does not work out by itself what it was to tell."""
+    monkeypatch.setattr(making, "_PROCESSES", set())
+    told = making.apart("designer.builds.design:step_from_spec", designer.board(size_mm=(60, 60)).design.job)
+    (process,) = making._PROCESSES
+    process.terminate()
+    with pytest.raises(KeyboardInterrupt):
+        told()
+    assert not making._PROCESSES
 
 
 @pytest.mark.parametrize("printer", ["bambu-p1s", "bambu-a1"])

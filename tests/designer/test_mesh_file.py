@@ -63,6 +63,7 @@ def test_the_command_takes_the_mesh_and_asks_for_its_unit(tmp_path: Path) -> Non
     assert "--unit mm" in design("solid", part).err
     assert design("solid", part, "--unit", "mm", "--chord-error", "50um", "-o", out).code == 0
     part.unlink()
+    assert design("make", out / "solid-part.toml", "--unit", "inch").err.startswith("error: unit inch: is a mesh's")
     target = load_target(out / "solid-part.target.json")
     assert (
         designer.load(out / "solid-part.toml").geometry
@@ -85,6 +86,7 @@ BAD = {
     "inward": (trimesh.Trimesh([[0, 0, 0], [60, 0, 0], [0, 60, 0], [0, 0, 60]], [[0, 1, 2], [0, 2, 3], [0, 3, 1]]),
                "look inward"),
     "not finite": (trimesh.Trimesh([[0, 0, 0], [np.nan, 0, 0], [0, 9, 0]], [[0, 1, 2]], process=False), "finite"),
+    "slivers": (hull([*BOX, np.array((20.008, 19.995, -1.658)), np.array((19.994, 20.005, 0.712))]), "slivers"),
 }  # fmt: skip
 
 

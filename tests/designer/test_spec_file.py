@@ -25,6 +25,7 @@ from designer.kinds.spec_file import (
     spec_to_toml,
 )
 from designer.make.printability import check_printability
+from designer.spec.build import BUILDS
 from designer.spec.kind import kinds
 from designer.spec.options import AskedPrinting, options_of
 from designer.spec.spec import Job
@@ -369,6 +370,14 @@ def test_idle_options_are_named_and_change_nothing() -> None:
     assert [remark for remark in idle.remarks if remark not in plain.remarks] == [
         "sticker_thickness: of no effect on the build 'one-piece'"
     ]
+
+
+def test_what_parts_and_stickers_are_asked_for_is_idle_for_other_builds() -> None:
+    """A jig and a mount are for tiles, a lip and a thickness for stickers."""
+    for way in BUILDS.values():
+        wanted = {name for name, is_used in (("jig", way.is_in_parts), ("mount", way.is_in_parts),
+                  ("lip", way.has_stickers), ("sticker_thickness", way.has_stickers)) if not is_used}  # fmt: skip
+        assert wanted <= {*way.idle}, way.name
 
 
 def test_odd_printer_paths_are_written_as_toml(tmp_path: Path) -> None:

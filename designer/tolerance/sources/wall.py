@@ -5,8 +5,8 @@ black all over, is seen at half its height, which `--build relief` has for the t
 walls begins and ends at its rims, in the face; one with white walls is seen half-way down.
 
 What is left is light. White beside a wall of height h sees less of the sky: over a floor that stays uncovered from the
-distance t = 0 on at the near side and from t = h tan(tilt) on at the far side, (sqrt(t^2 + h^2) - t) / 2 of light is
-missing. If all of it counted for ink, rings would seem deeper by
+distance t = 0 on at the near side and from t = h tan(tilt) on at the far side, (1 - t / sqrt(t^2 + h^2)) / 2 of light
+is missing. If all of it counted for ink, rings would seem deeper by
 
     d = h (1 + tan(tilt) - 1 / cos(tilt)) / (4 tan(tilt)),
 

@@ -100,7 +100,8 @@ def test_colmap_sees_them_where_the_camera_saw_them(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("to", "image", "said"),
     [("odm", "a b.jpg", "with a space"), ("colmap", "a b.jpg", "with a space"), ("realitycapture", "a,b.jpg", "comma"),
-     ("metashape", "view_0001.jpg", "labelled 'view_0001'")],
+     ("metashape", "view_0001.jpg", "labelled 'view_0001'"), ("colmap", "a/../../b.jpg", "outside the folder"),
+     ("colmap", "/b.jpg", "outside the folder")],
 )  # fmt: skip
 def test_a_name_that_a_format_cannot_hold_is_refused(to: str, image: str, said: str) -> None:
     """One line with the name and what to do; the others take it."""
