@@ -25,6 +25,8 @@ from designer.spec.spec import PrinterProfile
 
 THICKNESS_OVER_EDGE = 0.04
 MOST_THICKNESS_MM = 4.0
+MOST_EDGE_TENTHS = 5000
+"""Of a millimetre: edges among which one is looked for that has room for keys."""
 """As in the prints whose hours and grams are known (edge 100 mm); stiff enough to lie flat."""
 ENGRAVED_LAYERS = 2
 CLOSED_LAYERS = 2
@@ -145,13 +147,20 @@ def tile_sizes(
         chamfer_mm=min(CHAMFER_LAYERS * layer, border_mm / 4), layer_mm=layer, line_mm=printer.line_width_mm,
         key_mm=PEG_MM, engaged_mm=PEG_MM, ink_side=ink_side, is_on_shell=is_on_shell,
     )  # fmt: skip
-    spacing = sizes.key_radius_mm * 2 * math.pi / spot_count(shape)
-    room = 0.9 * spacing - 2 * sizes.clearance_mm
+
+    def room_mm(edge_mm: float) -> float:
+        """For a key, behind a tile of this edge."""
+        outline, thickness = edge_mm / solid.edge_mm * outline_mm, thickness_mm(edge_mm, inlay_mm, layer)
+        radius = replace(sizes, outline_mm=outline, thickness_mm=thickness).key_radius_mm
+        return 0.9 * radius * 2 * math.pi / spot_count(shape) - 2 * sizes.clearance_mm
+
+    room = room_mm(solid.edge_mm)
     key = PEG_MM if ink_side == "up" else min(MOST_PIN_MM, room)
     least_key = PEG_MM if ink_side == "up" else LEAST_PIN_LINES * printer.line_width_mm
     if room < least_key:
-        lacking = (least_key - room) * spot_count(shape) / (0.9 * 2 * math.pi * KEY_RADIUS)
-        edge = math.ceil(solid.edge_mm + lacking / shape.face_inradius + 0.5)
+        # Tiles grow thicker by whole layers, which takes room away again: none above the last that fails does.
+        tenths = (tenth for tenth in range(MOST_EDGE_TENTHS, 0, -1) if room_mm(tenth / 10) < least_key)
+        edge = next(tenths) // 10 + 1
         what = f"keys of {PEG_MM:g}mm filament" if ink_side == "up" else f"pins of two lines ({least_key:g}mm)"
         raise InputError(
             f"edge {solid.edge_mm:g}mm has no room for {what} behind a tile; use an edge of at least {edge}mm, or "

@@ -20,7 +20,7 @@ from designer.make.core import split_of
 from designer.make.mesh import cone, cylinder, frame_along, placed, prism, solid_of
 from designer.make.mounts import MOUNTS, mounted, room_mm
 from designer.make.pattern import moved_in
-from designer.make.tile import TileSizes, key_places, number_contours
+from designer.make.tile import TileSizes, key_places, number_contours, tile_sizes
 from designer.spec.kind import KINDS, kind_named
 from designer.spec.spec import InkSide
 from designer.target_scene import polygon_area_mm2
@@ -366,14 +366,28 @@ def test_a_bed_too_small_says_which_edge_fits(bed_mm: tuple[float, float, float]
     plates(edge_mm)
 
 
-def test_pins_that_cannot_be_printed_are_refused() -> None:
-    """With the edge from which on they can."""
-    with pytest.raises(InputError, match="use an edge of at least") as error:
-        assembly_of("ico", 20.0)
-    edge = float(str(error.value).split("at least ")[1].split("mm")[0])
-    assert assembly_of("ico", edge).sizes.key_mm >= 0.9
-    with pytest.raises(InputError, match="of at least"):
-        assembly_of("ico", 0.9 * edge)
+@pytest.mark.parametrize(
+    ("kind", "small_mm"), [("ico", 20.0), ("cube", 20.0), ("octahedron", 25.0), ("tetrahedron", 36.0)]
+)
+def test_pins_that_cannot_be_printed_are_refused(kind: str, small_mm: float) -> None:
+    """With the edge from which on they can, the same whatever was asked for; thicker tiles take none of it away."""
+
+    def sizes(edge_mm: float) -> TileSizes:
+        design = design_of(kind, edge_mm)
+        solid, printing = design.job.target.solid, design.job.printing
+        assert solid is not None
+        return tile_sizes(
+            solid, design.target.outline_mm[0], 1.0, printing.printer, 0.6, "down", is_on_shell=False
+        )  # fmt: skip
+
+    def refused_mm(edge_mm: float) -> float:
+        with pytest.raises(InputError, match="use an edge of at least") as error:
+            sizes(edge_mm)
+        return float(str(error.value).split("at least ")[1].split("mm")[0])
+
+    edge_mm = refused_mm(small_mm)
+    assert refused_mm(edge_mm - 1) == edge_mm
+    assert all(sizes(edge_mm + more).key_mm >= 2 * LINE_MM for more in (0.0, 0.7, 1.5, 2.5, 5.0, 20.0))
 
 
 def test_a_stand_and_a_post_are_in_each_others_way() -> None:
