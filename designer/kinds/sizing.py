@@ -225,7 +225,8 @@ def _machine_of(printer: str, nozzle_mm: float) -> Machine:
 
 def _choose_build(asked: AskedPrinting, known: tuple[str, ...], what: str) -> str:
     if asked.build is not None and asked.build not in known:
-        why = BUILDS[asked.build].why_not
+        why, wanted = BUILDS[asked.build].why_not, BUILDS[asked.build].loads_two
+        known = tuple(sorted(known, key=lambda name: BUILDS[name].loads_two != wanted))  # with as many filaments first
         raise InputError(
             f"build {asked.build!r} is not for {what}{f': {why}' * bool(why)}; use {' or '.join(map(repr, known))}"
         )

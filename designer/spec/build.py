@@ -54,6 +54,11 @@ class Build:
         """Whether the printer lays it down; else a hand does."""
         return self.is_two_filament and self.ink != "recessed"
 
+    @property
+    def loads_two(self) -> bool:
+        """Whether the printer has body and ink loaded at a time."""
+        return self.is_two_filament and self.ink == "flush"
+
     def errors_of(self, form: Form, face_count: int, *, has_lip: bool = False) -> str | None:
         """The error template of a target; None: it is not for this form."""
         is_two_sided = form == "plate" and face_count > 1

@@ -253,8 +253,7 @@ class PrintSpec:
     @property
     def filament_colours(self) -> tuple[str, ...]:
         """Of what the printer has loaded at a time: body, then ink."""
-        is_both = self.is_two_filament and self.way.ink == "flush"
-        return (self.body_colour, self.ink_colour) if is_both else (self.body_colour,)
+        return (self.body_colour, self.ink_colour) if self.way.loads_two else (self.body_colour,)
 
     @property
     def pattern_line_mm(self) -> float:
