@@ -228,7 +228,7 @@ _PROCESSES: set[subprocess.Popen[bytes]] = set()
 
 
 def _3mf(design: Design) -> Made:
-    from designer.formats.project import plate_files
+    from designer.formats.project import files_in_turn, plate_files
 
     for plate, pictures in zip(design.plates, design.thumbnails, strict=True):
         files = plate_files(plate, design.job.printing, pictures)
@@ -240,6 +240,10 @@ def _3mf(design: Design) -> Made:
         yield f"{stem}prusa.3mf", files.prusa, f"for PrusaSlicer, with settings: {what}, {filaments}"
         project = ", a project with settings" * (design.job.printing.printer.presets is not None)
         yield f"{stem}bambu.3mf", files.bambu, f"for Bambu Studio, OrcaSlicer and Cura: {what}{project}"
+        if plate.is_raised:
+            body, pattern = files_in_turn(plate, design.job.printing, pictures)
+            yield f"{stem}body.prusa.3mf", body, "for PrusaSlicer without a pause: the plate alone, first"
+            yield f"{stem}pattern.prusa.3mf", pattern, "for PrusaSlicer without a pause: the rings, onto the plate"
 
 
 def _project(design: Design) -> Made:
@@ -277,7 +281,6 @@ def _stl(design: Design) -> Made:
     part = design.part.placed(lambda points: mapped(points, motion[:3, :3]) + lift_mm)
     if part.fused is not None:
         yield "stl", stl_bytes(part.fused), "the whole, rings up, for any slicer: the filament changes below the rings"
-        return
     is_recessed = design.job.printing.way.ink == "recessed"
     what = (
         "the bare body, without rings" if part.ink is None else "the body, with grooves" if is_recessed else "the body"

@@ -65,10 +65,28 @@ class Relief(Maker):
             "A caliper over the rings reads the full thickness; the plane of the target file is "
             f"{printing.inlay_mm / 2:g} mm below their tops, half-way up their walls, where cameras see them.",
         ))  # fmt: skip
+        height_mm = design.plates[0].in_turn[2]
+        in_turn = Steps((
+            "Only where Z homes on a switch, beside the plate: a printer that feels for its bed touches the plate, and "
+            "can pause instead.",
+            f"Print {name}.body.prusa.3mf in {first}. Leave it on the bed, and the bed warm; change to {second}.",
+            f"Open {name}.pattern.prusa.3mf and keep its printer: there Z offset is {height_mm:g} mm, and the first "
+            f"layer's top {z:g} mm. In your own printer set that under Printers, General, and back to 0 afterwards: "
+            "without it the nozzle goes into the plate. Its start may neither level the bed nor purge over the plate.",
+            "Don't move or arrange it: it lies over the plate. Skirt, brim, supports off, as in the file.",
+            f"Export, and look into the G-code: where lines begin, and from there on, no G1 Z below {z:g}.",
+            f"In other programs: {name}.body.stl and {name}.pattern.stl, opened together as one object of two parts, "
+            f"which keeps them in register; print one without the other, the second with Z offset {height_mm:g} mm.",
+        ))  # fmt: skip
         table = print_settings(design, printing.printer.machine.shells, "as in the file: rings up")
         return Section(
             "Making it",
-            (table, Fold("One change of filament", (steps,), is_open=True), Fold("Light, and the plane", (light,))),
+            (
+                table,
+                Fold("One change of filament", (steps,), is_open=True),
+                Fold("No pause: two files, one after the other", (in_turn,)),
+                Fold("Light, and the plane", (light,)),
+            ),
             f"One filament, then the other: one change, before layer {layer} at {z:g} mm.",
         )
 

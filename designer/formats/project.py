@@ -94,6 +94,27 @@ def plate_files(plate: Plate, printing: PrintSpec, thumbnails: Thumbnails | None
         return PlateFiles(prusa.result(), bambu.result())
 
 
+def files_in_turn(plate: Plate, printing: PrintSpec, thumbnails: Thumbnails) -> tuple[bytes, bytes]:
+    """PrusaSlicer's packages of a plate's body and of its raised ink, which is printed onto it at a `z_offset`.
+
+    That is a setting of printers: whoever chooses another printer in the slicer takes it away.
+    """
+    body, ink, height_mm = plate.in_turn
+    black, pictures = replace(printing, body_colour=printing.ink_colour), {"Metadata/thumbnail.png": thumbnails.middle}
+    onto = {
+        "z_offset": f"{height_mm:g}",
+        "printer_settings_id": f"keep: begins at {height_mm:g} mm",
+        "start_gcode": f"G91\\nG1 Z10 F600 ; off the plate, which is on the bed\\nG90\\nG28 ; home, beside the plate\\n"
+        f"G1 Z{height_mm + 10:g} F600\\n",
+    }  # fmt: skip
+    return (
+        prusa_package(objects_of(body.pieces), printing, {**prusa_config(prusa_settings(body, printing)), **pictures}),
+        prusa_package(
+            objects_of(ink.pieces), black, {**prusa_config({**prusa_settings(ink, black), **onto}), **pictures}
+        ),
+    )
+
+
 def painted_bytes(mesh: ColouredMesh, plate: Plate, printing: PrintSpec, thumbnails: Thumbnails | None = None) -> bytes:
     """A plate's only piece as one mesh, its ink painted with the second filament: one package for all slicers.
 

@@ -187,6 +187,19 @@ class Plate:
         lowest = [float(one.vertices_mm[:, 2].min()) for one in ink if one is not None]
         return round(min(lowest) + layer_mm, 6) if lowest else None
 
+    @property
+    def in_turn(self) -> "tuple[Plate, Plate, float]":
+        """Raised ink apart from its body, both down on the bed where they lie together, and the body's height there."""
+        (piece,) = self.pieces
+        body, ink, lies = piece.part.body, piece.part.ink, piece.as_it_lies.ink
+        assert ink is not None  # noqa: S101 - it is raised
+        assert lies is not None  # noqa: S101
+        height_mm, lowered = float(lies.vertices_mm[:, 2].min()), piece.bed_from_part.copy()
+        lowered[2, 3] -= height_mm
+        below = Piece(f"{piece.name} body", Part(body, None), piece.bed_from_part)
+        above = Piece(f"{piece.name} pattern", Part(ink, None), lowered)
+        return Plate("body", (below,)), Plate("pattern", (above,)), round(height_mm, 6)
+
     def tower_mm(self, width_mm: float, depth_mm: float) -> tuple[float, float] | None:
         """The front left corner of a prime tower in the middle of the place left free for it, a brim off the rim."""
         if self.tower_area is None:

@@ -13,7 +13,7 @@ from designer.base.arrays import Array, Flags
 from designer.base.solid import Faceted
 from designer.builds.design import EXPORTERS, Design
 from designer.builds.relief import change_of
-from designer.formats.project import plate_files
+from designer.formats.project import files_in_turn, plate_files
 from designer.make.bed import Piece, Plate, bed_from_target
 from designer.make.mesh import Mesh, Part
 from designer.make.pattern import FacePattern, Pattern
@@ -24,6 +24,7 @@ from tests.support.gcode import (
     Toolpaths,
     machine_settings,
     one_filament,
+    read_gcode,
     require_slicer,
     run_slicer,
     slice_3mf,
@@ -241,6 +242,40 @@ def test_relief_changes_filament_once_below_its_rings(printer: str, tmp_path: Pa
     seconds, mass_g = told_by_slicer(text)
     assert takes.plates[0].printing_s == pytest.approx(seconds, rel=0.15)
     assert takes.body_g + takes.ink_g == pytest.approx(mass_g, rel=0.05)
+
+
+@pytest.mark.parametrize("printer", ["prusa-mk4", "generic"])
+def test_rings_in_a_file_of_their_own_begin_on_the_plate(printer: str, tmp_path: Path) -> None:
+    """Sliced with the files' own settings: a plate of whole height; then rings a layer above it, all of them over it.
+
+    After homing, nothing of the second goes below the plate's top. Both lie where the file of both has them.
+    """
+    design = design_of("board", **SMALL["board"], build="relief", printer=printer, chord_error=COARSE)
+    job, lies = design.job, bed_from_target(design.target, design.job.printing)
+    layer_mm, (change_mm, _) = job.printing.printer.layer_height_mm, change_of(design)
+    files = files_in_turn(design.plates[0], job.printing, design.thumbnails[0])
+    paths, texts = [], []
+    for name, content in zip(("body", "pattern"), files, strict=True):
+        (package := tmp_path / f"{name}.3mf").write_bytes(content)
+        gcode = package.with_suffix(".gcode")
+        run_slicer(require_slicer(), "--dont-arrange", "--export-gcode", "-o", str(gcode), str(package))
+        texts.append(gcode.read_text())
+        paths.append(read_gcode(re.split(r"^G28.*$", texts[-1], maxsplit=1, flags=re.MULTILINE)[1]))
+    plate, rings = paths
+    assert plate.end_mm[:, 2].max() == pytest.approx(change_mm - layer_mm)
+    assert rings.end_mm[0, 2] == rings.end_mm[:, 2].min() == pytest.approx(change_mm)
+    assert rings.end_mm[:, 2].max() == pytest.approx(change_mm - layer_mm + job.printing.inlay_mm)
+    homed = re.split(r"^G28.*$", texts[1], flags=re.MULTILINE)[1]
+    heights = [float(z) for z in re.findall(r"^G[01] .*?Z([-\d.]+)", homed, re.MULTILINE)]
+    assert min(heights) >= change_mm - 1e-6
+    assert re.findall(r"^G[01] ([XYZ])", homed, re.MULTILINE)[0] == "Z"  # up, before it goes sideways
+    ink = ink_of_face(design.printed_pattern, design.printed_pattern.faces[0])
+    at = (np.concatenate([rings.start_mm, rings.end_mm]) - lies[:3, 3]) @ lies[:3, :3]
+    line_mm = job.printing.printer.line_width_mm
+    assert shapely.contains_xy(ink.buffer(line_mm / 8), *at[:, :2].T).all()
+    laid = shapely.union_all(shapely.points(at[:, :2])).buffer(2 * line_mm)
+    assert all(laid.intersects(part) for part in ink.geoms)
+    assert volume_mm3(rings, np.ones(len(rings.tool), dtype=bool)) == pytest.approx(ink_of(design).volume_mm3, rel=0.15)
 
 
 def volume_mm3(toolpaths: Toolpaths, which: Flags) -> float:
