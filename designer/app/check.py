@@ -65,11 +65,14 @@ def _check(
     from designer.kinds.sizing import size_job, size_printing
     from designer.kinds.spec_file import parse_printing, parse_spec, replaced
     from designer.make.printability import check_printability
+    from designer.spec.build import builds_of
     from designer.target import load_target
 
     given = {name: value for name, value in options.items() if value is not None}
     if file.suffix.lower() == ".json":
         target = load_target(file, "marks")
+        if "build" not in given and target.build in builds_of(target.form):
+            given = {"build": target.build, **({"lip": True} if target.has_lip else {}), **given}  # as it was designed
         printing = size_printing(parse_printing(given), target)
     else:
         path = preset_or_file("targets", str(file))

@@ -85,3 +85,12 @@ def test_a_target_file_is_checked_for_the_printer_that_is_named() -> None:
             answer = design("check", file, "--printer", printer)
             assert (answer.code, "not printable" in answer.out) == (code, bool(code)), answer
     assert all(name in design("templates").out for name in preset_names("targets"))
+
+
+def test_a_target_file_is_checked_for_the_build_that_it_was_designed_for() -> None:
+    """As its spec is; another build is asked for by its name."""
+    sizes = ("--columns", "6", "--rows", "4", "--pitch", "8mm", "--chord-error", "0.1mm")
+    design("board", *sizes, "--build", "relief", "-o", "out", "--name", "t")
+    for file in ("out/t.target.json", "out/t.toml"):
+        assert " relief on " in design("check", file).out
+    assert " one-piece on " in design("check", "out/t.target.json", "--build", "one-piece").out
