@@ -181,7 +181,7 @@ def choose(
     volume_mm: Annotated[
         tuple[float, float, float],
         option(
-            "width, height and depth of where the target is held: 1x1x0.5m", 10.0, 20_000.0,
+            "width, height and depth of where the target is held: 1x1x0.5m", 10.0, 10_000.0,
             parse=partial(parse_lengths_mm, count=3), metavar="WxHxD",
         ),
     ],
@@ -362,7 +362,10 @@ def _why_nothing(wish: "Wish", asked: "dict[str, str]") -> str:
 
 
 def _shortlist(tried: Sequence[_Ranked], goal_px: float | None) -> list[_Ranked]:
-    """Of each kind and build the size to take, the surest first: the smallest that reaches the goal, or is as sure."""
+    """Of each kind and build the size to take, the surest first: the smallest that reaches the goal, or is as sure.
+
+    With a goal that none of these sizes reaches, it is the one that comes nearest.
+    """
     from designer.target import bounding_radius_mm
 
     groups = dict[tuple[str, str], list[_Ranked]]()
@@ -371,8 +374,11 @@ def _shortlist(tried: Sequence[_Ranked], goal_px: float | None) -> list[_Ranked]
     chosen = []
     for some in groups.values():
         reach = [one for one in some if goal_px is not None and one.told.made.image_px <= goal_px]
-        least = min(one.told.error for one in some)
-        fine = reach or [one for one in some if one.told.error <= AS_GOOD * least]
+        if goal_px is None:
+            least = min(one.told.error for one in some)
+            fine = [one for one in some if one.told.error <= AS_GOOD * least]
+        else:
+            fine = reach or [min(some, key=lambda one: one.told.made.image_px)]
         chosen.append(min(fine, key=lambda one: bounding_radius_mm(one.geometry)))
     return sorted(chosen, key=lambda one: one.told.error)
 
