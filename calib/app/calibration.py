@@ -137,10 +137,14 @@ class Run(
             return ""
         count, to = len(self.next_views), "the photos" if self.search is not None else "what is solved from"
         none = "no camera is determined: " if self.best.calibration.status == "degenerate" else ""
-        photos = "the photo" if count == 1 else f"the {count} photos"
-        return (
-            f"{none}take {photos} that are proposed, and add them to {to}" if count else f"{none}do what is said above"
+        if not count:
+            return f"{none}do what is said above"
+        photos = (
+            "the photo that is proposed, and add it"
+            if count == 1
+            else f"the {count} photos that are proposed, and add them"
         )
+        return f"{none}take {photos} to {to}"
 
     def page(self) -> "Page":
         """All that is told, without pictures of the photos."""

@@ -142,7 +142,7 @@ def _glimpse(
     contrast = usual_contrast(pixels, candidates)
     evidence = gather(pixels, contrast, plan, candidates, named.grids, naming, dropped, placement, seen)
     if why := refusal(evidence):
-        return none(*named.remarks, f"this cannot be the target: {why}")
+        return none(*named.remarks, f"not taken for the target: {why}")
     return Glimpse(
         _detections(plan, name, size, named, naming, placement, seen), evidence.found / max(evidence.expected, 1)
     )

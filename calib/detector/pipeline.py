@@ -174,7 +174,7 @@ def detect(
     if camera_lens is not None:
         remarks += _camera_remarks(plan, measured, camera_lens, image_size)
     if why := refusal(evidence):
-        return nothing_found(plan, name, image_size, found.candidates, (*remarks, f"this cannot be the target: {why}"))
+        return nothing_found(plan, name, image_size, found.candidates, (*remarks, f"not taken for the target: {why}"))
     if odd := proportion_remark(evidence):
         remarks.append(odd)
     result = _result(plan, name, image_size, found, naming, placement, measured, tuple(remarks))

@@ -96,7 +96,7 @@ class NamingEvidence:
 
 
 def refusal(evidence: NamingEvidence) -> str:
-    """Why this cannot be the target, in a few words; "": it can.
+    """Why this is not taken for the target, in a few words; "": it is.
 
     Somewhat other proportions do not refuse what is seen to all its sides: of targets made by others they may be known
     in part only. Where a part of the target shows, they are all that tells it from a larger one; and a lone face of a

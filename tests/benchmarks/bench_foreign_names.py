@@ -111,7 +111,7 @@ def measure(seed: int) -> list[Record]:
                 named=len(found.ring),
                 wrong=false_names(found, photo, target),
                 due=int(photo.view.clean.sum()),
-                refused=any(remark.startswith("this cannot be the target") for remark in found.remarks),
+                refused=any(remark.startswith("not taken for the target") for remark in found.remarks),
             )
         )
     return records
