@@ -119,7 +119,8 @@ def _triangles(place: Path) -> Array:
         what = f"{size / 2**20:.0f} MB" if place.is_file() else "no file"
         raise InputError(f"{place}: is {what}; use a mesh of at most {MAX_BYTES // 2**20} MB")
     try:
-        mesh = trimesh.load_mesh(place, process=False)
+        # Materials of an OBJ name further files, which nobody asked for.
+        mesh = trimesh.load_mesh(place, process=False, skip_materials=True)
         mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
         corners = np.asarray(mesh.triangles, dtype=np.float64)
     except Exception as error:
