@@ -97,11 +97,10 @@ class Candidate:
         """What it is ranked by: px over the image of one camera, mm in space of several."""
         return self.made.image_px if math.isnan(self.made.point_mm) else self.made.point_mm
 
-    @property
-    def sentence(self) -> str:
-        """What it comes to and takes, in a line."""
+    def sentence(self, about: str = "") -> str:
+        """What it comes to and takes, in a line; `about`: hours and price are by a law, not for the printer."""
         drawn = replace(self, made=self.optics).error_words
-        takes = f"{digits(self.hours, 2)} h, {digits(self.price_eur, 2)} EUR"
+        takes = f"{about}{digits(self.hours, 2)} h, {digits(self.price_eur, 2)} EUR"
         faults = "".join(f", {one}" for one in self.faults)
         return (
             f"{self.error_words} as it is made ({drawn} as drawn), {round(self.rings)} rings a photo, {takes}{faults}"
@@ -113,7 +112,7 @@ class Candidate:
         return f"{digits(self.error, 2)} {'px' if math.isnan(self.made.point_mm) else 'mm'}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TargetChoice(Result, kind="choice", title="Choice of a target", doing="looking at targets"):
     """Targets that could be made, the recommended one first: `found.shortlist[0].command`, `found.is_reached`."""
 
@@ -131,6 +130,9 @@ class TargetChoice(Result, kind="choice", title="Choice of a target", doing="loo
     stage: Annotated["Stage", NOT_IN_FILE]
     geometry: Annotated["TargetGeometry", NOT_IN_FILE]  # of the first
     forecast: Annotated["Forecast", NOT_IN_FILE]
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.shortlist[0].named}, {self.shortlist[0].sentence()}>"
 
     @property
     def is_reached(self) -> bool:
@@ -153,7 +155,7 @@ class TargetChoice(Result, kind="choice", title="Choice of a target", doing="loo
         from designer.page.blocks import Facts, Page
 
         told = self.page() if page is None else page
-        rows = tuple((one.named, one.sentence) for one in self.shortlist[:MOST_SAID])
+        rows = tuple((one.named, one.sentence("about " * (k > 0))) for k, one in enumerate(self.shortlist[:MOST_SAID]))
         return Page("", "", told.headline, (), lead=(Facts(rows),), next_steps=told.next_steps)
 
 

@@ -85,10 +85,9 @@ class OtherBuilds:
 
     @classmethod
     def of(cls, design: Design) -> "OtherBuilds":
-        """Those that there can be."""
+        """Those that there can be, but grooves to paint: they are as slow to estimate as all others together."""
         among, own = builds_of(design.job.target.form), design.job.printing.build
-        # Both are for one filament, and rings that stand need no paint.
-        names = (name for name in among if name != own and not (name == "recessed" and "relief" in among))
+        names = (name for name in among if name != own and BUILDS[name].ink != "recessed")
         return cls(tuple(way for name in names if (way := _otherwise(design, name)) is not None))
 
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from designer.page.blocks import Page
 
 Place: TypeAlias = str | PathLike[str]
-Wish: TypeAlias = str | float | bool | tuple[float, ...] | tuple[str, ...] | None
+Wish: TypeAlias = str | PathLike[str] | float | bool | tuple[float, ...] | tuple[str, ...] | None
 """The value of an option: as the command line has it, or as numbers; None: chosen as usual."""
 LENGTHS: tuple[Value, ...] = ("length", "length above 0", "length from 0", "chord error", "size", "bed", "page")
 """What millimetres can be given for."""
@@ -146,12 +146,19 @@ def design(kind: str, *, must_fit: bool = False, **wishes: Wish) -> DesignedTarg
 
 def function_of(kind: str) -> Callable[..., DesignedTarget]:
     """What `designer.ico` and the others are: `design` of a kind, with the kind's options in its help."""
-
-    def made(*, must_fit: bool = False, **wishes: Wish) -> DesignedTarget:
-        return design(kind, must_fit=must_fit, **wishes)
-
     entry = kind_named(kind)
-    options = [f"    {name}: {option.help}" for name, option in options_of(entry.asked).items()]
+    asked = options_of(entry.asked)
+    first = [name for name, option in asked.items() if option.value == "mesh"]  # as on the command line
+
+    def made(*unnamed: Wish, must_fit: bool = False, **wishes: Wish) -> DesignedTarget:
+        if len(unnamed) > len(first):
+            raise InputError(
+                f"{kind}: {unnamed[len(first)]!r} is given without a name; name it, as in "
+                f"{kind}({[*entry.spec.extent, *asked][0]}=...)"
+            )
+        return design(kind, must_fit=must_fit, **dict(zip(first, unnamed, strict=False)), **wishes)
+
+    options = [f"    {name}: {option.help}" for name, option in asked.items()]
     made.__doc__ = "\n".join([
         f'Design {entry.title}: `designer.{kind}(...).save("exports/{kind}")`.', "",
         "A value is as on the command line, or a number under a name that ends in `_mm`.", "", "Args:",
@@ -212,7 +219,9 @@ def _values(wishes: dict[str, Wish]) -> dict[str, RawValue]:
                 raise InputError(f"{key} and {name}: one length twice; leave one of them out")
             values[name] = "x".join(f"{one!r}" for one in _lengths_mm(key, wish)) + "mm"
         else:
-            values[name] = list(wish) if isinstance(wish, tuple) else wish
+            values[name] = (
+                list(wish) if isinstance(wish, tuple) else fspath(wish) if isinstance(wish, PathLike) else wish
+            )
     return values
 
 

@@ -73,6 +73,14 @@ def test_the_command_takes_the_mesh_and_asks_for_its_unit(tmp_path: Path) -> Non
     assert target.face_count == 6
 
 
+def test_python_takes_the_mesh_as_the_command_does(tmp_path: Path) -> None:
+    """Without a name; what else is given without one is refused with how to name it."""
+    part = saved(tmp_path, hull(BOX))
+    assert designer.solid(part, unit="mm").geometry == designer.solid(mesh=str(part), unit="mm").geometry
+    with pytest.raises(InputError, match=r"ico: 60 is given without a name; name it, as in ico\(edge=\.\.\.\)"):
+        designer.ico(60)
+
+
 def notched() -> trimesh.Trimesh:
     """A box with a smaller one on it."""
     return trimesh.util.concatenate([trimesh.creation.box((40, 40, 10)), trimesh.creation.box((10, 10, 30))])
