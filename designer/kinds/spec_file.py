@@ -123,10 +123,10 @@ def _ratio(value: RawValue) -> float:
 
 def _price(value: RawValue) -> Price:
     text = str(value) if isinstance(value, (int, float, str)) and not isinstance(value, bool) else ""
-    found = re.fullmatch(r"(\d{0,6}\.?\d{1,10}) ?([A-Za-z]{3})?", text)
+    found = re.fullmatch(r"(\d{0,6}\.?\d{1,20}) ?([A-Za-z]{3})?", text)
     if found is None or float(found[1]) > 10_000:
         raise ValueError("must be a number from 0 to 10000, in EUR or with its currency: 25, 25USD")
-    return Price(float(found[1]), (found[2] or "EUR").upper())
+    return Price(round(float(found[1]), 4), (found[2] or "EUR").upper())
 
 
 FilamentPrice: TypeAlias = Annotated[Price, Reads(_price)]
