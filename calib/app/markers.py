@@ -12,7 +12,7 @@ from calib.observe.marker_files import MARKER_FORMATS, MarkerFormat
 from designer.base.errors import InputError
 from designer.base.marks import NOT_IN_FILE
 from designer.base.options import argument, option
-from designer.base.words import shown, suggestion
+from designer.base.words import shown, suggestion_or_all
 from designer.kinds.presets import one_of
 from designer.page.capability import capability, written_to
 from designer.page.result import Result
@@ -98,7 +98,7 @@ def markers(
     from designer.page.output import asked_output
 
     if to not in MARKER_FORMATS:
-        hint = suggestion(to, list(MARKER_FORMATS)) or f"; there are {', '.join(MARKER_FORMATS)}"
+        hint = suggestion_or_all(to, MARKER_FORMATS)
         raise InputError(f"--to {shown(to)}: no such format{hint}")
     output = asked_output(out)
     if output is not None:

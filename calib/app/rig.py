@@ -9,7 +9,7 @@ from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, setting
 from designer.base.errors import InputError
 from designer.base.options import argument, option
 from designer.base.units import parse_quantity
-from designer.base.words import shown, suggestion
+from designer.base.words import shown, suggestion_or_all
 from designer.page.capability import capability, written_to
 from designer.page.progress import Progress, unheard
 
@@ -214,7 +214,7 @@ def _options(
 
     names = observations.camera_names
     if reference is not None and reference not in names:
-        hint = suggestion(reference, list(names)) or f"; there are {', '.join(names)}"
+        hint = suggestion_or_all(reference, names)
         raise InputError(f"--reference {shown(reference)}: no such camera{hint}")
     if delays and observations.time_s is None:
         raise InputError(

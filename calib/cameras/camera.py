@@ -21,7 +21,7 @@ from designer.base.errors import InputError
 from designer.base.file_kind import FileKind, laid_out
 from designer.base.files import JsonValue, parse_json, place_of, read_small_text, read_spec_file, write_files
 from designer.base.marks import LEFT_OUT, Above, AtLeast, AtMost, Length, Line, Shape
-from designer.base.words import shown, suggestion
+from designer.base.words import shown, suggestion, suggestion_or_all
 from designer.kinds.presets import preset_or_file
 
 MAX_KNOTS = 1000
@@ -204,7 +204,7 @@ def camera_of(file: CameraDocument, origin: str, *, is_written_by_hand: bool = F
     """The camera of what a file says, likewise."""
     model = MODELS.get(file.model)
     if model is None:
-        hint = suggestion(file.model, list(MODELS)) or f"; there are {', '.join(MODELS)}"
+        hint = suggestion_or_all(file.model, MODELS)
         raise InputError(f"{origin}: unknown camera model {shown(file.model)}{hint}")
     learned = _learned_map(file, origin)
     control = tuple(one.name for one in model.parameters if one.is_control)

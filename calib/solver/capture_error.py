@@ -34,7 +34,7 @@ from calib.solver.free_shape import ExtraParameters, extra_parameters, free_dire
 from calib.solver.image_field import with_image_field, with_photo_error
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
-from designer.base.words import shown, suggestion
+from designer.base.words import shown, suggestion_or_all
 
 SURE = 4.0
 """Standard deviations beyond which an amplitude is no chance, of photos without number; of few photos more."""
@@ -98,7 +98,7 @@ def capture_of(word: str | None) -> Capture | None:
     ways: dict[str, Capture] = {"still": "still", "handheld": "handheld", "moving": "moving"}
     if word is None or word in ways:
         return None if word is None else ways[word]
-    hint = suggestion(word, list(ways)) or f"; there are {', '.join(ways)}"
+    hint = suggestion_or_all(word, ways)
     raise InputError(f"--capture {shown(word)}: no such way of taking photos{hint}")
 
 

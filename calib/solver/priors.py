@@ -15,7 +15,7 @@ import numpy as np
 from calib.cameras.parameters import LensParameter
 from designer.base.errors import InputError
 from designer.base.units import RAD_PER_UNIT, parse_percent, parse_quantity
-from designer.base.words import figure, several, shown, suggestion
+from designer.base.words import figure, several, shown, suggestion_or_all
 
 UNITS: Mapping[str, Mapping[str, float]] = {
     "px": {"": 1.0, "px": 1.0}, "1": {"": 1.0}, "rad": RAD_PER_UNIT | {"": 1.0},
@@ -70,7 +70,7 @@ def prior_from(text: str, known: Mapping[str, LensParameter]) -> ParameterPrior:
         raise InputError(f"--prior {shown(text)}: give a value and its standard deviation, as in fx=1250+-10px")
     name = full_name(name.strip(), known)
     if name not in known:
-        hint = suggestion(name, sorted(known)) or f"; there are {', '.join(sorted(known))}"
+        hint = suggestion_or_all(name, sorted(known))
         raise InputError(f"--prior {shown(name)}: no such parameter{hint}")
     units, (first, last) = UNITS[known[name].unit], (part.strip() for part in parts)
     unit = re.search(r"[^\s\d.+-]+\Z", last.removesuffix("%"))

@@ -64,12 +64,12 @@ def convert(
         InputError: a target or a format that is none, or a target that the format cannot hold.
     """
     from designer.base.errors import InputError
-    from designer.base.words import shown, suggestion
+    from designer.base.words import shown, suggestion_or_all
     from designer.page.output import output_of
     from designer.target import load_target
 
     if to not in POINT_FORMATS:
-        hint = suggestion(to, list(POINT_FORMATS)) or f"; there are {', '.join(POINT_FORMATS)}"
+        hint = suggestion_or_all(to, POINT_FORMATS)
         raise InputError(f"--to {shown(to)}: no such format{hint}")
     form, geometry = POINT_FORMATS[to], load_target(target)
     output = None if out is None else output_of(out)

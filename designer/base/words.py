@@ -88,6 +88,12 @@ def suggestion(word: object, known: list[str]) -> str:
     return f"; did you mean {match[0]!r}?" if match else ""
 
 
+def suggestion_or_all(word: object, known: Iterable[str]) -> str:
+    """`suggestion`, or `; there are a, b` where nothing is near."""
+    names = list(known)
+    return suggestion(word, names) or f"; there are {', '.join(names)}"
+
+
 def figure(number: float, digits: int = 4) -> str:
     """A number to some significant digits, without an exponent where that is readable; "-" for nan."""
     if not math.isfinite(number):

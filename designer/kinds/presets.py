@@ -11,7 +11,7 @@ from typing import Literal
 
 from designer.base.errors import InputError
 from designer.base.files import place_of
-from designer.base.words import shown, suggestion
+from designer.base.words import shown, suggestion_or_all
 
 PresetKind = Literal["targets", "printers", "cameras", "errors", "criteria", "rigs"]
 Complete = Callable[[str], list[str]]
@@ -52,7 +52,7 @@ def preset_or_file(kind: PresetKind, name: str) -> Path:
         raise InputError(
             f"{shown(name)}: is no TOML file (NAME.toml), and no template: {', '.join(preset_names(kind))}"
         )
-    hint = suggestion(name, preset_names(kind)) or f"; there are {', '.join(preset_names(kind))}"
+    hint = suggestion_or_all(name, preset_names(kind))
     if kind == "printers":  # the nearest name may well be that of another machine
         near = difflib.get_close_matches(name, preset_names(kind), n=3) or preset_names(kind)
         rest = "another printer needs --bed, --nozzle, --line-width and --layer-height, or a TOML file"

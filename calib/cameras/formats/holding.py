@@ -19,7 +19,7 @@ from calib.cameras.rig import Rig
 from calib.core.se3 import compose, make_pose
 from designer.base.arrays import Array
 from designer.base.errors import InputError
-from designer.base.words import shown, suggestion
+from designer.base.words import shown, suggestion_or_all
 
 FAR_COSINE = np.cos(np.radians(75.0))
 """Beyond, the numbers of lenses with a focal plane run away: wide ones suit such a camera."""
@@ -176,14 +176,14 @@ def find_lens(target: CameraFormat, name: str) -> FileLens:
     """
     found = next((one for key, one in target.written.items() if key.lower() == name.lower()), None)
     if found is None:
-        hint = suggestion(name, list(target.written)) or f"; there are {', '.join(target.written)}"
+        hint = suggestion_or_all(name, target.written)
         raise InputError(f"{target.title} has no lens {shown(name)}{hint}")
     return found
 
 
 def _require_fitted(model: str) -> None:
     if model not in fitted_models():
-        hint = suggestion(model, list(fitted_models())) or f"; there are {', '.join(fitted_models())}"
+        hint = suggestion_or_all(model, fitted_models())
         raise InputError(f"model {shown(model)} cannot be fitted to a camera{hint}")
 
 

@@ -21,7 +21,7 @@ from calib.core.se3 import MAX_DISTANCE_MM, exp_rotation, make_pose, rotation_of
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.files import parse_json
-from designer.base.words import shown, suggestion
+from designer.base.words import shown, suggestion_or_all
 
 Item = TypeVar("Item")
 
@@ -257,7 +257,7 @@ def unit_mm(unit: str) -> float:
         InputError: it is none.
     """
     if unit not in UNIT_MM:
-        hint = suggestion(unit, list(UNIT_MM)) or f"; there are {', '.join(UNIT_MM)}"
+        hint = suggestion_or_all(unit, UNIT_MM)
         raise InputError(f"unit {shown(unit)}{hint}")
     return UNIT_MM[unit]
 

@@ -20,7 +20,7 @@ from calib.cameras.rig import ALONE, MOST_CAMERAS, RIG, Rig, rig_of_one
 from calib.core.registry import Registry
 from designer.base.errors import InputError
 from designer.base.files import parse_json, read_small, read_small_text, read_spec_file
-from designer.base.words import shown, suggestion
+from designer.base.words import shown, suggestion_or_all
 from designer.kinds.presets import preset_names
 
 HEAD = 2**16
@@ -135,7 +135,7 @@ def find_format(name: str, formats: Registry[Format], what: str) -> Format:
         InputError: there is none.
     """
     if name not in formats:
-        hint = suggestion(name, list(formats)) or f"; there are {', '.join(formats)}"
+        hint = suggestion_or_all(name, formats)
         raise InputError(f"unknown {what} format {shown(name)}{hint}")
     return formats[name]
 

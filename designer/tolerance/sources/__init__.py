@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from designer.base.errors import InputError
-from designer.base.words import shown, suggestion
+from designer.base.words import shown, suggestion_or_all
 from designer.tolerance.source import ErrorSource
 from designer.tolerance.sources.axis_scale import AXIS_SCALE
 from designer.tolerance.sources.bow_twist import BOW_TWIST
@@ -54,6 +54,6 @@ def source_named(name: str) -> ErrorSource:
         InputError: there is none; the message suggests the nearest.
     """
     if name not in SOURCES:
-        hint = suggestion(name, list(SOURCES)) or f"; there are {', '.join(SOURCES)}"
+        hint = suggestion_or_all(name, SOURCES)
         raise InputError(f"unknown error source {shown(name)}{hint}")
     return SOURCES[name]
