@@ -234,7 +234,7 @@ def _3mf(design: Design) -> Made:
         files = plate_files(plate, design.job.printing, pictures)
         what = plate.words or "one object"
         filaments = "filaments 1 and 2" if plate.is_two_filament else "filament 1"
-        if design.job.printing.way.ink == "raised" and plate.is_two_filament:
+        if plate.is_raised:
             filaments = "the change of filament set"
         stem = f"{plate.name}." if plate.name else ""
         yield f"{stem}prusa.3mf", files.prusa, f"for PrusaSlicer, with settings: {what}, {filaments}"

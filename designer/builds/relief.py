@@ -5,13 +5,12 @@ The target's plane is half-way up the walls of the rings, where an oblique camer
 
 from collections.abc import Sequence
 
-from designer.builds.design import Design, Maker
-from designer.builds.one_piece import printer_words
+from designer.builds.design import Design
+from designer.builds.one_piece import OnePiece
 from designer.builds.slicing import colour_words, print_settings, usual_slicer
 from designer.formats.folder import OutputFile
 from designer.make.bed import Piece, Plate, bed_from_target
 from designer.page.blocks import Fold, Section, Steps
-from designer.spec.spec import PrintSpec
 
 _SETTING_THE_CHANGE = {
     "PrusaSlicer": "the change stands in the file: a coloured mark at {z:g} mm on the slider at the right",
@@ -22,7 +21,7 @@ _SETTING_THE_CHANGE = {
 """By a slicer's title, when the file has been sliced."""
 
 
-class Relief(Maker):
+class Relief(OnePiece):
     """A plate, and rings on it."""
 
     def plates(self, design: Design) -> tuple[Plate, ...]:
@@ -37,10 +36,6 @@ class Relief(Maker):
             f"change of filament: before layer {layer}, whose top is at {z:g}mm; rings stand {height:g}mm high and "
             f"the target's plane is {height / 2:g}mm below their tops",
         )
-
-    def machine_words(self, printing: PrintSpec) -> str:
-        """The printer."""
-        return printer_words(printing)
 
     def making(self, design: Design, files: Sequence[OutputFile]) -> Section:
         """The settings, and the steps in a slicer."""

@@ -122,11 +122,11 @@ def _steps(design: Design, slicer: Slicer, opened: str, names: set[str]) -> Step
         tower = "Prime tower on, with room: it grows as high as the part."
     if not is_plates and design.plates[0].tower_area is None:
         tower = "The bed has no room for a prime tower beside the part: a larger bed, or colours bleed at the changes."
-    values = "The table's values are in the file. " if has_settings else "Set the table's values. "
+    values = "The table's values are in the file." if has_settings else "Set the table's values."
     return Steps((
         *((*opening, *choosing) if has_settings else (*choosing, *opening)),
         f"Object list: {objects}; else set that on its parts.",
-        f"{'' if is_project else values} {tower} {'' if is_project else slicer.purge}".strip(),
+        tower if is_project else f"{values} {tower} {slicer.purge}".strip(),
         f"Slice; preview by {slicer.preview}: every ring whole, no ink elsewhere.",
     ))  # fmt: skip
 

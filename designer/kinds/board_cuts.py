@@ -13,6 +13,7 @@ import numpy as np
 
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
+from designer.kinds.layout import distance_to_sides
 from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM
 from designer.spec.spec import PrinterProfile
 from designer.target import PARALLEL, TargetGeometry
@@ -150,18 +151,9 @@ def _toothed(target: TargetGeometry) -> tuple[Array, list[tuple[float, float]]]:
     for middle in (np.sort(first)[:-1] + 0.75 * pitch).tolist():
         corner = teeth + np.array([middle, 0.0])
         near = np.abs(from_seam - middle) < pitch
-        gap = distance_to_line(center[near], corner) - radius[near]
+        gap = distance_to_sides(center[near, None], corner[:-1], corner[1:]).min(axis=1) - radius[near]
         places.append((middle, 2 * float(gap.min())))
     return teeth, [(middle, width) for middle, width in places if width > 0]
-
-
-def distance_to_line(points: Array, corners: Array) -> Array:
-    """From each point to the nearest place of a line with corners.  # (N, 2), (K, 2) -> (N,)"""
-    step = corners[1:] - corners[:-1]
-    from_corner = points[:, None] - corners[:-1]
-    share = np.clip((from_corner * step).sum(axis=2) / (step**2).sum(axis=1), 0.0, 1.0)
-    nearest: Array = np.linalg.norm(from_corner - share[..., None] * step, axis=2).min(axis=1)
-    return nearest
 
 
 def _split(low: float, high: float, count: int, places: list[float]) -> list[float] | None:

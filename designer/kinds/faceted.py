@@ -20,6 +20,7 @@ from designer.spec.options import (
     DIAMETER_OVER_PITCH,
     Asked,
     Option,
+    check_border,
     check_count,
     check_rings,
     chosen_ring,
@@ -341,11 +342,7 @@ class AskedFaceted(Asked):
     def sized(self, line: Line) -> tuple[FacetedSpec, str]:
         """See `Asked.sized`."""
         body, ratio = self.body(), self.ring_ratio or RING_RATIO
-        if self.border is not None and self.border < line.nozzle_mm:
-            raise InputError(
-                f"border {self.border:g}mm is too narrow for the detector to tell faces apart by it, and for "
-                f"{line.process}; use at least {line.width_mm:g}mm"
-            )
+        check_border(self.border, line)
         least_mm, narrow_mm = line.comfortable_mm, max(line.width_mm, line.nozzle_mm)
         if self.ring_diameter is None and self.pitch is None:
             widest = float(body.vertices_mm.max() - body.vertices_mm.min())
@@ -368,9 +365,9 @@ class AskedFaceted(Asked):
             fit = replace(usual, ring_diameter_mm=diameter, margin_mm=margin)
             wanted = self._with_room(body, fit)
             self._check_wanted(body, wanted, fit, line)
-            spec = self.spec_of(fit, ratio, _ringed(body, wanted))
-            remark = chosen_words(self._chosen(spec))
+            remark = ""
         spec = self.spec_of(fit, ratio, _ringed(body, wanted))
+        remark = remark or chosen_words(self._chosen(spec))
         check_count(sum(len(face.index) for face in spec.laid.faces), line)
         if spec.laid.differing < LEAST_DIFFERING:
             raise InputError(

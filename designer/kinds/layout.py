@@ -78,6 +78,13 @@ def true_corners(outline_mm: Array) -> Rows:
     return np.flatnonzero(np.abs(turn) > STRAIGHT * np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1))
 
 
+def distance_to_sides(points: Array, start: Array, end: Array) -> Array:
+    """From points to the nearest place of each side, shapes as NumPy broadcasts them.  # (..., D), (..., D) -> (...)"""
+    step, offset = end - start, points - start
+    share = np.clip((offset * step).sum(axis=-1) / (step**2).sum(axis=-1), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(offset - share[..., None] * step, axis=-1))
+
+
 def adjacent_faces(target: TargetGeometry) -> Rows:
     """The face across each side of each face, from corner k to the next; -1: none.  # (F, K)
 
@@ -86,10 +93,7 @@ def adjacent_faces(target: TargetGeometry) -> Rows:
     corner = corners_mm(target)
     after = np.roll(corner, -1, axis=1)
     middle, length = (corner + after) / 2, np.linalg.norm(after - corner, axis=2)
-    # From the middle of each side to the nearest point of every side.
-    step, offset = after - corner, middle[:, :, None, None] - corner  # (F, K, 3), (F, K, F, K, 3)
-    share = np.clip((offset * step).sum(axis=4) / (step**2).sum(axis=2), 0.0, 1.0)
-    apart = np.linalg.norm(offset - share[..., None] * step, axis=4)  # (F, K, F, K)
+    apart = distance_to_sides(middle[:, :, None, None], corner, after)  # (F, K, F, K)
     faces = np.arange(target.face_count)
     apart[faces, :, faces] = np.inf
     for first, second in opposite_faces(target):

@@ -17,6 +17,7 @@ from designer.spec.options import (
     DIAMETER_OVER_PITCH,
     Asked,
     Option,
+    check_border,
     check_count,
     check_rings,
     chosen_ring,
@@ -146,11 +147,7 @@ class AskedSolid(Asked):
                 f"rings_per_side {self.rings_per_side} is too few to tell {len(self.shape.faces)} faces apart; "
                 f"use at least {fewest}"
             )
-        if self.border is not None and self.border < line.nozzle_mm:
-            raise InputError(
-                f"border {self.border:g}mm is too narrow for the detector to tell faces apart by it, and for "
-                f"{line.process}; use at least {line.width_mm:g}mm"
-            )
+        check_border(self.border, line)
         if self.rings_per_side is None and self.ring_diameter is None and self.pitch is None:
             spec, remark = _auto(self, line)
         else:

@@ -171,6 +171,19 @@ def check_rings(diameter: float, ratio: float, pitch: float, line: Line) -> None
         raise InputError(f"pitch {pitch:g}mm leaves {gap}, thinner than {line.process}; {apart}")
 
 
+def check_border(border_mm: float | None, line: Line) -> None:
+    """A border that is given must be seen and made.
+
+    Raises:
+        InputError: it is too narrow.
+    """
+    if border_mm is not None and border_mm < line.nozzle_mm:
+        raise InputError(
+            f"border {border_mm:g}mm is too narrow for the detector to tell faces apart by it, and for "
+            f"{line.process}; use at least {line.width_mm:g}mm"
+        )
+
+
 def check_count(rings: int, line: Line) -> None:
     """Keep hostile sizes from filling the memory.
 
