@@ -7,7 +7,7 @@ same numbers, bit for bit. This module needs numpy and the standard library only
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
@@ -21,6 +21,7 @@ from designer.base.codes import CODES
 from designer.base.errors import InputError
 from designer.base.files import once_each, place_of, read_small_text
 from designer.base.words import with_article
+from designer.marks.face_marks import FaceMarks, marks_from_mapping, marks_to_mapping
 from designer.spec.build import BUILDS, Form, build_name
 from designer.spec.kind import spec_from_mapping, spec_to_mapping
 from designer.spec.spec import Spec
@@ -95,6 +96,7 @@ class TargetGeometry:
     face_covariance: Array | None = None  # (F, 6, 6) rotation vector (rad), translation (mm)
     mode_mm: Array | None = None  # (S, R, 3) see `designer.tolerance.prior`: what else may be off
     ring_piece: Rows | None = None  # (R,) the piece of a board that each is on, from 0; no id tells it
+    marks: tuple[FaceMarks, ...] | None = None  # (F,) of another maker's board; None: rings, dots, or points
     build: str | None = None  # how it is made, for information: no id tells it; None: not known
     has_lip: bool = False  # the same: its stickers lie in frames
 
@@ -191,7 +193,7 @@ class TargetGeometry:
 
     @cached_property
     def layout_id(self) -> str:
-        """Names the layout: faces, indices, dots and codes. Detections fit any target with the same one."""
+        """Names the layout: faces, indices, dots, codes and marks. Detections fit any target with the same one."""
         return _digest(self, _LAYOUT_FIELDS)
 
     @cached_property
@@ -239,6 +241,7 @@ def _check_shape(name: str, array: NDArray[np.generic], shape: tuple[str | int, 
 
 def _check_rules(target: TargetGeometry) -> None:
     """The rules that tie the arrays together; see `TargetGeometry`."""
+    _check_marks(target)
     if not target.ring_count or not target.face_count:
         raise ValueError("the target has no rings or no faces")
     if target.outline_mm.shape[1] < 3:
@@ -270,9 +273,22 @@ def _check_rules(target: TargetGeometry) -> None:
         raise ValueError("target_from_face must hold rigid motions (4 x 4, right-handed, last row 0 0 0 1)")
 
 
+def _check_marks(target: TargetGeometry) -> None:
+    """Features of faces with marks are those that the marks have, in their order."""
+    if target.marks is None:
+        return
+    index = [marks.index for marks in target.marks]
+    face = np.repeat(np.arange(len(index)), [len(rows) for rows in index])
+    fits = len(index) == target.face_count and np.array_equal(target.ring_face, face)
+    if not fits or not np.array_equal(target.ring_index, np.concatenate(index)):
+        raise ValueError("marks must be one for each face, and ring_face and ring_index theirs, face by face")
+
+
 def _digest(target: TargetGeometry, names: tuple[str, ...], *, full: bool = False) -> str:
     """SHA-256 over the named arrays (with source and spec if `full`), its first 16 hexadecimal digits."""
     digest = hashlib.sha256(DIGESTED)
+    if target.marks is not None:
+        digest.update(json.dumps([marks_to_mapping(marks) for marks in target.marks], sort_keys=True).encode())
     for name in names:
         array: NDArray[np.generic] = getattr(target, name)
         digest.update(f"{name} {array.shape} {array.dtype.str}".encode())
@@ -298,6 +314,8 @@ def target_to_json(target: TargetGeometry) -> str:
         document["build"] = target.build
     if target.has_lip:
         document["has_lip"] = True
+    if target.marks is not None:
+        document["marks"] = [marks_to_mapping(marks) for marks in target.marks]
     document.update({name: array.tolist() for name, array in _present_arrays(target).items()})
     lines = (f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in document.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"
@@ -321,7 +339,7 @@ def target_from_json(text: str) -> TargetGeometry:
     if document.get("unit") != "mm":
         raise ValueError(f'"unit" is {document.get("unit")!r}; it must be "mm"')
     known = {"format", "version", "layout_id", "geometry_id", "source", "unit", "spec", *_REQUIRED}
-    odd = (known ^ document.keys()) - {*_OPTIONAL, "build", "has_lip"}
+    odd = (known ^ document.keys()) - {*_OPTIONAL, "build", "has_lip", "marks"}
     if odd:
         raise ValueError(f"missing or unknown fields: {', '.join(sorted(map(repr, odd)))}")
     target = _target_from_document(document)
@@ -350,9 +368,19 @@ def _target_from_document(document: Mapping[str, object]) -> TargetGeometry:
             **{name: np.asarray(document[name]) for name in _OPTIONAL if document.get(name) is not None},
             build=_build_of(document.get("build")),
             has_lip=document.get("has_lip") is True,
+            marks=_marks_of(document.get("marks")),
         )
     except (TypeError, OverflowError, RecursionError) as error:
         raise ValueError(f"a value of the wrong type: {error}") from error
+
+
+def _marks_of(values: object) -> tuple[FaceMarks, ...] | None:
+    """The marks of each face, if the document has any."""
+    if values is None:
+        return None
+    if not isinstance(values, list) or not all(isinstance(one, dict) for one in values):
+        raise ValueError("marks must be a list with an object for each face")
+    return tuple(marks_from_mapping(one, f"marks[{face}]") for face, one in enumerate(values))
 
 
 def _build_of(name: object) -> str | None:
@@ -398,13 +426,42 @@ def load_target(path: str | PathLike[str], needs: Needs = "points") -> TargetGeo
         raise InputError(
             f"{path}: holds points without marks, so there is nothing to draw; make it with `calib target --diameter`"
         )
-    if needs == "rings" and target.is_dot.all():
+    if needs == "rings" and target.is_dot.all() and target.marks is None:
         what = "dots without rings" if target.has_marks else "points without marks"
         raise InputError(
             f"{path}: holds {what}, which are not detected here; give what was seen to `calib solve` as a table, "
             "image,u,v,id"
         )
     return target
+
+
+def target_of_marks(marks: Sequence[FaceMarks], target_from_face: Array, margin_mm: float = 0.0) -> TargetGeometry:
+    """A target whose faces carry other makers' marks; frames (F, 4, 4) stand in the middle of the marks, z outward."""
+    count = [len(one.index) for one in marks]
+    face = np.repeat(np.arange(len(marks)), count)
+    at = np.concatenate([one.position_mm for one in marks])
+    frame = np.asarray(target_from_face, dtype=np.float64)
+    size = np.array([one.size_mm for one in marks])[:, None] / 2 + margin_mm
+    outline = size * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    # Steps of a lattice of equal ones; tags have two different ones in turn, and half of their sum in the mean.
+    steps = [np.ptp(one.position_mm, axis=0) / np.ptp(one.index, axis=0).clip(min=1) for one in marks]
+    radius = np.repeat([one.radius_mm for one in marks], count)
+    return TargetGeometry(
+        source="nominal",
+        spec=None,
+        ring_face=face,
+        ring_index=np.concatenate([one.index for one in marks]),
+        center_mm=np.einsum("rij,rj->ri", frame[face][:, :3, :2], at) + frame[face][:, :3, 3],
+        radius_outer_mm=radius,
+        radius_inner_mm=np.zeros(len(face)),
+        is_dot=np.ones(len(face), dtype=np.bool_),
+        target_from_face=frame,
+        outline_mm=outline,
+        window_mm=outline,
+        face_code=np.full(len(marks), -1),
+        lattice_mm=np.array([np.diag(step) for step in steps]),
+        marks=tuple(marks),
+    )
 
 
 def bounding_radius_mm(target: TargetGeometry) -> float:

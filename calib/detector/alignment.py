@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from calib.core.linear_algebra import least_squares
 from calib.detector.candidates import Candidates
 from calib.detector.grid import Grid
-from calib.detector.marks import DOT, RING, UNREADABLE, read_marks, usual_contrast
 from calib.detector.plan import TargetPlan
+from calib.detector.ring_marks import DOT, RING, UNREADABLE, read_marks, usual_contrast
 from designer.base.arrays import Array, Flags, Rows
 
 DISAGREEMENT = 2

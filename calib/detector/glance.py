@@ -16,7 +16,6 @@ from calib.core.types import Detections
 from calib.detector.borders import reduced, thresholds
 from calib.detector.candidates import Candidates, find_candidates, merged
 from calib.detector.lens import Lens
-from calib.detector.marks import usual_contrast
 from calib.detector.measure import Measured
 from calib.detector.pipeline import (
     LEAST_SIDE_PX,
@@ -32,6 +31,7 @@ from calib.detector.pipeline import (
 )
 from calib.detector.place import Naming, Placement, Places, complete, predict, without_strangers
 from calib.detector.plan import TargetPlan
+from calib.detector.ring_marks import usual_contrast
 from calib.detector.verify import gather, refusal
 from calib.detector.wide_guess import guess_lens
 from designer.base.arrays import Array, Rows

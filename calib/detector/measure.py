@@ -30,11 +30,11 @@ from calib.detector.lines import (
     left_covariance,
     with_sound_lines,
 )
-from calib.detector.marks import COVERED, DOT, RING, judge, marks_of, zone_levels
 from calib.detector.pair_fit import fit_pairs
 from calib.detector.place import Naming, Placement, Places, nearest_rows, predict, usual_nearby
 from calib.detector.plan import TargetPlan
 from calib.detector.ring_fit import RingFits, fit_rings
+from calib.detector.ring_marks import COVERED, DOT, RING, judge, marks_of, zone_levels
 from calib.detector.ring_model import (
     BLUR,
     DARKNESS,

@@ -17,8 +17,8 @@ from calib.core.jit import jit
 from calib.detector.alignment import DISAGREEMENT, Alignment, GridReader, agreement, alignments
 from calib.detector.candidates import Candidates
 from calib.detector.grid import Grid, planar_parts
-from calib.detector.marks import DOT
 from calib.detector.plan import TargetPlan
+from calib.detector.ring_marks import DOT
 from designer.base.arrays import Array, Flags, Rows
 
 Integers: TypeAlias = Rows

@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 
 from calib.detector.candidates import semi_axes_px
 from calib.detector.lens import Lens
-from calib.detector.marks import zone_levels
 from calib.detector.place import Places, direct_projection, fixes_projection, nearest_rows
 from calib.detector.plan import TargetPlan
+from calib.detector.ring_marks import zone_levels
 from designer.base.arrays import Array, Flags, Rows
 
 AGREES = 0.02

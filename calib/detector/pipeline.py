@@ -15,11 +15,11 @@ from calib.detector.candidates import Candidates, find_candidates, merged, semi_
 from calib.detector.frame_quality import frame_quality
 from calib.detector.grid import Grid, grow_grids
 from calib.detector.lens import CameraLens, Lens, misfit_px
-from calib.detector.marks import DOT, RING, usual_contrast
 from calib.detector.measure import ODD_EDGES, Measured, measure
 from calib.detector.naming import BoardName, NamedGrid, StrangeCode, name_board, name_faces
 from calib.detector.place import Naming, Placement, complete, predict, without_strangers
 from calib.detector.plan import TargetPlan, plan_for
+from calib.detector.ring_marks import DOT, RING, usual_contrast
 from calib.detector.verify import gather, proportion_remark, refusal
 from calib.detector.wide_guess import guess_lens
 from designer.base.arrays import Array

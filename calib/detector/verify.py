@@ -15,11 +15,11 @@ from calib.core.types import LEAST_RADIUS_PX
 from calib.detector.alignment import largest_overlap
 from calib.detector.candidates import Candidates, nearest_candidates, semi_axes_px
 from calib.detector.grid import Grid
-from calib.detector.marks import RING, read_marks, stretch_of
 from calib.detector.measure import Measured
 from calib.detector.photo_checks import depth, face_end, lattice_over_spacing
 from calib.detector.place import REACH, SIZE_RATIO, Naming, Placement, Places, imaged, predict
 from calib.detector.plan import TargetPlan
+from calib.detector.ring_marks import RING, read_marks, stretch_of
 from designer.base.arrays import Array, Flags, Rows
 
 PLAIN_RADIUS_PX = 4.0

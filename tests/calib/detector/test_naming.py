@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from calib.detector.alignment import Alignment, agreement, alignments, largest_overlap
 from calib.detector.grid import Grid, lattice_of
-from calib.detector.marks import DOT, RING, UNREADABLE
 from calib.detector.pipeline import detect
 from calib.detector.plan import plan_for
+from calib.detector.ring_marks import DOT, RING, UNREADABLE
 from calib.renderer import RenderOptions, View, render_view
 from designer.base.arrays import Rows
 from designer.kinds.board import BoardSpec

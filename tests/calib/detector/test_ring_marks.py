@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.detector.marks import DOT, RING, UNREADABLE, read_marks
+from calib.detector.ring_marks import DOT, RING, UNREADABLE, read_marks
 from tests.support.ring_images import INK_LEVEL, WHITE_LEVEL, Mosaic, mosaic, random_rings
 
 

@@ -1,0 +1,59 @@
+"""A ChArUco board: a chessboard with markers in its light squares, whose points are the corners between the squares."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from designer.base.arrays import Array, Rows
+from designer.marks.chessboard import checkered_corners_mm
+from designer.marks.face_marks import FaceMarks, lattice
+
+
+@dataclass(frozen=True)
+class Charuco(FaceMarks):
+    """Points row by row from the upper left, which are OpenCV's corner ids; markers likewise, from `first_id` on."""
+
+    kind: ClassVar[str] = "charuco"
+
+    squares: tuple[int, int]  # columns, rows
+    square_mm: float
+    marker_mm: float  # side of a marker, its black border included
+    dictionary: str  # such as DICT_5X5_100
+    first_id: int = 0
+    legacy: bool = False  # as OpenCV before 4.6: with an even number of rows the upper left square is light
+
+    def __post_init__(self) -> None:
+        if min(self.squares) < 3:
+            raise ValueError(f"a ChArUco board has at least 3 x 3 squares, not {self.squares[0]} x {self.squares[1]}")
+        if not 0 < self.marker_mm < self.square_mm:
+            raise ValueError(f"markers of {self.marker_mm:g} mm must be smaller than squares of {self.square_mm:g} mm")
+
+    @property
+    def light_first(self) -> bool:
+        """Whether the upper left square is light, with a marker."""
+        return self.legacy and self.squares[1] % 2 == 0
+
+    @property
+    def index(self) -> Rows:
+        """Inner corners, from the upper left."""
+        return lattice(self.squares[0] - 1, self.squares[1] - 1)
+
+    @property
+    def position_mm(self) -> Array:
+        """Of the inner corners."""
+        return checkered_corners_mm(self.squares, self.square_mm)
+
+    @property
+    def size_mm(self) -> tuple[float, float]:
+        """Of all squares."""
+        return self.squares[0] * self.square_mm, self.squares[1] * self.square_mm
+
+    @property
+    def words(self) -> str:
+        """With squares, markers and dictionary."""
+        return (
+            f"ChArUco board of {self.squares[0]} x {self.squares[1]} squares of {self.square_mm:g} mm, markers of "
+            f"{self.marker_mm:g} mm from {self.dictionary}"
+        )
+
+
+MARKS = Charuco

@@ -1,0 +1,76 @@
+"""A chessboard, whose points are the corners between its squares."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from designer.base.arrays import Array, Rows
+from designer.marks.face_marks import FaceMarks, lattice, rectangle_mm
+
+
+@dataclass(frozen=True)
+class Chessboard(FaceMarks):
+    """Squares of two colours; points row by row from the upper left, as OpenCV counts them."""
+
+    kind: ClassVar[str] = "chessboard"
+
+    squares: tuple[int, int]  # columns, rows
+    square_mm: float
+    light_first: bool = False  # the upper left square is the light one
+
+    def __post_init__(self) -> None:
+        if min(self.squares) < 3:
+            raise ValueError(f"a chessboard has at least 3 x 3 squares, not {self.squares[0]} x {self.squares[1]}")
+        if not self.square_mm > 0:
+            raise ValueError(f"squares of {self.square_mm:g} mm: must be above 0")
+
+    @property
+    def index(self) -> Rows:
+        """Inner corners, from the upper left."""
+        return lattice(self.squares[0] - 1, self.squares[1] - 1)
+
+    @property
+    def position_mm(self) -> Array:
+        """Of the inner corners."""
+        return checkered_corners_mm(self.squares, self.square_mm)
+
+    @property
+    def size_mm(self) -> tuple[float, float]:
+        """Of all squares."""
+        return self.squares[0] * self.square_mm, self.squares[1] * self.square_mm
+
+    @property
+    def words(self) -> str:
+        """With its squares."""
+        return f"chessboard of {self.squares[0]} x {self.squares[1]} squares of {self.square_mm:g} mm"
+
+    @property
+    def is_ambiguous(self) -> bool:
+        """Whether it looks the same turned by half a turn."""
+        return sum(self.squares) % 2 == 0
+
+    @property
+    def polygons_mm(self) -> tuple[Array, ...]:
+        """The dark squares."""
+        return dark_squares_mm(self.squares, self.square_mm, int(self.light_first))
+
+
+def checkered_corners_mm(squares: tuple[int, int], square_mm: float) -> Array:
+    """The inner corners of squares around the middle, row by row from the upper left.  # (R, 2)"""
+    index = lattice(squares[0] - 1, squares[1] - 1)
+    corners: Array = (index - (np.array(squares) - 2) / 2) * np.array([square_mm, -square_mm])
+    return corners
+
+
+def dark_squares_mm(squares: tuple[int, int], square_mm: float, parity: int) -> tuple[Array, ...]:
+    """Squares whose column and row from the upper left sum to an even number, or to an odd one for a parity of 1."""
+    width, height = squares[0] * square_mm, squares[1] * square_mm
+    return tuple(
+        rectangle_mm(i * square_mm - width / 2, height / 2 - (j + 1) * square_mm, square_mm, square_mm)
+        for i, j in lattice(*squares).tolist()
+        if (i + j) % 2 == parity
+    )
+
+
+MARKS = Chessboard

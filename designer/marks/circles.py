@@ -1,0 +1,65 @@
+"""A grid of circles, symmetric or asymmetric, as OpenCV has it."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from designer.base.arrays import Array, Rows
+from designer.marks.face_marks import FaceMarks, lattice
+
+
+@dataclass(frozen=True)
+class Circles(FaceMarks):
+    """Row by row from the upper left; in an asymmetric grid each second row is shifted to the right by half a step."""
+
+    kind: ClassVar[str] = "circles"
+
+    circles: tuple[int, int]  # in a row, rows
+    pitch_mm: float  # from circle to circle in a row; rows of an asymmetric grid are half of it apart
+    diameter_mm: float
+    asymmetric: bool = False
+    light: bool = False  # light circles on a dark ground
+
+    def __post_init__(self) -> None:
+        if min(self.circles) < 2:
+            raise ValueError(f"a grid has at least 2 x 2 circles, not {self.circles[0]} x {self.circles[1]}")
+        nearest = self.pitch_mm / np.sqrt(2) if self.asymmetric else self.pitch_mm
+        if not 0 < self.diameter_mm < nearest:
+            raise ValueError(f"circles of {self.diameter_mm:g} mm must be smaller than their distance, {nearest:g} mm")
+
+    @property
+    def index(self) -> Rows:
+        """Column and row; columns of an asymmetric grid count half steps."""
+        at = lattice(*self.circles)
+        return np.column_stack([2 * at[:, 0] + at[:, 1] % 2, at[:, 1]]) if self.asymmetric else at
+
+    @property
+    def position_mm(self) -> Array:
+        """Of the centres."""
+        step = self.pitch_mm / 2 if self.asymmetric else self.pitch_mm
+        at = self.index * np.array([step, -step])
+        middle: Array = at - 0.5 * (at.min(axis=0) + at.max(axis=0))
+        return middle
+
+    @property
+    def size_mm(self) -> tuple[float, float]:
+        """To the circles' outer edges."""
+        width, height = (np.ptp(self.position_mm, axis=0) + self.diameter_mm).tolist()
+        return width, height
+
+    @property
+    def words(self) -> str:
+        """With its circles."""
+        kind = "asymmetric circle grid" if self.asymmetric else "circle grid"
+        return (
+            f"{kind} of {self.circles[0]} x {self.circles[1]}, {self.diameter_mm:g} mm wide, {self.pitch_mm:g} mm apart"
+        )
+
+    @property
+    def radius_mm(self) -> float:
+        """Of each circle."""
+        return self.diameter_mm / 2
+
+
+MARKS = Circles
