@@ -110,7 +110,7 @@ class RunFolder:
     def without_own_pictures(self, photos: "FoundPhotos") -> "FoundPhotos":
         """The photos without the picture that an earlier run drew among them."""
         drawn = Path(os.path.abspath(self.folder)) / CALIBRATION_PICTURE
-        return replace(photos, paths=tuple(one for one in photos.paths if Path(os.path.abspath(one)) != drawn))
+        return replace(photos, photos=tuple(one for one in photos.photos if Path(os.path.abspath(one.path)) != drawn))
 
     @contextmanager
     def drawing(self) -> Iterator[Path]:

@@ -14,10 +14,11 @@ from designer.page.capability import capability, instead, written_to
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
-    from calib.app.inputs import Place
+    from calib.app.inputs import Pixels, Place
     from calib.cameras.camera import Camera
     from calib.core.types import Observations
     from calib.judge.joint_solution import CameraWishes, RigSeen
+    from calib.observe.photos import FoundPhotos
     from calib.observe.robot_poses import RobotPoses
     from designer.page.output import Output
     from designer.target import TargetGeometry
@@ -47,6 +48,7 @@ def hand_eye(
     target: TargetShown = None,
     photos: PhotosTaken = (),
     *,
+    images: "Iterable[Pixels] | None" = None,
     robot: Annotated["RobotPoses | Place", option("base_from_flange of each photo: .csv, .yaml or .json")],
     table: Table = None,
     points: Points = None,
@@ -87,6 +89,7 @@ def hand_eye(
     >>> found.hand_eye.flange_from_cam, found.hand_eye.robot_sigma_mm
 
     Args:
+        images: instead of photos arrays (H, W) or (H, W, 3) in blue, green, red; they are named image-1, image-2, ...
         robot: base_from_flange of each photo, or the file that holds it.
         diameter_mm: of circles.
         robot_noise: standard deviations of a coordinate of the robot's errors, rad and mm; None: estimated.
@@ -94,7 +97,7 @@ def hand_eye(
     Raises:
         InputError: files or options that break a rule, or poses that look inverted or in another unit.
     """
-    from calib.app.inputs import criteria_of, points_of
+    from calib.app.inputs import criteria_of, photos_given, points_of
     from calib.judge.joint_solution import RobotSetting, judged_on_robot
     from calib.observe.robot_poses import RobotPoses, read_robot_poses
     from designer.base.files import place_of
@@ -111,7 +114,8 @@ def hand_eye(
         criteria_of(criteria),
         wishes_of_one(camera, model, fix, priors, minimise, free_bend, refine=refine),
     )
-    seen = seen_by_one(target, photos, table, points_of(points, diameter_mm), wishes, jobs, progress).with_made(made)
+    taken = photos if images is None else photos_given(photos, images)
+    seen = seen_by_one(target, taken, table, points_of(points, diameter_mm), wishes, jobs, progress).with_made(made)
     setting = RobotSetting(target_in_hand, target_size, *(robot_noise or (None, None)))
     settings = settings_of(("target", target), ("table", table), ("robot", robot))
     run = judged_on_robot(seen, poses, setting, wishes, limits, settings, progress)
@@ -143,8 +147,9 @@ def wishes_of_one(
 
 
 def seen_by_one(
-    target: "TargetGeometry | Place | None", photos: "Place | Iterable[Place]", table: "Observations | Place | None",
-    kind: tuple[str | None, float | None], wishes: "CameraWishes", jobs: int | None, progress: Progress,
+    target: "TargetGeometry | Place | None", photos: "FoundPhotos | Place | Iterable[Place]",
+    table: "Observations | Place | None", kind: tuple[str | None, float | None], wishes: "CameraWishes",
+    jobs: int | None, progress: Progress,
 ) -> "RigSeen":  # fmt: skip
     """What one camera saw, from photos or a table: a frame a photo.
 
@@ -155,12 +160,13 @@ def seen_by_one(
     from calib.cameras.rig import ALONE
     from calib.core.types import Observations
     from calib.judge.joint_solution import RigSeen
+    from calib.observe.photos import FoundPhotos
     from calib.observe.rig_observations import alone_as_rig
     from calib.observe.rig_search import observations_of_rig, photos_of_one, search_cameras
 
     if kind != (None, None) and (table is None or isinstance(table, Observations)):
         raise InputError("--points: says what the points of a table are; leave it out")
-    found = photos_of(photos)
+    found = photos if isinstance(photos, FoundPhotos) else photos_of(photos)
     if table is not None:
         require_photos_for_jobs(jobs)
         if found.paths or found.failures:

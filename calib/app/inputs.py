@@ -16,6 +16,9 @@ from designer.base.files import place_of
 from designer.base.words import shown
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from calib.cameras.camera import Camera
     from calib.cameras.formats.reading import OpenedCamera, OpenedRig
     from calib.cameras.rig import Rig
@@ -24,6 +27,8 @@ if TYPE_CHECKING:
     from calib.observe.photos import FoundPhotos
     from calib.renderer.truth import Truth
     from designer.target import Needs, TargetGeometry
+
+    Pixels: TypeAlias = NDArray[np.generic]
 
 Place: TypeAlias = str | PathLike[str]
 Observed: TypeAlias = Observations | Place | Iterable[Detections]
@@ -326,7 +331,26 @@ def photos_of(photos: Place | Iterable[Place]) -> "FoundPhotos":
     try:
         return find_photos([fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos)])
     except TypeError as error:
-        raise InputError(f"photos: {error}; give files, folders or patterns (an array goes to calib.detect)") from None
+        raise InputError(
+            f"photos: {error}; give files, folders or patterns (arrays go to images=[...], one to calib.detect)"
+        ) from None
+
+
+def photos_given(photos: Place | Iterable[Place], images: "Iterable[Pixels] | None") -> "FoundPhotos":
+    """The photos, or images in memory instead.
+
+    Raises:
+        InputError: neither or both are given, or an image is none.
+    """
+    from calib.observe.photos import photos_of_arrays
+
+    if images is None:
+        if isinstance(photos, tuple | list) and not photos:
+            raise InputError("no photos; give files, folders or patterns, or arrays as images=[...]")
+        return photos_of(photos)
+    if not isinstance(photos, tuple | list) or photos:
+        raise InputError("photos and images: give one of them; images are arrays, photos files")
+    return photos_of_arrays(images)
 
 
 def criteria_of(criteria: "Criteria | Place") -> "Criteria":

@@ -127,10 +127,10 @@ def photos_to_search(
             "--photos: they are searched again with one camera's lens; give the detections.csv of one camera"
         )
     given = photos_of(photos)
-    named, wanted = named_photos(given.paths), {one.image for one in seen}
+    named, wanted = named_photos(given.photos), {one.image for one in seen}
     if missing := sorted(wanted - {one.name for one in named}):
         raise InputError(f"--photos: {shown(missing[0])} is not among them; give all photos that the detections are of")
-    return replace(given, paths=tuple(one.path for one in named if one.name in wanted))
+    return replace(given, photos=tuple(one for one in named if one.name in wanted))
 
 
 def solved(

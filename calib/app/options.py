@@ -41,7 +41,8 @@ RigTemplate = Annotated[
     ),
 ]
 Photos = Annotated[
-    "Place | Iterable[Place]", argument("images, folders of images, or patterns such as 'run/*.png'", is_many=True)
+    "Place | Iterable[Place]",
+    argument("images, folders of images, or patterns such as 'run/*.png'", is_many=True, is_needed=True),
 ]
 PhotoJobs = Annotated[int | None, option("photos at a time, all in memory (default: one per core)", 1, MOST_JOBS)]
 Weighted = Annotated[bool, option("weigh observations by the covariances they state, or all alike", off="--unweighted")]

@@ -14,7 +14,7 @@ from designer.page.capability import capability, written_to
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
-    from calib.app.inputs import Place
+    from calib.app.inputs import Pixels, Place
     from calib.cameras.camera import Camera
     from calib.core.types import RigObservations
     from calib.judge.joint_solution import CameraWishes, RigSeen
@@ -45,6 +45,7 @@ def rig(
         argument("a folder a camera, or one folder that holds these", is_many=True, metavar="FOLDER..."),
     ] = (),
     *,
+    images: "Mapping[str, Iterable[Pixels]] | None" = None,
     table: Annotated[
         "Place | None",
         option("instead of photos: files (camera,frame,file[,time_s]) or sightings (camera,frame,u,v,X,Y,Z)"),
@@ -112,6 +113,7 @@ def rig(
         observed: what the photos show, a geometry or its file; or observations; None: a table of sightings has points.
         diameter_mm: of circles.
         cameras: lenses from earlier runs, by the cameras' names: cameras, or their files.
+        images: instead of photos arrays (H, W) or (H, W, 3) by the cameras' names; the first of each are a frame, ...
         refine: solve all of these on, or some by name; else they are kept.
 
     Raises:
@@ -120,6 +122,7 @@ def rig(
     from calib.app.inputs import camera_of, criteria_of, points_of
     from calib.judge.joint_solution import judged_rig, wishes_of
     from calib.observe.rig_observations import swapped_cameras, with_remarks
+    from calib.observe.rig_photos import photos_of_images
     from calib.observe.rig_search import rig_input
     from calib.solver.plan import ALL, plan_from_words
     from calib.solver.priors import texts_of
@@ -133,6 +136,9 @@ def rig(
     wishes = wishes_of(_models(model), lenses, is_all or refine, fix, plan.options, texts_of(priors))
     to = begun(out)
     given = rig_input(photos, table, pattern, times, tolerance_s)
+    if images is not None and (given.is_anything or given.needless):
+        raise InputError("images: are all there is to solve from; leave photos and tables out")
+    given = given if images is None else replace(given, images=photos_of_images(images))
     seen = _seen(observed, given, points_of(points, diameter_mm), wishes, jobs, progress).with_made(made)
     options = _options(plan.options, seen.observations, reference, delays=delays)
     seen = replace(seen, observations=with_remarks(seen.observations, swapped_cameras(seen.observations, lenses)))

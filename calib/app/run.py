@@ -1,5 +1,6 @@
 """From photos to a judged camera: `calib run`, `calib.run("ico.target.json", "photos/*.jpg")`."""
 
+from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
@@ -13,7 +14,7 @@ from designer.page.capability import capability, written_to
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
-    from calib.app.inputs import Place
+    from calib.app.inputs import Pixels, Place
     from calib.observe.photos import Search
     from designer.page.output import Output
 
@@ -29,8 +30,9 @@ class NothingFoundError(NoAnswerError):
 @capability(folder=lambda given: options.exports_folder(cast(Path, given["target"])) / "calibration")
 def run(
     target: options.Target,
-    photos: options.Photos,
+    photos: options.Photos = (),
     *,
+    images: "Iterable[Pixels] | None" = None,
     model: options.Model = "all",
     fix: options.Fix = (),
     share: options.Share = (),
@@ -64,6 +66,9 @@ def run(
     >>> run = calib.run("ico.target.json", "photos/*.jpg")
     >>> run.verdict.grade, run.best.camera.matrix
 
+    Args:
+        images: instead of photos arrays (H, W) or (H, W, 3) in blue, green, red; they are named image-1, image-2, ...
+
     Raises:
         InputError: files or options that break a rule, or photos that do not determine a camera.
         NothingFoundError: no photo shows the target.
@@ -72,7 +77,7 @@ def run(
 
     from calib.app.calibration import reference_of, solved, view_of_reference
     from calib.app.calibration_folder import RunFolder
-    from calib.app.inputs import criteria_of, photos_of, target_of
+    from calib.app.inputs import criteria_of, photos_given, target_of
     from calib.draw.gallery import OVERLAYS
     from calib.judge.folders import kind_in
     from calib.judge.solutions import SolveTask
@@ -94,13 +99,13 @@ def run(
     )  # fmt: skip
     to = None if out is None else output_of(out)
     folder = None if to is None else RunFolder(to, plan.may_solve)
-    asked = photos_of(photos)
+    asked = photos_given(photos, images)
     if folder is not None:
         asked = folder.without_own_pictures(asked)
     asked, known = with_truth(asked, None if truth is None else place_of(truth, "a truth.json"))
     way = how_made(geometry, made, rendered_id=asked.rendered_id)
     seen, told = reference_of(reference, reference_target)
-    named = {photo.name: str(photo.path.parent) for photo in named_photos(asked.paths)}
+    named = {photo.name: str(photo.path.parent) for photo in named_photos(asked.photos)}
     seen = view_of_reference(seen, plan := with_sessions(plan, sessions, named), list(named))
     with nullcontext() if folder is None else folder.drawing() as staging:
         search, plan = PhotoSearch(geometry, asked, staging, jobs, progress).twice(plan)
@@ -120,7 +125,7 @@ def run(
     table = () if to is None else (("detections", named_in_files(to.place / DETECTIONS_FILE)),)
     ways = tuple((name, word) for name, word in (("made", made), ("capture", capture)) if word is not None)
     kept = (("target", file), *table, ("photos", str(len(asked.paths))), *ways, *told)
-    shown = tuple(one.photo.path for one in search.results if one.seen is not None)
+    shown = tuple(one.photo for one in search.results if one.seen is not None)
     task = SolveTask(observations, plan, geometry.layout_id, kept, seen, known, way, taken, shown)
     beside = None if known is None else Path(truth) if truth is not None else truth_beside(asked.paths)
     return solved(task, geometry, search, limits, progress, folder, is_whole=to is not out, truth_file=beside)

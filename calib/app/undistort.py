@@ -244,7 +244,7 @@ def undistort_photos(
     )
     name = fspath(camera) if isinstance(camera, str | PathLike) else f"model {opened.camera.model}"
     asked, folder = photos_of(photos), output.place
-    given = named_photos(asked.paths)
+    given = named_photos(asked.photos)
     mine = [photo for photo in given if not Path(photo.name).stem.endswith(MARK)]
     places = [folder / f"{stem}{MARK}.png" for stem in distinct_stems([one.name for one in mine])]
     _check_out(folder, straight, [place.name for place in places])
@@ -288,7 +288,7 @@ def _file(
     from calib.observe.photos import why_failed
 
     try:
-        image = read_colour(photo.path)
+        image = read_colour(photo.path) if photo.opened is None else photo.opened()
         made = straight.straightened(str(photo.path), image.pixels, progress)
         is_done, data = cv2.imencode(".png", made.pixels, [cv2.IMWRITE_PNG_COMPRESSION, 3])
         if not is_done:

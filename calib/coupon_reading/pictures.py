@@ -13,7 +13,7 @@ from calib.coupon_reading.reading import MUCH_CUT_OFF, Reading, read_edges
 from calib.coupon_reading.result import PrinterFaults, found_in
 from calib.detector.pipeline import MIRRORED
 from calib.images.headers import exif_focal_px
-from calib.images.photo import Grey, read_image, stated_dpi
+from calib.images.photo import Grey, stated_dpi
 from calib.measure_target.lengths import CaliperLength, usual_sigmas
 from calib.observe.photos import FoundPhotos, PhotoFile, named_photos
 from calib.observe.search import look_for, refuse_nothing
@@ -77,7 +77,7 @@ def read_pictures(
     Raises:
         InputError: none can be used, or no print looks so; it says why.
     """
-    files, looked = named_photos(photos.paths), []
+    files, looked = named_photos(photos.photos), []
     for count, photo in enumerate(files, start=1):
         looked.append(_look(photo, target, dpi))
         progress("reading", count, len(files))
@@ -120,7 +120,7 @@ def _between_rings(length: CaliperLength) -> KnownLength:
 def _look(photo: PhotoFile, target: TargetGeometry, dpi: float | str | None) -> _Looked:
     """Find the coupon's rings in a picture, and say why it cannot be used."""
     try:
-        pixels = read_image(photo.path).pixels
+        pixels = photo.read().pixels
         resolution = _resolution(photo, dpi)
         seen = look_for(target)(photo, pixels)
     except InputError as error:

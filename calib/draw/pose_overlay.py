@@ -13,7 +13,6 @@ from calib.core.types import Detections
 from calib.detector.canvas import Canvas, Colour, canvas_between
 from calib.detector.overlay import pale, write_overlay
 from calib.detector.overlay_frame import INK, cut_text, text_strip
-from calib.images.photo import read_image
 from calib.observe.photos import OVERLAY_MARK, why_failed
 from calib.observe.target_poses import PoseResult, TargetPose
 from designer.base.files import distinct_stems
@@ -46,7 +45,7 @@ def draw_poses(found: PoseResult, folder: Path) -> tuple[dict[str, str], tuple[s
         if seen is None or name not in poses:
             continue
         try:
-            picture = draw_pose(read_image(result.photo.path).pixels, seen, found.target, found.camera, poses[name])
+            picture = draw_pose(result.photo.read().pixels, seen, found.target, found.camera, poses[name])
             drawn[name] = write_overlay(folder / f"{stem}.pose{OVERLAY_MARK}", picture).name
         except Exception as error:
             failures.append(f"no overlay for {name}: {why_failed(error)}")

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calib.cameras import ABILITIES, ANY_LENS
@@ -28,6 +27,7 @@ from designer.base.arrays import Array
 from designer.base.errors import InputError
 
 if TYPE_CHECKING:
+    from calib.observe.photos import PhotoFile
     from calib.renderer.truth import Truth
     from calib.solver.solve_virtual import Reference
     from designer.tolerance.made import Made
@@ -127,7 +127,7 @@ class SolveTask:
     truth: "Truth | None" = None  # of rendered photos
     made: "Made | None" = None  # how the target was; None: nobody knows
     capture: Capture | None = None  # how the photos were taken; None: assumed
-    photos: tuple[Path, ...] = ()  # that show where the light of a wide lens ends; none: nobody knows
+    photos: "tuple[PhotoFile, ...]" = ()  # that show where the light of a wide lens ends; none: nobody knows
 
     @cached_property
     def brightest(self) -> Array | None:

@@ -1,5 +1,12 @@
 """Many photos: each is read, searched and drawn on its own; what goes wrong with one is kept with it.
 
+A photo need not be a file: an array, a frame of a clip and a message of a bag are searched, named and drawn alike,
+
+    PhotoFile(Path("run.bag/left/image_raw/1700000000.25"), time_s=1700000000.25, opened=lambda: Photo(pixels, ()))
+
+`opened` is called when the photo is searched, once or twice and from some thread, so that few are in memory; what it
+raises becomes the photo's failure. `path` is what messages call it: what holds it, and what it is in there.
+
 Pictures of photos that were searched: drawn aside, and kept in the place of earlier ones when all are there.
 """
 
@@ -13,6 +20,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
@@ -21,7 +29,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
-from calib.images.photo import SUFFIXES_OF, Photo, read_image
+from calib.images.photo import SUFFIXES_OF, Photo, grey_of, read_image, require_image
 from calib.observe.dataset import ImageRecord, image_record
 from designer.base.errors import InputError
 from designer.base.files import check_folder, distinct_stems
@@ -52,15 +60,27 @@ NOT_READ: Mapping[str, tuple[tuple[str, ...], str]] = {
 """What cameras and phones make that is not read, by kind: its suffixes, and what to do."""
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
-Read = Callable[[Path], Photo]
 
 
 @dataclass(frozen=True)
 class PhotoFile:
-    """A photo to search, under the name its detections get."""
+    """A photo to search, under the name its detections get: a file, or what `opened` reads."""
 
-    path: Path
-    name: str
+    path: Path  # of the file; of what is none: that which holds it, and what it is in there
+    name: str = ""  # "": not named yet
+    time_s: float | None = None  # when it was taken, by a clock of its camera
+    opened: Callable[[], Photo] | None = None  # None: it is a file
+
+    def read(self) -> Photo:
+        """Its pixels in grey.
+
+        Raises:
+            InputError: they cannot be read; it names the photo.
+        """
+        return read_image(self.path) if self.opened is None else self.opened()
+
+
+Read = Callable[[PhotoFile], Photo]
 
 
 Look: TypeAlias = Callable[[PhotoFile, Pixels], Detections]
@@ -123,11 +143,16 @@ class Search:
 class FoundPhotos:
     """The photos that a person's arguments stand for."""
 
-    paths: tuple[Path, ...]
-    failures: tuple[str, ...]  # arguments that stand for none, one line each
-    overlays: int  # earlier overlays among them, which are left out
+    photos: tuple[PhotoFile, ...]
+    failures: tuple[str, ...] = ()  # arguments that stand for none, one line each
+    overlays: int = 0  # earlier overlays among them, which are left out
     rendered_id: str = ""  # of the geometry that they were rendered of; "": real photos
     remarks: tuple[str, ...] = ()  # on them
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """Where they are."""
+        return tuple(photo.path for photo in self.photos)
 
 
 def find_photos(arguments: Sequence[str]) -> FoundPhotos:
@@ -153,8 +178,27 @@ def find_photos(arguments: Sequence[str]) -> FoundPhotos:
             paths += sorted(matches, key=in_order)
         else:
             paths.append(path)
-    photos = [path for path in paths if not path.stem.endswith(OVERLAY_MARK)]
-    return FoundPhotos(tuple(photos), tuple(failures), len(paths) - len(photos))
+    photos = tuple(PhotoFile(path) for path in paths if not path.stem.endswith(OVERLAY_MARK))
+    return FoundPhotos(photos, tuple(failures), len(paths) - len(photos))
+
+
+def photos_of_arrays(images: Iterable[NDArray[np.generic]]) -> FoundPhotos:
+    """Images in memory, named image-1, image-2, ... in their order.
+
+    Raises:
+        InputError: one is no image; it names the first.
+    """
+    photos = []
+    for number, image in enumerate(images, start=1):
+        name = f"image-{number}"
+        try:
+            pixels = grey_of(require_image(image))
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
+        photos.append(PhotoFile(Path(name), opened=partial(Photo, pixels, ())))
+    if not photos:
+        raise InputError("images: there are none; give a list of numpy arrays")
+    return FoundPhotos(tuple(photos))
 
 
 def images_in(folder: Path) -> list[Path]:
@@ -187,22 +231,22 @@ def in_order(path: Path) -> list[tuple[int, str]]:
     return [(int(part), "") if k % 2 else (0, part) for k, part in enumerate(parts)]
 
 
-def named_photos(paths: Sequence[Path]) -> tuple[PhotoFile, ...]:
+def named_photos(photos: Iterable[PhotoFile]) -> tuple[PhotoFile, ...]:
     """The photos with names that differ: the file's name, with as many of its folders as tell it from the others.
 
     A file given twice is taken once, through a link too: seen twice, it would count twice in a calibration.
     """
-    once: dict[str, Path] = {}
-    for path in paths:
-        once.setdefault(os.path.realpath(path), path)
-    given = {Path(os.path.abspath(path)): path for path in once.values()}
+    once: dict[str, PhotoFile] = {}
+    for photo in photos:
+        once.setdefault(os.path.realpath(photo.path), photo)
+    given = {Path(os.path.abspath(photo.path)): photo for photo in once.values()}
     depth = dict.fromkeys(given, 1)
     while True:
         name = {path: "/".join(path.parts[-depth[path] :]) for path in given}
         count = Counter(name.values())
         alike = [path for path in given if count[name[path]] > 1]
         if not alike:
-            return tuple(PhotoFile(given[path], name[path]) for path in given)
+            return tuple(replace(photo, name=name[path]) for path, photo in given.items())
         for path in alike:
             depth[path] += 1
 
@@ -214,14 +258,14 @@ def reading_once(most_bytes: int = MOST_KEPT_BYTES) -> Read:
     """
     kept: dict[Path, Photo] = {}
 
-    def read(path: Path) -> Photo:
-        photo = kept.pop(path, None)
-        if photo is not None:
-            return photo
-        photo = read_image(path)
-        if sum(one.pixels.nbytes for one in list(kept.values())) + photo.pixels.nbytes <= most_bytes:
-            kept[path] = photo
-        return photo
+    def read(photo: PhotoFile) -> Photo:
+        image = kept.pop(photo.path, None)
+        if image is not None:
+            return image
+        image = photo.read()
+        if sum(one.pixels.nbytes for one in list(kept.values())) + image.pixels.nbytes <= most_bytes:
+            kept[photo.path] = image
+        return image
 
     return read
 
@@ -233,7 +277,7 @@ def searched_photos(
     *,
     overlay_folder: Path | None = None,
     jobs: int = 1,
-    read: Read = read_image,
+    read: Read = PhotoFile.read,
 ) -> Iterator[PhotoResult]:
     """Search photos, `jobs` at a time, so that no more are in memory; results come in the order of the photos.
 
@@ -244,7 +288,7 @@ def searched_photos(
 
     def work(photo: PhotoFile, stem: str) -> PhotoResult:
         try:
-            image = read(photo.path)
+            image = read(photo)
             seen = look(photo, image.pixels)
         except Exception as error:
             return PhotoResult(photo, None, why_failed(error, f"{photo.path}: the search failed"))

@@ -6,15 +6,17 @@ A table of photos is `camera,frame,file[,time_s]`, one of time stamps `camera,fi
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path, PureWindowsPath
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.core.csv_table import CsvTable, column_fault, column_names, read_table, read_text
-from calib.observe.photos import find_photos, images_in, in_order, not_read_in
+from calib.images.photo import Photo
+from calib.observe.photos import find_photos, images_in, in_order, not_read_in, photos_of_arrays
 from calib.observe.rig_observations import SEEN, TIME, require_names, some, time_stamps
 from designer.base.errors import InputError
 from designer.base.words import shown
@@ -34,6 +36,7 @@ class RigPhoto:
     path: Path
     frame: str = ""  # photos of one frame were taken at once; "": not joined yet
     time_s: float | None = None  # its time stamp
+    opened: Callable[[], Photo] | None = None  # reads what is no file, as that of `calib.observe.photos.PhotoFile`
 
 
 @dataclass(frozen=True)
@@ -187,6 +190,22 @@ def framed(photos: Sequence[RigPhoto], remarks: Sequence[str] = ()) -> RigPhotos
         seen = "; ".join(f"{name} has {some([photo.frame for photo in found.of(name)])}" for name in found.camera_names)
         raise InputError(f"no frame is of two cameras: {seen}; name the files of one moment alike, or give --table")
     return found
+
+
+def photos_of_images(images: Mapping[str, Iterable[NDArray[np.generic]]]) -> RigPhotos:
+    """Images in memory by their cameras' names: the first of each are a frame, the second, and so on.
+
+    Raises:
+        InputError: fewer than two cameras, or what is no image.
+    """
+    photos = []
+    for camera, arrays in images.items():
+        try:
+            found = photos_of_arrays(arrays).photos
+        except InputError as error:
+            raise InputError(f"camera {shown(camera)}: {error}") from None
+        photos += [RigPhoto(camera, camera / one.path, one.path.name, opened=one.opened) for one in found]
+    return framed(photos)
 
 
 def joined_by_name(photos: Sequence[RigPhoto]) -> RigPhotos:

@@ -15,7 +15,7 @@ import numpy as np
 from calib.cameras.rig import ALONE
 from calib.core.csv_table import stamps_s
 from calib.core.types import RigObservations
-from calib.observe.photos import FoundPhotos, named_photos
+from calib.observe.photos import FoundPhotos, PhotoFile, named_photos
 from calib.observe.rig_photos import RigPhoto, RigPhotos, framed
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError, NoAnswerError
@@ -45,11 +45,12 @@ class RigInput:
     pattern: str | None = None  # of file names
     times: Path | None = None  # time stamps of the files
     tolerance_s: float | None = None  # of time stamps of one frame
+    images: RigPhotos | None = None  # that are in memory, joined already
 
     @property
     def is_anything(self) -> bool:
         """Whether there is something to solve from."""
-        return bool(self.photos) or self.table is not None
+        return bool(self.photos) or self.table is not None or self.images is not None
 
     @property
     def needless(self) -> str:
@@ -127,6 +128,8 @@ def photos_of_rig(given: RigInput) -> RigPhotos:
         with_stamps,
     )
 
+    if given.images is not None:
+        return given.images
     if given.table is not None:
         table = read_photo_table(given.table)
         found, is_framed = table, bool(table[0].frame)
@@ -151,7 +154,8 @@ def photos_of_rig(given: RigInput) -> RigPhotos:
 
 def photos_of_one(photos: FoundPhotos) -> RigPhotos:
     """The photos of a camera that is solved as a rig is: each is a frame."""
-    taken = tuple(RigPhoto(ALONE, one.path, one.name) for one in named_photos(photos.paths))
+    named = named_photos(photos.photos)
+    taken = tuple(RigPhoto(ALONE, one.path, one.name, one.time_s, one.opened) for one in named)
     return RigPhotos(taken, tuple(one.frame for one in taken), photos.failures)
 
 
@@ -181,7 +185,8 @@ def search_cameras(
         def told(what: str, done: float, total: int, of: str = _named(photos, name, " {}")) -> None:
             progress(what + of, done, total)
 
-        files, _ = with_truth(FoundPhotos(tuple(photo.path for photo in photos.of(name)), (), 0), None)
+        own = tuple(PhotoFile(one.path, time_s=one.time_s, opened=one.opened) for one in photos.of(name))
+        files, _ = with_truth(FoundPhotos(own), None)
         search = PhotoSearch(target, files, None, jobs, told)
         searches.append(search.twice(plan_of(name))[0] if plan_of and name not in lenses else search.once(lenses[name]))
     return RigSearch(target, photos, tuple(searches))
@@ -227,12 +232,11 @@ def _sightings_of(name: str, photos: RigPhotos, search: "Search") -> "RigSightin
 
 def _why_blind(search: "Search") -> str:
     """Why no photo of a camera shows the target: they are mirrored, or what is said of the first; "" if nothing is."""
-    from calib.images.photo import read_image
     from calib.observe.search import look_for
 
     readable = [result for result in search.results if result.seen is not None]
     for result in readable[:TRIED_MIRRORED]:
-        pixels = read_image(result.photo.path).pixels[:, ::-1].copy()
+        pixels = result.photo.read().pixels[:, ::-1].copy()
         if len(look_for(search.target)(result.photo, pixels).ring):
             return (
                 ", but they do when they are flipped: the camera, or who saved its photos, mirrors them; flip them back"
@@ -284,7 +288,7 @@ def stamped_by_name(photos: Sequence[RigPhoto]) -> tuple[RigPhoto, ...]:
     """
     stamps = stamps_s([photo.path.name for photo in photos])
     of_camera = [{one.path.stem for one in photos if one.camera == name} for name in {one.camera for one in photos}]
-    if stamps is None or set.intersection(*of_camera):
+    if stamps is None or any(photo.opened for photo in photos) or set.intersection(*of_camera):
         return tuple(photos)
     return tuple(replace(photo, time_s=time_s) for photo, time_s in zip(photos, stamps[0].tolist(), strict=True))
 

@@ -23,7 +23,7 @@ from calib.detector import pipeline
 from calib.detector.pipeline import NamedRings
 from calib.detector.why_nothing import explained
 from calib.images.headers import DamagedError, exif_focal_px
-from calib.images.photo import MAX_PIXELS, grey_of, read_image, read_preview
+from calib.images.photo import MAX_PIXELS, grey_of, read_preview
 from calib.observe.dataset import Records, write_detections
 from calib.observe.photos import (
     FoundPhotos,
@@ -76,7 +76,7 @@ class PhotoSearch:
             InputError: not one photo could be searched.
         """
         start = time.perf_counter()
-        return self._found(self._looked(look_for(self.target, camera), self.overlay_folder, read_image), start)
+        return self._found(self._looked(look_for(self.target, camera), self.overlay_folder, PhotoFile.read), start)
 
     def twice(self, plan: "SolvePlan") -> "tuple[Search, SolvePlan]":
         """Search, solve a first camera, and search again with its lens: centres are surer where it is known.
@@ -100,7 +100,7 @@ class PhotoSearch:
         return self._found(results, start, said), plan
 
     def _looked(self, look: Look, overlay_folder: Path | None, read: Read) -> tuple[PhotoResult, ...]:
-        named = named_photos(self.photos.paths)
+        named = named_photos(self.photos.photos)
         results: list[PhotoResult] = []
         processes = (os.cpu_count() or 1) if self.jobs is None else whole("--jobs", self.jobs, 1, MOST_JOBS)
         for result in searched_photos(
@@ -286,11 +286,11 @@ class EndOfLight:
     remark: str = ""
 
 
-def brightest_of(photos: Sequence[Path], image_size: tuple[int, int]) -> Array | None:
+def brightest_of(photos: Sequence[PhotoFile], image_size: tuple[int, int]) -> Array | None:
     """The most light that each cell of the image has in any of some photos, of full scale; None if none is read.
 
     Args:
-        photos: files.
+        photos: of the camera.
         image_size: width, height in px.
 
     Returns:
@@ -302,10 +302,11 @@ def brightest_of(photos: Sequence[Path], image_size: tuple[int, int]) -> Array |
     shape = max(1, round(COLUMNS * height / width)), COLUMNS
     picked = np.unique(np.linspace(0, len(photos) - 1, min(len(photos), MOST_PHOTOS)).round().astype(int)).tolist()
     most = np.full(shape, np.nan)
-    for path in (photos[row] for row in picked):
+    for photo in (photos[row] for row in picked):
         try:
-            grey = grey_of(read_preview(path, COLUMNS, MAX_PIXELS).pixels)
-        except DamagedError:
+            preview = read_preview(photo.path, COLUMNS, MAX_PIXELS) if photo.opened is None else photo.opened()
+            grey = grey_of(preview.pixels)
+        except (DamagedError, InputError):
             continue
         scale = float(np.iinfo(grey.dtype).max)
         small = cv2.resize(grey, (shape[1], shape[0]), interpolation=cv2.INTER_AREA).astype(np.float64)

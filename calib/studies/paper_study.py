@@ -108,7 +108,7 @@ def search(
 
 def photos_in(folder: Path) -> tuple[PhotoFile, ...]:
     """The photos of a set."""
-    return named_photos(sorted(folder.glob("*.png")))
+    return named_photos(map(PhotoFile, sorted(folder.glob("*.png"))))
 
 
 def search_with_lens(target: TargetGeometry, folder: Path, *, jobs: int, tell: Tell) -> list[Detections]:

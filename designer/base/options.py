@@ -276,7 +276,7 @@ class _Names(dict[str, object]):
 
 KNOWN = _Names(
     Callable=Callable, Heard=Callable, Iterable=Iterable, Collection=Collection, Sequence=Collection, Mapping=Mapping,
-    Place=str | PathLike, Array=type("ndarray", (), {}),
+    Place=str | PathLike, Array=type("ndarray", (), {}), Pixels=type("ndarray", (), {}),
 )  # fmt: skip
 """Of the names that are loaded for type checkers only, those that are no class's."""
 

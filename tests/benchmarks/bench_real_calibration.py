@@ -19,7 +19,7 @@ from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
 from calib.core.types import Observations, keep_views
 from calib.observe.observations import observations_from_detections
-from calib.observe.photos import named_photos, searched_photos
+from calib.observe.photos import PhotoFile, named_photos, searched_photos
 from calib.solver.calibration import Calibration
 from calib.solver.metrics.evaluation import evaluate
 from calib.solver.solve import solve
@@ -33,7 +33,7 @@ PASSES = 2
 def observe(camera: Camera | None) -> Observations:
     """The rings of all photos."""
     target = plain_grid(10, 7)
-    photos = named_photos(sorted(FOLDER.glob("*.png")))
+    photos = named_photos(map(PhotoFile, sorted(FOLDER.glob("*.png"))))
     look = Detector(target, camera).look
     results = searched_photos(photos, target, look, jobs=2)
     return observations_from_detections([one.seen for one in results if one.seen], target)

@@ -152,7 +152,12 @@ def test_photos_of_one_name_are_told_apart_by_their_folders(folder: Path) -> Non
     for place in ("a/x/1.png", "b/x/1.png", "b/y/1.png", "2.png"):
         photo(Path(place), 50)
     paths = [Path(p) for p in ("a/x/1.png", "b/x/1.png", "b/y/1.png", "2.png", "b/../2.png")]
-    assert [photo.name for photo in named_photos(paths)] == ["a/x/1.png", "b/x/1.png", "y/1.png", "2.png"]
+    assert [photo.name for photo in named_photos(map(PhotoFile, paths))] == [
+        "a/x/1.png",
+        "b/x/1.png",
+        "y/1.png",
+        "2.png",
+    ]
     assert run("a/x", "b/x", "b/y", "2.png", "2.png", out="d.csv", overlay="o") == 0
     names = [one.image for one in read_detections(Path("d.csv"), BOARD, target_path=Path("t"))]
     assert names == ["a/x/1.png", "b/x/1.png", "y/1.png", "2.png"]
@@ -187,15 +192,15 @@ def test_what_is_left_out_by_its_suffix_is_counted_and_named(folder: Path) -> No
 
 def test_two_searches_read_a_photo_once_and_keep_no_more_than_they_may(folder: Path) -> None:
     """Of three photos two fit: gone from the disk, these two are read again, and after that nothing is kept."""
-    paths = [Path("photos") / name for name in ("img2.png", "img10.png", "img11.png")]
+    photos = [PhotoFile(Path("photos") / name) for name in ("img2.png", "img10.png", "img11.png")]
     read = reading_once(most_bytes=2 * 160 * 120)
-    first = [read(path).pixels for path in paths]
-    for path in paths:
-        path.unlink()
-    assert all(read(path).pixels is pixels for path, pixels in zip(paths[:2], first, strict=False))
-    for path in paths:
-        with pytest.raises(InputError, match=path.name):
-            read(path)
+    first = [read(photo).pixels for photo in photos]
+    for photo in photos:
+        photo.path.unlink()
+    assert all(read(photo).pixels is pixels for photo, pixels in zip(photos[:2], first, strict=False))
+    for photo in photos:
+        with pytest.raises(InputError, match=photo.path.name):
+            read(photo)
 
 
 def test_results_keep_the_order_and_memory_the_limit(folder: Path) -> None:
@@ -241,4 +246,4 @@ def test_a_linked_photo_is_the_same_photo(tmp_path: Path) -> None:
     photo.write_bytes(b"x")
     link = tmp_path / "b.png"
     link.symlink_to(photo)
-    assert [one.name for one in named_photos([photo, link])] == ["a.png"]
+    assert [one.name for one in named_photos([PhotoFile(photo), PhotoFile(link)])] == ["a.png"]
