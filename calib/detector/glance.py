@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.types import Detections
+from calib.detector.boards import LEAST_SIDE_PX
 from calib.detector.borders import reduced, thresholds
 from calib.detector.candidates import Candidates, find_candidates, merged
 from calib.detector.lens import Lens
 from calib.detector.measure import Measured
 from calib.detector.pipeline import (
-    LEAST_SIDE_PX,
     MIRRORED,
     REGIONS_APART,
     NamedRings,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.types import Detections, FaceRecord, Mark
+from calib.detector.boards import LEAST_SIDE_PX, FoundBoards, detect_boards, find_boards
 from calib.detector.borders import reduced, reduction, thresholds
 from calib.detector.candidates import Candidates, find_candidates, merged, semi_axes_px
 from calib.detector.frame_quality import frame_quality
@@ -30,7 +31,6 @@ _WORDS: dict[int, Mark] = {DOT: "dot", RING: "ring"}
 REGIONS_APART = 1 << 40
 EASY_RADIUS_PX = 4.0
 """Features with a smaller semi-axis below this may stay unseen without another threshold being tried."""
-LEAST_SIDE_PX = 16
 LITTLE_PX = 0.1
 """That grids may be off with a camera, whatever a guessed lens leaves."""
 BYTES_IN_WORDS = (257, 256)
@@ -100,14 +100,15 @@ class NamedRings:
         return sum(len(item.grid.row) for item in self.named)
 
 
-def find(pixels: NDArray[np.generic], target: TargetGeometry) -> NamedRings | None:
+def find(pixels: NDArray[np.generic], target: TargetGeometry) -> NamedRings | FoundBoards | None:
     """The half of the search that is the same for any lens, for a photo that is searched more than once.
 
     What `detect` may be given; None if the image is too small to hold anything.
     """
     if min(pixels.shape) < LEAST_SIDE_PX:
         return None
-    return _search(as_kernels_want(pixels), plan_for(target))
+    pixels = as_kernels_want(pixels)
+    return _search(pixels, plan_for(target)) if target.marks is None else find_boards(pixels, target)
 
 
 def detect(
@@ -116,7 +117,7 @@ def detect(
     *,
     name: str,
     camera: Camera | None = None,
-    found: NamedRings | None = None,
+    found: NamedRings | FoundBoards | None = None,
 ) -> Detections:
     """Find and name the target's features in one photo.
 
@@ -144,8 +145,18 @@ def detect(
             f"the camera is for images of {camera.image_size[0]} x {camera.image_size[1]} px, this one has "
             f"{image_size[0]} x {image_size[1]}; use the camera's own images"
         )
-    plan = plan_for(target)
-    camera_lens = CameraLens(camera) if camera is not None else None
+    if target.marks is not None:
+        boards = found if isinstance(found, FoundBoards) else None
+        return detect_boards(pixels, target, name=name, camera=camera, found=boards)
+    rings = found if isinstance(found, NamedRings) else None
+    return _detect_rings(pixels, plan_for(target), name, CameraLens(camera) if camera is not None else None, rings)
+
+
+def _detect_rings(
+    pixels: NDArray[np.generic], plan: TargetPlan, name: str, camera_lens: CameraLens | None, found: NamedRings | None
+) -> Detections:
+    """`detect` of rings, in an image that kernels take."""
+    image_size, target = (pixels.shape[1], pixels.shape[0]), plan.target
     if min(pixels.shape) < LEAST_SIDE_PX:
         return nothing_found(plan, name, image_size, None, ("the image is too small to hold a ring",))
     found = _search(pixels, plan) if found is None else found

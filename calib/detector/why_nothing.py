@@ -31,7 +31,7 @@ def explained(seen: Detections, pixels: NDArray[np.generic], target: TargetGeome
         pixels: of the photo.  # (H, W)
         target: what was looked for.
     """
-    if len(seen.ring) or pixels.ndim != 2 or min(pixels.shape) < FEWEST:
+    if len(seen.ring) or target.marks is not None or pixels.ndim != 2 or min(pixels.shape) < FEWEST:
         return seen
     why = why_nothing(pixels, target)
     return replace(seen, remarks=(*seen.remarks, why)) if why else seen

@@ -20,6 +20,7 @@ from calib.cameras import COMMON, MODELS, WIDE, rays
 from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations
 from calib.detector import pipeline
+from calib.detector.boards import FoundBoards
 from calib.detector.pipeline import NamedRings
 from calib.detector.why_nothing import explained
 from calib.images.headers import DamagedError, exif_focal_px
@@ -153,7 +154,7 @@ class _FirstPass:
 
     def __init__(self, target: TargetGeometry) -> None:
         self._target = target
-        self._named: dict[str, NamedRings | None] = {}
+        self._named: dict[str, NamedRings | FoundBoards | None] = {}
         self._seen: dict[str, Detections] = {}
 
     def look(self, photo: PhotoFile, pixels: Pixels, camera: "Camera | None" = None) -> Detections:
