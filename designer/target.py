@@ -120,6 +120,10 @@ class TargetGeometry:
         """What it is, in a few words: "an icosahedron of edge 60 mm"."""
         if self.spec is not None:
             return with_article(self.spec.words)
+        if self.marks is not None:
+            kinds = list(dict.fromkeys(one.words for one in self.marks))
+            each = with_article(kinds[0]) if len(kinds) == 1 else "marks of its own"
+            return each if self.is_planar else f"a target of {self.face_count} faces, each with {each}"
         faces = "1 face" if self.is_planar else f"{self.face_count} faces"
         return f"a target of {faces} and {self.ring_count} rings"
 

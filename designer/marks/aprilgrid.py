@@ -6,7 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from designer.base.arrays import Array, Rows
-from designer.marks.face_marks import FaceMarks, lattice
+from designer.marks.dictionaries import TAG_TURN, check_markers, marker_cells
+from designer.marks.face_marks import FaceMarks, black_cells_mm, lattice, rectangle_mm
 
 
 @dataclass(frozen=True)
@@ -23,12 +24,29 @@ class AprilGrid(FaceMarks):
     border_bits: int = 2  # of black around a tag's bits: Kalibr prints 2, others 1
     corner_squares: bool = True  # small black squares between the tags' corners, which make saddles of them
     from_top: bool = False  # tags are numbered from the upper left instead
+    upright: bool = False  # tags stand as OpenCV draws them; else as AprilTag and Kalibr print them: see `is_turned`
 
     def __post_init__(self) -> None:
         if min(self.tags) < 1 or max(self.tags) < 2:
             raise ValueError(f"an AprilGrid has at least 2 x 1 tags, not {self.tags[0]} x {self.tags[1]}")
         if not self.tag_mm > 0 or not 0 < self.spacing < 2:
             raise ValueError(f"tags of {self.tag_mm:g} mm must be above 0, gaps of {self.spacing:g} sides in 0..2")
+        if not 1 <= self.border_bits <= 3:
+            raise ValueError(f"borders of {self.border_bits} bits: must be 1 to 3")
+        check_markers(self.dictionary, self.first_id, len(self.marker_ids))
+
+    @property
+    def marker_ids(self) -> range:
+        """Of the tags, in the order of the points."""
+        return range(self.first_id, self.first_id + self.tags[0] * self.tags[1])
+
+    @property
+    def is_turned(self) -> bool:
+        """Whether tags stand on their heads against OpenCV's pictures, whose first corner is then the lower right.
+
+        Of the AprilTag families OpenCV has the bits of the others' pictures from the last to the first.
+        """
+        return not self.upright and self.dictionary.startswith(TAG_TURN)
 
     @property
     def pitch_mm(self) -> float:
@@ -68,6 +86,20 @@ class AprilGrid(FaceMarks):
     def words(self) -> str:
         """With its tags."""
         return f"AprilGrid of {self.tags[0]} x {self.tags[1]} tags of {self.tag_mm:g} mm from {self.dictionary}"
+
+    @property
+    def polygons_mm(self) -> tuple[Array, ...]:
+        """What is black of the tags, and the small squares between their corners."""
+        found = []
+        for number, corner in zip(self.marker_ids, self.position_mm[::4].tolist(), strict=True):
+            cells = marker_cells(self.dictionary, number, self.border_bits)
+            found += black_cells_mm(cells[::-1, ::-1] if self.is_turned else cells, corner, self.tag_mm)
+        if self.corner_squares:
+            gap = self.tag_mm * self.spacing
+            first = -np.array(self._tags_mm) / 2 - gap
+            at = first + self.pitch_mm * lattice(self.tags[0] + 1, self.tags[1] + 1)
+            found += [rectangle_mm(x, y, gap, gap) for x, y in at.tolist()]
+        return tuple(found)
 
 
 MARKS = AprilGrid

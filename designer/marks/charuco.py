@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from designer.base.arrays import Array, Rows
-from designer.marks.chessboard import checkered_corners_mm
-from designer.marks.face_marks import FaceMarks, lattice
+from designer.marks.chessboard import checkered_corners_mm, dark_squares_mm
+from designer.marks.dictionaries import check_markers, marker_cells
+from designer.marks.face_marks import FaceMarks, black_cells_mm, lattice
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,12 @@ class Charuco(FaceMarks):
             raise ValueError(f"a ChArUco board has at least 3 x 3 squares, not {self.squares[0]} x {self.squares[1]}")
         if not 0 < self.marker_mm < self.square_mm:
             raise ValueError(f"markers of {self.marker_mm:g} mm must be smaller than squares of {self.square_mm:g} mm")
+        check_markers(self.dictionary, self.first_id, len(self.marker_ids))
+
+    @property
+    def marker_ids(self) -> range:
+        """Of the markers, in the light squares row by row from the upper left."""
+        return range(self.first_id, self.first_id + self.squares[0] * self.squares[1] // 2)
 
     @property
     def light_first(self) -> bool:
@@ -54,6 +61,20 @@ class Charuco(FaceMarks):
             f"ChArUco board of {self.squares[0]} x {self.squares[1]} squares of {self.square_mm:g} mm, markers of "
             f"{self.marker_mm:g} mm from {self.dictionary}"
         )
+
+    @property
+    def polygons_mm(self) -> tuple[Array, ...]:
+        """The dark squares, and what is black of the markers in the light ones, upright as OpenCV draws them."""
+        light = dark_squares_mm(self.squares, self.square_mm, int(not self.light_first))
+        inset = (self.square_mm - self.marker_mm) / 2
+        markers = [
+            polygon
+            for number, square in zip(self.marker_ids, light, strict=True)
+            for polygon in black_cells_mm(
+                marker_cells(self.dictionary, number), (square[0] + inset).tolist(), self.marker_mm
+            )
+        ]
+        return (*dark_squares_mm(self.squares, self.square_mm, int(self.light_first)), *markers)
 
 
 MARKS = Charuco

@@ -46,9 +46,10 @@ class Chessboard(FaceMarks):
         return f"chessboard of {self.squares[0]} x {self.squares[1]} squares of {self.square_mm:g} mm"
 
     @property
-    def is_ambiguous(self) -> bool:
-        """Whether it looks the same turned by half a turn."""
-        return sum(self.squares) % 2 == 0
+    def alike(self) -> int:
+        """Ways to turn it that bring dark squares on dark ones."""
+        columns, rows = self.squares
+        return 1 if (columns + rows) % 2 else 4 if columns == rows and columns % 2 else 2
 
     @property
     def polygons_mm(self) -> tuple[Array, ...]:

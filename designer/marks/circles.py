@@ -57,6 +57,13 @@ class Circles(FaceMarks):
         )
 
     @property
+    def alike(self) -> int:
+        """Ways to turn it that bring circles on circles: 1 of an asymmetric grid with an odd number of rows."""
+        if self.asymmetric:
+            return 2 - self.circles[1] % 2
+        return 4 if self.circles[0] == self.circles[1] else 2
+
+    @property
     def radius_mm(self) -> float:
         """Of each circle."""
         return self.diameter_mm / 2

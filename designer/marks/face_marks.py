@@ -1,13 +1,14 @@
 """What a face of another maker's board carries, and the kinds of it: a file of this folder and a name here for each."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from typing import ClassVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from designer.base.arrays import Array, Rows
 from designer.base.codec import decode, encode
@@ -49,9 +50,24 @@ class FaceMarks(ABC):
         return 0.0
 
     @property
+    def alike(self) -> int:
+        """Turned by so many parts of a full turn it looks the same: 1, 2 or 4."""
+        return 1
+
+    @property
+    def is_ambiguous(self) -> bool:
+        """Whether it looks the same turned by half a turn."""
+        return self.alike > 1
+
+    @property
     def polygons_mm(self) -> tuple[Array, ...]:
-        """What is black, but for circles: counter-clockwise, may touch, do not overlap.  # (K, 2)"""
+        """What is black, but for circles: convex, counter-clockwise, may touch, do not overlap.  # (K, 2)"""
         return ()
+
+    @property
+    def marker_ids(self) -> range:
+        """Of the markers of a dictionary on it."""
+        return range(0)
 
 
 @cache
@@ -83,6 +99,27 @@ def marks_from_mapping(values: Mapping[str, object], place: str = "marks") -> Fa
 def rectangle_mm(x: float, y: float, width: float, height: float) -> Array:
     """The corners of a rectangle from its lower left one, counter-clockwise.  # (4, 2)"""
     return np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
+
+
+def black_cells_mm(black: NDArray[np.bool_], corner: Sequence[float], side: float) -> list[Array]:
+    """The black cells of a square whose lower left corner and side are given, in few rectangles.
+
+    Args:
+        black: from the upper left cell on, row by row.  # (N, N)
+        corner: its lower left one, x and y.
+        side: of the square.
+    """
+    x, y = corner
+    cell, open_runs, found = side / len(black), dict[tuple[int, int], int](), list[tuple[int, int, int, int]]()
+    for row in range(len(black) + 1):
+        edges = np.flatnonzero(np.diff(black[row], prepend=False, append=False)) if row < len(black) else np.empty(0)
+        runs = {(int(a), int(b)) for a, b in edges.reshape(-1, 2)}
+        found += [(*run, top, row) for run, top in open_runs.items() if run not in runs]
+        open_runs = {run: open_runs.get(run, row) for run in runs}
+    return [
+        rectangle_mm(x + cell * left, y + side - cell * below, cell * (right - left), cell * (below - top))
+        for left, right, top, below in sorted(found)
+    ]
 
 
 def lattice(columns: int, rows: int) -> Rows:
