@@ -9,6 +9,7 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import invert, transform
 from calib.renderer.light import in_full_light
 from calib.renderer.options import RenderOptions
+from calib.renderer.polygons import Patches, patches_of
 from calib.renderer.scene import Face, RenderScene
 from calib.renderer.trace import FaceArrays
 from designer.base.arrays import Array, Flags
@@ -95,6 +96,7 @@ class SeenFace:
 
     number: int  # in the target
     arrays: FaceArrays
+    patches: Patches | None
     face_from_cam: Array  # (4, 4)
     edge_px: Array  # (N, 2) points along the outline's image
     box: Box  # pixels that it may touch
@@ -123,16 +125,27 @@ def _seen_face(
     arrays = face.arrays._replace(is_plain=height < 0)
     if options.sampling != "binary":
         arrays = arrays._replace(black=options.black, white=options.white)
+    if face.is_light:
+        arrays = arrays._replace(black=arrays.white, white=arrays.black)
     middle = transform(cam_from_face, np.append(face.corner_mm.mean(axis=0), 0.0))
     return SeenFace(
         number=face.number,
         arrays=arrays,
+        patches=_patches_from(face, face_from_cam[:3, 3]) if height > 0 else None,
         face_from_cam=face_from_cam,
         edge_px=edge_px[np.isfinite(edge_px).all(axis=1)],
         box=box,
         middle_mm=middle,
         normal=cam_from_face[:3, 2] * np.sign(height),
     )
+
+
+def _patches_from(face: Face, eye_mm: Array) -> Patches | None:
+    """The polygons where they are seen on the face's plane, if some stand above or below it."""
+    if face.patches is not None:
+        return face.patches
+    eye = eye_mm[:2]
+    return patches_of([eye + (p[:, :2] - eye) / (1 - p[:, 2:] / eye_mm[2]) for p in face.polygons_mm])
 
 
 def _edge_px(face: Face, camera: Camera, cam_from_face: Array) -> Array:

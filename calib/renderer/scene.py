@@ -4,11 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import RBFInterpolator
 
 from calib.core.jit import jit
+from calib.renderer.polygons import Patches, patches_of
 from calib.renderer.trace import FaceArrays
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
+from designer.marks.face_marks import FaceMarks
 from designer.target import TargetGeometry
 
 CELLS_PER_RADIUS, CELLS_PER_GAP = 4, 3
@@ -25,6 +28,9 @@ class Face:
     target_from_face: Array  # (4, 4)
     corner_mm: Array  # (K, 2) counter-clockwise
     arrays: FaceArrays  # of its printed side, black and white as 0 and 1
+    polygons_mm: tuple[Array, ...]  # (K, 3) what else is black
+    patches: Patches | None  # the same, if it is flat
+    is_light: bool  # its circles are white on black
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +61,13 @@ def scene_from_target(target: TargetGeometry) -> RenderScene:
 
 def _face(target: TargetGeometry, number: int, ring: Array) -> Face:
     corners = target.outline_mm[number]
-    rows = np.flatnonzero(target.ring_face == number)
+    rows = np.flatnonzero((target.ring_face == number) & (ring[:, 3] > 0))
+    marks = None if target.marks is None else target.marks[number]
+    polygons = () if marks is None else _polygons_mm(marks, target.center_in_face_mm[target.ring_face == number])
     lower, upper = corners.min(axis=0), corners.max(axis=0)
     size = upper - lower
     gap = _gap_mm(target.lattice_mm[number], ring[rows])
-    finest = min(gap / CELLS_PER_GAP, _least_radius_mm(ring[rows]) / CELLS_PER_RADIUS)
+    finest = min(gap / CELLS_PER_GAP, _least_radius_mm(ring[rows]) / CELLS_PER_RADIUS, float(size.max()))
     cell = max(float(np.sqrt(np.prod(size) / MAX_CELLS)), finest)
     raster = np.full((int(size[1] / cell) + 1, int(size[0] / cell) + 1), -1, dtype=np.int32)
     _paint_nearest(ring, rows, lower, cell, raster)
@@ -67,6 +75,9 @@ def _face(target: TargetGeometry, number: int, ring: Array) -> Face:
         number=number,
         target_from_face=target.target_from_face[number],
         corner_mm=corners,
+        polygons_mm=polygons,
+        patches=None if any(polygon[:, 2].any() for polygon in polygons) else patches_of([p[:, :2] for p in polygons]),
+        is_light=marks is not None and marks.is_light,
         arrays=FaceArrays(
             outline=_half_planes(corners),
             window=_half_planes(target.window_mm[number]),
@@ -82,6 +93,19 @@ def _face(target: TargetGeometry, number: int, ring: Array) -> Face:
             white=1.0,
         ),
     )
+
+
+def _polygons_mm(marks: FaceMarks, point_mm: Array) -> tuple[Array, ...]:
+    """The black polygons (K, 3) of marks whose points (R, 3) may have moved: their corners move as the points do."""
+    if not marks.polygons_mm:
+        return ()
+    corner = np.concatenate(marks.polygons_mm)
+    nominal = marks.position_mm
+    moved = point_mm - np.column_stack([nominal, np.zeros(len(nominal))])
+    at = np.column_stack([corner, np.zeros(len(corner))])
+    if np.abs(moved).max() > 1e-9:
+        at += RBFInterpolator(nominal, moved, kernel="thin_plate_spline")(corner)
+    return tuple(np.split(at, np.cumsum([len(polygon) for polygon in marks.polygons_mm])[:-1]))
 
 
 def _gap_mm(lattice_mm: Array, ring: Array) -> float:

@@ -249,7 +249,7 @@ def _unsaturated(
     """Whether the white around and in rings (N,) stays below full scale, and glare well below the contrast."""
     pixel = np.concatenate([truth.rim_px[rows], truth.center_px[rows, None]], axis=1)
     u, v = pixel[..., 0], pixel[..., 1]
-    light = np.full(u.shape, face.arrays.white)
+    light = np.full(u.shape, max(face.arrays.white, face.arrays.black))
     if setting.gradient is not None:
         light *= gradient_at(setting.gradient, u, v)
     glare = np.zeros_like(light)
@@ -260,7 +260,7 @@ def _unsaturated(
         lamp, eye = to_face(setting.lamp, face.face_from_cam), face.face_from_cam[:3, 3].copy()
         glare = options.glare * glare_at(point.reshape(-1, 2), eye, lamp, setting.lamp.lobe_rad).reshape(u.shape)
     arriving = (light + glare) * vignette(u, v, camera, options.vignetting)
-    contrast = face.arrays.white - face.arrays.black
+    contrast = abs(face.arrays.white - face.arrays.black)
     return np.asarray((arriving <= FULL_SCALE).all(axis=1) & (glare <= WASHED_OUT * contrast).all(axis=1))
 
 

@@ -44,7 +44,7 @@ class FaceArrays(NamedTuple):
     white: float  # light of the white
 
 
-class _Pixel(NamedTuple):
+class PixelRay(NamedTuple):
     """A pixel's ray in the face frame, its derivatives by u and v, and those of the point it meets."""
 
     a: float
@@ -81,7 +81,7 @@ def half_plane_coverage(distance: float, across: float, along: float, side: floa
 
 
 @jit
-def _covered(distance: float, nx: float, ny: float, p: _Pixel, side: float) -> float:
+def _covered(distance: float, nx: float, ny: float, p: PixelRay, side: float) -> float:
     """Share of a cell inside an edge, from the distance (mm) at its centre and the edge's outward normal."""
     if abs(distance) >= p.reach * side:
         return 0.0 if distance > 0 else 1.0
@@ -113,7 +113,7 @@ def _near_edges(plane: Array, x: float, y: float, reach: float) -> int:
 
 
 @jit
-def _polygon_coverage(plane: Array, x: float, y: float, p: _Pixel, side: float) -> float:
+def _polygon_coverage(plane: Array, x: float, y: float, p: PixelRay, side: float) -> float:
     """Share of a cell inside a convex polygon, as the product over its edges."""
     share = 1.0
     for k in range(len(plane)):
@@ -132,7 +132,7 @@ def _nearest_ring(raster: NDArray[np.int32], origin: Array, cells_per_mm: float,
 
 
 @jit
-def _annulus_coverage(x: float, y: float, outer: float, inner: float, p: _Pixel, side: float) -> float:
+def _annulus_coverage(x: float, y: float, outer: float, inner: float, p: PixelRay, side: float) -> float:
     """Share of a cell that a ring's ink covers; (x, y) is the cell's centre from the ring's, in mm."""
     radius = math.sqrt(x * x + y * y)
     if radius < 1e-9 * outer:
@@ -163,7 +163,7 @@ def _turned(
 
 
 @jit
-def _pixel(ray: Array, row: int, column: int, rotation: Array, height: float) -> _Pixel:
+def pixel_ray(ray: Array, row: int, column: int, rotation: Array, height: float) -> PixelRay:
     """The ray of a pixel in the face frame, from the rays of the pixel and its neighbours."""
     a, b, w = _turned(rotation, ray, row + 1, column + 1, row + 1, column + 1)
     # Half the differences of neighbouring rays are their derivatives, exact for a pinhole.
@@ -176,12 +176,12 @@ def _pixel(ray: Array, row: int, column: int, rotation: Array, height: float) ->
     s, t, f = a / w, b / w, -height / w
     gxu, gxv, gyu, gyv = f * (au - s * wu), f * (av - s * wv), f * (bu - t * wu), f * (bv - t * wv)
     reach = REACH * math.sqrt(gxu * gxu + gxv * gxv + gyu * gyu + gyv * gyv)
-    return _Pixel(a, b, w, au, av, bu, bv, wu, wv, gxu, gxv, gyu, gyv, reach)
+    return PixelRay(a, b, w, au, av, bu, bv, wu, wv, gxu, gxv, gyu, gyv, reach)
 
 
 @jit
 def _cells(
-    face: FaceArrays, origin: Array, p: _Pixel, cells: int, at_outline: bool, from_window: float
+    face: FaceArrays, origin: Array, p: PixelRay, cells: int, at_outline: bool, from_window: float
 ) -> tuple[float, float]:
     """Share of a pixel that the face covers, and share that is white, cell by cell."""
     outline, window, ring, raster, raster_origin = face.outline, face.window, face.ring, face.raster, face.raster_origin
@@ -212,7 +212,7 @@ def _cells(
 
 
 @jit
-def _meet_plane(ray: Array, face_from_cam: Array, point: Array) -> None:
+def meet_plane(ray: Array, face_from_cam: Array, point: Array) -> None:
     """Where rays (H, W, 3) meet a face's plane, in its frame (H, W, 2); nan where they leave it behind them."""
     r = face_from_cam
     for row in range(point.shape[0]):
@@ -225,7 +225,7 @@ def _meet_plane(ray: Array, face_from_cam: Array, point: Array) -> None:
 
 
 @jit
-def _reach(point: Array, row: int, column: int) -> float:
+def pixel_reach(point: Array, row: int, column: int) -> float:
     """Distance (mm) beyond which no edge crosses a pixel; 0 at the rim of the lens's image."""
     xu, yu = (
         point[row, column + 1, 0] - point[row, column - 1, 0],
@@ -257,14 +257,14 @@ def trace_face(ray: Array, face_from_cam: Array, face: FaceArrays, is_binary: bo
     has_window, cells_per_mm = face.has_border and not face.is_plain, 1 / face.cell_mm
     diagonal, lone = math.sqrt(2) * face.cell_mm, face.lone_mm
     point = np.empty((ray.shape[0], ray.shape[1], 2))
-    _meet_plane(ray, face_from_cam, point)
+    meet_plane(ray, face_from_cam, point)
     for row in range(light.shape[0]):
         for column in range(light.shape[1]):
             x, y = point[row + 1, column + 1, 0], point[row + 1, column + 1, 1]
             from_outline = polygon_distance(outline, x, y)
             if cover[row, column] >= 1 or not x < np.inf:
                 continue
-            reach = 0.0 if is_binary else _reach(point, row + 1, column + 1)
+            reach = 0.0 if is_binary else pixel_reach(point, row + 1, column + 1)
             if from_outline >= reach:
                 continue
             from_window = polygon_distance(window, x, y) if has_window else from_outline
@@ -285,7 +285,7 @@ def trace_face(ray: Array, face_from_cam: Array, face: FaceArrays, is_binary: bo
             if near == 0:
                 covered, white = 1.0, 0.0 if from_window >= 0 or (from_outer < 0 and from_inner > 0) else 1.0
             else:
-                pixel = _pixel(ray, row, column, rotation, origin[2])
+                pixel = pixel_ray(ray, row, column, rotation, origin[2])
                 cells = CELLS_SMALL_RING if smallest < SMALL_RING * reach or reach > lone else CELLS
                 if near > 1 or smallest < TINY_RING * reach:
                     cells = CELLS_CORNER

@@ -22,6 +22,7 @@ from calib.renderer.light import (
     vignette,
 )
 from calib.renderer.options import RenderOptions
+from calib.renderer.polygons import ink_polygons
 from calib.renderer.scene import RenderScene, scene_from_target
 from calib.renderer.setting import Surroundings, clean_rings, make_setting, shaded
 from calib.renderer.trace import set_depth, trace_face
@@ -121,6 +122,9 @@ def _trace(
         # The rays have one more row and column on each side.
         rays_of_part = ray[inner[0].start : inner[0].stop + 2, inner[1].start : inner[1].stop + 2]
         is_binary = options.sampling == "binary"
+        if face.patches is not None:
+            contrast, eye = face.arrays.white - face.arrays.black, face.face_from_cam
+            ink_polygons(rays_of_part, eye, face.patches, is_binary, contrast, shown[inner], cover[inner])
         trace_face(rays_of_part, face.face_from_cam, face.arrays, is_binary, shown[inner], cover[inner])
         if has_glare and setting.lamp is not None:
             lamp = to_face(setting.lamp, face.face_from_cam)

@@ -68,5 +68,10 @@ class Circles(FaceMarks):
         """Of each circle."""
         return self.diameter_mm / 2
 
+    @property
+    def is_light(self) -> bool:
+        """As asked for."""
+        return self.light
+
 
 MARKS = Circles

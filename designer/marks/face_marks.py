@@ -60,6 +60,11 @@ class FaceMarks(ABC):
         return self.alike > 1
 
     @property
+    def is_light(self) -> bool:
+        """Whether its circles are white on black."""
+        return False
+
+    @property
     def polygons_mm(self) -> tuple[Array, ...]:
         """What is black, but for circles: convex, counter-clockwise, may touch, do not overlap.  # (K, 2)"""
         return ()

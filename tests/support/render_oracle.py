@@ -45,6 +45,8 @@ def texture(target: TargetGeometry, cam_from_target: Array, direction: Array) ->
                 on_ring = ((normal @ raised) / (direction @ normal))[:, None] * direction
                 radius = np.linalg.norm(((on_ring - raised) @ cam_from_face[:3, :3])[:, :2] - center[:2], axis=1)
                 shade[(radius < target.radius_outer_mm[row]) & (radius >= target.radius_inner_mm[row])] = 0.0
+            for polygon in () if target.marks is None else target.marks[face].polygons_mm:
+                shade[_inside(polygon, point)] = 0.0
         else:
             shade[:] = 1.0
         white[hit] = shade[hit]
