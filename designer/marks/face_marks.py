@@ -65,6 +65,16 @@ class FaceMarks(ABC):
         return False
 
     @property
+    def alike(self) -> int:
+        """Turned by so many parts of a full turn it looks the same: 1, 2 or 4."""
+        return 1
+
+    @property
+    def is_ambiguous(self) -> bool:
+        """Whether it looks the same turned by half a turn."""
+        return self.alike > 1
+
+    @property
     def polygons_mm(self) -> tuple[Array, ...]:
         """What is black, but for circles: convex, counter-clockwise, may touch, do not overlap.  # (K, 2)"""
         return ()
