@@ -140,8 +140,8 @@ class TargetGeometry:
 
     @property
     def has_marks(self) -> bool:
-        """Whether there are rings or dots to draw and to detect; else the features are points."""
-        return bool(self.radius_outer_mm.any())
+        """Whether there are rings, dots or others' marks to draw and to detect; else the features are points."""
+        return self.marks is not None or bool(self.radius_outer_mm.any())
 
     @property
     def face_count(self) -> int:
@@ -186,6 +186,21 @@ class TargetGeometry:
     def has_codes(self) -> bool:
         """Whether each face carries a code of dots that tells which it is."""
         return bool((self.face_code >= 0).all())
+
+    @property
+    def feature_word(self) -> str:
+        """What is measured in photos, in the plural: rings, corners, circles, or several of these: marks."""
+        if self.marks is None:
+            return "rings"
+        words = {"circles" if marks.radius_mm else "corners" for marks in self.marks}
+        return words.pop() if len(words) == 1 else "marks"
+
+    @cached_property
+    def reach_mm(self) -> Array:
+        """How far from a feature's centre its own edges reach; 0 of a point.  # (R,)"""
+        if self.marks is None:
+            return self.radius_outer_mm
+        return np.array([marks.reach_mm for marks in self.marks])[self.ring_face]
 
     @cached_property
     def center_in_face_mm(self) -> Array:

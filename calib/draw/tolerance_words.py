@@ -195,7 +195,7 @@ def against_sentence(study: ToleranceStudy, other: Crossovers) -> str:
 def cost_notes(study: ToleranceStudy) -> Iterator[Finding]:
     """What to know of the table of costs."""
     if study.idle:
-        text = "No centre of a ring moves against the others: these errors do nothing to this target, or are 0."
+        text = "No measured point moves against the others: these errors do nothing to this target, or are 0."
         yield Finding("note", ", ".join(study.idle), text)
     for error, count in zip((BARE, *study.errors, TOGETHER), study.failed, strict=False):
         if count:

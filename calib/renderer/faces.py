@@ -45,7 +45,7 @@ def ring_truth(scene: RenderScene, camera: Camera, cam_from_target: Array) -> Ri
     cosine = -(normal * center).sum(axis=1) / np.linalg.norm(center, axis=1)
     first, second = _tangents(scene, rotation)
     angle = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
-    radius = scene.ring[:, 3, None]
+    radius = scene.reach_mm[:, None]
     circle = np.cos(angle)[None, :, None] * first[:, None] + np.sin(angle)[None, :, None] * second[:, None]
     center_px = project(camera, center)
     rim = center[:, None] + radius[:, :, None] * circle

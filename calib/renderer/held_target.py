@@ -128,7 +128,7 @@ def seen_shares(rig: Rig, target: TargetGeometry, rig_from_target: Array) -> Arr
     rows = np.unique(np.linspace(0, target.ring_count - 1, SAMPLED_RINGS).astype(int))
     axes = target.target_from_face[target.ring_face[rows], :3, :3]
     # The centre, and a radius along either axis of the face: their images span the ring's.
-    radius_mm = target.radius_outer_mm[rows, None]
+    radius_mm = target.reach_mm[rows, None]
     point = target.center_mm[rows] + np.stack([0 * axes[..., 0], radius_mm * axes[..., 0], radius_mm * axes[..., 1]])
     shares = []
     for camera, cam_from_rig in zip(rig.cameras, rig.cam_from_rig, strict=True):

@@ -41,6 +41,7 @@ class RenderScene:
     is_convex: bool  # a face seen from behind is then hidden by others
     ring: Array  # (R, 5) x, y, z of the centre in the face frame, outer and inner radius; all in mm
     ring_face: Rows  # (R,)
+    reach_mm: Array  # (R,) outer radius; of a corner, how far its edges reach
     center_mm: Array  # (R, 3) in the target frame
     normal: Array  # (R, 3) outward, in the target frame
 
@@ -54,6 +55,7 @@ def scene_from_target(target: TargetGeometry) -> RenderScene:
         is_convex=_is_convex(target),
         ring=ring,
         ring_face=target.ring_face,
+        reach_mm=target.reach_mm,
         center_mm=target.center_mm,
         normal=target.target_from_face[target.ring_face, :3, 2],
     )

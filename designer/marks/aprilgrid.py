@@ -83,6 +83,16 @@ class AprilGrid(FaceMarks):
         return width + more, height + more
 
     @property
+    def reach_mm(self) -> float:
+        """Half of a small square between tags; without these, half of a tag's side."""
+        return self.tag_mm * (min(self.spacing, 1.0) if self.corner_squares else 1.0) / 2
+
+    @property
+    def is_crossing(self) -> bool:
+        """As the small squares make it."""
+        return self.corner_squares
+
+    @property
     def words(self) -> str:
         """With its tags."""
         return f"AprilGrid of {self.tags[0]} x {self.tags[1]} tags of {self.tag_mm:g} mm from {self.dictionary}"

@@ -55,6 +55,11 @@ class Charuco(FaceMarks):
         return self.squares[0] * self.square_mm, self.squares[1] * self.square_mm
 
     @property
+    def reach_mm(self) -> float:
+        """Half of a square."""
+        return self.square_mm / 2
+
+    @property
     def words(self) -> str:
         """With squares, markers and dictionary."""
         return (

@@ -41,6 +41,11 @@ class Chessboard(FaceMarks):
         return self.squares[0] * self.square_mm, self.squares[1] * self.square_mm
 
     @property
+    def reach_mm(self) -> float:
+        """Half of a square."""
+        return self.square_mm / 2
+
+    @property
     def words(self) -> str:
         """With its squares."""
         return f"chessboard of {self.squares[0]} x {self.squares[1]} squares of {self.square_mm:g} mm"

@@ -50,14 +50,14 @@ class FaceMarks(ABC):
         return 0.0
 
     @property
-    def alike(self) -> int:
-        """Turned by so many parts of a full turn it looks the same: 1, 2 or 4."""
-        return 1
+    def reach_mm(self) -> float:
+        """How far from a point its own edges reach: of circles the radius, else half of the shortest line there."""
+        return self.radius_mm
 
     @property
-    def is_ambiguous(self) -> bool:
-        """Whether it looks the same turned by half a turn."""
-        return self.alike > 1
+    def is_crossing(self) -> bool:
+        """Whether lines cross at the corners, or end there."""
+        return True
 
     @property
     def is_light(self) -> bool:

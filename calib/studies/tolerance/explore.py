@@ -90,7 +90,7 @@ def photographed(
         raise InputError(f"{error}{f' ({fit})' if fit else ''}") from None
     advised = " (as its design's page advises)" if photos == advised_photos(geometry) else ""
     photos_words = (
-        f"{_count(geometry.face_count, 'face')}, {geometry.ring_count} rings; "
+        f"{_count(geometry.face_count, 'face')}, {geometry.ring_count} {geometry.feature_word}; "
         f"{_count(by.views, 'view')} from {range_words(photos.distance_mm)}, looking up to "
         f"{photos.aim_offset_mm:g}mm past the target's middle{advised}, by {by.camera_name}, "
         f"{len(setting.observations.view)} observations; solved: {by.model}{', weighted' if by.weighted else ''}"

@@ -191,7 +191,8 @@ def forecast(stage: Stage, ways: Sequence[tuple[TargetGeometry, ErrorModel]]) ->
     """
     rng = np.random.default_rng(stage.seed)
     count, faces = ways[0][0].ring_count, ways[0][0].face_count
-    rows = np.sort(rng.permutation(count)[: MOST_RINGS * faces])
+    most = count if ways[0][0].marks else MOST_RINGS * faces  # a board of others' marks is all of it
+    rows = np.sort(rng.permutation(count)[:most])
     each = count / len(rows)
     ways = [(with_rings(target, rows), errors) for target, errors in ways]
     target = ways[0][0]

@@ -36,7 +36,7 @@ from calib.core.types import LEAST_RADIUS_PX, Observations
 from calib.observe.observations import known_points
 from calib.renderer.faces import target_fits
 from calib.renderer.poses import PoseGrid, grid_poses, photo_poses
-from designer.base.arrays import Array, Rows
+from designer.base.arrays import Array, Flags, Rows
 from designer.kinds.layout import Viewpoints
 from designer.target import TargetGeometry, bounding_radius_mm
 
@@ -51,6 +51,10 @@ CAP_RAD = math.radians(60)
 EDGE_VARIANCE = 5.8e-4
 """Of an edge's place, px^2 per px of contour, at `CONTRAST_TO_NOISE`."""
 CONTRAST_TO_NOISE = 100.0
+CORNER_VARIANCE = 2.5e-4
+"""The same of a corner's edges: `2 sqrt(pi) blur / (C / noise)^2`, which the fit of corners reaches."""
+CROSSED_PX = 0.8
+"""Of each edge at a crossing of lines blurred by .7 px: the integral of 1 - erf^2."""
 FLAT_MAJOR = (7.3, 3.3)
 """Along the major axis, minor semi-axis in px and power of the growth for flat rings."""
 FLAT_MINOR = (5.3, 4.0)
@@ -93,7 +97,7 @@ def seen_in(
     front = np.flatnonzero((cosine >= math.cos(MAX_INCIDENCE_RAD)) & has_image)
     linear = linearise(camera, np.ascontiguousarray(center[front].T))
     on_face = linear.by_point.transpose(2, 0, 1) @ frame[front, :, :2]  # (N, 2, 2) px per mm
-    circle = on_face * target.radius_outer_mm[front, None, None]
+    circle = on_face * target.reach_mm[front, None, None]
     pixel = linear.pixel.T
     reach = np.linalg.norm(circle, axis=2) + MARGIN_PX  # half of the box around the ellipse (N, 2)
     last = np.array(camera.image_size, dtype=np.float64) - 1
@@ -103,8 +107,15 @@ def seen_in(
     minor = np.linalg.svd(circle[good], compute_uv=False)[:, 1]
     good = good[minor >= LEAST_MINOR_PX]
     ring = front[good]
-    ratio = target.radius_inner_mm[ring] / target.radius_outer_mm[ring]
-    return ring, pixel[good], centre_covariances(circle[good], ratio, contrast_to_noise)
+    covariance = np.empty((len(ring), 2, 2))
+    is_corner = target.radius_outer_mm[ring] == 0
+    own = ring[~is_corner]
+    ratio = target.radius_inner_mm[own] / target.radius_outer_mm[own]
+    covariance[~is_corner] = centre_covariances(circle[good][~is_corner], ratio, contrast_to_noise)
+    crosses = np.array([marks.is_crossing for marks in target.marks or ()], dtype=np.bool_)
+    crossing = crosses[target.ring_face[ring[is_corner]]] if is_corner.any() else np.zeros(0, np.bool_)
+    covariance[is_corner] = corner_covariances(circle[good][is_corner], crossing, contrast_to_noise)
+    return ring, pixel[good], covariance
 
 
 def views_of(
@@ -141,6 +152,24 @@ def centre_covariances(image_of_circle: Array, ratio: Array, contrast_to_noise: 
     return 0.5 * (covariance + covariance.transpose(0, 2, 1))
 
 
+def corner_covariances(edges: Array, is_crossing: Flags, contrast_to_noise: float = CONTRAST_TO_NOISE) -> Array:
+    """Covariances (M, 2, 2) in px^2 of corners, the Cramer-Rao bound of the two lines that meet there.
+
+    Args:
+        edges: columns: how far the two edges reach from the corner (M, 2, 2), in px.
+        is_crossing: lines cross there, so that their directions cost nothing (M,); else they end.
+        contrast_to_noise: of the photos.
+    """
+    length = np.linalg.norm(edges, axis=1)  # (M, 2)
+    along = edges / np.maximum(length, 1e-9)[:, None]
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    # Where lines cross, the blur takes the contrast off them; where they end, the direction is to be found, too.
+    clear = np.maximum(length - CROSSED_PX, 0.1 * length)
+    told = np.where(is_crossing[:, None], 2.0, 0.25) * clear
+    variance = CORNER_VARIANCE * (CONTRAST_TO_NOISE / contrast_to_noise) ** 2
+    return variance * np.asarray(np.linalg.inv((normal * told[:, None]) @ normal.transpose(0, 2, 1)))
+
+
 def _contour_information(semi: Array) -> Array:
     """`integral of n n' dl` along the axes of ellipses with semi-axes (M, 2), major and minor.  # (M, 2)"""
     along, across = semi[:, :1] * np.sin(_ANGLE), semi[:, 1:] * np.cos(_ANGLE)
@@ -158,6 +187,7 @@ class ViewFit:
     fits_from_mm: float  # distance from which all do; inf: none as far as was tried
     radius_px: float  # of the largest ring, facing the camera
     large_to_mm: float  # distance up to which the rings are large enough
+    features: str = "rings"  # what they are
 
     @property
     def remark(self) -> str:
@@ -166,13 +196,14 @@ class ViewFit:
         if self.fitting < 1:
             parts.append(f"the target reaches beyond the image in {1 - self.fitting:.0%} of the views")
         if self.radius_px < LEAST_RADIUS_PX:
-            parts.append(f"its rings that face the camera have a radius below {LEAST_RADIUS_PX:g}px")
+            size = "edges below" if self.features == "corners" else "a radius below"
+            parts.append(f"its {self.features} that face the camera have {size} {LEAST_RADIUS_PX:g}px")
         if not parts:
             return ""
         fits = "no distance shows all of it with this camera"
         if math.isfinite(self.fits_from_mm):
             fits = f"it fits from --distance {math.ceil(self.fits_from_mm)}mm on"
-        large = f"its rings are large enough up to --distance {math.floor(self.large_to_mm)}mm"
+        large = f"its {self.features} are large enough up to --distance {math.floor(self.large_to_mm)}mm"
         return f"at {self.distance_mm:g}mm {' and '.join(parts)}; {fits}, {large}"
 
 
@@ -182,13 +213,14 @@ def view_fit(target: TargetGeometry, camera: Camera, distance_mm: float) -> View
     poses = grid_poses(grid, np.random.default_rng(0))
     nearest = float(np.linalg.norm(target.center_mm, axis=1).min())
     focal_px = float(linear_part(camera).params[0])
-    largest = float(target.radius_outer_mm.max())
+    largest = float(target.reach_mm.max())
     return ViewFit(
         distance_mm,
         _fitting(target, camera, poses, 1.0),
         distance_mm * _least_factor(target, camera, poses),
         focal_px * largest / (distance_mm - nearest),
         nearest + focal_px * largest / LEAST_RADIUS_PX,
+        target.feature_word,
     )
 
 

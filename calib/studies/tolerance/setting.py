@@ -99,14 +99,15 @@ def setting_at(
     Raises:
         InputError: nothing is seen, or not enough to determine the camera.
     """
+    features = target.feature_word
     kept, seen = views_of(target, camera, cam_from_target, CONTRAST_TO_NOISE)
     if not len(kept):
         raise InputError(
-            f"none of {len(cam_from_target)} views sees {LEAST_RINGS} rings of the target that are at least "
+            f"none of {len(cam_from_target)} views sees {LEAST_RINGS} {features} of the target that are at least "
             f"{2 * LEAST_MINOR_PX:g} px across in the image; move closer or farther, or use a longer lens"
         )
     lost = len(cam_from_target) - len(kept)
-    remark = f"{lost} of {len(cam_from_target)} views see fewer than {LEAST_RINGS} rings and are left out"
+    remark = f"{lost} of {len(cam_from_target)} views see fewer than {LEAST_RINGS} {features} and are left out"
     poses = np.asarray(cam_from_target)[kept]
     return _setting(target, camera, poses, seen, model, options, (remark,) if lost else ())
 

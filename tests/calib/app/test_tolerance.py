@@ -64,7 +64,7 @@ def test_a_prediction_answers_all_three_questions(folder: Path) -> None:
     assert files_in(folder / "out") == TABLES | PAGE | {
         f"figures/{name}.png" for name in ("ranking", "budget", "crossover")
     }
-    assert "ink_bleed, warp: No centre of a ring moves against the others" in said
+    assert "ink_bleed, warp: No measured point moves against the others" in said
     assert said.startswith("limit missed: Intersection error against the drawing of ico is ")
     for title in (
         "For intersection error against the drawing up to 0.05 mm",

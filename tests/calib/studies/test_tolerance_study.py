@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import erf
 
 from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
@@ -44,6 +45,7 @@ from calib.studies.tolerance.seen import (
     ImageGrid,
     aimed_at,
     centre_covariances,
+    corner_covariances,
     map_error_px,
 )
 from calib.studies.tolerance.setting import Setting, make_setting
@@ -255,6 +257,33 @@ def test_covariance_of_a_circle_and_of_ellipses() -> None:
     one, other = centre_covariances(np.stack([flat, turn @ flat]), np.array([0.45, 0.45]))
     np.testing.assert_allclose(other, turn @ one @ turn.T, rtol=1e-10)
     assert one[0, 0] > 4 * one[1, 1]
+
+
+def corner_image(parameter: Array, reach: Array) -> tuple[Array, Array]:
+    """Two blurred lines that cross at (x, y) with directions a and b, at pixels within their reach; and which these."""
+    x, y, a, b = parameter
+    v, u = np.mgrid[-40:41, -40:41].astype(np.float64)
+    first, second = (-np.sin(t) * (u - x) + np.cos(t) * (v - y) for t in (a, b))
+    across = abs(np.sin(b - a))
+    near = (np.abs(first) < reach[1] * across) & (np.abs(second) < reach[0] * across)
+    return erf(first / (0.7 * np.sqrt(2))) * erf(second / (0.7 * np.sqrt(2))) / 2, near
+
+
+@pytest.mark.parametrize(("turn", "reach"), [(np.pi / 2, (12.0, 12.0)), (np.pi / 3, (9.0, 20.0)), (2.2, (30.0, 8.0))])
+def test_covariance_of_a_corner_is_the_bound_of_its_image(turn: float, reach: tuple[float, float]) -> None:
+    """The Fisher information of the image of two crossing lines of unknown directions tells it, to a tenth."""
+    at = np.array([0.2, -0.3, 0.4, 0.4 + turn])
+    near = corner_image(at, np.array(reach))[1]
+    steps = 1e-4 * np.eye(4)
+    slope = [
+        (corner_image(at + s, np.array(reach))[0] - corner_image(at - s, np.array(reach))[0]) / 2e-4 for s in steps
+    ]
+    jacobian = np.array([one[near] for one in slope])
+    expected = np.linalg.inv(jacobian @ jacobian.T)[:2, :2] / 100**2
+    edges = np.array([[np.cos(at[2]), np.cos(at[3])], [np.sin(at[2]), np.sin(at[3])]]) * reach
+    found = corner_covariances(edges[None], np.array([True]))[0]
+    assert np.allclose(found, expected, atol=0.1 * np.abs(expected).max())
+    assert np.trace(corner_covariances(edges[None], np.array([False]))[0]) > 4 * np.trace(found)
 
 
 def test_rings_seen_are_those_the_renderer_would_show() -> None:

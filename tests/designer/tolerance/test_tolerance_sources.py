@@ -16,8 +16,11 @@ from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_printing
 from designer.make.bed import bed_from_target
+from designer.marks.aprilgrid import AprilGrid
+from designer.marks.chessboard import Chessboard
+from designer.marks.circles import Circles
 from designer.spec.options import AskedPrinting
-from designer.target import TargetGeometry, target_from_json, target_to_json
+from designer.target import TargetGeometry, target_from_json, target_of_marks, target_to_json
 from designer.tolerance.model import displaced, perturb
 from designer.tolerance.pieces import face_middle_mm, piece_count, piece_of_ring
 from designer.tolerance.prior import directions
@@ -315,6 +318,20 @@ def test_ink_bleeds_without_moving_centres(target: TargetGeometry) -> None:
     assert np.allclose(made.radius_inner_mm, np.where(target.is_dot, 0, target.radius_inner_mm - 0.13))
     for name in ("center_mm", "target_from_face", "outline_mm", "window_mm", "lattice_mm"):
         assert np.array_equal(getattr(made, name), getattr(target, name)), name
+
+
+def test_ink_moves_corners_that_stand_alone() -> None:
+    """Corners between squares stay where ink bleeds; those of a tag alone move out of it, and light circles shrink."""
+    grid = AprilGrid((2, 2), 30.0, corner_squares=False)
+    for marks, out in ((grid, 0.13), (replace(grid, corner_squares=True), 0.0), (Chessboard((5, 4), 20.0), 0.0)):
+        target = target_of_marks([marks], np.eye(4)[None])
+        made = displaced(target, {"ink_bleed": np.array([[0.13]])}, model=FULL)
+        side = 2 * (target.ring_index % 2) - 1
+        assert np.allclose((made.center_mm - target.center_mm)[:, :2], out * side)
+        assert not made.radius_outer_mm.any()
+    circles = target_of_marks([Circles((3, 3), 30.0, 10.0, light=True)], np.eye(4)[None])
+    made = displaced(circles, {"ink_bleed": np.array([[0.13]])}, model=FULL)
+    assert np.allclose(made.radius_outer_mm, 4.87)
 
 
 def test_layers_lift_inclined_faces_along_themselves() -> None:
