@@ -29,7 +29,7 @@ LINES = {
     "measure": "Measure a printed target with photos of it.",
     "pose": "Find where a known camera stood, and how surely.",
     "coupon": "Tell ink bleed, scale and skew of a printer from photos or scans of its coupon.",
-    "target": "Read a target file and say what it holds, or make one of a table of points.",
+    "target": "Read a target file and say what it holds, or make one of a board or of points.",
     "warm-up": "Compile all kernels now, on all cores, so that no later command has to.",
     "diff": "Compare two cameras: how far apart they see the same light.",
     "convert": "Write a camera or a rig as files of another tool, or read its files.",

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from os import PathLike
 from typing import Literal, cast
 
@@ -21,7 +22,7 @@ from designer.base.codes import CODES
 from designer.base.errors import InputError
 from designer.base.files import once_each, place_of, read_small_text
 from designer.base.words import with_article
-from designer.marks.face_marks import FaceMarks, marks_from_mapping, marks_to_mapping
+from designer.marks.face_marks import FaceMarks, are_alike, marks_from_mapping, marks_to_mapping
 from designer.spec.build import BUILDS, Form, build_name
 from designer.spec.kind import spec_from_mapping, spec_to_mapping
 from designer.spec.spec import Spec
@@ -32,6 +33,8 @@ DIGESTED = bytes.fromhex("72696e67666f7267652e7461726765742031")
 VERSION = 1
 MAX_FILE_BYTES = 64 * 2**20
 MAX_INDEX = 1_000_000
+_DECIMALS, _FRAME_DECIMALS = 9, 12
+"""Of coordinates and of frames that are worked out, so that processors that differ in the last bit agree on ids."""
 PARALLEL = 1e-6
 """How far the cosine of the angle between the normals of opposite faces may be from -1."""
 
@@ -296,6 +299,10 @@ def _check_marks(target: TargetGeometry) -> None:
     """Features of faces with marks are those that the marks have, in their order."""
     if target.marks is None:
         return
+    for one, other in combinations(target.marks, 2):
+        if are_alike(one, other):
+            remedy = "give them markers of different ids, or different numbers of marks"
+            raise ValueError(f"two faces that photos cannot tell apart: {one.words}, and {other.words}; {remedy}")
     index = [marks.index for marks in target.marks]
     face = np.repeat(np.arange(len(index)), [len(rows) for rows in index])
     fits = len(index) == target.face_count and np.array_equal(target.ring_face, face)
@@ -454,23 +461,33 @@ def load_target(path: str | PathLike[str], needs: Needs = "points") -> TargetGeo
     return target
 
 
-def target_of_marks(marks: Sequence[FaceMarks], target_from_face: Array, margin_mm: float = 0.0) -> TargetGeometry:
-    """A target whose faces carry other makers' marks; frames (F, 4, 4) stand in the middle of the marks, z outward."""
+def target_of_marks(
+    marks: Sequence[FaceMarks], target_from_face: Array, margin_mm: float | None = None
+) -> TargetGeometry:
+    """A target whose faces carry other makers' marks.
+
+    Args:
+        marks: of each face.
+        target_from_face: frames in the middle of the marks, x right, y up, z outward.  # (F, 4, 4)
+        margin_mm: of white around the marks; None: as much as they need to be found.
+
+    Raises:
+        ValueError: two faces that photos cannot tell apart.
+    """
     count = [len(one.index) for one in marks]
     face = np.repeat(np.arange(len(marks)), count)
     at = np.concatenate([one.position_mm for one in marks])
-    frame = np.asarray(target_from_face, dtype=np.float64)
-    size = np.array([one.size_mm for one in marks])[:, None] / 2 + margin_mm
+    frame = np.round(target_from_face, _FRAME_DECIMALS)
+    margin = [one.quiet_mm if margin_mm is None else margin_mm for one in marks]
+    size = np.array([one.size_mm for one in marks])[:, None] / 2 + np.array(margin)[:, None, None]
     outline = size * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    # Steps of a lattice of equal ones; tags have two different ones in turn, and half of their sum in the mean.
-    steps = [np.ptp(one.position_mm, axis=0) / np.ptp(one.index, axis=0).clip(min=1) for one in marks]
     radius = np.repeat([one.radius_mm for one in marks], count)
     return TargetGeometry(
         source="nominal",
         spec=None,
         ring_face=face,
         ring_index=np.concatenate([one.index for one in marks]),
-        center_mm=np.einsum("rij,rj->ri", frame[face][:, :3, :2], at) + frame[face][:, :3, 3],
+        center_mm=np.round(np.einsum("rij,rj->ri", frame[face][:, :3, :2], at) + frame[face][:, :3, 3], _DECIMALS),
         radius_outer_mm=radius,
         radius_inner_mm=np.zeros(len(face)),
         is_dot=np.ones(len(face), dtype=np.bool_),
@@ -478,7 +495,7 @@ def target_of_marks(marks: Sequence[FaceMarks], target_from_face: Array, margin_
         outline_mm=outline,
         window_mm=outline,
         face_code=np.full(len(marks), -1),
-        lattice_mm=np.array([np.diag(step) for step in steps]),
+        lattice_mm=np.array([np.diag(one.step_mm) for one in marks]),
         marks=tuple(marks),
     )
 

@@ -1,13 +1,13 @@
 """An AprilGrid as Kalibr has it: square tags in rows, whose points are the tags' corners."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from designer.base.arrays import Array, Rows
-from designer.marks.dictionaries import TAG_TURN, check_markers, marker_cells
-from designer.marks.face_marks import FaceMarks, black_cells_mm, lattice, rectangle_mm
+from designer.marks.dictionaries import TAG_TURN, check_markers, family_of, marker_cells
+from designer.marks.face_marks import FaceMarks, black_cells_mm, check_marks, lattice, rectangle_mm
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,9 @@ class AprilGrid(FaceMarks):
     upright: bool = False  # tags stand as OpenCV draws them; else as AprilTag and Kalibr print them: see `is_turned`
 
     def __post_init__(self) -> None:
-        if min(self.tags) < 1 or max(self.tags) < 2:
-            raise ValueError(f"an AprilGrid has at least 2 x 1 tags, not {self.tags[0]} x {self.tags[1]}")
-        if not self.tag_mm > 0 or not 0 < self.spacing < 2:
-            raise ValueError(f"tags of {self.tag_mm:g} mm must be above 0, gaps of {self.spacing:g} sides in 0..2")
+        check_marks(self.tags, (2, 1), "tags", tags=self.tag_mm)
+        if not 0 < self.spacing < 2:
+            raise ValueError(f"gaps of {self.spacing:g} sides of a tag: must be above 0 and below 2")
         if not 1 <= self.border_bits <= 3:
             raise ValueError(f"borders of {self.border_bits} bits: must be 1 to 3")
         check_markers(self.dictionary, self.first_id, len(self.marker_ids))
@@ -39,6 +38,16 @@ class AprilGrid(FaceMarks):
     def marker_ids(self) -> range:
         """Of the tags, in the order of the points."""
         return range(self.first_id, self.first_id + self.tags[0] * self.tags[1])
+
+    @property
+    def family(self) -> str:
+        """See `FaceMarks.family`."""
+        return family_of(self.dictionary)
+
+    @property
+    def following(self) -> "AprilGrid":
+        """See `FaceMarks.following`."""
+        return replace(self, first_id=self.marker_ids.stop)
 
     @property
     def is_turned(self) -> bool:
@@ -96,6 +105,15 @@ class AprilGrid(FaceMarks):
     def words(self) -> str:
         """With its tags."""
         return f"AprilGrid of {self.tags[0]} x {self.tags[1]} tags of {self.tag_mm:g} mm from {self.dictionary}"
+
+    @property
+    def order(self) -> str:
+        """Of tags and of their corners."""
+        ids, side = self.marker_ids, "upper" if self.from_top else "lower"
+        return (
+            f"tags {ids[0]} to {ids[-1]} row by row from the {side} left; of each its corners from the lower left, "
+            "counter-clockwise"
+        )
 
     @property
     def polygons_mm(self) -> tuple[Array, ...]:

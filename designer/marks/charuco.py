@@ -1,12 +1,14 @@
 """A ChArUco board: a chessboard with markers in its light squares, whose points are the corners between the squares."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
+
+import numpy as np
 
 from designer.base.arrays import Array, Rows
 from designer.marks.chessboard import checkered_corners_mm, dark_squares_mm
-from designer.marks.dictionaries import check_markers, marker_cells
-from designer.marks.face_marks import FaceMarks, black_cells_mm, lattice
+from designer.marks.dictionaries import check_markers, family_of, marker_cells
+from designer.marks.face_marks import FaceMarks, black_cells_mm, check_marks, lattice
 
 
 @dataclass(frozen=True)
@@ -23,9 +25,8 @@ class Charuco(FaceMarks):
     legacy: bool = False  # as OpenCV before 4.6: with an even number of rows the upper left square is light
 
     def __post_init__(self) -> None:
-        if min(self.squares) < 3:
-            raise ValueError(f"a ChArUco board has at least 3 x 3 squares, not {self.squares[0]} x {self.squares[1]}")
-        if not 0 < self.marker_mm < self.square_mm:
+        check_marks(self.squares, (3, 3), "squares", squares=self.square_mm, markers=self.marker_mm)
+        if self.marker_mm >= self.square_mm:
             raise ValueError(f"markers of {self.marker_mm:g} mm must be smaller than squares of {self.square_mm:g} mm")
         check_markers(self.dictionary, self.first_id, len(self.marker_ids))
 
@@ -33,6 +34,22 @@ class Charuco(FaceMarks):
     def marker_ids(self) -> range:
         """Of the markers, in the light squares row by row from the upper left."""
         return range(self.first_id, self.first_id + self.squares[0] * self.squares[1] // 2)
+
+    @property
+    def family(self) -> str:
+        """See `FaceMarks.family`."""
+        return family_of(self.dictionary)
+
+    @property
+    def following(self) -> "Charuco":
+        """See `FaceMarks.following`."""
+        return replace(self, first_id=self.marker_ids.stop)
+
+    @property
+    def corners_mm(self) -> Array:
+        """Of the outer squares, from which OpenCV counts."""
+        half = np.array(self.size_mm) / 2
+        return np.stack([-half, half])
 
     @property
     def light_first(self) -> bool:
@@ -62,10 +79,17 @@ class Charuco(FaceMarks):
     @property
     def words(self) -> str:
         """With squares, markers and dictionary."""
+        legacy = ", legacy" * self.legacy
         return (
             f"ChArUco board of {self.squares[0]} x {self.squares[1]} squares of {self.square_mm:g} mm, markers of "
-            f"{self.marker_mm:g} mm from {self.dictionary}"
+            f"{self.marker_mm:g} mm from {self.dictionary}{legacy}"
         )
+
+    @property
+    def order(self) -> str:
+        """As OpenCV's."""
+        ids = self.marker_ids
+        return f"row by row from the upper left, as OpenCV's ChArUco ids; markers {ids[0]} to {ids[-1]} likewise"
 
     @property
     def polygons_mm(self) -> tuple[Array, ...]:

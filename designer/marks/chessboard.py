@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from designer.base.arrays import Array, Rows
-from designer.marks.face_marks import FaceMarks, lattice, rectangle_mm
+from designer.marks.face_marks import FaceMarks, check_marks, lattice, rectangle_mm
 
 
 @dataclass(frozen=True)
@@ -20,10 +20,7 @@ class Chessboard(FaceMarks):
     light_first: bool = False  # the upper left square is the light one
 
     def __post_init__(self) -> None:
-        if min(self.squares) < 3:
-            raise ValueError(f"a chessboard has at least 3 x 3 squares, not {self.squares[0]} x {self.squares[1]}")
-        if not self.square_mm > 0:
-            raise ValueError(f"squares of {self.square_mm:g} mm: must be above 0")
+        check_marks(self.squares, (3, 3), "squares", squares=self.square_mm)
 
     @property
     def index(self) -> Rows:
@@ -48,7 +45,19 @@ class Chessboard(FaceMarks):
     @property
     def words(self) -> str:
         """With its squares."""
-        return f"chessboard of {self.squares[0]} x {self.squares[1]} squares of {self.square_mm:g} mm"
+        columns, rows = self.squares
+        inner = f"{columns - 1} x {rows - 1} inner corners"
+        return f"chessboard of {columns} x {rows} squares of {self.square_mm:g} mm ({inner})"
+
+    @property
+    def order(self) -> str:
+        """As OpenCV's."""
+        return "row by row from the upper left"
+
+    @property
+    def remedy(self) -> str:
+        """See `FaceMarks.remedy`."""
+        return "one whose columns and rows sum to an odd number, such as 9 x 6 squares"
 
     @property
     def alike(self) -> int:

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from designer.base.arrays import Array, Rows
-from designer.marks.face_marks import FaceMarks, lattice
+from designer.marks.face_marks import FaceMarks, check_marks, lattice
 
 
 @dataclass(frozen=True)
@@ -22,10 +22,9 @@ class Circles(FaceMarks):
     light: bool = False  # light circles on a dark ground
 
     def __post_init__(self) -> None:
-        if min(self.circles) < 2:
-            raise ValueError(f"a grid has at least 2 x 2 circles, not {self.circles[0]} x {self.circles[1]}")
+        check_marks(self.circles, (2, 2), "circles", steps=self.pitch_mm, circles=self.diameter_mm)
         nearest = self.pitch_mm / np.sqrt(2) if self.asymmetric else self.pitch_mm
-        if not 0 < self.diameter_mm < nearest:
+        if self.diameter_mm >= nearest:
             raise ValueError(f"circles of {self.diameter_mm:g} mm must be smaller than their distance, {nearest:g} mm")
 
     @property
@@ -62,6 +61,16 @@ class Circles(FaceMarks):
         if self.asymmetric:
             return 2 - self.circles[1] % 2
         return 4 if self.circles[0] == self.circles[1] else 2
+
+    @property
+    def order(self) -> str:
+        """As OpenCV's."""
+        return "row by row from the upper left"
+
+    @property
+    def remedy(self) -> str:
+        """See `FaceMarks.remedy`."""
+        return "an asymmetric grid with an odd number of rows, such as 4 x 11"
 
     @property
     def radius_mm(self) -> float:

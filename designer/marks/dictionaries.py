@@ -33,6 +33,12 @@ def dictionary_named(name: str) -> str:
     raise ValueError(f"dictionary {name!r} is unknown{suggestion_or_all(name, MARKERS)}")
 
 
+def family_of(dictionary: str) -> str:
+    """Dictionaries of one family begin with the same markers: that of `DICT_5X5_100` is `DICT_5X5`."""
+    stem, _, ending = dictionary.rpartition("_")
+    return stem if ending.isdigit() else dictionary
+
+
 def check_markers(dictionary: str, first_id: int, count: int) -> None:
     """Refuse a dictionary that is none, or holds less than the markers from an id on.
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import ClassVar, cast
+from typing import ClassVar, Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,12 @@ from numpy.typing import NDArray
 from designer.base.arrays import Array, Rows
 from designer.base.codec import decode, encode
 from designer.base.files import JsonValue
+from designer.marks import MARKS as MARKS  # noqa: PLC0414  # with the kinds
 
-MARKS = ("chessboard", "charuco", "aprilgrid", "circles")
-"""Names of the kinds, and of their modules, each of which holds its class as `MARKS`."""
+MOST_ACROSS, MOST_MM = 200, 1e5
+"""Marks along a side, and their lengths."""
+Origin = Literal["center", "opencv", "kalibr"]
+ORIGINS: tuple[Origin, ...] = get_args(Origin)
 
 
 @dataclass(frozen=True)
@@ -40,9 +43,33 @@ class FaceMarks(ABC):
         """Width and height of all that is marked."""
 
     @property
+    def quiet_mm(self) -> float:
+        """The white around the marks without which they are not found: half a step of the points."""
+        return 0.5 * float(np.abs(self.step_mm).max())
+
+    @property
+    def step_mm(self) -> Array:
+        """From a column to the next, and from a row to the next; of tags, which have two steps in turn, the mean."""
+        index, at = self.index, self.position_mm
+        last = at[[index[:, 0].argmax(), index[:, 1].argmax()], [0, 1]]
+        first = at[[index[:, 0].argmin(), index[:, 1].argmin()], [0, 1]]
+        step: Array = (last - first) / np.ptp(index, axis=0).clip(min=1)
+        return step
+
+    @property
     @abstractmethod
     def words(self) -> str:
         """Such as `chessboard of 9 x 6 squares of 25 mm`."""
+
+    @property
+    @abstractmethod
+    def order(self) -> str:
+        """How points and markers are numbered, such as `row by row from the upper left`."""
+
+    @property
+    def remedy(self) -> str:
+        """What looks like it and tells which way up it is, if `is_ambiguous`."""
+        return ""
 
     @property
     def radius_mm(self) -> float:
@@ -84,6 +111,34 @@ class FaceMarks(ABC):
         """Of the markers of a dictionary on it."""
         return range(0)
 
+    @property
+    def family(self) -> str:
+        """Of its markers, such as `DICT_5X5`: dictionaries of a family begin with the same ones. "": it has none."""
+        return ""
+
+    @property
+    def following(self) -> "FaceMarks | None":
+        """The same with the ids after its own; None: it has none."""
+        return None
+
+    @property
+    def corners_mm(self) -> Array:
+        """The lower left and the upper right corner from which other makers' object points count.  # (2, 2)"""
+        return np.stack([self.position_mm.min(axis=0), self.position_mm.max(axis=0)])
+
+    def target_from_face(self, origin: Origin) -> Array:
+        """The face's frame in that of object points. Origin and axes, of which x always is to the right:
+
+        center: the middle, y up, z towards who looks;    opencv: the upper left corner, y down, z away;
+        kalibr: the lower left corner, y up, z towards who looks.  # (4, 4)
+        """
+        frame, (low, high) = np.eye(4), self.corners_mm
+        if origin != "center":
+            down = origin == "opencv"
+            frame[:3, :3] = np.diag([1.0, -1.0, -1.0]) if down else np.eye(3)
+            frame[:2, 3] = [-low[0], high[1] if down else -low[1]]
+        return frame
+
 
 @cache
 def marks_named(name: str) -> type[FaceMarks]:
@@ -109,6 +164,35 @@ def marks_from_mapping(values: Mapping[str, object], place: str = "marks") -> Fa
         raise ValueError(f"{place}: kind {kind!r} is unknown; it must be one of {', '.join(MARKS)}")
     own = cast("dict[str, JsonValue]", {key: value for key, value in values.items() if key != "kind"})
     return decode(marks_named(kind), own, place)
+
+
+def are_alike(one: FaceMarks, other: FaceMarks) -> bool:
+    """Whether nothing in a photo tells which of two it shows: they share markers, or have equally many points."""
+    if one.family and other.family:
+        ids, others = one.marker_ids, other.marker_ids
+        return one.family == other.family and max(ids.start, others.start) < min(ids.stop, others.stop)
+    sides = (sorted(np.ptp(each.index, axis=0).tolist()) for each in (one, other))
+    return one.kind == other.kind and next(sides) == next(sides) and len(one.index) == len(other.index)
+
+
+def check_marks(counts: tuple[int, int], least: tuple[int, int], what: str, **lengths_mm: float) -> None:
+    """Refuse too few marks, more than anyone has, and lengths that are none.
+
+    Args:
+        counts: along the two sides.
+        least: likewise; the sides may change places.
+        what: is counted, such as `squares of a chessboard`.
+        lengths_mm: by what they are of.
+
+    Raises:
+        ValueError: which rule is broken.
+    """
+    if min(counts) < min(least) or max(counts) < max(least) or max(counts) > MOST_ACROSS:
+        rule = f"must be at least {least[0]} x {least[1]}, and at most {MOST_ACROSS} a side"
+        raise ValueError(f"{counts[0]} x {counts[1]} {what}: {rule}")
+    for of, length in lengths_mm.items():
+        if not 0 < length <= MOST_MM:
+            raise ValueError(f"{of} of {length:g} mm: must be above 0, and at most {MOST_MM:g} mm")
 
 
 def rectangle_mm(x: float, y: float, width: float, height: float) -> Array:

@@ -84,6 +84,8 @@ PLAN = ("plan", "board.target.json", "--camera", "camera.json")
 CALIB = (
     Case(("target", "board.target.json"), 0),
     Case(("target", "camera.json"), 2),
+    Case(("target", "--marks", "chessboard", "--squares", "9x6", "--square", "25mm", "-o", "chess.target.json"), 0),
+    Case(("target", "--marks", "chess", "--squares", "9x6", "-o", "chess.target.json"), 2),
     Case(
         ("render", "board.target.json", "--views", "1", "--camera", "camera.json", "--distance", "150mm", "-o", "o"), 0
     ),
