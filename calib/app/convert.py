@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 from calib.app.cameras_told import numbers_of, refit_numbers
 from calib.cameras import fitted_models
-from calib.cameras.formats import ACCEPTED_PX, FORMATS, RIG_FORMATS
+from calib.cameras.formats import ACCEPTED_PX, FORMATS, ONLY_READ, RIG_FORMATS
 from designer.base.codec import encode_written
 from designer.base.errors import InputError
 from designer.base.options import argument, option
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from designer.page.output import Output
 
 ALL_FORMATS = tuple(dict.fromkeys([*FORMATS, *RIG_FORMATS]))
+ALL_READ = (*ALL_FORMATS, *ONLY_READ)
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +209,10 @@ def convert(
     source: Annotated[
         str | None,
         option(
-            "kind of file to read (default: found out)", flag="--from", metavar="FORMAT", complete=one_of(ALL_FORMATS)
+            f"kind of file to read, of those that are written, or {'|'.join(ONLY_READ)} (default: found out)",
+            flag="--from",
+            metavar="FORMAT",
+            complete=one_of(ALL_READ),
         ),
     ] = None,
     model: Annotated[
@@ -238,7 +242,7 @@ def convert(
         Iterable[str], option("of a rig, a camera to write, in this order (default: all)", metavar="NAME", is_many=True)
     ] = (),
     unit: Annotated[
-        str | None, option("of lengths in a rig's files: mm or m (default: as their tool has it)", metavar="UNIT")
+        str | None, option("of lengths in a rig's files: mm, cm or m (default: as their tool has it)", metavar="UNIT")
     ] = None,
     source_unit: Annotated[
         str | None,

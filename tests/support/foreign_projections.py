@@ -173,9 +173,128 @@ def in_metashape(text: str, ray: Array, lens: str, size: tuple[int, int], _: Pat
     return np.column_stack([u, h * 0.5 + value("cy") + yd * f]) - 0.5
 
 
+def by_opencv(ray: Array, rows: object, lens: object, *, is_fisheye: bool) -> Array:
+    """Pixels of OpenCV's functions, which several programs call with the numbers of their files."""
+    project = fisheye_projection if is_fisheye else opencv_projection
+    return project(ray, np.reshape(np.array(rows, dtype=float), (3, 3)), np.array(lens, dtype=float))
+
+
+def in_photonvision(text: str, ray: Array, lens: str, size: tuple[int, int], _: Path) -> Array:
+    """JsonMatOfDouble makes an OpenCV matrix of `rows`, `cols` and `data` of type CV_64F."""
+    tree = json.loads(text)
+    assert (tree["resolution"]["width"], tree["resolution"]["height"]) == size
+    matrix, coefficients = tree["cameraIntrinsics"], tree["distCoeffs"]
+    assert (matrix["rows"], matrix["cols"], matrix["type"], coefficients["rows"]) == (3, 3, cv2.CV_64F, 1)
+    assert (len(coefficients["data"]), tree["lensmodel"]) == (coefficients["cols"], "LENSMODEL_OPENCV")
+    return by_opencv(ray, matrix["data"], coefficients["data"], is_fisheye=False)
+
+
+def in_gyroflow(text: str, ray: Array, lens: str, size: tuple[int, int], _: Path) -> Array:
+    """Gyroflow takes the middle for the centre of a profile that is not asymmetrical; its lenses are OpenCV's."""
+    tree = json.loads(text)
+    assert (tree["calib_dimension"]["w"], tree["calib_dimension"]["h"]) == size
+    assert tree["calibrator_version"]
+    assert tree["asymmetrical"]
+    assert not lens or tree["distortion_model"] == lens
+    numbers, is_fisheye = tree["fisheye_params"], tree["distortion_model"] == "opencv_fisheye"
+    return by_opencv(ray, numbers["camera_matrix"], numbers["distortion_coeffs"], is_fisheye=is_fisheye)
+
+
+def in_depthai(text: str, ray: Array, lens: str, size: tuple[int, int], _: Path) -> Array:
+    """DepthAI reads 14 coefficients for OpenCV, of camera type 1, a fisheye, the first four."""
+    ((socket, one),) = json.loads(text)["cameraData"]
+    assert (socket, one["width"], one["height"], len(one["distortionCoeff"])) == (0, *size, 14)
+    is_fisheye = one["cameraType"] == 1
+    assert not lens or is_fisheye == (lens == "Fisheye")
+    return by_opencv(
+        ray, one["intrinsicMatrix"], one["distortionCoeff"][: 4 if is_fisheye else 14], is_fisheye=is_fisheye
+    )
+
+
+def brown_polynomial(ray: Array, radial: list[float], p1: float, p2: float) -> Array:
+    """Brown's lens with as many radial terms as there are."""
+    x, y = (ray[:, :2] / ray[:, 2:]).T
+    s = x * x + y * y
+    factor = 1 + sum(k * s**power for power, k in enumerate(radial, start=1))
+    a = x * factor + 2 * p1 * x * y + p2 * (s + 2 * x * x)
+    return np.column_stack([a, y * factor + p1 * (s + 2 * y * y) + 2 * p2 * x * y])
+
+
+def in_nerfstudio(text: str, ray: Array, lens: str, size: tuple[int, int], _: Path) -> Array:
+    """Nerfstudio's cameras.py: rays through the middle of a pixel, 0.5 from its corner; polynomials up to r^8."""
+    tree = json.loads(text)
+    assert (tree["w"], tree["h"]) == size
+    assert not lens or tree["camera_model"] == lens
+    radial = [tree[f"k{k}"] for k in range(1, 5)]
+    if tree["camera_model"] == "OPENCV_FISHEYE":
+        plane = kannala_brandt(ray, tree)
+    else:
+        plane = brown_polynomial(ray, radial, tree["p1"], tree["p2"])
+    return plane * [tree["fl_x"], tree["fl_y"]] + [tree["cx"], tree["cy"]] - 0.5
+
+
+def in_realsense(text: str, ray: Array, lens: str, size: tuple[int, int], _: Path) -> Array:
+    """rs2_project_point_to_pixel of librealsense's rsutil.h."""
+    tree = json.loads(text)
+    assert (tree["width"], tree["height"], len(tree["coeffs"])) == (*size, 5)
+    assert not lens or tree["model"] == lens
+    k1, k2, p1, p2, k3 = tree["coeffs"]
+    if tree["model"] == "kannala_brandt4":
+        plane = kannala_brandt(ray, {f"k{k}": value for k, value in enumerate(tree["coeffs"][:4], start=1)})
+    else:
+        assert tree["model"] == "brown_conrady" or not any(tree["coeffs"])
+        plane = brown_polynomial(ray, [k1, k2, k3], p1, p2)
+    return plane * [tree["fx"], tree["fy"]] + [tree["ppx"], tree["ppy"]]
+
+
+def in_orbslam(text: str, ray: Array, lens: str, size: tuple[int, int], folder: Path) -> Array:
+    """Settings.cc reads by OpenCV; PinHole's pictures are undistorted by OpenCV, KannalaBrandt8.cpp has its paper's."""
+    (folder / "s.yaml").write_text(text)
+    file = cv2.FileStorage(str(folder / "s.yaml"), cv2.FILE_STORAGE_READ)
+    kind = file.getNode("Camera.type").string()
+    assert not lens or kind == lens
+    assert all(file.getNode(f"Camera.{side}").isInt() for side in ("width", "height"))
+    assert size == tuple(int(file.getNode(f"Camera.{side}").real()) for side in ("width", "height"))
+
+    def value(name: str) -> float:
+        assert file.getNode(f"Camera1.{name}").isReal()
+        return float(file.getNode(f"Camera1.{name}").real())
+
+    radial = [value(f"k{k}") for k in range(1, 4)]
+    if kind == "KannalaBrandt8":
+        plane = kannala_brandt(ray, {f"k{k}": value(f"k{k}") for k in range(1, 5)})
+    else:
+        plane = brown_polynomial(ray, radial, value("p1"), value("p2"))
+    return plane * [value("fx"), value("fy")] + [value("cx"), value("cy")]
+
+
+def in_vins(text: str, ray: Array, lens: str, size: tuple[int, int], folder: Path) -> Array:
+    """Camodocal's PinholeCamera, PinholeFullCamera, EquidistantCamera and CataCamera, read by OpenCV."""
+    (folder / "c.yaml").write_text(text)
+    file = cv2.FileStorage(str(folder / "c.yaml"), cv2.FILE_STORAGE_READ)
+    kind = file.getNode("model_type").string()
+    assert not lens or kind == lens
+    assert size == tuple(int(file.getNode(f"image_{side}").real()) for side in ("width", "height"))
+    groups = [file.getNode(f"{name}_parameters") for name in ("projection", "distortion", "mirror")]
+    linear, bent, mirror = (
+        {key: one.getNode(key).real() for key in ([] if one.empty() else one.keys())} for one in groups
+    )
+    if kind == "KANNALA_BRANDT":
+        plane = kannala_brandt(ray, {f"k{k}": linear[f"k{k + 1}"] for k in range(1, 5)})
+        return plane * [linear["mu"], linear["mv"]] + [linear["u0"], linear["v0"]]
+    if kind == "MEI":
+        assert not any(bent.values())
+        plane = unified(ray, mirror)
+        return plane * [linear["gamma1"], linear["gamma2"]] + [linear["u0"], linear["v0"]]
+    order = ("k1", "k2", "p1", "p2", *(("k3", "k4", "k5", "k6") if kind == "PINHOLE_FULL" else ()))
+    matrix = [linear["fx"], 0, linear["cx"], 0, linear["fy"], linear["cy"], 0, 0, 1]
+    return by_opencv(ray, matrix, [bent[key] for key in order], is_fisheye=False)
+
+
 SEEN_IN: Mapping[str, Callable[[str, Array, str, tuple[int, int], Path], Array]] = {
     "opencv": in_opencv, "ros": in_ros, "kalibr": in_kalibr, "basalt": in_basalt, "colmap": in_colmap,
-    "metashape": in_metashape,
+    "metashape": in_metashape, "photonvision": in_photonvision, "gyroflow": in_gyroflow, "nerfstudio": in_nerfstudio,
+    "depthai": in_depthai, "realsense": in_realsense, "orbslam": in_orbslam, "vins": in_vins,
 }  # fmt: skip
 """By a format: pixels in which directions are seen with a file, through a lens of a name ("": what the file says), of
 an image size; in a folder for programs that read one. mrcal is asked for all cameras at once, in its own tests."""

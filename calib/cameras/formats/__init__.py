@@ -11,9 +11,14 @@ from calib.core.registry import Registry
 if TYPE_CHECKING:
     from calib.cameras.formats.format import CameraFormat, RigFormat
 
-NAMES = ["json", "basalt", "mrcal", "metashape", "kalibr", "ros", "opencv", "colmap"]
+NAMES = [
+    *("json", "photonvision", "gyroflow", "nerfstudio", "depthai", "realsense", "orbslam", "vins"),
+    *("basalt", "mrcal", "metashape", "kalibr", "ros", "opencv", "colmap"),
+]
 """In the order in which a file of unknown kind is tried, the more particular first."""
-RIG_NAMES = ["json", "kalibr", "opencv", "colmap", "ros", "mrcal", "anipose", "caliscope"]
+RIG_NAMES = ["json", "depthai", "orbslam", "kalibr", "opencv", "colmap", "ros", "mrcal", "anipose", "caliscope"]
+ONLY_READ, RIGS_ONLY_READ = ["zed", "azure_kinect", "ocamcalib"], ["zed", "azure_kinect"]
+"""Of makers, whose cameras take no other file."""
 ACCEPTED_PX = 0.1
 """A fit of a program's own choosing, in reading or in writing, that is off by more is refused, unless it is allowed."""
 OWN = "json"
@@ -21,3 +26,6 @@ OWN = "json"
 
 FORMATS: "Registry[CameraFormat]" = Registry(__name__, "FORMAT", NAMES)
 RIG_FORMATS: "Registry[RigFormat]" = Registry(__name__, "RIG_FORMAT", RIG_NAMES)
+READ_FORMATS: "Registry[CameraFormat]" = Registry(__name__, "FORMAT", [*NAMES, *ONLY_READ])
+READ_RIG_FORMATS: "Registry[RigFormat]" = Registry(__name__, "RIG_FORMAT", [*RIG_NAMES, *RIGS_ONLY_READ])
+"""All that are read, which are more."""

@@ -2,9 +2,10 @@
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import PurePath
+from typing import NoReturn
 
 import numpy as np
 
@@ -16,9 +17,13 @@ from calib.cameras.rig import MOST_CAMERAS, Rig
 from calib.core.se3 import compose, invert
 from designer.base.arrays import Array
 from designer.base.errors import InputError
+from designer.base.words import shown
 
 NOTHING = "0"
 """Stands for a number of a file's lens that is none of ours, and has to be zero."""
+EMPTY: tuple[object, ...] = (None, "", 0, False, [], {})
+MOST_TOLD = 8
+"""Keys of a file that are named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +33,18 @@ class ReadCamera:
     camera: Camera
     refit: Refit | None = None  # where the file's lens is none of this program's; None: taken as it is
     remarks: tuple[str, ...] = ()  # what the file held besides, and what was done about it
+
+
+def told(found: ReadCamera, *lines: str) -> ReadCamera:
+    """The camera with more to say of its file."""
+    return replace(found, remarks=(*found.remarks, *lines))
+
+
+def left_over(found: ReadCamera, values: Mapping[str, object], *used: str) -> ReadCamera:
+    """The camera with a word on what its file says besides, under keys that are not used."""
+    names = [shown(key) for key, value in values.items() if key not in (*used, "format") and value not in EMPTY]
+    listed = ", ".join(names[:MOST_TOLD]) + (", ..." if len(names) > MOST_TOLD else "")
+    return told(found, f"not used: {listed}") if names else found
 
 
 @dataclass(frozen=True)
@@ -76,17 +93,22 @@ class FileLens:
         return [0.0 if name == NOTHING else known[name] for name in self.names]
 
 
-@dataclass(frozen=True)
+def only_read(*_: object) -> NoReturn:
+    """What writes files of a format that are only read."""
+    raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
 class CameraFormat:
     """One kind of camera file. Its functions are pure; `read` names the file in what it raises."""
 
     name: str  # on the command line
     title: str  # in a sentence
     file_name: str  # what a file is usually called
-    opens_with: str  # how to use the file in its tool; {file} is its path, {url} its address
+    opens_with: str = ""  # how to use the file in its tool; {file} is its path, {url} its address
     recognised: re.Pattern[str]  # is found in the beginning of such a file
-    lenses: tuple[FileLens, ...]  # the first that holds a camera is written, so the more widely read first
-    write: Callable[[Camera, FileLens], str]
+    lenses: tuple[FileLens, ...] = ()  # the first that holds a camera is written, so the more widely read first
+    write: Callable[[Camera, FileLens], str] = only_read
     read: Callable[[str, str, str | None], ReadCamera]  # text, what messages name, which of several cameras
     holds_many: bool = False  # a file may hold several cameras, each with a name
     max_bytes: int = MAX_FILE_BYTES
@@ -159,17 +181,17 @@ class WrittenRig:
         return poses
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RigFormat:
     """One kind of rig file. Its functions are pure; `read` names the file in what it raises."""
 
     name: str  # on the command line
     title: str  # in a sentence
     file_name: str  # what a file, or a folder of several, is usually called
-    opens_with: str  # how to use it in its tool; {file} is its path
+    opens_with: str = ""  # how to use it in its tool; {file} is its path
     cameras: CameraFormat  # whose lenses hold its cameras
     unit: str  # of lengths, unless another is asked for
-    write: Callable[[WrittenRig], Mapping[str, str]]  # texts by name; of a format of one file under its own
+    write: Callable[[WrittenRig], Mapping[str, str]] = only_read  # texts by name; of a format of one file under its own
     read: Callable[[RigFiles], ReadRig]
     recognised: re.Pattern[str] = NEVER  # is found in the beginning of such a file
     patterns: tuple[str, ...] = ()  # files of a folder that belong to it; (): it is one file

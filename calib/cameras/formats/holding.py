@@ -161,9 +161,10 @@ def _held(camera: Camera, target: CameraFormat, model: str | None, zero: Collect
         tried = try_fits(groups, lambda one: _fit(camera, one, model or one.model or camera.model, zero))
     except InputError as error:
         wide = dict.fromkeys(one.name for one in _one_a_model(target.written.values()) if one.is_wide)
-        if not wide or any(one.is_wide for one in mine) or not sees_far(_rays_of(camera)):
+        if any(one.is_wide for one in mine) or not sees_far(_rays_of(camera)):
             raise
-        raise InputError(f"{error}; of {target.title} take --lens {', '.join(wide)}") from None
+        hint = f"of {target.title} take --lens {', '.join(wide)}" if wide else f"{target.title} has no lens for that"
+        raise InputError(f"{error}; {hint}") from None
     best, result = closest(tried)
     return Held(best, result.camera, result, tuple(tried))
 

@@ -113,12 +113,12 @@ def read_entry(values: Mapping[str, object], origin: str) -> ReadCamera:
         coefficients = required(values, ("distortion_coeffs",), origin)
         numbers_of += numbers(coefficients, "distortion_coeffs", origin, (count,))
     if lens == DISTORTED_SPHERE and any(numbers_of[-count:]):
-        return _distorted_sphere(numbers_of, size, origin)
+        return distorted_sphere(numbers_of, lens.name, size, origin)
     return lens_camera(lens, numbers_of, size, origin)
 
 
-def _distorted_sphere(numbers_of: list[float], size: tuple[int, int], origin: str) -> ReadCamera:
-    """The unified camera with Brown's distortion behind it, (X, Y) / (Z + xi d) in place of (X, Y) / Z."""
+def distorted_sphere(numbers_of: list[float], name: str, size: tuple[int, int], origin: str) -> ReadCamera:
+    """The unified camera xi fx fy cx cy k1 k2 p1 p2, with Brown's distortion of (X, Y) / (Z + xi d)."""
     sphere, coefficients = numbers_of[:5], numbers_of[5:]
     camera = lens_camera(SPHERE, sphere, size, origin).camera
     unit = replace(camera, params=np.array([1.0, 1.0, 0.0, 0.0, *camera.params[4:]]))
@@ -126,7 +126,7 @@ def _distorted_sphere(numbers_of: list[float], size: tuple[int, int], origin: st
     def rays(pixel: Array) -> Array:
         return unit.rays(np.column_stack(inverse_of(brown(coefficients), *slopes_of(pixel, sphere[1:]))))
 
-    return fit_foreign(rays, sphere[1:], size, f"its {DISTORTED_SPHERE.name} lens", origin)
+    return fit_foreign(rays, sphere[1:], size, f"its {name} lens", origin)
 
 
 FORMAT = CameraFormat(

@@ -101,6 +101,11 @@ def make_camera(model: str, params: Sequence[float], size: tuple[int, int], orig
     return camera_from_mapping(document, origin)
 
 
+def json_object(text: str, origin: str) -> Mapping[str, object]:
+    """What a JSON text holds, which must be names with values."""
+    return mapping(parse_json(text, Path(origin), "a camera file"), "the file", origin)
+
+
 def pick(cameras: Mapping[str, Item], wanted: str | None, origin: str) -> Item:
     """The one camera of a file, or the one of several that is asked for by name."""
     if not cameras:
@@ -241,9 +246,9 @@ def parse_xml(text: str, origin: str) -> Element:
         raise InputError(f"{origin}: not text; not valid XML") from None
 
 
-UNIT_MM = {"m": 1000.0, "mm": 1.0}
+UNIT_MM = {"m": 1000.0, "cm": 10.0, "mm": 1.0}
 """Units of length that files may have."""
-UNIT_WORDS = {"m": "metres", "mm": "millimetres"}
+UNIT_WORDS = {"m": "metres", "cm": "centimetres", "mm": "millimetres"}
 MOST_RAD = 100.0
 """Longer rotation vectors are degrees, or no rotations."""
 FAR_FROM_RIGID = 1e-3

@@ -12,7 +12,7 @@ import numpy as np
 
 from calib.cameras import parameter_names
 from calib.cameras.camera import CAMERA, Camera, camera_or_preset
-from calib.cameras.formats import ACCEPTED_PX, FORMATS, OWN, RIG_FORMATS
+from calib.cameras.formats import ACCEPTED_PX, FORMATS, OWN, READ_FORMATS, READ_RIG_FORMATS, RIG_FORMATS
 from calib.cameras.formats.format import CameraFormat, ReadCamera, ReadRig, RigFiles, RigFormat
 from calib.cameras.formats.parsing import UNIT_WORDS, outline, pick, unit_mm
 from calib.cameras.refit import FOCAL_AND_CENTRE, Refit
@@ -68,7 +68,7 @@ def open_rig(
         InputError: no such file, of no known kind, or not valid, or a lens that no camera comes close to; the message
             names it.
     """
-    kind = rig_format_of(place) if format_name is None else find_format(format_name, RIG_FORMATS, "rig")
+    kind = rig_format_of(place) if format_name is None else find_format(format_name, READ_RIG_FORMATS, "rig")
     if kind is None and _is_of_one(place):
         if unit is not None:
             raise InputError(f"--from-unit {unit}: is of lengths, and {place} is one camera; leave it out")
@@ -77,7 +77,7 @@ def open_rig(
     if kind is None:
         if not place.is_dir():
             read_small_text(place, RIG.largest_bytes, "a rig file")  # says what is wrong with it, if it is not read
-        titles = ", ".join(one.title for one in RIG_FORMATS.values())
+        titles = ", ".join(one.title for one in READ_RIG_FORMATS.values())
         raise InputError(f"{place}: not a rig file of a known kind; there are {titles}")
     require_unit(kind, unit, "--from-unit")
     files, paths = _files(place, kind)
@@ -107,7 +107,7 @@ def _is_of_one(place: Path) -> bool:
 def rig_format_of(place: Path) -> RigFormat | None:
     """The kind of rig that a file or a folder looks like, if it looks like any; a broken place is none."""
     if place.is_dir():
-        return next((kind for kind in RIG_FORMATS.values() if _in_folder(place, kind)), None)
+        return next((kind for kind in READ_RIG_FORMATS.values() if _in_folder(place, kind)), None)
     try:
         text = read_small_text(place, RIG.largest_bytes, "a rig file")[:HEAD]
     except InputError:
@@ -119,7 +119,7 @@ def recognise_rig(text: str) -> RigFormat | None:
     """The kind of rig file a text looks like, if it looks like any; a camera's of ours is none."""
     if _OWN_CAMERA.match(text):
         return None
-    return _recognised(RIG_FORMATS, text)
+    return _recognised(READ_RIG_FORMATS, text)
 
 
 def _recognised(formats: Registry[Format], text: str) -> Format | None:
@@ -243,7 +243,7 @@ def open_camera(name: str, format_name: str | None = None, accept_px: float = AC
         InputError: no such file, of no known kind, or not valid, or a lens that no camera comes close to; the message
             names it.
     """
-    known = None if format_name is None else find_format(format_name, FORMATS, "camera")
+    known = None if format_name is None else find_format(format_name, READ_FORMATS, "camera")
     path, is_preset = Path(name), name in preset_names("cameras")
     before, mark, after = name.rpartition(ONE_OF)
     is_there = path.exists() or os.path.lexists(before)
@@ -273,7 +273,7 @@ def open_camera(name: str, format_name: str | None = None, accept_px: float = AC
     if kind is None:
         if text.lstrip()[:1] == "{":
             parse_json(text, path, "a camera file")  # which says what is wrong with it, if it is no JSON
-        raise InputError(f"{path}: {_why_unknown(text)}; if you know, say --from {'|'.join(FORMATS)}")
+        raise InputError(f"{path}: {_why_unknown(text)}; if you know, say --from {'|'.join(READ_FORMATS)}")
     if len(text) > kind.max_bytes:
         raise InputError(f"{path}: more than {kind.max_bytes} bytes; {kind.title} is smaller")
     if wanted is not None and not kind.holds_many:
@@ -318,7 +318,7 @@ def require_camera(folder: Path, name: str) -> None:
 
 def recognise(text: str) -> CameraFormat | None:
     """The kind of camera file a text looks like, if it looks like any."""
-    return _recognised(FORMATS, text)
+    return _recognised(READ_FORMATS, text)
 
 
 def _why_unknown(text: str) -> str:

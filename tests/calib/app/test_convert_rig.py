@@ -122,7 +122,7 @@ def test_units_are_told_and_asked(capsys: pytest.CaptureFixture[str]) -> None:
     assert "apart at most" not in capsys.readouterr().out
     np.testing.assert_allclose(load_rig("s.json").cam_from_rig, stereo().cam_from_rig, atol=1e-9)
     for options, rule in (
-        ({"unit": "inch"}, "unit 'inch'; there are m, mm"),
+        ({"unit": "inch"}, "unit 'inch'; there are m, cm, mm"),
         ({"to": "kalibr", "unit": "mm"}, "--unit mm: Kalibr camchain is in metres; leave out --unit"),
         ({"source_unit": "m"}, "--from-unit m: rig.json is in millimetres"),
     ):
@@ -138,7 +138,7 @@ def test_a_file_that_says_another_unit_than_asked_is_refused() -> None:
     with pytest.raises(InputError, match=r"s\.yaml: says that its lengths are in 'm'; leave out --from-unit mm"):
         load_rig("s.yaml", unit="mm")
     Path("s.yaml").write_text(Path("s.yaml").read_text().replace("length_unit: m", "length_unit: furlong"))
-    with pytest.raises(InputError, match=r"s\.yaml: length_unit 'furlong': must be one of m, mm"):
+    with pytest.raises(InputError, match=r"s\.yaml: length_unit 'furlong': must be one of m, cm, mm"):
         load_rig("s.yaml")
 
 

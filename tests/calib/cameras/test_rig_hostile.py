@@ -136,7 +136,7 @@ def test_ignored_and_unplaced_cameras_are_left_out() -> None:
 
 def test_folders_that_are_no_rig(tmp_path: Path) -> None:
     """An empty folder, one with a single model, and one with thousands: a line each."""
-    with pytest.raises(InputError, match=r"not a rig file of a known kind; there are rig\.json, Kalibr camchain"):
+    with pytest.raises(InputError, match=r"not a rig file of a known kind; there are rig\.json, .*Kalibr camchain"):
         open_rig(tmp_path)
     with pytest.raises(InputError, match="no file of mrcal camera models; it has"):
         open_rig(tmp_path, "mrcal")
