@@ -196,13 +196,30 @@ def target_of(target: "TargetGeometry | Place", needs: "Needs" = "points") -> "T
     """A target, or that of a file.
 
     Raises:
-        InputError: neither, or a file that cannot be read.
+        InputError: neither, a file that cannot be read, or several boards of which one looks the same turned.
     """
     from designer.target import TargetGeometry, load_target
 
     if isinstance(target, TargetGeometry):
-        return target
-    return load_target(place_of(target, "a target geometry, or its file"), needs)
+        found = target
+    else:
+        found = load_target(place_of(target, "a target geometry, or its file"), needs)
+    turned = [marks for marks in found.marks or () if marks.is_ambiguous]
+    if needs == "rings" and turned and not found.is_planar:
+        raise InputError(
+            f"its {turned[0].words} looks the same turned, which faces of one target must not: take ChArUco boards, "
+            "AprilGrids, or chessboards whose columns and rows of squares sum to an odd number"
+        )
+    return found
+
+
+def require_told_apart(target: "TargetGeometry", what: str) -> None:
+    """Refuse a board that looks the same turned where each of its points is to be the same one in all photos."""
+    if target.marks is not None and any(marks.is_ambiguous for marks in target.marks):
+        raise InputError(
+            f"{what}: its {target.marks[0].words} looks the same turned, so that photos may name its points either "
+            "way; take a board that tells, such as a ChArUco board"
+        )
 
 
 def camera_of(camera: "Camera | Place") -> "Camera":

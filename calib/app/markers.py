@@ -92,7 +92,7 @@ def markers(
     Raises:
         InputError: a file that cannot be read, a format that is none, or photos whose names it cannot hold.
     """
-    from calib.app.inputs import target_of
+    from calib.app.inputs import require_told_apart, target_of
     from calib.observe.dataset import read_detections
     from designer.base.files import check_folder, place_of
     from designer.page.output import asked_output
@@ -104,6 +104,7 @@ def markers(
     if output is not None:
         check_folder(output.place)
     geometry = target_of(target)
+    require_told_apart(geometry, "markers")
     if isinstance(detections, str | PathLike):
         known = Path(target) if isinstance(target, str | PathLike) else Path("the target")
         place = place_of(detections, "a detections.csv")

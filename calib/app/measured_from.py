@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from calib.app.inputs import Place, load_observations, observations_of, photos_of, target_of
+from calib.app.inputs import Place, load_observations, observations_of, photos_of, require_told_apart, target_of
 from calib.cameras import COMMON, fitted_models
 from calib.core.types import Detections, Observations
 from calib.coupon_reading.ink_of_rings import InkBleed, ink_of_rings
@@ -51,6 +51,7 @@ Item: TypeAlias = Observations | Detections | Place
 def nominal_of(target: TargetGeometry | Place) -> TargetGeometry:
     """The target that a print is measured against."""
     geometry = target_of(target)
+    require_told_apart(geometry, "measuring")
     if geometry.source != "nominal":
         name = "the target" if isinstance(target, TargetGeometry) else target
         raise InputError(

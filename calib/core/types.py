@@ -141,9 +141,11 @@ class KnownPoints:
     circle_mm: Array | None = None
     """(K,) diameters of the circles whose images' centres were measured; 0: the point itself was, nan: nobody said;
     None: the points themselves."""
+    turned: NDArray[np.int64] | None = None
+    """(T, K) which point each looks like with the target turned by so many parts of a full turn; None: like none."""
 
     def __post_init__(self) -> None:
-        freeze(self, "face", dtype=np.int64)
+        freeze(self, "face", "turned", dtype=np.int64)
         freeze(self, "position_mm", "plane", "circle_mm")
 
     @property

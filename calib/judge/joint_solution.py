@@ -31,6 +31,7 @@ from calib.rigs.shared_errors import with_shared_errors
 from calib.rigs.solve import solve_rig
 from calib.rigs.start import solve_alone
 from calib.rigs.target_error import with_target_error
+from calib.rigs.turned_names import named_alike
 from calib.solver.plan import ALL, SolvePlan, models_of, plan_from_words
 from calib.solver.priors import full_name, is_prior
 from calib.solver.problem import SolveOptions
@@ -369,6 +370,10 @@ def _with_poses(
     given, model = wishes.given.get(ALONE), COMMON if wishes.model == ALL else str(wishes.model)
     choice = CameraChoice(model if given is None else given.model, given, is_refined=False)
     alone = solve_alone(kept.sightings[0], ALONE, choice, RigOptions())
+    if one.points.turned is not None:
+        robot = Mechanism("robot", poses.base_from_flange[rows])
+        kept = named_alike(kept, [alone.cam_from_target], robot)
+        alone = solve_alone(kept.sightings[0], ALONE, choice, RigOptions())
     if why := why_wrong(alone.cam_from_target, poses, np.array(rows), is_camera_in_hand=is_camera_in_hand):
         raise InputError(f"{poses.origin}: {why}")
     return replace(seen, observations=kept), poses.base_from_flange[rows]

@@ -42,7 +42,18 @@ def known_points(target: TargetGeometry) -> KnownPoints:
     """A target's features and the planes of its faces, normals outwards."""
     normal, origin = target.target_from_face[:, :3, 2], target.target_from_face[:, :3, 3]
     plane = np.column_stack([normal, (normal * origin).sum(axis=1)])
-    return KnownPoints(target.center_mm, target.ring_face, plane, target.geometry_id)
+    return KnownPoints(target.center_mm, target.ring_face, plane, target.geometry_id, turned=_turned(target))
+
+
+def _turned(target: TargetGeometry) -> Rows | None:
+    """See `KnownPoints.turned`."""
+    if target.marks is None or not target.is_planar or target.marks[0].alike == 1:
+        return None
+    at, parts = target.marks[0].position_mm, target.marks[0].alike
+    angle = 2 * np.pi / parts * np.arange(parts)
+    c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    moved = np.stack([c * at[:, 0] - s * at[:, 1], s * at[:, 0] + c * at[:, 1]], axis=2)
+    return np.asarray(np.linalg.norm(moved[:, :, None] - at, axis=3).argmin(axis=2))
 
 
 def knows_fronts(target: TargetGeometry | None) -> bool:

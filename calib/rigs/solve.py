@@ -26,6 +26,7 @@ from calib.rigs.adjust import adjusted
 from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration, as_given
 from calib.rigs.start import Alone, solve_alone, view_rms
+from calib.rigs.turned_names import named_alike
 from calib.rigs.variance_components import DISAGREES
 from calib.solver.accuracy import projected_sigma_px
 from calib.solver.calibration import Calibration
@@ -76,6 +77,9 @@ def solve_rig(
             one would have to be shifted to fit, or options that do not fit.
     """
     options = options or RigOptions()
+    if observations.points.turned is not None and (observations.camera_count > 1 or options.carrier is not None):
+        alone = [one.cam_from_target for one in _each_alone(observations, choices, options)]
+        observations = named_alike(observations, alone, options.carrier)
     found, said = through_circles(
         observations.sightings,
         lambda seen: _solved(replace(observations, sightings=tuple(seen)), choices, options),

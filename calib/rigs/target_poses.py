@@ -1,7 +1,7 @@
 """Where a target is in a rig's frame, frame by frame, and the files that say so: `rig_poses.json`, or a table."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Annotated
@@ -11,11 +11,13 @@ import numpy as np
 from calib.cameras.rig import Rig
 from calib.core.csv_table import csv_bytes, csv_cell
 from calib.core.se3 import log_rotation, transform
+from calib.observe.observations import known_points
 from calib.observe.photos import Search, images_in
 from calib.observe.rig_photos import RigPhotos
 from calib.observe.rig_search import Place, RigSearch, photos_of_rig, rig_input, search_cameras
 from calib.observe.target_poses import TOO_FEW, PoseResult, check_output, rms_of, target_pose, target_poses
 from calib.rigs.target_pose import CameraSight, RigPose, pose_in_rig
+from calib.rigs.turned_names import turned_in_rig
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
@@ -230,7 +232,25 @@ def _sights(rig: Rig, search: RigSearch, *, weighted: bool) -> tuple[dict[str, l
         for result in one.results:
             if result.seen is not None and not len(result.seen.ring) and result.seen.remarks:
                 said.setdefault(frames[result.photo.name], f"; {printable(name)}: {result.seen.remarks[0]}")
-    return sights, said
+    return {frame: _named_alike(rig, search.target, own) for frame, own in sights.items()}, said
+
+
+def _named_alike(rig: Rig, target: TargetGeometry, sights: list[CameraSight]) -> list[CameraSight]:
+    """The sights of a frame; of a board that looks the same turned, all as the first camera names it."""
+    points = known_points(target)
+    if points.turned is None or len(sights) < 2:
+        return sights
+    each = turned_in_rig(
+        points, rig.cam_from_rig[[one.camera for one in sights]], [one.cam_from_target for one in sights]
+    )
+    named = []
+    for sight, (name, turn) in zip(sights, each, strict=True):
+        order = np.argsort(name[sight.seen.ring])
+        ring = name[sight.seen.ring][order]
+        seen = replace(sight.seen.keep(order), ring=ring, position_mm=target.center_mm[ring])
+        pose = sight.cam_from_target
+        named.append(replace(sight, seen=seen, cam_from_target=None if pose is None else pose @ turn))
+    return named
 
 
 def _pose(frame: str, rig: Rig, sights: list[CameraSight], found: RigPose) -> RigTargetPose:
