@@ -39,7 +39,7 @@ LINES = {
     "turntable": "Solve where a camera stands beside a turntable, its axis and angles.",
     "undistort": "Resample photos to what a pinhole camera would have taken.",
     "plan": "Plan the fewest photos that make a camera known as well as wanted.",
-    "detect": "Find a target's rings in photos, name them, and measure their centres.",
+    "detect": "Find a target's rings or corners in photos, name them, and measure their places.",
     "render": "Render synthetic photos of a target from known poses.",
     "triangulate": "Find where points are that several cameras see, and how surely.",
     "study bootstrap": "Draw views with replacement, calibrate and measure, thousands of times.",

@@ -62,8 +62,8 @@ FILES_OF_RUN = (
     ("verdict.json", "what was checked, for programs"),
     ("next_views.json", "photos to take next"),
     ("target.json", "the target as it was used"),
-    ("detections.csv", "rings found in the photos"),
-    ("detections.records.json", "what was read of each face, and why rings are missing"),
+    ("detections.csv", "features found in the photos"),
+    ("detections.records.json", "what was read of each face, and why features are missing"),
     ("calibration.png", "figures of the recommended model on one sheet"),
 )
 FILES_OF_MODEL = (
@@ -73,7 +73,7 @@ FILES_OF_MODEL = (
     ("metrics.json", "errors in summary"),
     ("metrics_views.csv", "errors by photo"),
     ("metrics_faces.csv", "errors by face"),
-    ("metrics_points.csv", "errors by ring"),
+    ("metrics_points.csv", "errors by feature"),
     ("metrics_observations.csv", "errors by observation"),
     ("calibration.png", "figures on one sheet"),
 )

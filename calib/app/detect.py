@@ -62,8 +62,8 @@ class DetectedPhotos(Result, kind="detections", title="Detections"):
         table = way_to(self.table, folder)
         records = Path(table).with_suffix(".records.json").as_posix()
         return (
-            (table, "the detections, a line a ring: what a calibration reads"),
-            (records, "what was read of each face, and why rings are missing"),
+            (table, "the detections, a line a feature: what a calibration reads"),
+            (records, "what was read of each face, and why features are missing"),
         )
 
     @property
@@ -243,9 +243,8 @@ class Detector:
         Raises:
             InputError: no such file, no image, or one of another size than the camera's.
         """
-        from calib.detector.glance import glance
+        from calib.detector.glance import look_quickly
         from calib.detector.lens import CameraLens
-        from calib.detector.plan import plan_for
         from calib.images.photo import grey_pixels
         from calib.observe.photos import require_size
 
@@ -254,7 +253,7 @@ class Detector:
         lens = None if self.camera is None else CameraLens(self.camera)
         is_same_size = likely is not None and likely.image_size == (pixels.shape[1], pixels.shape[0])
         hint = CameraLens(likely) if likely is not None and is_same_size else None
-        return glance(pixels, plan_for(self.target), name or "image", lens, hint)
+        return look_quickly(pixels, self.target, name or "image", lens, hint)
 
     def draw(self, image: "Pixels | Place", found: "Detections") -> "Image":
         """A picture of what was found in a photo and what was not, for a person: red, green, blue.  # (H', W', 3)

@@ -38,12 +38,12 @@ if TYPE_CHECKING:
 WORDS: Mapping[Level, str] = {"good": "found", "usable": "found in part", "bad": "not found", "note": ""}
 SOLVED_FOLDER = "camera"
 """Beside the detections: where the next step solves the camera."""
-LOOK = (
+_LOOK = (
     "Open the overlays of photos without the target: is it the target of this file, sharp, and at least a quarter of "
     "the image wide?",
-    "Where rings are missing, the reason is in the table: come nearer where they are small, avoid reflections where "
+    "Where {} are missing, the reason is in the table: come nearer where they are small, avoid reflections where "
     "they are faint or covered.",
-    "Leave out photos in which the target was found by a few rings only.",
+    "Leave out photos in which the target was found by a few {} only.",
 )
 EXPECTED = f"of the faces that show, without those {UNMEASURABLE_WORDS}"
 OVERLAYS_SHOW = "the same command with --overlay DIR draws what was and was not found"
@@ -57,7 +57,8 @@ def detected_page(made: "DetectedPhotos", folder: Path | None = None) -> Page:
     """
     search = made.search
     records, rows = [result.record for result in search.results], _checks(search)
-    level = worst_level(rows)
+    level, word = worst_level(rows), search.target.feature_word
+    look = tuple(line.format(word) for line in _LOOK)
     common = common_remarks([seen.remarks for seen in search.detections])
     shots = [] if folder is None else _shots(made, folder, common)
     said = (
@@ -71,7 +72,7 @@ def detected_page(made: "DetectedPhotos", folder: Path | None = None) -> Page:
     )  # fmt: skip
     photos = (
         *((Findings(said),) if said else ()),
-        *(() if folder is None else gallery(folder, shots, "The photos with most rings missing first.")),
+        *(() if folder is None else gallery(folder, shots, f"The photos with most {word} missing first.")),
         _photos_table(
             search, common, {shot.name: shot.path for shot in shots if folder and is_there(folder, shot.path)}
         ),
@@ -81,8 +82,8 @@ def detected_page(made: "DetectedPhotos", folder: Path | None = None) -> Page:
         Section("Was enough found?", (Findings(rows),), lead="The headline is the worst of these."),
         Section("Photos", photos, lead=_sigma_words(search)),
         *((Section("Faces", (_faces_table(search, records),)),) if is_solid else ()),
-        _missing_section(records),
-        *((Section("Look at the photos", (Steps(LOOK),)),) if level != "good" else ()),
+        _missing_section(records, word),
+        *((Section("Look at the photos", (Steps(look),)),) if level != "good" else ()),
     )
     return Page(
         "" if folder is None else title_of_pictures(folder), "", _headline(search, level), sections,
@@ -105,8 +106,9 @@ def _checks(search: Search) -> tuple[Finding, ...]:
     searched, asked = len(search.detections), len(search.results)
     rows = [_check("Photos that show the target", len(search.with_target), searched, "Of photos that could be read.")]
     if search.with_target:
-        flat = "Rings that are seen too flat are not counted."
-        rows.insert(0, _check("Rings of the faces that show", *search.counts, flat))
+        word = capital(search.target.feature_word)
+        flat = f"{word} that are seen too flat are not counted."
+        rows.insert(0, _check(f"{word} of the faces that show", *search.counts, flat))
     if searched < asked:
         rows.append(_check("Photos that could be read", searched, asked, "The others are listed with the reason."))
     return tuple(rows)
@@ -125,8 +127,8 @@ def _headline(search: Search, level: Level) -> Headline:
     if search.with_target:
         found, expected = search.counts
         sentence = (
-            f"The target was found in {len(search.with_target)} of {photos}, with {found} of the {expected} rings "
-            "that could have been measured."
+            f"The target was found in {len(search.with_target)} of {photos}, with {found} of the {expected} "
+            f"{search.target.feature_word} that could have been measured."
         )
     else:
         sentence = f"The target was found in none of {photos}. {_first_reason(search)}".rstrip()
@@ -156,7 +158,8 @@ def _facts(made: "DetectedPhotos", records: Sequence[ImageRecord], folder: Path 
         ("photos", f"{len(search.results)}, {len(search.detections)} of them searched"),
         ("image", f"{shown}{', ...' if len(sizes) > 3 else ''}" if shown else "none could be read"),
         *(() if search.target.is_planar else (("faces seen", f"{len(seen)} of {search.target.face_count}"),)),
-        ("ring-like things without a name", str(sum(record.rejected for record in records))),
+        *((("ring-like things without a name", str(sum(record.rejected for record in records))),)
+          if search.target.marks is None else ()),
         ("found by", program()),
         *((("written to", printable(f"{table}; from this folder: {way}" if way else table)),) if table else ()),
     ))  # fmt: skip
@@ -167,25 +170,27 @@ def _sigma_words(search: Search) -> str:
         return ""
     return (
         f"The standard deviation of a centre is {span(map(median_sigma_px, search.with_target), 2)} px, the median of "
-        "a photo: from how well a ring fits its pixels, which says nothing of a bent print."
+        f"a photo: from how well {search.target.feature_word} fit their pixels, which says nothing of a bent print."
     )
 
 
 def _photos_table(search: Search, common: Sequence[str], pictures: Mapping[str, str]) -> Table:
     """A row a photo, whose name leads to its picture."""
-    kind = Shown[PhotoResult]
+    kind, word = Shown[PhotoResult], search.target.feature_word
+    is_ours = search.target.marks is None
+    found = f"{'rings and dots' if is_ours else word} that were named and measured"
     faces = kind("faces", lambda one: Cell(" ".join(map(str, _faces(one))), float(len(_faces(one)))),
                  "of the target, that were named")  # fmt: skip
     return table_of(
         search.results,
         kind("photo", lambda one: Cell(printable(one.photo.name), path=pictures.get(one.photo.name, ""),
                                        level=_level(one))),
-        kind("found", lambda one: one.record.features, "rings and dots that were named and measured"),
+        kind("found", lambda one: one.record.features, found),
         kind("expected", lambda one: one.record.expected, EXPECTED),
         *(() if search.target.is_planar else (faces,)),
         kind("sigma px", _sigma_px, "median of the centres' standard deviations, along their worse axis"),
-        kind("margin", _margin, "how many marks fit the name of a face better than the next best name; the least"),
-        kind("no name", lambda one: one.record.rejected, "ring-like things that got no name"),
+        *((kind("margin", _margin, "how many marks fit the name of a face better than the next best name; the least"),
+           kind("no name", lambda one: one.record.rejected, "ring-like things that got no name")) if is_ours else ()),
         kind("missing", _missing), kind("remark", lambda one: _remark(one, common)), title="All photos",
     )  # fmt: skip
 
@@ -230,7 +235,8 @@ def _shots(made: "DetectedPhotos", folder: Path, common: Sequence[str]) -> list[
     shots = []
     for one in sorted(made.search.results, key=_share):
         if one.overlay is not None:
-            rings = f"{one.record.features} of {one.record.expected} rings, sigma {digits(_sigma_px(one), 2)} px"
+            word = made.search.target.feature_word
+            rings = f"{one.record.features} of {one.record.expected} {word}, sigma {digits(_sigma_px(one), 2)} px"
             words = (rings if one.record.features else "not found", _missing(one), _remark(one, common))
             caption = ", ".join(filter(None, words))
             shots.append(Shot(f"{inside}{one.overlay.name}", one.photo.name, caption, _level(one)))
@@ -244,7 +250,7 @@ def _faces_table(search: Search, records: Sequence[ImageRecord]) -> Table:
     kind = Shown[tuple[int, list[FaceRecord]]]
     return table_of(
         rows, kind("face", lambda row: Cell(str(row[0]), float(row[0]), level=None if row[1] else "usable")),
-        kind("photos", lambda row: len(row[1]), "in which rings of it were measured"),
+        kind("photos", lambda row: len(row[1]), f"in which {search.target.feature_word} of it were measured"),
         kind("found", lambda row: sum(face.rings_found for face in row[1])),
         kind("expected", lambda row: sum(face.measurable for face in row[1]),
              f"of these photos, without those {UNMEASURABLE_WORDS}"),
@@ -252,24 +258,24 @@ def _faces_table(search: Search, records: Sequence[ImageRecord]) -> Table:
     )  # fmt: skip
 
 
-def _missing_section(records: Sequence[ImageRecord]) -> Section:
-    """Why rings are missing, over all photos."""
+def _missing_section(records: Sequence[ImageRecord], word: str) -> Section:
+    """Why features are missing, over all photos."""
     missing = sum((record.missing for record in records), Counter[str]())
-    title = "Why rings are missing"
+    title = f"Why {word} are missing"
     if not any(record.features for record in records):
-        lead = "In no photo was a face named, so no ring can be told missing; what each shows instead stands above."
+        lead = f"In no photo was a face named, so no {word[:-1]} can be told missing; what each shows stands above."
         return Section(title, (), lead=lead)
     if not missing:
-        return Section(title, (), lead="No ring of a face that shows is missing.")
+        return Section(title, (), lead=f"No {word[:-1]} of a face that shows is missing.")
     lost = missing.total() - sum(missing[why] for why in NOT_MEASURABLE)
-    note = f"Rings {UNMEASURABLE_WORDS} are not expected: no detector measures them." if lost < missing.total() else ""
+    note = f"{capital(word)} {UNMEASURABLE_WORDS} are not expected: no detector measures them."
     kind = Shown[tuple[str, int]]
     table = table_of(
-        missing.most_common(), kind("reason", lambda row: row[0]), kind("rings", lambda row: row[1]), title="Reasons",
-        note=note,
+        missing.most_common(), kind("reason", lambda row: row[0]), kind(word, lambda row: row[1]), title="Reasons",
+        note=note if lost < missing.total() else "",
     )  # fmt: skip
-    lead = f"{lost} rings are missing that could have been measured" if lost else "Only rings that nobody could measure"
-    return Section(title, (table,), lead=f"{lead}.")
+    said = f"{lost} {word} are missing that could have been measured" if lost else f"Only {word} nobody could measure"
+    return Section(title, (table,), lead=f"{said}.")
 
 
 def _next(made: "DetectedPhotos") -> tuple[Command, ...]:

@@ -33,7 +33,7 @@ REFERENCE = "reference"
 @dataclass(frozen=True, eq=False)
 class CameraErrors(
     Result, kind="metrics", title="Errors of a camera", doing="evaluating",
-    files={"metrics_*.csv": "errors by photo, ring, face and observation"},
+    files={"metrics_*.csv": "errors by photo, point, face and observation"},
 ):  # fmt: skip
     """The errors of a camera by all metrics that apply: `found.of("reprojection")`, `found.save("camera")`."""
 

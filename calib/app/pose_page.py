@@ -65,7 +65,7 @@ class PosedPhoto:
     def caption(self) -> str:
         """What stands below its picture."""
         away = "" if self.pose is None else f", {digits(self.pose.distance_mm)} mm away"
-        return f"{self.rings} rings, RMS {digits(self.rms_px, 2)} px{away}"
+        return f"{self.rings} points, RMS {digits(self.rms_px, 2)} px{away}"
 
 
 REMARK = Shown[PosedPhoto]("remark", lambda one: one.remark)
@@ -83,7 +83,7 @@ def _of_camera(made: "TargetPoses", found: PoseResult) -> Page:
     if math.isfinite(usual_px):
         checks.append(Finding(
             level_of(usual_px, GOOD_RMS_PX, USABLE_RMS_PX), "Residuals", "Median over the photos of the RMS distance "
-            "between measured and predicted rings; more than the noise of a ring is lens, focus or print.",
+            "between measured and predicted points; more than the noise of a point is lens, focus or print.",
             f"{digits(usual_px, 2)} px", f"good up to {GOOD_RMS_PX:g} px, usable up to {USABLE_RMS_PX:g} px",
         ))  # fmt: skip
     poses = np.array([one.pose.cam_from_target for one in photos if one.pose is not None])
@@ -97,7 +97,7 @@ def _of_camera(made: "TargetPoses", found: PoseResult) -> Page:
         least, most = (limit((pose.rms_px, pose.image) for pose in found.poses) for limit in (min, max))
         lead = (
             f"The RMS residuals of a photo are {digits(least[0], 2)} to {digits(most[0], 2)} px, largest in {most[1]}. "
-            "Standard deviations hold if the camera file is exact and errors of the rings are independent."
+            "Standard deviations hold if the camera file is exact and errors of the points are independent."
         )
         sigma_mm = np.array([pose.distance_sigma_mm for pose in found.poses])
         if np.isfinite(sigma_mm).all():
@@ -114,7 +114,7 @@ def _of_camera(made: "TargetPoses", found: PoseResult) -> Page:
     )  # fmt: skip
     kind = Shown[PosedPhoto]
     table = table_of(
-        photos, _name_column(made), kind("rings", lambda one: one.rings),
+        photos, _name_column(made), kind("points", lambda one: one.rings),
         kind("RMS px", lambda one: one.rms_px, f"{MEASURED} centres", 3),
         *(kind(f"{axis} mm", partial(_place_cell, axis=row), "the camera in the target's frame")
           for row, axis in enumerate("xyz")),
@@ -147,7 +147,7 @@ def _photos(made: "TargetPoses", found: PoseResult) -> list[PosedPhoto]:
             photos.append(PosedPhoto(name, picture, rings, math.nan, shortened(text), "bad"))
             continue
         if pose.rings < rings:
-            remarks.append(f"{rings - pose.rings} more rings lie where the camera knows no light")
+            remarks.append(f"{rings - pose.rings} more points lie where the camera knows no light")
         level: Level | None = "usable" if pose.rms_px > STANDS_OUT * found.usual_px else None
         text = shortened("; ".join(remarks))
         photos.append(PosedPhoto(name, picture, pose.rings, pose.rms_px, text, level, pose=pose))
@@ -203,7 +203,7 @@ def _of_rig(made: "TargetPoses", found: "RigPoseResult") -> Page:
     )  # fmt: skip
     kind = Shown[PosedPhoto]
     table = table_of(
-        photos, _name_column(made), kind("frame", lambda one: one.frame), kind("rings", lambda one: one.rings),
+        photos, _name_column(made), kind("frame", lambda one: one.frame), kind("points", lambda one: one.rings),
         kind("RMS px", lambda one: one.rms_px, f"{MEASURED} centres, of all cameras' one pose", 3), REMARK,
         title="All photos", note=f"Marked: residuals more than {STANDS_OUT:g} times the usual frame's.",
     )  # fmt: skip
@@ -239,7 +239,7 @@ def poses_table(found: "RigPoseResult") -> Table:
     kind = Shown["RigTargetPose"]
     return table_of(
         found.poses, kind("frame", lambda one: one.frame),
-        kind("cameras", lambda one: len(one.cameras), "that show the target"), kind("rings", lambda one: one.rings),
+        kind("cameras", lambda one: len(one.cameras), "that show the target"), kind("points", lambda one: one.rings),
         kind("RMS px", lambda one: one.rms_px, f"{MEASURED} centres", 3),
         *(kind(f"{axis} mm", partial(_target_cell, axis=row),
                "of the target's origin in the rig's frame, with its standard deviation")

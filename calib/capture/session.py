@@ -30,9 +30,8 @@ from calib.capture.photo_folder import PhotoFolder
 from calib.capture.sources import Frame, Source, own_moment
 from calib.core.types import LEAST_POINTS, Detections
 from calib.detector.frame_quality import frame_quality
-from calib.detector.glance import glance
+from calib.detector.glance import look_quickly
 from calib.detector.lens import CameraLens
-from calib.detector.plan import plan_for
 from calib.images.photo import Grey, read_image
 from calib.judge.guidance import FrameNote, Look, TakenPhoto
 from calib.judge.live_frame import Shutter, notes_of
@@ -98,8 +97,8 @@ class Session:
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
         self.guide, self.folder, self.sources, self.target = guide, folder, sources, guide.settings.target
-        rings = f"{len(self.target.center_mm)} rings"
-        self._words = rings if self.target.spec is None else f"{self.target.spec.words}, {rings}"
+        points = f"{len(self.target.center_mm)} {self.target.feature_word}"
+        self._words = points if self.target.spec is None else f"{self.target.spec.words}, {points}"
         self.phase: Phase = "taking"
         self.kept: dict[str, KeptMoment] = {}  # by the moments' names
         self._tell, self._show, self._now_s = tell, show, now_s
@@ -326,7 +325,7 @@ class Session:
         if frame.file is None:
             likely = self._likely(camera, pixels)
             lens = None if likely is None else CameraLens(likely)
-            found = glance(pixels, plan_for(target), f"frame {frame.number}", None, lens)
+            found = look_quickly(pixels, target, f"frame {frame.number}", None, lens)
         else:
             own = frame.file.name if len(self.sources) == 1 else own_moment(camera, frame.file)
             found = self._exact(camera, pixels, own)

@@ -11,13 +11,13 @@ eigenvector the direction.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.linear_algebra import least_squares
 from calib.core.types import Detections
+from calib.detector.where_expected import face_map
 from designer.base.arrays import Array
 from designer.target import TargetGeometry
 
@@ -35,6 +35,8 @@ OF_PIXELS = 1 / 12 + 1 / 6
 FULL_SHARE = 0.995
 """Of full scale: what is as bright or brighter is full."""
 FEWEST_RINGS = 4
+TWO_ALIKE = 0.1
+"""Of a variance: by less edges of two directions only do not tell a motion."""
 
 
 @dataclass(frozen=True)
@@ -66,14 +68,24 @@ def frame_quality(pixels: NDArray[np.generic], found: Detections, target: Target
     if len(found.ring) < FEWEST_RINGS:
         return None
     rows = np.unique(np.linspace(0, len(found.ring) - 1, min(len(found.ring), RINGS)).round().astype(np.int64))
-    ratio = target.radius_inner_mm[found.ring] / target.radius_outer_mm[found.ring]
     across, along = found.ellipse_px[:, 2], found.ellipse_px[:, 3]
     full = _full_scale(pixels)
-    levels = _around(pixels, found.ellipse_px[rows], np.array([INK_AT, WHITE_AT])) / full  # (N, D, 2)
+    if target.radius_outer_mm[found.ring].all():
+        levels = _around(pixels, found.ellipse_px[rows], np.array([INK_AT, WHITE_AT])) / full  # (N, D, 2)
+        ratio = target.radius_inner_mm[found.ring] / target.radius_outer_mm[found.ring]
+        edges = _edges_of_rings(found.ellipse_px[rows], 1 - ratio[rows].clip(0.2, 0.8))
+    else:
+        axes = _axes_of_corners(found, target)[rows]
+        levels = _around_corners(pixels, found.center_px[rows], axes) / full
+        edges = _edges_of_corners(pixels, found.center_px[rows], axes)
+    if target.marks is not None:  # light circles, and squares of either colour
+        is_light = np.array([marks.is_light for marks in target.marks])[target.ring_face[found.ring[rows]]]
+        edges = replace(edges, normal=np.where(is_light[:, None, None], -1.0, 1.0) * edges.normal)
+        levels = np.sort(levels, axis=2)
     ink, white = levels[..., 0], levels[..., 1]
     usable = np.isfinite(levels).all(axis=2)
     contrast = float(np.nanmedian(white - ink)) if usable.any() else math.nan
-    moments = _moments(pixels, found.ellipse_px[rows], 1 - ratio[rows].clip(0.2, 0.8)) if contrast > 0 else None
+    moments = _moments(pixels, edges) if contrast > 0 else None
     blur, motion, direction = (math.nan,) * 3 if moments is None else _blur_and_motion(moments)
     return FrameQuality(
         len(found.ring), float(np.median(along)), float(np.median(along / across)), blur, motion, direction, contrast,
@@ -118,14 +130,18 @@ def _sampled(pixels: NDArray[np.generic], place: Array) -> Array:
     return np.where(inside, (1 - dv) * upper + dv * lower, np.nan)
 
 
-def _moments(pixels: NDArray[np.generic], ellipse: Array, ink: Array) -> Array | None:
-    """Second moments S of the blur, from the widths of edges by their direction; None: they cannot be told.  # (2, 2)
+@dataclass(frozen=True, eq=False)
+class _Edges:
+    """D places on the edges of each of N marks."""
 
-    Args:
-        pixels: of the frame.
-        ellipse: of rings.
-        ink: width of their ink, of the outer radius.
-    """
+    place: Array  # (N, D, 2)
+    normal: Array  # (N, D, 2) of length 1, towards the white
+    depth: Array  # (N, D) how far across nothing else begins, px
+    are_two: bool = False  # directions only: of the first and of the last D / 2
+
+
+def _edges_of_rings(ellipse: Array, ink: Array) -> _Edges:
+    """Outer edges; the width of the ink is given, of the outer radius."""
     first, second = _axes(ellipse)
     angle = 2 * math.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
     cosine, sine = np.cos(angle)[None, :, None], np.sin(angle)[None, :, None]
@@ -134,8 +150,43 @@ def _moments(pixels: NDArray[np.generic], ellipse: Array, ink: Array) -> Array |
     normal = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     # How far it is across the ink along the normal; the white beside it is about as wide.
-    depth = REACH * ink[:, None] * ((edge - ellipse[:, None, :2]) * normal).sum(axis=-1)  # (N, D)
-    reach = float(np.median(depth))
+    return _Edges(edge, normal, REACH * ink[:, None] * ((edge - ellipse[:, None, :2]) * normal).sum(axis=-1))
+
+
+def _axes_of_corners(found: Detections, target: TargetGeometry) -> Array:
+    """How far the edges of corners reach along x and y of their faces, px, as columns.  # (N, 2, 2)"""
+    axes = np.full((len(found.ring), 2, 2), np.nan)
+    for face in np.unique(target.ring_face[found.ring]).tolist():
+        own = target.ring_face[found.ring] == face
+        at_mm = target.center_in_face_mm[found.ring[own], :2]
+        axes[own] = face_map(at_mm, found.center_px[own]).at(at_mm)[1]
+    return np.asarray(target.reach_mm[found.ring, None, None] * axes)
+
+
+def _around_corners(pixels: NDArray[np.generic], center: Array, axes: Array) -> Array:
+    """Levels of the four fields at each corner, two and two across it.  # (N, 2, 2)"""
+    fields = np.array([[[1.0, 1.0], [1.0, -1.0]], [[-1.0, -1.0], [-1.0, 1.0]]]) / 2
+    return _sampled(pixels, center[:, None, None] + np.einsum("nij,abj->nabi", axes, fields))
+
+
+def _edges_of_corners(pixels: NDArray[np.generic], center: Array, axes: Array) -> _Edges:
+    """Half way along the four edges at each corner."""
+    along = axes[:, :, [0, 0, 1, 1]].transpose(0, 2, 1)  # (N, 4, 2)
+    place = center[:, None] + np.array([0.5, -0.5, 0.5, -0.5])[:, None] * along
+    length = np.linalg.norm(along, axis=2, keepdims=True)
+    normal = np.stack([along[..., 1], -along[..., 0]], axis=2) / length
+    depth = 0.5 * REACH * np.abs(np.linalg.det(axes))[:, None] / length[..., 0]
+    rises = _sampled(pixels, place + depth[..., None] * normal) - _sampled(pixels, place - depth[..., None] * normal)
+    return _Edges(place, np.where(rises[..., None] < 0, -1.0, 1.0) * normal, depth, are_two=True)
+
+
+def _moments(pixels: NDArray[np.generic], edges: _Edges) -> Array | None:
+    """Second moments S of the blur, from the widths of edges by their direction; None: they cannot be told.  # (2, 2)
+
+    Edges of two directions tell two of three numbers; S is then the one that is most alike in all directions.
+    """
+    edge, normal, depth = edges.place, edges.normal, edges.depth
+    reach = float(np.nanmedian(depth))
     step = np.linspace(-reach, reach, STEPS)
     level = _sampled(pixels, edge[:, :, None] + step[:, None] * normal[:, :, None])  # (N, D, K)
     usable = np.isfinite(level).all(axis=2) & (depth > 0.6 * reach)
@@ -143,8 +194,10 @@ def _moments(pixels: NDArray[np.generic], ellipse: Array, ink: Array) -> Array |
     usable &= (high - low)[..., 0] > 0.5 * np.nanmedian(high - low)
     share = (level - low) / np.where(usable[..., None], high - low, 1.0)
     facing = np.arctan2(normal[..., 1], normal[..., 0]) % math.pi
-    bins = DIRECTIONS // PER_BIN
+    bins = 2 if edges.are_two else DIRECTIONS // PER_BIN
     number = np.minimum((facing / math.pi * bins).astype(np.int64), bins - 1)
+    if edges.are_two:
+        number[:] = np.arange(facing.shape[1]) // (facing.shape[1] // 2)
     equations, variances = [], []
     for one in range(bins):
         mine = usable & (number == one)
@@ -153,9 +206,13 @@ def _moments(pixels: NDArray[np.generic], ellipse: Array, ink: Array) -> Array |
         phi = float(np.angle(np.exp(2j * facing[mine]).mean())) / 2
         equations.append((math.cos(phi) ** 2, 2 * math.cos(phi) * math.sin(phi), math.sin(phi) ** 2))
         variances.append(_variance(step, share[mine].mean(axis=0)))
-    if len(variances) < 4:
+    if len(variances) < (2 if edges.are_two else 4):
         return None
-    xx, xy, yy = least_squares(np.array(equations), np.array(variances)).tolist()
+    even = float(np.mean(variances))
+    if edges.are_two and np.ptp(variances) < TWO_ALIKE * max(variances):
+        return even * np.eye(2)
+    off = np.linalg.lstsq(np.array(equations), np.array(variances) - even, rcond=1e-6)[0]
+    xx, xy, yy = (off + even * np.array([1.0, 0.0, 1.0])).tolist()
     return np.array([[xx, xy], [xy, yy]])
 
 

@@ -12,8 +12,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.types import Detections
-from calib.detector.boards import LEAST_SIDE_PX
+from calib.core.types import Detections, FaceRecord
+from calib.detector.boards import LEAST_SIDE_PX, as_bytes, find_boards
 from calib.detector.borders import reduced, thresholds
 from calib.detector.candidates import Candidates, find_candidates, merged
 from calib.detector.lens import Lens
@@ -30,17 +30,25 @@ from calib.detector.pipeline import (
     nothing_found,
 )
 from calib.detector.place import Naming, Placement, Places, complete, predict, without_strangers
-from calib.detector.plan import TargetPlan
+from calib.detector.plan import TargetPlan, plan_for
 from calib.detector.ring_marks import usual_contrast
 from calib.detector.verify import gather, refusal
+from calib.detector.where_expected import face_map, imaged_circles
 from calib.detector.wide_guess import guess_lens
 from designer.base.arrays import Array, Rows
+from designer.target import TargetGeometry
 
 Grey: TypeAlias = NDArray[np.generic]
 Size: TypeAlias = tuple[int, int]
 
 GLANCE_PIXELS = 2_100_000
 """Larger frames are reduced to about this size, 1920 x 1080, and looked at in full only if nothing is found so."""
+BOARD_PIXELS = 520_000
+"""Of other makers' boards the same, which are found whole or not at all; a larger frame costs time in each without."""
+BOARD_SIGMA = 0.2
+"""Of a point found there, px of the reduced frame."""
+LEAST_POINTS = 4
+NOT_SEEN, NO_BOARD = "not found", "no board of this target was found"
 ENOUGH = 0.5
 """With this share of the rings that should be in view no other threshold is tried."""
 FITS_PX = 0.3
@@ -62,6 +70,38 @@ class Glimpse:
 
     found: Detections
     share: float  # of the plain features in view that were named
+
+
+def look_quickly(
+    pixels: Grey, target: TargetGeometry, name: str = "", camera_lens: Lens | None = None, likely: Lens | None = None
+) -> Detections:
+    """Names and rough centres in a frame, whatever the target's marks: as `glance` of rings."""
+    if target.marks is None:
+        return glance(pixels, plan_for(target), name, camera_lens, likely)
+    factor = 2 ** max(0, math.ceil(math.log(pixels.size / BOARD_PIXELS, 4)))
+    grey = reduced(pixels, factor) if factor > 1 else as_bytes(pixels)
+    faces = find_boards(grey, target).faces if min(grey.shape) >= LEAST_SIDE_PX else ()
+    sigma_px, rings, centers, ellipses, records = BOARD_SIGMA * factor, [], [], [], []
+    for one in sorted((one for one in faces if len(one.row) >= LEAST_POINTS), key=lambda one: one.face):
+        own = np.flatnonzero(target.ring_face == one.face)
+        ring, center = own[one.row], factor * (one.near_px + 0.5) - 0.5
+        at_mm = target.center_in_face_mm[ring, :2]
+        _, affine = face_map(at_mm, center).at(at_mm)
+        rings.append(ring)
+        centers.append(center)
+        ellipses.append(imaged_circles(center, affine, target.reach_mm[ring]))
+        left = len(own) - len(ring)
+        records.append(FaceRecord(one.face, (), 0, len(ring), len(own), ((NOT_SEEN, left),) if left else ()))
+    ring = np.concatenate([np.zeros(0, dtype=np.int64), *rings])
+    remarks = tuple(dict.fromkeys(remark for one in faces for remark in one.remarks))
+    return Detections(
+        image=name, image_size=(pixels.shape[1], pixels.shape[0]), layout_id=target.layout_id,
+        geometry_id=target.geometry_id, ring=ring, position_mm=target.center_mm[ring],
+        center_px=np.concatenate([np.zeros((0, 2)), *centers]),
+        cov_px2=np.tile(sigma_px**2 * np.eye(2), (len(ring), 1, 1)),
+        ellipse_px=np.concatenate([np.zeros((0, 5)), *ellipses]), faces=tuple(records),
+        remarks=remarks if len(ring) else (*remarks, NO_BOARD),
+    )  # fmt: skip
 
 
 def glance(

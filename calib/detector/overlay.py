@@ -140,10 +140,12 @@ def _draw_features(
     canvas: Canvas, face: ImagedFace, seen: Detections, target: TargetGeometry, colour: Colour, pen: _Pen
 ) -> None:
     """Contours and centres of what was found, dashes for what was expected."""
-    ellipse, is_dot = seen.ellipse_px[face.rows], target.is_dot[seen.ring[face.rows]]
-    canvas.ellipse(ellipse, colour, pen.width)
-    canvas.ellipse(_grown(ellipse[is_dot], 0.68), _WHITE, 0.8 * pen.width)
-    arm = 0.3 * ellipse[:, 3, None, None] * np.eye(2)  # (N, 2, 2) along u, and along v
+    ring, ellipse = seen.ring[face.rows], seen.ellipse_px[face.rows]
+    is_dot, is_corner = target.is_dot[ring], target.radius_outer_mm[ring] == 0
+    canvas.ellipse(ellipse[~is_corner], colour, pen.width)
+    if target.marks is None:
+        canvas.ellipse(_grown(ellipse[is_dot], 0.68), _WHITE, 0.8 * pen.width)
+    arm = np.where(is_corner, 0.8, 0.3)[:, None, None] * ellipse[:, 3, None, None] * np.eye(2)  # along u, along v
     center = seen.center_px[face.rows, None]
     crosses = np.stack([center - arm, center + arm], axis=2)  # (N, 2 lines, 2 ends, 2)
     canvas.line(crosses[is_dot].reshape(-1, 2, 2), _WHITE, pen.width + 2)

@@ -51,7 +51,7 @@ def frame(seen: Detections, target: TargetGeometry, columns: int) -> tuple[NDArr
     """What stands above and below a picture so wide: a header and a legend.  # (A, W, 3), (B, W, 3)"""
     width = max(columns, LEAST_WIDTH_PX)
     height = int(np.clip(width / 85, 14, 130))
-    return _header(seen, target, width, height), _legend(width, height)
+    return _header(seen, target, width, height), _legend(target, width, height)
 
 
 _Text = tuple[str, Colour]
@@ -61,7 +61,8 @@ def _header(seen: Detections, target: TargetGeometry, width: int, height: int) -
     """Name, counts, faces and remarks, in as many lines as they need."""
     named = [record for record in seen.faces if record.face is not None and record.measurable]
     expected = sum(record.measurable for record in named)
-    found = f"{len(seen.ring)} of {expected} features" if named else "target not found"
+    word = "features" if target.marks is None else target.feature_word
+    found = f"{len(seen.ring)} of {expected} {word}" if named else "target not found"
     title: list[_Text] = [(cut_text(seen.image, 60), INK), (f"{seen.image_size[0]} x {seen.image_size[1]} px", _SOFT)]
     title.append((found, INK if len(seen.ring) else REJECTED))
     if len(seen.ring):
@@ -83,12 +84,13 @@ def _header(seen: Detections, target: TargetGeometry, width: int, height: int) -
     return _strip(rows, width, height)
 
 
-def _legend(width: int, height: int) -> NDArray[np.uint8]:
+def _legend(target: TargetGeometry, width: int, height: int) -> NDArray[np.uint8]:
     """The meaning of the marks, and the scale of the centres' colours."""
-    entries: list[_Text] = [
-        ("ring", INK), ("dot", INK), ("expected, not found", INK), ("looks like a ring, no name", INK),
-        ("i,j : index in the face's lattice", INK),
-    ]  # fmt: skip
+    icons = {"ring": 0, "dot": 1, "expected, not found": 2, "looks like a ring, no name": 3}
+    if target.marks is not None:
+        words = {"circle": 0} if target.radius_outer_mm.any() else {}
+        icons = words | ({"corner": 4} if not target.radius_outer_mm.all() else {}) | {"expected, not found": 2}
+    entries: list[_Text] = [(word, INK) for word in (*icons, "i,j : index in the face's lattice")]
     rows = _flowed(entries, width, height, indent=round(1.8 * height))
     strip = _strip([*rows, [], []], width, height)
     canvas = Canvas(strip, np.zeros((1, 1), np.uint8), 1.0)
@@ -97,15 +99,15 @@ def _legend(width: int, height: int) -> NDArray[np.uint8]:
     for number, row in enumerate(rows):
         for left, _, _ in row:
             middle = np.array([left - 0.95 * height, height / 2 + (number + 0.5) * line])
-            if icon < 4:
-                _draw_icon(canvas, icon, middle, 0.55 * height, pen)
+            if icon < len(icons):
+                _draw_icon(canvas, list(icons.values())[icon], middle, 0.55 * height, pen)
             icon += 1
     _draw_scale(strip, height, round(height / 2 + (len(rows) + 0.4) * line))
     return strip
 
 
 def _draw_icon(canvas: Canvas, icon: int, middle: Array, radius: float, pen: float) -> None:
-    """A mark as it stands in the picture: ring, dot, missing, rejected."""
+    """A mark as it stands in the picture: ring, dot, missing, rejected, corner."""
     circle = np.array([*middle, radius, radius, 0.0])
     reach = np.array([[1.0, 0.0], [0.0, 1.0]]) * 0.45 * radius
     if icon == 2:
@@ -117,15 +119,16 @@ def _draw_icon(canvas: Canvas, icon: int, middle: Array, radius: float, pen: flo
         if icon == 1:
             cv2.circle(canvas.pixels, (round(middle[0]), round(middle[1])), round(radius), (70, 70, 70), cv2.FILLED)
             canvas.ellipse(np.array([*middle, 0.66 * radius, 0.66 * radius, 0.0]), (255, 255, 255), pen)
-        canvas.ellipse(circle, FACE_COLOURS[0], pen)
-        for step in reach:
+        if icon != 4:
+            canvas.ellipse(circle, FACE_COLOURS[0], pen)
+        for step in reach * (2.0 if icon == 4 else 1.0):
             canvas.line(np.stack([middle - step, middle + step]), sigma_colour(0.005), 0.8 * pen)
 
 
 def _draw_scale(strip: NDArray[np.uint8], height: int, top: int) -> None:
     """A bar of the centres' colours with its numbers, as long as the strip allows."""
     low, high = map(math.log, SIGMA_RANGE_PX)
-    caption = "sigma of a centre, px"
+    caption = "standard deviation, px"
     font = ImageFont.load_default(height)
     left = height + round(font.getlength(caption)) + 2 * height
     length = min(26 * height, strip.shape[1] - left - 2 * height)

@@ -78,9 +78,9 @@ def imaged_face(seen: Detections, target: TargetGeometry, face: int) -> ImagedFa
     flat = target.center_in_face_mm[:, :2]
     missing = np.setdiff1d(np.flatnonzero(target.ring_face == face), ring)
     found_mm, found_px = flat[ring], seen.center_px[rows]
-    face_map = _face_map(found_mm, found_px)
-    place, affine = face_map.at(flat[missing])
-    ellipse = _imaged_circles(place, affine, target.radius_outer_mm[missing])
+    of_face = face_map(found_mm, found_px)
+    place, affine = of_face.at(flat[missing])
+    ellipse = imaged_circles(place, affine, target.reach_mm[missing])
     width, height = seen.image_size
     inside = (
         np.isfinite(ellipse).all(axis=1)
@@ -90,7 +90,7 @@ def imaged_face(seen: Detections, target: TargetGeometry, face: int) -> ImagedFa
         & (ellipse[:, 3] > 0.15 * ellipse[:, 2])
     )
     outline = target.outline_mm[face]
-    middle, at_middle = face_map.at(outline.mean(axis=0)[None])
+    middle, at_middle = of_face.at(outline.mean(axis=0)[None])
     area_mm2 = 0.5 * abs(
         float(np.sum(outline[:, 0] * np.roll(outline[:, 1], -1) - outline[:, 1] * np.roll(outline[:, 0], -1)))
     )
@@ -100,7 +100,7 @@ def imaged_face(seen: Detections, target: TargetGeometry, face: int) -> ImagedFa
         rows=rows,
         ring=ring,
         in_face_mm=found_mm,
-        map=face_map,
+        map=of_face,
         center_px=found_px,
         ellipse_px=seen.ellipse_px[rows],
         missing_ellipse_px=ellipse[inside],
@@ -114,7 +114,7 @@ def _determinant(slope: Array) -> float:
     return float(slope[0, 0] * slope[1, 1] - slope[0, 1] * slope[1, 0])
 
 
-def _face_map(from_mm: Array, to_px: Array) -> _FaceMap:
+def face_map(from_mm: Array, to_px: Array) -> _FaceMap:
     """The map that found features tell.  # (N, 2), (N, 2)"""
     spread = np.linalg.svd(from_mm - from_mm.mean(axis=0), compute_uv=False) if len(from_mm) > 2 else np.zeros(2)
     plane = None if spread[1] <= 0.05 * spread[0] else _plane_map(from_mm, to_px)
@@ -151,7 +151,7 @@ def _mapped(plane: Array, at: Array) -> tuple[Array, Array]:
     return image, slope
 
 
-def _imaged_circles(center_px: Array, affine: Array, radius_mm: Array) -> Array:
+def imaged_circles(center_px: Array, affine: Array, radius_mm: Array) -> Array:
     """Ellipses of circles under local affine maps.  # (K, 2), (K, 2, 2), (K,) -> (K, 5)"""
     ellipse = np.full((len(center_px), 5), np.nan)
     for k in np.flatnonzero(np.isfinite(affine).all(axis=(1, 2))):

@@ -113,7 +113,7 @@ def _header(pose: TargetPose, enlargement: int, width: int) -> NDArray[np.uint8]
     x, y, z = pose.camera_mm
     texts = (
         cut_text(pose.image, 60),
-        f"{pose.rings} rings, RMS {pose.rms_px:.4f} px",
+        f"{pose.rings} points, RMS {pose.rms_px:.4f} px",
         f"camera at {x:.3f} {y:.3f} {z:.3f} mm",
         f"{pose.distance_mm:.3f} mm away",
         f"lines: predicted - measured, x {enlargement}",

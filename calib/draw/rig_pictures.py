@@ -76,7 +76,7 @@ def pictures_section(folder: Path, found: RigCalibration) -> Section | None:
         return None
     each = "T" if len(names) == 1 else "Camera by camera, t"
     pictures = gallery(folder, shots, f"{each}he photo with the largest residuals of the rig and one with the usual.")
-    return Section("Photos", pictures, lead="The rings that were found, each with its name.")
+    return Section("Photos", pictures, lead="The points that were found, each with its name.")
 
 
 def draw_rig_pictures(folder: Path, found: RigCalibration, search: RigSearch) -> tuple[str, ...]:

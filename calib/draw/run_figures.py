@@ -215,8 +215,8 @@ def systematic_figure(drawing: AxesDrawing, checked: str = "") -> Figure:
 SUBJECTS = {
     "reprojection": "how far an observation is from where the camera predicts it",
     "weighted": "how far an observation is from where the camera predicts it, in standard deviations that it states",
-    "intersection": "how far the ray of an observation meets the target's plane from the ring's place",
-    "reconstruction": "how far a ring is from where the rays of all photos that show it meet",
+    "intersection": "how far the ray of an observation meets the target's plane from the point's place",
+    "reconstruction": "how far a point is from where the rays of all photos that show it meet",
     "pose": "how far a photo's camera is from where it truly was",
     "rotation": "by how much a photo's camera is turned against how it truly was",
 }
@@ -308,5 +308,5 @@ def next_views_figure(seen: Observations, proposed: Sequence[NextView], area: st
             "Where to hold the target next", words,
             lambda axes: draw_next_views(axes, seen.image_size, proposed, seen.center_px), seen.image_size,
         ),
-        "Grey: rings seen so far. Numbered: outlines of the target in the next photos.",
+        "Grey: points seen so far. Numbered: outlines of the target in the next photos.",
     )  # fmt: skip

@@ -169,7 +169,7 @@ def _pictures(folder: Path | None, rows: Sequence[PhotoRow]) -> tuple[Leaf, ...]
 
 def caption_of(row: PhotoRow) -> str:
     """What is said under a photo."""
-    seen = f"{row.seen} rings" if row.expected is None else f"{row.seen} of {row.expected} rings"
+    seen = f"{row.seen} points" if row.expected is None else f"{row.seen} of {row.expected} points"
     words = [seen]
     if math.isfinite(row.rmse_px):
         words.append(f"RMS {digits(row.rmse_px, 2)} px")
@@ -190,22 +190,22 @@ def views_table(rows: Sequence[PhotoRow], *, is_flat: bool) -> Table:
     """A row a photo."""
     column = Shown[PhotoRow]
 
-    def rings(row: PhotoRow) -> Cell:
+    def points(row: PhotoRow) -> Cell:
         return Cell(str(row.seen) if row.expected is None else f"{row.seen} / {row.expected}", float(row.seen))
 
     tilt = column("tilt °", lambda row: row.tilt_deg, "between the target and the image plane; 0 is straight on")
     return table_of(
         rows, column("photo", lambda row: Cell(printable(row.name), level=row.level)),
-        column("rings", rings,
+        column("points", points,
                f"found, of those of the faces in the photo that could be measured: not those {UNMEASURABLE_WORDS}"),
         column("outliers", lambda row: row.outliers, "observations that were left out of the solution"),
         column("RMSE px", lambda row: row.rmse_px, "root mean square of the residuals: predicted - measured", 3),
         column("worst px", lambda row: row.worst_px, "the largest residual", 3),
         column("intersection mm", lambda row: row.intersection_mm,
-               "RMS distance on the target between the ray of an observation and its ring", 3),
+               "RMS distance on the target between the ray of an observation and its point", 3),
         tilt if is_flat else column("faces", lambda row: row.faces, "of the target, that were read"),
         column("distance mm", lambda row: row.distance_mm, "from the camera to the target's middle", 3),
         column("size %", lambda row: row.size_percent,
-               "of the image's width or height that the rings fill, whichever is more"),
+               "of the image's width or height that the points fill, whichever is more"),
         column("remark", lambda row: shortened(row.remark)), title="All photos",
     )  # fmt: skip

@@ -145,7 +145,7 @@ def faces_table(evaluation: Evaluation, records: Records | None) -> Table:
     columns = [Column("face"), Column("photos", note="that show it"), Column("observations", note="that count")]
     if records is not None:
         note = f"in the photos in which it was read, of those that could be measured, not {UNMEASURABLE_WORDS}"
-        columns.append(Column("rings found %", note=note))
+        columns.append(Column("points found %", note=note))
     columns += [Column(f"{name} {unit}", note="root mean square") for name, (unit, _) in grouped.items()]
     columns.append(Column("worst px", note="the largest residual"))
     residuals = grouped.get("reprojection")

@@ -239,7 +239,7 @@ def photos_of(photos: Sequence[Detections], insight: Insight, face: Rows) -> tup
         usual = float(np.median(others)) if len(others) else 0.0
         remark = left_out.get(one.image, "")
         if not remark and rings[number] < FEW_RINGS * usual:
-            remark = f"only {rings[number]} rings, usually {usual:.0f}"
+            remark = f"only {rings[number]} points, usually {usual:.0f}"
         is_counted = one.image not in left_out
         told.append(TakenPhoto(one.image, int(rings[number]), is_counted, remark, outlines_of(one, face)))
     return tuple(told)

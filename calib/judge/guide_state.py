@@ -199,7 +199,7 @@ def insight_of(photos: Sequence[Detections], settings: GuideSettings) -> Insight
         except InputError as error:
             return Insight(None, (*left_out, *((one.image, str(error)) for one in used)), None)
         kept = set(seen.view_names)
-        why = "its rings are mirrored, all on a line, or those of another photo once more"
+        why = "its points are mirrored, all on a line, or those of another photo once more"
         left_out += [(one.image, why) for one in used if one.image not in kept]
     if seen is None or not seen.view_count:
         return Insight(None, tuple(left_out), None)
@@ -212,7 +212,7 @@ def _without_odd(seen: Observations, left_out: tuple[tuple[str, str], ...], sett
     if found is None:
         return Insight(seen, left_out, None)
     lost = set(seen.view_names) - set(found.observations.view_names)
-    left_out += tuple((name, "nowhere could the target show its rings so") for name in seen.view_names if name in lost)
+    left_out += tuple((name, "nowhere could the target show its points so") for name in seen.view_names if name in lost)
     odd = odd_photo(found)
     if odd is None or len(left_out) > seen.view_count:
         return Insight(found.given, left_out, found, opened)
@@ -228,7 +228,7 @@ def _usable(photos: Sequence[Detections], settings: GuideSettings) -> tuple[list
         if one.layout_id != settings.target.layout_id:
             left_out.append((one.image, "shows another target"))
         elif len(one.ring) < LEAST_POINTS:
-            why = "; ".join(one.remarks) if not len(one.ring) else f"only {len(one.ring)} rings"
+            why = "; ".join(one.remarks) if not len(one.ring) else f"only {len(one.ring)} points"
             left_out.append((one.image, why or "nothing was named in it"))
         else:
             named.append(one)

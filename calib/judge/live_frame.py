@@ -231,7 +231,7 @@ def notes_of(quality: FrameQuality | None, sharpest_px: float = math.inf) -> tup
     elif is_out_of_focus:
         notes.append(FrameNote("focus", f"out of focus: edges are {quality.blur_px:.1f} px wide", forbids=True))
     if quality.radius_px < SMALL_PX:
-        notes.append(FrameNote("small", f"closer: rings of {quality.radius_px:.0f} px are too small", forbids=True))
+        notes.append(FrameNote("small", f"closer: marks of {quality.radius_px:.0f} px are too small", forbids=True))
     if quality.facing < FLAT:
         notes.append(FrameNote("slant", "too slanted: turn it towards the camera", forbids=False))
     return tuple(notes)

@@ -36,8 +36,8 @@ CSV_EXPLAINED = (
     "# c00..c55: covariance of a further rotation vector (rad) and translation (mm), both in the camera's axes",
 )
 SUFFIXES = (".json", ".csv")
-TOO_FEW = "too few rings for a pose, or all on a line"
-NOT_SOLVED = "no pose fits the rings that were found; check the camera file"
+TOO_FEW = "too few points for a pose, or all on a line"
+NOT_SOLVED = "no pose fits the points that were found; check the camera file"
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import numpy as np
 
 from calib.solver.metrics.errors import OUTLIER, ErrorMetric, Errors, Prediction, first_reason, is_known
 
-NAME, SUBJECT = "intersection", "a ring in a photo"
+NAME, SUBJECT = "intersection", "a point in a photo"
 UNIT, AXES = "mm", ("x", "y", "z")
 LEAST_SINE = 1e-6
 """A ray that makes a smaller angle with a plane does not meet it at a point that can be computed."""

@@ -11,7 +11,7 @@ import numpy as np
 from calib.solver.metrics.errors import ErrorMetric, Errors, Prediction, first_reason, is_known
 from designer.base.arrays import Array, Rows
 
-NAME, SUBJECT = "reconstruction", "a ring in all photos"
+NAME, SUBJECT = "reconstruction", "a point in all photos"
 UNIT, AXES = "mm", ("x", "y", "z")
 LEAST_SPREAD_RAD = math.radians(0.5)
 """Root mean square angle of the rays with their mean direction; two rays then make twice this angle.

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.solver.metrics.errors import OUTLIER, ErrorMetric, Errors, Prediction, first_reason, is_known
 
-NAME, SUBJECT = "reprojection", "a ring in a photo"
+NAME, SUBJECT = "reprojection", "a point in a photo"
 UNIT, AXES = "px", ("u", "v")
 
 

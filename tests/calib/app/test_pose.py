@@ -236,7 +236,7 @@ def test_photos_without_a_pose_are_named_with_the_reason(folder: Path, capsys: p
     assert run("photos", "missing.png", out="poses.json") == 0
     said = capsys.readouterr().out
     assert re.search(r"c\.png +0 +no grid of rings was found", said)
-    assert re.search(r"d\.png +3 +too few rings for a pose", said)
+    assert re.search(r"d\.png +3 +too few points for a pose", said)
     assert "No pose: photos/e.png: the search failed: RuntimeError: grey" in said
     assert "2 of 6 photos give a pose" in said
     document = json.loads(Path("poses.json").read_text())
@@ -290,7 +290,7 @@ def test_what_the_deviations_leave_out_is_told(folder: Path, capsys: pytest.Capt
     """They are of the centres alone, so the camera is taken for exact, and rings that it cannot show are counted."""
     assert run("photos") == 0
     said = capsys.readouterr().out
-    assert "Standard deviations hold if the camera file is exact and errors of the rings are independent" in said
+    assert "Standard deviations hold if the camera file is exact and errors of the points are independent" in said
     seen = SEEN[0]
     one = target_poses([seen], BOARD, CAMERA, weighted=False).poses[0]
     search = Search(BOARD, (PhotoResult(PhotoFile(Path(seen.image), seen.image), seen),), (), 0, 1.0)

@@ -63,7 +63,7 @@ def test_pictures_come_worst_first_and_lead_to_the_overlays(kept: Path, page: Pa
     assert len(shown) == 8
     assert shown == sorted(shown, reverse=True)
     assert all((kept / picture.path).is_file() for picture in gallery.pictures)
-    assert all("rings" in picture.caption and "px" in picture.caption for picture in gallery.pictures)
+    assert all("points" in picture.caption and "px" in picture.caption for picture in gallery.pictures)
 
 
 def test_without_overlays_the_table_stands_alone(run: Path) -> None:

@@ -1,18 +1,24 @@
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
+from calib.core.se3 import transform
 from calib.core.types import Detections
 from calib.detector import pipeline
 from calib.detector.frame_quality import FrameQuality, frame_quality
 from calib.judge.live_frame import notes_of
+from calib.renderer import render_view
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import scene_from_target
 from designer.base.arrays import Array
-from designer.target import TargetGeometry
+from designer.marks.chessboard import Chessboard
+from designer.marks.circles import Circles
+from designer.marks.face_marks import FaceMarks
+from designer.target import TargetGeometry, target_of_marks
 from tests.support import ring_views
 from tests.support.moving_frames import Shutter, moving_frame
 
@@ -95,3 +101,35 @@ def test_nothing_found_tells_nothing() -> None:
     nothing: Detections = pipeline.detect(np.full((300, 400), 120, np.uint8), board(), name="blank")
     assert frame_quality(np.full((300, 400), 120, np.uint8), nothing, board()) is None
     assert notes_of(None) == ()
+
+
+@pytest.mark.parametrize("marks", [Chessboard((8, 6), 12.0), Circles((6, 4), 18.0, 11.0, light=True)])
+def test_frames_of_other_boards_are_judged_alike(marks: FaceMarks) -> None:
+    """Contrast, blur and a motion across the lines of corners or circles are told by a quick look at them."""
+    target = target_of_marks([marks], np.eye(4)[None], 3.0)
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])
+    pose[:3, 3] = 0, 0, DISTANCE_MM
+    options = RenderOptions(blur_px=0.8, contrast_to_noise=60)
+    image = render_view(target, CAMERA, pose, options, np.random.default_rng(1)).image
+    found = known_at(target, pose)
+    still = frame_quality(image, found, target)
+    moved = frame_quality(cv2.blur(image, (5, 1)), found, target)
+    assert still is not None
+    assert moved is not None
+    assert still.contrast == pytest.approx(0.7, abs=0.05)
+    assert still.blur_px == pytest.approx(0.8, rel=0.3)
+    assert still.motion_px < 1
+    assert still.facing > 0.99
+    assert still.radius_px == pytest.approx(marks.reach_mm * PX_PER_MM, rel=0.02)
+    assert moved.motion_px == pytest.approx(5.0, rel=0.25)
+    assert abs(np.sin(moved.motion_rad)) < 0.2
+
+
+def known_at(target: TargetGeometry, cam_from_target: Array) -> Detections:
+    """What a quick look would tell of a board that faces the camera."""
+    center = CAMERA.project(transform(cam_from_target, target.center_mm))
+    count, radius = target.ring_count, target.reach_mm * PX_PER_MM
+    return Detections(
+        "known", (400, 300), target.layout_id, target.geometry_id, np.arange(count), target.center_mm, center,
+        np.tile(np.eye(2), (count, 1, 1)), np.column_stack([center, radius, radius, np.zeros(count)]), (), (),
+    )  # fmt: skip

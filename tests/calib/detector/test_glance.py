@@ -8,13 +8,14 @@ import pytest
 
 import calib
 from calib.cameras.camera import Camera
-from calib.core.se3 import exp_rotation
+from calib.core.se3 import exp_rotation, look_at
 from calib.detector import wide_guess
 from calib.detector.glance import glance
 from calib.detector.plan import plan_for
 from calib.renderer import RenderOptions, render_view
 from calib.renderer.scene import scene_from_target
-from designer.target import TargetGeometry
+from designer.marks.chessboard import Chessboard
+from designer.target import TargetGeometry, target_of_marks
 from tests.support.ring_views import board, ico, misplaced, view_of
 
 TARGETS = {"board": board(), "ico": ico(), "triangular": board("triangular", columns=10, rows=9)}
@@ -31,6 +32,20 @@ def test_a_glance_names_nothing_as_the_exact_pass_does_not(name: str, seed: int)
     assert len(both) >= 0.8 * len(exact.ring)
     assert np.sqrt(np.mean(apart**2)) < 0.3
     assert (misplaced(seen, view) < 2).all()
+
+
+def test_a_glance_at_a_chessboard_names_it_as_the_exact_pass_does() -> None:
+    """In a frame that is reduced for it; places are off by about what is stated."""
+    target = target_of_marks([Chessboard((7, 6), 20.0)], np.eye(4)[None], 10.0)
+    camera = Camera("pinhole", np.array([1200.0, 1200.0, 640.0, 480.0]), (1280, 960))
+    pose = look_at(np.array([60.0, 90.0, 300.0]), np.zeros(3), 0.2)
+    view = render_view(target, camera, pose, RenderOptions(blur_px=0.7, contrast_to_noise=50), np.random.default_rng(0))
+    detector = calib.Detector(target)
+    seen, exact = detector.glance(view.image), detector.detect(view.image)
+    np.testing.assert_array_equal(seen.ring, exact.ring)
+    off_px = np.linalg.norm(seen.center_px - view.center_px[seen.ring], axis=1)
+    assert np.sqrt(np.mean(off_px**2)) < 2 * np.sqrt(np.trace(seen.cov_px2[0])) < 2
+    assert not len(detector.glance(np.full((960, 1280), 128, np.uint8)).ring)
 
 
 def test_covariances_cover_what_centres_are_off_by() -> None:

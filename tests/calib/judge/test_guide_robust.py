@@ -61,7 +61,7 @@ def with_all(found: list[Detections]) -> Guide:
     ("said", "spoil"),
     [
         ("nothing was named", lambda found: found.keep(slice(0, 0))),
-        ("only 3 rings", lambda found: found.keep(slice(0, 3))),
+        ("only 3 points", lambda found: found.keep(slice(0, 3))),
         ("another target", lambda found: replace(found, layout_id="f" * 12)),
         ("640 x 480", lambda found: replace(found, image_size=(640, 480))),
         ("once more", lambda found: found),
