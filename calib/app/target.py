@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from calib.app.target_contents import TargetContents, asked_place, contents_of, made_target
+from calib.app.target_from_photo import photo_target
 from calib.app.target_of_marks import board_target, joined_target
 from designer.base.errors import InputError
 from designer.base.options import argument, option
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 KALIBR = (".yaml", ".yml")
 
 
-@instead(marks=board_target, join=joined_target)
+@instead(marks=board_target, join=joined_target, from_photo=photo_target)
 @capability
 def target(
     file: Annotated["TargetGeometry | Place | None", argument("a target file (NAME.target.json)")] = None,

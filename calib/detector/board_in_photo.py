@@ -1,0 +1,394 @@
+"""What board one photo shows: its kind, its dictionary and its layout, by OpenCV's detectors, without any length.
+
+Markers are looked for in all dictionaries; the one that explains most of them without strangers is taken. Places of
+markers come from the frames of their neighbours, counts of columns from their ids, ratios of lengths from the plane's
+homography that fits best.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from designer.base.arrays import Array, Rows
+from designer.base.words import counted, with_article
+from designer.marks.aprilgrid import AprilGrid
+from designer.marks.charuco import Charuco
+from designer.marks.chessboard import Chessboard
+from designer.marks.circles import Circles
+from designer.marks.dictionaries import MARKERS, TAG_TURN, family_of
+from designer.marks.face_marks import FaceMarks
+
+Pixels = NDArray[np.uint8]
+LEAST_MARKERS, LEAST_AGREEING = 4, 0.8
+"""Markers that make a board, and their share that its layout explains."""
+MOST_ACROSS = 60
+MOST_SIDE_PX = 3000
+"""Larger photos are halved until they are smaller."""
+NEAR = 0.3
+"""Of a step: a neighbour is off its place in the lattice by less."""
+BLOBS = (12, 2000)
+CHECKERED, CONTRAST = 0.9, 20.0
+"""Places in squares that must have the right shade; grey levels between a circle and its ground."""
+_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+
+
+@dataclass(frozen=True)
+class BoardInPhoto:
+    """A board as a photo shows it; of its marks one length is 1 mm: the square, the tag or the pitch."""
+
+    marks: FaceMarks
+    seen: int  # corners, markers or circles
+    sure: tuple[str, ...]  # what the photo tells
+    unsure: tuple[str, ...]  # what it does not
+
+
+@dataclass(frozen=True, eq=False)
+class _Markers:
+    """Markers of one dictionary."""
+
+    dictionary: str
+    border_bits: int
+    ids: Rows  # (N,)
+    corner_px: Array  # (N, 4, 2) from the upper left one as OpenCV draws it, clockwise
+
+
+def boards_in(photo: NDArray[np.uint8] | NDArray[np.uint16]) -> tuple[BoardInPhoto, ...]:
+    """The boards that explain a photo of 8 or 16 bits, the best first; markers before squares before circles."""
+    pixels: Pixels = np.asarray(photo if photo.dtype == np.uint8 else photo // 257, dtype=np.uint8)
+    while max(pixels.shape) > MOST_SIDE_PX:
+        pixels = cv2.pyrDown(pixels).astype(np.uint8)
+    found = [board for markers in _all_markers(pixels) for board in _of_markers(markers, pixels)]
+    if found:
+        most = max(board.seen for board in found)
+        return tuple(board for board in found if board.seen >= 0.9 * most)
+    return tuple(itertools.islice(itertools.chain(_chessboard(pixels), _circles(pixels)), 1))
+
+
+def _all_markers(pixels: Pixels) -> Iterator[_Markers]:
+    """Markers of the largest dictionary of each family."""
+    largest = {family_of(name): name for name in sorted(MARKERS, key=lambda name: MARKERS[name])}
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.errorCorrectionRate = 0.2
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    for name in largest.values():
+        for bits in (1, 2) if name.startswith(TAG_TURN) else (1,):
+            parameters.markerBorderBits = bits
+            known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
+            corners, ids, _ = cv2.aruco.ArucoDetector(known, parameters).detectMarkers(pixels)
+            if ids is not None and len(ids) >= LEAST_MARKERS:
+                yield _Markers(
+                    name, bits, np.asarray(ids, np.int64).ravel(), np.array(corners, dtype=float).reshape(-1, 4, 2)
+                )
+
+
+def _of_markers(markers: _Markers, pixels: Pixels) -> Iterator[BoardInPhoto]:
+    """The boards that the markers may be of."""
+    lattice = _lattice(markers)
+    if lattice is None:
+        return
+    place, rows, is_diagonal = lattice
+    kept = replace(markers, ids=markers.ids[rows], corner_px=markers.corner_px[rows])
+    if len(rows) >= LEAST_MARKERS and len(rows) >= LEAST_AGREEING * len(markers.ids):
+        yield from _charuco(kept, place, pixels) if is_diagonal else _aprilgrid(kept, place, pixels)
+
+
+def _lattice(markers: _Markers) -> tuple[Rows, Rows, bool] | None:
+    """Places of markers, x right and y down as they stand, in steps; which markers; whether neighbours lie aslant.
+
+    Of a chessboard's light squares the nearest lie aslant, and steps are squares; in a grid they lie beside, and steps
+    are from tag to tag.
+    """
+    corner = markers.corner_px
+    middle = corner.mean(axis=1)
+    across = 0.5 * (corner[:, 1] - corner[:, 0] + corner[:, 2] - corner[:, 3])
+    down = 0.5 * (corner[:, 3] - corner[:, 0] + corner[:, 2] - corner[:, 1])
+    frame = np.stack([across, down], axis=2)  # (N, 2, 2)
+    if not (np.abs(np.linalg.det(frame)) > 1).all():
+        return None
+    both = 0.5 * (frame[:, None] + frame[None])
+    apart = np.linalg.solve(both, (middle[None] - middle[:, None])[..., None])[..., 0]  # (N, N, 2) in markers' sides
+    length = np.linalg.norm(apart, axis=2) + 1e9 * np.eye(len(middle))
+    nearest = apart[np.arange(len(middle)), length.argmin(axis=1)]
+    slope = np.abs(nearest).min(axis=1) / np.abs(nearest).max(axis=1)
+    is_diagonal = bool(np.median(slope) > 0.5)
+    step = float(np.median(np.abs(nearest).max(axis=1)))
+    if not 1.0 < step < 4.0:
+        return None
+    near = np.abs(apart / step - np.round(apart / step)).max(axis=2) < NEAR
+    links = near & (length < (1.2 * math.sqrt(2) if is_diagonal else 1.2) * step)
+    place, known = np.zeros((len(middle), 2), dtype=np.int64), np.zeros(len(middle), dtype=bool)
+    queue = [int(links.sum(axis=1).argmax())]
+    known[queue[0]] = True
+    while queue:
+        here = queue.pop(0)
+        for other in np.flatnonzero(links[here] & ~known).tolist():
+            place[other] = place[here] + np.round(apart[here, other] / step).astype(int)
+            known[other] = True
+            queue.append(other)
+    rows = np.flatnonzero(known)
+    return place[rows], rows, is_diagonal
+
+
+def _charuco(markers: _Markers, place: Rows, pixels: Pixels) -> Iterator[BoardInPhoto]:
+    """ChArUco boards of which the ids make sense where the markers are."""
+    ids, at = markers.ids, place - place.min(axis=0)
+    by_place = dict(zip(map(tuple, at.tolist()), ids.tolist(), strict=True))
+    steps = [by_place[x, y + 2] - number for (x, y), number in by_place.items() if (x, y + 2) in by_place]
+    if not steps:
+        return
+    columns, (width, height) = int(np.median(steps)), (at.max(axis=0) + 1).tolist()
+    if not 3 <= columns <= MOST_ACROSS or width > columns:
+        return
+    step = _ratio(at, markers, 1.05, 3.0, inset=True)
+    ends = _ends(markers, at, step, pixels, inset=True)
+    found = list[tuple[int, int, bool]]()  # first id, rows above, whether the corner is light
+    for is_light, left, top in itertools.product((False, True), range(columns - width + 1), range(MOST_ACROSS)):
+        x, y = (at + np.array([left, top])).T
+        first = ids - (y * columns + is_light) // 2 - x // 2
+        usual = int(np.median(first))
+        if ((x + y) % 2 != is_light).all() and np.mean(first == usual) >= LEAST_AGREEING:
+            found += [(usual, top, is_light)] if usual == 0 or (top == 0 and usual > 0) else []
+    for first_id, top, is_light in sorted(found, key=lambda one: (bool(one[1]) == ends[0], one)):
+        rows = max(top + height, 3)
+        rows += is_light and rows % 2  # a row that is not seen
+        marks = Charuco(
+            (columns, rows), 1.0, round(1 / step, 3), _smallest(markers.dictionary, first_id + columns * rows // 2),
+            first_id, is_light,
+        )  # fmt: skip
+        same = "the same before and since OpenCV 4.6" if rows % 2 else "not legacy"
+        sure = (f"{columns} columns", "legacy: as OpenCV before 4.6" if is_light else same)
+        yield _proposal(
+            marks, len(ids), sure, f"a marker is {marks.marker_mm:.2f} of a square, to some percent", rows, top, ends,
+        )  # fmt: skip
+
+
+def _aprilgrid(markers: _Markers, place: Rows, pixels: Pixels) -> Iterator[BoardInPhoto]:
+    """Grids of tags: which way ids go tells how the tags stand."""
+    ids, at = markers.ids, place - place.min(axis=0)
+    by_place = dict(zip(map(tuple, at.tolist()), ids.tolist(), strict=True))
+    right = [by_place[x + 1, y] - number for (x, y), number in by_place.items() if (x + 1, y) in by_place]
+    down = [by_place[x, y + 1] - number for (x, y), number in by_place.items() if (x, y + 1) in by_place]
+    if not right or not down:
+        return
+    along, below = int(np.median(right)), int(np.median(down))
+    columns, is_tag = abs(below), markers.dictionary.startswith(TAG_TURN)
+    if abs(along) != 1 or not 1 < columns <= MOST_ACROSS or (along < 0 and not is_tag):
+        return
+    # Tags that are turned stand on their heads: their ids go to the left.
+    column, row = (at if step > 0 else at.max() - at for at, step in zip(at.T, (along, below), strict=True))
+    offset = ids - row * columns - column
+    first, width, height = int(np.median(offset)), int(column.max()) + 1, int(row.max()) + 1
+    if np.mean(offset == first) < LEAST_AGREEING or first < 0 or width > columns:
+        return
+    step, is_turned = _ratio(at, markers, 1.02, 3.0, inset=False), along < 0
+    ends = _ends(markers, at, step, pixels, inset=False)
+    ends = ends if below > 0 else (ends[1], ends[0])
+    top, left = divmod(first, columns)
+    found = [(0, top)] if left + width <= columns else []
+    found += [(first, 0)] if first and width == columns else []
+    squares = _has_squares(markers, at, step, pixels)
+    for first_id, before in sorted(found, key=lambda one: bool(one[1]) == ends[0]):
+        marks = AprilGrid(
+            (columns, height + before), 1.0, round(step - 1, 3),
+            _smallest(markers.dictionary, first_id + columns * (height + before)), first_id, markers.border_bits,
+            squares, from_top=(below > 0) != is_turned, upright=is_tag and not is_turned,
+        )  # fmt: skip
+        sure = (
+            f"{columns} columns", f"a border of {counted(markers.border_bits, 'cell')}",
+            f"{'' if squares else 'no '}small squares between the corners",
+            f"numbered from the {'upper' if marks.from_top else 'lower'} left",
+            *((f"tags stand as {'OpenCV draws' if marks.upright else 'Kalibr prints'} them",) if is_tag else ()),
+        )  # fmt: skip
+        gap = f"the gap is {marks.spacing:.2f} of a tag, to some percent"
+        yield _proposal(marks, len(ids), sure, gap, height + before, before, ends)
+
+
+def _proposal(
+    marks: Charuco | AprilGrid, seen: int, sure: tuple[str, ...], ratio: str, rows: int, before: int,
+    ends: tuple[bool, bool],
+) -> BoardInPhoto:  # fmt: skip
+    """A board of markers, with what is sure of it.
+
+    Args:
+        marks: of the board.
+        seen: markers.
+        sure: of its layout.
+        ratio: of lengths.
+        rows: of the board.
+        before: of them, that are before the first that is seen.
+        ends: whether the photo shows that there are no rows before and after those that are seen.
+    """
+    ids, name = marks.marker_ids, marks.dictionary
+    alike = [one for one in MARKERS if family_of(one) == family_of(name) and MARKERS[one] > MARKERS[name]]
+    begin = f"; {', '.join(alike)} begin with the same markers" if alike else ""
+    is_whole = ends[1] and (ends[0] or not before)
+    count = f"{rows} rows" if is_whole else f"{rows} rows, or more: the photo does not show where the board ends"
+    some = (f"{counted(before, 'row')} of them not seen, if its first id is 0",) if before else ()
+    told = (*sure, *((count,) if is_whole else ()), f"markers {ids[0]} to {ids[-1]} of {name}, the smallest{begin}")
+    return BoardInPhoto(marks, seen, told, (*(() if is_whole else (count,)), *some, ratio))
+
+
+def _plane(markers: _Markers, place: Rows, step: float, *, inset: bool) -> tuple[Array, Array]:
+    """Corners on the board in sides of a marker (N, 2), and the homography from there to the photo; nan: none."""
+    offset = 0.5 * (step - 1) * inset
+    plane = (place[:, None] * step + offset + _SQUARE).reshape(-1, 2)
+    matrix, _ = cv2.findHomography(plane, markers.corner_px.reshape(-1, 2), 0)
+    return plane, np.full((3, 3), np.nan) if matrix is None else np.asarray(matrix, dtype=float)
+
+
+def _ratio(place: Rows, markers: _Markers, low: float, high: float, *, inset: bool) -> float:
+    """The step over a marker's side with which one homography explains all corners best."""
+    corners = markers.corner_px.reshape(-1, 2)
+
+    def misfit(step: float) -> float:
+        plane, matrix = _plane(markers, place, step, inset=inset)
+        if not np.isfinite(matrix).all():
+            return 1e9
+        return float(((cv2.perspectiveTransform(plane[None], matrix)[0] - corners) ** 2).sum())
+
+    return float(minimize_scalar(misfit, bounds=(low, high), method="bounded", options={"xatol": 1e-4}).x)
+
+
+def _ends(markers: _Markers, place: Rows, step: float, pixels: Pixels, *, inset: bool) -> tuple[bool, bool]:
+    """Whether a row before the first one that is seen, and one after the last, would be in the photo."""
+    _, matrix = _plane(markers, place, step, inset=inset)
+    last = place.max(axis=0) + 1.0
+    found = []
+    for y in (-1.0, last[1] + 1):
+        ends = np.array([[0.0, y], [last[0], y]]) * step
+        u, v = cv2.perspectiveTransform(ends[None], matrix)[0].T
+        found.append(bool(((u > 0) & (v > 0) & (u < pixels.shape[1]) & (v < pixels.shape[0])).all()))
+    return found[0], found[1]
+
+
+def _smallest(dictionary: str, count: int) -> str:
+    """The smallest dictionary of the family that has so many markers."""
+    alike = [name for name in MARKERS if family_of(name) == family_of(dictionary) and MARKERS[name] >= count]
+    return min(alike, key=lambda name: MARKERS[name], default=dictionary)
+
+
+def _has_squares(markers: _Markers, place: Rows, step: float, pixels: Pixels) -> bool:
+    """Whether small black squares lie between four tags: darker there than half-way between two."""
+    _, matrix = _plane(markers, place, step, inset=False)
+    gap, at = step - 1, place * step
+    shades = []
+    for offset in ([1 + gap / 2, 1 + gap / 2], [1 + gap / 2, 0.5], [0.5, 1 + gap / 2]):
+        u, v = np.round(cv2.perspectiveTransform((at + offset)[None], matrix)[0]).astype(int).T
+        inside = (u >= 0) & (v >= 0) & (u < pixels.shape[1]) & (v < pixels.shape[0])
+        shades.append(float(np.median(pixels[v[inside], u[inside]])) if inside.any() else 255.0)
+    return shades[0] < 0.6 * min(shades[1:])
+
+
+def _chessboard(pixels: Pixels) -> Iterator[BoardInPhoto]:
+    """The largest chessboard that is found from a small one: what is found depends on where the search begins."""
+    flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
+    best: Array = np.empty((0, 0, 2))
+    tries = [(3, 3)]
+    while tries:
+        is_found, there, meta = cv2.findChessboardCornersSBWithMeta(pixels, tries.pop(0), flags)
+        if not is_found:
+            continue
+        corners = _saddles(pixels, np.asarray(there, dtype=float).reshape(*np.asarray(meta).shape[:2], 2))
+        if min(corners.shape[:2]) >= 3 and corners.size > best.size:
+            best, (rows, columns) = corners, corners.shape[:2]
+            tries = [(columns + 1, rows), (columns, rows + 1), (columns + 1, rows + 1)]
+    if not best.size or not _is_checkered(pixels, best):
+        return
+    if best.shape[0] > best.shape[1]:  # by a quarter turn
+        best = np.rot90(best)
+    rows, columns = best.shape[0] + 1, best.shape[1] + 1
+    # Of an odd sum one of the two corners that may be the upper left one is dark.
+    is_light_first = (rows + columns) % 2 == 0 and _quadrants(pixels, best)[0, 0, 0] > _quadrants(pixels, best)[0, 0, 1]
+    yield BoardInPhoto(
+        Chessboard((columns, rows), 1.0, light_first=bool(is_light_first)), best.size // 2,
+        (f"{columns - 1} x {rows - 1} inner corners are seen, so {columns} x {rows} squares or more",),
+        ("how many squares there are, if the photo does not show all, and which side is up",),
+    )  # fmt: skip
+
+
+def _quadrants(pixels: Pixels, corner_px: Array) -> Array:
+    """Shades beside each corner (H, W, 2): upper left, upper right, lower left, lower right.  # (H, W, 4)"""
+    down, right = (0.3 * one for one in np.gradient(corner_px, axis=(0, 1)))
+    at = np.stack([corner_px + y * down + x * right for y, x in itertools.product((-1, 1), (-1, 1))], axis=2)
+    u, v = np.moveaxis(np.round(at).astype(int), -1, 0)
+    shades: Array = pixels[v.clip(0, pixels.shape[0] - 1), u.clip(0, pixels.shape[1] - 1)].astype(float)
+    return shades
+
+
+def _saddles(pixels: Pixels, corner_px: Array) -> Array:
+    """Without rows at the rim whose corners have no dark and light quadrants in turn, as the board's rim has not."""
+    while min(corner_px.shape[:2]) >= 2:
+        first, second, third, last = np.moveaxis(_quadrants(pixels, corner_px), -1, 0)
+        is_saddle = abs(first + last - second - third) / 2 > np.maximum(abs(first - last), abs(second - third))
+        sides = {0: is_saddle[0], 1: is_saddle[-1], 2: is_saddle[:, 0], 3: is_saddle[:, -1]}
+        worst = min(sides, key=lambda side: float(sides[side].mean()))
+        if sides[worst].mean() >= LEAST_AGREEING:
+            return corner_px
+        corner_px = (corner_px[1:], corner_px[:-1], corner_px[:, 1:], corner_px[:, :-1])[worst]
+    return np.empty((0, 0, 2))
+
+
+def _is_checkered(pixels: Pixels, corner_px: Array) -> bool:
+    """Whether squares between corners (H, W, 2) are dark and light in turn up to their corners, as no circles are."""
+    x, y = np.array([0.5, 0.2, 0.8, 0.2, 0.8]), np.array([0.5, 0.2, 0.2, 0.8, 0.8])
+    shares = [(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y]
+    four = [corner_px[:-1, :-1], corner_px[:-1, 1:], corner_px[1:, :-1], corner_px[1:, 1:]]
+    at = sum(share[:, None] * one[:, :, None] for share, one in zip(shares, four, strict=True))
+    u, v = np.moveaxis(np.round(at).astype(int), -1, 0)
+    shade = pixels[v.clip(0, pixels.shape[0] - 1), u.clip(0, pixels.shape[1] - 1)].astype(float)
+    row, column = np.indices(shade.shape[:2])
+    first = (row + column) % 2 == 0
+    middle = 0.5 * (np.median(shade[first]) + np.median(shade[~first]))
+    is_dark = (shade < middle) == (np.median(shade[first]) < middle)
+    return bool(np.mean(is_dark == first[..., None]) > CHECKERED)
+
+
+def _is_apart(pixels: Pixels, center_px: Array, *, is_light: bool) -> bool:
+    """Whether the ground between circles is of the other shade, which it is not between rings.  # (N, 2)"""
+    apart = np.linalg.norm(center_px[None] - center_px[:, None], axis=2) + 1e9 * np.eye(len(center_px))
+    between = 0.5 * (center_px + center_px[apart.argmin(axis=1)])
+    shade = [
+        float(np.median(pixels[tuple(np.round(at).astype(int).T[::-1])].astype(float))) for at in (center_px, between)
+    ]
+    return (shade[0] > shade[1] + CONTRAST) if is_light else (shade[1] > shade[0] + CONTRAST)
+
+
+def _circles(pixels: Pixels) -> Iterator[BoardInPhoto]:
+    """The largest grid of dark or light circles."""
+    best: BoardInPhoto | None = None
+    for is_light in (False, True):
+        parameters = cv2.SimpleBlobDetector.Params()
+        parameters.blobColor, parameters.minArea = (255 if is_light else 0), 20.0
+        parameters.maxArea = pixels.size / 20
+        detector = cv2.SimpleBlobDetector.create(parameters)
+        count = len(detector.detect(pixels))
+        if not BLOBS[0] <= count <= BLOBS[1]:
+            continue
+        sizes = sorted(
+            ((columns, rows, way) for columns in range(3, 25) for rows in range(3, 25) for way in (False, True)
+             if 0.7 * count <= columns * rows <= count and (way or columns >= rows)),
+            key=lambda size: -size[0] * size[1],
+        )  # fmt: skip
+        for columns, rows, is_asymmetric in sizes:
+            if best is not None and columns * rows <= best.seen:
+                break
+            flags = cv2.CALIB_CB_ASYMMETRIC_GRID if is_asymmetric else cv2.CALIB_CB_SYMMETRIC_GRID
+            is_found, centers = cv2.findCirclesGrid(
+                pixels, (columns, rows), flags=flags | cv2.CALIB_CB_CLUSTERING, blobDetector=detector
+            )
+            if is_found and _is_apart(pixels, np.asarray(centers, dtype=float).reshape(-1, 2), is_light=is_light):
+                marks = Circles((columns, rows), 1.0, 0.5, asymmetric=is_asymmetric, light=is_light)
+                way = "asymmetric" if is_asymmetric else "symmetric"
+                best = BoardInPhoto(
+                    marks, columns * rows, (f"{columns} x {rows} circles are seen in {with_article(way)} grid",),
+                    ("circles: more, if the photo does not show all", "their diameter"),
+                )  # fmt: skip
+                break
+    if best is not None:
+        yield best
