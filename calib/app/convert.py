@@ -1,6 +1,7 @@
 """A camera or a rig as files of another tool: `calib convert`, `calib.convert("camera.json", "opencv")`."""
 
 import math
+import re
 import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -248,6 +249,10 @@ def convert(
         str | None,
         option("likewise of a rig's files to read (default: as they say)", flag="--from-unit", metavar="UNIT"),
     ] = None,
+    frame: Annotated[
+        str | None,
+        option("of a rig: name of the frame that its places are in, such as tool0 or base_link", metavar="NAME"),
+    ] = None,
     out: Annotated[
         "Output | Place | None", written_to("file to write, or folder of several", metavar="FILE", is_needed=True)
     ] = None,
@@ -283,11 +288,11 @@ def convert(
     opened: OpenedCamera | OpenedRig
     rig = read if isinstance(read, OpenedRig) else None
     if isinstance(read, OpenedRig):
-        target, opened = find_format(to, RIG_FORMATS, "rig"), _of_cameras(read, names)
+        target, opened = find_format(to, RIG_FORMATS, "rig"), _in_frame(_of_cameras(read, names), frame)
         require_unit(target, unit, "--unit")
         each, cameras_of = tuple(zip(opened.read.rig.names, opened.read.rig.cameras, strict=True)), target.cameras
     else:
-        for flag, value in (("--cameras", names), ("--unit", unit), ("--from-unit", source_unit)):
+        for flag, value in (("--cameras", names), ("--unit", unit), ("--from-unit", source_unit), ("--frame", frame)):
             if value:
                 raise InputError(f"{flag}: is for rigs, and this is one camera; leave it out")
         target, opened = find_format(to, FORMATS, "camera"), read
@@ -363,6 +368,15 @@ def _of_cameras(opened: "OpenedRig", names: Sequence[str]) -> "OpenedRig":
     rows = [found.rig.row(name) for name in names]
     rig = keep_cameras(found.rig, rows)
     return replace(opened, read=replace(found, rig=rig, refits=tuple(found.refits[row] for row in rows)))
+
+
+def _in_frame(opened: "OpenedRig", frame: str | None) -> "OpenedRig":
+    """The rig with another name for its frame."""
+    if frame is None:
+        return opened
+    if not re.fullmatch(r"[A-Za-z0-9_-]{1,100}", frame) or frame in opened.read.rig.names:
+        raise InputError(f"--frame {shown(frame)}: must be 1 to 100 letters, digits, _ or -, and no camera's name")
+    return replace(opened, read=replace(opened.read, rig=replace(opened.read.rig, rig_frame=frame)))
 
 
 def _check_out(out: Path, target: "CameraFormat | RigFormat", source: "OpenedCamera | OpenedRig") -> None:

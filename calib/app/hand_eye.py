@@ -1,6 +1,7 @@
 """Where a camera sits on a robot: `calib hand-eye`, `calib.hand_eye("t.json", "photos", robot="poses.csv")`."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from os import PathLike, fspath
 from typing import TYPE_CHECKING, Annotated
 
 from calib.app.hand_eye_poses import Euler, Inverted, PoseUnit, TargetInHand, hand_eye_poses
@@ -14,6 +15,8 @@ from designer.page.capability import capability, instead, written_to
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from calib.app.inputs import Pixels, Place
     from calib.cameras.camera import Camera
     from calib.core.types import Observations
@@ -49,7 +52,15 @@ def hand_eye(
     photos: PhotosTaken = (),
     *,
     images: "Iterable[Pixels] | None" = None,
-    robot: Annotated["RobotPoses | Place", option("base_from_flange of each photo: .csv, .yaml or .json")],
+    robot: Annotated[
+        "RobotPoses | Place | None",
+        option("base_from_flange of each photo, or over time: .csv, .yaml, .json, or run.mcap#/pose"),
+    ] = None,
+    tf: Annotated[
+        tuple[str, str] | None,
+        option("instead of --robot: frames of base and flange in a bag's tf", metavar="BASE FLANGE"),
+    ] = None,
+    image: Annotated[str | None, option("topic of a bag's images (default: the only one)", metavar="TOPIC")] = None,
     table: Table = None,
     points: Points = None,
     diameter_mm: float | None = None,
@@ -90,7 +101,8 @@ def hand_eye(
 
     Args:
         images: instead of photos arrays (H, W) or (H, W, 3) in blue, green, red; they are named image-1, image-2, ...
-        robot: base_from_flange of each photo, or the file that holds it.
+        robot: base_from_flange of each photo, or a stream with times, or the file that holds it.
+        tf: of photos that are a bag: the frames of the robot's base and of its flange.
         diameter_mm: of circles.
         robot_noise: standard deviations of a coordinate of the robot's errors, rad and mm; None: estimated.
 
@@ -99,27 +111,79 @@ def hand_eye(
     """
     from calib.app.inputs import criteria_of, photos_given, points_of
     from calib.judge.joint_solution import RobotSetting, judged_on_robot
-    from calib.observe.robot_poses import RobotPoses, read_robot_poses
-    from designer.base.files import place_of
+    from calib.observe.robot_poses import RobotPoses
 
     to = begun(out)
     if robot_noise is not None and min(robot_noise) <= 0:
         raise InputError(f"--robot-noise {robot_noise}: both must be more than 0; leave it out to have it estimated")
+    if tf is not None and robot is not None:
+        raise InputError("--tf: tells the robot's poses, and so does --robot; leave one out")
     if isinstance(robot, RobotPoses) and (inverted or unit is not None or euler is not None):
         raise InputError("inverted, unit, euler: tell how a file of robot poses is read; these poses are read already")
-    poses = robot if isinstance(robot, RobotPoses) else read_robot_poses(
-        place_of(robot, "a file of robot poses"), unit=unit, euler=euler, is_inverted=inverted
-    )  # fmt: skip
+    poses = robot if isinstance(robot, RobotPoses) else _poses(photos, robot, tf, unit, euler, inverted=inverted)
     limits, wishes = (
         criteria_of(criteria),
         wishes_of_one(camera, model, fix, priors, minimise, free_bend, refine=refine),
     )
-    taken = photos if images is None else photos_given(photos, images)
+    taken = photos_given(photos, images, image) if images is not None else _photos(photos, image, poses)
     seen = seen_by_one(target, taken, table, points_of(points, diameter_mm), wishes, jobs, progress).with_made(made)
     setting = RobotSetting(target_in_hand, target_size, *(robot_noise or (None, None)))
     settings = settings_of(("target", target), ("table", table), ("robot", robot))
     run = judged_on_robot(seen, poses, setting, wishes, limits, settings, progress)
     return finished(SolvedRig(*run), to, out, progress)
+
+
+def _poses(
+    photos: "Place | Iterable[Place] | FoundPhotos", robot: "Place | None", tf: tuple[str, str] | None,
+    unit: str | None, euler: str | None, *, inverted: bool,
+) -> "RobotPoses":  # fmt: skip
+    """The robot's poses of a file, a bag's topic, or between two frames of a bag."""
+    from dataclasses import replace
+
+    from calib.core.se3 import invert
+    from calib.images.bag import Bag, bag_named
+    from calib.observe.robot_poses import read_robot_poses
+    from calib.observe.transforms import poses_in, transforms_in
+    from designer.base.files import place_of
+
+    named = None if robot is None else bag_named(fspath(place_of(robot, "a file of robot poses")))
+    if robot is not None and named is None:
+        return read_robot_poses(place_of(robot, "a file of robot poses"), unit=unit, euler=euler, is_inverted=inverted)
+    if odd := "--unit" if unit is not None else "--euler" if euler is not None else "":
+        raise InputError(f"{odd}: a bag's poses are in metres and quaternions; leave it out")
+    if named is not None:
+        found = poses_in(Bag(named[0]), named[1])
+    else:
+        if tf is None or len(tf) != 2:
+            raise InputError("no robot poses; give --robot with their file, or of a bag its frames: --tf BASE FLANGE")
+        place = _bag_of(photos)
+        if place is None:
+            raise InputError("--tf: is of a robot's bag, which the photos have to be then; else give --robot")
+        found = transforms_in(Bag(place)).poses(*tf)
+    return replace(found, base_from_flange=invert(found.base_from_flange), is_inverted=True) if inverted else found
+
+
+def _bag_of(photos: "Place | Iterable[Place] | FoundPhotos") -> "Path | None":
+    """The one bag that the photos are in."""
+    from calib.images.bag import bag_named
+
+    each = [photos] if isinstance(photos, str | PathLike) else list(photos) if isinstance(photos, tuple | list) else []
+    named = bag_named(fspath(each[0])) if len(each) == 1 else None
+    return None if named is None else named[0]
+
+
+def _photos(
+    photos: "Place | Iterable[Place]", image: str | None, poses: "RobotPoses"
+) -> "Place | Iterable[Place] | FoundPhotos":
+    """The photos as they are given, or the images of a bag: of a robot that moves over time, where it is still."""
+    from calib.observe.bag_photos import photos_in
+
+    if _bag_of(photos) is not None:
+        (place,) = [photos] if isinstance(photos, str | PathLike) else photos
+        return photos_in(fspath(place), image, "--image", poses.sorted_by_time() if poses.step_s else None)
+    if image is not None:
+        raise InputError(f"--image {shown(image)}: is a topic of a robot's bag, and none is given; leave it out")
+    return photos
 
 
 def wishes_of_one(

@@ -244,7 +244,22 @@ def opened_camera(camera: "Camera | Place", kind: str | None = None, accept_px: 
     if isinstance(camera, Camera):
         return OpenedCamera(FORMATS[OWN], ReadCamera(camera))
     place_of(camera, "a camera, its file, or a template")
-    return open_camera(fspath(camera), kind, accept_px)
+    return _camera_of_bag(fspath(camera), kind) or open_camera(fspath(camera), kind, accept_px)
+
+
+def _camera_of_bag(name: str, kind: str | None) -> "OpenedCamera | None":
+    """The camera that a bag's CameraInfo tells of, as in `run.mcap#/left/camera_info`; None: it is no bag."""
+    from calib.cameras.formats.reading import OpenedCamera
+    from calib.images.bag import Bag, bag_named, camera_info
+
+    named = bag_named(name)
+    if named is None:
+        return None
+    if kind not in (None, "ros"):
+        raise InputError(f"--from {kind}: {named[0]} is a robot's bag; leave it out")
+    text, doubt = camera_info(Bag(named[0]), named[1])
+    read = FORMATS["ros"].read(text, name, None)
+    return OpenedCamera(FORMATS["ros"], replace(read, remarks=(*read.remarks, *filter(None, (doubt,)))), named[0])
 
 
 def load_rig(name: Place, *, unit: str | None = None) -> "Rig":
@@ -341,19 +356,31 @@ def require_photos_for_jobs(jobs: int | None) -> None:
         raise InputError("--jobs: says how many photos are searched at a time; a table needs none, leave it out")
 
 
-def photos_of(photos: Place | Iterable[Place]) -> "FoundPhotos":
-    """The photos that one argument or several stand for."""
+def photos_of(photos: Place | Iterable[Place], topic: str | None = None) -> "FoundPhotos":
+    """The photos that one argument or several stand for; of a bag the images of a topic."""
+    from calib.images.bag import bag_named
+    from calib.observe.bag_photos import photos_in
     from calib.observe.photos import find_photos
 
     try:
-        return find_photos([fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos)])
+        each = [fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos)]
     except TypeError as error:
         raise InputError(
             f"photos: {error}; give files, folders or patterns (arrays go to images=[...], one to calib.detect)"
         ) from None
+    found = [photos_in(one, topic) for one in each if bag_named(one)]
+    if topic is not None and not found:
+        raise InputError(f"--topic {shown(topic)}: is of a robot's bag, and none is given; leave it out")
+    files = find_photos([one for one in each if not bag_named(one)])
+    return replace(
+        files, photos=(*files.photos, *(photo for one in found for photo in one.photos)),
+        remarks=(*files.remarks, *(remark for one in found for remark in one.remarks)),
+    )  # fmt: skip
 
 
-def photos_given(photos: Place | Iterable[Place], images: "Iterable[Pixels] | None") -> "FoundPhotos":
+def photos_given(
+    photos: Place | Iterable[Place], images: "Iterable[Pixels] | None", topic: str | None = None
+) -> "FoundPhotos":
     """The photos, or images in memory instead.
 
     Raises:
@@ -364,7 +391,9 @@ def photos_given(photos: Place | Iterable[Place], images: "Iterable[Pixels] | No
     if images is None:
         if isinstance(photos, tuple | list) and not photos:
             raise InputError("no photos; give files, folders or patterns, or arrays as images=[...]")
-        return photos_of(photos)
+        return photos_of(photos, topic)
+    if topic is not None:
+        raise InputError("--topic: is of a robot's bag; leave it out")
     if not isinstance(photos, tuple | list) or photos:
         raise InputError("photos and images: give one of them; images are arrays, photos files")
     return photos_of_arrays(images)

@@ -42,8 +42,9 @@ RigTemplate = Annotated[
 ]
 Photos = Annotated[
     "Place | Iterable[Place]",
-    argument("images, folders of images, or patterns such as 'run/*.png'", is_many=True, is_needed=True),
+    argument("images, folders of images, patterns such as 'run/*.png', or a robot's bag", is_many=True, is_needed=True),
 ]
+Topic = Annotated[str | None, option("of a robot's bag: its images (default: the only one)", metavar="TOPIC")]
 PhotoJobs = Annotated[int | None, option("photos at a time, all in memory (default: one per core)", 1, MOST_JOBS)]
 Weighted = Annotated[bool, option("weigh observations by the covariances they state, or all alike", off="--unweighted")]
 LIMITS = option(

@@ -33,6 +33,7 @@ def run(
     photos: options.Photos = (),
     *,
     images: "Iterable[Pixels] | None" = None,
+    topic: options.Topic = None,
     model: options.Model = "all",
     fix: options.Fix = (),
     share: options.Share = (),
@@ -99,7 +100,7 @@ def run(
     )  # fmt: skip
     to = None if out is None else output_of(out)
     folder = None if to is None else RunFolder(to, plan.may_solve)
-    asked = photos_given(photos, images)
+    asked = photos_given(photos, images, topic)
     if folder is not None:
         asked = folder.without_own_pictures(asked)
     asked, known = with_truth(asked, None if truth is None else place_of(truth, "a truth.json"))

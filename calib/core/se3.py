@@ -139,6 +139,18 @@ def steps_between(first: Array, second: Array) -> Array:
     return np.concatenate([turn, second[..., :3, 3] - first[..., :3, 3]], axis=-1)
 
 
+def interpolated(time_s: Array, pose: Array, at_s: Array) -> Array:
+    """Poses at times (T,) between poses (N, 4, 4) at ascending times (N,): a steady turn and a straight way.
+
+    Before the first and after the last time they are those.  # (T, 4, 4)
+    """
+    after = np.clip(np.searchsorted(time_s, at_s), 1, len(time_s) - 1)
+    first, second = pose[after - 1], pose[after]
+    share = np.clip((at_s - time_s[after - 1]) / (time_s[after] - time_s[after - 1]), 0, 1)[:, None]
+    step = share * steps_between(first, second)
+    return make_pose(exp_rotation(step[:, :3]) @ first[:, :3, :3], first[:, :3, 3] + step[:, 3:])
+
+
 def transform(pose: Array, point: Array) -> Array:
     """Points (..., 3) moved by rigid motions (..., 4, 4)."""
     moved: Array = (pose[..., :3, :3] @ point[..., None])[..., 0] + pose[..., :3, 3]

@@ -55,7 +55,19 @@ def read_image(path: Path) -> Photo:
     Raises:
         InputError: no image, cut off or damaged, too large, of another depth, or not to be read; it names the file.
     """
-    photo = _read(path, in_colour=False)
+    return _in_grey(_read(path, in_colour=False))
+
+
+def photo_of(data: bytes) -> Photo:
+    """Read what such a file holds, as `read_image` does.
+
+    Raises:
+        DamagedError: no image, cut off or damaged, too large, or of another depth.
+    """
+    return _in_grey(_decoded(data, in_colour=False))
+
+
+def _in_grey(photo: Photo) -> Photo:
     remarks = (*photo.remarks, "transparency ignored") if _has_alpha(photo.pixels) else photo.remarks
     return Photo(grey_of(photo.pixels), remarks)
 
@@ -86,7 +98,11 @@ def read_preview(path: Path, columns: int, most_pixels: int) -> Photo:
     Raises:
         DamagedError: why there is none, without the file's name.
     """
-    data = _read_file(path)
+    return preview_of(_read_file(path), columns, most_pixels)
+
+
+def preview_of(data: bytes, columns: int, most_pixels: int = MAX_PIXELS) -> Photo:
+    """The same of what such a file holds."""
     header = _header_within_limits(data, most_pixels)
     shrink = max(by for by in _SHRINKS if by == 1 or header.width >= by * columns)
     return Photo(_decode(data, header, in_colour=True, shrink=shrink if header.format == "JPEG" else 1), ())
@@ -111,20 +127,24 @@ def stated_dpi(path: Path) -> float | None:
 def _read(path: Path, *, in_colour: bool) -> Photo:
     """Read and decode a file within the limits; its pixels as it has them."""
     try:
-        data = _read_file(path)
-        header = _header_within_limits(data)
-        unit_rows = 0
-        if header.format == "JPEG":
-            from calib.images.jpeg_damage import brightness_step, check_jpeg_scans
-
-            unit_rows = check_jpeg_scans(data)  # decoders go on after damage, with pixels in wrong places
-        pixels = _decode(data, header, in_colour=in_colour)
+        return _decoded(_read_file(path), path.suffix, in_colour=in_colour)
     except DamagedError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def _decoded(data: bytes, suffix: str | None = None, *, in_colour: bool) -> Photo:
+    """Decode a file's content within the limits; its pixels as it has them."""
+    header = _header_within_limits(data)
+    unit_rows = 0
+    if header.format == "JPEG":
+        from calib.images.jpeg_damage import brightness_step, check_jpeg_scans
+
+        unit_rows = check_jpeg_scans(data)  # decoders go on after damage, with pixels in wrong places
+    pixels = _decode(data, header, in_colour=in_colour)
     remarks = []
     if unit_rows and (doubt := brightness_step(grey_of(pixels), unit_rows)):
         remarks.append(doubt)
-    if path.suffix.lower() not in SUFFIXES_OF[header.format]:
+    if suffix is not None and suffix.lower() not in SUFFIXES_OF[header.format]:
         remarks.append(f"the file is {header.format}, whatever its name says")
     if (orientation := header.exif.orientation) != 1:
         turn = _TURNS[orientation]

@@ -6,13 +6,14 @@ A camera in a robot's hand, or beside the robot that holds the target: one adjus
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
 from calib.cameras import COMMON, MODELS, free_form_models, learned_models, parameter_names, told_parameters
 from calib.cameras.camera import Camera
 from calib.cameras.rig import ALONE
-from calib.core.se3 import invert
+from calib.core.se3 import invert, steps_between
 from calib.core.types import Observations, RigObservations, keep_views
 from calib.judge.folders import RigRun
 from calib.judge.halves import RigHalves
@@ -23,9 +24,11 @@ from calib.judge.verdict import Criteria
 from calib.observe.calibration_file import Provenance
 from calib.observe.rig_observations import alone_as_rig, with_remarks
 from calib.observe.rig_search import RigSearch
-from calib.observe.robot_poses import RobotPoses, poses_of
+from calib.observe.robot_poses import AROUND_S, STILL_MM, RobotPoses, poses_of, stream_times
 from calib.rigs.accuracy import with_circle_doubt
+from calib.rigs.pose_pairs import solve_pose_streams
 from calib.rigs.problem import FREE_SIZE, CameraChoice, Mechanism, RigOptions
+from calib.rigs.result import RigCalibration
 from calib.rigs.robot_readings import why_size, why_wrong
 from calib.rigs.shared_errors import with_shared_errors
 from calib.rigs.solve import solve_rig
@@ -38,7 +41,7 @@ from calib.solver.problem import SolveOptions
 from designer.base.answer import program
 from designer.base.arrays import Array
 from designer.base.errors import InputError
-from designer.base.words import several, shown, suggestion
+from designer.base.words import figure, several, shown, suggestion
 from designer.page.progress import Progress
 from designer.target import TargetGeometry
 from designer.tolerance.made import Made, how_made
@@ -255,9 +258,18 @@ class RigSeen:
 
 def judged_rig(
     seen: RigSeen, wishes: CameraWishes, options: RigOptions, limits: Criteria, settings: tuple[tuple[str, str], ...],
-    progress: Progress,
+    progress: Progress, moved: Mechanism | None = None,
 ) -> tuple[RigRun, RigSeen]:  # fmt: skip
     """Solve a rig and judge it, whatever moves it or its target; what it was seen by, with a word on each lens.
+
+    Args:
+        seen: by the cameras.
+        wishes: what was asked for of them.
+        options: how they are solved together.
+        limits: of the verdict.
+        settings: for the record.
+        progress: is told what is being done.
+        moved: what moves them, with one standard deviation more of what is alike in all its poses; None: nothing is.
 
     Raises:
         InputError: cameras that no frames tie together, or that cannot be solved.
@@ -270,6 +282,9 @@ def judged_rig(
     options = replace(options, free_bend=bool(bend.free_bend), bend_sigma_mm=bend.bend_sigma_mm)
     progress("solving", 0, 0)
     solved = solve_rig(seen.observations, choices, options)
+    if moved is not None:
+        by_it = _unknowns_apart(solved, solve_rig(seen.observations, choices, replace(options, carrier=moved)))
+        solved = replace(solved, covariance=solved.covariance + np.outer(by_it, by_it))
     stated = with_circle_doubt(with_target_error(solved, seen.made))
     found = with_shared_errors(stated)
     progress("judging", 0, 0)
@@ -281,6 +296,13 @@ def judged_rig(
         options=wishes.options, settings=(*settings, *((_option(text)[2:], text) for text in wishes.fix)),
     )  # fmt: skip
     return RigRun(found, origin, judge_rig(found, halves, limits), seen.target), seen
+
+
+def _unknowns_apart(first: RigCalibration, second: RigCalibration) -> Array:
+    """What leads from one solution's cameras to another's, in the rows of their covariance.  # (N,)"""
+    step = steps_between(first.cam_from_rig, second.cam_from_rig)
+    parts = zip(first.cameras, second.cameras, step, strict=True)
+    return np.concatenate([np.concatenate([other.params - one.params, by]) for one, other, by in parts])
 
 
 FEWEST_POSES = 3
@@ -319,7 +341,7 @@ def judged_on_robot(
     Raises:
         InputError: too few photos have a pose, or poses look inverted or in another unit.
     """
-    seen, base_from_flange = _with_poses(seen, poses, wishes, is_camera_in_hand=not setting.is_target_in_hand)
+    seen, base_from_flange, later = _with_poses(seen, poses, wishes, is_camera_in_hand=not setting.is_target_in_hand)
     size_sigma = FREE_SIZE * (setting.solves_size is not False)
     if setting.solves_size is None and seen.target is not None and seen.made is not None:
         # Of a target against a robot's lengths, by how both were made.
@@ -334,7 +356,9 @@ def judged_on_robot(
 
     def solved(by: Mechanism) -> tuple[RigRun, RigSeen]:
         options = RigOptions(carrier=by, minimise=wishes.options.minimise)
-        return judged_rig(seen, wishes, options, limits, settings, progress)
+        there = later if setting.is_target_in_hand or later is None else invert(later)
+        moved = None if there is None else replace(by, rig_from_mechanism=there)
+        return judged_rig(seen, wishes, options, limits, settings, progress, moved)
 
     run, told = solved(carrier)
     fit = run.found.carrier
@@ -349,9 +373,15 @@ def judged_on_robot(
 
 def _with_poses(
     seen: RigSeen, poses: RobotPoses, wishes: CameraWishes, *, is_camera_in_hand: bool
-) -> tuple[RigSeen, Array]:
-    """The photos of which the robot's pose is known, and these poses, if they explain the photos as they are read."""
-    one = seen.observations.sightings[0]
+) -> tuple[RigSeen, Array, Array | None]:
+    """The photos of which the robot's pose is known, and these poses, if they explain the photos as they are read.
+
+    Of a stream also those by clocks with a standard deviation more of an offset; None: nothing of that matters.
+    """
+    one, stamps = seen.observations.sightings[0], seen.observations.time_s
+    time_s = stream_times(poses, one.view_names, None if stamps is None else stamps[0])
+    if time_s is not None:
+        return _with_stream(seen, poses, time_s, wishes, is_camera_in_hand=is_camera_in_hand)
     matched = poses_of(poses, one.view_names)
     keep = np.array([row is not None for row in matched.row])
     rows = [row for row in matched.row if row is not None]
@@ -367,13 +397,83 @@ def _with_poses(
     if matched.unused:
         said.append(f"{len(matched.unused)} robot poses are of no photo in use, the first is {matched.unused[0]}")
     kept = replace(alone_as_rig(ALONE, keep_views(one, keep)), remarks=(*seen.observations.remarks, *said))
+    kept, cam_from_target = _alone(kept, wishes, poses.base_from_flange[rows])
+    if why := why_wrong(cam_from_target, poses, np.array(rows), is_camera_in_hand=is_camera_in_hand):
+        raise InputError(f"{poses.origin}: {why}")
+    return replace(seen, observations=kept), poses.base_from_flange[rows], None
+
+
+def _alone(kept: RigObservations, wishes: CameraWishes, base_from_flange: Array) -> tuple[RigObservations, Array]:
+    """The one camera's photos, named as the robot's motions tell, and its own cam_from_target.  # (V, 4, 4)"""
     given, model = wishes.given.get(ALONE), COMMON if wishes.model == ALL else str(wishes.model)
     choice = CameraChoice(model if given is None else given.model, given, is_refined=False)
     alone = solve_alone(kept.sightings[0], ALONE, choice, RigOptions())
-    if one.points.turned is not None:
-        robot = Mechanism("robot", poses.base_from_flange[rows])
-        kept = named_alike(kept, [alone.cam_from_target], robot)
+    if kept.sightings[0].points.turned is not None:
+        kept = named_alike(kept, [alone.cam_from_target], Mechanism("robot", base_from_flange))
         alone = solve_alone(kept.sightings[0], ALONE, choice, RigOptions())
-    if why := why_wrong(alone.cam_from_target, poses, np.array(rows), is_camera_in_hand=is_camera_in_hand):
+    return kept, alone.cam_from_target
+
+
+def _with_stream(
+    seen: RigSeen, poses: RobotPoses, time_s: Array, wishes: CameraWishes, *, is_camera_in_hand: bool
+) -> tuple[RigSeen, Array, Array | None]:
+    """The same of a stream: interpolated at the photos' stamps, less the offset of the clocks where that matters."""
+    poses = poses.sorted_by_time()
+    one, all_known = seen.observations.sightings[0], poses.is_known(time_s)
+    if all_known.sum() < FEWEST_POSES:
+        begin, end = (0.0, 0.0) if poses.time_s is None else (poses.time_s[0], poses.time_s[-1])
+        raise InputError(
+            f"{poses.origin}: {all_known.sum()} of {len(time_s)} photos are of times with a pose; {FEWEST_POSES} or "
+            f"more are needed: the photos are of {time_s.min():.3f} to {time_s.max():.3f} s, the poses of {begin:.3f} "
+            f"to {end:.3f} s"
+        )
+    kept, time_s = alone_as_rig(ALONE, keep_views(one, all_known)), time_s[all_known]
+    lost = int((~all_known).sum())
+    kept, cam_from_target = _alone(kept, wishes, poses.at(time_s))
+    offset_s, sigma_s, said = _clock_offset(poses, time_s, cam_from_target, is_camera_in_hand=is_camera_in_hand)
+    known = poses.is_known(time_s - offset_s)
+    lost += int((~known).sum())
+    if lost:
+        said = f"{said}; {lost} photos are left out, as their times have no robot pose, or lie in a gap of these"
+    kept = replace(
+        alone_as_rig(ALONE, keep_views(kept.sightings[0], known)), remarks=(*seen.observations.remarks, said)
+    )
+    there = poses.sampled(kept.sightings[0].view_names, time_s[known] - offset_s)
+    rows = np.arange(int(known.sum()))
+    if why := why_wrong(cam_from_target[known], there, rows, is_camera_in_hand=is_camera_in_hand):
         raise InputError(f"{poses.origin}: {why}")
-    return replace(seen, observations=kept), poses.base_from_flange[rows]
+    later = poses.at(time_s[known] - offset_s - sigma_s) if sigma_s > 0 else None
+    return replace(seen, observations=kept), there.base_from_flange, later
+
+
+def _clock_offset(
+    poses: RobotPoses, time_s: Array, cam_from_target: Array, *, is_camera_in_hand: bool
+) -> tuple[float, float, str]:
+    """By how much the camera's clock is ahead of the robot's, how sure that is, and a word on it; 0: it matters not."""
+    moves_mm = poses.moves_mm(time_s)
+    paired = f"robot poses are interpolated at the {len(time_s)} photos' time stamps"
+    if moves_mm.max() <= STILL_MM:
+        most = f"{figure(moves_mm.max(), 2)} mm at most in {1e3 * AROUND_S:g} ms"
+        return 0.0, 0.0, f"{paired}, where the robot moves by {most}: an offset of the clocks matters nothing"
+    order = np.flatnonzero(np.diff(np.sort(time_s), prepend=-np.inf) > 0)
+    order = np.argsort(time_s, kind="stable")[order]
+    robot = poses.base_from_flange if not is_camera_in_hand else invert(poses.base_from_flange)
+    try:
+        found = solve_pose_streams(
+            time_s[order], cam_from_target[order], cast(Array, poses.time_s), robot,
+            "camera" if is_camera_in_hand else "target",
+        )  # fmt: skip
+    except InputError as error:
+        return 0.0, 0.0, f"{paired}, as if the clocks were one: their offset is not told: {error}"
+    if found.undetermined:
+        return 0.0, 0.0, f"{paired}, as if the clocks were one: their offset is not told: {found.undetermined[0]}"
+    off_mm = found.offset_sigma_s * float(np.median(moves_mm)) / AROUND_S
+    return (
+        found.offset_s,
+        found.offset_sigma_s,
+        (
+            f"{paired}, by clocks of which the camera's is ahead by {1e3 * found.offset_s:.2f} ± "
+            f"{figure(1e3 * found.offset_sigma_s, 2)} ms, as the motion tells; that moves the robot's poses by "
+            f"{figure(off_mm, 2)} mm (1 sigma), which is part of all standard deviations"
+        ),
+    )

@@ -156,7 +156,7 @@ def photos_of_one(photos: FoundPhotos) -> RigPhotos:
     """The photos of a camera that is solved as a rig is: each is a frame."""
     named = named_photos(photos.photos)
     taken = tuple(RigPhoto(ALONE, one.path, one.name, one.time_s, one.opened) for one in named)
-    return RigPhotos(taken, tuple(one.frame for one in taken), photos.failures)
+    return RigPhotos(taken, tuple(one.frame for one in taken), (*photos.remarks, *photos.failures))
 
 
 def search_cameras(

@@ -15,10 +15,10 @@ import numpy as np
 
 from calib.cameras.formats.parsing import number, parse_yaml, shown_plain
 from calib.core.csv_table import column_fault, csv_bytes, csv_cell, read_table, read_text, stamps_s
-from calib.core.se3 import MAX_DISTANCE_MM, invert, make_pose
+from calib.core.se3 import MAX_DISTANCE_MM, interpolated, invert, make_pose, steps_between
 from calib.core.types import freeze
 from calib.observe.rotations import RotationColumns, RowError, of_quaternion, rotation_columns, to_quaternion
-from designer.base.arrays import Array
+from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.files import parse_json
 from designer.base.words import figure, shown, suggestion
@@ -40,6 +40,12 @@ ANGLES = {"rad": 1.0, "deg": float(np.pi / 180)}
 MOST_POSES, MAX_FILE_BYTES = 100_000, 16 * 2**20
 MOST_TURNS_RAD = 4 * np.pi
 """No robot writes larger angles; degrees that are taken for radians are."""
+LONGEST_STEP_S, GAP_STEPS, MORE_POSES = 0.25, 5.0, 2
+"""A stream has poses at least so often, and so many a photo; so many steps without one are a gap."""
+AROUND_S, STILL_MM = 0.1, 0.1
+"""A robot that moves no farther in this time around a photo stands still: an offset of clocks matters nothing."""
+LEVER_MM = 500.0
+"""From a flange to what its camera sees."""
 _LISTS = {
     "position": ("x", "y", "z"),
     "translation": ("x", "y", "z"),
@@ -97,6 +103,57 @@ class RobotPoses:
             if (value := getattr(self, name)) is not None
         }
         return replace(self, images=tuple(self.images[row] for row in order), **arrays)
+
+    @property
+    def step_s(self) -> float:
+        """The usual time from pose to pose of a stream, such as its poses may be interpolated over; 0: it is none."""
+        if self.time_s is None or len(self.time_s) < 2:
+            return 0.0
+        step_s = float(np.median(np.diff(np.sort(self.time_s))))
+        return step_s if step_s <= LONGEST_STEP_S else 0.0
+
+    def at(self, time_s: Array) -> Array:
+        """A stream's poses at times (T,): turned steadily and moved straight between its own.  # (T, 4, 4)"""
+        own = np.zeros(0) if self.time_s is None else self.time_s
+        return interpolated(own, self.base_from_flange, time_s)
+
+    def sampled(self, names: Sequence[str], time_s: Array) -> "RobotPoses":
+        """A stream's poses at times (T,), under names; what else its rows hold is that of the nearest."""
+        own = np.zeros(0) if self.time_s is None else self.time_s
+        after = np.clip(np.searchsorted(own, time_s), 1, len(own) - 1)
+        nearest = np.where(time_s - own[after - 1] < own[after] - time_s, after - 1, after)
+        angles = None if self.angles_rad is None else self.angles_rad[nearest]
+        return replace(
+            self,
+            images=tuple(names),
+            base_from_flange=self.at(time_s),
+            time_s=time_s,
+            angles_rad=angles,
+            covariance=None,
+        )
+
+    def is_known(self, time_s: Array) -> Flags:
+        """Whether a stream tells the pose at times (T,): none before its first, after its last, or in a gap."""
+        own = np.zeros(0) if self.time_s is None else self.time_s
+        if self.step_s == 0:
+            return np.zeros(len(time_s), dtype=bool)
+        after = np.clip(np.searchsorted(own, time_s), 1, len(own) - 1)
+        begin, end = own[after - 1], own[after]
+        is_gap = end - begin > max(GAP_STEPS * self.step_s, LONGEST_STEP_S / 2)
+        known: Flags = ((begin <= time_s) & (time_s <= end) & ~is_gap) | (time_s == end)
+        return known
+
+    def moves_mm(self, time_s: Array) -> Array:
+        """How far it moves in 0.1 s before and after times (T,), a turn as it moves what its camera sees.  # (T,)"""
+        here, before, after = (self.at(time_s + shift) for shift in (0.0, -AROUND_S, AROUND_S))
+        return np.maximum(way_mm(before, here), way_mm(here, after))
+
+
+def way_mm(first: Array, second: Array) -> Array:
+    """How far poses (N, 4, 4) lie apart, a turn as it moves what a camera on the flange sees.  # (N,)"""
+    step = steps_between(first, second)
+    way: Array = np.hypot(LEVER_MM * np.linalg.norm(step[:, :3], axis=1), np.linalg.norm(step[:, 3:], axis=1))
+    return way
 
 
 def read_robot_poses(
@@ -428,6 +485,24 @@ def poses_of(poses: RobotPoses, photos: Sequence[str]) -> PosesOfPhotos:
         f"{poses.origin}: names no photo: its first pose is of {shown(poses.images[0])}, the first photo is "
         f"{shown(photos[0])}; name the photos as their files are"
     )
+
+
+def stream_times(poses: RobotPoses, photos: Sequence[str], time_s: Array | None) -> Array | None:
+    """When photos were taken, by the clock of a stream of poses; None: it is no stream, or they have no time stamps.
+
+    Args:
+        poses: in the order of time.
+        photos: by their names, which may be times.
+        time_s: their stamps, if they have some.
+    """
+    if poses.step_s == 0 or poses.time_s is None or len(poses.images) < MORE_POSES * len(photos):
+        return None
+    if poses.images[0] != f"{poses.time_s[0]:.9f}":  # which names photos
+        return None
+    if time_s is not None:
+        return time_s
+    stamps = stamps_s([f"{one:.9f}" for one in poses.time_s.tolist()], [_file_name(name) for name in photos])
+    return None if stamps is None else stamps[1] - stamps[0][0] + poses.time_s[0]
 
 
 def _paired(poses: RobotPoses, row: Sequence[int | None], remark: str = "") -> PosesOfPhotos:

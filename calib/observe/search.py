@@ -77,7 +77,9 @@ class PhotoSearch:
             InputError: not one photo could be searched.
         """
         start = time.perf_counter()
-        return self._found(self._looked(look_for(self.target, camera), self.overlay_folder, PhotoFile.read), start)
+        return self._found(
+            self._looked(look_for(self.target, camera), self.overlay_folder, PhotoFile.read), start, self.photos.remarks
+        )
 
     def twice(self, plan: "SolvePlan") -> "tuple[Search, SolvePlan]":
         """Search, solve a first camera, and search again with its lens: centres are surer where it is known.

@@ -328,6 +328,8 @@ def _typed(parameter: Parameter) -> inspect.Parameter:
     kind: object = parameter.kind if parameter.kind in (bool, Path) and said.parse is None else str
     if said.is_many:
         kind = list[str]
+    elif parameter.kind == tuple[str, str]:
+        kind = parameter.kind
     is_needed = parameter.default is empty or said.is_needed
     default = parameter.default if kind is bool else empty if is_needed else None
     shown: dict[str, Any] = {

@@ -99,6 +99,8 @@ CALIB = (
     Case(("run", "board.target.json", "blank", "-o", "out"), 1),
     Case(("run", "board.target.json", "photos", "--model", "periscope", "-o", "out"), 2),
     Case((*RUN, "--criteria", "none"), 2),
+    Case(("run", "board.target.json", "none.mcap"), 2),
+    Case(("hand-eye", "board.target.json", "none.bag", "--tf", "base_link", "tool0"), 2),
     Case((*SOLVE, "detections.csv", *LENIENT), 0),
     Case((*SOLVE, "detections.csv", "--criteria", "metrology", "--no-page"), 1),  # of a camera that is not to be used
     Case((*SOLVE, "frontal.csv", *LENIENT), 1),  # of one that is not determined, whatever the limits

@@ -72,10 +72,10 @@ def python(code: str, *words: object, folder: Path = ROOT) -> None:
 @pytest.mark.parametrize(("program", "module"), [("design", "designer.cli"), ("calib", "calib.cli")])
 def test_help_and_completion_load_no_numbers(program: str, module: str) -> None:
     """Of every command: it is told by its function's signature, and what that does is loaded when it is called."""
-    python(ASKED, program, module, "numpy", "numba", "scipy", "cv2", "matplotlib", "build123d")
+    python(ASKED, program, module, "numpy", "numba", "scipy", "cv2", "matplotlib", "build123d", "rosbags")
 
 
-PICTURES = "scipy.spatial,scipy.sparse,scipy.optimize,scipy.stats,matplotlib,sklearn,joblib,pandas,jinja2"
+PICTURES = "scipy.spatial,scipy.sparse,scipy.optimize,scipy.stats,matplotlib,sklearn,joblib,pandas,jinja2,rosbags"
 
 
 def test_everyday_commands_load_what_they_use(scene: Path, tmp_path: Path) -> None:

@@ -5,7 +5,8 @@ sensor_msgs/CameraInfo): `u' = (u - x_offset + 1/2) / binning_x - 1/2`, as pixel
 
 A rig is a camera_info file a camera, a launch file of static transforms, and the same as a URDF. A transform takes
 points from the child's frame to the parent's: rig_from_cam, in metres, its quaternion as x y z w. A camera's frame is
-its optical one, z forward and y down (REP 103). Of a pair, P is of the rectified pictures, and -P[0, 3] / P[0, 0] of
+its optical one, z forward and y down, and hangs on the one of its body, x forward and z up (REP 103): that turn is
+always the same. Of a pair, P is of the rectified pictures, and -P[0, 3] / P[0, 0] of
 the second camera is the baseline in metres (sensor_msgs/CameraInfo). Cameras' places are read from the launch file that
 we write, or of a pair from the rectification.
 
@@ -48,7 +49,7 @@ from calib.cameras.formats.parsing import (
     roll_pitch_yaw_rad,
 )
 from calib.cameras.rig import rectified_pair
-from calib.core.se3 import invert, quaternion_wxyz
+from calib.core.se3 import invert, make_pose, quaternion_wxyz
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import shown
@@ -212,7 +213,9 @@ FORMAT = CameraFormat(
 )
 
 
-LAUNCH, SUFFIX, FRAME = "static_transforms.launch.yaml", ".yaml", "_optical_frame"
+LAUNCH, SUFFIX, FRAME, BODY = "static_transforms.launch.yaml", ".yaml", "_optical_frame", "_link"
+BODY_FROM_OPTICAL = make_pose(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), np.zeros(3))
+"""To the right is against y, down is against z, forward is along x (REP 103)."""
 RIG_LINK = "rig"
 """Of a rig whose frame is a camera's."""
 ARGUMENTS = ("--qw", "--qx", "--qy", "--qz", "--x", "--y", "--z")
@@ -258,22 +261,31 @@ def _by_transforms(files: RigFiles, infos: Mapping[str, str]) -> ReadRig:
     nodes = required(tree, ("launch",), origin)
     if not isinstance(nodes, list) or not nodes:
         raise InputError(f"{origin}: launch must be a list of nodes")
-    names: list[str] = []
-    found: list[ReadCamera] = []
-    poses, parent = [], ""
+    hangs: dict[str, tuple[str, Array]] = {}  # of a child: its parent, and parent_from_child in mm
     for one in nodes:
         node = mapping(mapping(one, "an entry", origin).get("node"), "a node", origin)
         words = str(required(node, ("args",), origin)).split()
         given = dict(zip(words[::2], words[1::2], strict=False))
-        parent = str(required(given, ("--frame-id",), origin))
-        name = str(required(given, ("--child-frame-id",), origin)).removesuffix(FRAME)
+        parent, child = (str(required(given, (key,), origin)) for key in ("--frame-id", "--child-frame-id"))
+        values = [number(required(given, (key,), origin), key, origin) for key in ARGUMENTS]
+        hangs[child] = parent, quaternion_pose(values[:4], values[4:], files.unit, f"{origin}: {shown(child)}")
+    last = [child for child in hangs if all(child != parent for parent, _ in hangs.values())]
+    names, found, poses, root = [child.removesuffix(FRAME) for child in last], list[ReadCamera](), list[Array](), ""
+    for name, child in zip(names, last, strict=True):
         if f"{name}{SUFFIX}" not in infos:
             raise InputError(f"{origin}: there is no {shown(name + SUFFIX)} beside it")
-        values = [number(required(given, (key,), origin), key, origin) for key in ARGUMENTS]
-        names.append(name)
         found.append(read(infos[f"{name}{SUFFIX}"], files.origin_of(f"{name}{SUFFIX}")))
-        poses.append(invert(quaternion_pose(values[:4], values[4:], files.unit, f"{origin}: {shown(name)}")))
-    return assembled(files, names, found, poses, "m", parent if parent not in ("", RIG_LINK) else None)
+        root, pose, way = child, np.eye(4), {child}
+        while root in hangs:
+            root, step = hangs[root]
+            pose = step @ pose
+            if root in way:
+                raise InputError(f"{origin}: frame {shown(root)} hangs on itself")
+            way.add(root)
+        poses.append(invert(pose))
+    if not names:
+        raise InputError(f"{origin}: each frame hangs on another; one has to hang on none")
+    return assembled(files, names, found, poses, "m", root if root not in ("", RIG_LINK) else None)
 
 
 URDF = "rig.urdf"
@@ -289,10 +301,11 @@ def write_rig(written: WrittenRig) -> Mapping[str, str]:
     }
     frame = written.rig.rig_frame  # a robot's own link, or one of the rig's
     parent = plain_words((frame,))[0] if frame and frame not in written.rig.names else RIG_LINK
-    rig_from_cam = dict(
-        zip((f"{word}{FRAME}" for word in written.words), invert(written.cam_from_rig) + 0.0, strict=True)
-    )
-    return {**infos, LAUNCH: _launch(parent, rig_from_cam), URDF: _urdf(parent, rig_from_cam)}
+    hangs = dict[str, tuple[str, Array]]()
+    for word, rig_from_cam in zip(written.words, invert(written.cam_from_rig), strict=True):
+        hangs[f"{word}{BODY}"] = parent, rig_from_cam @ invert(BODY_FROM_OPTICAL) + 0.0
+        hangs[f"{word}{FRAME}"] = f"{word}{BODY}", BODY_FROM_OPTICAL
+    return {**infos, LAUNCH: _launch(hangs), URDF: _urdf(parent, hangs)}
 
 
 def _rectified(written: WrittenRig) -> list[tuple[Array, Array]]:
@@ -304,12 +317,12 @@ def _rectified(written: WrittenRig) -> list[tuple[Array, Array]]:
     return [(np.eye(3), np.column_stack([linear_part(camera).matrix, np.zeros(3)])) for camera in cameras]
 
 
-def _launch(parent: str, rig_from_cam: Mapping[str, Array]) -> str:
+def _launch(hangs: Mapping[str, tuple[str, Array]]) -> str:
     nodes = "".join(
         "- node:\n    pkg: tf2_ros\n    exec: static_transform_publisher\n"
         f"    name: {child}_broadcaster\n"
         f'    args: "{_arguments(pose)} --frame-id {parent} --child-frame-id {child}"\n'
-        for child, pose in rig_from_cam.items()
+        for child, (parent, pose) in hangs.items()
     )
     return f"# ros2 launch {LAUNCH}; lengths are in metres\nlaunch:\n{nodes}"
 
@@ -322,16 +335,16 @@ def _arguments(pose: Array) -> str:
     )
 
 
-def _urdf(parent: str, rig_from_cam: Mapping[str, Array]) -> str:
+def _urdf(root: str, hangs: Mapping[str, tuple[str, Array]]) -> str:
     joints = "".join(
         f"  <link name={quoteattr(child)}/>\n"
         f'  <joint name={quoteattr(f"{child}_joint")} type="fixed">\n'
         f"    <parent link={quoteattr(parent)}/>\n    <child link={quoteattr(child)}/>\n"
         f'    <origin xyz="{_words(pose[:3, 3].tolist())}" rpy="{_words(roll_pitch_yaw_rad(pose[:3, :3]))}"/>\n'
         "  </joint>\n"
-        for child, pose in rig_from_cam.items()
+        for child, (parent, pose) in hangs.items()
     )
-    return f'<?xml version="1.0"?>\n<robot name="rig">\n  <link name={quoteattr(parent)}/>\n{joints}</robot>\n'
+    return f'<?xml version="1.0"?>\n<robot name="rig">\n  <link name={quoteattr(root)}/>\n{joints}</robot>\n'
 
 
 def _words(values: Sequence[float]) -> str:

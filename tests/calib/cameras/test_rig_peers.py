@@ -9,11 +9,13 @@ import numpy as np
 import pycolmap
 import pytest
 import yaml
+from scipy.spatial.transform import Rotation
 
 from calib.cameras.camera import Camera
 from calib.cameras.formats.reading import open_rig
 from calib.cameras.rig import rectified_pair
 from calib.core.se3 import exp_rotation, invert, make_pose, transform
+from designer.base.arrays import Array
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import ask_mrcal
 from tests.support.foreign_rigs import (
@@ -287,33 +289,53 @@ def rig_names(text: str) -> tuple[str, ...]:
 
 
 def test_ros_has_the_same_transforms_in_both_files() -> None:
-    """By REP 103 and tf2: parent_from_child, x y z w, metres; the URDF's rpy turns about fixed axes."""
+    """By REP 103 and tf2: parent_from_child, x y z w, metres, the body's frame between; rpy turns about fixed axes."""
     rig, _ = held_by("ros", ring())
     texts = rig_texts("ros", rig)
     assert {"cam_a.yaml", "cam_b.yaml", "cam_c.yaml"} < set(texts)
     nodes = [one["node"] for one in yaml.safe_load(texts["static_transforms.launch.yaml"])["launch"]]
     joints = ET.fromstring(texts["rig.urdf"]).findall("joint")
-    for node, joint, pose in zip(nodes, joints, invert(rig.cam_from_rig), strict=True):
+    stands: dict[str, Array] = {"world": np.eye(4)}
+    for node, joint in zip(nodes, joints, strict=True):
         words = node["args"].split()
         given = dict(zip(words[::2], words[1::2], strict=True))
-        assert given["--frame-id"] == joint.find("parent").get("link") == "world"  # type: ignore[union-attr]
-        assert given["--child-frame-id"] == joint.find("child").get("link")  # type: ignore[union-attr]
-        x, y, z, qx, qy, qz, qw = (float(given[f"--{name}"]) for name in ("x", "y", "z", "qx", "qy", "qz", "qw"))
-        np.testing.assert_allclose([x, y, z], pose[:3, 3] / 1000, atol=1e-12)
-        matrix = [
-            [1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qz * qw), 2 * (qx * qz + qy * qw)],
-            [2 * (qx * qy + qz * qw), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qx * qw)],
-            [2 * (qx * qz - qy * qw), 2 * (qy * qz + qx * qw), 1 - 2 * (qx * qx + qy * qy)],
-        ]
-        np.testing.assert_allclose(matrix, pose[:3, :3], atol=1e-12)
+        parent, child = given["--frame-id"], given["--child-frame-id"]
+        assert joint.find("parent").get("link") == parent  # type: ignore[union-attr]
+        assert joint.find("child").get("link") == child  # type: ignore[union-attr]
+        step = np.eye(4)
+        step[:3, 3] = [float(given[f"--{name}"]) for name in "xyz"]
+        step[:3, :3] = Rotation.from_quat([float(given[f"--q{name}"]) for name in "xyzw"]).as_matrix()
+        stands[child] = stands[parent] @ step
         origin = joint.find("origin")
         assert origin is not None
-        roll, pitch, yaw = map(float, str(origin.get("rpy")).split())
-        about = [
-            cv2.Rodrigues(angle * axis)[0] for angle, axis in zip((yaw, pitch, roll), np.eye(3)[::-1], strict=True)
-        ]
-        np.testing.assert_allclose(about[0] @ about[1] @ about[2], pose[:3, :3], atol=1e-12)
-        np.testing.assert_allclose([float(one) for one in str(origin.get("xyz")).split()], [x, y, z])
+        rpy = [float(one) for one in str(origin.get("rpy")).split()]
+        np.testing.assert_allclose(Rotation.from_euler("xyz", rpy).as_matrix(), step[:3, :3], atol=1e-12)
+        np.testing.assert_allclose([float(one) for one in str(origin.get("xyz")).split()], step[:3, 3])
+    for name, pose in zip(("cam_a", "cam_b", "cam_c"), invert(rig.cam_from_rig), strict=True):
+        np.testing.assert_allclose(stands[f"{name}_optical_frame"][:3, 3], pose[:3, 3] / 1000, atol=1e-12)
+        np.testing.assert_allclose(stands[f"{name}_optical_frame"][:3, :3], pose[:3, :3], atol=1e-12)
+        right, down, forward = pose[:3, :3].T
+        np.testing.assert_allclose(stands[f"{name}_link"][:3, :3].T, [forward, -right, -down], atol=1e-12)
+
+
+def test_transforms_of_ros_are_read_through_any_number_of_frames() -> None:
+    """With the body's frame between, without it as once, and not if a frame hangs on itself."""
+    rig, _ = held_by("ros", ring())
+    texts = rig_texts("ros", rig)
+    tree = yaml.safe_load(texts["static_transforms.launch.yaml"])
+    back = read_texts("ros", texts)
+    np.testing.assert_allclose(back.cam_from_rig, rig.cam_from_rig, atol=1e-9)
+    for node, pose in zip(tree["launch"][1::2], invert(rig.cam_from_rig), strict=True):
+        x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat()
+        given = dict(zip(("x", "y", "z"), pose[:3, 3] / 1000, strict=True)) | {"qx": x, "qy": y, "qz": z, "qw": w}
+        child = node["node"]["args"].rpartition(" ")[2]
+        told = " ".join(f"--{name} {value!r}" for name, value in ((name, float(one)) for name, one in given.items()))
+        node["node"]["args"] = f"{told} --frame-id world --child-frame-id {child}"
+    plain = texts | {"static_transforms.launch.yaml": yaml.safe_dump({"launch": tree["launch"][1::2]})}
+    np.testing.assert_allclose(read_texts("ros", plain).cam_from_rig, rig.cam_from_rig, atol=1e-9)
+    looped = texts["static_transforms.launch.yaml"].replace("--frame-id world", "--frame-id cam_a_link", 1)
+    with pytest.raises(InputError, match="frame 'cam_a_link' hangs on itself"):
+        read_texts("ros", texts | {"static_transforms.launch.yaml": looped})
 
 
 def test_a_pair_in_ros_tells_its_baseline() -> None:
