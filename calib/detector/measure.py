@@ -331,7 +331,7 @@ def _fit_with_lines(
     sound = judge(fits, None, places, plan) == ""
     face = np.where(sound, plan.target.ring_face[places.ring], -1)
     roughness = fits.noise / np.maximum(fits.contrast, 1e-9)
-    ratios = variance_ratios(fits.scores, fits.params, roughness, face, SOFTENED_RATIO if softened else 1.0)
+    ratios = variance_ratios(fits.scores, fits.radii_px, roughness, face, SOFTENED_RATIO if softened else 1.0)
     left = left_covariance(growth, fits.params[:, BLUR], fits.params[:, E00 : E11 + 1], fits.params[:, RATIO])
     fits = replace(fits, cov_px2=ratios.ring[:, None, None] * fits.cov_px2 + left)
     remarks = () if ratios.photo < WORTH_A_WORD else (NO_GREY_EDGES if softened else ODD_EDGES,)

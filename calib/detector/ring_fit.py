@@ -66,6 +66,12 @@ class RingFits:
         return self.params[:, :2]
 
     @property
+    def radii_px(self) -> Floats:
+        """Mean radii of both edges.  # (N, 2)"""
+        outer = 1 / np.sqrt(np.maximum(self.params[:, E00] * self.params[:, E11], 1e-12))
+        return np.column_stack([outer, outer * self.params[:, RATIO]])
+
+    @property
     def contrast(self) -> Floats:
         """White minus black at the centre, in grey levels.  # (N,)"""
         return self.params[:, WHITE] * self.params[:, DARKNESS]

@@ -181,14 +181,17 @@ def _tone(total: Floats, information: Floats, noise2: float, tone: Floats) -> No
 
 
 @jit_sums
-def _taken_up(leverage: Floats, inverse: Floats, p: Floats) -> float:
-    """What the fit takes up of the scores of even noise: the sum over |a - b| <= reach of l_a' inv(J'J) l_b."""
-    radius_px = 1.0 / math.sqrt(p[E00] * p[E11])
+def taken_up(leverage: Floats, inverse: Floats, outer_px: float, inner_px: float) -> float:
+    """What the fit takes up of the scores of even noise: the sum over |a - b| <= reach of l_a' inv(J'J) l_b.
+
+    Edges are circles of the radii given, or as long as these.
+    """
+    count = leverage.shape[2]
     # By parameter, so that all stretches are worked out at once.
-    own, near = np.empty((PARAMETERS, 4 * STRETCHES)), np.empty((PARAMETERS, 4 * STRETCHES))
-    window = np.empty(PARAMETERS)
+    own, near = np.empty((count, 4 * STRETCHES)), np.empty((count, 4 * STRETCHES))
+    window = np.empty(count)
     for edge in range(2):
-        reach = _reach(radius_px if edge == 0 else radius_px * p[RATIO])
+        reach = _reach(outer_px if edge == 0 else inner_px)
         for c in range(2):
             of_edge = leverage[edge * STRETCHES : (edge + 1) * STRETCHES, c]
             window[:] = 0.0
@@ -198,13 +201,13 @@ def _taken_up(leverage: Floats, inverse: Floats, p: Floats) -> float:
                 # The window's sum follows from its neighbour's.
                 comes, goes = (a + reach) % STRETCHES, (a - reach - 1) % STRETCHES
                 column = (2 * edge + c) * STRETCHES + a
-                for i in range(PARAMETERS):
+                for i in range(count):
                     window[i] += of_edge[comes, i] - of_edge[goes, i]
                     own[i, column] = of_edge[a, i]
                     near[i, column] = window[i]
     total = 0.0
-    for i in range(PARAMETERS):
-        for j in range(PARAMETERS):
+    for i in range(count):
+        for j in range(count):
             product = 0.0
             for a in range(4 * STRETCHES):
                 product += own[i, a] * near[j, a]
@@ -278,7 +281,8 @@ def score_ring(
     score /= math.sqrt(even * noise2)
     if has_tone:
         _tone(total, information, noise2, tone)
-    return 1.0 - _taken_up(leverage, inverse, p) / even
+    radius_px = 1.0 / math.sqrt(p[E00] * p[E11])
+    return 1.0 - taken_up(leverage, inverse, radius_px, radius_px * p[RATIO]) / even
 
 
 def together(score: Floats, radius_px: Floats) -> Floats:
@@ -302,10 +306,13 @@ class Ratios:
     ring: Floats  # (N,)
 
 
-def variance_ratios(scores: Scores, params: Floats, roughness: Floats, face: Rows, usual_ratio: float = 1.0) -> Ratios:
+def variance_ratios(
+    scores: Scores, radius_px: Floats, roughness: Floats, face: Rows, usual_ratio: float = 1.0
+) -> Ratios:
     """The ratio of a photo from its usual rings, and that of each ring between the photo's and its own.
 
-    Rings on face -1 do not count; `usual_ratio` is what is expected of such a photo before its rings are asked.
+    Edges are circles of the radii given (N, 2), or as long as these. Rings on face -1 do not count; `usual_ratio` is
+    what is expected of such a photo before its rings are asked.
     """
     counts = (face >= 0) & (scores.alone > 0)
     is_usual = counts & (roughness <= MOST_ROUGH * np.median(roughness[counts])) if counts.any() else counts
@@ -319,8 +326,7 @@ def variance_ratios(scores: Scores, params: Floats, roughness: Floats, face: Row
             continue
         common[face == f] = scores.score[usual].mean(axis=0)
         lost[usual] = 1 - 1 / count
-    radius = 1 / np.sqrt(np.maximum(params[:, E00] * params[:, E11], 1e-12))
-    seen = together(scores.score - common, np.column_stack([radius, radius * params[:, RATIO]]))
+    seen = together(scores.score - common, radius_px)
     expected = lost * scores.alone
     if not is_usual.any():
         return Ratios(usual_ratio, np.full(len(face), usual_ratio))

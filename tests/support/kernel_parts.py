@@ -17,6 +17,18 @@ from calib.core.kernel_store import SUFFIX, read_entry
 
 VIEWS = ("--views", "8", "--distance", "150mm..220mm", "--aim-offset", "30mm", "--random-roll")
 LOOKED = ("--blur", "0.7px", "--contrast-to-noise", "50")
+BOARD = """
+import sys, cv2, numpy
+from designer.marks.chessboard import Chessboard
+from designer.target import target_of_marks, target_to_json
+target, soft, sharp = sys.argv[1:]
+open(target, "w").write(target_to_json(target_of_marks([Chessboard((9, 6), 20.0)], numpy.eye(4)[None], 10.0)))
+squares = numpy.pad(numpy.kron(numpy.indices((6, 9)).sum(axis=0) % 2, numpy.ones((40, 40))), 40, constant_values=1)
+tilted = numpy.array([[1, 0.1, 60], [-0.05, 1.1, 80], [0, 0.0004, 1]])
+seen = cv2.warpPerspective(40 + 160 * squares, tilted, (640, 480), borderValue=200)
+cv2.imwrite(soft, cv2.GaussianBlur(seen, (0, 0), 0.8))
+cv2.imwrite(sharp, numpy.where(seen > 120, 200, 40))
+"""
 LIVE = """
 import sys, cv2, calib
 target, folder = sys.argv[1:]
@@ -125,6 +137,12 @@ class Example:
         taken = ("--target", self.board, "--detections", self.folder / "found.csv", "--sizes", "6", "--samples", "4")
         run("calib", "study", "bootstrap", *taken, "--jobs", "1", "-o", self.folder / "bootstrap")
 
+    def boards(self) -> None:
+        """Find and measure other makers' marks, sharp ones too."""
+        board, soft, sharp = (self.folder / name for name in ("chess.target.json", "soft.png", "sharp.png"))
+        run("python", BOARD, board, soft, sharp)
+        run("calib", "detect", board, soft, sharp, "-o", self.folder / "boards.csv", "--jobs", "1")
+
     def live(self) -> None:
         """Guidance while photos are taken."""
         run("python", LIVE, self.ico, self.folder / "ico-photos")
@@ -134,7 +152,7 @@ PARTS: Mapping[str, Callable[[Example], None]] = {
     work.__name__: work
     for work in (
         *(Example.detect, Example.lens, Example.solve, Example.run, Example.models, Example.use, Example.render),
-        *(Example.rig, Example.measure, Example.tolerance, Example.live),
+        *(Example.rig, Example.measure, Example.tolerance, Example.live, Example.boards),
     )
 }
 """In the order in which a user needs them: a kernel is listed with the first that needs it."""

@@ -23,6 +23,7 @@ class FoundFace:
     row: Rows  # (N,) rows of the face's points, ascending
     near_px: Array  # (N, 2) to a pixel or better
     remarks: tuple[str, ...] = ()
+    cov_px2: Array | None = None  # (N, 2, 2) of a finder that measures itself; None: `near_px` is where to begin
 
 
 class Finder(Protocol):

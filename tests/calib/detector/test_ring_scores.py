@@ -72,7 +72,7 @@ def moved(image: Image) -> Image:
 def ratios_of(fits: RingFits, face: Rows | None = None, scores: Scores | None = None) -> Ratios:
     """By what the covariances have to be multiplied, all rings on one face if no other is given."""
     face = np.zeros(len(fits.ok), dtype=np.int64) if face is None else face
-    return variance_ratios(scores or fits.scores, fits.params, fits.noise / fits.contrast, face)
+    return variance_ratios(scores or fits.scores, fits.radii_px, fits.noise / fits.contrast, face)
 
 
 def fit(rings: Mosaic, image: Image) -> tuple[RingFits, Ratios]:
@@ -137,11 +137,11 @@ def test_too_few_rings_are_taken_for_usual(rings: Mosaic) -> None:
     faces = np.full(RINGS, -1)
     faces[np.flatnonzero(fits.scores.alone > 0)[: LEAST_OF_A_FACE - 1]] = 0
     assert (ratios_of(fits, faces).ring == 1.0).all()
-    usual = variance_ratios(fits.scores, fits.params, fits.noise / fits.contrast, faces, 1.25)
+    usual = variance_ratios(fits.scores, fits.radii_px, fits.noise / fits.contrast, faces, 1.25)
     assert usual.photo == 1.25
     assert (usual.ring == 1.25).all()
     nothing = np.zeros(0)
-    assert variance_ratios(Scores.empty(0), np.zeros((0, PARAMETERS)), nothing, nothing.astype(int)).photo == 1.0
+    assert variance_ratios(Scores.empty(0), np.zeros((0, 2)), nothing, nothing.astype(int)).photo == 1.0
 
 
 @pytest.mark.parametrize("slant", [-8e-17, -1e-17, 0.0, 1e-17, 8e-17])
