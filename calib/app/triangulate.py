@@ -191,7 +191,6 @@ def _seen_of_object(
     from calib.core.types import RigObservations
     from calib.observe.rig_observations import has_known_points, read_rig_sightings
     from calib.observe.rig_search import observations_of_rig, photos_of_rig, rig_input, search_cameras
-    from calib.rigs.turned_names import named_by_rig
 
     given = rig_input(photos, None, None, None, None)
     if (sightings is None) != bool(given.photos):
@@ -202,6 +201,8 @@ def _seen_of_object(
         taken = photos_of_rig(given)
         lenses = {name: rig.cameras[rig.row(name)] for name in taken.camera_names}
         search = search_cameras(target_of(target, "rings"), taken, lenses, None, jobs, progress)
+        from calib.rigs.turned_names import named_by_rig
+
         return named_by_rig(observations_of_rig(search), rig)
     require_photos_for_jobs(jobs)
     if isinstance(sightings, RigObservations):
