@@ -98,7 +98,8 @@ class Session:
     ) -> None:  # fmt: skip
         self.guide, self.folder, self.sources, self.target = guide, folder, sources, guide.settings.target
         points = f"{len(self.target.center_mm)} {self.target.feature_word}"
-        self._words = points if self.target.spec is None else f"{self.target.spec.words}, {points}"
+        of = self.target.spec or (self.target.marks or (None,))[0]
+        self._words = points if of is None else f"{of.words}, {points}"
         self.phase: Phase = "taking"
         self.kept: dict[str, KeptMoment] = {}  # by the moments' names
         self._tell, self._show, self._now_s = tell, show, now_s

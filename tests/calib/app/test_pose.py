@@ -294,7 +294,7 @@ def test_what_the_deviations_leave_out_is_told(folder: Path, capsys: pytest.Capt
     seen = SEEN[0]
     one = target_poses([seen], BOARD, CAMERA, weighted=False).poses[0]
     search = Search(BOARD, (PhotoResult(PhotoFile(Path(seen.image), seen.image), seen),), (), 0, 1.0)
-    for lost, said in ((0, ""), (3, "3 more rings lie where the camera knows no light")):
+    for lost, said in ((0, ""), (3, "3 more points lie where the camera knows no light")):
         found = PoseResult(BOARD, CAMERA, search, (replace(one, rings=one.rings - lost),), ())
         (photos,) = (one for one in TargetPoses(found, "t", "c", None).page().sections if one.title == "Photos")
         (table,) = (block for block in photos.blocks if isinstance(block, Table))
