@@ -144,6 +144,16 @@ def steps_of(run: JudgedRun) -> tuple[str, ...]:
     return () if run.judged is None else tuple(map(printable, run.judged.verdict.advice))
 
 
+def words_of_ours(run: JudgedRun) -> tuple[str, ...]:
+    """What our own target would tell from the same places, of photos of another maker's board."""
+    if run.target is None or run.target.marks is None:
+        return ()
+    from calib.studies.with_ours import with_ours
+
+    found = with_ours(run.best.calibration, run.target)
+    return () if found is None else (as_sentence(found.words),)
+
+
 def next_section(run: JudgedRun) -> Section | None:
     """What to do better next time, and a sketch of where to hold the target; None if there is nothing."""
     from calib.draw.run_figures import next_views_figure
@@ -155,6 +165,7 @@ def next_section(run: JudgedRun) -> Section | None:
         blocks.append(next_views_figure(run.best.calibration.observations, run.next_views, run.best.coverage.area))
     elif why := why_no_next_views(run.best.calibration):
         blocks.append(Paragraph(f"No photos are proposed: {printable(why)}."))
+    blocks += [Paragraph(line) for line in words_of_ours(run)]
     lead = "What would make the camera better, the most useful first."
     return Section("Next time", tuple(blocks), lead=lead) if blocks else None
 
@@ -363,6 +374,7 @@ def calibration_words(run: JudgedRun, notes: Sequence[str], skipped: Sequence[st
     said = (
         *(() if judged is None else (one for one in check_findings(judged.verdict) if one.level != "note")),
         *(Finding("note", "", printable(note)) for note in notes),
+        *(Finding("note", "", line) for line in words_of_ours(run)),
         *(Finding("usable", "Skipped", printable(line)) for line in some_of(skipped, MOST_SKIPPED)),
     )
     left_out = table_of(skipped, Shown("skipped", str), title="All skipped") if len(skipped) > MOST_SKIPPED else None

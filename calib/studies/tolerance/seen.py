@@ -51,8 +51,11 @@ CAP_RAD = math.radians(60)
 EDGE_VARIANCE = 5.8e-4
 """Of an edge's place, px^2 per px of contour, at `CONTRAST_TO_NOISE`."""
 CONTRAST_TO_NOISE = 100.0
-CORNER_VARIANCE = 2.5e-4
-"""The same of a corner's edges: `2 sqrt(pi) blur / (C / noise)^2`, which the fit of corners reaches."""
+CORNER_BOUND, CORNER_VARIANCE = 2.48e-4, 3.65e-4
+"""The same of a corner's edges: `2 sqrt(pi) blur / (C / noise)^2`; and as the fit of corners states it, and is off, in
+rendered photos of chessboards, ChArUco boards and AprilGrids: it does not use all pixels."""
+USED_PX, NEXT_PX = 20.0, 1.6
+"""How much of an edge `calib.detector.corner_fit` uses at most, and how far from the next corner it stays."""
 CROSSED_PX = 0.8
 """Of each edge at a crossing of lines blurred by .7 px: the integral of 1 - erf^2."""
 FLAT_MAJOR = (7.3, 3.3)
@@ -114,7 +117,10 @@ def seen_in(
     covariance[~is_corner] = centre_covariances(circle[good][~is_corner], ratio, contrast_to_noise)
     crosses = np.array([marks.is_crossing for marks in target.marks or ()], dtype=np.bool_)
     crossing = crosses[target.ring_face[ring[is_corner]]] if is_corner.any() else np.zeros(0, np.bool_)
-    covariance[is_corner] = corner_covariances(circle[good][is_corner], crossing, contrast_to_noise)
+    # Edges go on to the next corner, before which its blur ends what is used of them.
+    whole = 2 * circle[good][is_corner]
+    left = 1 - np.minimum(NEXT_PX / np.maximum(np.linalg.norm(whole, axis=1, keepdims=True), 1e-9), 0.75)
+    covariance[is_corner] = corner_covariances(left * whole, crossing, contrast_to_noise)
     return ring, pixel[good], covariance
 
 
@@ -162,6 +168,7 @@ def corner_covariances(edges: Array, is_crossing: Flags, contrast_to_noise: floa
     """
     length = np.linalg.norm(edges, axis=1)  # (M, 2)
     along = edges / np.maximum(length, 1e-9)[:, None]
+    length = np.minimum(length, USED_PX)
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
     # Where lines cross, the blur takes the contrast off them; where they end, the direction is to be found, too.
     clear = np.maximum(length - CROSSED_PX, 0.1 * length)
