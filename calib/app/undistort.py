@@ -272,7 +272,7 @@ def undistort_photos(
         earlier=sum(place.name not in written for place in folder.glob(f"*{MARK}.png")), undistorted=len(made),
         failures=tuple(failures), camera_file=str(folder / CAMERA_FILE), camera=numbers_of(straight.new_camera),
         equation=pictures()[straight.new_camera.model].equation, cam_from_new=straight.cam_from_new,
-        per_photo=tuple(made), remarks=remarks_on(name, opened),
+        per_photo=tuple(made), remarks=(*asked.remarks, *remarks_on(name, opened)),
     )  # fmt: skip
     output.files += result.save(folder, has_page=False)
     return result

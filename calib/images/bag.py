@@ -12,31 +12,24 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.images.headers import DamagedError
 from calib.images.photo import MAX_PIXELS, Grey, Photo, grey_of, photo_of, preview_of
 from designer.base.errors import InputError
 from designer.base.words import cut, first_few, printable, shown
 
-if TYPE_CHECKING:
-    pass
-
 ROS1, STORAGES = ".bag", (".mcap", ".db3")
 SUFFIXES = (ROS1, *STORAGES)
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 IMAGES = (IMAGE, COMPRESSED)
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
-TRANSFORMS, POSE, TRANSFORM = (
-    "tf2_msgs/msg/TFMessage",
-    "geometry_msgs/msg/PoseStamped",
-    "geometry_msgs/msg/TransformStamped",
-)
-OLD_TRANSFORMS = "tf/msg/tfMessage"
+TRANSFORMS, OLD_TRANSFORMS = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
+POSE, TRANSFORM = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped"
 MOST_BYTES = 2**29
 """Of a chunk or a message once it is decompressed: an image of 250 million pixels, twice."""
 MOST_TOPICS_TOLD = 12
@@ -45,44 +38,6 @@ MOST_SKIPS = 40
 _FOLDER_FILE = re.compile(r"^\s*-\s*[\"']?([^\"'\n]+?\.(?:mcap|db3)(?:\.zstd)?)[\"']?\s*$", re.MULTILINE)
 _ZSTD = b"\x28\xb5\x2f\xfd"
 _REMEDY = {ROS1: "rosbag reindex", ".mcap": "mcap recover", ".db3": "ros2 bag reindex"}
-
-
-class RosTime(Protocol):
-    """builtin_interfaces/Time."""
-
-    sec: int
-    nanosec: int
-
-
-class RosHeader(Protocol):
-    """std_msgs/RosHeader."""
-
-    stamp: RosTime
-    frame_id: str
-
-
-class Stamped(Protocol):
-    """What begins with a header."""
-
-    header: RosHeader
-
-
-class ImageMessage(Stamped, Protocol):
-    """sensor_msgs/Image."""
-
-    height: int
-    width: int
-    encoding: str
-    is_bigendian: int
-    step: int
-    data: NDArray[np.uint8]
-
-
-class CompressedMessage(Stamped, Protocol):
-    """sensor_msgs/CompressedImage."""
-
-    format: str
-    data: NDArray[np.uint8]
 
 
 class _Connection(Protocol):
@@ -147,6 +102,10 @@ class Bag:
         files = _files_of(self.path)
         try:
             self._readers, self._decode = _opened(files)
+            count: Counter[tuple[str, str]] = Counter()
+            for one in (one for reader in self._readers for one in reader.connections):
+                count[str(one.topic), str(one.msgtype)] += one.msgcount  # which a damaged table may lack
+            self.topics = tuple(Topic(name, kind, n) for (name, kind), n in sorted(count.items()))
         except ModuleNotFoundError as error:
             if (error.name or "").partition(".")[0] != "rosbags":
                 raise
@@ -156,11 +115,6 @@ class Bag:
             raise InputError(
                 f"{self.path}: cannot be read as a bag: {_why(error)}; copy it again, or mend its index with {remedy}"
             ) from None
-        count: Counter[tuple[str, str]] = Counter()
-        for reader in self._readers:
-            for one in reader.connections:
-                count[one.topic, one.msgtype] += one.msgcount
-        self.topics = tuple(Topic(name, kind, n) for (name, kind), n in sorted(count.items()))
 
     def of_types(self, *types: str) -> tuple[Topic, ...]:
         """Its topics of some types that hold messages."""
@@ -172,25 +126,22 @@ class Bag:
         Raises:
             InputError: there is none, or several; it lists what there is.
         """
-        fitting = self.of_types(*types)
-        if name is None:
-            if len(fitting) == 1:
-                return fitting[0]
-            what = types[0].rpartition("/")[2]
-            listed = first_few([one.words for one in fitting or self.topics], MOST_TOPICS_TOLD) or "no topics"
-            if fitting:
-                raise InputError(f"{self.path}: several topics of type {what}: name one with {option}: {listed}")
-            raise InputError(f"{self.path}: no topic with messages of type {what}; there are {listed}")
-        wanted = f"/{name.strip('/')}"
-        found = [one for one in self.topics if f"/{one.name.strip('/')}" == wanted]
-        for one in found:
-            if one in fitting:
-                return one
-        listed = first_few([one.words for one in fitting or self.topics], MOST_TOPICS_TOLD) or "no topics"
-        if found:
-            why = "holds no message" if found[0].type in types else f"is of type {printable(cut(found[0].type))}"
-            raise InputError(f"{self.path}: {option} {shown(name)}: {why}; there are {listed}")
-        raise InputError(f"{self.path}: {option} {shown(name)}: no such topic; there are {listed}")
+        fitting, what = self.of_types(*types), types[0].rpartition("/")[2]
+        named = [one for one in self.topics if name is not None and one.name.strip("/") == name.strip("/")]
+        right = [one for one in fitting if name is None or one in named]
+        if len(right) == 1:
+            return right[0]
+        why = f"several topics of type {what}, name one with {option}" if right else f"no messages of type {what}"
+        if named:
+            kind = printable(cut(named[0].type))
+            why = f"{option} {shown(name)}: {'holds no message' if named[0].type in types else f'is of type {kind}'}"
+        elif name is not None:
+            why = f"{option} {shown(name)}: no such topic"
+        raise InputError(f"{self.path}: {why}; there are {self.listed(*types)}")
+
+    def listed(self, *types: str) -> str:
+        """Its topics of some types, or all if there are none, as messages list them."""
+        return first_few([one.words for one in self.of_types(*types) or self.topics], MOST_TOPICS_TOLD) or "no topics"
 
     def messages(self, topics: Sequence[Topic]) -> Iterator[tuple[MessagePlace, object]]:
         """The messages of topics in the order of their recording; those that a damage takes are counted as lost."""
@@ -270,10 +221,9 @@ def is_bag(path: Path) -> bool:
 
 def bag_named(argument: str) -> tuple[Path, str | None] | None:
     """The bag and the topic that a text names, as in `run.mcap#/cam/image_raw`; None: it names no bag."""
-    path, _, topic = argument.partition("#")
-    return (
-        (Path(path), topic or None) if path and is_bag(Path(path)) and not (topic and Path(argument).exists()) else None
-    )
+    text, _, topic = argument.partition("#")
+    is_named = bool(text) and is_bag(Path(text)) and not (topic and Path(argument).exists())
+    return (Path(text), topic or None) if is_named else None
 
 
 def _storages_in(folder: Path) -> list[Path]:
@@ -314,7 +264,7 @@ def _opened(files: Sequence[Path]) -> tuple[list[_BagReader], Callable[[bytes, s
     import rosbags.rosbag2
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    _bound_memory()
+    unpacked = _bounded_memory()
     is_first = files[0].suffix.lower() == ROS1
     readers: list[_BagReader] = []
     for file in files:
@@ -328,19 +278,13 @@ def _opened(files: Sequence[Path]) -> tuple[list[_BagReader], Callable[[bytes, s
         return readers, store.deserialize_ros1
 
     def decode(raw: bytes, kind: str) -> object:
-        return store.deserialize_cdr(_unpacked(raw) if raw[:4] == _ZSTD else raw, kind)
+        return store.deserialize_cdr(unpacked(raw) if raw[:4] == _ZSTD else raw, kind)
 
     return readers, decode
 
 
-def _unpacked(raw: bytes) -> bytes:
-    from rosbags.rosbag2 import storage_mcap
-
-    return storage_mcap.DECOMPRESSORS["zstd"](raw, 0)
-
-
-def _bound_memory() -> None:
-    """Let no chunk grow without end: the readers' decompressors believe what a chunk says."""
+def _bounded_memory() -> Callable[[bytes], bytes]:
+    """Let no chunk grow without end, as the readers' decompressors believe what it says; that of zstd."""
     from bz2 import BZ2Decompressor
 
     from lz4.frame import LZ4FrameDecompressor
@@ -357,39 +301,18 @@ def _bound_memory() -> None:
 
         return decompress
 
-    lz4 = bounded(LZ4FrameDecompressor)
-    storage_mcap.DECOMPRESSORS.update(lz4=lz4, zstd=bounded(vars(storage_mcap)["zstd"].ZstdDecompressor))
+    lz4, zstd = bounded(LZ4FrameDecompressor), bounded(vars(storage_mcap)["zstd"].ZstdDecompressor)
+    storage_mcap.DECOMPRESSORS.update(lz4=lz4, zstd=zstd)
     reader.decompressors.update(lz4=lz4, bz2=bounded(BZ2Decompressor))
+    return zstd
 
 
 def _why(error: Exception) -> str:
     """What a reader says, in a line."""
     if isinstance(error, MemoryError | OverflowError):
         return "it claims more bytes than there are"
-    told = printable(cut(str(error).strip().rstrip("."), 120))
-    return (
-        told or "it is damaged"
-        if isinstance(error, DamagedError | InputError)
-        else f"it is damaged ({told or type(error).__name__})"
-    )
-
-
-class _Region(Protocol):
-    x_offset: int
-    y_offset: int
-    width: int
-    height: int
-
-
-class _CameraInfo(Protocol):
-    """sensor_msgs/CameraInfo; ROS 1 has K, D, ROS 2 k, d."""
-
-    width: int
-    height: int
-    distortion_model: str
-    binning_x: int
-    binning_y: int
-    roi: _Region
+    told = printable(cut(str(error).strip().rstrip("."), 120)) or type(error).__name__
+    return told if isinstance(error, DamagedError | InputError) else f"it is damaged ({told})"
 
 
 def camera_info(bag: Bag, name: str | None) -> tuple[str, str]:
@@ -399,7 +322,7 @@ def camera_info(bag: Bag, name: str | None) -> tuple[str, str]:
         InputError: no such topic, or no message of it can be read.
     """
     topic = bag.topic(name, "#TOPIC", CAMERA_INFO)
-    texts = Counter(_info_text(cast(_CameraInfo, message)) for _, message in bag.messages([topic]))
+    texts = Counter(_info_text(message) for _, message in bag.messages([topic]))
     if not texts:
         raise InputError(bag.loss([topic])[0])
     first = next(iter(texts))
@@ -407,18 +330,26 @@ def camera_info(bag: Bag, name: str | None) -> tuple[str, str]:
     return first, f"{others} of {texts.total()} messages say something else; the first is taken" if others else ""
 
 
-def _info_text(info: _CameraInfo) -> str:
+def _info_text(info: object) -> str:
     numbers = {name: getattr(info, name, None) for name in "KkDd"}
-    region = {name: int(getattr(info.roi, name)) for name in ("x_offset", "y_offset", "width", "height")}
+    region = {name: int(attrgetter(f"roi.{name}")(info)) for name in ("x_offset", "y_offset", "width", "height")}
     lines = [f"{name}: {[float(one) for one in values]}" for name, values in numbers.items() if values is not None]
     sizes = [f"{name}: {int(getattr(info, name))}" for name in ("width", "height", "binning_x", "binning_y")]
-    model = json.dumps(str(info.distortion_model))
+    model = json.dumps(str(getattr(info, "distortion_model", "")))
     return "\n".join([*sizes, f"distortion_model: {model}", *lines, f"roi: {json.dumps(region)}"]) + "\n"
 
 
-def stamp_ns(message: Stamped) -> int:
+_STAMP = attrgetter("header.stamp.sec", "header.stamp.nanosec")
+_IMAGE, _PACKED = (
+    attrgetter("height", "width", "step", "is_bigendian", "encoding", "data"),
+    attrgetter("format", "data"),
+)
+
+
+def stamp_ns(message: object) -> int:
     """The time in a message's header; 0: none is noted."""
-    return 10**9 * int(message.header.stamp.sec) + int(message.header.stamp.nanosec)
+    seconds, rest = map(int, _STAMP(message))
+    return 10**9 * seconds + rest
 
 
 _COLOURS = {"bgr": "BGR2GRAY", "rgb": "RGB2GRAY", "bgra": "BGRA2GRAY", "rgba": "RGBA2GRAY"}
@@ -430,7 +361,7 @@ _LAYOUT = re.compile(r"(8|16)UC([134])|(mono|bgra?|rgba?|bayer_(?:rggb|bggr|gbrg
 ENCODINGS = "mono, bgr, rgb, bgra, rgba and bayer of 8 or 16 bits, 8UC1, 16UC1, 8UC3, yuv422"
 
 
-def pixels_of(message: ImageMessage) -> Photo:
+def pixels_of(message: object) -> Photo:
     """The grey levels of an image message.
 
     Raises:
@@ -438,17 +369,18 @@ def pixels_of(message: ImageMessage) -> Photo:
     """
     import cv2
 
-    height, width, step, encoding = int(message.height), int(message.width), int(message.step), str(message.encoding)
+    *sizes, encoding, data = _IMAGE(message)
+    height, width, step, is_bigendian = map(int, sizes)
     depth, channels, layout = _layout(encoding)
     if not (height > 0 and width > 0 and height * width <= MAX_PIXELS):
         raise DamagedError(f"has {width} x {height} px; 1 to {MAX_PIXELS // 10**6} million are read")
     row = width * channels * depth
-    if step < row or step * height != len(message.data):
+    if step < row or step * height != len(data):
         raise DamagedError(
-            f"{width} x {height} px of {encoding} need {row} bytes a row; it has {len(message.data)} in rows of {step}"
+            f"{width} x {height} px of {encoding} need {row} bytes a row; it has {len(data)} in rows of {step}"
         )
-    rows = message.data.reshape(height, step)[:, :row]
-    values = np.ascontiguousarray(rows).view(f"{'>' if message.is_bigendian else '<'}u{depth}")
+    rows = data.reshape(height, step)[:, :row]
+    values = np.ascontiguousarray(rows).view(f"{'>' if is_bigendian else '<'}u{depth}")
     grey = cast(Grey, values.astype(f"u{depth}", copy=False).reshape(height, width, channels))
     remark = ""
     if encoding in _LUMINANCE:
@@ -483,9 +415,9 @@ def photo_of_message(message: object, kind: str, columns: int | None = None) -> 
         DamagedError: it holds none that can be read.
     """
     if kind == IMAGE:
-        return pixels_of(cast(ImageMessage, message))
-    packed = cast(CompressedMessage, message)
-    data, codec = packed.data.tobytes(), str(packed.format).strip()
+        return pixels_of(message)
+    codec, values = _PACKED(message)
+    data = values.tobytes()
     is_depth = "compresseddepth" in codec.lower()
     if is_depth or not data.startswith((b"\xff\xd8", b"\x89PNG", b"II", b"MM")):
         raise DamagedError(f"its codec {shown(codec)} is not read; jpeg and png are: republish it as one of them")

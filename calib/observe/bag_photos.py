@@ -6,26 +6,26 @@ around which it moves least. Where a recording stops and goes, those in motion a
 """
 
 import re
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.images.bag import IMAGES, Bag, MessagePlace, Stamped, Topic, bag_named, photo_of_message, stamp_ns
+from calib.images.bag import IMAGES, Bag, MessagePlace, Topic, bag_named, photo_of_message, stamp_ns
 from calib.images.headers import DamagedError
 from calib.images.photo import Photo
 from calib.observe.photos import FoundPhotos, PhotoFile
 from calib.observe.rig_photos import RigPhoto, RigPhotos, camera_names_of
 from calib.observe.robot_poses import STILL_MM, RobotPoses, way_mm
-from calib.observe.transforms import require_order
+from calib.observe.transforms import order_fault
 from designer.base.arrays import Array
 from designer.base.errors import InputError
-from designer.base.words import counted, first_few, printable, shown
+from designer.base.words import counted, printable, shown
 
 MOST_PHOTOS = 100
 """Of a recording that are searched; more tell next to nothing more."""
@@ -43,7 +43,7 @@ class BagImages:
     topic: Topic
     places: list[MessagePlace] = field(default_factory=list)
     stamp_ns: list[int] = field(default_factory=list)
-    thumbs: list[NDArray[np.float32]] = field(default_factory=list)
+    thumbs: list[NDArray[np.uint8]] = field(default_factory=list)
     unread: list[str] = field(default_factory=list)  # why images are none
     without_stamp: int = 0
     back: str = ""  # stamps that go back
@@ -68,7 +68,7 @@ class BagImages:
     def photo(self, row: int) -> PhotoFile:
         """One as a photo, named by its stamp."""
         name = f"{self.stamp_ns[row]:019d}"
-        again = self.stamp_ns[:row].count(self.stamp_ns[row])
+        again = row - bisect_left(self.stamp_ns, self.stamp_ns[row])
         path = self.bag.path / self.topic.name.strip("/") / (f"{name}-{again + 1}" if again else name)
         return PhotoFile(path, time_s=1e-9 * self.stamp_ns[row], opened=partial(self._opened, self.places[row], path))
 
@@ -93,7 +93,7 @@ def images_in(bag: Bag, topics: Sequence[Topic]) -> dict[str, BagImages]:
         except DamagedError as error:
             images.unread.append(str(error))
             continue
-        stamp = stamp_ns(cast(Stamped, message))
+        stamp = stamp_ns(message)
         images.without_stamp += stamp == 0
         images.places.append(place)
         images.stamp_ns.append(stamp or place.log_ns)
@@ -102,24 +102,20 @@ def images_in(bag: Bag, topics: Sequence[Topic]) -> dict[str, BagImages]:
         if not images.places:
             why = (*images.unread, *bag.loss([images.topic]), "it holds none")[0]
             raise InputError(f"{bag.path}: no image of {printable(images.topic.name)} can be read: {why}")
-        try:
-            require_order(f"{bag.path}: {printable(images.topic.name)}", images.time_s)
-        except InputError as error:
-            images.back = str(error)
+        images.back = order_fault(f"{bag.path}: {printable(images.topic.name)}", images.time_s)
         order = np.argsort(images.stamp_ns, kind="stable").tolist()
-        for name in ("places", "stamp_ns", "thumbs"):
-            values = getattr(images, name)
-            setattr(images, name, [values[row] for row in order])
+        images.places, images.thumbs = [images.places[row] for row in order], [images.thumbs[row] for row in order]
+        images.stamp_ns.sort()
     return found
 
 
-def _thumb(message: object, kind: str) -> NDArray[np.float32]:
-    """A small picture, of grey levels in 8 bits."""
+def _thumb(message: object, kind: str) -> NDArray[np.uint8]:
+    """A small picture, of 8 bits."""
     import cv2
 
     pixels = photo_of_message(message, kind, THUMB_PX).pixels
-    small = cv2.resize(pixels, (THUMB_PX, THUMB_PX * 5 // 8), interpolation=cv2.INTER_AREA).astype(np.float32)
-    return small / np.float32(1 if pixels.dtype == np.uint8 else 257)
+    small = cv2.resize(pixels, (THUMB_PX, THUMB_PX * 5 // 8), interpolation=cv2.INTER_AREA)
+    return (small // (1 if pixels.dtype == np.uint8 else 257)).astype(np.uint8)
 
 
 def photos_in(
@@ -140,12 +136,8 @@ def photos_in(
     bag = Bag(path)
     images = images_in(bag, [bag.topic(topic or named, option, *IMAGES)])
     (one,) = images.values()
-    said: tuple[str, ...]
-    if robot is None:
-        step, around = _of_pictures([one])
-        rows, said = chosen(step, around, STILL_GREY, printable(one.topic.name))
-    else:
-        rows, said = _by_robot(one, robot)
+    name = printable(one.topic.name)
+    rows, said = chosen(*_of_pictures([one]), STILL_GREY, name) if robot is None else _by_robot(one, robot, name)
     return FoundPhotos(tuple(one.photo(row) for row in rows), remarks=(*one.remarks, *said))
 
 
@@ -159,9 +151,9 @@ def rig_photos_in(argument: str, topics: Sequence[str], tolerance_s: float) -> R
 
     bag = Bag((bag_named(argument) or (Path(argument), None))[0])
     if len(topics) < 2:
-        fitting = bag.of_types(*IMAGES)
-        listed = first_few([one.words for one in fitting or bag.topics], 12)
-        raise InputError(f"{argument}: a rig needs the topics of two cameras or more: --topics A,B; there are {listed}")
+        raise InputError(
+            f"{argument}: a rig needs the topics of two cameras or more: --topics A,B; there are {bag.listed(*IMAGES)}"
+        )
     each = images_in(bag, [bag.topic(name, "--topics", *IMAGES) for name in topics])
     if len(each) < len(topics):
         raise InputError(f"--topics {shown(','.join(topics))}: two are the same; a camera has a topic of its own")
@@ -180,33 +172,31 @@ def rig_photos_in(argument: str, topics: Sequence[str], tolerance_s: float) -> R
         number, row = row_of[taken.path]
         rows[taken.frame][number] = row
     frames = [name for name in joined.frame_names if sum(row >= 0 for row in rows[name]) > 1]
-    step, around = _of_pictures(list(each.values()), [rows[name] for name in frames])
-    kept, said = chosen(step, around, STILL_GREY, "moments")
-    chosen_frames = {frames[row] for row in kept}
-    remarks = (*joined.remarks, *(one for images in each.values() for one in images.remarks), *said)
+    kept, said = chosen(*_of_pictures(list(each.values()), [rows[name] for name in frames]), STILL_GREY, "moments")
+    wanted = {frames[row] for row in kept} if said else set(joined.frame_names)
     return RigPhotos(
-        tuple(photo for photo in joined.photos if photo.frame in chosen_frames),
-        tuple(name for name in joined.frame_names if name in chosen_frames), remarks,
-    )  # fmt: skip
+        tuple(photo for photo in joined.photos if photo.frame in wanted),
+        tuple(name for name in joined.frame_names if name in wanted),
+        (*joined.remarks, *(one for images in each.values() for one in images.remarks), *said),
+    )
 
 
 def _of_pictures(each: Sequence[BagImages], rows: Sequence[Sequence[int]] | None = None) -> tuple[Array, Array]:
     """How much the pictures change to the next moment, and around each, in grey levels.  # (N - 1,), (N,)"""
+    import cv2
+
     rows = [[row] for row in range(len(each[0].places))] if rows is None else rows
     step = np.zeros(len(rows) - 1)
     for number, images in enumerate(each):
         own = [one[number] for one in rows]
-        change = [
-            float(np.abs(images.thumbs[b] - images.thumbs[a]).mean())
-            if min(a, b) >= 0 and images.thumbs[a].shape == images.thumbs[b].shape else 0.0
-            for a, b in pairwise(own)
-        ]  # fmt: skip
+        pairs = [(images.thumbs[a], images.thumbs[b]) if min(a, b) >= 0 else None for a, b in pairwise(own)]
+        change = [0.0 if pair is None else float(cv2.absdiff(*pair).mean()) for pair in pairs]
         step = np.maximum(step, change)
     ends = np.concatenate([step[:1], step, step[-1:]]) if len(step) else np.zeros(2)
     return step, np.maximum(ends[:-1], ends[1:])
 
 
-def _by_robot(images: BagImages, robot: RobotPoses) -> tuple[list[int], tuple[str, ...]]:
+def _by_robot(images: BagImages, robot: RobotPoses, name: str) -> tuple[list[int], tuple[str, ...]]:
     """The images at which the robot's pose is known and it moves least."""
     time_s = images.time_s
     if images.back:
@@ -220,7 +210,7 @@ def _by_robot(images: BagImages, robot: RobotPoses) -> tuple[list[int], tuple[st
         )
     at = robot.at(time_s[known])
     around = robot.moves_mm(time_s[known])
-    rows, said = chosen(way_mm(at[:-1], at[1:]), around, STILL_MM, printable(images.topic.name), keeps_few=False)
+    rows, said = chosen(way_mm(at[:-1], at[1:]), around, STILL_MM, name, keeps_few=False)
     lost = (f"{len(time_s) - len(known)} of {counted(len(time_s), 'image')} are of times without a robot pose",)
     return [int(known[row]) for row in rows], (*(lost if len(known) < len(time_s) else ()), *said)
 

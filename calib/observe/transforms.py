@@ -7,12 +7,13 @@ two frames stands the product of those on the way, each at one time; what moves 
 from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, cast
+from operator import attrgetter
+from typing import cast
 
 import numpy as np
 
 from calib.core.se3 import MAX_DISTANCE_MM, interpolated, invert, make_pose, rotation_of_quaternion
-from calib.images.bag import OLD_TRANSFORMS, POSE, TRANSFORM, TRANSFORMS, Bag, RosHeader, Stamped, stamp_ns
+from calib.images.bag import OLD_TRANSFORMS, POSE, TRANSFORM, TRANSFORMS, Bag, stamp_ns
 from calib.observe.robot_poses import RobotPoses
 from designer.base.arrays import Array
 from designer.base.errors import InputError
@@ -25,38 +26,11 @@ ROW = 8
 """Numbers of a transform: its time in s, x y z in m, qx qy qz qw."""
 
 
-class _Vector(Protocol):
-    x: float
-    y: float
-    z: float
-
-
-class _Quaternion(_Vector, Protocol):
-    w: float
-
-
-class _Transform(Protocol):
-    translation: _Vector
-    rotation: _Quaternion
-
-
-class _Pose(Protocol):
-    position: _Vector
-    orientation: _Quaternion
-
-
-class _TransformStamped(Protocol):
-    header: RosHeader
-    child_frame_id: str
-    transform: _Transform
-
-
-class _Transforms(Protocol):
-    transforms: list[_TransformStamped]
-
-
-class _PoseStamped(Stamped, Protocol):
-    pose: _Pose
+_MOVED = attrgetter(
+    "header.frame_id", "child_frame_id", *(f"transform.translation.{one}" for one in "xyz"),
+    *(f"transform.rotation.{one}" for one in "xyzw"),
+)  # fmt: skip
+_POSED = attrgetter(*(f"pose.position.{one}" for one in "xyz"), *(f"pose.orientation.{one}" for one in "xyzw"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,14 +126,12 @@ def transforms_in(bag: Bag) -> Transforms:
     still: set[tuple[str, str]] = set()
     count = 0
     for place, message in bag.messages(topics):
-        for one in cast(_Transforms, message).transforms:
-            key = one.header.frame_id.strip("/"), one.child_frame_id.strip("/")
+        for one in getattr(message, "transforms"):  # noqa: B009
+            parent, child, *move = _MOVED(one)
+            key = parent.strip("/"), child.strip("/")
             if place.topic.endswith("tf_static"):
                 still.add(key)
-            move = one.transform
-            rows.setdefault(key, array("d")).extend(
-                _row(stamp_ns(one) or place.log_ns, move.translation, move.rotation)
-            )
+            rows.setdefault(key, array("d")).extend((1e-9 * (stamp_ns(one) or place.log_ns), *move))
             count += 1
         if count > MOST_TRANSFORMS:
             raise InputError(f"{bag.path}: more than {MOST_TRANSFORMS} transforms; cut the bag, or filter its topics")
@@ -179,13 +151,8 @@ def poses_in(bag: Bag, name: str | None) -> RobotPoses:
     topic = bag.topic(name, "--robot", POSE, TRANSFORM)
     values = array("d")
     for place, message in bag.messages([topic]):
-        if topic.type == POSE:
-            pose = cast(_PoseStamped, message).pose
-            parts = pose.position, pose.orientation
-        else:
-            move = cast(_TransformStamped, message).transform
-            parts = move.translation, move.rotation
-        values.extend(_row(stamp_ns(cast(Stamped, message)) or place.log_ns, *parts))
+        move = _POSED(message) if topic.type == POSE else _MOVED(message)[2:]
+        values.extend((1e-9 * (stamp_ns(message) or place.log_ns), *move))
     origin = f"{bag.path}: {printable(topic.name)}"
     return stream(origin, *_ordered(origin, values))
 
@@ -194,10 +161,6 @@ def stream(origin: str, time_s: Array, pose: Array) -> RobotPoses:
     """Poses over time, as a robot's are."""
     names = tuple(f"{one:.9f}" for one in time_s.tolist())
     return RobotPoses(names, pose, origin, length_unit="m", is_unit_named=True, time_s=time_s)
-
-
-def _row(time_ns: int, at: _Vector, turn: _Quaternion) -> tuple[float, ...]:
-    return 1e-9 * time_ns, at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w
 
 
 def _ordered(origin: str, values: Sequence[float]) -> tuple[Array, Array]:
@@ -215,22 +178,20 @@ def _ordered(origin: str, values: Sequence[float]) -> tuple[Array, Array]:
             f"{origin}: {int((~is_fine).sum())} of {len(table)} are no rigid motions, such as x y z qx qy qz qw "
             f"{table[~is_fine][0, 1:].tolist()}; mend who publishes them"
         )
-    require_order(origin, table[:, 0])
+    if fault := order_fault(origin, table[:, 0]):
+        raise InputError(fault)
     time_s, last = np.unique(table[::-1, 0], return_index=True)  # of one stamp the last that was sent
     table = table[::-1][last]
     return time_s, make_pose(rotation_of_quaternion(table[:, [7, 4, 5, 6]]), 1e3 * table[:, 1:4])
 
 
-def require_order(origin: str, time_s: Array) -> None:
-    """Refuse stamps that go back far: of a clock that was set, or of two recordings.
-
-    Raises:
-        InputError: the message says where, and by how much.
-    """
+def order_fault(origin: str, time_s: Array) -> str:
+    """Where stamps go back far, which a clock that was set does, or a second recording; "": nowhere."""
     late = np.maximum.accumulate(time_s) - time_s
-    if len(late) and late.max() > BACK_S:
-        row = int(np.argmax(late > BACK_S))
-        raise InputError(
-            f"{origin}: its time stamps go back by {late[row]:.6g} s at message {row + 1} of {len(late)}: a clock was "
-            "set, or two recordings are in one; cut the bag there"
-        )
+    row = int(np.argmax(late > BACK_S))
+    if not late[row] > BACK_S:
+        return ""
+    return (
+        f"{origin}: its time stamps go back by {late[row]:.6g} s at message {row + 1} of {len(late)}: a clock was set, "
+        "or two recordings are in one; cut the bag there"
+    )
