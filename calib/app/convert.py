@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 from calib.app.cameras_told import numbers_of, refit_numbers
 from calib.cameras import fitted_models
-from calib.cameras.formats import ACCEPTED_PX, FORMATS, ONLY_READ, RIG_FORMATS
+from calib.cameras.formats import ACCEPTED_PX, FORMATS, ONLY_READ, ONLY_WRITTEN, RIG_FORMATS, WRITTEN_FORMATS
 from designer.base.codec import encode_written
 from designer.base.errors import InputError
 from designer.base.options import argument, option
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from designer.page.output import Output
 
 ALL_FORMATS = tuple(dict.fromkeys([*FORMATS, *RIG_FORMATS]))
-ALL_READ = (*ALL_FORMATS, *ONLY_READ)
+ALL_WRITTEN, ALL_READ = (*ALL_FORMATS, *ONLY_WRITTEN), (*ALL_FORMATS, *ONLY_READ)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +79,16 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
 
     @property
     def texts(self) -> dict[str, str]:
-        """What the files hold, by name; of a format of one file, one."""
+        """What the files hold, by name; of a format of one file, one.
+
+        Raises:
+            InputError: the format is no text.
+        """
         from calib.cameras.formats.format import CameraFormat, WrittenRig
 
         if isinstance(self.format, CameraFormat):
+            if self.format.files is not None:
+                raise InputError(f"{self.format.title} is no text: save it")
             return {self.format.file_name: self.format.write(self.camera, self.held[0].lens)}
         lenses, words = tuple(one.lens for one in self.held), self.format.words(self.rig.names)
         return dict(self.format.write(WrittenRig(self.rig, lenses, self.unit, words)))
@@ -165,20 +171,28 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
             InputError: a file where a folder has to be, or the other way round, a file that was read, or somebody
                 else's.
         """
+        from calib.cameras.formats.format import CameraFormat
         from designer.base.files import place_of, write_files
-        from designer.base.own_files import signed
+        from designer.base.own_files import require_ours, signed
 
         path = place_of(place, "a file or a folder to write")
         _check_out(path, self.format, self.opened)
         is_folder, sort = _is_folder(self.format), f"{self.format.name}{'rig' * bool(self.unit)}"
-        files = {
-            path / name if is_folder else path: signed(
-                name if is_folder else self.format.file_name, text.encode(), sort
-            )
-            for name, text in self.texts.items()
-        }
+        if isinstance(self.format, CameraFormat) and self.format.files is not None:
+            files = {
+                path if name == self.format.file_name else path.parent / name: content
+                for name, content in self.format.files(self.camera).items()
+            }
+        else:
+            files = {
+                path / name if is_folder else path: signed(
+                    name if is_folder else self.format.file_name, text.encode(), sort
+                )
+                for name, text in self.texts.items()
+            }
         for file in files:
             _require_not_read(file, self.opened)
+            require_ours(file)
         write_files(files)
         return tuple(files)
 
@@ -201,9 +215,9 @@ def convert(
     to: Annotated[
         str,
         option(
-            f"kind of file to write: {'|'.join(FORMATS)}; of a rig {'|'.join(RIG_FORMATS)}",
+            f"kind of file to write: {'|'.join(WRITTEN_FORMATS)}; of a rig {'|'.join(RIG_FORMATS)}",
             metavar="FORMAT",
-            complete=one_of(ALL_FORMATS),
+            complete=one_of(ALL_WRITTEN),
         ),
     ],
     *,
@@ -233,8 +247,8 @@ def convert(
     accept_px: Annotated[
         float | None,
         option(
-            "how far a lens that is fitted may be off anywhere in the image (default: 0.1px; where --model, --lens or "
-            "--without is given, what that costs)",
+            "how far a lens that is fitted may be off anywhere in the image (default: 0.1px, of a lut 0.001px; where "
+            "--model, --lens or --without is given, what that costs)",
             0,
             metavar="PIXELS",
         ),
@@ -278,16 +292,18 @@ def convert(
     from designer.page.output import asked_output
 
     zero, names = _lens_parameters(several("--without", without)), several("--cameras", cameras)
-    # What somebody asked for by name is theirs to judge.
-    accepted_px = (math.inf if model or lens or zero else ACCEPTED_PX) if accept_px is None else accept_px
     output, is_object = asked_output(out), isinstance(camera, Camera | Rig)
     if is_object:
         _refuse_of_file(source=source, source_unit=source_unit)
-    read = _opened(camera, to, source, source_unit, ACCEPTED_PX if accept_px is None else accept_px)
+    called = ("the rig" if isinstance(camera, Rig) else "the camera") if is_object else fspath(cast("Place", camera))
+    most_px = ACCEPTED_PX if accept_px is None or to in ONLY_WRITTEN else accept_px
+    read = _opened(camera, to, source, source_unit, most_px)
     target: CameraFormat | RigFormat
     opened: OpenedCamera | OpenedRig
     rig = read if isinstance(read, OpenedRig) else None
     if isinstance(read, OpenedRig):
+        if to in ONLY_WRITTEN:
+            raise InputError(f"--to {to}: is of one camera; name it, as in {called}#{read.read.rig.names[0]}")
         target, opened = find_format(to, RIG_FORMATS, "rig"), _in_frame(_of_cameras(read, names), frame)
         require_unit(target, unit, "--unit")
         each, cameras_of = tuple(zip(opened.read.rig.names, opened.read.rig.cameras, strict=True)), target.cameras
@@ -295,11 +311,12 @@ def convert(
         for flag, value in (("--cameras", names), ("--unit", unit), ("--from-unit", source_unit), ("--frame", frame)):
             if value:
                 raise InputError(f"{flag}: is for rigs, and this is one camera; leave it out")
-        target, opened = find_format(to, FORMATS, "camera"), read
-        each, cameras_of = (("", opened.read.camera),), target
+        cameras_of, opened = _camera_format(to, accept_px, is_chosen=bool(model or lens or zero)), read
+        each, target = (("", opened.read.camera),), cameras_of
+    # What somebody asked for by name is theirs to judge.
+    accepted_px = (math.inf if model or lens or zero else cameras_of.accept_px) if accept_px is None else accept_px
     if output is not None:
         _check_out(output.place, target, opened)
-    called = ("the rig" if isinstance(camera, Rig) else "the camera") if is_object else fspath(cast("Place", camera))
     if rig is not None:
         _check_count(called, [name for name, _ in each], cast("RigFormat", target))
     held = []
@@ -314,6 +331,18 @@ def convert(
     if output is not None:
         output.files += made.save(output.place)
     return made
+
+
+def _camera_format(to: str, accept_px: float | None, *, is_chosen: bool) -> "CameraFormat":
+    """The format of that name, as accurate as is asked for where there is a choice."""
+    from calib.cameras.formats.reading import find_format
+
+    found = find_format(to, WRITTEN_FORMATS, "camera")
+    if found.accurate_to is None:
+        return found
+    if is_chosen:
+        raise InputError(f"--to {to}: has no lens and no parameters; leave out --model, --lens and --without")
+    return found.accurate_to(accept_px)
 
 
 def _opened(
@@ -332,7 +361,9 @@ def _opened(
     if rig is None:
         one = opened_camera(cast("Camera | Place", camera), source, accept_px)
         return as_rig(one) if to in RIG_FORMATS and to not in FORMATS else one
-    is_alone = len(rig.read.rig.names) == 1 and to in FORMATS and (to not in RIG_FORMATS or RIG_FORMATS[to].fewest > 1)
+    is_alone = (
+        len(rig.read.rig.names) == 1 and to in WRITTEN_FORMATS and (to not in RIG_FORMATS or RIG_FORMATS[to].fewest > 1)
+    )
     return only_camera(rig) if is_alone else rig
 
 

@@ -37,6 +37,8 @@ def conversion_page(made: "Conversion") -> Page:
     if made.named_fits:
         fitted = f"lenses were fitted, which leaves {made.rms_px:.4f} px RMS and {made.max_px:.4f} px at most"
         headline = Headline("usable" if made.is_far else "note", "fitted", fitted)
+    if getattr(target, "files", None) is not None:
+        headline = Headline("good", "written", f"off by {made.max_px:.2g} px at most, {made.rms_px:.2g} px RMS")
     findings = [Finding("note", "", printable(line)) for line in made.remarks]
     findings += [Finding("note", "Lost", printable(line)) for line in made.lost]
     is_readable = all(read is None or read.max_px <= ACCEPTED_PX for _, _, read, _ in made.each)  # by other commands

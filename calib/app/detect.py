@@ -143,7 +143,7 @@ def detect_photos(
     ] = None,
     progress: Progress = unheard,
 ) -> DetectedPhotos:
-    """Find a target's rings in photos, name them, and measure their centres: `detect_photos("t.json", "photos")`.
+    """Find a target's rings or corners in photos, name them, and measure their places: `detect_photos(target, photos)`.
 
     The exit code is 1 if nothing at all was found.
 
@@ -281,7 +281,7 @@ class Detector:
 def detect(
     image: "Pixels | Place", target: "TargetGeometry | Place", *, camera: "Camera | Place | None" = None, name: str = ""
 ) -> "Detections":
-    """Find a target's rings in one photo, name them, and measure their centres: `detect(image, "ico.target.json")`.
+    """Find a target's rings or corners in one photo, and measure their places: `detect(image, "ico.target.json")`.
 
     >>> found = calib.detect(cv2.imread("a.png"), geometry)
     >>> cv2.solvePnP(found.object_points, found.image_points, matrix, distortion)

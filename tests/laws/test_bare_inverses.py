@@ -20,6 +20,7 @@ ALLOWED = {
     "calib/solver/eliminate.py damped_step": "by Cholesky, which tells whether there is an inverse",
     "calib/solver/eliminate.py covariance_factor": "by Cholesky, which tells whether there is an inverse",
     "calib/measure_target/expected.py with_seen_spread": "a normal matrix with a prior on each unknown",
+    "calib/cameras/formats/lut.py _fitted": "least squares with second differences on every control point",
     "calib/measure_target/solve.py _about_effective": "a normal matrix with a prior on each unknown",
     "calib/coupon_reading/ink_of_rings.py _fit": "a normal matrix with a prior on each unknown",
     "calib/coupon_reading/place.py Placed.design": "a plane that was seen with its rings, so not from its edge",

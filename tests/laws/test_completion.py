@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from calib.cameras.formats import FORMATS, RIG_FORMATS
+from calib.cameras.formats import FORMATS, ONLY_WRITTEN, RIG_FORMATS
 from designer.kinds.presets import preset_names
 from tests.support import programs
 from tests.support.programs import PYTHON
@@ -40,7 +40,7 @@ def offered(line: str, shell: str = "bash") -> list[str]:
         ("design ico --printer ", preset_names("printers")),
         ("design board --lattice ", ["square", "triangular"]),
         ("design tolerance t.json --errors fdm", [name for name in preset_names("errors") if name.startswith("fdm")]),
-        ("calib convert c.json --to ", list(dict.fromkeys([*FORMATS, *RIG_FORMATS]))),
+        ("calib convert c.json --to ", [*dict.fromkeys([*FORMATS, *RIG_FORMATS]), *ONLY_WRITTEN]),
         ("calib solve d.csv --model l", ["luhmann", "luhmann_skew"]),
         ("calib render t.json --camera ", preset_names("cameras")),
         ("calib render t.json --rig ", preset_names("rigs")),

@@ -20,7 +20,7 @@ import designer.kinds.spec_file
 import designer.spec.kind
 from calib.app import calibration_page
 from calib.cameras.camera import Camera
-from calib.cameras.formats import FORMATS, READ_FORMATS
+from calib.cameras.formats import FORMATS, READ_FORMATS, WRITTEN_FORMATS
 from calib.cli import app as calib_app
 from calib.detector.pipeline import detect
 from calib.judge.checks import CHECKS, read_criteria
@@ -93,7 +93,7 @@ def test_camera_format_of_a_file_and_a_line_reads_what_it_writes(
 ) -> None:
     """A camera is written and read by `convert`, another model is fitted; a broken line is bad input."""
     monkeypatch.setitem(sys.modules, "calib.cameras.formats.six", example("FORMAT"))
-    for formats in (FORMATS, READ_FORMATS):
+    for formats in (FORMATS, READ_FORMATS, WRITTEN_FORMATS):
         monkeypatch.setattr(formats, "_names", [*formats, "six"])
     camera = Camera("pinhole", np.array([1400.1, 1390.2, 640.3, 481.4]), (1280, 960))
     (place,) = calib.convert(camera, "six").save(tmp_path / "camera.six")

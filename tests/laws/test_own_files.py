@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from calib.cameras.formats import FORMATS, RIG_FORMATS
+from calib.cameras.formats import RIG_FORMATS, WRITTEN_FORMATS
 from calib.observe.marker_files import MARKER_FORMATS
 from calib.renderer.job import SUFFIX
 from designer.base.errors import InputError
@@ -47,7 +47,7 @@ FORMATTED = [
 ]
 FORMATTED += [
     pytest.param(calib, Case(("convert", "camera.json", "--to", kind, "-o", "new"), 0), id=f"convert {kind}")
-    for kind in FORMATS
+    for kind in WRITTEN_FORMATS
 ]
 FORMATTED += [
     pytest.param(calib, Case(("convert", "pair.rig.json", "--to", kind, "-o", "new"), 0), id=f"convert a rig, {kind}")

@@ -19,6 +19,8 @@ NAMES = [
 RIG_NAMES = ["json", "depthai", "orbslam", "kalibr", "opencv", "colmap", "ros", "mrcal", "anipose", "caliscope"]
 ONLY_READ, RIGS_ONLY_READ = ["zed", "azure_kinect", "ocamcalib"], ["zed", "azure_kinect"]
 """Of makers, whose cameras take no other file."""
+ONLY_WRITTEN = ["lut"]
+"""For programs, and less than a camera."""
 ACCEPTED_PX = 0.1
 """A fit of a program's own choosing, in reading or in writing, that is off by more is refused, unless it is allowed."""
 OWN = "json"
@@ -26,6 +28,7 @@ OWN = "json"
 
 FORMATS: "Registry[CameraFormat]" = Registry(__name__, "FORMAT", NAMES)
 RIG_FORMATS: "Registry[RigFormat]" = Registry(__name__, "RIG_FORMAT", RIG_NAMES)
+WRITTEN_FORMATS: "Registry[CameraFormat]" = Registry(__name__, "FORMAT", [*NAMES, *ONLY_WRITTEN])
 READ_FORMATS: "Registry[CameraFormat]" = Registry(__name__, "FORMAT", [*NAMES, *ONLY_READ])
 READ_RIG_FORMATS: "Registry[RigFormat]" = Registry(__name__, "RIG_FORMAT", [*RIG_NAMES, *RIGS_ONLY_READ])
-"""All that are read, which are more."""
+"""All that are written, and all that are read, which are more than those that are both."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from calib.cameras import ABILITIES, LINEAR, parameter_names
 from calib.cameras.camera import Camera
+from calib.cameras.formats import ACCEPTED_PX
 from calib.cameras.formats.parsing import MAX_FILE_BYTES, in_unit
 from calib.cameras.refit import Refit
 from calib.cameras.rig import MOST_CAMERAS, Rig
@@ -59,6 +60,7 @@ class FileLens:
     model: str | None  # of the cameras that it holds; None: any
     numbers: str = ""  # `f` is both focal lengths, such lenses are only read; `0` is none of ours
     approximate: Callable[[Camera], Refit] | None = None
+    keeps_edges: bool = False  # where the image shows no light is in the file
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -112,6 +114,9 @@ class CameraFormat:
     read: Callable[[str, str, str | None], ReadCamera]  # text, what messages name, which of several cameras
     holds_many: bool = False  # a file may hold several cameras, each with a name
     max_bytes: int = MAX_FILE_BYTES
+    files: Callable[[Camera], Mapping[str, bytes]] | None = None  # by name, of a format that is no text
+    accurate_to: "Callable[[float | None], CameraFormat] | None" = None  # by px, of a format with a choice of it
+    accept_px: float = ACCEPTED_PX  # how far off a fit may be
 
     @property
     def written(self) -> dict[str, FileLens]:

@@ -261,7 +261,7 @@ def lost_of(camera: Camera, held: Held, target: CameraFormat) -> tuple[str, ...]
     if fit is not None and fit.max_px > LARGE_PX:
         kind = " by a lens of another kind" if _is_of_another_kind(camera, lens) else ""
         lost.append(f"up to {fit.max_px:.3g} px of where the camera sees a point, RMS {fit.rms_px:.2g} px{kind}")
-    is_foreign = bool(lens.numbers) or lens.approximate is not None
+    is_foreign = not lens.keeps_edges and (bool(lens.numbers) or lens.approximate is not None)
     if camera.field_rad is not None and is_foreign:
         lost.append(
             f"where the image circle ends, {np.degrees(camera.field_rad) / 2:.1f} degrees off the axis; "
