@@ -135,6 +135,7 @@ def _starts_in_light(params: Array, exponent: float, full: float) -> Array:
     return moved
 
 
+USUAL_BLUR_PX = 0.8
 UNDERSAMPLED_BLUR_PX = 0.65
 """Edges this sharp (as pairs of ellipses see them; pixels alone make .5) hang on where a pixel falls."""
 SOFTENING_PX = 0.5
@@ -190,11 +191,11 @@ def measure(
     nearby = usual_nearby(plan, places, ~(step > contrast / 3), step, named & (step > 0))
     marks = marks_of(level, np.where(np.isnan(nearby), contrast, np.minimum(nearby, contrast)))
     # What a border already showed to be a ring need not be read again; the rest must look as the target says.
-    there = np.where(is_dot, marks == DOT, (marks == RING) | named)
+    there = np.where(is_dot & ~(named & (plan.ratio == 0)), marks == DOT, (marks == RING) | named)
     # Flatter ones run into their neighbours' blur, which the model does not know.
     _, small = semi_axes_px(places.shape)
     there &= small >= MIN_RADIUS_PX
-    start = _starts(image, plan, candidates, naming, places, is_dot)
+    start = _starts(image, plan, candidates, naming, places, is_dot) if plan.ratio > 0 else _discs(places, level)
     at = np.flatnonzero(there & (start[:, BLUR] > 0))
     found = Places(places.ring[at], places.center_px[at], places.shape[at])
     fits, residual_px, remarks = _fit_with_lines(image, plan, found, start[at], placement, camera_lens)
@@ -264,6 +265,18 @@ def _starts(
     return start
 
 
+def _discs(places: Places, level: Array) -> Array:
+    """Parameters to start from where all are dots, from the levels of ink and white.  # (N, 15)"""
+    start = np.zeros((len(places.ring), PARAMETERS))
+    known = np.flatnonzero(np.isfinite(level).all(axis=1))
+    if len(known):
+        # Beside the image's edge levels are those of the nearest neighbour.
+        level = level[known[nearest_rows(places.center_px, places.center_px[known])[:, 0]]]
+        start[:, :2], start[:, E00 : E11 + 1], start[:, BLUR] = places.center_px, places.shape, USUAL_BLUR_PX
+        start[:, WHITE], start[:, DARKNESS] = level[:, 2], 1 - level[:, 1] / np.maximum(level[:, 2], 1e-9)
+    return start
+
+
 def _fit_with_lines(
     image: NDArray[np.generic],
     plan: TargetPlan,
@@ -278,7 +291,8 @@ def _fit_with_lines(
         The fits; their distances from where the grid puts them in px (N, 2); what the edges tell of the photo.
     """
     image_size = (image.shape[1], image.shape[0])
-    is_dot = plan.target.is_dot[places.ring]
+    # Where there are dots only, their outlines have told where they are.
+    is_dot = plan.target.is_dot[places.ring] & (plan.ratio > 0)
 
     def lines(seen: Seen) -> tuple[Lens, Lines]:
         lens = placement.lens if camera_lens is not None else fit_lens(plan, places.ring, seen, image_size)
@@ -304,7 +318,7 @@ def _fit_with_lines(
             tone_asked=tone_asked,
         )
         # One circle alone does not tell where its centre is projected to.
-        return replace(fits, ok=fits.ok & (known.known | ~is_dot))
+        return replace(fits, ok=fits.ok & (known.known | (start[:, RATIO] > 0)))
 
     # Without grey edges no tone curve is told.
     fits = fitted(start, None, None if softened else some_of(~is_dot))
@@ -321,7 +335,8 @@ def _fit_with_lines(
         image, begin = in_light
         start = np.where(fits.ok[:, None], begin, start)
         fits = fitted(start, None)
-    sounder = with_sound_lines(known, lines(_seen(fits, start, places, plan))[1])
+    fine = lines(_seen(fits, start, places, plan))[1]
+    sounder = with_sound_lines(known, fine) if plan.ratio > 0 else fine
     if sounder is not None:
         known = sounder
         fits = fitted(start, None)

@@ -22,7 +22,7 @@ class TargetPlan:
     lattice: Lattice
     row_table: Rows  # (F, I, J) row of the target at an index less `low`; -1: nothing there
     low: Rows  # (2,) smallest index
-    ratio: float  # inner over outer radius of the rings
+    ratio: float  # inner over outer radius of the rings; 0: another maker's circles, all of which are dots
     radius_mm: float  # outer, the usual one
     limit: float  # how far out pixels may be used, in outer radii: half the white gap
     alike: Rows  # (F,) the first face with the same lattice in the same outline
@@ -69,8 +69,9 @@ def _looked_up(table: Rows, at: Rows) -> Rows:
 def plan_for(target: TargetGeometry) -> TargetPlan:
     """The plan of a target."""
     rings = ~target.is_dot
-    if not rings.any():
+    if not rings.any() and target.marks is None:
         raise ValueError("the target holds dots only; the detector starts from rings")
+    rings |= target.marks is not None
     low = target.ring_index.min(axis=0)
     size = target.ring_index.max(axis=0) - low + 1
     table = np.full((target.face_count, *size), -1, dtype=np.int64)
