@@ -184,9 +184,10 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
                 for name, content in self.format.files(self.camera).items()
             }
         else:
+            encode = (self.format if isinstance(self.format, CameraFormat) else self.format.cameras).encode
             files = {
                 path / name if is_folder else path: signed(
-                    name if is_folder else self.format.file_name, text.encode(), sort
+                    name if is_folder else self.format.file_name, encode(text), sort
                 )
                 for name, text in self.texts.items()
             }

@@ -25,6 +25,7 @@ _MARKS: tuple[tuple[re.Pattern[bytes], str | None], ...] = tuple(
         (r"\A(?:\xef\xbb\xbf)?# OURS ([a-z-]+)(?: [a-z]+)?, version \d", None),
         (r"\AOURS binary (STL)\b", None),
         (r"\AOURS (lut) \d", None),
+        (r"\AMATLAB 5\.0 MAT-file, OURS ([a-z]+) ", None),
         (r'\AglTF.{16}[^\0]*?"generator": ?"OURS"', "model"),
         (r'\A\s*<!doctype html>.*?<meta name="generator" content="OURS[ ,"]', "page"),
         (r"\A%PDF-.*?/Creator \(OURS\)", "sheet"),

@@ -9,7 +9,9 @@ import cv2
 import numpy as np
 import pycolmap
 import yaml
+from scipy.io import loadmat
 
+from calib.cameras.formats import FORMATS
 from designer.base.arrays import Array
 from tests.support.foreign_cameras import lens_camera
 
@@ -291,10 +293,24 @@ def in_vins(text: str, ray: Array, lens: str, size: tuple[int, int], folder: Pat
     return by_opencv(ray, matrix, [bent[key] for key in order], is_fisheye=False)
 
 
+def in_matlab(text: str, ray: Array, lens: str, size: tuple[int, int], folder: Path) -> Array:
+    """SciPy reads the file; MATLAB's documentation: pixels from 1, rows times IntrinsicMatrix, ImageSize rows first."""
+    (folder / "c.mat").write_bytes(FORMATS["matlab"].encode(text))
+    one = loadmat(folder / "c.mat")["cameraParams"][0, 0]
+    assert one["ImageSize"][0].tolist() == [*size[::-1]]
+    (p1, p2), radial = one["TangentialDistortion"][0], one["RadialDistortion"][0].tolist()
+    plane = brown_polynomial(ray, radial, p1, p2)
+    for matrix in (one["IntrinsicMatrix"], one["K"].T):
+        pixel = np.column_stack([plane, np.ones(len(plane))]) @ matrix
+        assert np.array_equal(matrix[2, :2], one["PrincipalPoint"][0])
+        assert np.array_equal(np.diag(matrix)[:2], one["FocalLength"][0])
+    return np.asarray(pixel[:, :2] - 1)
+
+
 SEEN_IN: Mapping[str, Callable[[str, Array, str, tuple[int, int], Path], Array]] = {
     "opencv": in_opencv, "ros": in_ros, "kalibr": in_kalibr, "basalt": in_basalt, "colmap": in_colmap,
     "metashape": in_metashape, "photonvision": in_photonvision, "gyroflow": in_gyroflow, "nerfstudio": in_nerfstudio,
-    "depthai": in_depthai, "realsense": in_realsense, "orbslam": in_orbslam, "vins": in_vins,
+    "matlab": in_matlab, "depthai": in_depthai, "realsense": in_realsense, "orbslam": in_orbslam, "vins": in_vins,
 }  # fmt: skip
 """By a format: pixels in which directions are seen with a file, through a lens of a name ("": what the file says), of
 an image size; in a folder for programs that read one. mrcal is asked for all cameras at once, in its own tests."""

@@ -12,11 +12,13 @@ if TYPE_CHECKING:
     from calib.cameras.formats.format import CameraFormat, RigFormat
 
 NAMES = [
-    *("json", "photonvision", "gyroflow", "nerfstudio", "depthai", "realsense", "orbslam", "vins"),
+    *("json", "photonvision", "gyroflow", "nerfstudio", "depthai", "realsense", "orbslam", "vins", "matlab"),
     *("basalt", "mrcal", "metashape", "kalibr", "ros", "opencv", "colmap"),
 ]
 """In the order in which a file of unknown kind is tried, the more particular first."""
-RIG_NAMES = ["json", "depthai", "orbslam", "kalibr", "opencv", "colmap", "ros", "mrcal", "anipose", "caliscope"]
+RIG_NAMES = [
+    *("json", "depthai", "orbslam", "matlab", "kalibr", "opencv", "colmap", "ros", "mrcal", "anipose", "caliscope")
+]
 ONLY_READ, RIGS_ONLY_READ = ["zed", "azure_kinect", "ocamcalib"], ["zed", "azure_kinect"]
 """Of makers, whose cameras take no other file."""
 ONLY_WRITTEN = ["lut"]

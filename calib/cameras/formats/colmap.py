@@ -176,6 +176,7 @@ FORMAT = CameraFormat(
     lenses=LENSES,
     write=write,
     read=read,
+    decode=text_of,
     holds_many=True,
 )
 

@@ -114,6 +114,8 @@ class CameraFormat:
     read: Callable[[str, str, str | None], ReadCamera]  # text, what messages name, which of several cameras
     holds_many: bool = False  # a file may hold several cameras, each with a name
     max_bytes: int = MAX_FILE_BYTES
+    encode: Callable[[str], bytes] = str.encode  # what a file holds, of a text
+    decode: Callable[[bytes, str], str] | None = None  # the text of a file, and what messages name; None: it is one
     files: Callable[[Camera], Mapping[str, bytes]] | None = None  # by name, of a format that is no text
     accurate_to: "Callable[[float | None], CameraFormat] | None" = None  # by px, of a format with a choice of it
     accept_px: float = ACCEPTED_PX  # how far off a fit may be

@@ -29,8 +29,8 @@ ONE_OF = "#"
 """Between a file of several cameras and the name of one."""
 POSES_ONLY = "pose_errors.csv"
 """Of `calib hand-eye --poses`, which solves no camera."""
-BINARY = ".bin"
-"""COLMAP's files that are no text end so."""
+BINARY = {".bin": "colmap", ".mat": "matlab"}
+"""The formats of files that are no text, by their ends."""
 Format = TypeVar("Format", CameraFormat, RigFormat)
 CLOSE_MM, FAR_MM = 2.0, 1e5
 """Cameras whose centres are all closer than this, or all farther apart, may be in another unit."""
@@ -76,7 +76,7 @@ def open_rig(
         return as_rig(open_camera(str(place), accept_px=accept_px), name)
     if kind is None:
         if not place.is_dir():
-            read_small_text(place, RIG.largest_bytes, "a rig file")  # says what is wrong with it, if it is not read
+            file_text(place, RIG.largest_bytes, "a rig file")  # says what is wrong with it, if it is not read
         titles = ", ".join(one.title for one in READ_RIG_FORMATS.values())
         raise InputError(f"{place}: not a rig file of a known kind; there are {titles}")
     require_unit(kind, unit, "--from-unit")
@@ -94,6 +94,18 @@ def open_rig(
     return OpenedRig(kind, replace(found, remarks=(*remarks, *found.remarks)), paths)
 
 
+def file_text(path: Path, most: int, what: str, format_name: str | None = None) -> str:
+    """The text of a file, or the one that a binary file stands for.
+
+    Raises:
+        InputError: it cannot be read; the message names it.
+    """
+    kind = READ_FORMATS[BINARY[path.suffix.lower()]] if path.suffix.lower() in BINARY else None
+    if kind is None or kind.decode is None or format_name not in (None, kind.name):
+        return read_small_text(path, most, what)
+    return kind.decode(read_small(path, kind.max_bytes, what), str(path))
+
+
 def _is_of_one(place: Path) -> bool:
     """Whether a place is that of one camera: its file, a folder with its `camera.json`, or one of several in a file."""
     if not os.path.lexists(place):
@@ -101,7 +113,7 @@ def _is_of_one(place: Path) -> bool:
         return bool(mark) and os.path.lexists(before)
     if place.is_dir():
         return (place / FORMATS[OWN].file_name).is_file()
-    return place.is_file() and recognise(read_small_text(place, RIG.largest_bytes, "a rig file")) is not None
+    return place.is_file() and recognise(file_text(place, RIG.largest_bytes, "a rig file")) is not None
 
 
 def rig_format_of(place: Path) -> RigFormat | None:
@@ -109,7 +121,7 @@ def rig_format_of(place: Path) -> RigFormat | None:
     if place.is_dir():
         return next((kind for kind in READ_RIG_FORMATS.values() if _in_folder(place, kind)), None)
     try:
-        text = read_small_text(place, RIG.largest_bytes, "a rig file")[:HEAD]
+        text = file_text(place, RIG.largest_bytes, "a rig file")[:HEAD]
     except InputError:
         return None
     return recognise_rig(text)
@@ -181,7 +193,7 @@ def _files(place: Path, kind: RigFormat) -> tuple[Mapping[str, str], tuple[Path,
     else:
         paths = [place / kind.file_name if place.is_dir() else place]
     most = RIG.largest_bytes if kind.name == OWN else kind.cameras.max_bytes
-    return {path.name: read_small_text(path, most, f"a file of {kind.title}") for path in paths}, tuple(paths)
+    return {path.name: file_text(path, most, f"a file of {kind.title}", kind.name) for path in paths}, tuple(paths)
 
 
 def _doubts(rig: Rig) -> tuple[str, ...]:
@@ -257,12 +269,7 @@ def open_camera(name: str, format_name: str | None = None, accept_px: float = AC
     if path.is_dir():
         path = _camera_in(path)
     largest = max(RIG.largest_bytes, FORMATS[OWN].max_bytes) if known is None else known.max_bytes
-    if path.suffix.lower() == BINARY and format_name in (None, "colmap"):
-        from calib.cameras.formats.colmap import text_of
-
-        text = text_of(read_small(path, FORMATS["colmap"].max_bytes, "a camera file"), str(path))
-    else:
-        text = read_small_text(path, largest, "a camera file")
+    text = file_text(path, largest, "a camera file", format_name)
     kind = known or recognise(text)
     rig_kind = None if known is not None or (kind is not None and kind.holds_many) else recognise_rig(text)
     if rig_kind is not None:

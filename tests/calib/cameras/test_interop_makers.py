@@ -1,6 +1,8 @@
 """Cameras as their makers' and other programs' files have them, against equations published or in their sources."""
 
 import json
+import struct
+import zlib
 from contextlib import suppress
 from pathlib import Path
 
@@ -9,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scipy.io import loadmat, savemat
 
 import calib
 from calib.cameras.camera import Camera
@@ -433,6 +436,97 @@ def test_orbslam_pairs(tmp_path: Path) -> None:
     rectified = older.replace("PinHole", "Rectified").replace("Camera.fx", "Camera1.fx") + "\nStereo.b: 0.12\n"
     rectified = rectified.replace("Camera.fy", "Camera1.fy").replace("Camera.c", "Camera1.c")
     assert rig_of("orbslam", rectified).cam_from_rig[1, :3, 3].tolist() == [-120.0, 0, 0]
+
+
+def in_mat(folder: Path, **variables: object) -> Path:
+    """A MAT file as SciPy writes them, compressed if it is of an odd number of variables."""
+    savemat(folder / "c.mat", variables, do_compression=bool(len(variables) % 2))
+    return folder / "c.mat"
+
+
+TURNED = np.array([[600.0, 0, 0], [1.5, 601, 0], [321.5, 242.5, 1]])
+MATLAB: dict[str, object] = {
+    "RadialDistortion": [-0.3, 0.1],
+    "TangentialDistortion": [0.001, -0.002],
+    "ImageSize": [480, 640],
+    "WorldUnits": "centimeters",
+    "ReprojectionErrors": np.zeros((50, 2, 9)),
+}
+
+
+def test_matlab_structs(tmp_path: Path) -> None:
+    """Compressed or not, K or its transpose, pixels from 1, skew, a struct's fields alone, and fisheyes."""
+    older, newer = {**MATLAB, "IntrinsicMatrix": TURNED}, {**MATLAB, "K": TURNED.T}
+    found = open_camera(str(in_mat(tmp_path, cameraParams=older))).read.camera
+    expected = [600.0, 601, 320.5, 241.5, -0.3, 0.1, 0.001, -0.002, 0, 1.5]
+    assert (found.model, found.image_size, found.params.tolist()) == ("opencv_skew", (640, 480), expected)
+    assert np.array_equal(open_camera(str(in_mat(tmp_path, **newer))).read.camera.params, found.params)
+    with pytest.raises(InputError, match=r"holds 2 cameras \(a, b\)"):
+        open_camera(str(in_mat(tmp_path, a=older, b=newer)))
+    assert open_camera(f"{tmp_path / 'c.mat'}#b").read.camera.model == "opencv_skew"
+    fisheye = {"MappingCoefficients": [206.5170, -2.207161e-03, 4.879622e-06, -1.865656e-08], "ImageSize": [480, 752],
+               "StretchMatrix": np.eye(2), "DistortionCenter": [395.552874, 242.800066]}  # fmt: skip
+    with pytest.raises(InputError, match="none of ours"):
+        open_camera(str(in_mat(tmp_path, fisheyeParams={"Intrinsics": fisheye})))
+    wide = open_camera(str(tmp_path / "c.mat"), accept_px=3).read
+    assert wide.refit is not None
+    pixel = np.array([[400.0, 300], [300, 200], [500, 100]])
+    m = pixel - [394.552874, 241.800066]
+    rho = np.hypot(*m.T)
+    z = 206.5170 - 2.207161e-03 * rho**2 + 4.879622e-06 * rho**3 - 1.865656e-08 * rho**4
+    assert np.abs(wide.camera.project(np.column_stack([m, z])) - pixel).max() < wide.refit.max_px
+
+
+def test_matlab_pairs(tmp_path: Path) -> None:
+    """Rows: x2 = x1 RotationOfCamera2 + TranslationOfCamera2 in its unit, or PoseCamera2; ours as SciPy reads it."""
+    turn, shift = exp_rotation(np.array([0.03, -0.06, 0.02])), np.array([-12.0, 0.4, 0.9])
+    pair = {f"CameraParameters{k}": {**MATLAB, "K": TURNED.T} for k in (1, 2)}
+    place = in_mat(tmp_path, stereoParams={**pair, "RotationOfCamera2": turn.T, "TranslationOfCamera2": shift})
+    rig = calib.load_rig(place)
+    assert np.allclose(rig.cam_from_rig[1], make_pose(turn, 10 * shift))
+    assert open_camera(f"{place}#CameraParameters2").read.camera.image_size == (640, 480)
+    pose = {"A": make_pose(turn, shift)}
+    assert np.allclose(calib.load_rig(in_mat(tmp_path, s={**pair, "PoseCamera2": pose})).cam_from_rig, rig.cam_from_rig)
+    ours, point = stereo(), np.array([10.0, 20, 900])
+    calib.convert(ours, "matlab", unit="m", out=tmp_path / "ours.mat")
+    struct_of = loadmat(tmp_path / "ours.mat")["stereoParams"][0, 0]
+    second = point / 1000 @ struct_of["RotationOfCamera2"] + struct_of["TranslationOfCamera2"][0]
+    assert np.allclose(1000 * second, ours.cam_from_rig[1, :3, :3] @ point + ours.cam_from_rig[1, :3, 3])
+    assert np.allclose(calib.load_rig(tmp_path / "ours.mat").cam_from_rig, ours.cam_from_rig)
+
+
+def test_hostile_mat_files(tmp_path: Path) -> None:
+    """Cut off, damaged, another version, an object, and one that swells: a line at once, and no memory filled."""
+    content = in_mat(tmp_path, cameraParams={**MATLAB, "K": TURNED.T}, other=1).read_bytes()
+    rng = np.random.default_rng(5)
+
+    def opened(changed: bytes) -> Camera:
+        decode = FORMATS["matlab"].decode
+        assert decode is not None
+        return read("matlab", decode(changed, "f.x"))
+
+    def refused(changed: bytes) -> str:
+        with pytest.raises(InputError, match=r"^f\.x: ") as caught:
+            opened(changed)
+        assert len(str(caught.value).splitlines()) == 1
+        return str(caught.value)
+
+    for size in (0, 100, 127, 128, 140, 300):
+        refused(content[:size])
+    for _ in range(300):
+        changed = bytearray(content)
+        for at in rng.integers(128, 1200, 3):
+            changed[at] = rng.integers(256)
+        with suppress(InputError):
+            opened(bytes(changed))
+    assert 'save(..., "-v7")' in refused(b"MATLAB 7.3 MAT-file".ljust(200))
+    swelling = zlib.compress(b"\0" * 2**26, 9)
+    assert "cut off or damaged" in refused(content[:128] + struct.pack("<2I", 15, len(swelling)) + swelling)
+    flags, name = struct.pack("<4I", 6, 8, 17, 0), struct.pack("<2H4s", 1, 3, b"cam")
+    item = flags + name + struct.pack("<2H4s", 1, 4, b"MCOS") + struct.pack("<2I16s", 1, 16, b"cameraParameters")
+    assert "cam is an object of MATLAB's" in refused(content[:128] + struct.pack("<2I", 14, len(item)) + item)
+    huge = flags.replace(b"\x11", b"\x02") + struct.pack("<4I", 5, 8, 2**31 - 1, 2**31 - 1) + name
+    refused(content[:128] + struct.pack("<2I", 14, len(huge)) + huge)
 
 
 def test_files_are_found_out_and_used_by_every_command(tmp_path: Path) -> None:
