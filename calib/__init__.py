@@ -12,6 +12,7 @@ TYPE_CHECKING = False  # `typing` takes long to load, and Ctrl-C in the meantime
 if TYPE_CHECKING:
     from calib.app.budget import Budget, budget
     from calib.app.calibration import Run
+    from calib.app.check import CameraCheck, check
     from calib.app.choose import TargetChoice, choose
     from calib.app.convert import Conversion, convert
     from calib.app.coupon import CouponReading, coupon
@@ -58,6 +59,7 @@ __all__ = [
     "Budget",
     "Calibration",
     "Camera",
+    "CameraCheck",
     "CameraErrors",
     "Conversion",
     "CostStudy",
@@ -97,6 +99,7 @@ __all__ = [
     "Ways",
     "bootstrap",
     "budget",
+    "check",
     "choose",
     "convert",
     "coupon",
@@ -136,6 +139,7 @@ __all__ = [
 
 _HOMES = {
     "calib.app.budget": ("Budget", "budget"),
+    "calib.app.check": ("CameraCheck", "check"),
     "calib.app.choose": ("TargetChoice", "choose"),
     "calib.app.convert": ("Conversion", "convert"),
     "calib.app.diff": ("Difference", "diff"),

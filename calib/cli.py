@@ -11,7 +11,7 @@ IN_SPACE = "Measure in space"
 TASKS: tuple[tuple[str, tuple[str, ...]], ...] = (
     (PRINT, ("coupon",)),
     (CALIBRATE, ("run", "live", "plan", "rig", "hand-eye", "turntable", "detect", "solve", "measure")),
-    (JUDGE, ("evaluate", "report", "diff")),
+    (JUDGE, ("evaluate", "check", "report", "diff")),
     (USE, ("pose", "undistort", "convert", "markers")),
     (IN_SPACE, ("triangulate", "budget")),
     (MAKE, ("target", "render")),
@@ -25,6 +25,7 @@ LINES = {
     "live": "Take photos under guidance of a page, until the camera is good.",
     "solve": "Solve the camera, and where it stood, from what was detected, and judge it.",
     "evaluate": "Measure a calibration: reprojection, intersection, reconstruction and pose error.",
+    "check": "Tell whether a camera or a rig is still as its file says.",
     "report": "Write a folder's page, index.html, again from the results it stores.",
     "measure": "Measure a printed target with photos of it.",
     "pose": "Find where a known camera stood, and how surely.",

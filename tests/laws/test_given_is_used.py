@@ -35,7 +35,7 @@ OF_COMMAND = {
     "study compare": ("study", "compare", *QUICK),
     "study cost": ("study", "cost", *QUICK),
 }
-WRITTEN = {"-o", "--out", "--overlay", "--picture"}
+WRITTEN = {"-o", "--out", "--overlay", "--history", "--picture"}
 """Places that a command makes."""
 NAMING = {"Path", "str", "list[str]", "list[Path]"}
 

@@ -1,0 +1,53 @@
+"""What photos are held against that tell whether cameras changed: a calibration, or a file that states less."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calib.cameras.camera import Camera
+from calib.cameras.rig import ALONE, POSE, Rig, rig_of_one
+from calib.core.types import Observations, RigObservations, keep_sightings, without_empty_views
+from calib.judge.drift import Reference
+from calib.rigs.result import RigCalibration
+from calib.solver.calibration import Calibration
+from designer.base.arrays import Array
+
+
+def of_one_camera(seen: Observations) -> RigObservations:
+    """What a camera saw, each view a frame."""
+    return RigObservations((ALONE,), seen.view_names, (seen,), (np.arange(seen.view_count),))
+
+
+def reference_of(known: "Calibration | RigCalibration | Rig | Camera") -> Reference:
+    """Cameras, with as much of their calibration as is known."""
+    if isinstance(known, Camera):
+        return Reference(rig_of_one(known))
+    if isinstance(known, Rig):
+        return Reference(known)
+    if isinstance(known, RigCalibration):
+        rig = replace(known.rig, covariance=known.stated_covariance)
+        photo = known.photo_covariance
+        share = None if photo is None else photo * known.observations.frame_count
+        return Reference(rig, share, None, known.scale if known.weighted else None, _used(known))
+    error, field, count = known.photo_error, known.image_field, known.observations.view_count
+    rig = replace(rig_of_one(known.camera), covariance=_with_pose(known.stated_covariance))
+    photos = without_empty_views(keep_sightings(known.observations, ~known.is_outlier))
+    return Reference(
+        rig, None if error is None else _with_pose(count * error.param_covariance),
+        None if field is None else np.array([field.left_px]), np.array([known.scale]) if known.weighted else None,
+        of_one_camera(photos),
+    )  # fmt: skip
+
+
+def _with_pose(covariance: Array) -> Array:
+    return np.pad(covariance, ((0, POSE), (0, POSE)))
+
+
+def _used(known: RigCalibration) -> RigObservations:
+    """The sightings that count."""
+    each: Sequence[Observations] = tuple(
+        keep_sightings(seen, ~outlier)
+        for seen, outlier in zip(known.observations.sightings, known.is_outlier, strict=True)
+    )
+    return replace(known.observations, sightings=tuple(each))
