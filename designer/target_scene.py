@@ -127,12 +127,12 @@ def _rings(target: TargetGeometry, colours: tuple[str, ...]) -> Rings:
     in_face = target.center_in_face_mm
     center = np.einsum("rij,rj->ri", frame[:, :3, :2], in_face[:, :2]) + frame[:, :3, 3]
     where = ["" if target.is_planar else f"face {face}, " for face in target.ring_face]
-    what = ["dot" if is_dot else "ring" for is_dot in target.is_dot]
+    ours = ["dot" if is_dot else "ring" for is_dot in target.is_dot]
+    what = ours if target.marks is None else [target.feature_word[:-1]] * target.ring_count
     names = tuple(f"{w}{k} ({i}, {j})" for w, k, (i, j) in zip(where, what, target.ring_index, strict=True))
     # A point without a mark is shown as a small dot.
-    radius = target.radius_outer_mm
-    if not target.has_marks:
-        radius = POINT_PART * np.linalg.norm(target.lattice_mm[target.ring_face, 0], axis=1)
+    as_point = POINT_PART * np.linalg.norm(target.lattice_mm[target.ring_face, 0], axis=1)
+    radius = np.where(target.radius_outer_mm > 0, target.radius_outer_mm, as_point)
     return Rings(center, frame[:, :3, 2], radius, target.radius_inner_mm, colours, names)
 
 

@@ -62,6 +62,7 @@ def measured_page(measured: "MeasuredPrint", *, is_drawn: bool) -> Page:
     moved, gains = face_sentence(record), gains_table(record)
     view = measure_view(record, target) if is_drawn else None
     blocks: list[Block] = []
+    one = target.feature_word[:-1]
     if is_drawn:
         image = raster_of(measured.picture)
         blocks.append(
@@ -73,7 +74,7 @@ def measured_page(measured: "MeasuredPrint", *, is_drawn: bool) -> Page:
             )
         )
     blocks += [] if faces is None else [faces]
-    blocks += [] if rings is None else [Fold(f"Ring by ring ({len(rings.rows)})", (rings,))]
+    blocks += [] if rings is None else [Fold(f"{capital(one)} by {one} ({len(rings.rows)})", (rings,))]
     whole = whole_rows(record.whole)
     advice = _advice(measured)
     findings = (
@@ -88,7 +89,7 @@ def measured_page(measured: "MeasuredPrint", *, is_drawn: bool) -> Page:
             "The whole print",
             (*((errors_table("Size and shape", whole, axes_words(target)),) if whole else ()), Findings(findings)),
         ),
-        Section("Faces and rings", tuple(blocks), lead=f"{capital(moved)}." if moved else ""),
+        Section(f"Faces and {target.feature_word}", tuple(blocks), lead=f"{capital(moved)}." if moved else ""),
         Section(
             "Cross-validation",
             (*(() if gains is None else (gains,)), cameras_table(record)),
@@ -217,7 +218,7 @@ def deviation_sentence(record: AsBuiltRecord) -> str:
     if record.ring_sigma_mm is not None:
         plane_mm = record.ring_sigma_mm[0]
         much = f"{figure(plane_mm, 2)} mm" if plane_mm >= LEAST_SPREAD_MM else f"less than {LEAST_SPREAD_MM:g} mm"
-        parts.append(f"rings are off by {much} (1 sigma) in their plane")
+        parts.append(f"points are off by {much} (1 sigma) in their plane")
     bow_mm = record.face_bow_mm[np.isfinite(record.face_bow_mm).all(axis=1)]
     if bow_mm.any():
         faces = "its face is" if len(record.face_bow_mm) == 1 else "its faces are"

@@ -37,6 +37,7 @@ class NamedPhoto:
     off_axis_deg: float  # of the target's origin; nan: the lens is not wide
     tilt_deg: float  # of a flat target; nan of others
     shows: "PhotoContent"
+    word: str = "rings"  # what it shows
 
     @property
     def is_too_small(self) -> bool:
@@ -48,7 +49,7 @@ class NamedPhoto:
         """What stands below it."""
         side = f"{self.shows.faces} faces" if math.isnan(self.tilt_deg) else f"tilt {self.tilt_deg:.0f}°"
         aside = "" if math.isnan(self.off_axis_deg) else f", {self.off_axis_deg:.0f}° off the axis"
-        said = f"{digits(self.shows.distance_mm, 3)} mm away{aside}, {side}, {self.shows.rings} rings"
+        said = f"{digits(self.shows.distance_mm, 3)} mm away{aside}, {side}, {self.shows.rings} {self.word}"
         return f"{self.camera}: {said}" if self.camera else said
 
 
@@ -56,9 +57,9 @@ def photos_page(made: "RenderedPhotos", folder: Path | None) -> Page:
     """What is to be said of a camera's photos; with its pictures where a folder holds them."""
     job, photos = made.job, _named(made)
     (width, height), poses = job.camera.image_size, job.cam_from_target
-    is_small = all(one.is_too_small for one in photos)
+    is_small, word = all(one.is_too_small for one in photos), job.target.feature_word
     headline = Headline(
-        "usable" if is_small else "note", "rings too small" if is_small else "rendered",
+        "usable" if is_small else "note", f"{word} too small" if is_small else "rendered",
         f"{counted(len(photos), 'photo')} of {width} x {height} px of "
         f"{job.target.words}, by a camera of model {job.camera.model} from {distance_words(poses)}; "
         f"{_ending(made)}",
@@ -74,16 +75,17 @@ def photos_page(made: "RenderedPhotos", folder: Path | None) -> Page:
         *option_words(job.options), ("seed", str(job.seed)), *_done(made),
     )  # fmt: skip
     least, most = (limit(one.shows.rings for one in photos) for limit in (min, max))
+    size = "with edges of" if word == "corners" else "with a semi-minor axis of"
     lead = "" if is_small else (
-        f"Each shows {f'{least}' if least == most else f'{least} to {most}'} rings whole and with a semi-minor axis of "
+        f"Each shows {f'{least}' if least == most else f'{least} to {most}'} {word} whole and {size} "
         f"at least {MIN_RADIUS_PX:g} px. So small ones can be measured beside others; to find and name a face, the "
-        f"detector wants rings of {LEAST_RADIUS_PX:g} px."
+        f"detector wants {word} of {LEAST_RADIUS_PX:g} px."
     )  # fmt: skip
     view = place_view(job.target, job.camera, poses, tuple(f"{one.path}: {one.caption}" for one in photos))
     places = Section("Camera positions", (view,), lead=place_words(job.target, poses))
     to, target, place = _places(made, "camera")
     steps = (Command(f"calib run {target} {place} -o {to}", f"calibrates, and compares with {TRUTH_FILE}"),)
-    can_be_found = made.target_file and not job.target.is_dot.all()
+    can_be_found = made.target_file and (job.target.marks is not None or not job.target.is_dot.all())
     return Page(
         "", "", headline, (_photos(photos, made, folder, lead), places), lead=(Facts(facts),),
         next_steps=steps if can_be_found else (),
@@ -122,9 +124,10 @@ def _named(made: "RenderedSet") -> list[NamedPhoto]:
     for camera, photos in made.by_folder.items():
         job, unknown = photos.job, [math.nan] * len(photos.contents)
         tilts = tilts_deg(job.target, job.cam_from_target).tolist() if job.target.is_plate else unknown
+        word = job.target.feature_word
         for file, tilt, shows in zip(job.file_names, tilts, photos.contents, strict=True):
             aside = shows.off_axis_deg if job.camera.has_dark_corners else math.nan
-            named.append(NamedPhoto(f"{camera}/{file}" if camera else file, camera, aside, tilt, shows))
+            named.append(NamedPhoto(f"{camera}/{file}" if camera else file, camera, aside, tilt, shows, word))
     return named
 
 
@@ -193,19 +196,19 @@ def _photos(photos: Sequence[NamedPhoto], made: "RenderedSet", folder: Path | No
     order = "Camera by camera, in the order of frames." if photos[0].camera else "In the order they were rendered."
     warned = tuple(Finding("usable", "", f"{capital(line)}.") for line in made.warnings)
     said = [line for line in made.remarks if line not in made.warnings]
-    kind, size = Shown[NamedPhoto], f"with a semi-minor axis of at least {MIN_RADIUS_PX:g} px"
+    kind, size, word = Shown[NamedPhoto], f"at least {MIN_RADIUS_PX:g} px small", photos[0].word
     aside = kind("off axis °", lambda one: one.off_axis_deg, "of the target's origin")
     tilt = kind(
         "tilt °", lambda one: one.tilt_deg, "between the target's normal and the line of sight; 0 is straight on"
     )
-    faces = kind("faces", lambda one: one.shows.faces, f"with a ring that is whole and {size}")
+    faces = kind("faces", lambda one: one.shows.faces, f"with {word} that are whole and {size}")
     table = table_of(
         photos, kind("photo", name),
         kind("distance mm", lambda one: one.shows.distance_mm, "from the camera to the target's origin", 3),
         *(() if all(math.isnan(one.off_axis_deg) for one in photos) else (aside,)),
         faces if math.isnan(photos[0].tilt_deg) else tilt,
-        kind("rings", lambda one: one.shows.rings, f"whole in the image, {size}; things in front are not counted off"),
-        kind("ring size px", lambda one: one.shows.radius_px, "median of their semi-minor axes", 3),
+        kind(word, lambda one: one.shows.rings, f"whole in the image, {size}; things in front are not counted off"),
+        kind("size px", lambda one: one.shows.radius_px, "of these, the median of the semi-minor axes", 3),
         title="All photos",
     )  # fmt: skip
     pictures = () if folder is None else gallery(folder, spread(shots), order)
@@ -220,8 +223,8 @@ def _camera_tables(made: "RenderedRig", photos: Sequence[NamedPhoto]) -> Iterato
     yield table_of(
         rows, kind("camera", lambda row: names[row]), kind("model", lambda row: made.rig.cameras[row].model),
         kind("image px", lambda row: "{} x {}".format(*made.rig.cameras[row].image_size)),
-        kind("frames", lambda row: shared[row][row], "in which it sees a ring that is large enough for the detector"),
-        kind("rings", lambda row: sum(one.shows.rings for one in photos if one.camera == names[row]),
+        kind("frames", lambda row: shared[row][row], "in which it sees what is large enough for the detector"),
+        kind(photos[0].word, lambda row: sum(one.shows.rings for one in photos if one.camera == names[row]),
              "that can be measured, in all its photos"),
         *((delay,) if late_ms else ()), title="What each camera sees",
     )  # fmt: skip

@@ -92,13 +92,14 @@ def report_picture(record: AsBuiltRecord, target: TargetGeometry) -> bytes:
     came_out = deviations_of(record, target).in_face_mm
     own = bent_mm(target, record.ring_offset_mm, record.face_bow_mm)
     own[~np.isfinite(came_out).all(axis=1)] = np.nan
+    word = target.feature_word
     if target.is_planar:
-        maps = [("How rings lie on the board", own)]
+        maps = [(f"How {word} lie on the board", own)]
     else:
         against = "" if record.seats is None else f", against the {record.seats.piece}s that sit well"
-        maps = [(f"How rings came out, with their faces{against}", came_out)]
+        maps = [(f"How {word} came out, with their faces{against}", came_out)]
         if own[np.isfinite(own)].any():
-            maps.append(("How rings lie on their faces, the faces' own motion taken off", own))
+            maps.append((f"How {word} lie on their faces, the faces' own motion taken off", own))
 
     def draw(page: "Figure") -> None:
         # Parts of the page that are laid out one by one: their texts never meet.
@@ -147,7 +148,9 @@ def _draw_map(
             axes.text(x, y, text, fontsize=11, ha="center", va="center", color=INK)
     (rings,) = np.nonzero(np.isfinite(moved_mm).all(axis=1))
     if not len(rings) or not moved_mm[rings].any():
-        note(axes, "rings were held where they were designed" if len(rings) else "no ring was seen on a known face")
+        word = target.feature_word
+        held = f"{word} were held where they were designed"
+        note(axes, held if len(rings) else f"no {word[:-1]} was seen on a known face")
         return
     place = np.concatenate(
         [layout.placed(int(target.ring_face[ring]), target.center_in_face_mm[ring, None, :2]) for ring in rings]
@@ -169,8 +172,8 @@ def _draw_map(
     arrows.set_in_layout(False)  # they may leave the axes, which stay as they are
     note(
         axes,
-        f"arrows: in the plane, drawn {times:g} times as large; colour: out (red) or in (blue), bow included; rings "
-        "without a dot were not seen; hatched: not known",
+        f"arrows: in the plane, drawn {times:g} times as large; colour: out (red) or in (blue), bow included; "
+        f"{target.feature_word} without a dot were not seen; hatched: not known",
     )
     if long_mm > 0:
         _key(axes, layout, times, long_mm)
@@ -267,13 +270,13 @@ def rings_table(record: AsBuiltRecord, target: TargetGeometry) -> Table | None:
     more = f" The {MOST_RINGS} that are off most of {len(order)}." if len(order) > MOST_RINGS else ""
     return table_of(
         order[:MOST_RINGS].tolist(),
-        Shown[int]("ring", int),
+        Shown[int](target.feature_word[:-1], int),
         Shown[int]("face", lambda ring: int(target.ring_face[ring])),
         Shown[int]("i, j", lambda ring: ", ".join(map(str, target.ring_index[ring].tolist()))),
         *map(offset, range(3)),
         Shown[int]("off by [mm]", lambda ring: float(size[ring]), "its own offset", 3),
         Shown[int]("with its face [mm]", lambda ring: float(total[ring]), "offset, bow and motion of the face", 3),
-        title="How the rings lie on their faces",
+        title=f"How the {target.feature_word} lie on their faces",
         note="Their own offsets in the axes of their face, z outwards; bow and motion of the face taken off."
         f"{more}{datum_words(record)}",
     )

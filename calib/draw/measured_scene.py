@@ -53,15 +53,18 @@ def measure_view(record: AsBuiltRecord, target: TargetGeometry) -> View3d | None
         legend=(*_legend(most_mm, found), *bad), more=tuple(layers),
         has_numbers=record.seats is not None,
     )  # fmt: skip
-    return View3d("Where faces and rings came out", scene, _alt(found, target), _caption(factor, record))
+    return View3d(
+        f"Where faces and {target.feature_word} came out", scene, _alt(found, target), _caption(factor, record)
+    )
 
 
 def _alt(found: Deviations, target: TargetGeometry) -> str:
     worst = int(found.known[np.argmax(found.size_mm[found.known])])
     middle = float(np.median(found.size_mm[found.known]))
+    words = target.feature_word
     return (
-        f"{len(found.known)} rings coloured by how far out or in they lie against the design: half of them are within "
-        f"{figure(middle, 2)} mm of it; ring {worst} on face {int(target.ring_face[worst])} is off most, "
+        f"{len(found.known)} {words} coloured by how far out or in they lie against the design: half are within "
+        f"{figure(middle, 2)} mm of it; {words[:-1]} {worst} on face {int(target.ring_face[worst])} is off most, "
         f"{figure(float(found.size_mm[worst]), 2)} mm."
     )
 

@@ -45,6 +45,9 @@ def sketch(camera: Camera, target: TargetGeometry, cam_from_target: Array) -> Ra
     for face in np.flatnonzero(looks).tolist():
         for outline, grey in ((target.outline_mm[face], INK), (target.window_mm[face], BODY)):
             _fill(canvas, _pixels(camera, cam_from_target @ frame[face], _edges(outline), scale), grey)
+        marks = None if target.marks is None else target.marks[face]
+        for polygon in () if marks is None else marks.polygons_mm:
+            _fill(canvas, _pixels(camera, cam_from_target @ frame[face], _edges(polygon), scale), INK)
     shown = np.flatnonzero(looks[target.ring_face])
     for radius_mm, grey in ((target.radius_outer_mm, INK), (target.radius_inner_mm, BODY)):
         for row in shown[radius_mm[shown] > 0].tolist():

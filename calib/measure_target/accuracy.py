@@ -243,7 +243,7 @@ def remarks_of(seen: SeenParts, is_determined: Flags, target: TargetGeometry) ->
     rings = ~seen.ring & is_determined[target.ring_face]
     if rings.any():
         said.append(
-            f"{int(rings.sum())} rings of measured faces were never seen: kept where they were designed on them"
+            f"{int(rings.sum())} points of measured faces were never seen: kept where they were designed on them"
         )
     return tuple(said)
 

@@ -62,10 +62,10 @@ def photo_warnings(photos: Sequence[PhotoContent], options: RenderOptions, *, lo
     if small_px := [one.largest_px for one in photos if one.largest_px < LEAST_RADIUS_PX]:
         some = f" in {len(small_px)} of {len(photos)} photos" if len(small_px) < len(photos) else ""
         yield (
-            f"the largest ring{some} has a radius of {figure(max(small_px), 2)} px; the detector wants "
+            f"the largest mark{some} has a radius of {figure(max(small_px), 2)} px; the detector wants "
             f"{LEAST_RADIUS_PX:g} px: come nearer, or use a longer lens"
             if max(small_px)
-            else f"no ring faces the camera{some or ' in any view'}; check the poses"
+            else f"no mark faces the camera{some or ' in any view'}; check the poses"
         )
 
 
@@ -73,8 +73,8 @@ def rig_warnings(cameras: Sequence[str], sees: Flags) -> Iterator[str]:
     """What will make a rig's calibration hard, by the frames in which each camera sees the target.  # sees (C, V)"""
     if blind := [name for name, row in zip(cameras, sees, strict=True) if not row.any()]:
         yield (
-            f"in no frame {', '.join(blind)} has a ring of {LEAST_RADIUS_PX:g} px, as the detector wants; "
-            "take more --frames, hold the target nearer with --distance, or take one with larger rings"
+            f"in no frame {', '.join(blind)} has a mark of {LEAST_RADIUS_PX:g} px, as the detector wants; "
+            "take more --frames, hold the target nearer with --distance, or take one with larger marks"
         )
     joined, before = sees[0], -1
     while joined.sum() > before:  # cameras that a frame joins to the first, and theirs; frames that they see

@@ -183,7 +183,7 @@ def test_hard_sets_are_warned_of(target_file: Path, tmp_path: Path) -> None:
     small = ["--camera", target_file.with_name("small.json"), "--views", "2", "--jobs", "1"]
     far = calib("render", target_file, "-o", "far", *small, "--distance", "800mm", cwd=tmp_path)
     assert far.code == 0
-    assert "largest ring has a radius of 1.2 px" in far.out
+    assert "largest mark has a radius of 1.2 px" in far.out
     near = calib(
         "render", target_file, "-o", "near", *small, "--distance", "50mm", "--light-gradient", "60%", cwd=tmp_path
     )
