@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from calib.core.linear_algebra import solve_square
 from designer.base.arrays import Array, Rows
 from designer.base.words import counted, with_article
 from designer.marks.aprilgrid import AprilGrid
@@ -112,8 +113,9 @@ def _lattice(markers: _Markers) -> tuple[Rows, Rows, bool] | None:
     if not (np.abs(np.linalg.det(frame)) > 1).all():
         return None
     both = 0.5 * (frame[:, None] + frame[None])
-    apart = np.linalg.solve(both, (middle[None] - middle[:, None])[..., None])[..., 0]  # (N, N, 2) in markers' sides
-    length = np.linalg.norm(apart, axis=2) + 1e9 * np.eye(len(middle))
+    apart = solve_square(both, (middle[None] - middle[:, None])[..., None])[..., 0]  # (N, N, 2) in markers' sides
+    # Of two that stand opposite ways nothing is told.
+    length = np.nan_to_num(np.linalg.norm(apart, axis=2), nan=1e9) + 1e9 * np.eye(len(middle))
     nearest = apart[np.arange(len(middle)), length.argmin(axis=1)]
     slope = np.abs(nearest).min(axis=1) / np.abs(nearest).max(axis=1)
     is_diagonal = bool(np.median(slope) > 0.5)

@@ -253,7 +253,7 @@ def _named(target: TargetGeometry, faces: Sequence[FoundFace]) -> _Points:
 
 
 @dataclass(frozen=True, eq=False)
-class _Measured:
+class _Fits:
     """N points, and why others of the faces seen are missing."""
 
     ring: Rows  # (N,)
@@ -263,7 +263,7 @@ class _Measured:
     missing: tuple[tuple[int, str], ...] = ()
     remarks: tuple[str, ...] = ()
 
-    def with_others(self, points: _Points, cov_px2: Array) -> "_Measured":
+    def with_others(self, points: _Points, cov_px2: Array) -> "_Fits":
         """With points that a finder measured, in the order of their faces."""
         ring = np.concatenate([self.ring, points.ring])
         order = np.argsort(ring, kind="stable")
@@ -276,7 +276,7 @@ class _Measured:
         )
 
 
-def _measured(pixels: NDArray[np.generic], target: TargetGeometry, named: _Points, camera: Camera | None) -> _Measured:
+def _measured(pixels: NDArray[np.generic], target: TargetGeometry, named: _Points, camera: Camera | None) -> _Fits:
     """Rounds of prediction and fit: each knows the lens and the blur better, and more points, than the one before."""
     image_size = (pixels.shape[1], pixels.shape[0])
     seen, blur_px, is_soft = named, USUAL_BLUR_PX, False
@@ -302,14 +302,14 @@ def _measured(pixels: NDArray[np.generic], target: TargetGeometry, named: _Point
     on_seen = np.flatnonzero(np.isin(target.ring_face, target.ring_face[places.ring]))
     missing += [(int(ring), OUTSIDE) for ring in np.setdiff1d(on_seen, places.ring)]
     cov = ratios.ring[good, None, None] * fits.cov_px2[good]
-    return _Measured(places.ring[good], fits.center_px[good], cov, fits.half_px[good] / 2, tuple(missing))
+    return _Fits(places.ring[good], fits.center_px[good], cov, fits.half_px[good] / 2, tuple(missing))
 
 
-def _nothing(named: _Points, good: int) -> _Measured:
+def _nothing(named: _Points, good: int) -> _Fits:
     """Of points that are none."""
     none = np.zeros(0, dtype=np.int64)
     remarks = (NOT_CORNERS.format(count=len(named.ring), good=good),) if len(named.ring) else ()
-    return _Measured(none, np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0), (), remarks)
+    return _Fits(none, np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0), (), remarks)
 
 
 def _starts(target: TargetGeometry, places: _Places, seen: _Points) -> Array:
@@ -399,7 +399,7 @@ def _sigma_px(cov_px2: Array) -> Array:
     return np.asarray(np.sqrt(np.abs(np.trace(cov_px2, axis1=1, axis2=2)) / 2))
 
 
-def _records(target: TargetGeometry, measured: _Measured) -> tuple[FaceRecord, ...]:
+def _records(target: TargetGeometry, measured: _Fits) -> tuple[FaceRecord, ...]:
     """A record for each face that was found."""
     seen = Counter(target.ring_face[measured.ring].tolist())
     records = []

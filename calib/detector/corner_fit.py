@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.jit import jit, jit_sums
+from calib.core.linear_algebra import solve_square
 from calib.core.parallel import in_chunks
 from calib.core.small_solve import cholesky_invert, cholesky_solve
 from calib.detector.ring_equations import CHUNK, add_products, edges
@@ -462,7 +463,7 @@ def fit_corners(
     clip = np.array([0.0, 255.0]) if image.dtype == np.uint8 else np.array([-np.inf, np.inf])
     params, cov, noise = start.copy(), np.zeros((count, 2, 2)), np.zeros(count)
     half_px, scores = np.zeros(count), Scores.empty(count)
-    inverse, saddle = np.ascontiguousarray(np.linalg.inv(px_from_mm)), np.ascontiguousarray(is_saddle)
+    inverse, saddle = np.ascontiguousarray(solve_square(px_from_mm, np.eye(2))), np.ascontiguousarray(is_saddle)
     room, most, lens = (np.ascontiguousarray(each, dtype=np.float64) for each in (room_mm, most_px, bend))
 
     def run(first: int, last: int) -> None:

@@ -71,6 +71,9 @@ LABELS = {
     "calib/observe/correspondences.py": {"corner"},
     "calib/judge/coverage.py": {"corner"},
     "calib/judge/target_hints.py": {"corner"},
+    "calib/detector/overlay_frame.py": {"corner"},
+    "calib/app/target_from_photo.py": {"board"},  # a heading
+    "calib/studies/with_ours.py": {"ico"},  # the kind that other makers' boards are compared with
     "calib/draw/rig_scene.py": {"dome"},  # what all that a fisheye lens sees is called
 }
 

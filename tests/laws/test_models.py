@@ -144,6 +144,11 @@ OF_THE_PAPER = {
     "calib/studies/paper_study.py": {"luhmann"},  # the model of the paper's table
     "designer/formats/point_lists.py": {"colmap", "kalibr", "metashape", "opencv"},  # whose files of points it writes
     "calib/observe/marker_files.py": {"colmap", "metashape"},
+    # Whose frames the coordinates of a board may be in:
+    "designer/marks/face_marks.py": {"kalibr", "opencv"},
+    "calib/app/target_of_marks.py": {"kalibr", "opencv"},
+    "calib/app/target_contents.py": {"kalibr", "opencv"},
+    "calib/app/inputs.py": {"ros"},  # whose messages a bag holds
 }
 
 

@@ -73,7 +73,7 @@ def decode(content: bytes, origin: str) -> str:
         raise InputError(f'{origin}: a MAT file of version 7.3; in MATLAB save(..., "-v7")')
     if len(content) < HEADER or content[126:128] not in (b"IM", b"MI"):
         raise InputError(f"{origin}: not a MAT file of MATLAB 5 to 7")
-    reader = _Reader("<" if content[126:128] == b"IM" else ">", MOST_BYTES)
+    reader = _MatReader("<" if content[126:128] == b"IM" else ">", MOST_BYTES)
     try:
         variables = dict(reader.variables(content[HEADER:]))
     except (struct.error, ValueError, zlib.error, KeyError, RecursionError):
@@ -81,7 +81,7 @@ def decode(content: bytes, origin: str) -> str:
     return json.dumps({"matlab": variables})
 
 
-class _Reader:
+class _MatReader:
     """Elements, each a type, a length and so many bytes; what is compressed, up to a length in all."""
 
     def __init__(self, order: str, left: int) -> None:

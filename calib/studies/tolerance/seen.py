@@ -174,7 +174,9 @@ def corner_covariances(edges: Array, is_crossing: Flags, contrast_to_noise: floa
     clear = np.maximum(length - CROSSED_PX, 0.1 * length)
     told = np.where(is_crossing[:, None], 2.0, 0.25) * clear
     variance = CORNER_VARIANCE * (CONTRAST_TO_NOISE / contrast_to_noise) ** 2
-    return variance * np.asarray(np.linalg.inv((normal * told[:, None]) @ normal.transpose(0, 2, 1)))
+    # Lines seen edge-on tell nothing across them.
+    information = (normal * told[:, None]) @ normal.transpose(0, 2, 1) + 1e-9 * np.eye(2)
+    return variance * np.asarray(np.linalg.inv(information))
 
 
 def _contour_information(semi: Array) -> Array:
