@@ -20,6 +20,8 @@ AXES = (("X", "#d55e00"), ("Y", "#009e73"), ("Z", "#0072b2"))
 """Okabe and Ito's vermilion, green and blue (2008), which colour-blind people tell apart."""
 CAMERA_SHARE = 0.09
 """Depth of a camera's pyramid over its distance from the target."""
+MARKS_LIFT = 2e-4
+"""Of black marks above a face, over the target's radius."""
 POINT_PART = 0.1
 """Radius of a point that has no mark, of the usual distance to the next."""
 
@@ -114,11 +116,23 @@ def _body(target: TargetGeometry, body_colour: str, ink_colour: str) -> tuple[Dr
             inside.append((back, polygon_triangles(outline)[:, ::-1]))
         edges += [_sides(back), np.stack([front, back], axis=1)]
     shapes: list[Drawn] = [_surface(inside, body_colour)]
+    if black := _marks(target):
+        shapes.append(_surface(black, ink_colour))
     if has_border:
         shapes.append(_surface(border, ink_colour))
     if edges:
         shapes.append(Segments(np.concatenate(edges), (EDGE_COLOUR,)))
     return tuple(shapes)
+
+
+def _marks(target: TargetGeometry) -> list[Part]:
+    """What is black of other makers' marks, a hair above the faces."""
+    lift = MARKS_LIFT * bounding_radius_mm(target)
+    return [
+        (_placed(frame, polygon, lift), polygon_triangles(polygon))
+        for frame, marks in zip(target.target_from_face, target.marks or (), strict=target.marks is not None)
+        for polygon in marks.polygons_mm
+    ]
 
 
 def _rings(target: TargetGeometry, colours: tuple[str, ...]) -> Rings:
@@ -130,8 +144,10 @@ def _rings(target: TargetGeometry, colours: tuple[str, ...]) -> Rings:
     ours = ["dot" if is_dot else "ring" for is_dot in target.is_dot]
     what = ours if target.marks is None else [target.feature_word[:-1]] * target.ring_count
     names = tuple(f"{w}{k} ({i}, {j})" for w, k, (i, j) in zip(where, what, target.ring_index, strict=True))
-    # A point without a mark is shown as a small dot.
+    # A point without a mark is shown as a small dot; a corner between black squares only if it has a colour to show.
     as_point = POINT_PART * np.linalg.norm(target.lattice_mm[target.ring_face, 0], axis=1)
+    if target.marks is not None and len(colours) == 1:
+        as_point = np.zeros_like(as_point)
     radius = np.where(target.radius_outer_mm > 0, target.radius_outer_mm, as_point)
     return Rings(center, frame[:, :3, 2], radius, target.radius_inner_mm, colours, names)
 

@@ -137,9 +137,9 @@ def _doubt(marks: "FaceMarks") -> str:
     """What it costs that marks look the same when they are turned."""
     turn = {2: "half a turn", 4: "a quarter of a turn"}[marks.alike]
     return (
-        f"the {marks.kind} looks the same turned by {turn}, so photos do not tell which way up it is: one camera loses "
-        "nothing by that; for rigs, robots and turntables hold it the same way up in all photos, or take "
-        f"{marks.remedy}, or a ChArUco board"
+        f"the {marks.kind} looks the same turned by {turn}, so that one photo does not tell which way up it is: one "
+        "camera alone loses nothing by that, rigs and robots work it out from their motions or say that they cannot; "
+        f"measure, markers and triangulate refuse it. What tells: {marks.remedy}, or a ChArUco board"
     )
 
 

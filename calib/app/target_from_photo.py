@@ -58,7 +58,7 @@ class BoardsInPhoto(Result, kind="boards", title="Boards in a photo", doing="loo
             row
             for number, one in enumerate(self.boards, 1)
             for row in (
-                ("board" if len(self.boards) == 1 else f"board {number}", f"seen: {one.seen}"),
+                ("shows" if len(self.boards) == 1 else f"may show {number}", f"{one.seen} marks of it"),
                 *(("sure", each) for each in one.sure),
                 *(("not sure", each) for each in one.unsure),
                 *(("ruler", f"{each}, over as much of the board as it reaches") for each in one.missing),

@@ -22,7 +22,8 @@ from designer.builds.slicing import colour_words
 from designer.formats.folder import OutputFile
 from designer.kinds.layout import opposite_faces
 from designer.make.bed import printed_size_mm
-from designer.make.printability import RULES, PrintCheck, sentence
+from designer.make.pattern import HAIR_MM
+from designer.make.printability import PrintCheck, sentence
 from designer.page.blocks import (
     Facts,
     Figure,
@@ -148,7 +149,7 @@ def headline(printing: PrintSpec, check: PrintCheck, costs: Costs | None = None)
     warned = sum(len(finding.rules) for finding in warnings)
     count = len(check.holding) + warned
     how = maker_of(printing).machine_words(printing)
-    which = ", ".join(RULES[rule].title.lower() for finding in warnings for rule in finding.rules)
+    which = ", ".join(check.title_of(rule).lower() for finding in warnings for rule in finding.rules)
     rules = f"All {count} design rules hold on {how}."
     if warnings:
         rules = f"{warned} of {count} design rules warn on {how}: {which}."
@@ -164,10 +165,13 @@ def _view(design: Design, panels: Panels | None) -> View3d:
     """The target in 3D."""
     what, target = design.job.target.words, design.target
     dots = int(target.is_dot.sum())
+    shown = f"{target.ring_count - dots} rings and {dots} dots"
+    if target.marks is not None:
+        shown = f"{target.ring_count} {target.feature_word}"
     return View3d(
         "As designed",
         printed_scene(design),
-        f"{capital(with_article(what))} with {target.ring_count - dots} rings and {dots} dots in "
+        f"{capital(with_article(what))} with {shown} in "
         f"{colour_words(design.job.printing.ink_colour)} on {colour_words(design.job.printing.body_colour)}.",
         caption=sentence(printed_ink(design).lettering.remark),
         poster=None if panels is None else panels.target,
@@ -181,6 +185,8 @@ def _net(design: Design, panels: Panels | None) -> tuple[Leaf, ...]:
     links = (Link(f"{design.job.name}.png", f"{design.job.name}.png"),)
     if design.target.is_plate:
         alt = f"The back of the board with its own three dots among {design.target.ring_count // 2} rings."
+        if design.target.marks is not None:
+            alt = f"The back of the board: {design.target.marks[1].words}."
         return (Figure("The back", panels.net, alt, "Face 1, as seen from behind.", links),)
     alt = f"The net of the target: all {design.target.face_count} faces side by side with their numbers and codes."
     sight = "as cameras see them" if design.target.faces_up else "from outside"
@@ -190,6 +196,10 @@ def _net(design: Design, panels: Panels | None) -> tuple[Leaf, ...]:
 def dimension_facts(design: Design) -> Facts:
     """What a drawing would say."""
     spec, target = design.job.target, design.target
+    if target.marks is not None:
+        hair = f"black squares and cells that touch are {1000 * HAIR_MM:g} µm apart, to be solids; no corner moves"
+        rows = (*spec.facts(), (target.feature_word, str(target.ring_count)), ("edges", hair), *_print_rows(design))
+        return Facts((*rows, ("target id", target.geometry_id)))
     rings = f"{target.ring_count} with {int(target.is_dot.sum())} dots"
     counts = np.bincount(target.ring_face, minlength=target.face_count)
     if not target.is_planar and counts.min() == counts.max():

@@ -286,6 +286,11 @@ def _plate_hints(measuring: _Measuring) -> Steps:
 
 def _ring_words(measuring: _Measuring) -> str:
     """How the distance of two rings is taken."""
+    if measuring.design.target.marks is not None:
+        return (
+            "Ring to ring is corner to corner here: over as many squares or tags as the caliper takes; where "
+            "corners meet, lay it to the edges of the outermost squares and take off the rest."
+        )
     example, diameter = measuring.example, 2 * float(measuring.design.target.radius_outer_mm.max())
     return (
         "Ring to ring is the mean of over the outer and between the inner edges: of "
@@ -388,6 +393,7 @@ def made_with(printing: PrintSpec) -> str:
 def photo_blocks(design: Design) -> tuple[Block, ...]:
     """How to take the photos, and the commands that follow, run in the folder of the page."""
     name, ring_mm = design.job.name, design.job.target.ring_diameter_mm
+    what, seen = design.target.feature_word, "rings" if design.target.marks is None else "squares or tags"
     sides = "from within its opening" if design.target.faces_up else "from all sides"
     count = f"20 to 30 {sides}, the target turned between them; fewer than 20 hardly measure the print."
     if design.job.printing.way.is_in_parts:
@@ -398,15 +404,16 @@ def photo_blocks(design: Design) -> tuple[Block, ...]:
     if design.target.is_plate:
         count = "20 to 30, tilted by 20 to 50 degrees about different axes, a few straight on; 6 at the least."
         keep = "its dots in all, or it cannot be named"
-        count += f" {capital(keep if design.target.is_dot.any() else 'without dots it may be named turned')}."
+        if design.target.marks is None:
+            count += f" {capital(keep if design.target.is_dot.any() else 'without dots it may be named turned')}."
     if design.target.has_back:
         count += " Of either side; cameras that face each other need photos of both taken at the same time."
     rules = Steps((
         "Focus, zoom, aperture fixed; no stabilisation or lens correction, full resolution; soft light, no lamp "
         "mirrored.",
         count,
-        f"Rings up to edges and corners in some; two or more distances; rings {_LEAST_RING_PX} pixels or more across: "
-        f"at most {1000 * ring_mm / _LEAST_RING_PX:.0f} mm away per 1000 pixels of focal length.",
+        f"{capital(what)} up to edges and corners in some; two or more distances; {seen} {_LEAST_RING_PX} pixels or "
+        f"more across: at most {1000 * ring_mm / _LEAST_RING_PX:.0f} mm away per 1000 pixels of focal length.",
     ))  # fmt: skip
     errors = _Measuring(design).errors
     return (

@@ -31,9 +31,9 @@ class Relief(OnePiece):
     def remarks(self, design: Design) -> tuple[str, ...]:
         """Where the filament changes, and where the target's plane is."""
         z, layer = change_of(design)
-        height = design.job.printing.inlay_mm
+        height, what = design.job.printing.inlay_mm, "rings" if design.target.marks is None else "marks"
         return (
-            f"change of filament: before layer {layer}, whose top is at {z:g}mm; rings stand {height:g}mm high and "
+            f"change of filament: before layer {layer}, whose top is at {z:g}mm; {what} stand {height:g}mm high and "
             f"the target's plane is {height / 2:g}mm below their tops",
         )
 

@@ -16,6 +16,7 @@ from reportlab.lib.colors import CMYKColor, CMYKColorSep, Color
 from reportlab.pdfgen.canvas import Canvas
 
 from designer.formats.pdf import FONT, POINTS_PER_MM, encodable, fill_area, line_of
+from designer.kinds.layout import narrowest_widths
 from designer.make.pages import Drawing, Polygon, moved, polygon
 from designer.make.pattern import Pattern
 from designer.make.sheets import ink_areas
@@ -141,9 +142,11 @@ def _order(name: str, target: TargetGeometry, pattern: Pattern) -> bytes:
     """A page of text."""
     width, height = np.ptp(pattern.faces[0].outline, axis=0).tolist()
     count = len(pattern.faces)
-    stroke = min(stamp.outer_radius_mm - stamp.inner_radius_mm for stamp in pattern.stamps)
+    strokes = (stamp.outer_radius_mm - stamp.inner_radius_mm for stamp in pattern.stamps)
+    stroke = min(strokes, default=narrowest_widths(target).stroke_mm)
     pieces = f"{count} sides of one plate, in register" if target.has_back else f"{count} pieces" if count > 1 else "1"
-    far = np.ptp(pattern.faces[0].position_mm, axis=0).tolist()
+    what = target.feature_word
+    far = np.ptp(target.center_in_face_mm[target.ring_face == 0], axis=0).tolist()
     material = (
         "aluminium composite 3 mm (or glass, or aluminium 4 mm), matt white"
         if target.is_plate else "matt white vinyl, self-adhesive, 0.1 mm; it is glued on a solid, face by face"
@@ -158,7 +161,7 @@ def _order(name: str, target: TargetGeometry, pattern: Pattern) -> bytes:
         ("Material", material),
         ("Cut", "along the spot colour CutContour, which is not printed; bleed 3 mm is in the file"),
         ("Tolerance", f"{_tolerance(target)}; say if you cannot hold that"),
-        ("On arrival", f"we measure far rings, centre to centre: {far[0]:.2f} mm across, {far[1]:.2f} mm upwards"),
+        ("On arrival", f"we measure far {what}, centre to centre: {far[0]:.2f} mm across, {far[1]:.2f} mm upwards"),
     )
     buffer = io.BytesIO()
     canvas = Canvas(buffer, invariant=True, pagesize=(210 * POINTS_PER_MM, 297 * POINTS_PER_MM))

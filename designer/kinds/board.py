@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from designer.base.errors import InputError
 from designer.base.marks import LEFT_OUT
 from designer.base.units import format_mm, round_down, round_up
+from designer.base.words import with_article
 from designer.spec.build import Form
 from designer.spec.kind import Kind
 from designer.spec.options import (
@@ -25,6 +26,7 @@ from designer.spec.spec import RING_RATIO, Lattice, Line, Spec, SpecValue
 if TYPE_CHECKING:
     from designer.base.arrays import Array
     from designer.base.codes import Index
+    from designer.marks.face_marks import FaceMarks
     from designer.target import TargetGeometry
 
 RINGS_ACROSS = 22
@@ -39,6 +41,11 @@ USUAL_SIZE_MM = (280.0, 200.0)
 BACK_DOTS: "frozenset[Index]" = frozenset({(0, 0), (3, 0), (1, 3)})
 """The mark of the back of a board with two faces: on both lattices no two of its dots are as far apart as two of the
 front's, so that a turned, shifted or mirrored part of one mark is no part of the other; two dots tell the face."""
+MARKS_OPTIONS = ("squares", "square", "marker", "dictionary", "first_id", "tags", "tag", "gap")
+MARKS_ACROSS: Mapping[str, tuple[int, int]] = {"chessboard": (10, 7), "charuco": (11, 8), "aprilgrid": (6, 4)}
+"""Of boards of which nothing is said: a chessboard whose sum is odd does not look the same turned by half a turn."""
+MARKER_SHARE, TAG_SPACING = 0.75, 0.3
+"""A marker's side over a square's, and the gap over a tag's side, as Kalibr's."""
 LEAST_ACROSS, LEAST_ACROSS_TWO_SIDED = 3, 4
 """Rings along a side that hold the marks."""
 
@@ -139,9 +146,77 @@ class BoardSpec(Spec):
         }
 
 
+@dataclass(frozen=True)
+class MarkedBoardSpec(BoardSpec):
+    """A plate with marks that other detectors find; columns and rows count squares or tags, the pitch is theirs."""
+
+    marks: str = ""  # chessboard, charuco or aprilgrid
+    marker_mm: Annotated[float | None, LEFT_OUT] = None  # of a ChArUco board
+    gap_mm: Annotated[float | None, LEFT_OUT] = None  # between tags
+    dictionary: Annotated[str | None, LEFT_OUT] = None
+    first_id: Annotated[int | None, LEFT_OUT] = None
+
+    @property
+    def face_marks(self) -> "FaceMarks":
+        """Of the front."""
+        from designer.marks.aprilgrid import AprilGrid
+        from designer.marks.charuco import Charuco
+        from designer.marks.chessboard import Chessboard
+
+        counts, first = (self.columns, self.rows), self.first_id or 0
+        if self.marks == "charuco":
+            return Charuco(counts, self.pitch_mm, self.marker_mm or 0.0, self.dictionary or "", first)
+        if self.marks == "aprilgrid":
+            spacing = round((self.gap_mm or 0.0) / self.ring_diameter_mm, 12)
+            return AprilGrid(counts, self.ring_diameter_mm, spacing, self.dictionary or "", first)
+        return Chessboard(counts, self.pitch_mm)
+
+    def lay_out(self) -> "TargetGeometry":
+        """The marks in the middle of the face; a back has the same with the ids that follow."""
+        import numpy as np
+
+        from designer.target import target_of_marks
+
+        front = self.face_marks
+        faces, frames = [front], [np.eye(4)]
+        if self.two_sided and front.following is not None:
+            faces.append(front.following)
+            frames.append(np.diag([-1.0, 1.0, -1.0, 1.0]))
+            frames[1][2, 3] = -self.thickness_mm
+        width, height = self.size_mm
+        outline = 0.5 * np.array([[-width, -height], [width, -height], [width, height], [-width, height]])
+        around = np.tile(outline, (len(faces), 1, 1))
+        return replace(target_of_marks(faces, np.stack(frames)), spec=self, outline_mm=around, window_mm=around)
+
+    @property
+    def words(self) -> str:
+        """As in `board of 280 x 200 mm with a chessboard of 10 x 7 squares of 23 mm (9 x 6 inner corners)`."""
+        return f"{super().words} with {with_article(self.face_marks.words)}"
+
+    def facts(self) -> tuple[tuple[str, str], ...]:
+        """Shape and marks."""
+        return (super().facts()[0], ("marks", self.face_marks.words))
+
+    def options(self) -> Mapping[str, SpecValue]:
+        """Of the plate and its marks."""
+        counts, side = f"{self.columns}x{self.rows}", format_mm(self.ring_diameter_mm)
+        of_tags = self.marks == "aprilgrid"
+        own: dict[str, SpecValue] = {("tags" if of_tags else "squares"): counts, ("tag" if of_tags else "square"): side}
+        if self.marker_mm is not None:
+            own["marker"] = format_mm(self.marker_mm)
+        if self.gap_mm is not None:
+            own["gap"] = format_mm(self.gap_mm)
+        if self.dictionary is not None:
+            own |= {"dictionary": self.dictionary, "first_id": self.first_id or 0}
+        kept = {name: value for name, value in super().options().items() if name in ("size", "thickness", "two_sided")}
+        return {**kept, "marks": self.marks, **own}
+
+
 @dataclass(frozen=True, kw_only=True)
 class AskedBoard(Asked):
     """A board as asked for."""
+
+    of_some: ClassVar[tuple[str, ...]] = ("columns", "rows", "lattice", "dots", "marks", *MARKS_OPTIONS)
 
     size: Annotated[tuple[float, float] | None, Option("size", "width and height, such as 220x220mm")] = None
     thickness: Annotated[float | None, Option("length above 0", "thickness of the plate (5mm)")] = None
@@ -150,9 +225,24 @@ class AskedBoard(Asked):
     lattice: Annotated[Lattice | None, Option("lattice", "square or triangular")] = None
     dots: Annotated[bool | None, Option("switch", "three dots that mark origin and orientation")] = None
     two_sided: Annotated[bool | None, Option("switch", "rings on both faces, with marks that tell them apart")] = None
+    marks: Annotated[
+        str | None, Option("marks", "marks of other detectors instead of rings: chessboard, charuco or aprilgrid")
+    ] = None
+    squares: Annotated[tuple[int, int] | None, Option("counts", "squares of a chessboard or ChArUco: 11x8")] = None
+    square: Annotated[float | None, Option("length above 0", "side of a square")] = None
+    marker: Annotated[float | None, Option("length above 0", "side of a marker (.75 of a square)")] = None
+    dictionary: Annotated[str | None, Option("dictionary", "of markers or tags, by OpenCV's name")] = None
+    first_id: Annotated[int | None, Option("number", "id of the first marker or tag (0)")] = None
+    tags: Annotated[tuple[int, int] | None, Option("counts", "tags of an AprilGrid: 6x4")] = None
+    tag: Annotated[float | None, Option("length above 0", "side of a tag")] = None
+    gap: Annotated[float | None, Option("length above 0", "between two tags (.3 of a tag)")] = None
 
     def sized(self, line: Line) -> tuple[BoardSpec, str]:
         """See `Asked.sized`."""
+        if self.marks is not None:
+            return _marked(self, self.marks, line)
+        if odd := next((name for name in MARKS_OPTIONS if getattr(self, name) is not None), None):
+            raise InputError(f"{odd}: belongs to boards with --marks chessboard, charuco or aprilgrid; leave it out")
         lattice: Lattice = self.lattice or "square"
         asked_size = self.size if self.size is not None or self._has_rings else _usual_size_mm(line)
         if asked_size is not None and self.ring_diameter is None and self.pitch is None:
@@ -190,6 +280,9 @@ class AskedBoard(Asked):
 
     def size_name(self, spec: Spec) -> str:
         """Its size, or its rings and their distance, whichever was given."""
+        if isinstance(spec, MarkedBoardSpec):
+            counts, side = f"{spec.columns}x{spec.rows}", format_mm(spec.ring_diameter_mm)
+            return f"{spec.marks}-{counts}-{side}{'-two-sided' * bool(self.two_sided)}"
         named = f"{self.columns}x{self.rows}-{format_mm(spec.pitch_mm)}"
         if not self._has_rings or self.size is not None:
             named = str(spec.options()["size"])
@@ -211,6 +304,104 @@ class AskedBoard(Asked):
                 "--rows 7 --pitch 20mm"
             )
         return is_whole
+
+
+def _marked(asked: AskedBoard, marks: str, line: Line) -> tuple[MarkedBoardSpec, str]:
+    """A board with other detectors' marks, their sizes chosen for a process; see `Asked.sized`."""
+    of_tags = marks == "aprilgrid"
+    mine = ("tags", "tag", "gap") if of_tags else ("squares", "square", *(("marker",) if marks == "charuco" else ()))
+    mine = mine if marks == "chessboard" else (*mine, "dictionary", "first_id")
+    odd = [name for name in (*MARKS_OPTIONS, "columns", "rows", "lattice", "dots") if getattr(asked, name) is not None]
+    if odd := [name for name in odd if name not in mine]:
+        raise InputError(f"{odd[0]}: {marks} has none; leave it out, and use {', '.join(mine)}")
+    counts, side = (asked.tags, asked.tag) if of_tags else (asked.squares, asked.square)
+    if asked.gap is not None and side is None:
+        raise InputError("gap: belongs to the tags' side; give --tag, too")
+    spacing = asked.gap / side if asked.gap is not None and side is not None else TAG_SPACING * of_tags
+    # In sides of a square or tag: from one to the next, and the white around them.
+    step, around = 1 + spacing, (spacing if of_tags else 0.5) if asked.margin is None else 0.0
+    given_mm, size = asked.margin or 0.0, asked.size
+    if size is None and (counts is None or side is None):
+        size = _usual_size_mm(line)
+    if counts is None and side is not None and size is not None:
+        room = [((one - 2 * given_mm) / side - 2 * around - spacing) / step for one in size]
+        counts = (math.floor(room[0] + 1e-9), math.floor(room[1] + 1e-9))
+    if counts is None:
+        counts = MARKS_ACROSS[marks] if size is None or size[0] >= size[1] else MARKS_ACROSS[marks][::-1]
+    total = [count * step + spacing + 2 * around for count in counts]  # with the small squares around tags
+    if side is None:
+        side = min((one - 2 * given_mm) / sides for one, sides in zip(size or (0.0, 0.0), total, strict=True))
+        side = math.floor(10 * side) / 10 if side > 1 else max(round_down(side), 0.01)
+    needed = (total[0] * side + 2 * given_mm, total[1] * side + 2 * given_mm)
+    spec = MarkedBoardSpec(
+        size_mm=asked.size or (round_up(needed[0]), round_up(needed[1])), thickness_mm=asked.thickness or THICKNESS_MM,
+        columns=counts[0], rows=counts[1], lattice="square", ring_diameter_mm=side, ring_ratio=RING_RATIO,
+        pitch_mm=round(step * side, 9), border_mm=0.0,
+        margin_mm=round(asked.margin if asked.margin is not None else around * side, 9), dots=False,
+        two_sided=asked.two_sided or None, marks=marks, gap_mm=round(spacing * side, 9) if of_tags else None,
+        marker_mm=(asked.marker or round_down(MARKER_SHARE * side)) if marks == "charuco" else None,
+        dictionary=None if marks == "chessboard" else asked.dictionary or _dictionary(marks, counts, asked),
+        first_id=None if marks == "chessboard" else asked.first_id or 0,
+    )  # fmt: skip
+    for name in ("ring_diameter", "pitch", "ring_ratio", "border"):  # which resolved specs of all kinds name
+        wanted, own = getattr(asked, name), getattr(spec, name if name == "ring_ratio" else f"{name}_mm")
+        if wanted is not None and not math.isclose(wanted, own, abs_tol=1e-6):
+            raise InputError(f"{name} {wanted:g}: of rings; {marks} has none: leave it out, and use {', '.join(mine)}")
+    _check_marked(spec, line, needed)
+    return spec, chosen_words(_chosen_marks(asked, spec))
+
+
+def _chosen_marks(asked: AskedBoard, spec: MarkedBoardSpec) -> Iterator[str]:
+    """What was not given, and why it is as it is."""
+    side = f"{spec.ring_diameter_mm:g}mm"
+    if asked.squares is None and asked.tags is None:
+        yield f"{spec.columns} x {spec.rows} {'squares' if spec.gap_mm is None else 'tags'}"
+    if asked.square is None and asked.tag is None:
+        yield f"{'square' if spec.gap_mm is None else 'tag'} {side} (as large as fits)"
+    if spec.marker_mm is not None and asked.marker is None:
+        yield f"marker {spec.marker_mm:g}mm ({MARKER_SHARE:g} of a square)"
+    if spec.gap_mm is not None and asked.gap is None:
+        yield f"gap {spec.gap_mm:g}mm ({TAG_SPACING:g} of a tag, as Kalibr's)"
+    if spec.dictionary is not None and asked.dictionary is None:
+        yield f"dictionary {spec.dictionary}"
+    if asked.size is None:
+        yield f"board {format_mm(*spec.size_mm)}"
+    if asked.thickness is None:
+        yield f"thickness {spec.thickness_mm:g}mm"
+
+
+def _dictionary(marks: str, counts: tuple[int, int], asked: AskedBoard) -> str:
+    """AprilTag's usual one for tags, else the smallest of 5 x 5 cells that holds the ids."""
+    from designer.marks.dictionaries import MARKERS
+
+    if marks == "aprilgrid":
+        return "DICT_APRILTAG_36h11"
+    needed = (asked.first_id or 0) + counts[0] * counts[1] // 2 * (2 if asked.two_sided else 1)
+    return next((name for name in MARKERS if name.startswith("DICT_5X5") and MARKERS[name] >= needed), "DICT_5X5_1000")
+
+
+def _check_marked(spec: MarkedBoardSpec, line: Line, needed_mm: tuple[float, float]) -> None:
+    """The rules of marks, whoever chose the sizes."""
+    what = f"marks {spec.marks}"
+    try:
+        front = spec.face_marks
+        back = front.following if spec.two_sided else front
+    except ValueError as error:
+        raise InputError(f"{what}: {error}") from None
+    if back is None:
+        raise InputError(f"two_sided: nothing tells two sides of {spec.marks} apart; use charuco or aprilgrid")
+    if any(need > have + 1e-6 for need, have in zip(needed_mm, spec.size_mm, strict=True)):
+        raise InputError(
+            f"{what}: {spec.columns} x {spec.rows} with their margin need {needed_mm[0]:.4g} x {needed_mm[1]:.4g}mm, "
+            f"more than the board's {format_mm(*spec.size_mm)}; use fewer, smaller ones, or leave the size out"
+        )
+    if front.least_mm < line.nozzle_mm - 1e-9:
+        least = spec.ring_diameter_mm * line.comfortable_mm / front.least_mm
+        raise InputError(
+            f"{what}: cells and gaps of {front.least_mm:.3g}mm are thinner than {line.process}; use a side of at least "
+            f"{least:.3g}mm, or a dictionary of fewer cells"
+        )
+    check_count(len(front.index) * (2 if spec.two_sided else 1), line)
 
 
 def _usual_size_mm(line: Line) -> tuple[float, float]:
@@ -310,4 +501,4 @@ def _origin_index(index: "list[Index]", position: "Array", dots: "frozenset[Inde
     return min(index, key=distance)
 
 
-KIND = Kind("a board with rings on one face or on both", AskedBoard, BoardSpec)
+KIND = Kind("a board with rings on one face or on both", AskedBoard, BoardSpec, MarkedBoardSpec)

@@ -256,6 +256,10 @@ class Widths:
 
 def narrowest_widths(target: TargetGeometry) -> Widths:
     """The narrowest widths over all faces."""
+    if target.marks is not None:
+        least = min(one.least_mm for one in target.marks)
+        room = [np.ptp(at, axis=0) - one.size_mm for at, one in zip(target.window_mm, target.marks, strict=True)]
+        return Widths(least, np.inf, least, float(np.min(room)) / 2, border_width_mm(target))
     is_ring = ~target.is_dot
     inner, outer = target.radius_inner_mm[is_ring], target.radius_outer_mm[is_ring]
     return Widths(

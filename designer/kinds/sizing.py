@@ -10,6 +10,7 @@ import numpy as np
 
 from designer.base.errors import InputError
 from designer.base.units import NO_SKEW, format_mm, format_skew, round_down, round_up
+from designer.base.words import with_article
 from designer.kinds.board_cuts import room_mm
 from designer.kinds.layout import (
     border_width_mm,
@@ -66,6 +67,10 @@ def size_job(asked: Asked) -> Sized:
     if roomy is not None:
         target, remark = roomy
         geometry = lay_out(target)
+    if geometry.marks is not None and BUILDS[build].is_in_parts:
+        ways = [repr(name) for name in builds_of(target.form) if not BUILDS[name].is_in_parts]
+        what = with_article(geometry.marks[0].kind)
+        raise InputError(f"build {build!r}: its seams would cut the marks of {what}; use {' or '.join(ways)}")
     if BUILDS[build].errors_of(target.form, geometry.face_count) is None:
         ways = [name for name in builds_of(target.form) if BUILDS[name].back_errors]
         raise InputError(f"build {build!r} is not for a board with a back; use {' or '.join(map(repr, ways))}")

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, TypeAlias, TypeVar, cast
+from typing import Annotated, Literal, TypeAlias, TypeVar, cast
 
 from designer.base.codec import BadValueError, decode, decode_written, encode
 from designer.base.errors import InputError
@@ -202,6 +202,26 @@ def _switch(value: RawValue) -> bool:
     return value
 
 
+def _counts(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"\s*(\d{1,4})\s*[x×]\s*(\d{1,4})\s*", text, re.IGNORECASE) if isinstance(text, str) else None
+    if found is None:
+        raise ValueError("must be columns x rows, such as 11x8")
+    return int(found[1]), int(found[2])
+
+
+def _dictionary(value: str) -> str:
+    from designer.marks.dictionaries import dictionary_named  # here: reading a command line needs no arrays
+
+    return dictionary_named(value)
+
+
+def _number(value: RawValue) -> int:
+    number = int(value) if isinstance(value, str) and re.fullmatch(r"\d{1,4}", value) else value
+    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < 10_000:
+        raise ValueError("must be a whole number from 0")
+    return number
+
+
 Length = Annotated[float, _length()]
 PositiveLength = Annotated[float, _length(_positive)]
 Skew = Annotated[tuple[float, float, float], Reads(lambda value: parse_skew_rad(cast("str | float", value)))]
@@ -234,6 +254,10 @@ READ: Mapping[Value, object] = {
     "mesh": Annotated[str, _text(_unicode)],
     "unit": Annotated[str, _text(_unit)],
     "corners": Annotated[tuple[tuple[float, float, float], ...], ItemCount(4, 1000)],
+    "marks": Literal["chessboard", "charuco", "aprilgrid"],
+    "counts": Annotated[tuple[int, int], Reads(lambda value: _counts(cast("str", value)))],
+    "dictionary": Annotated[str, _text(_dictionary)],
+    "number": Annotated[int, Reads(_number)],
     "polygons": Annotated[tuple[tuple[int, ...], ...], ItemCount(0, 1000)],
 }
 """What an option's text must look like, by what it takes."""

@@ -122,6 +122,8 @@ def _strip(
     lowest = scale * float((target.center_in_face_mm[:, 1] - 1.5 * target.radius_outer_mm).min())
     if target.spec is not None and len(marks := target.spec.marks_mm):
         lowest = min(lowest, scale * float(marks[..., 1].min()) - clear_mm)
+    if target.marks is not None:
+        lowest = min(lowest, -0.5 * scale * target.marks[face].size_mm[1] - clear_mm)
     return edge + max(2 * clear_mm, EDGE_CLEARANCE_MM), lowest
 
 

@@ -10,13 +10,16 @@ import numpy as np
 
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
-from designer.kinds.layout import narrowest_widths, true_corners
+from designer.kinds.layout import DECIMALS, narrowest_widths, true_corners
 from designer.make.lettering import Lettering, letter_faces
+from designer.marks.face_marks import FaceMarks, black_cells_mm
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
 Contour = Array  # (N, 2)
 
+HAIR_MM = 0.002
+"""Between two black places that touch: slicers close gaps below a tenth of a millimetre, and no printer makes it."""
 MAX_POINTS = 400_000
 """Of a printed pattern: about eight times as many triangles, and a 3MF file of 50 MB."""
 
@@ -71,17 +74,19 @@ def make_pattern(target: TargetGeometry, printing: PrintSpec, *, scale: float = 
     """
     offset = printing.ink_offset_mm
     _check_offset(target, printing, scale)
-    radii = np.stack([target.radius_outer_mm, target.radius_inner_mm], axis=1) * scale
+    is_stamped = target.radius_outer_mm > 0  # no corners of other makers' marks
+    radii = np.stack([target.radius_outer_mm, target.radius_inner_mm], axis=1)[is_stamped] * scale
     distinct, stamp = np.unique(radii, axis=0, return_inverse=True)
     stamps = tuple(_make_stamp(outer, inner, offset, printing.chord_error_mm) for outer, inner in distinct.tolist())
-    _check_size(stamps, stamp, printing)
+    inked = [_marks_ink(one, scale, offset) for one in target.marks or ()] or [()] * target.face_count
+    _check_size(stamps, stamp, printing, 4 * sum(map(len, inked)))
     # Rounded, so that faces with the same lattice have the same numbers after the way through the target frame.
     position = np.round(target.center_in_face_mm[:, :2] * scale, 7) + 0.0
     lettering = letter_faces(target, printing, scale)
     marks = () if target.spec is None else tuple(moved_in(mark * scale, -offset) for mark in target.spec.marks_mm)
     faces = []
     for face in range(target.face_count):
-        mine = target.ring_face == face
+        mine = (target.ring_face == face) & is_stamped
         has_border = not np.array_equal(target.window_mm[face], target.outline_mm[face])
         outline, opening = (each[true_corners(each)] for each in (target.outline_mm[face], target.window_mm[face]))
         window = moved_in(opening * scale, offset)[::-1] if has_border else None
@@ -90,9 +95,9 @@ def make_pattern(target: TargetGeometry, printing: PrintSpec, *, scale: float = 
             FacePattern(
                 outline=outline * scale,
                 window=window,
-                stamp=stamp[mine],
+                stamp=stamp[mine[is_stamped]],
                 position_mm=position[mine],
-                dark_text=marks if has_border else (*marks, *text),
+                dark_text=(*marks, *inked[face]) if has_border else (*marks, *inked[face], *text),
                 light_text=tuple(contour[::-1] for contour in text) if has_border else (),
             )
         )
@@ -115,9 +120,30 @@ def _check_offset(target: TargetGeometry, printing: PrintSpec, scale: float) -> 
         raise InputError(f"chord error {chord_error:g}mm lets polygons touch each other; use less than {room:.3g}mm")
 
 
-def _check_size(stamps: tuple[Stamp, ...], stamp: Rows, printing: PrintSpec) -> None:
+def _marks_ink(marks: FaceMarks, scale: float, offset: float) -> tuple[Contour, ...]:
+    """What is black of other makers' marks as rectangles a hair apart.
+
+    Squares of a chessboard touch in their corners, cells of a marker along their sides: as one closed surface that is
+    no solid, and as many they must not touch. Half a hair is taken off each side, so that no corner moves.
+    """
+    rectangles = [polygon * scale for polygon in marks.polygons_mm]
+    if offset and rectangles:
+        from shapely import Polygon, contains_xy, prepare, union_all
+
+        ink = union_all([Polygon(corner) for corner in rectangles]).buffer(offset, join_style="mitre")
+        prepare(ink)
+        x, y = (
+            np.unique(np.round([side + k * offset for side in sides for k in (-1, 1)], DECIMALS))
+            for sides in np.concatenate(rectangles).T
+        )
+        middle_x, middle_y = np.meshgrid((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1])[::-1] / 2)
+        rectangles = black_cells_mm(contains_xy(ink, middle_x, middle_y), x, y)
+    return tuple(np.round(moved_in(corner, HAIR_MM / 2), 7) + 0.0 for corner in rectangles)
+
+
+def _check_size(stamps: tuple[Stamp, ...], stamp: Rows, printing: PrintSpec, more: int) -> None:
     """Keep meshes within what slicers load and memories hold."""
-    points = sum(sum(len(contour) for contour in stamps[row].contours) for row in stamp.tolist())
+    points = more + sum(sum(len(contour) for contour in stamps[row].contours) for row in stamp.tolist())
     if printing.is_two_filament and points > MAX_POINTS:
         # The number of points falls with the root of the chord error.
         coarser = printing.chord_error_mm * (points / MAX_POINTS) ** 2

@@ -68,6 +68,7 @@ class RuleLook:
     limit: str = ""  # from where on it is good
     said: tuple[tuple[Level, str | Narrow], ...] = ()
     holding: str = ""  # said where it holds, in place of the rule's own words
+    title: str = ""  # in place of the rule's own
 
     @property
     def holds(self) -> bool:
@@ -101,18 +102,23 @@ class PrintCheck:
         """The findings that forbid the print."""
         return tuple(f for f in self.findings if f.level == "violation")
 
+    def title_of(self, rule: str) -> str:
+        """What a rule is called of this target."""
+        return (self.looks[rule].title if rule in self.looks else "") or RULES[rule].title
+
     def told(self) -> Findings:
         """The findings for a reader, worst first, then the rules that hold without a word."""
         rows = []
         for found in sorted(self.findings, key=lambda finding: [*LEVELS].index(finding.level)):
             look = self.looks[found.rule] if found.rule in self.looks else RuleLook()
-            title = ", ".join(RULES[rule].title for rule in found.rules)
+            title = ", ".join(map(self.title_of, found.rules))
             rows.append(Finding(LEVELS[found.level], title, sentence(found.text), look.measured, look.limit))
         said = {rule for finding in self.findings for rule in finding.rules}
         for name in self.holding:
             if name not in said:
                 rule, look = RULES[name], self.looks[name]
-                rows.append(Finding("good", rule.title, look.holding or rule.holding, look.measured, look.limit))
+                text = look.holding or rule.holding
+                rows.append(Finding("good", self.title_of(name), text, look.measured, look.limit))
         return Findings(tuple(rows))
 
 
@@ -156,6 +162,15 @@ def _said_once(narrow: Mapping[str, Narrow]) -> Iterator[PrintFinding]:
         yield PrintFinding(", ".join(alike), "warning", text)
 
 
+_LARGER = "use larger squares or tags, or a finer nozzle"
+OF_MARKS: Mapping[str, tuple[str, str, str]] = {
+    "ring stroke": ("narrowest black", _LARGER, "Narrowest black"),
+    "gap between rings": ("narrowest white", _LARGER, "Narrowest white"),
+    "white around the rings": ("white around the marks", "use a larger margin", "White around the marks"),
+}
+"""Of other detectors' marks: what a width is of, what makes it wider, and the rule's title."""
+
+
 def _width(
     what: str, remedy: str, width_mm: Callable[[Widths, float], float]
 ) -> Callable[[TargetGeometry, PrintSpec], RuleLook | None]:
@@ -172,22 +187,23 @@ def _width(
         width = width_mm(widths, offset)
         if math.isinf(width):
             return None
+        of, better, title = (what, remedy, "") if target.marks is None else OF_MARKS.get(what, (what, remedy, ""))
         least, line = printing.pattern_least_mm, printing.pattern_line_mm
         is_by_offset = width < least <= width_mm(widths, 0.0)
-        mend = "use an ink offset nearer to 0 or a finer nozzle" if is_by_offset else remedy
+        mend = "use an ink offset nearer to 0 or a finer nozzle" if is_by_offset else better
         is_graded = target.spec is not None and target.spec.is_graded
         good = line if is_graded else 2 * line
-        size, said = f"{what} {width:.3g}mm", tuple[tuple[Level, str | Narrow], ...]()
+        size, said = f"{of} {width:.3g}mm", tuple[tuple[Level, str | Narrow], ...]()
         if width < least - _ROUNDING_MM:
             said = (("violation", f"{size} is less than {least:g}mm, the least that can be made; {mend}"),)
         elif width < line - _ROUNDING_MM:
             effect = ("over-extrudes", "over-extrude")
-            said = (("warning", Narrow(size, f"one line ({line:g}mm)", effect, remedy)),)
+            said = (("warning", Narrow(size, f"one line ({line:g}mm)", effect, better)),)
         elif width < good - _ROUNDING_MM:
             effect = ("prints less truly", "print less truly")
-            said = (("warning", Narrow(size, f"two lines ({2 * line:g}mm)", effect, remedy)),)
+            said = (("warning", Narrow(size, f"two lines ({2 * line:g}mm)", effect, better)),)
         holding = "One line or more: fine marks are what it is for." if is_graded else ""
-        return RuleLook(f"{width:.3g} mm", f"≥ {good:g} mm", said, holding)
+        return RuleLook(f"{width:.3g} mm", f"≥ {good:g} mm", said, holding, title)
 
     return look
 

@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from designer.base.arrays import Array, Rows
-from designer.marks.dictionaries import TAG_TURN, check_markers, family_of, marker_cells
-from designer.marks.face_marks import FaceMarks, black_cells_mm, check_marks, lattice, rectangle_mm
+from designer.marks.dictionaries import TAG_TURN, check_markers, family_of, marker_cells, marker_mm
+from designer.marks.face_marks import FaceMarks, check_marks, lattice, rectangle_mm
 
 
 @dataclass(frozen=True)
@@ -102,6 +102,12 @@ class AprilGrid(FaceMarks):
         return self.corner_squares
 
     @property
+    def least_mm(self) -> float:
+        """Of a tag's cell, and of the gap."""
+        cells = len(marker_cells(self.dictionary, self.first_id, self.border_bits))
+        return min(self.tag_mm / cells, self.tag_mm * self.spacing)
+
+    @property
     def words(self) -> str:
         """With its tags."""
         return f"AprilGrid of {self.tags[0]} x {self.tags[1]} tags of {self.tag_mm:g} mm from {self.dictionary}"
@@ -119,9 +125,9 @@ class AprilGrid(FaceMarks):
     def polygons_mm(self) -> tuple[Array, ...]:
         """What is black of the tags, and the small squares between their corners."""
         found = []
-        for number, corner in zip(self.marker_ids, self.position_mm[::4].tolist(), strict=True):
+        for number, corner in zip(self.marker_ids, self.position_mm[::4], strict=True):
             cells = marker_cells(self.dictionary, number, self.border_bits)
-            found += black_cells_mm(cells[::-1, ::-1] if self.is_turned else cells, corner, self.tag_mm)
+            found += marker_mm(cells[::-1, ::-1] if self.is_turned else cells, corner, self.tag_mm)
         if self.corner_squares:
             gap = self.tag_mm * self.spacing
             first = -np.array(self._tags_mm) / 2 - gap

@@ -7,8 +7,8 @@ import numpy as np
 
 from designer.base.arrays import Array, Rows
 from designer.marks.chessboard import checkered_corners_mm, dark_squares_mm
-from designer.marks.dictionaries import check_markers, family_of, marker_cells
-from designer.marks.face_marks import FaceMarks, black_cells_mm, check_marks, lattice
+from designer.marks.dictionaries import check_markers, family_of, marker_cells, marker_mm
+from designer.marks.face_marks import FaceMarks, check_marks, lattice
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,12 @@ class Charuco(FaceMarks):
         return self.square_mm / 2
 
     @property
+    def least_mm(self) -> float:
+        """Of a marker's cell, and of the white around it."""
+        cells = len(marker_cells(self.dictionary, self.first_id))
+        return min(self.marker_mm / cells, (self.square_mm - self.marker_mm) / 2)
+
+    @property
     def words(self) -> str:
         """With squares, markers and dictionary."""
         legacy = ", legacy" * self.legacy
@@ -99,9 +105,7 @@ class Charuco(FaceMarks):
         markers = [
             polygon
             for number, square in zip(self.marker_ids, light, strict=True)
-            for polygon in black_cells_mm(
-                marker_cells(self.dictionary, number), (square[0] + inset).tolist(), self.marker_mm
-            )
+            for polygon in marker_mm(marker_cells(self.dictionary, number), square[0] + inset, self.marker_mm)
         ]
         return (*dark_squares_mm(self.squares, self.square_mm, int(self.light_first)), *markers)
 

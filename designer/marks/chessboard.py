@@ -43,6 +43,11 @@ class Chessboard(FaceMarks):
         return self.square_mm / 2
 
     @property
+    def least_mm(self) -> float:
+        """Of a square."""
+        return self.square_mm
+
+    @property
     def words(self) -> str:
         """With its squares."""
         columns, rows = self.squares

@@ -48,6 +48,12 @@ class Circles(FaceMarks):
         return width, height
 
     @property
+    def least_mm(self) -> float:
+        """Of a circle, and of the white between two."""
+        nearest = self.pitch_mm / np.sqrt(2) if self.asymmetric else self.pitch_mm
+        return float(min(self.diameter_mm, nearest - self.diameter_mm))
+
+    @property
     def words(self) -> str:
         """With its circles."""
         kind = "asymmetric circle grid" if self.asymmetric else "circle grid"

@@ -6,7 +6,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from designer.base.arrays import Array
 from designer.base.words import suggestion_or_all
+from designer.marks.face_marks import black_cells_mm
 
 MARKERS: Mapping[str, int] = {
     **{f"DICT_{n}X{n}_{count}": count for n in (4, 5, 6, 7) for count in (50, 100, 250, 1000)},
@@ -56,6 +58,12 @@ def check_markers(dictionary: str, first_id: int, count: int) -> None:
             f"{count} markers from id {first_id} on are more than the {most} of {dictionary}"
             f"{f'; use {larger[0]}' if larger else '; use a larger dictionary, or fewer markers'}"
         )
+
+
+def marker_mm(black: NDArray[np.bool_], corner: Array, side: float) -> list[Array]:
+    """What is black of a marker whose lower left corner (2,) and side are given, in few rectangles."""
+    lines = np.linspace(0, side, len(black) + 1)
+    return black_cells_mm(black, corner[0] + lines, corner[1] + lines)
 
 
 @cache

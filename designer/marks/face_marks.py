@@ -1,7 +1,7 @@
 """What a face of another maker's board carries, and the kinds of it: a file of this folder and a name here for each."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -55,6 +55,11 @@ class FaceMarks(ABC):
         first = at[[index[:, 0].argmin(), index[:, 1].argmin()], [0, 1]]
         step: Array = (last - first) / np.ptp(index, axis=0).clip(min=1)
         return step
+
+    @property
+    @abstractmethod
+    def least_mm(self) -> float:
+        """The least width of what is black, and of the white in it."""
 
     @property
     @abstractmethod
@@ -200,23 +205,22 @@ def rectangle_mm(x: float, y: float, width: float, height: float) -> Array:
     return np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
 
 
-def black_cells_mm(black: NDArray[np.bool_], corner: Sequence[float], side: float) -> list[Array]:
-    """The black cells of a square whose lower left corner and side are given, in few rectangles.
+def black_cells_mm(black: NDArray[np.bool_], x: Array, y: Array) -> list[Array]:
+    """The black cells of a lattice, in few rectangles.
 
     Args:
-        black: from the upper left cell on, row by row.  # (N, N)
-        corner: its lower left one, x and y.
-        side: of the square.
+        black: from the upper left cell on, row by row.  # (H, W)
+        x: of the lines between columns, ascending.  # (W + 1,)
+        y: of the lines between rows, ascending.  # (H + 1,)
     """
-    x, y = corner
-    cell, open_runs, found = side / len(black), dict[tuple[int, int], int](), list[tuple[int, int, int, int]]()
+    open_runs, found = dict[tuple[int, int], int](), list[tuple[int, int, int, int]]()
     for row in range(len(black) + 1):
         edges = np.flatnonzero(np.diff(black[row], prepend=False, append=False)) if row < len(black) else np.empty(0)
         runs = {(int(a), int(b)) for a, b in edges.reshape(-1, 2)}
         found += [(*run, top, row) for run, top in open_runs.items() if run not in runs]
         open_runs = {run: open_runs.get(run, row) for run in runs}
     return [
-        rectangle_mm(x + cell * left, y + side - cell * below, cell * (right - left), cell * (below - top))
+        rectangle_mm(x[left], y[-1 - below], x[right] - x[left], y[-1 - top] - y[-1 - below])
         for left, right, top, below in sorted(found)
     ]
 

@@ -22,6 +22,7 @@ class Kind:
     title: str  # such as "an icosahedron with rings on its 20 faces"
     asked: type[Asked]
     spec: type[Spec]
+    marked: type[Spec] | None = None  # with other makers' marks, which it names as `marks`
 
     @property
     def name(self) -> str:
@@ -57,4 +58,5 @@ def spec_from_mapping(values: Mapping[str, object]) -> Spec:
     if not isinstance(kind, str) or kind not in KINDS:
         raise ValueError(f"spec kind {kind!r} is unknown; it must be one of {', '.join(KINDS)}")
     own = cast("dict[str, JsonValue]", {key: value for key, value in values.items() if key != "kind"})
-    return decode(kind_named(kind).spec, own, "spec")
+    made = kind_named(kind)
+    return decode(made.marked if made.marked is not None and "marks" in own else made.spec, own, "spec")

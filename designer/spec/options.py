@@ -18,7 +18,7 @@ from designer.spec.spec import Line, Price, Spec
 Value = Literal[
     "file", "name", "length", "length above 0", "length from 0", "chord error", "size", "bed", "count", "ratio",
     "percent", "skew", "colour", "build", "lattice", "formats", "page", "switch", "machine", "price", "ink side",
-    "mount", "mesh", "unit", "corners", "polygons",
+    "mount", "mesh", "unit", "corners", "polygons", "marks", "counts", "dictionary", "number",
 ]  # fmt: skip
 DIAMETER_OVER_PITCH = 0.7
 """Of the paper's rings, 7 mm at 10 mm."""
@@ -76,6 +76,9 @@ class Asked(AskedPrinting, ABC):
 
     read_into: ClassVar[tuple[str, ...]] = ()
     """Options that name a file and how to read it: a resolved spec has what it holds."""
+
+    of_some: ClassVar[tuple[str, ...]] = ()
+    """Options that not all targets of the kind have; a resolved spec has those of its own."""
 
     name: Annotated[str | None, Option("name", "base name of the files and of the folder")] = None
     ring_diameter: Annotated[float | None, Option("length above 0", "outer diameter of the rings")] = None

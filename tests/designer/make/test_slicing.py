@@ -150,6 +150,17 @@ def test_sliced_file_has_all_ink_in_the_targets_ink(name: str, tmp_path: Path) -
     assert print_findings(design, sliced(command, design, package)) == []
 
 
+@pytest.mark.parametrize("marks", ["chessboard", "charuco"])
+def test_squares_and_cells_that_touch_are_printed_whole(marks: str, tmp_path: Path) -> None:
+    """A hair between black places that touch, for a sound mesh, leaves no gap: no less ink than of rings."""
+    command, more = require_slicer(), {"dictionary": "4x4_50"} if marks == "charuco" else {}
+    design = design_of("board", marks=marks, squares="4x3", square="12mm", labels=False, **more)
+    package = tmp_path / "target.3mf"
+    package.write_bytes(packages_of(design).prusa)
+    assert layout_findings(command, package) == []
+    assert print_findings(design, sliced(command, design, package)) == []
+
+
 def test_a_print_at_the_profiles_settings_is_as_estimated(tmp_path: Path) -> None:
     """All ink in a cube's ink; changes to the count, and grams of each slot."""
     command, design = require_slicer(), small("cube")
