@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from calib.cameras.formats.format import CameraFormat, ReadCamera, ReadRig, RigFiles, RigFormat, assembled
+from calib.cameras.formats.format import CameraFormat, ReadCamera, ReadRig, RigFiles, RigFormat, assembled, left_over
 from calib.cameras.formats.lens import brown_camera
 from calib.cameras.formats.metashape import CORNER
 from calib.cameras.formats.opencv import matrix_numbers
@@ -36,6 +36,7 @@ MODES: Mapping[str, Mapping[str, tuple[tuple[int, int], tuple[int, int], tuple[i
 }
 """Of each camera by its location: the whole picture of a mode, what is cut off left and above, what is left."""
 LENS = "CALIBRATION_LensDistortionModelBrownConrady"
+SENSOR = ("SensorWidth", "SensorHeight")
 TALLER = 3 / 4
 """A colour sensor that is described by 16:9 is this high, with as much more above as below."""
 
@@ -62,7 +63,7 @@ def _camera(mode: str, place: str, values: Mapping[str, object], origin: str) ->
     )
     if codx or cody:
         raise InputError(f"{origin}: a centre of distortion of its own, {codx:g}, {cody:g}, is not supported")
-    sides = [number(values.get(side), side, origin) for side in ("SensorWidth", "SensorHeight")]
+    sides = [number(values.get(side), side, origin) for side in SENSOR]
     if min(sides) > 0 and sides[1] / sides[0] < TALLER and place == "PV0":
         cy, fy = ((one * sides[1] + shift) / (TALLER * sides[0])
                   for one, shift in ((cy, (TALLER * sides[0] - sides[1]) / 2), (fy, 0.0)))  # fmt: skip
@@ -75,7 +76,8 @@ def read(text: str, origin: str, name: str | None = None) -> ReadCamera:
     """The camera of that mode, such as depth or color-1080p."""
     entries = _entries(text, origin)
     mode = pick({mode: mode for mode in entries}, name, origin)
-    return _camera(mode, *entries[mode], origin)
+    values = entries[mode][1]
+    return left_over(_camera(mode, *entries[mode], origin), values, "Intrinsics", "Location", "Purpose", "Rt", *SENSOR)
 
 
 FORMAT = CameraFormat(

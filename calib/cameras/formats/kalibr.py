@@ -124,7 +124,9 @@ def distorted_sphere(numbers_of: list[float], name: str, size: tuple[int, int], 
     unit = replace(camera, params=np.array([1.0, 1.0, 0.0, 0.0, *camera.params[4:]]))
 
     def rays(pixel: Array) -> Array:
-        return unit.rays(np.column_stack(inverse_of(brown(coefficients), *slopes_of(pixel, sphere[1:]))))
+        return unit.rays(
+            np.column_stack(inverse_of(brown(coefficients[:2], *coefficients[2:]), *slopes_of(pixel, sphere[1:])))
+        )
 
     return fit_foreign(rays, sphere[1:], size, f"its {name} lens", origin)
 

@@ -48,13 +48,12 @@ def brown_camera(
     return ReadCamera(make_camera(OF_OPENCV[count], [*linear, *lens], image_size, origin))
 
 
-def brown(coefficients: Sequence[float]) -> Distort:
-    """Brown's distortion by k1 k2 p1 p2, as in `calib.cameras.brown`."""
-    k1, k2, p1, p2 = coefficients
+def brown(radial_terms: Sequence[float], p1: float, p2: float) -> Distort:
+    """Brown's distortion by k1 k2 ..., p1 and p2, as in `calib.cameras.brown`."""
 
     def distort(x: Complex, y: Complex) -> tuple[Complex, Complex]:
         s = x * x + y * y
-        radial = 1 + s * (k1 + s * k2)
+        radial = 1 + sum((k * s**power for power, k in enumerate(radial_terms, start=1)), start=0 * s)
         a = x * radial + 2 * p1 * x * y + p2 * (s + 2 * x * x)
         return a, y * radial + p1 * (s + 2 * y * y) + 2 * p2 * x * y
 

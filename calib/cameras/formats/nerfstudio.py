@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from calib.cameras.camera import Camera
 from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera, left_over, told
-from calib.cameras.formats.lens import Complex, fit_lens, lens_camera, lens_named
+from calib.cameras.formats.lens import brown, fit_lens, lens_camera, lens_named
 from calib.cameras.formats.metashape import CORNER
 from calib.cameras.formats.parsing import image_size, json_object, mapping, number, pick, required, shown_plain
 from designer.base.errors import InputError
@@ -80,14 +80,7 @@ def _camera(values: Mapping[str, object], origin: str) -> ReadCamera:
         return lens_camera(lens, linear, size, origin)
     if lens.is_wide or not k4:
         return lens_camera(lens, [*linear, *rest], size, origin)
-
-    def distort(x: Complex, y: Complex) -> tuple[Complex, Complex]:
-        s = x * x + y * y
-        radial = 1 + s * (k1 + s * (k2 + s * (k3 + s * k4)))
-        a = x * radial + 2 * p1 * x * y + p2 * (s + 2 * x * x)
-        return a, y * radial + p1 * (s + 2 * y * y) + 2 * p2 * x * y
-
-    return fit_lens(distort, linear, size, "its OPENCV lens with k4", origin)
+    return fit_lens(brown([k1, k2, k3, k4], p1, p2), linear, size, "its OPENCV lens with k4", origin)
 
 
 FORMAT = CameraFormat(

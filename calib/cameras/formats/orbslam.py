@@ -161,7 +161,8 @@ RIG_FORMAT = RigFormat(
     name="orbslam",
     title="ORB-SLAM3 settings",
     file_name="settings.yaml",
-    opens_with="stereo_euroc Vocabulary/ORBvoc.txt {file} ...; first put these lines in place of its example's",
+    opens_with="stereo_euroc Vocabulary/ORBvoc.txt {file} ..., with these lines in place of its example's; as released "
+    "it takes the first camera's distortion for both, so mend camera2DistortionCoef of its Settings.h",
     cameras=FORMAT,
     unit="m",
     write=write_rig,

@@ -2,7 +2,7 @@
 
 Equations are those of its rsutil.h, with x, y = X/Z, Y/Z, s = x^2 + y^2, f = 1 + c0 s + c1 s^2 + c4 s^3: brown_conrady
 is OpenCV's lens, kannala_brandt4 its fisheye's. modified_brown_conrady takes the tangential part of (f x, f y), with s
-of (x, y); inverse_brown_conrady is the same since 2.45, while earlier releases undistorted by Brown's polynomial.
+of (x, y); inverse_brown_conrady is the same since 2021, while earlier releases undistorted by Brown's polynomial.
 ftheta is the FOV lens of Devernay and Faugeras.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from calib.cameras.camera import Camera
 from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera, left_over, told
-from calib.cameras.formats.lens import Complex, fit_foreign, fit_lens, lens_camera, slopes_of
+from calib.cameras.formats.lens import Complex, brown, fit_foreign, fit_lens, lens_camera, slopes_of
 from calib.cameras.formats.parsing import image_size, json_object, mapping, number, numbers, pick, required, shown_plain
 from calib.cameras.refit import image_grid
 from designer.base.arrays import Array
@@ -118,7 +118,7 @@ def _of_model(model: str, linear: list[float], lens: list[float], size: tuple[in
         off = np.linalg.norm(found.camera.project(_undistorted(lens, pixel, linear)) - pixel, axis=1)
     most = np.nanmax(off, initial=0.0)
     line = (
-        f"taken as librealsense since 2.45 does; earlier ones undistorted with these numbers, up to {most:.2g} px away"
+        f"taken as librealsense does since 2021; earlier ones undistorted with these numbers, up to {most:.2g} px away"
     )
     return told(found, line)
 
@@ -138,11 +138,8 @@ def _modified(lens: list[float]) -> Callable[[Complex, Complex], tuple[Complex, 
 def _undistorted(lens: list[float], pixel: Array, linear: list[float]) -> Array:
     """Directions (N, 3) by Brown's polynomial of the measured point."""
     k1, k2, p1, p2, k3 = lens
-    x, y = slopes_of(pixel, linear)
-    s = x * x + y * y
-    radial = 1 + s * (k1 + s * (k2 + s * k3))
-    a, b = (x * radial + 2 * p1 * x * y + p2 * (s + 2 * x * x), y * radial + p1 * (s + 2 * y * y) + 2 * p2 * x * y)
-    return np.column_stack([a, b, np.ones_like(a)])
+    a, b = brown([k1, k2, k3], p1, p2)(*(one.astype(np.complex128) for one in slopes_of(pixel, linear)))
+    return np.column_stack([a.real, b.real, np.ones(len(pixel))])
 
 
 def _fov(linear: list[float], w: float, size: tuple[int, int], origin: str) -> ReadCamera:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from calib.cameras.formats.format import CameraFormat, ReadCamera, ReadRig, RigFiles, RigFormat, assembled
+from calib.cameras.formats.format import CameraFormat, ReadCamera, ReadRig, RigFiles, RigFormat, assembled, left_over
 from calib.cameras.formats.lens import brown_camera
 from calib.cameras.formats.parsing import number, pick, required, vector_pose
 from designer.base.arrays import Array
@@ -57,7 +57,9 @@ def _cameras(text: str, origin: str) -> dict[str, ReadCamera]:
 
 def read(text: str, origin: str, name: str | None = None) -> ReadCamera:
     """The camera of that side and resolution, such as LEFT_HD."""
-    return pick(_cameras(text, origin), name, origin)
+    found, known = pick(_cameras(text, origin), name, origin), ("STEREO", *(f"{side}_DISTO" for side in SIDES))
+    cameras = tuple(f"{side}_CAM_{kind}" for side in SIDES for kind in SIZES)
+    return left_over(found, _sections(text, origin), *known, *cameras)
 
 
 FORMAT = CameraFormat(
