@@ -63,6 +63,8 @@ class BagImages:
             said.append(
                 f"{counted(self.without_stamp, 'image')} of {name} have no time stamp: that of recording is taken"
             )
+        if same := len(self.stamp_ns) - len(set(self.stamp_ns)):
+            said.append(f"{counted(same, 'image')} of {name} have the time stamp of another")
         return (*said, *([self.back] if self.back else []))
 
     def photo(self, row: int) -> PhotoFile:
@@ -136,7 +138,7 @@ def photos_in(
     bag = Bag(path)
     images = images_in(bag, [bag.topic(topic or named, option, *IMAGES)])
     (one,) = images.values()
-    name = printable(one.topic.name)
+    name = f"images of {printable(one.topic.name)}"
     rows, said = chosen(*_of_pictures([one]), STILL_GREY, name) if robot is None else _by_robot(one, robot, name)
     return FoundPhotos(tuple(one.photo(row) for row in rows), remarks=(*one.remarks, *said))
 
@@ -237,4 +239,4 @@ def chosen(
     order = np.lexsort((around, part))
     rows = np.sort(order[np.flatnonzero(np.diff(part[order], prepend=-1))])
     rows = rows[around[rows] <= max(MUCH_FASTER * float(np.percentile(around[rows], 25)), still)]
-    return rows.tolist(), (f"{len(rows)} of {count} of {what} are searched: those around which it moves least",)
+    return rows.tolist(), (f"{len(rows)} of {count} {what} are searched: those around which least moves",)

@@ -52,6 +52,20 @@ def test_what_is_lost_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert list(tomllib.loads(Path("c.toml").read_text())["cameras"]) == ["0", "1", "2"]
 
 
+def test_the_rigs_frame_may_be_called_as_a_robot_calls_it() -> None:
+    """What the transforms of ROS hang on, and what is read again; a camera's name is taken, one camera has no frame."""
+    made = calib.convert("ring.json", "ros", frame="tool0", out="ros")
+    assert "--frame-id tool0 --child-frame-id cam_a_link" in made.texts["static_transforms.launch.yaml"]
+    assert '<parent link="tool0"/>' in made.texts["rig.urdf"]
+    assert load_rig("ros").rig_frame == "tool0"
+    np.testing.assert_allclose(load_rig("ros").cam_from_rig, load_rig("ring.json").cam_from_rig, atol=1e-9)
+    for frame in ("cam a", "a b", ""):
+        with pytest.raises(InputError, match=f"frame '{frame}': must be 1 to 100 letters"):
+            calib.convert("ring.json", "ros", frame=frame)
+    with pytest.raises(InputError, match="frame: is for rigs, and this is one camera"):
+        calib.convert(FISHEYE, "opencv", frame="tool0")
+
+
 def test_a_lens_that_is_fitted_is_told_with_its_camera(capsys: pytest.CaptureFixture[str]) -> None:
     """Of a double sphere in OpenCV's fisheye the residual is told; what was known of its numbers is lost."""
     wide = Camera("ds", np.array(MODELS["ds"]), WIDE_SIZE)

@@ -133,7 +133,7 @@ def test_of_a_stop_and_go_one_image_a_stop_is_chosen() -> None:
     assert 28 <= len(rows) <= 100
     assert (around[rows] < 1).all()
     assert len(set(np.array(rows) // 14)) >= 28
-    assert said == (f"{len(rows)} of 421 of images are searched: those around which it moves least",)
+    assert said == (f"{len(rows)} of 421 images are searched: those around which least moves",)
     steady, _ = chosen(np.ones(999), np.ones(1000), 0.1, "images")
     assert len(steady) == 100
     assert max(np.diff(steady)) <= 12
