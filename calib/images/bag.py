@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
-from typing import Protocol, cast
+from typing import BinaryIO, Protocol, cast
 
 import numpy as np
 
@@ -85,6 +85,8 @@ class MessagePlace:
     topic: str
     log_ns: int  # when it was recorded
     nth: int  # of those of one topic and time
+    begin: int = -1  # of its bytes in a file without an index of them
+    size: int = 0
 
 
 @dataclass(eq=False)
@@ -148,8 +150,9 @@ class Bag:
         nth: Counter[tuple[int, str, int]] = Counter()
         each = [self._of_file(number, topics) for number in range(len(self._readers))]
         got: Counter[str] = Counter()
-        for log_ns, file, topic, raw in heapq.merge(*each, key=lambda one: one[0]):
-            place = MessagePlace(file, topic.name, log_ns, nth[file, topic.name, log_ns])
+        for log_ns, file, topic, raw, end in heapq.merge(*each, key=lambda one: one[0]):
+            begin = end - len(raw) if end else -1
+            place = MessagePlace(file, topic.name, log_ns, nth[file, topic.name, log_ns], begin, len(raw))
             nth[file, topic.name, log_ns] += 1
             try:
                 message = self._decode(raw, topic.type)
@@ -161,19 +164,19 @@ class Bag:
         for topic in topics:
             self.lost[topic.name] = max(0, topic.count - got[topic.name])
 
-    def _of_file(self, number: int, topics: Sequence[Topic]) -> Iterator[tuple[int, int, Topic, bytes]]:
-        """Those of one file; behind a damage reading goes on, farther and farther, until something is read."""
+    def _of_file(self, number: int, topics: Sequence[Topic]) -> Iterator[tuple[int, int, Topic, bytes, int]]:
+        """Those of one file, and where each ends if no index tells; behind a damage reading goes on, ever farther."""
         reader, known = self._readers[number], {(one.name, one.type): one for one in topics}
         wanted = [one for one in reader.connections if (one.topic, one.msgtype) in known]
         if not wanted:
             return
-        begin, end = reader.start_time, reader.end_time
+        begin, end, file = reader.start_time, reader.end_time, _without_index(reader)
         leap = first = max(1, (end - begin) // 10_000)
         for _ in range(MOST_SKIPS):
             try:
                 for one, log_ns, raw in reader.messages(wanted, start=begin):
                     begin, leap = max(begin, log_ns + 1), first
-                    yield log_ns, number, known[one.topic, one.msgtype], raw
+                    yield log_ns, number, known[one.topic, one.msgtype], raw, 0 if file is None else file.tell()
                 return
             except Exception as error:
                 for one in wanted:
@@ -191,6 +194,9 @@ class Bag:
         reader = self._readers[place.file]
         try:
             with self._lock:
+                if place.begin >= 0 and (file := _without_index(reader)) is not None:
+                    file.seek(place.begin)
+                    return self._decode(file.read(place.size), kind)
                 wanted = [one for one in reader.connections if (one.topic, one.msgtype) == (place.topic, kind)]
                 found = reader.messages(wanted, start=place.log_ns, stop=place.log_ns + 1)
                 raw = next(raw for nth, (_, _, raw) in enumerate(found) if nth == place.nth)
@@ -209,6 +215,13 @@ class Bag:
             if self.lost[one.name]
         )
         return (*lost, *((nameless,) if count > 0 else ()))
+
+
+def _without_index(reader: _BagReader) -> BinaryIO | None:
+    """The file of an MCAP whose messages are not in chunks, so that each would be looked for from its beginning."""
+    storage = getattr(reader, "storage", None)
+    file = getattr(storage, "bio", None)
+    return None if file is None or getattr(storage, "chunks", True) else cast(BinaryIO, file)
 
 
 def is_bag(path: Path) -> bool:

@@ -3,6 +3,7 @@
 import builtins
 import struct
 import sys
+from io import BytesIO
 from pathlib import Path
 
 import cv2
@@ -197,6 +198,38 @@ def test_damaged_bags_give_a_line_or_say_what_is_lost(kind: str, tmp_path: Path)
         assert not any("\n" in line for line in told)
         outcomes.add(bool(told))
     assert outcomes == {True, False}
+
+
+def test_an_mcap_without_chunks_is_read_where_its_messages_stand(tmp_path: Path) -> None:
+    """As the preset "fastwrite" of rosbag2 writes it: an image is not looked for from the file's beginning."""
+    from rosbags.rosbag2.storage_mcap import write_record, write_string
+
+    store, out = STORES[False], BytesIO()
+    out.write(b"\x89MCAP0\r\n")
+
+    def record(op: int, *parts: bytes | str) -> None:
+        body = BytesIO()
+        for part in parts:
+            write_string(body, part) if isinstance(part, str) else body.write(part)
+        write_record(out, op, body)
+
+    record(1, "ros2", "test")
+    record(3, b"\1\0", "sensor_msgs/msg/Image", "", "")
+    record(4, b"\1\0", b"\1\0", "/cam", "cdr", bytes(4))
+    for k in range(40):
+        one = image("/cam", START_NS + k, np.full((24, 32), k, np.uint8))
+        raw = store.serialize_cdr(built(store.types, one.kind, one.values), one.kind)
+        record(5, struct.pack("<HIQQ", 1, 0, one.log_ns, one.log_ns), bytes(raw))
+    record(2, bytes(20))
+    place = tmp_path / "run.mcap"
+    place.write_bytes(out.getvalue() + b"\x89MCAP0\r\n")
+    bag = Bag(place)
+    assert bag.topics[0].count == 40
+    places = [one for one, _ in bag.messages(bag.topics)]
+    reader = bag._readers[0]
+    reader.messages = None  # type: ignore[assignment]
+    for k in range(39, -1, -1):
+        assert (photo_of_message(bag.read(places[k], bag.topics[0].type), bag.topics[0].type).pixels == k).all()
 
 
 def test_one_bad_chunk_costs_its_images_alone(tmp_path: Path) -> None:
