@@ -29,7 +29,9 @@ if TYPE_CHECKING:
 TargetShown = Annotated[
     "TargetGeometry | Place | None", argument("the target file of what the photos show (a table needs none)")
 ]
-PhotosTaken = Annotated["Place | Iterable[Place]", argument("photos: files, folders or patterns", is_many=True)]
+PhotosTaken = Annotated[
+    "Place | Iterable[Place]", argument("photos: files, folders or patterns, or a robot's bag", is_many=True)
+]
 Table = Annotated[
     "Observations | Place | None", option("instead of photos: detections.csv, or a CSV with image,u,v,X,Y,Z")
 ]

@@ -42,7 +42,7 @@ def rig(
     ] = None,
     photos: Annotated[
         "Place | Iterable[Place]",
-        argument("a folder a camera, or one folder that holds these", is_many=True, metavar="FOLDER..."),
+        argument("a folder a camera, one folder that holds these, or a robot's bag", is_many=True, metavar="FOLDER..."),
     ] = (),
     *,
     images: "Mapping[str, Iterable[Pixels]] | None" = None,

@@ -121,14 +121,14 @@ def _thumb(message: object, kind: str) -> NDArray[np.uint8]:
 
 
 def photos_in(
-    argument: str, topic: str | None = None, option: str = "--topic", robot: RobotPoses | None = None
+    argument: str, topic: str | None = None, option: str = "", robot: RobotPoses | None = None
 ) -> FoundPhotos:
     """The chosen images of a topic of a bag, given as `run.mcap` or `run.mcap#/cam/image_raw`.
 
     Args:
         argument: the bag.
         topic: of images; None: that in the argument, or the only one.
-        option: that names it.
+        option: that names it; "": as the argument does.
         robot: whose motion chooses; None: that of the picture.
 
     Raises:
@@ -136,6 +136,7 @@ def photos_in(
     """
     path, named = bag_named(argument) or (Path(argument), None)
     bag = Bag(path)
+    option = option or ("--topic" if topic else f"{path.name}#TOPIC")
     images = images_in(bag, [bag.topic(topic or named, option, *IMAGES)])
     (one,) = images.values()
     name = f"images of {printable(one.topic.name)}"

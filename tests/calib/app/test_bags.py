@@ -126,6 +126,8 @@ def test_two_topics_are_a_rig(tmp_path: Path) -> None:
     assert any("3 ms apart (median)" in one for one in found.calibration.observations.remarks)
     with pytest.raises(InputError, match=r"topics A,B; there are /left/image_raw \(sensor_msgs/Image, 6\), /right"):
         calib.rig(BOARD, bag)
+    with pytest.raises(InputError, match=r"several topics of type Image, name one with run.bag#TOPIC; there are /left"):
+        calib.run(BOARD, bag)
     with pytest.raises(InputError, match="two are the same"):
         calib.rig(BOARD, bag, topics=["/left/image_raw", "left/image_raw"])
     with pytest.raises(InputError, match="topics: are of one robot's bag"):
