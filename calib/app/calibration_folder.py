@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from calib.observe.photos import FoundPhotos, Search
     from designer.base.answer import Value
 
+FRAMES = "frames"
+"""Folder of a run's frames of clips: a run of it is the same without the clip."""
 OWN_PAGES = ("calibration", "detections")
 """Kinds that give way to a calibration's page: its own, and that of a run that found nothing."""
 
@@ -124,7 +126,7 @@ class RunFolder:
 
     def write_search(self, search: "Search", staging: Path) -> None:
         """Write what was found in the photos, and keep the overlays that were drawn instead of earlier ones."""
-        from calib.observe.photos import OVERLAY_MARK, keep_pictures, remove_ours
+        from calib.observe.photos import OVERLAY_MARK, keep_pictures, kept_frames, remove_ours
         from calib.observe.search import write_search
 
         table, place = self.folder / DETECTIONS_FILE, self.folder / OVERLAYS
@@ -132,6 +134,9 @@ class RunFolder:
         pictures = keep_pictures(staging, place)
         if not (place / BLOCKS_FILE).exists():  # else they are of `calib detect --overlay`
             remove_ours(set(place.glob(f"*{OVERLAY_MARK}.*")) - set(pictures))
+        if frames := kept_frames(search.results, self.folder / FRAMES):
+            remove_ours(set((self.folder / FRAMES).glob("*.png")) - set(frames))
+            self.out.write(frames)
         self.out.files += [table, records_path(table), *pictures]
         self.out.finished.append(table)
         self.out.answer = {"detections": detections_answer(search), **self.out.answer}

@@ -41,7 +41,7 @@ class DetectedPhotos(Result, kind="detections", title="Detections"):
     target_file: str  # as it was given; "" for one that comes from no file
     table: Path | None = None  # of the detections, as it was written
     overlays: Path | None = None  # folder of the pictures
-    remarks: tuple[str, ...] = ()  # on the camera that the photos were searched with
+    remarks: tuple[str, ...] = ()  # on the photos as a whole, and the camera that they were searched with
 
     def page(self) -> "Page":
         """Whether enough was found, why rings are missing, and what to do about it."""
@@ -117,7 +117,7 @@ def _photo_answer(result: "PhotoResult") -> "dict[str, Value]":
     return {
         **head, "failure": None, "image_size_px": seen.image_size, "found": record.features,
         "expected": record.expected, "faces": sorted(face.face for face in record.named if face.face is not None),
-        "missing": dict(record.missing), "median_sigma_px": median_sigma_px(seen),
+        "missing": dict(record.missing), "median_sigma_px": median_sigma_px(seen), "time_s": seen.time_s,
         "remarks": [*seen.remarks, *filter(None, [result.overlay_failure])],
     }  # fmt: skip
 
@@ -168,12 +168,13 @@ def detect_photos(
     if to is not None:
         to.place, to.page = to.place / DETECTIONS_FILE if to.place.is_dir() else to.place, folder
         check_output(to.place)
-    asked, _ = with_truth(photos_of(photos), None)  # a truth that is none does not matter here
+    given = photos_of(photos, None, geometry, progress)
+    asked, _ = with_truth(given, None)  # a truth that is none does not matter here
     with nullcontext() if folder is None else staging_folder(folder) as staging:
         search = PhotoSearch(geometry, asked, staging, jobs, progress).once(None if read is None else read.camera)
         found = DetectedPhotos(
             search, "" if not isinstance(target, str | PathLike) else str(target), None if to is None else to.place,
-            folder, () if read is None else remarks_on(str(camera), read),
+            folder, (*given.remarks, *(() if read is None else remarks_on(str(camera), read))),
         )  # fmt: skip
         if to is not None:
             to.files += found.save(to.place)

@@ -30,7 +30,7 @@ TargetShown = Annotated[
     "TargetGeometry | Place | None", argument("the target file of what the photos show (a table needs none)")
 ]
 PhotosTaken = Annotated[
-    "Place | Iterable[Place]", argument("photos: files, folders or patterns, or a robot's bag", is_many=True)
+    "Place | Iterable[Place]", argument("photos: files, folders, clips or patterns, or a robot's bag", is_many=True)
 ]
 Table = Annotated[
     "Observations | Place | None", option("instead of photos: detections.csv, or a CSV with image,u,v,X,Y,Z")
@@ -232,7 +232,8 @@ def seen_by_one(
 
     if kind != (None, None) and (table is None or isinstance(table, Observations)):
         raise InputError("--points: says what the points of a table are; leave it out")
-    found = photos if isinstance(photos, FoundPhotos) else photos_of(photos)
+    shown_in_photos = None if target is None or table is not None else target_of(target, "rings")
+    found = photos if isinstance(photos, FoundPhotos) else photos_of(photos, None, shown_in_photos, progress)
     if table is not None:
         require_photos_for_jobs(jobs)
         if found.paths or found.failures:
@@ -241,13 +242,12 @@ def seen_by_one(
         geometry = None if target is None else target_of(target)
         one = table if isinstance(table, Observations) else _of_table(table, geometry, *kind)
         return RigSeen(alone_as_rig(ALONE, one), geometry)
-    if target is None:
+    if shown_in_photos is None:
         raise InputError("no target; give the target file of what the photos show, or a table of observations")
-    geometry = target_of(target, "rings")
     if not found.paths:
         raise InputError(found.failures[0] if found.failures else "no photos; give files or a folder")
-    search = search_cameras(geometry, photos_of_one(found), wishes.given, wishes.plan_of, jobs, progress)
-    return RigSeen(observations_of_rig(search), geometry, search)
+    search = search_cameras(shown_in_photos, photos_of_one(found), wishes.given, wishes.plan_of, jobs, progress)
+    return RigSeen(observations_of_rig(search), shown_in_photos, search)
 
 
 def _of_table(

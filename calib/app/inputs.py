@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 from calib.app.options import MOST_JOBS, grid_of
 from calib.cameras.formats import ACCEPTED_PX, FORMATS, OWN, RIG_FORMATS
@@ -14,6 +14,7 @@ from calib.core.types import Detections, Observations, RigObservations
 from designer.base.errors import InputError
 from designer.base.files import place_of
 from designer.base.words import shown
+from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
     import numpy as np
@@ -356,11 +357,22 @@ def require_photos_for_jobs(jobs: int | None) -> None:
         raise InputError("--jobs: says how many photos are searched at a time; a table needs none, leave it out")
 
 
-def photos_of(photos: Place | Iterable[Place], topic: str | None = None) -> "FoundPhotos":
-    """The photos that one argument or several stand for; of a bag the images of a topic."""
+def photos_of(
+    photos: Place | Iterable[Place], topic: str | None = None, target: "TargetGeometry | None" = None,
+    progress: Progress = unheard,
+) -> "FoundPhotos":  # fmt: skip
+    """The photos that one argument or several stand for; of a bag the images of a topic.
+
+    Of clips the frames in which the target is seen best; without a target they are refused.
+    """
     from calib.images.bag import bag_named
     from calib.observe.bag_photos import photos_in
     from calib.observe.photos import find_photos
+
+    def of_clip(path: Path) -> "FoundPhotos":
+        from calib.capture.clips import photos_of_clip
+
+        return photos_of_clip(path, cast("TargetGeometry", target), progress)
 
     try:
         each = [fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos)]
@@ -371,7 +383,7 @@ def photos_of(photos: Place | Iterable[Place], topic: str | None = None) -> "Fou
     found = [photos_in(one, topic) for one in each if bag_named(one)]
     if topic is not None and not found:
         raise InputError(f"--topic {shown(topic)}: is of a robot's bag, and none is given; leave it out")
-    files = find_photos([one for one in each if not bag_named(one)])
+    files = find_photos([one for one in each if not bag_named(one)], None if target is None else of_clip)
     return replace(
         files, photos=(*files.photos, *(photo for one in found for photo in one.photos)),
         remarks=(*files.remarks, *(remark for one in found for remark in one.remarks)),
@@ -379,8 +391,9 @@ def photos_of(photos: Place | Iterable[Place], topic: str | None = None) -> "Fou
 
 
 def photos_given(
-    photos: Place | Iterable[Place], images: "Iterable[Pixels] | None", topic: str | None = None
-) -> "FoundPhotos":
+    photos: Place | Iterable[Place], images: "Iterable[Pixels] | None", topic: str | None = None,
+    target: "TargetGeometry | None" = None, progress: Progress = unheard,
+) -> "FoundPhotos":  # fmt: skip
     """The photos, or images in memory instead.
 
     Raises:
@@ -391,7 +404,7 @@ def photos_given(
     if images is None:
         if isinstance(photos, tuple | list) and not photos:
             raise InputError("no photos; give files, folders or patterns, or arrays as images=[...]")
-        return photos_of(photos, topic)
+        return photos_of(photos, topic, target, progress)
     if topic is not None:
         raise InputError("--topic: is of a robot's bag; leave it out")
     if not isinstance(photos, tuple | list) or photos:

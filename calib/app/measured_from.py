@@ -127,7 +127,7 @@ def photos_to_search(
         raise InputError(
             "--photos: they are searched again with one camera's lens; give the detections.csv of one camera"
         )
-    given = photos_of(photos)
+    given = photos_of(photos, None, nominal)
     named, wanted = named_photos(given.photos), {one.image for one in seen}
     if missing := sorted(wanted - {one.name for one in named}):
         raise InputError(f"--photos: {shown(missing[0])} is not among them; give all photos that the detections are of")

@@ -42,7 +42,9 @@ RigTemplate = Annotated[
 ]
 Photos = Annotated[
     "Place | Iterable[Place]",
-    argument("images, folders of images, patterns such as 'run/*.png', or a robot's bag", is_many=True, is_needed=True),
+    argument(
+        "images, folders of images, patterns ('run/*.png'), clips, or a robot's bag", is_many=True, is_needed=True
+    ),
 ]
 Topic = Annotated[str | None, option("of a robot's bag: its images (default: the only one)", metavar="TOPIC")]
 PhotoJobs = Annotated[int | None, option("photos at a time, all in memory (default: one per core)", 1, MOST_JOBS)]

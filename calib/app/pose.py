@@ -102,7 +102,7 @@ def pose(
         ),
     ] = None,
     photos: Annotated[
-        "Place | Iterable[Place]", argument("images, folders of images, or patterns such as 'run/*.png'", is_many=True)
+        "Place | Iterable[Place]", argument("images, folders of images, clips, or patterns: 'run/*.png'", is_many=True)
     ] = (),
     *,
     rig: Annotated[
@@ -130,6 +130,7 @@ def pose(
         InputError: files that cannot be read, not one photo that can be searched, or a camera that is not in the rig.
     """
     from calib.app.inputs import opened_camera, photos_of, rig_of, target_of
+    from calib.capture.clips import clips_of_rig, holds_photos
     from calib.observe.search import PhotoSearch
     from calib.observe.target_poses import PhotoWithoutPose, PoseResult, check_output, target_poses
     from designer.page.output import Output, output_of
@@ -141,8 +142,8 @@ def pose(
     if not isinstance(photos, str | PathLike | Iterable):
         raise InputError(f"photos: {type(photos).__name__}: give files, folders or patterns")
     given = [photos] if isinstance(photos, str | PathLike) else list(photos)
-    if rig is not None and isinstance(camera, str | PathLike) and Path(camera).is_dir():
-        given, camera = [camera, *given], None  # in a shell the first folder stands where a camera would
+    if rig is not None and isinstance(camera, str | PathLike) and holds_photos(Path(camera)):
+        given, camera = [camera, *given], None  # in a shell the first folder or clip stands where a camera would
     if rig is not None and camera is not None:
         raise InputError("a camera and a rig: give one of them; the rig has its own cameras")
     if rig is None and camera is None:
@@ -151,21 +152,23 @@ def pose(
         check_output(output.place, f"{NAME}.{'poses' if rig is None else 'rig_poses'}")
     found: PoseResult | RigPoseResult
     if rig is not None:
+        from calib.observe.rig_search import rig_input
         from calib.rigs.target_poses import poses_before_rig
 
         geometry = target_of(target, "rings")
-        found = poses_before_rig(geometry, rig_of(rig), given, weighted=weighted, jobs=jobs, progress=progress)
+        taken = clips_of_rig(rig_input(given), geometry, progress) or given
+        found = poses_before_rig(geometry, rig_of(rig), taken, weighted=weighted, jobs=jobs, progress=progress)
         remarks = found.photos.remarks
     else:
-        known = cast("Camera | Place", camera)
         if not given:
             raise InputError("no photos; give images, folders of images, or patterns, after the camera's file")
-        geometry, read = target_of(target, "rings"), opened_camera(known).read
-        search = PhotoSearch(geometry, photos_of(given), jobs=jobs, progress=progress).once(read.camera)
+        geometry, read = target_of(target, "rings"), opened_camera(cast("Camera | Place", camera)).read
+        asked = photos_of(given, None, geometry, progress)
+        search = PhotoSearch(geometry, asked, jobs=jobs, progress=progress).once(read.camera)
         told = target_poses(search.detections, geometry, read.camera, weighted=weighted)
         unread = (PhotoWithoutPose(one.photo.name, one.failure) for one in search.results if one.seen is None)
         found = PoseResult(geometry, read.camera, search, told.poses, (*unread, *told.failed))
-        remarks = remarks_on(_name(known), read)
+        remarks = (*asked.remarks, *remarks_on(_name(camera), read))
     if output.is_asked:
         output.files.append(found.save(output.place))
         output.finished.append(output.place)

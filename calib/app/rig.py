@@ -42,7 +42,11 @@ def rig(
     ] = None,
     photos: Annotated[
         "Place | Iterable[Place]",
-        argument("a folder a camera, one folder that holds these, or a robot's bag", is_many=True, metavar="FOLDER..."),
+        argument(
+            "a folder or a clip a camera, one folder that holds these, or a robot's bag",
+            is_many=True,
+            metavar="FOLDER...",
+        ),
     ] = (),
     *,
     images: "Mapping[str, Iterable[Pixels]] | None" = None,
@@ -200,6 +204,7 @@ def _seen(
 ) -> "RigSeen":  # fmt: skip
     """What was seen, of which target, and in which photos."""
     from calib.app.inputs import require_photos_for_jobs, target_of
+    from calib.capture.clips import clips_of_rig
     from calib.core.types import RigObservations
     from calib.judge.joint_solution import RigSeen, require_wishes
     from calib.observe.rig_observations import read_rig_sightings
@@ -228,7 +233,8 @@ def _seen(
         return RigSeen(seen, target)
     if observed is None:
         raise InputError("no target; give the target file of what the photos show")
-    target, photos = target_of(observed, "rings"), photos_of_rig(given)
+    target = target_of(observed, "rings")
+    photos = clips_of_rig(given, target, progress) or photos_of_rig(given)
     require_wishes(wishes, photos.camera_names)
     search = search_cameras(target, photos, wishes.given, wishes.plan_of, jobs, progress)
     return RigSeen(observations_of_rig(search), target, search)

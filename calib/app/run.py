@@ -100,7 +100,7 @@ def run(
     )  # fmt: skip
     to = None if out is None else output_of(out)
     folder = None if to is None else RunFolder(to, plan.may_solve)
-    asked = photos_given(photos, images, topic)
+    asked = photos_given(photos, images, topic, geometry, progress)
     if folder is not None:
         asked = folder.without_own_pictures(asked)
     asked, known = with_truth(asked, None if truth is None else place_of(truth, "a truth.json"))

@@ -188,6 +188,7 @@ def _seen_of_object(
         InputError: too much or too little is given, or photos or a table that cannot be used.
     """
     from calib.app.inputs import require_photos_for_jobs, target_of
+    from calib.capture.clips import clips_of_rig
     from calib.core.types import RigObservations
     from calib.observe.rig_observations import has_known_points, read_rig_sightings
     from calib.observe.rig_search import observations_of_rig, photos_of_rig, rig_input, search_cameras
@@ -198,9 +199,10 @@ def _seen_of_object(
     if sightings is None:
         if target is None:
             raise InputError("--photos: name the target file of what they show with --target")
-        taken = photos_of_rig(given)
+        shown = target_of(target, "rings")
+        taken = clips_of_rig(given, shown, progress) or photos_of_rig(given)
         lenses = {name: rig.cameras[rig.row(name)] for name in taken.camera_names}
-        search = search_cameras(target_of(target, "rings"), taken, lenses, None, jobs, progress)
+        search = search_cameras(shown, taken, lenses, None, jobs, progress)
         from calib.rigs.turned_names import named_by_rig
 
         return named_by_rig(observations_of_rig(search), rig)

@@ -95,6 +95,7 @@ class Detections:
     ratio: Array | None = None  # (N,) inner over outer radius, 0 of a dot; nan or None: not known
     blur_px: Array | None = None  # (N,) standard deviation of the edges' blur; likewise
     motion_px: float = 0.0  # by which a motion smeared all edges while the photo was exposed; 0: none noticed
+    time_s: float | None = None  # when the photo was taken, by its camera's clock; None: nobody says
 
     def __post_init__(self) -> None:
         freeze(self, "ring", dtype=np.int64)

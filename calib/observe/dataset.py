@@ -42,6 +42,7 @@ class ImageRecord:
     remarks: tuple[str, ...]
     failure: str = ""  # why it could not be read or searched
     motion_px: Annotated[float, AtLeast(0)] = 0.0  # see `Detections`
+    time_s: float | None = None  # likewise
 
     @property
     def named(self) -> tuple[FaceRecord, ...]:
@@ -80,8 +81,9 @@ def image_record(seen: Detections) -> ImageRecord:
     """The record of a photo that was searched."""
     rejected = 0 if seen.rejected_px is None else len(seen.rejected_px)
     return ImageRecord(
-        seen.image, seen.image_size, len(seen.ring), rejected, seen.faces, seen.remarks, motion_px=seen.motion_px
-    )
+        seen.image, seen.image_size, len(seen.ring), rejected, seen.faces, seen.remarks, motion_px=seen.motion_px,
+        time_s=seen.time_s,
+    )  # fmt: skip
 
 
 def median_sigma_px(seen: Detections) -> float:
@@ -267,6 +269,7 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
             center[rows], cov[rows], ellipse[rows],
             record[name].faces if name in record else (), record[name].remarks if name in record else (),
             ratio=edges[rows, 0], blur_px=edges[rows, 1], motion_px=record[name].motion_px if name in record else 0.0,
+            time_s=record[name].time_s if name in record else None,
         )
         for (name, size), rows in zip(sizes.items(), (order[a:b] for a, b in pairwise(start)), strict=True)
     )  # fmt: skip

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
+from calib.images import video
 from calib.images.photo import SUFFIXES_OF, Photo, grey_of, read_image, require_image
 from calib.observe.dataset import ImageRecord, image_record
 from designer.base.errors import InputError
@@ -52,10 +53,7 @@ NOT_READ: Mapping[str, tuple[tuple[str, ...], str]] = {
         "develop to 16-bit TIFF or PNG, without lens correction",
     ),
     "JPEG 2000, JPEG XL, GIF or OpenEXR image": ((".jp2", ".j2k", ".jxl", ".gif", ".exr"), _CONVERT),
-    "video": (
-        (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mts", ".m2ts", ".mpg", ".mpeg", ".wmv", ".3gp"),
-        "take frames of it in which the target stands still, as PNG",
-    ),
+    "video": (video.SUFFIXES, "give a clip by its own name, not by its folder's"),
 }
 """What cameras and phones make that is not read, by kind: its suffixes, and what to do."""
 
@@ -70,6 +68,7 @@ class PhotoFile:
     name: str = ""  # "": not named yet
     time_s: float | None = None  # when it was taken, by a clock of its camera
     opened: Callable[[], Photo] | None = None  # None: it is a file
+    is_kept: bool = False  # a run keeps it as a file, as it is one of many in a clip
 
     def read(self) -> Photo:
         """Its pixels in grey.
@@ -155,8 +154,16 @@ class FoundPhotos:
         return tuple(photo.path for photo in self.photos)
 
 
-def find_photos(arguments: Sequence[str]) -> FoundPhotos:
-    """Files as they are, all images of folders, and patterns that the shell left alone."""
+def find_photos(arguments: Sequence[str], of_clip: Callable[[Path], FoundPhotos] | None = None) -> FoundPhotos:
+    """Files as they are, all images of folders, and patterns that the shell left alone.
+
+    Args:
+        arguments: files, folders and patterns.
+        of_clip: gives frames of a video file; None: it is refused.
+
+    Raises:
+        InputError: an argument is empty.
+    """
     paths: list[Path] = []
     failures = []
     for argument in arguments:
@@ -178,8 +185,25 @@ def find_photos(arguments: Sequence[str]) -> FoundPhotos:
             paths += sorted(matches, key=in_order)
         else:
             paths.append(path)
-    photos = tuple(PhotoFile(path) for path in paths if not path.stem.endswith(OVERLAY_MARK))
-    return FoundPhotos(photos, tuple(failures), len(paths) - len(photos))
+    files = [path for path in paths if not path.stem.endswith(OVERLAY_MARK)]
+    found = [_photos_at(path, of_clip) for path in files]
+    return FoundPhotos(
+        tuple(photo for one in found for photo in one.photos),
+        (*failures, *(line for one in found for line in one.failures)), len(paths) - len(files),
+        remarks=tuple(line for one in found for line in one.remarks),
+    )  # fmt: skip
+
+
+def _photos_at(path: Path, of_clip: Callable[[Path], FoundPhotos] | None) -> FoundPhotos:
+    """A file as a photo, or the frames of a clip."""
+    if not video.calls_itself_clip(path):
+        return FoundPhotos((PhotoFile(path),))
+    if of_clip is None:
+        return FoundPhotos((), (f"{path}: is a video; give photos here",))
+    try:
+        return of_clip(path)
+    except InputError as error:
+        return FoundPhotos((), (str(error),))
 
 
 def photos_of_arrays(images: Iterable[NDArray[np.generic]]) -> FoundPhotos:
@@ -292,7 +316,7 @@ def searched_photos(
             seen = look(photo, image.pixels)
         except Exception as error:
             return PhotoResult(photo, None, why_failed(error, f"{photo.path}: the search failed"))
-        seen = replace(seen, remarks=(*image.remarks, *seen.remarks))
+        seen = replace(seen, remarks=(*image.remarks, *seen.remarks), time_s=photo.time_s)
         if overlay_folder is None:
             return PhotoResult(photo, seen)
         from calib.detector.overlay import draw_overlay, write_overlay
@@ -311,6 +335,19 @@ def searched_photos(
         yield from pool.map(work, photos, stems)
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+def kept_frames(results: Iterable[PhotoResult], place: Path) -> dict[Path, bytes]:
+    """The frames of clips that were searched, as files in a folder; {}: there are none."""
+    import cv2
+
+    photos = [one.photo for one in results if one.photo.is_kept]
+    files = {}
+    for photo, stem in zip(photos, distinct_stems([one.name for one in photos]), strict=True):
+        done, data = cv2.imencode(".png", photo.read().pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        if done:
+            files[place / f"{stem}.png"] = data.tobytes()
+    return files
 
 
 def why_failed(error: Exception, what: str = "") -> str:

@@ -185,8 +185,9 @@ class RigPoseResult:
 
 
 def poses_before_rig(
-    target: TargetGeometry, rig: Rig, photos: Sequence[Place], *, weighted: bool, jobs: int | None, progress: Progress
-) -> RigPoseResult:
+    target: TargetGeometry, rig: Rig, photos: Sequence[Place] | RigPhotos, *, weighted: bool, jobs: int | None,
+    progress: Progress,
+) -> RigPoseResult:  # fmt: skip
     """Where a target is in the rig's frame, in each frame of its cameras' photos.
 
     Raises:
@@ -194,13 +195,13 @@ def poses_before_rig(
     """
     if not photos:
         raise InputError("no photos; give a folder a camera, named as in the rig, or one folder that holds these")
-    given = rig_input(photos)
+    given = rig_input(() if isinstance(photos, RigPhotos) else photos)
     if len(given.photos) == 1 and images_in(Path(given.photos[0])):
         raise InputError(
             f"{given.photos[0]}: one folder of images; give a folder a camera, named as in the rig (one camera alone: "
             "calib pose TARGET rig.json#NAME PHOTOS)"
         )
-    taken = photos_of_rig(given)
+    taken = photos if isinstance(photos, RigPhotos) else photos_of_rig(given)
     lenses = {name: rig.cameras[rig.row(name)] for name in taken.camera_names}
     search = search_cameras(target, taken, lenses, None, jobs, progress)
     sights, said = _sights(rig, search, weighted=weighted)

@@ -36,9 +36,12 @@ def test_photos_that_cannot_be_used_are_named_and_the_others_are(name: str, bad:
         Path("photos/cut.png").write_bytes(Path("photos/view_0000.png").read_bytes()[:60])
         Path("photos/text.jpg").write_text("hello")
         os.mkfifo("photos/pipe.png")
-    elif name in WITH_A_CAMERA:
-        cv2.imwrite("photos/large.png", np.zeros((640, 480), np.uint8))
-        said["photos/large.png"] = "has 480 x 640 px, but the camera is of one with 320 x 240 px"
+    else:
+        if name in WITH_A_CAMERA:
+            cv2.imwrite("photos/large.png", np.zeros((640, 480), np.uint8))
+            said["photos/large.png"] = "has 480 x 640 px, but the camera is of one with 320 x 240 px"
+        Path("broken.mp4").write_bytes(b"#EXTM3U\nframe.ts\n")
+        said["broken.mp4"], named = "is (a|no) video", [*named, "broken.mp4"]
     Path("empty").mkdir()
     answer = calib(*COMMANDS[name], "photos", *named)
     assert answer.code == 0, answer

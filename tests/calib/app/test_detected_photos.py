@@ -184,7 +184,7 @@ def test_what_is_left_out_by_its_suffix_is_counted_and_named(folder: Path) -> No
     (line,) = find_photos(["photos"]).failures
     assert line.startswith("photos: 2 HEIC photos are not read: convert to PNG, or to JPEG at full size")
     assert "1 raw photo is not read: develop to 16-bit TIFF" in line
-    assert "1 video is not read: take frames of it" in line
+    assert "1 video is not read: give a clip by its own name" in line
     for name in ("img2.png", "img10.png", "img11.png"):
         Path("photos", name).unlink()
     assert find_photos(["photos"]).failures == (line,)
