@@ -55,7 +55,7 @@ class Clip:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class ClipFrame:
     """A frame of a clip."""
 
     number: int  # the first is 0
@@ -108,7 +108,9 @@ def open_clip(path: Path) -> Clip:
     return Clip(path, (width, height), rate_hz if is_rate else USUAL_RATE, max(count, 0), turned % 360)
 
 
-def frames_of(clip: Clip, is_wanted: Callable[[int, float], bool], told: list[str] | None = None) -> Iterator[Frame]:
+def frames_of(
+    clip: Clip, is_wanted: Callable[[int, float], bool], told: list[str] | None = None
+) -> Iterator[ClipFrame]:
     """Frames in their order; the others are decoded and left out.
 
     Args:
@@ -130,7 +132,7 @@ def frames_of(clip: Clip, is_wanted: Callable[[int, float], bool], told: list[st
             if is_wanted(number, time_s):
                 is_read, image = video.retrieve()
                 if is_read and image.shape[1::-1] == clip.image_size:
-                    yield Frame(number, time_s, grey_of(cast("Grey", image)))
+                    yield ClipFrame(number, time_s, grey_of(cast("Grey", image)))
             number += 1
     if not number:
         raise InputError(f"{clip.path}: holds no frame that can be read; copy it again")

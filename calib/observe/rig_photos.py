@@ -278,7 +278,6 @@ def read_photo_table(path: Path) -> tuple[RigPhoto, ...]:
     if "frame" not in table.cells and TIME not in table.cells:
         raise InputError(f"{path}: has neither a column frame nor {TIME}; one tells which photos were taken at once")
     table.require_filled(*(name for name in ("camera", "frame", FILE) if name in table.cells))
-    table.require(np.array(["\0" not in name for name in table.cells[FILE]]), f"{FILE} must be the name of one")
     count = len(table.lines)
     frames = table.cells.get("frame", ("",) * count)
     times: Sequence[float | None] = time_stamps(table) if TIME in table.cells else [None] * count
@@ -312,4 +311,6 @@ def _of_any_system(folder: Path, name: str) -> str:
 
 def _read(path: Path, required: Sequence[str], wanted: str) -> CsvTable:
     text = read_text(path, "a table of photos", MAX_TABLE_BYTES)
-    return read_table(path, text, lambda names: column_fault(names, required, wanted), holds="photos")
+    table = read_table(path, text, lambda names: column_fault(names, required, wanted), holds="photos")
+    table.require(np.array(["\0" not in name for name in table.cells[FILE]]), f"{FILE} must be the name of one")
+    return table
