@@ -52,6 +52,8 @@ GONE_S = 1.0
 BODY, INK = "#f4f4f2", "#2b2b2b"
 MANY_RINGS = 15
 """So many ring-like things without a name are more than chance."""
+AROUND_CORNERS = 0.3
+"""Radius of what is drawn around a corner that was found, of the reach of its edges."""
 LONGEST_FAULT = 300
 Tell = Callable[[Message], None]
 Show = Callable[[Frame], None]
@@ -332,7 +334,8 @@ class Session:
             found = self._exact(camera, pixels, own)
         look = self.guide.look(camera, found, self._notes(camera, frame, found))
         shutter = self._shutters[camera] = self._shutters[camera].after(frame.time_s, found, look)
-        circles = np.column_stack([found.center_px, found.ellipse_px[:, 2]])
+        size = np.where(target.radius_outer_mm[found.ring] > 0, 1.0, AROUND_CORNERS)
+        circles = np.column_stack([found.center_px, size * found.ellipse_px[:, 2]])
         labels = labels_of(found, target)
         self._tell(LookMessage(frame.source, frame.number, (circles,), labels, look, shutter.still))
         if frame.file is not None:

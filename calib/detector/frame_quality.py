@@ -76,8 +76,11 @@ def frame_quality(pixels: NDArray[np.generic], found: Detections, target: Target
         edges = _edges_of_rings(found.ellipse_px[rows], 1 - ratio[rows].clip(0.2, 0.8))
     else:
         axes = _axes_of_corners(found, target)[rows]
-        levels = _around_corners(pixels, found.center_px[rows], axes) / full
-        edges = _edges_of_corners(pixels, found.center_px[rows], axes)
+        assert target.marks is not None  # noqa: S101 - points without marks are not found
+        clear_mm = np.array([marks.clear_mm for marks in target.marks])[target.ring_face[found.ring[rows]]]
+        clear = clear_mm / target.reach_mm[found.ring[rows]]
+        levels = _around_corners(pixels, found.center_px[rows], clear[:, None, None] * axes) / full
+        edges = _edges_of_corners(pixels, found.center_px[rows], axes, clear)
     if target.marks is not None:  # light circles, and squares of either colour
         is_light = np.array([marks.is_light for marks in target.marks])[target.ring_face[found.ring[rows]]]
         edges = replace(edges, normal=np.where(is_light[:, None, None], -1.0, 1.0) * edges.normal)
@@ -169,13 +172,15 @@ def _around_corners(pixels: NDArray[np.generic], center: Array, axes: Array) -> 
     return _sampled(pixels, center[:, None, None] + np.einsum("nij,abj->nabi", axes, fields))
 
 
-def _edges_of_corners(pixels: NDArray[np.generic], center: Array, axes: Array) -> _Edges:
-    """Half way along the four edges at each corner."""
+def _edges_of_corners(pixels: NDArray[np.generic], center: Array, axes: Array, clear: Array) -> _Edges:
+    """Half way along the four edges at each corner; so much of their reach is clear across them."""
     along = axes[:, :, [0, 0, 1, 1]].transpose(0, 2, 1)  # (N, 4, 2)
     place = center[:, None] + np.array([0.5, -0.5, 0.5, -0.5])[:, None] * along
     length = np.linalg.norm(along, axis=2, keepdims=True)
     normal = np.stack([along[..., 1], -along[..., 0]], axis=2) / length
-    depth = 0.5 * REACH * np.abs(np.linalg.det(axes))[:, None] / length[..., 0]
+    # Of a square half: beyond its middle it may not be even in a picture that is blurred.
+    part = np.where(clear < 1, clear, 0.5)
+    depth = REACH * (part * np.abs(np.linalg.det(axes)))[:, None] / length[..., 0]
     rises = _sampled(pixels, place + depth[..., None] * normal) - _sampled(pixels, place - depth[..., None] * normal)
     return _Edges(place, np.where(rises[..., None] < 0, -1.0, 1.0) * normal, depth, are_two=True)
 

@@ -97,6 +97,11 @@ class AprilGrid(FaceMarks):
         return self.tag_mm * (min(self.spacing, 1.0) if self.corner_squares else 1.0) / 2
 
     @property
+    def clear_mm(self) -> float:
+        """To the bits within a tag's border, of at most 8 in a row."""
+        return min(self.reach_mm, self.tag_mm * self.border_bits / (8 + 2 * self.border_bits))
+
+    @property
     def is_crossing(self) -> bool:
         """As the small squares make it."""
         return self.corner_squares

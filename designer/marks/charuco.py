@@ -83,6 +83,11 @@ class Charuco(FaceMarks):
         return min(self.marker_mm / cells, (self.square_mm - self.marker_mm) / 2)
 
     @property
+    def clear_mm(self) -> float:
+        """To the marker in a light square."""
+        return (self.square_mm - self.marker_mm) / 2
+
+    @property
     def words(self) -> str:
         """With squares, markers and dictionary."""
         legacy = ", legacy" * self.legacy

@@ -87,6 +87,11 @@ class FaceMarks(ABC):
         return self.radius_mm
 
     @property
+    def clear_mm(self) -> float:
+        """How far across the edges at a point nothing else begins."""
+        return self.reach_mm
+
+    @property
     def is_crossing(self) -> bool:
         """Whether lines cross at the corners, or end there."""
         return True

@@ -12,7 +12,10 @@ from calib.capture.photo_folder import SESSION_FILE, PhotoFolder
 from calib.capture.session import ENDS_IN_S, Session
 from calib.capture.sources import BrowserCamera, Frame
 from calib.judge.rig_guide import RigGuide
+from calib.renderer.scene import scene_from_target
 from designer.base.errors import InputError, NotWrittenError
+from designer.marks.chessboard import Chessboard
+from designer.target import target_of_marks
 from tests.support import ring_views
 from tests.support.live_frames import SIZE, frames_of, held, image_at, target
 
@@ -79,6 +82,20 @@ def test_who_holds_still_at_the_ghost_is_photographed(told: Told) -> None:
     assert GuidanceMessage in kinds[kinds.index(TakenMessage) :]
     assert names(session) == ["0001.png"]
     np.testing.assert_array_equal(cv2.imread(str(told.folder / "photos/0001.png"), cv2.IMREAD_GRAYSCALE), image)
+
+
+def test_a_chessboard_is_photographed_likewise(told: Told, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another maker's board is found in frames, guided and taken as ours is, and named on the page."""
+    board = target_of_marks([Chessboard((9, 6), 12.0)], np.eye(4)[None], 6.0)
+    scene = scene_from_target(board)
+    monkeypatch.setattr(f"{__name__}.target", lambda: board)
+    monkeypatch.setattr("tests.support.live_frames._scene", lambda: scene)
+    session = told.begin()
+    for seed in (1, 2):
+        told.hold(session, seed)
+    assert len(session.kept) == 2
+    looks = [one for one in told.messages if isinstance(one, LookMessage)]
+    assert all(len(one.rings_px[0]) == 40 for one in looks)
 
 
 def test_nothing_is_taken_by_itself_when_asked_so_or_while_it_moves(told: Told) -> None:

@@ -15,6 +15,7 @@ from calib.renderer import render_view
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import scene_from_target
 from designer.base.arrays import Array
+from designer.marks.charuco import Charuco
 from designer.marks.chessboard import Chessboard
 from designer.marks.circles import Circles
 from designer.marks.face_marks import FaceMarks
@@ -103,7 +104,10 @@ def test_nothing_found_tells_nothing() -> None:
     assert notes_of(None) == ()
 
 
-@pytest.mark.parametrize("marks", [Chessboard((8, 6), 12.0), Circles((6, 4), 18.0, 11.0, light=True)])
+@pytest.mark.parametrize(
+    "marks",
+    [Chessboard((8, 6), 12.0), Charuco((8, 6), 12.0, 8.0, "DICT_4X4_50"), Circles((6, 4), 18.0, 11.0, light=True)],
+)
 def test_frames_of_other_boards_are_judged_alike(marks: FaceMarks) -> None:
     """Contrast, blur and a motion across the lines of corners or circles are told by a quick look at them."""
     target = target_of_marks([marks], np.eye(4)[None], 3.0)
