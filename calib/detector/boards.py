@@ -43,8 +43,13 @@ MOST_OFF = 0.2
 """Of the room along its edges: farther from where it is predicted nothing is the corner."""
 MOST_TURN_RAD = 0.3
 ROUNDS = 3
-TICKS, CLOSE = 48, 0.02
+TICKS, CLOSE = 96, 0.02
 NOT_THERE = "no board of this target was found"
+FOUND_SIGMA_PX = 0.1
+"""Of corners that only likeness with an ideal one has placed (rendered: .04 to .07 px an axis)."""
+CLOSE_MARKERS = (
+    f"markers are so close to the corners, or squares so small, that corners are placed to {FOUND_SIGMA_PX:g} px only"
+)
 NOT_CORNERS = "not taken for the board: of {count} corners found only {good} are corners of such edges"
 
 
@@ -288,7 +293,7 @@ def _measured(pixels: NDArray[np.generic], target: TargetGeometry, named: _Point
         good = reason == ""
         kept = int(np.isin(named.ring, places.ring[good]).sum())
         if not good.any() or 2 * kept < len(named.ring):
-            return _nothing(named, kept)
+            return _as_found(target, named, kept)
         blur_px = float(np.median(fits.blur_px[good]))
         if blur_px < SOFTENED_BLUR_PX and not is_soft:
             # Not in bytes: rounding would be one more noise.
@@ -303,6 +308,18 @@ def _measured(pixels: NDArray[np.generic], target: TargetGeometry, named: _Point
     missing += [(int(ring), OUTSIDE) for ring in np.setdiff1d(on_seen, places.ring)]
     cov = ratios.ring[good, None, None] * fits.cov_px2[good]
     return _Fits(places.ring[good], fits.center_px[good], cov, fits.half_px[good] / 2, tuple(missing))
+
+
+def _as_found(target: TargetGeometry, named: _Points, good: int) -> _Fits:
+    """Where too few fits are corners: what markers name beyond doubt stays as its finder placed it."""
+    assert target.marks is not None  # noqa: S101 - who calls has looked
+    sure = [face for face, marks in enumerate(target.marks) if marks.marker_ids]
+    mine = np.isin(target.ring_face[named.ring], sure)
+    if not mine.any():
+        return _nothing(named, good)
+    cov = np.tile(FOUND_SIGMA_PX**2 * np.eye(2), (int(mine.sum()), 1, 1))
+    half = np.full(len(cov), MARK_PX)
+    return _Fits(named.ring[mine], named.center_px[mine], cov, half, (), (CLOSE_MARKERS,))
 
 
 def _nothing(named: _Points, good: int) -> _Fits:

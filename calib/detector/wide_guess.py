@@ -24,6 +24,7 @@ from calib.detector.lens import (
     scale_to_weigh_with,
     usable_groups,
 )
+from designer.base.errors import InputError
 
 FIRST = 1
 """The parameters from here on are told; the first focal length is as the second."""
@@ -154,7 +155,10 @@ def _wide_lens(groups: Groups, image_size: tuple[int, int]) -> CameraLens | None
     if not starts:
         return None
     start = min(starts, key=lambda one: float(np.median(_residual(planes, one))))
-    return CameraLens(_descended(planes, start).camera)
+    try:
+        return CameraLens(_descended(planes, start).camera)
+    except InputError:
+        return None  # the descent ran away, to a camera without rays
 
 
 def _start(planes: _Planes, camera: Camera) -> _WideGuess | None:

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from calib.detector.marks import FINDERS
+from calib.detector.boards import detect_boards
 from designer.marks.aprilgrid import AprilGrid
 from designer.marks.charuco import Charuco
 from designer.marks.face_marks import FaceMarks
+from designer.target import target_of_marks
 from tests.support.cluttered_boards import Array, BoardPhoto, Pixels, dictionary, opencv_board, photo_of, random_pose
 
 Named = tuple[Array, Array]
@@ -76,11 +77,12 @@ class Tally:
 
 
 def ours(marks: FaceMarks) -> Callable[[Pixels], Named]:
-    """Names and places to about a pixel, before they are measured."""
+    """Named and measured."""
+    target = target_of_marks([marks], np.eye(4)[None])
 
     def find(pixels: Pixels) -> Named:
-        found = [one for one in FINDERS[marks.kind](pixels, [marks]) if len(one.row)]
-        return (found[0].row.astype(float), found[0].near_px) if found else (np.zeros(0), np.zeros((0, 2)))
+        found = detect_boards(pixels, target, name="photo")
+        return found.ring.astype(float), found.center_px
 
     return find
 

@@ -5,7 +5,7 @@ of rings' targets are, with the vanishing line that the grid gives: they are ima
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import cv2
@@ -17,7 +17,7 @@ from calib.detector.borders import reduced, reduction, thresholds
 from calib.detector.candidates import Candidates, find_candidates, merged
 from calib.detector.grid import Grid, Lattice, grow_grids, lattice_from
 from calib.detector.marks import FoundFace
-from calib.detector.marks.markers import MIRRORED
+from calib.detector.marks.markers import INVERTED, MIRRORED
 from calib.detector.measure import measure
 from calib.detector.place import Naming, complete
 from calib.detector.plan import TargetPlan, plan_for
@@ -167,6 +167,15 @@ def _size_words(grid: Grid, plan: CirclePlan) -> tuple[str, ...]:
 def find(pixels: NDArray[np.uint8], faces: Sequence[FaceMarks]) -> tuple[FoundFace, ...]:
     """The grids that a photo shows, measured; see `calib.detector.marks.Finder`."""
     circles = [marks for marks in faces if isinstance(marks, Circles)]
+    found = _find_all(pixels, circles)
+    if not found:
+        other = _find_all(np.asarray(cv2.bitwise_not(pixels)), circles)
+        found = tuple(replace(one, remarks=(INVERTED, *one.remarks)) for one in other if len(one.row))
+    return found
+
+
+def _find_all(pixels: NDArray[np.uint8], circles: Sequence[Circles]) -> tuple[FoundFace, ...]:
+    """In the image as it is; a face that is not in view is nothing to speak of where another is."""
     found: list[FoundFace] = []
     for marks in dict.fromkeys(circles):
         own = [face for face, one in enumerate(circles) if one == marks]
@@ -174,8 +183,8 @@ def find(pixels: NDArray[np.uint8], faces: Sequence[FaceMarks]) -> tuple[FoundFa
         if len(own) > 1 and any(len(one.row) for one in records):
             records = [_nothing(own[0], f"faces {own[0]} and {own[1]} are alike: which is seen is not told")]
         found += records
-    named_any = any(len(one.row) for one in found)
-    return tuple(one for one in found if len(one.row) or not named_any)
+    is_any_named = any(len(one.row) for one in found)
+    return tuple(one for one in found if len(one.row) or not is_any_named)
 
 
 def _nothing(face: int, *remarks: str) -> FoundFace:

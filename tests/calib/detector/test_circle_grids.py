@@ -78,6 +78,14 @@ def test_of_a_plain_grid_the_most_upright_names_are_taken() -> None:
     assert "ambiguous" in found.remarks[0]
 
 
+def test_a_grid_printed_light_for_dark_is_named_and_said() -> None:
+    """Its centres are measured in the image with its grey levels exchanged."""
+    view = view_of(ASYMMETRIC, 30)
+    (found,) = find(255 - view.image, ASYMMETRIC)
+    assert np.abs(found.near_px - view.center_px[found.row]).max() < 0.1
+    assert "inverted" in found.remarks[0]
+
+
 def test_a_cover_hides_what_is_under_it() -> None:
     """A finger over some circles takes nothing from the others; of a grid in the photo in part nothing is told."""
     view = view_of(SYMMETRIC, 30)

@@ -6,10 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.detector.boards import detect_boards
 from calib.detector.marks import FINDERS, FoundFace
 from designer.marks.aprilgrid import AprilGrid
 from designer.marks.charuco import Charuco
 from designer.marks.face_marks import FaceMarks
+from designer.target import target_of_marks
 from tests.support.cluttered_boards import BoardPhoto, Pixels, Pose, photo_of, put
 
 BOARD = Charuco((7, 6), 20.0, 15.0, "DICT_5X5_100")
@@ -113,6 +115,17 @@ def test_equal_boards_are_never_mixed() -> None:
         assert [len(one.row) for one in found] == ([count, count] if count else [0])
         assert count or "two boards" in found[0].remarks[0]
     assert find(pixels, BOARD, BOARD)[0].remarks
+
+
+def test_corners_close_to_markers_are_told_with_what_they_are_worth() -> None:
+    """Where no edges are free around corners, these stay where the finder has them, with a sigma that holds."""
+    board = replace(BOARD, marker_mm=17.4)
+    seen = photo(board, Pose(0.5, 0.4, 0.7, 0.2))
+    found = detect_boards(seen.pixels, target_of_marks([board], np.eye(4)[None]), name="photo")
+    assert "markers are so close" in found.remarks[0]
+    off = (found.center_px - seen.point_px[found.ring]) / np.sqrt(found.cov_px2[:, 0, 0])[:, None]
+    assert len(found.ring) == 30
+    assert np.sqrt((off**2).mean()) < 1.3
 
 
 @pytest.mark.parametrize("pixels", [

@@ -1,6 +1,8 @@
 """Wide lenses: guessed from the grids of one photo, straight in whatever direction the target stands, and detected."""
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from calib.cameras import project
 from calib.cameras.camera import Camera, camera_or_preset
 from calib.core import homography
 from calib.core.se3 import exp_rotation, make_pose, rotation_between, transform
+from calib.detector import wide_guess
 from calib.detector.lens import CameraLens, NoLens, RadialLens, local_form, radial_lens
 from calib.detector.pipeline import detect
 from calib.detector.wide_guess import guess_lens
@@ -82,6 +85,14 @@ def test_no_wide_lens_is_invented_from_noise(noise_px: float) -> None:
     for seed in range(12):
         groups = [seen_grid(camera, at_side(turn, 250.0), noise_px, seed) for turn in (0.0, 8.0)]
         assert isinstance(guess_lens(groups, camera.image_size), NoLens | RadialLens)
+
+
+def test_a_descent_that_runs_away_leaves_the_radial_lens(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What ends at a camera without rays, as from the side of a bent grid, costs no photo."""
+    plane, pixel = seen_grid(FISHEYE, at_side(45.0, 90.0), 0.05)
+    end = SimpleNamespace(camera=replace(FISHEYE, params=FISHEYE.params * 1e-12))
+    monkeypatch.setattr(wide_guess, "_descended", lambda planes, start: end)
+    assert isinstance(guess_lens([(plane, pixel)], FISHEYE.image_size), NoLens | RadialLens)
 
 
 def test_a_wrong_point_makes_no_wide_lens() -> None:
