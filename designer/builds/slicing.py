@@ -184,7 +184,7 @@ def print_settings(design: Design, shells: Shells, how_it_lies: str, outline: st
     rows = {
         "printer": f"{printer.name}, nozzle {printer.nozzle_mm:g} mm, lines {printer.line_width_mm:g} mm",
         "how it lies": how_it_lies,
-        "filaments": f"{two}; one material, dry, matt: glare hides rings",
+        "filaments": f"{two}; one material, dry, matt: glare hides marks",
         "layer height": f"{printer.layer_height_mm:g} mm, the first too; ink {said}",
         "walls, infill": shells.words(layers_of(design)),
         "supports": supports,
