@@ -42,7 +42,7 @@ LEAST_ROOM_PX = 2.5
 MOST_OFF = 0.2
 """Of the room along its edges: farther from where it is predicted nothing is the corner."""
 MOST_TURN_RAD = 0.3
-ROUNDS = 3
+ROUNDS, LENS_ROUNDS = 3, 2
 TICKS, CLOSE = 96, 0.02
 NOT_THERE = "no board of this target was found"
 FOUND_SIGMA_PX = 0.1
@@ -50,6 +50,7 @@ FOUND_SIGMA_PX = 0.1
 CLOSE_MARKERS = (
     f"markers are so close to the corners, or squares so small, that corners are placed to {FOUND_SIGMA_PX:g} px only"
 )
+TOO_FEW = "only {count} corners of the board are seen; its pose needs four and more"
 NOT_CORNERS = "not taken for the board: of {count} corners found only {good} are corners of such edges"
 
 
@@ -285,8 +286,12 @@ def _measured(pixels: NDArray[np.generic], target: TargetGeometry, named: _Point
     """Rounds of prediction and fit: each knows the lens and the blur better, and more points, than the one before."""
     image_size = (pixels.shape[1], pixels.shape[0])
     seen, blur_px, is_soft = named, USUAL_BLUR_PX, False
-    for _ in range(ROUNDS):
-        lens = CameraLens(camera) if camera is not None else _lens_of(target, seen, image_size)
+    lens: Lens | None = None if camera is None else CameraLens(camera)
+    for turn in range(ROUNDS):
+        # What the finder saw is rougher than what is measured; the last round adds little.
+        if camera is None and turn < LENS_ROUNDS:
+            lens = _lens_of(target, seen, image_size)
+        assert lens is not None  # noqa: S101 - the first round has one
         places = _places(target, seen, lens, image_size)
         fits = _fitted(pixels, target, places, _starts(target, places, seen), blur_px)
         reason = _judged(fits, target, places)
@@ -324,8 +329,9 @@ def _as_found(target: TargetGeometry, named: _Points, good: int) -> _Fits:
 
 def _nothing(named: _Points, good: int) -> _Fits:
     """Of points that are none."""
-    none = np.zeros(0, dtype=np.int64)
-    remarks = (NOT_CORNERS.format(count=len(named.ring), good=good),) if len(named.ring) else ()
+    none, count = np.zeros(0, dtype=np.int64), len(named.ring)
+    said = TOO_FEW if count < LEAST_POINTS else NOT_CORNERS
+    remarks = (said.format(count=count, good=good),) if count else ()
     return _Fits(none, np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0), (), remarks)
 
 

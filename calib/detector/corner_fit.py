@@ -55,8 +55,11 @@ FARTHEST_PX, FARTHEST_BLURS = 20.0, 4.0
 """How far along the edges pixels are used."""
 BAND_PX, BAND_BLURS = 1.0, 3.0
 """How far from the edges."""
-MARGIN_BLURS = 2.3
-"""What stands beyond the free neighbourhood shines into it so far."""
+WIDER = 2.0
+"""So many times as far a quarter of the pixels is used, for the levels; farther off light is not linear any more."""
+MARGIN_BLURS, MARGIN_OF_SADDLE, LEAST_BAND_PX = 2.3, 2.0, 0.9
+"""What stands beyond the free neighbourhood shines into it so far; that around a saddle does so alike on both sides,
+and moves nothing. Some pixels beside the edges are always used."""
 CROSSING = 4.0
 """In blurs: pixels farther from one of the edges see the other alone."""
 SQUARE = 1e-6
@@ -218,7 +221,7 @@ def _accumulate(
 
 @jit
 def _choose(
-    image: NDArray[np.generic], p: Floats, mm_from_px: Floats, room_mm: Floats, pixels: Floats
+    image: NDArray[np.generic], p: Floats, is_saddle: bool, mm_from_px: Floats, room_mm: Floats, pixels: Floats
 ) -> tuple[int, float]:
     """Pixels in the free neighbourhood near the edges, u, v and grey level: how many, and how far along the edges.
 
@@ -232,13 +235,17 @@ def _choose(
     # Pixels across lines of even x, and how long a mm along the first edge is; likewise of y.
     across_x, across_y = 1.0 / math.sqrt(a * a + b * b), 1.0 / math.sqrt(c * c + d * d)
     along_x, along_y = math.sqrt(c * c + d * d) / det, math.sqrt(a * a + b * b) / det
-    margin_x, margin_y = MARGIN_BLURS * blur / across_x, MARGIN_BLURS * blur / across_y
+    margin = blur * (MARGIN_OF_SADDLE if is_saddle else MARGIN_BLURS)
+    margin_x, margin_y = margin / across_x, margin / across_y
     far, band = FARTHEST_PX + FARTHEST_BLURS * blur, BAND_PX + BAND_BLURS * blur
     most_x, most_y = min(room_mm[0] - margin_x, far / along_x), min(room_mm[0] - margin_y, far / along_y)
     least_x, least_y = max(margin_x - room_mm[1], -far / along_x), max(margin_y - room_mm[1], -far / along_y)
     if min(most_x, most_y, -least_x, -least_y) <= 0.0:
         return 0, 0.0
-    near_x, near_y = min(band / across_x, room_mm[2] - margin_x), min(band / across_y, room_mm[2] - margin_y)
+    least_x_mm, least_y_mm = min(LEAST_BAND_PX / across_x, room_mm[2]), min(LEAST_BAND_PX / across_y, room_mm[2])
+    deep_x, deep_y = max(room_mm[2] - margin_x, least_x_mm), max(room_mm[2] - margin_y, least_y_mm)
+    near_x, near_y = min(band / across_x, deep_x), min(band / across_y, deep_y)
+    deep_x, deep_y = min(WIDER * near_x, deep_x), min(WIDER * near_y, deep_y)
     long_x, long_y = (most_x - least_x) * along_x, (most_y - least_y) * along_y
     every = max(1, round(math.sqrt((long_x + long_y) * 2.0 * band / BUDGET)))
     far_x, far_y = max(most_x, -least_x), max(most_y, -least_y)
@@ -249,8 +256,10 @@ def _choose(
     for v in range(v_first, v_last + 1, every):
         for u in range(u_first, u_last + 1, every):
             x, y = a * (u - p[U]) + b * (v - p[V]), c * (u - p[U]) + d * (v - p[V])
-            is_inside = least_x <= x <= most_x and least_y <= y <= most_y
-            if is_inside and (abs(y) <= near_y or abs(x) <= near_x) and count < MAX_PIXELS:
+            if not (least_x <= x <= most_x and least_y <= y <= most_y) or count == MAX_PIXELS:
+                continue
+            is_near = abs(y) <= near_y or abs(x) <= near_x
+            if is_near or (u // every % 2 == 0 and v // every % 2 == 0 and (abs(y) <= deep_y or abs(x) <= deep_x)):
                 pixels[0, count], pixels[1, count], pixels[2, count] = u, v, image[v, u]
                 count += 1
     return count, max(far_x * along_x, far_y * along_y)
@@ -402,7 +411,7 @@ def _fit_range(
         begin[:] = start[n]
         cost, count, half = -1.0, 0, 0.0
         for _ in range(3):
-            count, half = _choose(image, begin, mm_from_px[n], room_mm[n], pixels)
+            count, half = _choose(image, begin, is_saddle[n], mm_from_px[n], room_mm[n], pixels)
             cost = -1.0
             if count < 2 * PARAMETERS:
                 break

@@ -1,4 +1,4 @@
-"""Chessboards: found by OpenCV, and named as far as the colours of squares tell."""
+"""Chessboards in photos: lattices of corners, named as far as the colours of squares tell."""
 
 from collections.abc import Iterator, Sequence
 
@@ -6,71 +6,160 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detector.borders import reduced
 from calib.detector.marks import FoundFace
+from calib.detector.saddles import Lattice, find_lattices
 from designer.base.arrays import Array
 from designer.marks.chessboard import Chessboard
 from designer.marks.face_marks import FaceMarks
 
 MOST_PIXELS = 2_000_000
-"""Boards are looked for in images reduced to about this size at first."""
+"""Boards are looked for in images reduced to about this size at first, then in larger and smaller ones."""
+FEW_PIXELS = 700_000
+"""Smaller photos are looked at enlarged, too, where nothing is found."""
+CLOSED = 0.4
+"""Rows at the end of a lattice with a smaller share of their corners are not the board's."""
+WHOLE = 0.75
+"""A board has this share of its corners found, so that the others can be predicted."""
+WORTH_A_WORD = 12
 AMBIGUOUS = "ambiguous orientation (these squares look the same turned): the most upright one is taken"
 SWAPPED = "dark and light squares are exchanged: another board than the target's (`light_first`), or a mirrored photo"
+WHOLE_NEEDED = "a chessboard needs all of it in view, a ChArUco board does not"
 
 
 def find(pixels: NDArray[np.uint8], faces: Sequence[FaceMarks]) -> tuple[FoundFace, ...]:
-    """The board of the first face; equal boards cannot be told."""
+    """Each board that is seen whole, or why none is; equal boards cannot be told from each other."""
+    boards = {marks: face for face, marks in reversed(list(enumerate(faces))) if isinstance(marks, Chessboard)}
+    lattices: list[list[Array]] = []
     found = []
-    for face, marks in enumerate(faces):
-        assert isinstance(marks, Chessboard)  # noqa: S101 - the registry's promise
-        if marks in faces[:face]:
-            continue
+    for marks, face in boards.items():
         size = marks.squares[0] - 1, marks.squares[1] - 1
-        lattice = next((one for one in _lattices(pixels, size) if one is not None), None)
-        if lattice is not None:
-            found.append(named(pixels, lattice, marks, face))
+        whole: list[Array] = []
+        for number, scale in enumerate(_scales(pixels)):
+            if number == len(lattices):
+                lattices.append([_closed(one) for one in _lattices_at(pixels, scale)])
+            whole = [one for one in lattices[number] if sorted(one.shape[:2]) == sorted(size) and _share(one) >= WHOLE]
+            if whole:
+                break
+        if len(whole) > 1:
+            found.append(_nothing(face, f"{len(whole)} boards like the target's are in view: cover all but one"))
+        elif whole or (other := _by_opencv(pixels, size)) is None:
+            seen = [one for each in lattices for one in each]
+            found += [named(pixels, whole[0], marks, face)] if whole else _told(pixels, seen, size, face)
+        else:
+            found.append(named(pixels, other, marks, face))
     return tuple(found)
 
 
-def _lattices(pixels: NDArray[np.uint8], size: tuple[int, int]) -> Iterator[Array | None]:
-    """What OpenCV's finders make of it, one after the other.  # (rows, columns, 2)"""
-    factor = max(1, int(np.ceil(np.sqrt(pixels.size / MOST_PIXELS))))
-    grey = pixels if factor == 1 else reduced(pixels, factor)
-    normal = cv2.CALIB_CB_NORMALIZE_IMAGE
-    for flags in (normal, normal | cv2.CALIB_CB_EXHAUSTIVE):
-        is_found, corner = cv2.findChessboardCornersSB(grey, size, flags=flags)
-        yield _in_full(np.asarray(corner), size, factor) if is_found else None
-    is_found, corner = cv2.findChessboardCorners(grey, size, flags=normal | cv2.CALIB_CB_ADAPTIVE_THRESH)
-    yield _in_full(np.asarray(corner), size, factor) if is_found else None
+def _nothing(face: int, remark: str) -> FoundFace:
+    return FoundFace(face, np.zeros(0, dtype=np.int64), np.zeros((0, 2)), (remark,))
 
 
-def _in_full(corner: NDArray[np.generic], size: tuple[int, int], factor: int) -> Array:
-    return factor * (corner.reshape(size[1], size[0], 2).astype(np.float64) + 0.5) - 0.5
+def _scales(pixels: NDArray[np.uint8]) -> Iterator[float]:
+    """By which a photo is multiplied, one after the other."""
+    first = min(1.0, (MOST_PIXELS / pixels.size) ** 0.5)
+    yield first
+    yield from (0.5 * first, 0.25 * first)
+    if first < 1:
+        yield min(2 * first, 1.0)
+    elif pixels.size < FEW_PIXELS:
+        yield 2.0
+
+
+def _lattices_at(pixels: NDArray[np.uint8], scale: float) -> list[Lattice]:
+    """The lattices of the photo at a scale, in pixels of the photo."""
+    height, width = round(pixels.shape[0] * scale), round(pixels.shape[1] * scale)
+    if min(height, width) < 16:
+        return []
+    way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    grey = pixels if scale == 1 else np.asarray(cv2.resize(pixels, (width, height), interpolation=way), dtype=np.uint8)
+    back = np.array([pixels.shape[1] / width, pixels.shape[0] / height])
+    return [Lattice(one.index, (one.center_px + 0.5) * back - 0.5) for one in find_lattices(grey)]
+
+
+def _closed(lattice: Lattice) -> Array:
+    """By row and column, without rows at the ends that hardly hang on; nan: missing.  # (rows, columns, 2)"""
+    columns, rows = lattice.size
+    at = np.full((rows, columns, 2), np.nan)
+    at[lattice.index[:, 1], lattice.index[:, 0]] = lattice.center_px
+    while min(at.shape[:2]) > 1:
+        there = np.isfinite(at[..., 0])
+        share = [there[0].mean(), there[-1].mean(), there[:, 0].mean(), there[:, -1].mean()]
+        worst = int(np.argmin(share))
+        if share[worst] >= CLOSED:
+            break
+        at = (at[1:], at[:-1], at[:, 1:], at[:, :-1])[worst]
+    return at
+
+
+def _share(at: Array) -> float:
+    return float(np.isfinite(at[..., 0]).mean())
+
+
+def _by_opencv(pixels: NDArray[np.uint8], size: tuple[int, int]) -> Array | None:
+    """What OpenCV's finder makes of a reduced photo.  # (rows, columns, 2)"""
+    scale = min(1.0, (FEW_PIXELS / pixels.size) ** 0.5)
+    small = cv2.resize(pixels, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else pixels
+    is_found, corner = cv2.findChessboardCornersSB(small, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+    if not is_found:
+        return None
+    at: Array = (np.asarray(corner).reshape(size[1], size[0], 2).astype(np.float64) + 0.5) / scale - 0.5
+    return at
+
+
+def _told(pixels: NDArray[np.uint8], seen: Sequence[Array], size: tuple[int, int], face: int) -> list[FoundFace]:
+    """What is seen instead of the board, if that is no chance."""
+    seen = [one for one in seen if min(one.shape[:2]) > 1 and np.isfinite(one[..., 0]).sum() >= WORTH_A_WORD]
+    seen = [one for one in seen if _share(one) >= WHOLE]
+    if not seen:
+        return []
+    best = max(seen, key=lambda one: int(np.isfinite(one[..., 0]).sum()))
+    short, long = sorted(best.shape[:2])
+    told = f"{long} x {short} inner corners are seen, the target has {max(size)} x {min(size)}"
+    if short > min(size) or long > max(size):
+        why = f"another board, of {long + 1} x {short + 1} squares?"
+    elif _is_near_edge(pixels, best):
+        why = f"cut by the image's edge? {WHOLE_NEEDED}"
+    else:
+        why = f"covered in part, or another board, of {long + 1} x {short + 1} squares? {WHOLE_NEEDED}"
+    return [_nothing(face, f"{told}: {why}")]
+
+
+def _is_near_edge(pixels: NDArray[np.uint8], at: Array) -> bool:
+    """Whether a row more of corners would lie outside the image somewhere."""
+    more = [2 * end[0] - end[1] for end in (at, at[::-1], at.swapaxes(0, 1), at.swapaxes(0, 1)[::-1])]
+    there = np.concatenate(more)
+    there = there[np.isfinite(there[:, 0])]
+    return bool(((there < 2) | (there > np.array(pixels.shape[::-1]) - 3)).any())
 
 
 def named(pixels: NDArray[np.uint8], lattice_px: Array, marks: Chessboard, face: int) -> FoundFace:
-    """The points of a whole board, turned so that colours fit and, where that leaves a choice, as upright as can be."""
+    """The points of a board, turned so that colours fit and, where that leaves a choice, as upright as can be."""
     columns, rows = marks.squares[0] - 1, marks.squares[1] - 1
     ways = [np.rot90(at, turn) for at in (lattice_px, lattice_px[::-1]) for turn in range(4)]
     ways = [at for at in ways if at.shape[:2] == (rows, columns) and _is_seen_from_front(at)]
     fits = [at for at in ways if (_darkness(pixels, at) > 0) != marks.light_first]
-    upright = max(fits or ways, key=lambda at: float((at[:, -1, 0] - at[:, 0, 0]).mean()))
+    upright = max(fits or ways, key=lambda at: float(np.nanmean(at[:, -1, 0]) - np.nanmean(at[:, 0, 0])))
     remarks = (AMBIGUOUS,) if len(fits or ways) > 1 else ()
-    return FoundFace(face, np.arange(rows * columns), upright.reshape(-1, 2), remarks if fits else (*remarks, SWAPPED))
+    at = upright.reshape(-1, 2)
+    row = np.flatnonzero(np.isfinite(at[:, 0]))
+    return FoundFace(face, row, at[row], remarks if fits else (*remarks, SWAPPED))
 
 
 def _is_seen_from_front(at: Array) -> bool:
     """Whether columns run to the right where rows run down."""
-    across, down = (at[:, -1] - at[:, 0]).mean(axis=0), (at[-1] - at[0]).mean(axis=0)
+    across, down = np.nanmean(np.diff(at, axis=1), axis=(0, 1)), np.nanmean(np.diff(at, axis=0), axis=(0, 1))
     return bool(across[0] * down[1] - across[1] * down[0] > 0)
 
 
 def _darkness(pixels: NDArray[np.uint8], at: Array) -> float:
     """By how many levels the square right below the first corner, and all of its colour, are darker than the others."""
     middle = 0.25 * (at[:-1, :-1] + at[:-1, 1:] + at[1:, :-1] + at[1:, 1:])
-    u, v = np.moveaxis(middle.round().astype(np.int64), -1, 0)
+    there = np.isfinite(middle[..., 0])
+    u, v = middle[there].round().astype(np.int64).T
     level = pixels[v.clip(0, pixels.shape[0] - 1), u.clip(0, pixels.shape[1] - 1)].astype(np.float64)
-    is_first = np.add.outer(np.arange(len(level)), np.arange(level.shape[1])) % 2 == 0
+    is_first = (np.add.outer(np.arange(len(middle)), np.arange(middle.shape[1])) % 2 == 0)[there]
+    if is_first.all() or not is_first.any():
+        return 0.0
     return float(level[~is_first].mean() - level[is_first].mean())
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from calib.detector import pipeline
 from designer.marks.chessboard import Chessboard
@@ -31,3 +32,77 @@ def test_colours_tell_which_corner_is_the_first(roll_deg: float, light_first: bo
     board = Chessboard((7, 6), 20.0, light_first)
     photo = facing(SIZE, 24, 20.0, tilt_deg=20, roll_deg=roll_deg)
     assert np.abs(errors_px(photo, board)).max() < 0.15
+
+
+def remarks_of(pixels: NDArray[np.uint8], board: Chessboard) -> str:
+    """What is said of a photo in which nothing is found."""
+    found = pipeline.detect(pixels, target_of(board), name="photo")
+    assert not len(found.ring)
+    return "; ".join(found.remarks)
+
+
+def photo_of(board: Chessboard, photo: BoardPhoto) -> NDArray[np.uint8]:
+    """With noise that is the same each time."""
+    return photo.levels(checkered(board), np.random.default_rng(1))
+
+
+def test_another_count_of_squares_is_told_as_it_is_seen() -> None:
+    """Of a board with fewer or more squares than the target's nothing is named, and what is seen is said."""
+    pixels = photo_of(Chessboard((7, 6), 20.0), facing(SIZE, 24, 20.0, tilt_deg=20))
+    said = remarks_of(pixels, Chessboard((6, 6), 20.0))
+    assert "6 x 5 inner corners are seen, the target has 5 x 5: another board, of 7 x 6 squares?" in said
+    assert "6 x 5 inner corners are seen, the target has 8 x 5: covered in part" in remarks_of(
+        pixels, Chessboard((9, 6), 20.0)
+    )
+
+
+def test_a_board_that_the_image_cuts_is_refused() -> None:
+    """A chessboard that goes on beyond the image has no places that could be named."""
+    photo = facing(SIZE, 34, 20.0, shift_px=(90.0, 0.0))
+    assert "cut by the image's edge?" in remarks_of(photo_of(Chessboard((7, 6), 20.0), photo), Chessboard((7, 6), 20.0))
+
+
+def test_of_two_equal_boards_none_is_taken() -> None:
+    """Which of two boards is meant no photo tells, and they are never mixed."""
+    board = Chessboard((7, 6), 20.0)
+    one = photo_of(board, facing(SIZE, 18, 20.0, roll_deg=10))
+    said = remarks_of(np.hstack([one, one]), board)
+    assert "2 boards like the target's are in view" in said
+
+
+def test_exchanged_colours_are_told() -> None:
+    """Where an even number of columns and rows shows that dark and light are exchanged, it is said."""
+    pixels = photo_of(Chessboard((6, 8), 20.0), facing(SIZE, 24, 20.0))
+    found = pipeline.detect(pixels, target_of(Chessboard((6, 8), 20.0, light_first=True)), name="photo")
+    assert len(found.ring) == 35
+    assert "dark and light squares are exchanged" in "; ".join(found.remarks)
+
+
+@pytest.mark.parametrize("tilt_deg", [0, 60])
+def test_corners_err_as_they_state(tilt_deg: float) -> None:
+    """Errors are those of the pixels' noise, to a hundredth of a pixel, and what is stated."""
+    board, squares, errors = Chessboard((8, 7), 20.0), [], []
+    for seed in range(2):
+        photo = facing(SIZE, 26, 20.0, tilt_deg=tilt_deg, roll_deg=20 + 40 * seed, axis_deg=50, shift_px=(0.3, 0.2))
+        pixels = photo.levels(checkered(board), np.random.default_rng(seed))
+        found = pipeline.detect(pixels, target_of(board), name="photo")
+        error = found.center_px - photo.seen_at(found.position_mm[:, :2])
+        errors.append(error)
+        squares.append(np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.cov_px2), error))
+    assert len(np.concatenate(errors)) == 84
+    assert np.sqrt(np.mean(np.concatenate(errors) ** 2)) < 0.012
+    assert 0.8 < np.sqrt(np.concatenate(squares).mean() / 2) < 1.25
+
+
+def test_a_covered_corner_is_not_told_and_the_others_are() -> None:
+    """Corners under a finger are missing with their reason; those that the finder lost are predicted and measured."""
+    board, photo = Chessboard((8, 7), 20.0), facing(SIZE, 26, 20.0, tilt_deg=25, roll_deg=5)
+    pixels = photo_of(board, photo)
+    u, v = photo.seen_at(board.position_mm[[16]])[0].round().astype(int)
+    pixels[v - 9 : v + 10, u - 9 : u + 10] = 150
+    found = pipeline.detect(pixels, target_of(board), name="photo")
+    assert 16 not in found.ring
+    assert len(found.ring) >= 37
+    assert sum(count for _, count in found.faces[0].missing) == 42 - len(found.ring)
+    off = found.center_px - photo.seen_at(found.position_mm[:, :2])
+    assert np.abs(off).max() < 0.1

@@ -1,0 +1,196 @@
+"""Checkered lattices in a photo: saddles of its brightness, joined along the edges that lead from one to the next.
+
+At a corner of squares the Hessian of the smoothed brightness has a negative determinant, and on a circle around it the
+brightness crosses that of the middle four times: on the edges. A neighbour lies on one of these edges, which is its
+own, too, with the colours beside it as the first corner has them. Everything is local, so lenses may bend the lattice
+as they like.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from designer.base.arrays import Array, Flags, Rows
+
+SMOOTH_PX = 1.5
+AROUND_PX, SAMPLES = 4.5, 48
+"""The circle on which a corner's edges and the colours of its squares are looked for."""
+MOST_BENT_RAD = 0.5
+"""Of an edge, at the corner."""
+MOST_UNLIKE = 3.0
+"""Contrasts of neighbours."""
+MOST = 1500
+"""Saddles, by their strength."""
+LEAST_STRENGTH = 0.004
+"""Of the strongest ones'."""
+LEAST_CONTRAST = 8.0
+"""Grey levels between the squares."""
+OFF_RAD = 0.3
+"""How far a neighbour may lie from the direction of an edge."""
+FARTHEST = 0.35
+"""Of the image's larger side: no square is longer."""
+CANDIDATES = 4
+"""So many of the nearest along an edge are looked at."""
+LEAST_EDGE = 0.35
+"""Of the contrast of the corners, beside the edge between them."""
+SMALLEST = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Saddles:
+    """N saddles, each with four directions along its edges, in the order of their angles."""
+
+    center_px: Array  # (N, 2)
+    way_rad: Array  # (N, 4) ascending within a turn
+    is_dark: Flags  # (N,) the quadrant after the first direction
+    contrast: Array  # (N,)
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """N corners that hang together."""
+
+    index: Rows  # (N, 2) column and row from (0, 0) on, in axes of its own, seen as columns to the right, rows down
+    center_px: Array  # (N, 2)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Columns, rows."""
+        columns, rows = (self.index.max(axis=0) + 1).tolist()
+        return columns, rows
+
+
+def find_saddles(grey: NDArray[np.uint8]) -> Saddles:
+    """Of an image.  # (H, W)"""
+    soft = _softened(grey, SMOOTH_PX)
+    kernel = np.array([1.0, -2.0, 1.0]), np.array([-0.5, 0.0, 0.5]), np.ones(1)
+    uu, vv = cv2.sepFilter2D(soft, -1, kernel[0], kernel[2]), cv2.sepFilter2D(soft, -1, kernel[2], kernel[0])
+    uv = cv2.sepFilter2D(soft, -1, kernel[1], kernel[1])
+    strength = uv * uv - uu * vv
+    is_peak = (strength == cv2.dilate(strength, np.ones((5, 5), np.uint8))) & (strength > 0)
+    edge = int(AROUND_PX) + 1
+    is_peak[:edge], is_peak[-edge:], is_peak[:, :edge], is_peak[:, -edge:] = False, False, False, False
+    v, u = np.nonzero(is_peak)
+    order = np.argsort(-strength[v, u], kind="stable")
+    usual = strength[v[order[:100]], u[order[:100]]].mean() if len(order) else 0.0
+    order = order[strength[v[order], u[order]] > LEAST_STRENGTH * usual][: 4 * MOST]
+    v, u = v[order], u[order]
+    a, b, c = (each[v, u].astype(np.float64) for each in (uu, uv, vv))
+    # To the saddle's own place within the pixel.
+    gu, gv = (
+        cv2.sepFilter2D(soft, -1, kernel[1], kernel[2])[v, u],
+        cv2.sepFilter2D(soft, -1, kernel[2], kernel[1])[v, u],
+    )
+    det = np.minimum(a * c - b * b, -1e-12)
+    shift = np.stack([(b * gv - c * gu) / det, (b * gu - a * gv) / det], axis=1)
+    center = np.asarray(np.column_stack([u, v]) + np.clip(shift, -1.0, 1.0), dtype=np.float64)
+    # Around it the brightness crosses that of the middle four times, where the edges are.
+    angle = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
+    around = center[:, None] + AROUND_PX * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    level = _levels(soft, around) - _levels(soft, center)[:, None]
+    after = np.roll(level, -1, axis=1)
+    crosses = (level > 0) != (after > 0)
+    (four,) = np.nonzero(crosses.sum(axis=1) == 4)
+    center, level, after, crosses = center[four], level[four], after[four], crosses[four]
+    sample = np.nonzero(crosses)[1].reshape(-1, 4)
+    here, there = np.take_along_axis(level, sample, axis=1), np.take_along_axis(after, sample, axis=1)
+    way = (2 * np.pi / SAMPLES) * (sample + here / (here - there))
+    is_dark = there[:, 0] <= 0
+    contrast = np.percentile(level, 85, axis=1) - np.percentile(level, 15, axis=1)
+    bent = np.abs(way[:, 2:] - way[:, :2] - np.pi).max(axis=1, initial=0.0)
+    good = np.flatnonzero((contrast > LEAST_CONTRAST) & (bent < MOST_BENT_RAD))[:MOST]
+    return Saddles(center[good], way[good], is_dark[good], contrast[good])
+
+
+def _softened(grey: NDArray[np.uint8], sigma_px: float) -> NDArray[np.float32]:
+    return np.asarray(cv2.GaussianBlur(grey.astype(np.float32), (0, 0), sigma_px), dtype=np.float32)
+
+
+def _levels(image: NDArray[np.float32], at: Array) -> Array:
+    """Brightness at places.  # (..., 2) -> (...)"""
+    flat = at.reshape(-1, 2).astype(np.float32)
+    found = [
+        cv2.remap(image, part[:, :1], part[:, 1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[:, 0]
+        for part in np.array_split(flat, len(flat) // 30_000 + 1)
+    ]
+    return np.concatenate(found).astype(np.float64).reshape(at.shape[:-1])
+
+
+def _neighbours(grey: NDArray[np.uint8], saddles: Saddles) -> tuple[Rows, Rows]:
+    """The neighbour in each direction of each saddle, and its direction that leads back; -1: none.  # (N, 4) twice"""
+    count = len(saddles.center_px)
+    next_of, back_of = np.full((2, count, 4), -1, dtype=np.int64)
+    offset = saddles.center_px[None] - saddles.center_px[:, None]
+    length, angle = np.linalg.norm(offset, axis=2), np.arctan2(offset[..., 1], offset[..., 0])
+    length[length < 1.2 * AROUND_PX] = np.inf
+    length[length > FARTHEST * max(grey.shape)] = np.inf
+    soft = _softened(grey, SMOOTH_PX / 2)
+
+    def turn(a: Array, b: Array) -> Array:
+        return np.asarray(np.abs((a - b + np.pi) % (2 * np.pi) - np.pi))
+
+    # The direction of each neighbour that leads back here, and whether colours agree there.
+    back = turn(saddles.way_rad[None], (angle + np.pi)[..., None])
+    slot, off = back.argmin(axis=2), back.min(axis=2)
+    color = saddles.is_dark[:, None] ^ (np.arange(4) % 2 == 1)
+    there = np.take_along_axis(np.broadcast_to(color[None], (count, count, 4)), ((slot - 1) % 4)[..., None], axis=2)[
+        ..., 0
+    ]
+    alike = np.abs(np.log(saddles.contrast[:, None] / saddles.contrast)) < np.log(MOST_UNLIKE)
+    for way in range(4):
+        fits = (turn(angle, saddles.way_rad[:, way : way + 1]) < OFF_RAD) & (off < OFF_RAD)
+        fits &= np.isfinite(length) & alike & (there == color[:, way : way + 1])
+        near = np.argsort(np.where(fits, length, np.inf), axis=1, kind="stable")[:, :CANDIDATES]
+        row, column = np.nonzero(np.take_along_axis(fits, near, axis=1))
+        other = near[row, column]
+        # Beside the edge between both, at three places, the colours are those of the squares.
+        step = offset[row, other]
+        side = np.stack([-step[:, 1], step[:, 0]], axis=1) / length[row, other, None]
+        side *= np.clip(0.2 * length[row, other, None], 1.5, AROUND_PX)
+        at = saddles.center_px[row, None] + step[:, None] * np.array([0.3, 0.5, 0.7])[:, None]
+        across = _levels(soft, at + side[:, None]) - _levels(soft, at - side[:, None])
+        across *= np.where(color[row, way], -1.0, 1.0)[:, None]
+        # A saddle that is none may lie between: the nearest good one is taken.
+        good = across.min(axis=1) > LEAST_EDGE * np.minimum(saddles.contrast[row], saddles.contrast[other])
+        for n in np.flatnonzero(good)[::-1].tolist():
+            next_of[row[n], way], back_of[row[n], way] = other[n], slot[row[n], other[n]]
+    has = next_of >= 0
+    mutual = has & (next_of[next_of, back_of] == np.arange(count)[:, None])
+    return np.where(mutual, next_of, -1), back_of
+
+
+def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
+    """All checkered lattices of an image, the largest first.  # (H, W)"""
+    saddles = find_saddles(grey)
+    count = len(saddles.center_px)
+    if count < SMALLEST:
+        return []
+    next_of, back_of = _neighbours(grey, saddles)
+    step = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
+    is_taken, found = np.zeros(count, dtype=np.bool_), []
+    for seed in range(count):
+        if is_taken[seed]:
+            continue
+        # The lattice direction k of a corner is its own direction k + turn.
+        place, turn, queue = {seed: (0, 0)}, {seed: 0}, [seed]
+        at = {(0, 0): seed}
+        is_taken[seed] = True
+        while queue:
+            one = queue.pop(0)
+            for k in range(4):
+                way = (k + turn[one]) % 4
+                other = int(next_of[one, way])
+                if other < 0 or is_taken[other]:
+                    continue
+                where = (place[one][0] + int(step[k, 0]), place[one][1] + int(step[k, 1]))
+                if where in at:
+                    continue
+                at[where], place[other], is_taken[other] = other, where, True
+                turn[other] = (int(back_of[one, way]) - k - 2) % 4
+                queue.append(other)
+        if len(place) >= SMALLEST:
+            index = np.array(list(place.values()))
+            found.append(Lattice(index - index.min(axis=0), saddles.center_px[list(place)]))
+    return sorted(found, key=lambda one: -len(one.index))
