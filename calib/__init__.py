@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from calib.judge.guide import Guide
     from calib.judge.hand_eye_file import HandEye
     from calib.judge.rig_guide import RigGuide
+    from calib.observe.arrays import observations
     from calib.renderer.options import RenderOptions
     from calib.solver.calibration import Calibration
     from calib.space.propagate import PointSightings
@@ -117,6 +118,7 @@ __all__ = [
     "load_rig_observations",
     "markers",
     "measure",
+    "observations",
     "plan",
     "pose",
     "render",
@@ -177,6 +179,7 @@ _HOMES = {
     "calib.judge.guide": ("Guide",),
     "calib.judge.rig_guide": ("RigGuide",),
     "calib.judge.hand_eye_file": ("HandEye",),
+    "calib.observe.arrays": ("observations",),
     "calib.renderer.options": ("RenderOptions",),
     "calib.solver.calibration": ("Calibration",),
     "calib.space.propagate": ("PointSightings",),

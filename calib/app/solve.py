@@ -1,6 +1,6 @@
 """From what was detected to a judged camera: `calib solve`, `calib.solve("detections.csv", "ico.target.json")`."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 @capability(folder=lambda given: cast(Path, given["observed"]).parent / "camera")
 def solve(
     observed: Annotated[
-        "Observations | Place | Iterable[Detections]",
-        argument("detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl", metavar="DETECTIONS"),
-    ],
+        "Observations | Place | Iterable[Detections] | None",
+        argument("detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl", metavar="DETECTIONS", is_needed=True),
+    ] = None,
     target: Annotated["TargetGeometry | Place | None", option("the target file of detections.csv")] = None,
     *,
     model: options.Model = "all",
@@ -50,6 +50,9 @@ def solve(
     criteria: options.Limits = "standard",
     truth: "Truth | Place | None" = None,
     rendered_id: str = "",
+    object_points: "Sequence[object] | None" = None,
+    image_points: "Sequence[object] | None" = None,
+    unit: str | None = None,
     out: Annotated[
         "Output | Place | None", written_to("folder for the results (default: camera, beside what is solved from)")
     ] = None,
@@ -61,10 +64,14 @@ def solve(
 
     >>> detector = calib.Detector("ico.target.json")
     >>> run = calib.solve([detector.detect(frame) for frame in frames], detector.target)
+    >>> run = calib.solve(object_points=object_points, image_points=image_points, image_size=gray.shape[::-1])
 
     Args:
         observed: a file of observations, what was found in photos, or observations as `load_observations` has them.
         truth: of rendered photos, or its `truth.json`.
+        object_points: instead, as `cv2.calibrateCamera` takes them; see `calib.observations`.
+        image_points: of these.
+        unit: of the object points; None: lengths are told as if it were mm.
         rendered_id: of the geometry that the photos were rendered of; "": what the records beside a file say.
 
     Raises:
@@ -84,6 +91,8 @@ def solve(
     from designer.page.output import output_of
     from designer.tolerance.made import how_made
 
+    if observed is None or any(one is not None for one in (object_points, image_points, unit)):
+        observed, image_size = _of_arrays(observed, object_points, image_points, image_size, unit), None
     limits, taken = criteria_of(criteria), capture_of(capture)
     plan = plan_from_words(
         model, fix=fix, share=share, focal_px=focal_px, loss=loss, reject=reject_sigma, weighted=weighted,
@@ -110,3 +119,30 @@ def solve(
     layout_id = "" if geometry is None else geometry.layout_id
     task = SolveTask(observations, plan, layout_id, kept, seen, truth_from(truth), way, taken)
     return solved(task, geometry, None, limits, progress, folder, is_whole=to is not out)
+
+
+def _of_arrays(
+    observed: object, object_points: "Sequence[object] | None", image_points: "Sequence[object] | None",
+    image_size: tuple[int, int] | None, unit: str | None,
+) -> "Observations":  # fmt: skip
+    """What OpenCV's arrays show."""
+    from calib.core.types import Observations
+    from calib.observe.arrays import observations
+    from designer.base.errors import InputError
+    from designer.base.words import shown
+
+    given = {"object_points": object_points, "image_points": image_points, "image_size": image_size, "unit": unit}
+    for name, one in (("object_points", object_points), ("image_points", image_points)):
+        if one is not None and (isinstance(one, str | bytes) or not hasattr(one, "__len__")):
+            raise InputError(f"{name} {shown(one)}: must be a list with an array a photo")
+    first = next((name for name, one in given.items() if one is not None and name != "image_size"), "")
+    if observed is not None:
+        raise InputError(f"{first} {shown(given[first])}: goes with arrays alone; leave what else was seen out")
+    if object_points is None or image_points is None or image_size is None:
+        missing = ", ".join(name for name, one in given.items() if one is None and name != "unit")
+        told = f"{first} alone: missing is {missing}" if first else "nothing is given to solve from"
+        raise InputError(f"{told}; give detections, or object_points, image_points and image_size")
+    found = observations(object_points, image_points, image_size, unit=unit)
+    if not isinstance(found, Observations):
+        raise InputError("image_points: of several cameras; give those of one, or calib.rig(calib.observations(...))")
+    return found

@@ -22,6 +22,7 @@ from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
 from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import least_squares
+from calib.core.se3 import log_rotation
 from calib.core.types import KnownPoints, Observations, freeze
 from calib.solver.priors import ParameterPrior
 from calib.solver.problem import Prior, prior_of
@@ -419,6 +420,17 @@ class Calibration(CameraSolution):
         parts = [part.param_covariance for part in self.errors.values()]
         stated: Array = sum(parts, start=np.asarray(self.param_covariance))
         return stated
+
+    @property
+    def rvecs(self) -> Array:
+        """The turns of `cam_from_target` as OpenCV has them: `cv2.projectPoints(x, c.rvecs[0], c.tvecs[0], ...)`."""
+        return log_rotation(self.cam_from_target[:, :3, :3])
+
+    @property
+    def tvecs(self) -> Array:
+        """And their shifts in mm.  # (V, 3)"""
+        shift: Array = self.cam_from_target[:, :3, 3]
+        return shift
 
     @property
     def prior(self) -> Prior:
