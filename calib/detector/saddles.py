@@ -49,7 +49,7 @@ class Saddles:
 
 
 @dataclass(frozen=True, eq=False)
-class Lattice:
+class CornerLattice:
     """N corners that hang together."""
 
     index: Rows  # (N, 2) column and row from (0, 0) on, in axes of its own, seen as columns to the right, rows down
@@ -111,6 +111,8 @@ def _softened(grey: NDArray[np.uint8], sigma_px: float) -> NDArray[np.float32]:
 def _levels(image: NDArray[np.float32], at: Array) -> Array:
     """Brightness at places.  # (..., 2) -> (...)"""
     flat = at.reshape(-1, 2).astype(np.float32)
+    if not len(flat):
+        return np.zeros(at.shape[:-1])
     found = [
         cv2.remap(image, part[:, :1], part[:, 1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[:, 0]
         for part in np.array_split(flat, len(flat) // 30_000 + 1)
@@ -161,7 +163,7 @@ def _neighbours(grey: NDArray[np.uint8], saddles: Saddles) -> tuple[Rows, Rows]:
     return np.where(mutual, next_of, -1), back_of
 
 
-def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
+def find_lattices(grey: NDArray[np.uint8]) -> list[CornerLattice]:
     """All checkered lattices of an image, the largest first.  # (H, W)"""
     saddles = find_saddles(grey)
     count = len(saddles.center_px)
@@ -192,5 +194,5 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
                 queue.append(other)
         if len(place) >= SMALLEST:
             index = np.array(list(place.values()))
-            found.append(Lattice(index - index.min(axis=0), saddles.center_px[list(place)]))
+            found.append(CornerLattice(index - index.min(axis=0), saddles.center_px[list(place)]))
     return sorted(found, key=lambda one: -len(one.index))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detector.marks import FoundFace
-from calib.detector.saddles import Lattice, find_lattices
+from calib.detector.saddles import CornerLattice, find_lattices
 from designer.base.arrays import Array
 from designer.marks.chessboard import Chessboard
 from designer.marks.face_marks import FaceMarks
@@ -65,7 +65,7 @@ def _scales(pixels: NDArray[np.uint8]) -> Iterator[float]:
         yield 2.0
 
 
-def _lattices_at(pixels: NDArray[np.uint8], scale: float) -> list[Lattice]:
+def _lattices_at(pixels: NDArray[np.uint8], scale: float) -> list[CornerLattice]:
     """The lattices of the photo at a scale, in pixels of the photo."""
     height, width = round(pixels.shape[0] * scale), round(pixels.shape[1] * scale)
     if min(height, width) < 16:
@@ -73,10 +73,10 @@ def _lattices_at(pixels: NDArray[np.uint8], scale: float) -> list[Lattice]:
     way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
     grey = pixels if scale == 1 else np.asarray(cv2.resize(pixels, (width, height), interpolation=way), dtype=np.uint8)
     back = np.array([pixels.shape[1] / width, pixels.shape[0] / height])
-    return [Lattice(one.index, (one.center_px + 0.5) * back - 0.5) for one in find_lattices(grey)]
+    return [CornerLattice(one.index, (one.center_px + 0.5) * back - 0.5) for one in find_lattices(grey)]
 
 
-def _closed(lattice: Lattice) -> Array:
+def _closed(lattice: CornerLattice) -> Array:
     """By row and column, without rows at the ends that hardly hang on; nan: missing.  # (rows, columns, 2)"""
     columns, rows = lattice.size
     at = np.full((rows, columns, 2), np.nan)
