@@ -170,7 +170,7 @@ def plan(
         option("what 95 % of the image is to stay within: 0.05px (default: as the criteria say)", 1e-3, 100),
     ] = None,
     criteria: Limits = "standard",
-    noise_px: Annotated[float, option("of a coordinate of a large ring's centre", 1e-3, 10)] = 0.05,
+    noise_px: Annotated[float, option("of a coordinate of a large mark", 1e-3, 10)] = 0.05,
     distance_mm: Annotated[
         tuple[float, float] | None,
         option("where the target may be: 0.3m..0.8m (default: where it fills 30 to 90 %)", 1.0, 1e4),
@@ -280,11 +280,11 @@ def _why_nothing(distance_mm: tuple[float, float], *, is_on_table: bool) -> str:
     near, far = (digits(one, 3) for one in distance_mm)
     if is_on_table:
         return (
-            f"the turntable's target, {near} to {far} mm away, is not read at any angle: its rings are too small in "
+            f"the turntable's target, {near} to {far} mm away, is not read at any angle: its marks are too small in "
             "the image, or outside; give the hand_eye.json of this camera where it stands now"
         )
     return (
-        f"no photo from {near} to {far} mm away shows enough rings of the target; give other distances with "
+        f"no photo from {near} to {far} mm away shows enough of the target's marks; give other distances with "
         "--distance, or a larger target"
     )
 

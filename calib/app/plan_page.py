@@ -104,7 +104,7 @@ def _facts(found: "PhotoPlan") -> Facts:
         ("taken by", BY_HAND if found.is_by_hand else printable(found.taken_by)),
         ("distance", f"{near if near == far else f'{near} to {far}'} mm"),
         ("covered", f"{100 * found.covered:.0f} % of the image"),
-        ("noise", f"{digits(found.noise_px, 2)} px, of a coordinate of a large ring's centre"),
+        ("noise", f"{digits(found.noise_px, 2)} px, of a coordinate of a large mark"),
     ))  # fmt: skip
 
 

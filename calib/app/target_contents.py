@@ -139,7 +139,7 @@ def _doubt(marks: "FaceMarks") -> str:
     return (
         f"the {marks.kind} looks the same turned by {turn}, so that one photo does not tell which way up it is: one "
         "camera alone loses nothing by that, rigs and robots work it out from their motions or say that they cannot; "
-        f"measure, markers and triangulate refuse it. What tells: {marks.remedy}, or a ChArUco board"
+        f"measure and markers refuse it. What tells: {marks.remedy}, or a ChArUco board"
     )
 
 
