@@ -70,6 +70,16 @@ def test_of_two_equal_boards_none_is_taken() -> None:
     assert "2 boards like the target's are in view" in said
 
 
+@pytest.mark.parametrize("size", [(8, 8), (17, 40), (240, 320)])
+def test_an_empty_photo_holds_no_board(size: tuple[int, int]) -> None:
+    """Nothing, and hardly anything, is no error."""
+    for pixels in (np.full(size, 90, dtype=np.uint8), np.tril(np.full(size, 200, dtype=np.uint8))):
+        assert "no board of this target was found" in remarks_of(pixels, Chessboard((7, 6), 20.0))
+    spots = np.full(size, 90, dtype=np.uint8)
+    spots[:: size[0] // 2, :: size[1] // 3] = 250
+    remarks_of(spots, Chessboard((7, 6), 20.0))
+
+
 def test_exchanged_colours_are_told() -> None:
     """Where an even number of columns and rows shows that dark and light are exchanged, it is said."""
     pixels = photo_of(Chessboard((6, 8), 20.0), facing(SIZE, 24, 20.0))
