@@ -50,7 +50,7 @@ class TargetContents(Result, kind="target", title="Target", doing="reading the t
 
         geometry = self.geometry
         if geometry.marks is not None:
-            marks = f"marks of {'another maker' if geometry.is_planar else f'other makers on {self.faces} faces'}"
+            marks = f"other detectors' marks{'' if geometry.is_planar else f' on {self.faces} faces'}"
         elif not geometry.has_marks:
             marks = f"points without marks on {self.faces} plane{'s' if not geometry.is_planar else ''}"
         elif not geometry.is_planar:

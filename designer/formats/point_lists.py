@@ -42,6 +42,8 @@ def _rows(header: tuple[str, ...], rows: list[tuple[object, ...]], mark: str = "
 def _table(target: "TargetGeometry") -> str:
     """All that a table can hold."""
     dot = "dot" if target.has_marks else "point"
+    if target.marks is not None:
+        dot = target.feature_word[:-1]
     kinds = [dot if is_dot else "ring" for is_dot in target.is_dot.tolist()]
     diameters = (2 * target.radius_outer_mm).tolist()
     rows: list[tuple[object, ...]] = [
@@ -84,13 +86,18 @@ def _opencv(target: "TargetGeometry") -> str:
 
 
 def _kalibr(target: "TargetGeometry") -> str:
-    """A grid of circles, in metres.
+    """A grid of circles, or another maker's board that Kalibr finds, in metres.
 
     Raises:
         InputError: it is none: it has several faces, or its lattice is not square and full.
     """
     import numpy as np
 
+    if target.marks is not None:
+        fields = target.marks[0].kalibr_fields if target.is_planar else {}
+        if not fields:
+            raise InputError(f"--to kalibr: finds none like {target.words}; use --to csv")
+        return "".join(f"{name}: {value}\n" for name, value in fields.items())
     lattice = None if target.lattice_mm is None else target.lattice_mm[0]
     index = target.ring_index - target.ring_index.min(axis=0)
     columns, rows = (index.max(axis=0) + 1).tolist()
@@ -122,7 +129,7 @@ POINT_FORMATS: Mapping[str, PointFormat] = {
         "row k belongs to ring k of detections.csv",
     ),
     "kalibr": PointFormat(
-        "Kalibr: a grid of circles, of boards", ".kalibr.yaml", _kalibr,
+        "Kalibr: a grid of circles, of boards; or an AprilGrid, a chessboard", ".kalibr.yaml", _kalibr,
         "its detector looks for circles, of which rings and dots have the outer edge; try it on a photo first",
     ),
 }  # fmt: skip

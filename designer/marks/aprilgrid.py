@@ -1,5 +1,6 @@
 """An AprilGrid as Kalibr has it: square tags in rows, whose points are the tags' corners."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -125,6 +126,14 @@ class AprilGrid(FaceMarks):
             f"tags {ids[0]} to {ids[-1]} row by row from the {side} left; of each its corners from the lower left, "
             "counter-clockwise"
         )
+
+    @property
+    def kalibr_fields(self) -> Mapping[str, str | int | float | bool]:
+        """In metres; Kalibr finds only tags as it prints them."""
+        as_printed = AprilGrid(self.tags, self.tag_mm, self.spacing, corner_squares=self.corner_squares)
+        counts = {"tagCols": self.tags[0], "tagRows": self.tags[1]}
+        sizes = {"tagSize": round(self.tag_mm / 1000, 12), "tagSpacing": self.spacing}
+        return {"target_type": "aprilgrid", **counts, **sizes} if self == as_printed else {}
 
     @property
     def polygons_mm(self) -> tuple[Array, ...]:

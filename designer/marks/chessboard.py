@@ -1,5 +1,6 @@
 """A chessboard, whose points are the corners between its squares."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -63,6 +64,13 @@ class Chessboard(FaceMarks):
     def remedy(self) -> str:
         """See `FaceMarks.remedy`."""
         return "one whose columns and rows sum to an odd number, such as 9 x 6 squares"
+
+    @property
+    def kalibr_fields(self) -> Mapping[str, str | int | float | bool]:
+        """Its inner corners, and metres."""
+        columns, rows, side = self.squares[0] - 1, self.squares[1] - 1, round(self.square_mm / 1000, 12)
+        counts = {"targetCols": columns, "targetRows": rows}
+        return {"target_type": "checkerboard", **counts, "rowSpacingMeters": side, "colSpacingMeters": side}
 
     @property
     def alike(self) -> int:

@@ -1,5 +1,6 @@
 """A grid of circles, symmetric or asymmetric, as OpenCV has it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -60,6 +61,16 @@ class Circles(FaceMarks):
         return (
             f"{kind} of {self.circles[0]} x {self.circles[1]}, {self.diameter_mm:g} mm wide, {self.pitch_mm:g} mm apart"
         )
+
+    @property
+    def kalibr_fields(self) -> Mapping[str, str | int | float | bool]:
+        """In metres; of an asymmetric grid the distance of rows."""
+        columns, rows = self.circles
+        spacing, counts = (
+            round(self.pitch_mm / (2000 if self.asymmetric else 1000), 12),
+            {"targetCols": columns, "targetRows": rows},
+        )
+        return {"target_type": "circlegrid", **counts, "spacingMeters": spacing, "asymmetricGrid": self.asymmetric}
 
     @property
     def alike(self) -> int:

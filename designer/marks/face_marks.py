@@ -102,6 +102,11 @@ class FaceMarks(ABC):
         return False
 
     @property
+    def kalibr_fields(self) -> Mapping[str, str | int | float | bool]:
+        """Kalibr's target file of it; empty: Kalibr does not find it."""
+        return {}
+
+    @property
     def alike(self) -> int:
         """Turned by so many parts of a full turn it looks the same: 1, 2 or 4."""
         return 1

@@ -56,6 +56,8 @@ DESIGN = (
     Case(("solid", "none.stl", "--unit", "mm"), 2),
     Case(("board", *SMALL, "--build", "sheet", "-o", "out"), 0),
     Case(("board", "--columns", "many"), 2),
+    Case(("board", "--marks", "charuco", "--squares", "5x4", "--square", "16mm", "--build", "sheet", "-o", "out"), 0),
+    Case(("board", "--marks", "rings"), 2),
     Case(("coupon", "--build", "sheet", "-o", "out"), 0),
     Case(("coupon", "--pitch", "20mm"), 2),
     Case(("make", "alu-board", "--size", "60x60mm", "-o", "out"), 0),

@@ -8,6 +8,9 @@ import jsonschema
 import numpy as np
 import pytest
 
+from calib.observe.kalibr_target import read_kalibr_target
+from designer.base.errors import InputError
+from designer.formats.point_lists import POINT_FORMATS
 from designer.marks.aprilgrid import AprilGrid
 from designer.marks.charuco import Charuco
 from designer.marks.dictionaries import MARKERS, dictionary_named, marker_cells
@@ -38,6 +41,23 @@ def test_what_a_file_holds_is_read_back(marks: FaceMarks) -> None:
     )
     assert again.marks == target.marks
     assert (again.layout_id, again.geometry_id) == (target.layout_id, target.geometry_id)
+
+
+@each_board
+def test_what_is_written_for_kalibr_is_read_back(marks: FaceMarks, tmp_path: Path) -> None:
+    """By Kalibr's own names and in metres; a board that Kalibr does not find is refused."""
+    target = target_of_marks([marks], np.eye(4)[None])
+    write = POINT_FORMATS["kalibr"].write
+    if not marks.kalibr_fields:
+        with pytest.raises(InputError, match="--to kalibr: finds none like"):
+            write(target)
+        return
+    (tmp_path / "k.yaml").write_text(write(target))
+    read, _ = read_kalibr_target(tmp_path / "k.yaml", 2 * marks.radius_mm or None)
+    named = {**marks_to_mapping(marks)}
+    named.pop("light_first", None)
+    named.pop("light", None)
+    assert named.items() <= marks_to_mapping(read).items()
 
 
 @each_board
