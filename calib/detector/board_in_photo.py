@@ -28,7 +28,7 @@ from designer.marks.face_marks import FaceMarks
 Pixels = NDArray[np.uint8]
 LEAST_MARKERS, LEAST_AGREEING = 4, 0.8
 """Markers that make a board, and their share that its layout explains."""
-MOST_ACROSS = 60
+MOST_ACROSS, MOST_MARKERS = 60, 1000
 MOST_SIDE_PX = 3000
 """Larger photos are halved until they are smaller."""
 NEAR = 0.3
@@ -64,10 +64,13 @@ def boards_in(photo: NDArray[np.uint8] | NDArray[np.uint16]) -> tuple[BoardInPho
     pixels: Pixels = np.asarray(photo if photo.dtype == np.uint8 else photo // 257, dtype=np.uint8)
     while max(pixels.shape) > MOST_SIDE_PX:
         pixels = cv2.pyrDown(pixels).astype(np.uint8)
-    found = [board for markers in _all_markers(pixels) for board in _of_markers(markers, pixels)]
+    seen = tuple(_all_markers(pixels))
+    found = [board for markers in seen for board in _of_markers(markers, pixels)]
     if found:
         most = max(board.seen for board in found)
         return tuple(board for board in found if board.seen >= 0.9 * most)
+    if max((len(markers.ids) for markers in seen), default=0) >= 2 * LEAST_MARKERS:
+        return ()  # of several boards, or of one that makes no sense: no chessboard for that
     return tuple(itertools.islice(itertools.chain(_chessboard(pixels), _circles(pixels)), 1))
 
 
@@ -83,9 +86,8 @@ def _all_markers(pixels: Pixels) -> Iterator[_Markers]:
             known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
             corners, ids, _ = cv2.aruco.ArucoDetector(known, parameters).detectMarkers(pixels)
             if ids is not None and len(ids) >= LEAST_MARKERS:
-                yield _Markers(
-                    name, bits, np.asarray(ids, np.int64).ravel(), np.array(corners, dtype=float).reshape(-1, 4, 2)
-                )
+                four = np.array(corners[:MOST_MARKERS], dtype=float).reshape(-1, 4, 2)
+                yield _Markers(name, bits, np.asarray(ids[:MOST_MARKERS], np.int64).ravel(), four)
 
 
 def _of_markers(markers: _Markers, pixels: Pixels) -> Iterator[BoardInPhoto]:
@@ -112,10 +114,10 @@ def _lattice(markers: _Markers) -> tuple[Rows, Rows, bool] | None:
     frame = np.stack([across, down], axis=2)  # (N, 2, 2)
     if not (np.abs(np.linalg.det(frame)) > 1).all():
         return None
-    both = 0.5 * (frame[:, None] + frame[None])
-    apart = solve_square(both, (middle[None] - middle[:, None])[..., None])[..., 0]  # (N, N, 2) in markers' sides
-    # Of two that stand opposite ways nothing is told.
-    length = np.nan_to_num(np.linalg.norm(apart, axis=2), nan=1e9) + 1e9 * np.eye(len(middle))
+    inverse = solve_square(frame, np.broadcast_to(np.eye(2), frame.shape))
+    both = 0.5 * (inverse[:, None] + inverse[None])
+    apart = np.einsum("nmij,nmj->nmi", both, middle[None] - middle[:, None])  # (N, N, 2) in markers' sides
+    length = np.linalg.norm(apart, axis=2) + 1e9 * np.eye(len(middle))
     nearest = apart[np.arange(len(middle)), length.argmin(axis=1)]
     slope = np.abs(nearest).min(axis=1) / np.abs(nearest).max(axis=1)
     is_diagonal = bool(np.median(slope) > 0.5)
@@ -288,10 +290,10 @@ def _has_squares(markers: _Markers, place: Rows, step: float, pixels: Pixels) ->
 
 
 def _chessboard(pixels: Pixels) -> Iterator[BoardInPhoto]:
-    """The largest chessboard that is found from a small one: what is found depends on where the search begins."""
+    """The largest chessboard found from smaller ones: what is found depends on where the search begins, and on luck."""
     flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
     best: Array = np.empty((0, 0, 2))
-    tries = [(3, 3)]
+    tries = [(3, 3), (4, 3), (4, 4), (6, 5)]
     while tries:
         is_found, there, meta = cv2.findChessboardCornersSBWithMeta(pixels, tries.pop(0), flags)
         if not is_found:
@@ -299,7 +301,7 @@ def _chessboard(pixels: Pixels) -> Iterator[BoardInPhoto]:
         corners = _saddles(pixels, np.asarray(there, dtype=float).reshape(*np.asarray(meta).shape[:2], 2))
         if min(corners.shape[:2]) >= 3 and corners.size > best.size:
             best, (rows, columns) = corners, corners.shape[:2]
-            tries = [(columns + 1, rows), (columns, rows + 1), (columns + 1, rows + 1)]
+            tries += [(columns + 1, rows), (columns, rows + 1), (columns + 1, rows + 1)]
     if not best.size or not _is_checkered(pixels, best):
         return
     if best.shape[0] > best.shape[1]:  # by a quarter turn

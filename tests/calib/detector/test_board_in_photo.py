@@ -82,6 +82,12 @@ def test_a_part_of_a_board_is_not_taken_for_all() -> None:
     assert layout(whole) in [layout(board.marks) for board in found]
 
 
+def test_two_boards_of_the_same_markers_are_none() -> None:
+    """Each of a pair, one on its head, explains half of the markers: nothing is proposed, and no chessboard either."""
+    one = cv2.resize(photo_of(SEEN["charuco"], angle_deg=0.0), None, fx=0.8, fy=0.8, interpolation=cv2.INTER_AREA)
+    assert boards_in(np.hstack([one, one[::-1, ::-1]])) == ()
+
+
 def test_rings_and_nothing_are_no_board(tmp_path: Path) -> None:
     """White rings are no grid of circles; an empty photo is no board, and ends with exit code 1."""
     empty = np.full(SIZE[::-1], 128, np.uint8)
