@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detector.marks import FoundFace
-from calib.detector.marks.markers import MarkerLayout, Markers, find_marked
+from calib.detector.marks.marker_points import MarkerLayout
+from calib.detector.marks.markers import Markers, find_marked
 from designer.marks.charuco import Charuco
 from designer.marks.face_marks import FaceMarks, lattice
 
