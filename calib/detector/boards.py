@@ -45,6 +45,7 @@ MOST_TURN_RAD = 0.3
 ROUNDS, LENS_ROUNDS = 3, 2
 TICKS, CLOSE = 96, 0.02
 NOT_THERE = "no board of this target was found"
+NEW_OFF_PX = 0.5
 FOUND_SIGMA_PX = 0.1
 """Of corners that only likeness with an ideal one has placed (rendered: .04 to .07 px an axis)."""
 CLOSE_MARKERS = (
@@ -295,6 +296,11 @@ def _measured(pixels: NDArray[np.generic], target: TargetGeometry, named: _Point
         places = _places(target, seen, lens, image_size)
         fits = _fitted(pixels, target, places, _starts(target, places, seen), blur_px)
         reason = _judged(fits, target, places)
+        # What no finder has named may be where a cover ends: it has to be where it is predicted.
+        off = np.linalg.norm(fits.center_px - places.center_px, axis=1)
+        is_new = ~np.isin(places.ring, named.ring)
+        if not is_new.all():
+            reason[is_new & (off > NEW_OFF_PX + 3 * float(np.median(off[~is_new])))] = OFF_GRID
         good = reason == ""
         kept = int(np.isin(named.ring, places.ring[good]).sum())
         if not good.any() or 2 * kept < len(named.ring):
