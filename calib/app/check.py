@@ -307,7 +307,7 @@ def _observed(
     if not places:
         raise InputError("no photos; give images, folders or patterns, after the target")
     if is_alone:
-        found, _ = with_truth(photos_of(places), None)
+        found, _ = with_truth(photos_of(places, None, target, progress), None)
         search = PhotoSearch(target, found, jobs=jobs, progress=progress).once(reference.rig.cameras[0])
         return _of_searches(reference, names, (search,), {})
     from calib.observe.rig_search import photos_of_rig, rig_input, search_cameras

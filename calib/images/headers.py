@@ -10,12 +10,12 @@ import math
 import re
 import struct
 import zlib
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-Format = Literal["PNG", "JPEG", "TIFF", "BMP", "PNM"]
+Format = Literal["PNG", "JPEG", "TIFF", "BMP", "PNM", "WebP", "HEIC", "raw"]
 
 MAX_SCANS = 200
 """Scans of a progressive JPEG; real ones have about ten, and each one is a pass over the whole picture."""
@@ -36,11 +36,10 @@ _PAM_FIELD = re.compile(rb"^(WIDTH|HEIGHT|DEPTH|MAXVAL)[ \t]+(\d{1,9})[ \t]*\r?$
 _PNG_START = b"\x89PNG\r\n\x1a\n"
 _PNG_NEEDED = frozenset({b"IHDR", b"PLTE", b"IDAT", b"IEND"})
 _OTHER_FORMATS: tuple[tuple[int, bytes, str], ...] = (
-    (4, b"ftyphei", "a HEIC"), (4, b"ftypmif1", "a HEIC"), (4, b"ftypavif", "an AVIF"), (4, b"ftypcrx", "a raw"),
-    (8, b"WEBP", "a WebP"), (0, b"GIF8", "a GIF"), (4, b"jP  ", "a JPEG 2000"), (0, b"\xff\x4f\xff\x51", "a JPEG 2000"),
-    (0, b"v/1\x01", "an OpenEXR"), (0, b"FUJIFILM", "a raw"), (8, b"CR\x02\x00", "a raw"), (0, b"IIRO", "a raw"),
-    (0, b"IIU\x00", "a raw"), (0, b"%PDF", "a PDF"), (0, b"8BPS", "a Photoshop"), (0, b"Pf", "a float PFM"),
-    (0, b"PF", "a float PFM"), (0, b"\xff\x0a", "a JPEG XL"), (0, b"II+\0", "a BigTIFF"), (0, b"MM\0+", "a BigTIFF"),
+    (4, b"ftypavif", "an AVIF"), (0, b"GIF8", "a GIF"), (4, b"jP  ", "a JPEG 2000"),
+    (0, b"\xff\x4f\xff\x51", "a JPEG 2000"), (0, b"v/1\x01", "an OpenEXR"), (0, b"%PDF", "a PDF"),
+    (0, b"8BPS", "a Photoshop"), (0, b"Pf", "a float PFM"), (0, b"PF", "a float PFM"), (0, b"\xff\x0a", "a JPEG XL"),
+    (0, b"II+\0", "a BigTIFF"), (0, b"MM\0+", "a BigTIFF"),
 )  # fmt: skip
 
 
@@ -62,8 +61,8 @@ class Header:
     """What is known of an image before it is decoded."""
 
     format: Format
-    width: int  # px
-    height: int  # px
+    width: int  # px; 0 of a raw photo, as its decoder says it
+    height: int  # px; likewise
     exif: Exif = Exif()
     page_count: int = 1
     pixel_bytes: int = 1  # as decoded
@@ -79,14 +78,14 @@ def read_header(data: bytes) -> Header:
     for at, magic, name in _OTHER_FORMATS:
         if data.startswith(magic, at):
             raise DamagedError(f"is {name} file; convert it to PNG or TIFF without changing its size")
-    reader = next((reader for magic, reader in _READERS.items() if data.startswith(magic)), None)
+    reader = next((reader for at, magic, reader in _READERS if data.startswith(magic, at)), None)
     if reader is None:
-        raise DamagedError("is not an image in a known format; give PNG, JPEG, TIFF, BMP or PGM")
+        raise DamagedError("is not an image in a known format; give PNG, JPEG, TIFF, WebP, BMP or PGM, HEIC or raw")
     try:
         header = reader(data)
     except (struct.error, LookupError, ValueError, OverflowError):
         raise DamagedError("its header is damaged or cut off; copy it again") from None
-    if header.width < 1 or header.height < 1:
+    if (header.width < 1 or header.height < 1) and header.format != "raw":
         raise DamagedError(f"its header gives a size of {header.width} x {header.height} px; copy it again")
     return header
 
@@ -205,7 +204,7 @@ def _tiff_header(data: bytes) -> Header:
     value = {tag: entry[0] for tag, entry in tags.items()}
     photometric = value.get(262, 1)
     if 50706 in tags or value.get(254, 0) & 1 or photometric in {32803, 34892}:
-        raise DamagedError("is a raw photo, or begins with a preview; convert it to a 16-bit TIFF or PNG")
+        return Header("raw", 0, 0)
     if value.get(339, 1) != 1 or value.get(258, 1) > 16:
         kind = {2: "signed numbers", 3: "floating-point numbers"}.get(value.get(339, 1), "numbers of more than 16 bits")
         raise DamagedError(f"holds {kind}; convert it to 8 or 16 bits without sign")
@@ -266,14 +265,59 @@ def exif_focal_px(path: Path) -> float | None:
     except (OSError, ValueError, DamagedError):
         return None  # a photo may hold anything; the solver needs no guess
     focal_mm = header.exif.focal_in_35_mm
-    return focal_mm / DIAGONAL_OF_35_MM * math.hypot(header.width, header.height) if 1 <= focal_mm <= 5000 else None
+    if not (1 <= focal_mm <= 5000 and header.width):
+        return None
+    return focal_mm / DIAGONAL_OF_35_MM * math.hypot(header.width, header.height)
 
 
-_READERS: Mapping[bytes, Callable[[bytes], Header]] = {
-    _PNG_START: _png_header,
-    b"\xff\xd8\xff": _jpeg_header,
-    b"II*\0": _tiff_header,
-    b"MM\0*": _tiff_header,
-    b"BM": _bmp_header,
-    **{b"P%d" % digit: _pnm_header for digit in range(1, 8)},
-}
+def _webp_header(data: bytes) -> Header:
+    """RFC 9649: the first chunk's size is that of the picture, in one of three ways."""
+    name, (size,) = data[12:16], struct.unpack_from("<I", data, 4)
+    if size + 8 > len(data):
+        raise DamagedError("is cut off: its end is missing; copy it again")
+    if name == b"VP8X":
+        if data[20] & 2:
+            raise DamagedError("is an animation; give photos")
+        width, height = (1 + int.from_bytes(data[at : at + 3], "little") for at in (24, 27))
+    elif name == b"VP8L":
+        (bits,) = struct.unpack_from("<I", data, 21)
+        width, height = 1 + (bits & 0x3FFF), 1 + (bits >> 14 & 0x3FFF)
+    else:
+        width, height = (side & 0x3FFF for side in struct.unpack_from("<HH", data, 26))
+    return Header("WebP", width, height, _exif_within(data, data.find(b"EXIF")), pixel_bytes=4)
+
+
+HEIC_TURN = b"\0\0\0\x09irot"
+"""The box of a HEIC file that says by how many quarters it is turned against the clock, in the byte that follows."""
+_HEIC_SIZE = b"\0\0\0\x14ispe"
+_ORIENTATION_OF_TURN = (1, 8, 3, 6)
+
+
+def _heic_header(data: bytes) -> Header:
+    """The largest of its pictures, which are its tiles, the photo and a thumbnail (ISO/IEC 23008-12)."""
+    sizes = [struct.unpack_from(">II", data, found.end() + 4) for found in re.finditer(re.escape(_HEIC_SIZE), data)]
+    width, height = max(sizes, key=lambda size: size[0] * size[1])
+    turn = data.find(HEIC_TURN)
+    noted = _exif_within(data, data.find(b"Exif\0\0"))
+    orientation = _ORIENTATION_OF_TURN[data[turn + len(HEIC_TURN)] & 3] if turn >= 0 else 1
+    return Header("HEIC", width, height, replace(noted, orientation=orientation), pixel_bytes=6)
+
+
+def _exif_within(data: bytes, at: int) -> Exif:
+    """What a camera noted in the block that begins after a word."""
+    starts = [place for start in (b"II*\0", b"MM\0*") if 0 <= (place := data.find(start, max(at, 0))) < at + 32]
+    return _exif(data[min(starts) :]) if at >= 0 and starts else Exif()
+
+
+def _raw_header(_: bytes) -> Header:
+    return Header("raw", 0, 0)
+
+
+_READERS: tuple[tuple[int, bytes, Callable[[bytes], Header]], ...] = (
+    (0, _PNG_START, _png_header), (0, b"\xff\xd8\xff", _jpeg_header), (8, b"CR\x02\x00", _raw_header),
+    (0, b"II*\0", _tiff_header), (0, b"MM\0*", _tiff_header), (0, b"BM", _bmp_header), (8, b"WEBP", _webp_header),
+    *((0, b"P%d" % digit, _pnm_header) for digit in range(1, 8)), (4, b"ftyphei", _heic_header),
+    (4, b"ftyphev", _heic_header), (4, b"ftypmif1", _heic_header), (4, b"ftypcrx", _raw_header),
+    (0, b"FUJIFILM", _raw_header), (0, b"IIRO", _raw_header), (0, b"IIRS", _raw_header), (0, b"IIU\x00", _raw_header),
+)  # fmt: skip
+"""How a file of a format begins: where, with what."""

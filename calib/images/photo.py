@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.images.headers import DamagedError, Format, Header, needed_png, read_header
+from calib.images.more_formats import MOSAIC, heic_pixels, is_mosaic, raw_pixels
 from designer.base.errors import InputError
 
 MAX_PIXELS = 250_000_000
@@ -24,6 +25,9 @@ SUFFIXES_OF: Mapping[Format, tuple[str, ...]] = {
     "TIFF": (".tif", ".tiff"),
     "BMP": (".bmp", ".dib"),
     "PNM": (".pgm", ".ppm", ".pnm", ".pbm", ".pam"),
+    "WebP": (".webp",),
+    "HEIC": (".heic", ".heif", ".hif"),
+    "raw": (".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf", ".pef", ".srw", ".raw", ".iiq", ".3fr"),
 }
 """How the files of a format are usually named; what a file really is, its content says."""
 
@@ -46,7 +50,7 @@ class Photo:
 
 
 def read_image(path: Path) -> Photo:
-    """Read a PNG, JPEG, TIFF, BMP or PNM file of 8 or 16 bits.
+    """Read a PNG, JPEG, TIFF, WebP, BMP or PNM file of 8 or 16 bits; with their extras HEIC and raw photos.
 
     Colours become grey as 0.299 R + 0.587 G + 0.114 B, which a JPEG holds as such. Transparency is ignored: the
     colour below it counts. An orientation noted by the camera is not applied, because a camera model belongs to the
@@ -140,13 +144,18 @@ def _decoded(data: bytes, suffix: str | None = None, *, in_colour: bool) -> Phot
         from calib.images.jpeg_damage import brightness_step, check_jpeg_scans
 
         unit_rows = check_jpeg_scans(data)  # decoders go on after damage, with pixels in wrong places
-    pixels = _decode(data, header, in_colour=in_colour)
-    remarks = []
+    remarks, orientation = list[str](), header.exif.orientation
+    if header.format == "raw":
+        green, orientation, said = raw_pixels(data, MAX_PIXELS)
+        remarks.append(said)
+    pixels = green if header.format == "raw" else _decode(data, header, in_colour=in_colour)
     if unit_rows and (doubt := brightness_step(grey_of(pixels), unit_rows)):
         remarks.append(doubt)
+    if header.format in {"PNG", "TIFF", "PNM", "BMP"} and pixels.ndim == 2 and is_mosaic(pixels):
+        remarks.append(MOSAIC)
     if suffix is not None and suffix.lower() not in SUFFIXES_OF[header.format]:
         remarks.append(f"the file is {header.format}, whatever its name says")
-    if (orientation := header.exif.orientation) != 1:
+    if orientation != 1:
         turn = _TURNS[orientation]
         remarks.append(f"read as the sensor saw it: viewers show it {turn} (orientation {orientation})")
     if header.page_count > 1:
@@ -193,6 +202,10 @@ def _decode(data: bytes, header: Header, *, in_colour: bool, shrink: int = 1) ->
     """The pixels as the file has them; without colour a JPEG gives its grey, and in colour as few as are asked for."""
     import cv2
 
+    if header.format == "HEIC":
+        return _checked(heic_pixels(data), header, shrink)
+    if header.format == "raw":
+        return raw_pixels(data, MAX_PIXELS)[0]
     flags = cv2.IMREAD_UNCHANGED
     if header.format == "JPEG":
         coloured = (
@@ -215,6 +228,11 @@ def _decode(data: bytes, header: Header, *, in_colour: bool, shrink: int = 1) ->
         image = None
     if image is None:
         raise DamagedError("is cut off or damaged, or of a kind of its format that is not read; copy or convert it")
+    return _checked(image, header, shrink)
+
+
+def _checked(image: NDArray[np.generic], header: Header, shrink: int) -> Grey:
+    """The pixels, if they are of the size and depth that they have to be."""
     if image.shape[:2] != (-(-header.height // shrink), -(-header.width // shrink)):
         raise DamagedError("its header does not fit its content; copy it again")
     if image.dtype not in (np.uint8, np.uint16):

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.images import video
+from calib.images.more_formats import EXTRAS, needed_extra
 from calib.images.photo import SUFFIXES_OF, Photo, grey_of, read_image, require_image
 from calib.observe.dataset import ImageRecord, image_record
 from designer.base.errors import InputError
@@ -45,17 +46,11 @@ MOST_KEPT_BYTES = 2**29
 
 _CONVERT = "convert to PNG, or to JPEG at full size and highest quality"
 NOT_READ: Mapping[str, tuple[tuple[str, ...], str]] = {
-    "HEIC photo": ((".heic", ".heif", ".hif"), _CONVERT),
-    "WebP image": ((".webp",), _CONVERT),
     "AVIF image": ((".avif",), _CONVERT),
-    "raw photo": (
-        (".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf", ".pef", ".srw", ".raw", ".iiq", ".3fr"),
-        "develop to 16-bit TIFF or PNG, without lens correction",
-    ),
     "JPEG 2000, JPEG XL, GIF or OpenEXR image": ((".jp2", ".j2k", ".jxl", ".gif", ".exr"), _CONVERT),
     "video": (video.SUFFIXES, "give a clip by its own name, not by its folder's"),
 }
-"""What cameras and phones make that is not read, by kind: its suffixes, and what to do."""
+"""What cameras and phones make that is not read of a folder, by kind: its suffixes, and what to do."""
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -227,12 +222,15 @@ def photos_of_arrays(images: Iterable[NDArray[np.generic]]) -> FoundPhotos:
 
 def images_in(folder: Path) -> list[Path]:
     """The images of a folder by their names' suffixes, without hidden files."""
-    suffixes = {suffix for group in SUFFIXES_OF.values() for suffix in group}
+    raw = SUFFIXES_OF["raw"]
+    suffixes = {suffix for name, group in SUFFIXES_OF.items() if not needed_extra(name) for suffix in group}
     try:
         files = [path for path in folder.iterdir() if path.suffix.lower() in suffixes and not path.name.startswith(".")]
     except OSError:
         return []
-    return sorted((path for path in files if path.is_file()), key=in_order)
+    # Cameras keep a raw photo beside its JPEG, which is another image of the same.
+    developed = [path for path in files if path.suffix.lower() not in raw]
+    return sorted((path for path in developed or files if path.is_file()), key=in_order)
 
 
 def not_read_in(folder: Path) -> tuple[str, ...]:
@@ -242,7 +240,13 @@ def not_read_in(folder: Path) -> tuple[str, ...]:
     except OSError:
         return ()
     told = []
-    for kind, (known, remedy) in NOT_READ.items():
+    kinds, raw = dict(NOT_READ), SUFFIXES_OF["raw"]
+    for name in EXTRAS:
+        if install := needed_extra(name):
+            kinds[f"{name} photo"] = SUFFIXES_OF[name], f"{install}, or {_CONVERT}"
+    if "raw photo" not in kinds and any(path.suffix.lower() not in raw for path in images_in(folder)):
+        kinds["raw photo"] = raw, "developed ones stand beside them; name them, or give a folder of them alone"
+    for kind, (known, remedy) in kinds.items():
         count = sum(suffixes[suffix] for suffix in known)
         if count:
             told.append(f"{count} {kind}{'s are' if count > 1 else ' is'} not read: {remedy}")

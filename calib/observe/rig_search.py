@@ -277,7 +277,7 @@ def _size_of(path: Path) -> tuple[int, int] | None:
         header = read_header(path.read_bytes()) if path.is_file() else None
     except (DamagedError, OSError):
         return None
-    return None if header is None else (header.width, header.height)
+    return (header.width, header.height) if header and header.width else None
 
 
 def stamped_by_name(photos: Sequence[RigPhoto]) -> tuple[RigPhoto, ...]:

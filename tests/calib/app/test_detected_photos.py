@@ -178,12 +178,11 @@ def test_arguments_stand_for_files_folders_and_patterns(folder: Path) -> None:
 
 
 def test_what_is_left_out_by_its_suffix_is_counted_and_named(folder: Path) -> None:
-    """Photos of a phone, raw photos and videos beside images: how many, of what kind, and what to do with them."""
-    for name in ("IMG_1.HEIC", "IMG_2.heic", "IMG_3.dng", "clip.MP4", ".hidden.heic", "notes.txt"):
+    """Photos of a phone and videos beside images: how many, of what kind, and what to do with them."""
+    for name in ("IMG_1.AVIF", "IMG_2.avif", "clip.MP4", ".hidden.avif", "notes.txt"):
         Path("photos", name).touch()
     (line,) = find_photos(["photos"]).failures
-    assert line.startswith("photos: 2 HEIC photos are not read: convert to PNG, or to JPEG at full size")
-    assert "1 raw photo is not read: develop to 16-bit TIFF" in line
+    assert line.startswith("photos: 2 AVIF images are not read: convert to PNG, or to JPEG at full size")
     assert "1 video is not read: give a clip by its own name" in line
     for name in ("img2.png", "img10.png", "img11.png"):
         Path("photos", name).unlink()
