@@ -67,6 +67,20 @@ def test_images_are_read_bit_for_bit_whatever_the_bag(kind: str, packed: str, tm
         assert bag.loss(bag.topics) == ()
 
 
+def test_the_files_of_a_split_recording_are_one(tmp_path: Path) -> None:
+    """In the order of their recording, whatever they are called, each image read from its own."""
+    early, late = (write_bag(tmp_path / f"{name}.db3", part) for name, part in (("z", said()[:6]), ("a", said()[6:])))
+    split = tmp_path / "split"
+    split.mkdir()
+    for one in (early, late):
+        (split / file_of(one).name).write_bytes(file_of(one).read_bytes())
+    bag = Bag(split)
+    assert [topic.count for topic in bag.of_types(*IMAGES)] == [4, 4]
+    assert [int(one[0, 0]) for one in read_whole(bag)] == [
+        int(GREY[0, 0] + np.uint8(k)) for k in (3, 3, 2, 2, 1, 1, 0, 0)
+    ]
+
+
 @pytest.mark.parametrize(
     ("encoding", "pixels", "expected"),
     [
