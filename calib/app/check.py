@@ -279,7 +279,13 @@ def _observed(
     progress: Progress,
 ) -> "tuple[RigObservations | None, tuple[LeftOut, ...], str, tuple[str, ...]]":  # fmt: skip
     """What is seen in photos or a table, photos that show nothing, the geometry they were rendered of, and remarks."""
-    from calib.app.inputs import file_or_observations, load_rig_observations, observations_of, photos_of
+    from calib.app.inputs import (
+        file_or_observations,
+        load_rig_observations,
+        observations_of,
+        photos_of,
+        with_bag,
+    )  # fmt: skip
     from calib.core.types import Detections, Observations, RigObservations
     from calib.judge.reference import of_one_camera
     from calib.observe.search import PhotoSearch, with_truth
@@ -312,7 +318,7 @@ def _observed(
         return _of_searches(reference, names, (search,), {})
     from calib.observe.rig_search import photos_of_rig, rig_input, search_cameras
 
-    taken = photos_of_rig(rig_input(places))
+    taken = photos_of_rig(with_bag(rig_input(places)))
     lenses = {name: reference.rig.cameras[reference.rig.row(name)] for name in taken.camera_names}
     searched = search_cameras(target, taken, lenses, None, jobs, progress)
     frames = {(photo.camera, photo.path): photo.frame for photo in taken.photos}

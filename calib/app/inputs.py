@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from calib.judge.verdict import Criteria
     from calib.observe.corners_vnl import PointGrid
     from calib.observe.photos import FoundPhotos
+    from calib.observe.rig_search import RigInput
     from calib.renderer.truth import Truth
     from designer.target import Needs, TargetGeometry
 
@@ -388,6 +389,26 @@ def photos_of(
         files, photos=(*files.photos, *(photo for one in found for photo in one.photos)),
         remarks=(*files.remarks, *(remark for one in found for remark in one.remarks)),
     )  # fmt: skip
+
+
+def with_bag(given: "RigInput", topics: Sequence[str] | None = None) -> "RigInput":
+    """What is given for a rig, with the photos of a bag's topics, if it is a bag: `run.mcap#/left run.mcap#/right`.
+
+    Raises:
+        InputError: it is no bag though topics are told, more than one, or has no such topics.
+    """
+    from calib.images.bag import bag_named
+    from calib.observe.bag_photos import rig_photos_in
+    from calib.observe.rig_search import USUAL_TOLERANCE_S
+
+    bags = [one for one in map(bag_named, given.photos) if one is not None]
+    if not bags and topics is None:
+        return given
+    if len({path for path, _ in bags}) != 1 or len(bags) < len(given.photos) or given.pattern or given.times:
+        raise InputError("--topics: are of one robot's bag (.bag, .mcap, .db3, or a rosbag2 folder) instead of folders")
+    named = [topic for _, topic in bags if topic is not None] if topics is None else topics
+    photos = rig_photos_in(str(bags[0][0]), named, given.tolerance_s or USUAL_TOLERANCE_S)
+    return replace(given, images=photos, tolerance_s=None)
 
 
 def photos_given(

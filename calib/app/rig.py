@@ -129,7 +129,7 @@ def rig(
     Raises:
         InputError: files or options that break a rule, or cameras that no frames tie together.
     """
-    from calib.app.inputs import camera_of, criteria_of, points_of
+    from calib.app.inputs import camera_of, criteria_of, points_of, with_bag
     from calib.judge.joint_solution import judged_rig, wishes_of
     from calib.observe.rig_observations import swapped_cameras, with_remarks
     from calib.observe.rig_photos import photos_of_images
@@ -149,28 +149,13 @@ def rig(
     if images is not None and (given.is_anything or given.needless):
         raise InputError("images: are all there is to solve from; leave photos and tables out")
     given = given if images is None else replace(given, images=photos_of_images(images))
-    given = _of_bag(given, topics.split(",") if isinstance(topics, str) else topics)
+    given = with_bag(given, topics.split(",") if isinstance(topics, str) else topics)
     seen = _seen(observed, given, points_of(points, diameter_mm), wishes, jobs, progress).with_made(made)
     options = _options(plan.options, seen.observations, reference, delays=delays)
     seen = replace(seen, observations=with_remarks(seen.observations, swapped_cameras(seen.observations, lenses)))
     settings = settings_of(("target", observed), *(("photos", one) for one in given.photos), ("table", given.table))
     settings = settings if made is None else (*settings, ("made", made))
     return finished(SolvedRig(*judged_rig(seen, wishes, options, limits, settings, progress)), to, out, progress)
-
-
-def _of_bag(given: "RigInput", topics: Sequence[str] | None) -> "RigInput":
-    """What is given, with the photos of a bag's topics if it is a bag."""
-    from calib.images.bag import bag_named
-    from calib.observe.bag_photos import rig_photos_in
-    from calib.observe.rig_search import USUAL_TOLERANCE_S
-
-    is_bag = any(bag_named(one) for one in given.photos)
-    if not is_bag and topics is None:
-        return given
-    if not is_bag or len(given.photos) > 1 or given.pattern or given.times:
-        raise InputError("--topics: are of one robot's bag (.bag, .mcap, .db3, or a rosbag2 folder) instead of folders")
-    photos = rig_photos_in(given.photos[0], topics or (), given.tolerance_s or USUAL_TOLERANCE_S)
-    return replace(given, images=photos, tolerance_s=None)
 
 
 def _of_each(flag: str, given: "Mapping[str, T] | Sequence[str]", example: str) -> "dict[str, T | str]":

@@ -124,6 +124,9 @@ def test_two_topics_are_a_rig(tmp_path: Path) -> None:
     assert found.rig.names == ("left", "right")
     assert off_mm(found.rig.cam_from_rig[1], RIGHT_FROM_LEFT) < 0.05
     assert any("3 ms apart (median)" in one for one in found.calibration.observations.remarks)
+    found.save(tmp_path / "rig")
+    told = calib.check(tmp_path / "rig", BOARD, [f"{bag}#/{side}/image_raw" for side in ("left", "right")])
+    assert "no change is seen" in told.reason
     with pytest.raises(InputError, match=r"topics A,B; there are /left/image_raw \(sensor_msgs/Image, 6\), /right"):
         calib.rig(BOARD, bag)
     with pytest.raises(InputError, match=r"several topics of type Image, name one with run.bag#TOPIC; there are /left"):
