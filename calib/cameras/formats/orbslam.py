@@ -103,7 +103,7 @@ def _camera(values: Mapping[str, object], name: str, origin: str) -> ReadCamera:
 FORMAT = CameraFormat(
     name="orbslam",
     title="ORB-SLAM3 settings",
-    file_name="settings.yaml",
+    file_name="orbslam3.yaml",
     opens_with="mono_euroc Vocabulary/ORBvoc.txt {file} ...; first put these lines in place of its example's",
     recognised=re.compile(r"^Camera[12]?\.fx\s*:", re.MULTILINE),
     lenses=LENSES,
@@ -160,7 +160,7 @@ def _second(values: Mapping[str, object], files: RigFiles) -> Array:
 RIG_FORMAT = RigFormat(
     name="orbslam",
     title="ORB-SLAM3 settings",
-    file_name="settings.yaml",
+    file_name="orbslam3.yaml",
     opens_with="stereo_euroc Vocabulary/ORBvoc.txt {file} ..., with these lines in place of its example's; as released "
     "it takes the first camera's distortion for both, so mend camera2DistortionCoef of its Settings.h",
     cameras=FORMAT,
