@@ -166,7 +166,7 @@ def check(
         InputError: files that cannot be read, photos of another size, or a camera that has no parameters.
     """
     from calib.app.check_history import added, history_in
-    from calib.app.inputs import target_of
+    from calib.app.inputs import in_order, target_of
     from calib.judge.drift import drift_test
     from calib.solver.target_error import unbent
     from designer.tolerance.made import EXACT, how_made
@@ -174,7 +174,15 @@ def check(
     folder = None if history is None else place_of(history, "a folder")
     if folder is not None:
         history_in(folder)  # refuses what is somebody else's before any work is done
-    reference, bend, bent_id, remarks = _reference(camera)
+    reference, bend, bent_id, remarks = _reference(
+        in_order(
+            camera,
+            "calib check CAMERA|RIG TARGET PHOTO...",
+            camera_rig_calibration=camera,
+            target=target,
+            photos=photos,
+        )
+    )
     geometry = None if target is None else target_of(target)
     seen, unseen, rendered_id, said = _observed(reference, geometry, photos, jobs, progress)
     way = how_made(geometry, made, rendered_id=rendered_id)

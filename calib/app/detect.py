@@ -155,14 +155,14 @@ def detect_photos(
     """
     from contextlib import nullcontext
 
-    from calib.app.inputs import opened_camera, photos_of, target_of
+    from calib.app.inputs import in_order, opened_camera, photos_of, target_of
     from calib.observe.dataset import check_output
     from calib.observe.photos import keep_pictures, staging_folder
     from calib.observe.search import PhotoSearch, with_truth
     from designer.base.files import place_of
     from designer.page.output import output_of
 
-    geometry = target_of(target, "rings")
+    geometry = target_of(in_order(target, "calib detect TARGET PHOTO...", target=target, photos=photos), "rings")
     read = None if camera is None else opened_camera(camera).read
     to, folder = None if out is None else output_of(out), None if overlay is None else place_of(overlay, "a folder")
     if to is not None:

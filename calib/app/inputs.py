@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, cast
+from typing import TYPE_CHECKING, TypeAlias, TypeVar, cast
 
 from calib.app.options import MOST_JOBS, grid_of
 from calib.cameras.formats import ACCEPTED_PX, FORMATS, OWN, RIG_FORMATS
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     Pixels: TypeAlias = NDArray[np.generic]
 
+T = TypeVar("T")
 Place: TypeAlias = str | PathLike[str]
 Observed: TypeAlias = Observations | Place | Iterable[Detections]
 """What a camera is solved from: observations, a file of them, or what was found in photos."""
@@ -443,3 +444,29 @@ def criteria_of(criteria: "Criteria | Place") -> "Criteria":
     from calib.judge.verdict import Criteria
 
     return criteria if isinstance(criteria, Criteria) else read_criteria(str(place_of(criteria, "limits")))
+
+
+KINDS_OF_FILES = {"target": "a target", "camera": "a camera", "rig": "a rig", "photos": "photos"}
+
+
+def in_order(first: T, order: str, **given: object) -> T:
+    """The first, or a refusal of files in another order than a command's, which `order` says, where they tell it.
+
+    Raises:
+        InputError: a file is of another kind than its place; the message names both.
+    """
+    from calib.images.photo import SUFFIXES_OF
+    from designer.base.own_files import kind_of
+
+    images = {suffix for group in SUFFIXES_OF.values() for suffix in group}
+    for role, value in given.items():
+        one = value[0] if isinstance(value, list | tuple) and value else value
+        path = Path(one) if isinstance(one, str | PathLike) else None
+        if path is None or not path.is_file():
+            continue
+        with path.open("rb") as stream:
+            kind = kind_of(stream.read(4096)).decode().rpartition(".")[2]
+        kind = "photos" if path.suffix.lower() in images else kind
+        if kind in KINDS_OF_FILES and kind not in role.split("_"):
+            raise InputError(f"{path}: is {KINDS_OF_FILES[kind]}; the order is {order}")
+    return first

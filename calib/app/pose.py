@@ -129,7 +129,7 @@ def pose(
     Raises:
         InputError: files that cannot be read, not one photo that can be searched, or a camera that is not in the rig.
     """
-    from calib.app.inputs import opened_camera, photos_of, rig_of, target_of
+    from calib.app.inputs import in_order, opened_camera, photos_of, rig_of, target_of
     from calib.capture.clips import clips_of_rig, holds_photos
     from calib.observe.search import PhotoSearch
     from calib.observe.target_poses import PhotoWithoutPose, PoseResult, check_output, target_poses
@@ -162,7 +162,13 @@ def pose(
     else:
         if not given:
             raise InputError("no photos; give images, folders of images, or patterns, after the camera's file")
-        geometry, read = target_of(target, "rings"), opened_camera(cast("Camera | Place", camera)).read
+        geometry, read = (
+            target_of(
+                in_order(target, "calib pose TARGET CAMERA PHOTO...", target=target, camera=camera, photos=photos),
+                "rings",
+            ),
+            opened_camera(cast("Camera | Place", camera)).read,
+        )
         asked = photos_of(given, None, geometry, progress)
         search = PhotoSearch(geometry, asked, jobs=jobs, progress=progress).once(read.camera)
         told = target_poses(search.detections, geometry, read.camera, weighted=weighted)

@@ -78,7 +78,7 @@ def run(
 
     from calib.app.calibration import reference_of, solved, view_of_reference
     from calib.app.calibration_folder import RunFolder
-    from calib.app.inputs import criteria_of, photos_given, target_of
+    from calib.app.inputs import criteria_of, in_order, photos_given, target_of
     from calib.draw.gallery import OVERLAYS
     from calib.judge.folders import kind_in
     from calib.judge.solutions import SolveTask
@@ -92,7 +92,11 @@ def run(
     from designer.page.output import output_of
     from designer.tolerance.made import how_made
 
-    geometry, limits, taken = target_of(target, "rings"), criteria_of(criteria), capture_of(capture)
+    geometry, limits, taken = (
+        target_of(in_order(target, "calib run TARGET PHOTO...", target=target, photos=photos), "rings"),
+        criteria_of(criteria),
+        capture_of(capture),
+    )
     plan = plan_from_words(
         model, fix=fix, share=share, focal_px=focal_px, loss=loss, reject=reject_sigma, weighted=weighted,
         minimise=minimise, free_bend=free_bend, prior=priors,

@@ -230,7 +230,7 @@ def undistort_photos(
     Raises:
         InputError: a folder of somebody else's or of another camera, or not one photo that can be undistorted.
     """
-    from calib.app.inputs import opened_camera, photos_of
+    from calib.app.inputs import in_order, opened_camera, photos_of
     from calib.cameras.camera import camera_to_json
     from calib.cameras.undistortion import change_of
     from calib.observe.photos import named_photos
@@ -238,7 +238,10 @@ def undistort_photos(
     from designer.base.files import distinct_stems
     from designer.page.output import output_of
 
-    opened, output = opened_camera(camera).read, output_of(out)
+    opened, output = (
+        opened_camera(in_order(camera, "calib undistort CAMERA PHOTO...", camera=camera, photos=photos)).read,
+        output_of(out),
+    )
     straight = Undistorter(
         opened.camera, to=to, alpha=alpha, focal_px=focal_px, field_rad=field_rad, yaw_rad=yaw_rad, pitch_rad=pitch_rad
     )
