@@ -116,10 +116,7 @@ def _levels(image: NDArray[np.float32], at: Array) -> Array:
     found = [
         cv2.remap(image, part[:, :1], part[:, 1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[:, 0]
         for part in np.array_split(flat, len(flat) // 30_000 + 1)
-        if len(part)
     ]
-    if not found:
-        return np.zeros(at.shape[:-1])
     return np.concatenate(found).astype(np.float64).reshape(at.shape[:-1])
 
 
