@@ -157,7 +157,6 @@ def photos_of_clips(
         found = _photos(clip, {step: motion[name].number[step] for step in taken if step in looks[name]}, kept[name])
         photos[name] = {step: replace(one, time_s=looks[name][step].time_s + at[name]) for step, one in found.items()}
         told.append(f"{clip.path}: {counted(len(found), 'frame')} of {len(motion[name].number)} compared: {said}")
-    told.append(OF_A_CLIP)
     return ClipPhotos(photos, tuple(told))
 
 
@@ -335,7 +334,7 @@ def _photos(clip: Clip, numbers: Mapping[int, int], kept: Mapping[int, Grey]) ->
     return {
         step: PhotoFile(
             clip.path / f"{clip.path.stem}-{number:05d}",
-            opened=partial(Photo, pixels[number], clip.remarks),
+            opened=partial(Photo, pixels[number], (*clip.remarks, OF_A_CLIP)),
             is_kept=True,
         )
         for step, number in numbers.items()

@@ -54,7 +54,9 @@ def test_frames_are_taken_where_the_target_stands_still_one_a_view(clip: Path) -
     assert len({stand_of(number) for number in numbers} - {-1}) == 8
     np.testing.assert_allclose([one.time_s for one in found.photos], np.array(numbers) / RATE_HZ, atol=1e-6)
     assert found.remarks[0].startswith(f"{clip}: 8 frames of {len(POSES)} compared: sharp and still")
-    assert len(PhotoSearch(BOARD, found).once().with_target) == 8
+    seen = PhotoSearch(BOARD, found).once().with_target
+    assert len(seen) == 8
+    assert all(one.remarks[0].startswith("frames of a clip are compressed") for one in seen)
 
 
 def test_a_run_of_a_clip_keeps_its_frames_and_is_the_same_of_them(clip: Path, tmp_path: Path) -> None:
