@@ -353,7 +353,7 @@ def test_the_rigs_own_target_is_said_to_check_no_size(pair: tuple[RigScene, RigC
         ({}, "give a table of sightings; or photos"),
         ({"photos": ["a", "b"]}, "name the target file"),
         ({"target": "x.target.json", "sightings": "p.csv"}, "target: is of photos"),
-        ({"photos": "none", "target": "x.target.json"}, "no such folder"),
+        ({"photos": "none", "target": "x.target.json"}, "x.target.json: cannot be read"),
     ],
 )
 def test_what_does_not_go_together_is_refused(
