@@ -45,6 +45,7 @@ _LOOK = (
     "they are faint or covered.",
     "Leave out photos in which the target was found by a few {} only.",
 )
+WHICH_BOARD = "calib target --from-photo PHOTO says which board a photo shows."
 EXPECTED = f"of the faces that show, without those {UNMEASURABLE_WORDS}"
 OVERLAYS_SHOW = "the same command with --overlay DIR draws what was and was not found"
 
@@ -58,7 +59,8 @@ def detected_page(made: "DetectedPhotos", folder: Path | None = None) -> Page:
     search = made.search
     records, rows = [result.record for result in search.results], _checks(search)
     level, word = worst_level(rows), search.target.feature_word
-    look = tuple(line.format(word) for line in _LOOK)
+    which = () if search.target.marks is None or search.with_target else (WHICH_BOARD,)
+    look = (*which, *(line.format(word) for line in _LOOK))
     common = common_remarks([seen.remarks for seen in search.detections])
     shots = [] if folder is None else _shots(made, folder, common)
     said = (
@@ -144,7 +146,8 @@ def _first_reason(search: Search) -> str:
         return ""
     words = printable("; ".join(without[0].remarks))
     is_same = all(seen.remarks == without[0].remarks for seen in without)
-    return f"{capital(words)}." if is_same else f"{printable(without[0].image)}: {words}."
+    end = "" if words.endswith("?") else "."
+    return capital(f"{words}{end}") if is_same else f"{printable(without[0].image)}: {words}{end}"
 
 
 def _facts(made: "DetectedPhotos", records: Sequence[ImageRecord], folder: Path | None) -> Facts:

@@ -136,8 +136,9 @@ def contents_of(
 def _doubt(marks: "FaceMarks") -> str:
     """What it costs that marks look the same when they are turned."""
     turn = {2: "half a turn", 4: "a quarter of a turn"}[marks.alike]
+    what = "grid of circles" if marks.kind == "circles" else marks.kind
     return (
-        f"the {marks.kind} looks the same turned by {turn}, so that one photo does not tell which way up it is: one "
+        f"the {what} looks the same turned by {turn}, so that one photo does not tell which way up it is: one "
         "camera alone loses nothing by that, rigs and robots work it out from their motions or say that they cannot; "
         f"measure and markers refuse it. What tells: {marks.remedy}, or a ChArUco board"
     )

@@ -20,6 +20,8 @@ CLOSED = 0.4
 """Rows at the end of a lattice with a smaller share of their corners are not the board's."""
 WHOLE = 0.75
 """A board has this share of its corners found, so that the others can be predicted."""
+SURE = 0.9
+"""With this share a lattice is no chance."""
 WORTH_A_WORD = 12
 AMBIGUOUS = "ambiguous orientation (these squares look the same turned): the most upright one is taken"
 SWAPPED = "dark and light squares are exchanged: another board than the target's (`light_first`), or a mirrored photo"
@@ -42,8 +44,11 @@ def find(pixels: NDArray[np.uint8], faces: Sequence[FaceMarks]) -> tuple[FoundFa
                 break
         if len(whole) > 1:
             found.append(_nothing(face, f"{len(whole)} boards like the target's are in view: cover all but one"))
-        elif whole or (other := _by_opencv(pixels, size)) is None:
-            seen = [one for each in lattices for one in each]
+            continue
+        seen = [one for each in lattices for one in each]
+        # Of a larger board OpenCV's finder takes a part.
+        larger = any(one[..., 0].size > size[0] * size[1] and _share(one) >= SURE for one in seen)
+        if whole or larger or (other := _by_opencv(pixels, size)) is None:
             found += [named(pixels, whole[0], marks, face)] if whole else _told(pixels, seen, size, face)
         else:
             found.append(named(pixels, other, marks, face))
@@ -109,13 +114,16 @@ def _by_opencv(pixels: NDArray[np.uint8], size: tuple[int, int]) -> Array | None
 def _told(pixels: NDArray[np.uint8], seen: Sequence[Array], size: tuple[int, int], face: int) -> list[FoundFace]:
     """What is seen instead of the board, if that is no chance."""
     seen = [one for one in seen if min(one.shape[:2]) > 1 and np.isfinite(one[..., 0]).sum() >= WORTH_A_WORD]
-    seen = [one for one in seen if _share(one) >= WHOLE]
+    seen = [one for one in seen if _share(one) >= SURE]
     if not seen:
         return []
-    best = max(seen, key=lambda one: int(np.isfinite(one[..., 0]).sum()))
+    # Large ones that hang on by a few corners are clutter.
+    best = max(seen, key=lambda one: one[..., 0].size * _share(one) ** 4)
     short, long = sorted(best.shape[:2])
     told = f"{long} x {short} inner corners are seen, the target has {max(size)} x {min(size)}"
-    if short > min(size) or long > max(size):
+    if (short, long) == (min(size) + 1, max(size) + 1):
+        why = f"were these counted as squares, which are one more each way: {long + 1} x {short + 1}?"
+    elif short > min(size) or long > max(size):
         why = f"another board, of {long + 1} x {short + 1} squares?"
     elif _is_near_edge(pixels, best):
         why = f"cut by the image's edge? {WHOLE_NEEDED}"

@@ -56,6 +56,16 @@ def test_another_count_of_squares_is_told_as_it_is_seen() -> None:
     )
 
 
+def test_inner_corners_that_were_counted_as_squares_are_no_smaller_board() -> None:
+    """The most common slip: a part of the board seen fits the target, and no wrong cause may be told."""
+    pixels = photo_of(Chessboard((7, 5), 20.0), facing(SIZE, 24, 20.0, tilt_deg=20))
+    said = remarks_of(pixels, Chessboard((6, 4), 20.0))
+    assert said == (
+        "6 x 4 inner corners are seen, the target has 5 x 3: were these counted as squares, which are one more each "
+        "way: 7 x 5?"
+    )
+
+
 def test_a_board_that_the_image_cuts_is_refused() -> None:
     """A chessboard that goes on beyond the image has no places that could be named."""
     photo = facing(SIZE, 34, 20.0, shift_px=(90.0, 0.0))
