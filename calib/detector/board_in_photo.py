@@ -29,8 +29,8 @@ Pixels = NDArray[np.uint8]
 LEAST_MARKERS, LEAST_AGREEING = 4, 0.8
 """Markers that make a board, and their share that its layout explains."""
 MOST_ACROSS, MOST_MARKERS = 60, 1000
-MOST_SIDE_PX = 3000
-"""Larger photos are halved until they are smaller."""
+MOST_SIDE_PX, LEAST_SIDE_PX = 3000, 800
+"""Larger photos are halved until they are smaller; those without chessboards go on being halved down to the other."""
 NEAR = 0.3
 """Of a step: a neighbour is off its place in the lattice by less."""
 BLOBS = (12, 2000)
@@ -71,7 +71,12 @@ def boards_in(photo: NDArray[np.uint8] | NDArray[np.uint16]) -> tuple[BoardInPho
         return tuple(board for board in found if board.seen >= 0.9 * most)
     if max((len(markers.ids) for markers in seen), default=0) >= 2 * LEAST_MARKERS:
         return ()  # of several boards, or of one that makes no sense: no chessboard for that
-    return tuple(itertools.islice(itertools.chain(_chessboard(pixels), _circles(pixels)), 1))
+    sizes = [pixels]
+    while max(sizes[-1].shape) > LEAST_SIDE_PX:
+        sizes.append(cv2.pyrDown(sizes[-1]).astype(np.uint8))
+    # The edges of large photos are soft; dark squares of a chessboard that is missed pass for circles.
+    chessboards = itertools.chain.from_iterable(map(_chessboard, sizes))
+    return tuple(itertools.islice(itertools.chain(chessboards, _circles(pixels)), 1))
 
 
 def _all_markers(pixels: Pixels) -> Iterator[_Markers]:
