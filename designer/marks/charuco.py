@@ -5,20 +5,18 @@ from typing import ClassVar
 
 import numpy as np
 
-from designer.base.arrays import Array, Rows
-from designer.marks.chessboard import checkered_corners_mm, dark_squares_mm
+from designer.base.arrays import Array
+from designer.marks.chessboard import Checkered
 from designer.marks.dictionaries import check_markers, family_of, marker_cells, marker_mm
-from designer.marks.face_marks import FaceMarks, check_marks, lattice
+from designer.marks.face_marks import check_marks
 
 
 @dataclass(frozen=True)
-class Charuco(FaceMarks):
+class Charuco(Checkered):
     """Points row by row from the upper left, which are OpenCV's corner ids; markers likewise, from `first_id` on."""
 
     kind: ClassVar[str] = "charuco"
 
-    squares: tuple[int, int]  # columns, rows
-    square_mm: float
     marker_mm: float  # side of a marker, its black border included
     dictionary: str  # such as DICT_5X5_100
     first_id: int = 0
@@ -57,26 +55,6 @@ class Charuco(FaceMarks):
         return self.legacy and self.squares[1] % 2 == 0
 
     @property
-    def index(self) -> Rows:
-        """Inner corners, from the upper left."""
-        return lattice(self.squares[0] - 1, self.squares[1] - 1)
-
-    @property
-    def position_mm(self) -> Array:
-        """Of the inner corners."""
-        return checkered_corners_mm(self.squares, self.square_mm)
-
-    @property
-    def size_mm(self) -> tuple[float, float]:
-        """Of all squares."""
-        return self.squares[0] * self.square_mm, self.squares[1] * self.square_mm
-
-    @property
-    def reach_mm(self) -> float:
-        """Half of a square."""
-        return self.square_mm / 2
-
-    @property
     def least_mm(self) -> float:
         """Of a marker's cell, and of the white around it."""
         cells = len(marker_cells(self.dictionary, self.first_id))
@@ -105,14 +83,14 @@ class Charuco(FaceMarks):
     @property
     def polygons_mm(self) -> tuple[Array, ...]:
         """The dark squares, and what is black of the markers in the light ones, upright as OpenCV draws them."""
-        light = dark_squares_mm(self.squares, self.square_mm, int(not self.light_first))
+        light = self.squares_mm(int(not self.light_first))
         inset = (self.square_mm - self.marker_mm) / 2
         markers = [
             polygon
             for number, square in zip(self.marker_ids, light, strict=True)
             for polygon in marker_mm(marker_cells(self.dictionary, number), square[0] + inset, self.marker_mm)
         ]
-        return (*dark_squares_mm(self.squares, self.square_mm, int(self.light_first)), *markers)
+        return (*self.squares_mm(int(self.light_first)), *markers)
 
 
 MARKS = Charuco

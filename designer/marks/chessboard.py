@@ -11,17 +11,11 @@ from designer.marks.face_marks import FaceMarks, check_marks, lattice, rectangle
 
 
 @dataclass(frozen=True)
-class Chessboard(FaceMarks):
+class Checkered(FaceMarks):
     """Squares of two colours; points row by row from the upper left, as OpenCV counts them."""
-
-    kind: ClassVar[str] = "chessboard"
 
     squares: tuple[int, int]  # columns, rows
     square_mm: float
-    light_first: bool = False  # the upper left square is the light one
-
-    def __post_init__(self) -> None:
-        check_marks(self.squares, (3, 3), "squares", squares=self.square_mm)
 
     @property
     def index(self) -> Rows:
@@ -31,7 +25,8 @@ class Chessboard(FaceMarks):
     @property
     def position_mm(self) -> Array:
         """Of the inner corners."""
-        return checkered_corners_mm(self.squares, self.square_mm)
+        corners: Array = (self.index - (np.array(self.squares) - 2) / 2) * np.array([self.square_mm, -self.square_mm])
+        return corners
 
     @property
     def size_mm(self) -> tuple[float, float]:
@@ -42,6 +37,27 @@ class Chessboard(FaceMarks):
     def reach_mm(self) -> float:
         """Half of a square."""
         return self.square_mm / 2
+
+    def squares_mm(self, parity: int) -> tuple[Array, ...]:
+        """Those whose column and row from the upper left sum to an even number, or to an odd one for a parity of 1."""
+        (width, height), side = self.size_mm, self.square_mm
+        return tuple(
+            rectangle_mm(i * side - width / 2, height / 2 - (j + 1) * side, side, side)
+            for i, j in lattice(*self.squares).tolist()
+            if (i + j) % 2 == parity
+        )
+
+
+@dataclass(frozen=True)
+class Chessboard(Checkered):
+    """Without markers."""
+
+    kind: ClassVar[str] = "chessboard"
+
+    light_first: bool = False  # the upper left square is the light one
+
+    def __post_init__(self) -> None:
+        check_marks(self.squares, (3, 3), "squares", squares=self.square_mm)
 
     @property
     def least_mm(self) -> float:
@@ -81,24 +97,7 @@ class Chessboard(FaceMarks):
     @property
     def polygons_mm(self) -> tuple[Array, ...]:
         """The dark squares."""
-        return dark_squares_mm(self.squares, self.square_mm, int(self.light_first))
-
-
-def checkered_corners_mm(squares: tuple[int, int], square_mm: float) -> Array:
-    """The inner corners of squares around the middle, row by row from the upper left.  # (R, 2)"""
-    index = lattice(squares[0] - 1, squares[1] - 1)
-    corners: Array = (index - (np.array(squares) - 2) / 2) * np.array([square_mm, -square_mm])
-    return corners
-
-
-def dark_squares_mm(squares: tuple[int, int], square_mm: float, parity: int) -> tuple[Array, ...]:
-    """Squares whose column and row from the upper left sum to an even number, or to an odd one for a parity of 1."""
-    width, height = squares[0] * square_mm, squares[1] * square_mm
-    return tuple(
-        rectangle_mm(i * square_mm - width / 2, height / 2 - (j + 1) * square_mm, square_mm, square_mm)
-        for i, j in lattice(*squares).tolist()
-        if (i + j) % 2 == parity
-    )
+        return self.squares_mm(int(self.light_first))
 
 
 MARKS = Chessboard
