@@ -4,15 +4,15 @@ OpenCV draws tags of the AprilTag families upside down, and some makers print Op
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import replace
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.detector.marks import FoundFace
 from calib.detector.marks.marker_points import MarkerLayout
-from calib.detector.marks.markers import Markers, find_marked
+from calib.detector.marks.markers import MarkedFace, Markers, find_marked
 from designer.marks.aprilgrid import AprilGrid
 from designer.marks.face_marks import FaceMarks
 
@@ -43,29 +43,20 @@ def layout_of(marks: AprilGrid) -> MarkerLayout:
     )
 
 
-@dataclass(frozen=True)
-class _MarkedGrid:
-    marks: AprilGrid
-
-    @property
-    def told(self) -> MarkerLayout:
-        """As the target has it."""
-        return layout_of(self.marks)
-
-    def others(self, seen: Markers) -> Iterator[tuple[MarkerLayout, str]]:
-        """Tags turned in their places, numbers from the other side, other columns, rows and first tags."""
-        marks, (columns, rows) = self.marks, self.marks.tags
-        low, high = int(seen.number.min()), int(seen.number.max())
-        for first in sorted({marks.first_id, 0, low}, key=lambda one: (one != marks.first_id, one)):
-            for width in sorted(range(1, MOST_COLUMNS), key=lambda one: abs(one - columns)):
-                height = max(2, -(-(high - first + 1) // width), rows if width == columns else 0)
-                for k in range(4):
-                    turned, upright = marks.from_top ^ (k % 2 > 0), marks.upright ^ (k > 1)
-                    try:
-                        other = replace(marks, tags=(width, height), first_id=first, from_top=turned, upright=upright)
-                    except ValueError:
-                        continue  # more tags than the dictionary has
-                    yield layout_of(other), _words(marks, other, low, high)
+def _others(marks: AprilGrid, seen: Markers) -> Iterator[tuple[MarkerLayout, str]]:
+    """Tags turned in their places, numbers from the other side, other columns, rows and first tags."""
+    columns, rows = marks.tags
+    low, high = int(seen.number.min()), int(seen.number.max())
+    for first in sorted({marks.first_id, 0, low}, key=lambda one: (one != marks.first_id, one)):
+        for width in sorted(range(1, MOST_COLUMNS), key=lambda one: abs(one - columns)):
+            height = max(2, -(-(high - first + 1) // width), rows if width == columns else 0)
+            for k in range(4):
+                turned, upright = marks.from_top ^ (k % 2 > 0), marks.upright ^ (k > 1)
+                try:
+                    other = replace(marks, tags=(width, height), first_id=first, from_top=turned, upright=upright)
+                except ValueError:
+                    continue  # more tags than the dictionary has
+                yield layout_of(other), _words(marks, other, low, high)
 
 
 def _words(told: AprilGrid, other: AprilGrid, low: int, high: int) -> str:
@@ -86,7 +77,8 @@ def _words(told: AprilGrid, other: AprilGrid, low: int, high: int) -> str:
 
 def find(pixels: NDArray[np.uint8], faces: Sequence[FaceMarks]) -> tuple[FoundFace, ...]:
     """A record for each grid of which something is to be told; see `calib.detector.marks.Finder`."""
-    return find_marked(pixels, [_MarkedGrid(marks) for marks in faces if isinstance(marks, AprilGrid)])
+    own = [marks for marks in faces if isinstance(marks, AprilGrid)]
+    return find_marked(pixels, [MarkedFace(layout_of(marks), partial(_others, marks)) for marks in own])
 
 
 FINDER = find

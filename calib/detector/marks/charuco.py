@@ -1,15 +1,15 @@
 """ChArUco boards in photos: markers are read, and the corners between squares named from them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import replace
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.detector.marks import FoundFace
 from calib.detector.marks.marker_points import MarkerLayout
-from calib.detector.marks.markers import Markers, find_marked
+from calib.detector.marks.markers import MarkedFace, Markers, find_marked
 from designer.marks.charuco import Charuco
 from designer.marks.face_marks import FaceMarks, lattice
 
@@ -37,35 +37,26 @@ def layout_of(marks: Charuco) -> MarkerLayout:
     )
 
 
-@dataclass(frozen=True)
-class _MarkedCharuco:
-    marks: Charuco
-
-    @property
-    def told(self) -> MarkerLayout:
-        """As the target has it."""
-        return layout_of(self.marks)
-
-    def others(self, seen: Markers) -> Iterator[tuple[MarkerLayout, str]]:
-        """The other pattern, other numbers of columns and rows, and other first markers."""
-        marks, (columns, rows) = self.marks, self.marks.squares
-        if rows % 2 == 0:
-            now = "today's pattern: make the target without --legacy"
-            yield (
-                layout_of(replace(marks, legacy=not marks.legacy)),
-                f"the photo shows {now if marks.legacy else 'the legacy pattern: make the target with --legacy'}",
-            )
-        low, high = int(seen.number.min()), int(seen.number.max())
-        for first in sorted({marks.first_id, 0, low}, key=lambda one: (one != marks.first_id, one)):
-            for width in sorted(range(3, MOST_COLUMNS), key=lambda one: abs(one - columns)):
-                height = max(3, -(-2 * (high - first + 1) // width) + 1, rows if width == columns else 0)
-                for legacy in (False, True):
-                    try:
-                        other = replace(marks, squares=(width, height), first_id=first, legacy=legacy)
-                    except ValueError:
-                        continue  # more markers than the dictionary has
-                    if not legacy or other.light_first:
-                        yield layout_of(other), _words(marks, other, low, high)
+def _others(marks: Charuco, seen: Markers) -> Iterator[tuple[MarkerLayout, str]]:
+    """The other pattern, other numbers of columns and rows, and other first markers."""
+    columns, rows = marks.squares
+    if rows % 2 == 0:
+        now = "today's pattern: make the target without --legacy"
+        yield (
+            layout_of(replace(marks, legacy=not marks.legacy)),
+            f"the photo shows {now if marks.legacy else 'the legacy pattern: make the target with --legacy'}",
+        )
+    low, high = int(seen.number.min()), int(seen.number.max())
+    for first in sorted({marks.first_id, 0, low}, key=lambda one: (one != marks.first_id, one)):
+        for width in sorted(range(3, MOST_COLUMNS), key=lambda one: abs(one - columns)):
+            height = max(3, -(-2 * (high - first + 1) // width) + 1, rows if width == columns else 0)
+            for legacy in (False, True):
+                try:
+                    other = replace(marks, squares=(width, height), first_id=first, legacy=legacy)
+                except ValueError:
+                    continue  # more markers than the dictionary has
+                if not legacy or other.light_first:
+                    yield layout_of(other), _words(marks, other, low, high)
 
 
 def _words(told: Charuco, other: Charuco, low: int, high: int) -> str:
@@ -82,7 +73,8 @@ def _words(told: Charuco, other: Charuco, low: int, high: int) -> str:
 
 def find(pixels: NDArray[np.uint8], faces: Sequence[FaceMarks]) -> tuple[FoundFace, ...]:
     """A record for each board of which something is to be told; see `calib.detector.marks.Finder`."""
-    return find_marked(pixels, [_MarkedCharuco(marks) for marks in faces if isinstance(marks, Charuco)])
+    own = [marks for marks in faces if isinstance(marks, Charuco)]
+    return find_marked(pixels, [MarkedFace(layout_of(marks), partial(_others, marks)) for marks in own])
 
 
 FINDER = find

@@ -5,9 +5,8 @@ own four corners say; a face is the largest set of markers that agree, and a mar
 another number than the layout has there speaks against the layout.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import cv2
 import numpy as np
@@ -59,15 +58,12 @@ class Markers:
         return Markers(self.number[rows], self.corner_px[rows])
 
 
-class MarkedFace(Protocol):
+@dataclass(frozen=True)
+class MarkedFace:
     """Its layout as told, and those that its makers or a slip may have made of it, with what is to be said then."""
 
-    @property
-    def told(self) -> MarkerLayout:
-        """As the target has it."""
-
-    def others(self, seen: Markers) -> Iterator[tuple[MarkerLayout, str]]:
-        """Other ones that the markers seen may be of."""
+    told: MarkerLayout
+    others: Callable[[Markers], Iterator[tuple[MarkerLayout, str]]]  # that the markers seen may be of
 
 
 def read_markers(
