@@ -20,6 +20,8 @@ SIGMA_RANGE_PX = (0.001, 0.3)
 FACE_COLOURS: tuple[Colour, ...] = ((0, 114, 178), (230, 159, 0), (0, 158, 115), (86, 180, 233), (204, 121, 167))
 MISSING: Colour = (213, 94, 0)
 REJECTED: Colour = (213, 0, 60)
+LEFT_OUT = "found, not measured"
+"""Said of other makers' marks, which are no rings."""
 LEAST_WIDTH_PX = 720
 INK: Colour = (30, 33, 38)
 _SOFT: Colour = (105, 112, 122)
@@ -78,7 +80,7 @@ def _header(seen: Detections, target: TargetGeometry, width: int, height: int) -
     rejected = 0 if seen.rejected_px is None else len(seen.rejected_px)
     remarks = [*seen.remarks]
     if rejected:
-        remarks.append(f"{rejected} ring-like things without a name")
+        remarks.append(f"{rejected} {'ring-like things without a name' if target.marks is None else LEFT_OUT}")
     if remarks:
         rows += _flowed([(cut_text(remark, 160), REJECTED) for remark in remarks], width, height)
     return _strip(rows, width, height)
@@ -89,7 +91,8 @@ def _legend(target: TargetGeometry, width: int, height: int) -> NDArray[np.uint8
     icons = {"ring": 0, "dot": 1, "expected, not found": 2, "looks like a ring, no name": 3}
     if target.marks is not None:
         words = {"circle": 0} if target.radius_outer_mm.any() else {}
-        icons = words | ({"corner": 4} if not target.radius_outer_mm.all() else {}) | {"expected, not found": 2}
+        corner = {} if target.radius_outer_mm.all() else {"corner": 4}
+        icons = words | corner | {"expected, not found": 2, LEFT_OUT: 3}
     entries: list[_Text] = [(word, INK) for word in (*icons, "i,j : index in the face's lattice")]
     rows = _flowed(entries, width, height, indent=round(1.8 * height))
     strip = _strip([*rows, [], []], width, height)
