@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from calib.core.linear_algebra import solve_square
+from calib.detector.marks.chessboard import darkness, is_whole, largest, lattices_at, scales_of, turned
 from designer.base.arrays import Array, Rows
 from designer.base.words import counted, with_article
 from designer.marks.aprilgrid import AprilGrid
@@ -29,8 +30,10 @@ Pixels = NDArray[np.uint8]
 LEAST_MARKERS, LEAST_AGREEING = 4, 0.8
 """Markers that make a board, and their share that its layout explains."""
 MOST_ACROSS, MOST_MARKERS = 60, 1000
-MOST_SIDE_PX, LEAST_SIDE_PX = 3000, 800
-"""Larger photos are halved until they are smaller; those without chessboards go on being halved down to the other."""
+LEAST_CORNERS = 3
+"""Of a chessboard, along a side."""
+MOST_SIDE_PX = 3000
+"""Larger photos are halved until they are smaller."""
 NEAR = 0.3
 """Of a step: a neighbour is off its place in the lattice by less."""
 BLOBS = (12, 2000)
@@ -71,12 +74,7 @@ def boards_in(photo: NDArray[np.uint8] | NDArray[np.uint16]) -> tuple[BoardInPho
         return tuple(board for board in found if board.seen >= 0.9 * most)
     if max((len(markers.ids) for markers in seen), default=0) >= 2 * LEAST_MARKERS:
         return ()  # of several boards, or of one that makes no sense: no chessboard for that
-    sizes = [pixels]
-    while max(sizes[-1].shape) > LEAST_SIDE_PX:
-        sizes.append(cv2.pyrDown(sizes[-1]).astype(np.uint8))
-    # The edges of large photos are soft; dark squares of a chessboard that is missed pass for circles.
-    chessboards = itertools.chain.from_iterable(map(_chessboard, sizes))
-    return tuple(itertools.islice(itertools.chain(chessboards, _circles(pixels)), 1))
+    return tuple(itertools.islice(itertools.chain(_chessboard(pixels), _circles(pixels)), 1))
 
 
 def _all_markers(pixels: Pixels) -> Iterator[_Markers]:
@@ -236,11 +234,11 @@ def _proposal(
     ids, name = marks.marker_ids, marks.dictionary
     alike = [one for one in MARKERS if family_of(one) == family_of(name) and MARKERS[one] > MARKERS[name]]
     begin = f"; {', '.join(alike)} begin with the same markers" if alike else ""
-    is_whole = ends[1] and (ends[0] or not before)
-    count = f"{rows} rows" if is_whole else f"{rows} rows, or more: the photo does not show where the board ends"
+    ends_shown = ends[1] and (ends[0] or not before)
+    count = f"{rows} rows" if ends_shown else f"{rows} rows, or more: the photo does not show where the board ends"
     some = (f"{counted(before, 'row')} of them not seen, if its first id is 0",) if before else ()
-    told = (*sure, *((count,) if is_whole else ()), f"markers {ids[0]} to {ids[-1]} of {name}, the smallest{begin}")
-    return BoardInPhoto(marks, seen, told, (*(() if is_whole else (count,)), *some, ratio))
+    told = (*sure, *((count,) if ends_shown else ()), f"markers {ids[0]} to {ids[-1]} of {name}, the smallest{begin}")
+    return BoardInPhoto(marks, seen, told, (*(() if ends_shown else (count,)), *some, ratio))
 
 
 def _plane(markers: _Markers, place: Rows, step: float, *, inset: bool) -> tuple[Array, Array]:
@@ -295,52 +293,21 @@ def _has_squares(markers: _Markers, place: Rows, step: float, pixels: Pixels) ->
 
 
 def _chessboard(pixels: Pixels) -> Iterator[BoardInPhoto]:
-    """The largest chessboard found from smaller ones: what is found depends on where the search begins, and on luck."""
-    flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
-    best: Array = np.empty((0, 0, 2))
-    tries = [(3, 3), (4, 3), (4, 4), (6, 5)]
-    while tries:
-        is_found, there, meta = cv2.findChessboardCornersSBWithMeta(pixels, tries.pop(0), flags)
-        if not is_found:
-            continue
-        corners = _saddles(pixels, np.asarray(there, dtype=float).reshape(*np.asarray(meta).shape[:2], 2))
-        if min(corners.shape[:2]) >= 3 and corners.size > best.size:
-            best, (rows, columns) = corners, corners.shape[:2]
-            tries += [(columns + 1, rows), (columns, rows + 1), (columns + 1, rows + 1)]
-    if not best.size or not _is_checkered(pixels, best):
+    """The largest chessboard that is whole, at any scale."""
+    every = [at for scale in scales_of(pixels) for at in lattices_at(pixels, scale)]
+    boards = [at for at in every if min(at.shape[:2]) >= LEAST_CORNERS and is_whole(at) and _is_checkered(pixels, at)]
+    if not boards:
         return
-    if best.shape[0] > best.shape[1]:  # by a quarter turn
-        best = np.rot90(best)
-    rows, columns = best.shape[0] + 1, best.shape[1] + 1
+    best = largest(boards)
+    at = turned(best, *sorted(best.shape[:2]))[0]
+    rows, columns = at.shape[0] + 1, at.shape[1] + 1
     # Of an odd sum one of the two corners that may be the upper left one is dark.
-    is_light_first = (rows + columns) % 2 == 0 and _quadrants(pixels, best)[0, 0, 0] > _quadrants(pixels, best)[0, 0, 1]
+    is_light_first = (rows + columns) % 2 == 0 and darkness(pixels, at) <= 0
     yield BoardInPhoto(
-        Chessboard((columns, rows), 1.0, light_first=bool(is_light_first)), best.size // 2,
+        Chessboard((columns, rows), 1.0, light_first=is_light_first), at.size // 2,
         (f"{columns - 1} x {rows - 1} inner corners are seen, so {columns} x {rows} squares or more",),
         ("how many squares there are, if the photo does not show all, and which side is up",),
     )  # fmt: skip
-
-
-def _quadrants(pixels: Pixels, corner_px: Array) -> Array:
-    """Shades beside each corner (H, W, 2): upper left, upper right, lower left, lower right.  # (H, W, 4)"""
-    down, right = (0.3 * one for one in np.gradient(corner_px, axis=(0, 1)))
-    at = np.stack([corner_px + y * down + x * right for y, x in itertools.product((-1, 1), (-1, 1))], axis=2)
-    u, v = np.moveaxis(np.round(at).astype(int), -1, 0)
-    shades: Array = pixels[v.clip(0, pixels.shape[0] - 1), u.clip(0, pixels.shape[1] - 1)].astype(float)
-    return shades
-
-
-def _saddles(pixels: Pixels, corner_px: Array) -> Array:
-    """Without rows at the rim whose corners have no dark and light quadrants in turn, as the board's rim has not."""
-    while min(corner_px.shape[:2]) >= 2:
-        first, second, third, last = np.moveaxis(_quadrants(pixels, corner_px), -1, 0)
-        is_saddle = abs(first + last - second - third) / 2 > np.maximum(abs(first - last), abs(second - third))
-        sides = {0: is_saddle[0], 1: is_saddle[-1], 2: is_saddle[:, 0], 3: is_saddle[:, -1]}
-        worst = min(sides, key=lambda side: float(sides[side].mean()))
-        if sides[worst].mean() >= LEAST_AGREEING:
-            return corner_px
-        corner_px = (corner_px[1:], corner_px[:-1], corner_px[:, 1:], corner_px[:, :-1])[worst]
-    return np.empty((0, 0, 2))
 
 
 def _is_checkered(pixels: Pixels, corner_px: Array) -> bool:
@@ -349,13 +316,15 @@ def _is_checkered(pixels: Pixels, corner_px: Array) -> bool:
     shares = [(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y]
     four = [corner_px[:-1, :-1], corner_px[:-1, 1:], corner_px[1:, :-1], corner_px[1:, 1:]]
     at = sum(share[:, None] * one[:, :, None] for share, one in zip(shares, four, strict=True))
-    u, v = np.moveaxis(np.round(at).astype(int), -1, 0)
+    row, column = np.nonzero(np.isfinite(at).all(axis=(2, 3)))
+    u, v = np.moveaxis(np.round(at[row, column]).astype(int), -1, 0)
     shade = pixels[v.clip(0, pixels.shape[0] - 1), u.clip(0, pixels.shape[1] - 1)].astype(float)
-    row, column = np.indices(shade.shape[:2])
     first = (row + column) % 2 == 0
+    if first.all() or not first.any():
+        return False
     middle = 0.5 * (np.median(shade[first]) + np.median(shade[~first]))
     is_dark = (shade < middle) == (np.median(shade[first]) < middle)
-    return bool(np.mean(is_dark == first[..., None]) > CHECKERED)
+    return bool(np.mean(is_dark == first[:, None]) > CHECKERED)
 
 
 def _is_apart(pixels: Pixels, center_px: Array, *, is_light: bool) -> bool:

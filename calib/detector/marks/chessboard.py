@@ -36,10 +36,10 @@ def find(pixels: NDArray[np.uint8], faces: Sequence[FaceMarks]) -> tuple[FoundFa
     for marks, face in boards.items():
         size = marks.squares[0] - 1, marks.squares[1] - 1
         whole: list[Array] = []
-        for number, scale in enumerate(_scales(pixels)):
+        for number, scale in enumerate(scales_of(pixels)):
             if number == len(lattices):
-                lattices.append([_closed(one) for one in _lattices_at(pixels, scale)])
-            whole = [one for one in lattices[number] if sorted(one.shape[:2]) == sorted(size) and _share(one) >= WHOLE]
+                lattices.append(lattices_at(pixels, scale))
+            whole = [one for one in lattices[number] if sorted(one.shape[:2]) == sorted(size) and is_whole(one)]
             if whole:
                 break
         if len(whole) > 1:
@@ -59,7 +59,7 @@ def _nothing(face: int, remark: str) -> FoundFace:
     return FoundFace(face, np.zeros(0, dtype=np.int64), np.zeros((0, 2)), (remark,))
 
 
-def _scales(pixels: NDArray[np.uint8]) -> Iterator[float]:
+def scales_of(pixels: NDArray[np.uint8]) -> Iterator[float]:
     """By which a photo is multiplied, one after the other."""
     first = min(1.0, (MOST_PIXELS / pixels.size) ** 0.5)
     yield first
@@ -70,15 +70,15 @@ def _scales(pixels: NDArray[np.uint8]) -> Iterator[float]:
         yield 2.0
 
 
-def _lattices_at(pixels: NDArray[np.uint8], scale: float) -> list[CornerLattice]:
-    """The lattices of the photo at a scale, in pixels of the photo."""
+def lattices_at(pixels: NDArray[np.uint8], scale: float) -> list[Array]:
+    """Corners at a scale, in pixels of the photo, by row and column; nan: missing.  # each (rows, columns, 2)"""
     height, width = round(pixels.shape[0] * scale), round(pixels.shape[1] * scale)
     if min(height, width) < 16:
         return []
     way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
     grey = pixels if scale == 1 else np.asarray(cv2.resize(pixels, (width, height), interpolation=way), dtype=np.uint8)
     back = np.array([pixels.shape[1] / width, pixels.shape[0] / height])
-    return [CornerLattice(one.index, (one.center_px + 0.5) * back - 0.5) for one in find_lattices(grey)]
+    return [(_closed(lattice) + 0.5) * back - 0.5 for lattice in find_lattices(grey)]
 
 
 def _closed(lattice: CornerLattice) -> Array:
@@ -100,6 +100,16 @@ def _share(at: Array) -> float:
     return float(np.isfinite(at[..., 0]).mean())
 
 
+def is_whole(at: Array) -> bool:
+    """Whether so many corners of a lattice are there that the others can be predicted."""
+    return _share(at) >= WHOLE
+
+
+def largest(lattices: Sequence[Array]) -> Array:
+    """That of most corners; large ones that hang on by a few are clutter."""
+    return max(lattices, key=lambda at: at.size * _share(at) ** 4)
+
+
 def _by_opencv(pixels: NDArray[np.uint8], size: tuple[int, int]) -> Array | None:
     """What OpenCV's finder makes of a reduced photo.  # (rows, columns, 2)"""
     scale = min(1.0, (FEW_PIXELS / pixels.size) ** 0.5)
@@ -117,8 +127,7 @@ def _told(pixels: NDArray[np.uint8], seen: Sequence[Array], size: tuple[int, int
     seen = [one for one in seen if _share(one) >= SURE]
     if not seen:
         return []
-    # Large ones that hang on by a few corners are clutter.
-    best = max(seen, key=lambda one: one[..., 0].size * _share(one) ** 4)
+    best = largest(seen)
     short, long = sorted(best.shape[:2])
     told = f"{long} x {short} inner corners are seen, the target has {max(size)} x {min(size)}"
     if (short, long) == (min(size) + 1, max(size) + 1):
@@ -143,14 +152,19 @@ def _is_near_edge(pixels: NDArray[np.uint8], at: Array) -> bool:
 def named(pixels: NDArray[np.uint8], lattice_px: Array, marks: Chessboard, face: int) -> FoundFace:
     """The points of a board, turned so that colours fit and, where that leaves a choice, as upright as can be."""
     columns, rows = marks.squares[0] - 1, marks.squares[1] - 1
-    ways = [np.rot90(at, turn) for at in (lattice_px, lattice_px[::-1]) for turn in range(4)]
-    ways = [at for at in ways if at.shape[:2] == (rows, columns) and _is_seen_from_front(at)]
-    fits = [at for at in ways if (_darkness(pixels, at) > 0) != marks.light_first]
-    upright = max(fits or ways, key=lambda at: float(np.nanmean(at[:, -1, 0]) - np.nanmean(at[:, 0, 0])))
+    ways = turned(lattice_px, rows, columns)
+    fits = [at for at in ways if (darkness(pixels, at) > 0) != marks.light_first]
     remarks = (AMBIGUOUS,) if len(fits or ways) > 1 else ()
-    at = upright.reshape(-1, 2)
+    at = (fits or ways)[0].reshape(-1, 2)
     row = np.flatnonzero(np.isfinite(at[:, 0]))
     return FoundFace(face, row, at[row], remarks if fits else (*remarks, SWAPPED))
+
+
+def turned(lattice_px: Array, rows: int, columns: int) -> list[Array]:
+    """The ways to turn a lattice, seen from the front, to so many rows and columns; the most upright one first."""
+    ways = [np.rot90(at, turn) for at in (lattice_px, lattice_px[::-1]) for turn in range(4)]
+    ways = [at for at in ways if at.shape[:2] == (rows, columns) and _is_seen_from_front(at)]
+    return sorted(ways, key=lambda at: float(np.nanmean(at[:, 0, 0]) - np.nanmean(at[:, -1, 0])))
 
 
 def _is_seen_from_front(at: Array) -> bool:
@@ -159,7 +173,7 @@ def _is_seen_from_front(at: Array) -> bool:
     return bool(across[0] * down[1] - across[1] * down[0] > 0)
 
 
-def _darkness(pixels: NDArray[np.uint8], at: Array) -> float:
+def darkness(pixels: NDArray[np.uint8], at: Array) -> float:
     """By how many levels the square right below the first corner, and all of its colour, are darker than the others."""
     middle = 0.25 * (at[:-1, :-1] + at[:-1, 1:] + at[1:, :-1] + at[1:, 1:])
     there = np.isfinite(middle[..., 0])
