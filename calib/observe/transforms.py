@@ -19,7 +19,7 @@ from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.base.words import first_few, printable, shown, suggestion
 
-MOST_TRANSFORMS = 3_000_000
+MOST_TRANSFORMS, MOST_FRAMES = 3_000_000, 2000
 BACK_S = 1.0
 """Stamps that go back by more are of a clock that was set, or of two recordings."""
 ROW = 8
@@ -133,8 +133,9 @@ def transforms_in(bag: Bag) -> Transforms:
                 still.add(key)
             rows.setdefault(key, array("d")).extend((1e-9 * (stamp_ns(one) or place.log_ns), *move))
             count += 1
-        if count > MOST_TRANSFORMS:
-            raise InputError(f"{bag.path}: more than {MOST_TRANSFORMS} transforms; cut the bag, or filter its topics")
+        if count > MOST_TRANSFORMS or len(rows) > MOST_FRAMES:
+            most = f"{MOST_TRANSFORMS} transforms" if count > MOST_TRANSFORMS else f"{MOST_FRAMES} frames"
+            raise InputError(f"{bag.path}: more than {most}; cut the bag, or filter its topics")
     edges = {}
     for key, values in rows.items():
         time_s, pose = _ordered(f"{bag.path}: transforms of {shown(key[1])}", values)

@@ -112,6 +112,13 @@ def test_frames_that_tell_no_way_are_a_line(said: list[Said], flange: str, line:
         transforms_in(Bag(write_bag(tmp_path / "run.mcap", kept))).poses("base", flange)
 
 
+def test_no_robot_has_thousands_of_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bag that names ever new ones is refused before ways are sought among them."""
+    monkeypatch.setattr("calib.observe.transforms.MOST_FRAMES", 1)
+    with pytest.raises(InputError, match="more than 1 frames; cut the bag"):
+        transforms_in(Bag(write_bag(tmp_path / "run.mcap", two_trees())))
+
+
 def test_a_stream_tells_no_pose_in_a_gap() -> None:
     """Nor before it begins and after it ends; a table of a pose a photo is no stream."""
     time_s = np.concatenate([np.arange(100), np.arange(200, 300)]) * 0.01
