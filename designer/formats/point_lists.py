@@ -130,7 +130,7 @@ POINT_FORMATS: Mapping[str, PointFormat] = {
     ),
     "kalibr": PointFormat(
         "Kalibr: a grid of circles, of boards; or an AprilGrid, a chessboard", ".kalibr.yaml", _kalibr,
-        "its detector looks for circles, of which rings and dots have the outer edge; try it on a photo first",
+        "give it by --target; rings and dots have the outer edge for its detector of circles: try a photo first",
     ),
 }  # fmt: skip
 """By what `--to` calls them."""
