@@ -17,6 +17,7 @@ from calib.detector.marks import FoundFace
 from calib.detector.marks.marker_points import MarkerLayout, named_points
 from calib.detector.place import nearest_rows
 from designer.base.arrays import Array, Flags, Rows
+from designer.base.words import counted
 from designer.marks.dictionaries import MARKERS, TAG_TURN, marker_cells
 
 READ_PIXELS = 2_000_000
@@ -348,7 +349,7 @@ def _other_dictionaries(pixels: NDArray[np.uint8], told: MarkerLayout) -> Iterat
     """Which dictionary's markers a photo shows, if not those of the target."""
     best = LEAST_OF_ANOTHER - 1, "", 1
     for name in MARKERS:
-        for bits in {told.border_bits, 1} if TAG_TURN in name else {1}:
+        for bits in {told.border_bits, 1, 2} if TAG_TURN in name else {1}:
             if (_stem(name), bits) == (_stem(told.dictionary), told.border_bits):
                 continue
             # The first markers tell a dictionary; all of them would take ten times as long.
@@ -359,10 +360,11 @@ def _other_dictionaries(pixels: NDArray[np.uint8], told: MarkerLayout) -> Iterat
         whole = max((name for name in MARKERS if _stem(name) == _stem(best[1])), key=MARKERS.__getitem__)
         number = np.unique(read_markers(pixels, whole, best[2]).number)
         name = next(one for one in MARKERS if _stem(one) == _stem(whole) and MARKERS[one] > number[-1])
-        more = "" if best[2] == told.border_bits else f" with borders of {best[2]} bit"
+        border = (f" with borders of {counted(bits, 'cell')}" for bits in (told.border_bits, best[2]))
+        mine, other = ("", "") if best[2] == told.border_bits else border
         yield (
-            f"of {told.dictionary} no marker is seen; of {name}{more} there are {len(number)}, {number[0]} to "
-            f"{number[-1]}: make the target with the dictionary that was printed"
+            f"of {told.dictionary}{mine} no marker is seen; of {name}{other} there are {len(number)}, {number[0]} to "
+            f"{number[-1]}: make the target with the dictionary and borders that were printed"
         )
 
 

@@ -102,7 +102,10 @@ def test_other_grids_are_told() -> None:
     """What is seen, where it is not the target's; and never one of two."""
     seen = view_of(SYMMETRIC, 30).image
     assert "a symmetric grid of 7 x 5 circles is seen" in told(seen, Circles((6, 5), 20.0, 11.0))
-    assert "an asymmetric grid of 7 x 4" in told(view_of(ASYMMETRIC, 30).image, SYMMETRIC)
+    shifted = view_of(ASYMMETRIC, 30).image
+    assert "an asymmetric grid of 4 x 7 circles" in told(shifted, SYMMETRIC)
+    swapped = replace(ASYMMETRIC, circles=ASYMMETRIC.circles[::-1])
+    assert "grid of 4 x 7 circles is seen, the target is an asymmetric one of 7 x 4" in told(shifted, swapped)
     assert "are alike" in told(seen, SYMMETRIC, SYMMETRIC)
     both = np.hstack([seen[:, 40:-40], seen[:, 40:-40]])
     assert "two grids" in told(both, SYMMETRIC)

@@ -90,7 +90,10 @@ def test_what_is_wrong_is_said() -> None:
     grid = photo(GRID).pixels
     assert "on a grid of 4 columns, not 5" in told(grid, replace(GRID, tags=(5, 3)))
     assert "numbered from the lower left" in told(grid, replace(GRID, from_top=True))
-    assert "with borders of 1 bit" in told(photo(replace(GRID, border_bits=1)).pixels, GRID)
+    one = replace(GRID, border_bits=1)
+    assert "with borders of 2 cells no marker is seen" in (said := told(photo(one).pixels, GRID))
+    assert "with borders of 1 cell there are" in said
+    assert "with borders of 2 cells there are" in told(photo(GRID).pixels, one)
 
 
 def test_inverted_boards_are_named_and_said() -> None:
