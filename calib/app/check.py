@@ -139,7 +139,7 @@ def check(
     ] = (),
     *,
     false_alarms_share: Annotated[
-        float, option("how often a camera that is as its file says may be called changed", 0.1, 50)
+        float, option("how often a camera that is as its file says may be called changed", 0.001, 0.5)
     ] = 0.01,
     focal_percent: Annotated[
         float, option("a change of the focal length that matters: else it cannot be said", 1e-4, 100)

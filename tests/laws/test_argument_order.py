@@ -55,3 +55,12 @@ def test_another_order_is_answered_with_the_right_one(words: tuple[str, ...], sa
     answer = calib(*words)
     assert (answer.code, answer.out, answer.err.count("\n")) == (2, "", 1)
     assert said in answer.err
+
+
+@pytest.mark.parametrize("name", sorted(LINES))
+def test_defaults_lie_within_what_may_be_given(name: str) -> None:
+    """Limits and default are of one unit: a value that a page shows can be typed."""
+    module, _, word = place_of(name).partition(":")
+    for one in parameters_of(inspect.unwrap(getattr(import_module(module), word))).values():
+        if isinstance(one.default, int | float):
+            assert one.option.least <= one.default <= one.option.most, one.name
