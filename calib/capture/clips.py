@@ -167,6 +167,7 @@ def _motion(clip: Clip, start_s: float, told: list[str], progress: Progress) -> 
     last, small, before = -math.inf, None, 0.0
     number, still = dict[int, int](), dict[int, float]()
     total = max(clip.stated_frames, 1)
+    start_s += 0.5 * min(1 / clip.rate_hz, STEP_S)  # the frame nearest to a step's begin: a start is not known exactly
 
     def is_next(_: int, time_s: float) -> bool:
         return _step(time_s + start_s) > last
@@ -203,8 +204,10 @@ def _starts(motion: Mapping[str, _Motion], told: list[str]) -> dict[str, float]:
         low, high = alike[max(best - 1, 0)], alike[min(best + 1, len(alike) - 1)]
         bend = low - 2 * alike[best] + high
         start_s[name] = STEP_S * (lags[best] + (0.5 * (low - high) / bend if bend < 0 else 0.0))
+        order = "after" if start_s[name] >= 0 else "before"
         told.append(
-            f"{name} begins {start_s[name]:.2f} s after {first}, by when things move in both; --times tells it exactly"
+            f"{name} begins {abs(start_s[name]):.2f} s {order} {first}, by when things move in both; "
+            "--times tells it exactly"
         )
     return start_s
 

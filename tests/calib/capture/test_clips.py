@@ -159,8 +159,10 @@ def test_clips_of_two_cameras_are_set_to_one_clock(clip: Path, tmp_path: Path) -
     write_clip(tmp_path / "right.avi", BOARD, CAMERA, left_from_right @ POSES[9:])
     (tmp_path / "left.avi").symlink_to(clip)
     files = [tmp_path / "left.avi", tmp_path / "right.avi"]
-    (tmp_path / "times.csv").write_text("camera,file,time_s\nleft,left.avi,100\nright,right.avi,100.9\n")
-    for times, said in ((None, "right begins 0.9"), (tmp_path / "times.csv", "left.avi: ")):
+    for start_s, said in ((None, "right begins 0.9"), (100.9, "left.avi: "), (100.8997, "left.avi: ")):
+        times = None if start_s is None else tmp_path / "times.csv"
+        if times:
+            times.write_text(f"camera,file,time_s\nleft,left.avi,100\nright,right.avi,{start_s}\n")
         found = clips_of_rig(rig_input(files, times=times), BOARD, unheard)
         assert found is not None
         assert said in found.remarks[0]
