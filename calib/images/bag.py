@@ -108,10 +108,9 @@ class Bag:
             for one in (one for reader in self._readers for one in reader.connections):
                 count[str(one.topic), str(one.msgtype)] += one.msgcount  # which a damaged table may lack
             self.topics = tuple(Topic(name, kind, n) for (name, kind), n in sorted(count.items()))
-        except ModuleNotFoundError as error:
-            if (error.name or "").partition(".")[0] != "rosbags":
-                raise
-            raise InputError(f"{self.path}: robots' bags need an extra: pip install 'ringsolid[ros]'") from None
+        except ImportError as error:  # also of a library that it is built on
+            why = printable(cut(str(error), 120))
+            raise InputError(f"{self.path}: robots' bags need an extra: pip install 'ringsolid[ros]' ({why})") from None
         except Exception as error:
             remedy = _REMEDY[files[0].suffix.lower()]
             raise InputError(

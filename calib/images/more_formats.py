@@ -65,6 +65,10 @@ def _decoder_of(name: Format) -> Iterator[None]:
         yield
     except DamagedError:
         raise
+    except ImportError as error:  # a library that it is built on is missing
+        raise DamagedError(
+            f"is a {name} photo, and {EXTRAS[name][1]} cannot be loaded: {error}; install it again"
+        ) from None
     except Exception as error:  # of many kinds, by what is wrong
         said = (str(error) or type(error).__name__).splitlines()[0]
         raise DamagedError(

@@ -138,4 +138,4 @@ def require_ours(path: Path, new: bytes | None = None, *, kind: str = "") -> Non
     if found == f"{NAME}.".encode() and wanted.endswith(f"-{path.suffix.lower()[1:]}".encode()):
         return  # a text of an earlier version, which told no more, under the name of such a file
     what = f"a file of {NAME}'s of another kind" if is_of_program else f"not of {NAME}'s making"
-    raise InputError(f"{path}: is there already, and {what}; move it, or choose another place with -o")
+    raise InputError(f"{path}: is there already, and {what}; move it, or choose another place")
