@@ -152,7 +152,9 @@ def _size_words(grid: Grid, plan: CirclePlan) -> tuple[str, ...]:
     # Along the diagonals, where rows of an asymmetric grid are.
     half = np.ptp(grid.index @ np.array([[1, 1], [-1, 1]]), axis=0) + 1
     sizes = [(False, across[0], across[1]), (True, half[0] // 2, half[1]), (True, half[1] // 2, half[0])]
-    is_half, *seen = min(sizes, key=lambda size: abs(size[1] * size[2] - len(grid.row)))
+    mine, count = (told.asymmetric, *told.circles), len(grid.row)
+    # Of the target cut somewhere rather than of another board.
+    is_half, *seen = min(sizes, key=lambda size: abs(size[1] * size[2] - count) - (size == mine) * count / 5)
     # Of an asymmetric grid it matters which are the rows.
     seen, wanted = [int(side) for side in seen], list(told.circles)
     seen, wanted = (
@@ -161,12 +163,13 @@ def _size_words(grid: Grid, plan: CirclePlan) -> tuple[str, ...]:
     kind = "an asymmetric" if is_half else "a symmetric"
     words = f"{kind} grid of {seen[0]} x {seen[1]} circles is seen"
     if is_half == told.asymmetric and all(a <= b for a, b in zip(seen, wanted, strict=True)):
+        words += " in part" if seen == wanted else f" of {wanted[0]} x {wanted[1]}"
         return (
-            f"{words} of {wanted[0]} x {wanted[1]}: all rows and columns must be in view, or the target is another"
+            f"{words}: all rows and columns must be in view, or the target is another"
             f"{'' if is_half else ', such as an asymmetric grid: two of these, one in the gaps of the other'}",
         )
-    mine = "an asymmetric" if told.asymmetric else "a symmetric"
-    return (f"{words}, the target is {mine} one of {wanted[0]} x {wanted[1]}: make the target as it was printed",)
+    own = "an asymmetric" if told.asymmetric else "a symmetric"
+    return (f"{words}, the target is {own} one of {wanted[0]} x {wanted[1]}: make the target as it was printed",)
 
 
 def find(pixels: NDArray[np.uint8], faces: Sequence[FaceMarks]) -> tuple[FoundFace, ...]:
